@@ -1,0 +1,96 @@
+"""Errors that pinsing raises: one base, each kin carrying its data.
+
+Every message is one line that says what is wrong, where, and what to do.
+The command line prints it and ends with exit code 2.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+from pathlib import Path
+
+
+class PinsingError(Exception):
+    """Base of every error that pinsing raises on purpose."""
+
+
+class RobotFileError(PinsingError, ValueError):
+    """A robot description (URDF, xacro, DH table, loop file) that cannot be used.
+
+    Attributes
+    ----------
+    path : Path or None
+        The file, where there is one.
+    line : int or None
+        Line of the file, counted from 1, where it is known.
+    """
+
+    def __init__(
+        self, problem: str, path: str | Path | None = None, line: int | None = None
+    ) -> None:
+        self.path = None if path is None else Path(path)
+        self.line = line
+        where = "" if path is None else f"{path}:{line}: " if line is not None else f"{path}: "
+        super().__init__(where + problem)
+
+
+class UnknownNameError(PinsingError, LookupError):
+    """A robot, joint, frame or option name that does not exist.
+
+    Attributes
+    ----------
+    kind : str
+        What was looked for: "robot", "joint", "frame", ...
+    name : str
+        The name as given.
+    known : tuple of str
+        All the names that exist.
+    close : tuple of str
+        Those of them that resemble the given one.
+    """
+
+    def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = "") -> None:
+        self.kind, self.name, self.known = kind, name, tuple(known)
+        self.close = tuple(difflib.get_close_matches(name, self.known, n=4, cutoff=0.5))
+        if self.close:
+            help_ = "did you mean " + " or ".join(repr(c) for c in self.close) + "?"
+        elif len(self.known) <= 12:
+            help_ = "known: " + (", ".join(self.known) or "none")
+        else:
+            help_ = f"{len(self.known)} are known"
+        super().__init__(f"unknown {kind} {name!r}: {help_}" + (f" ({hint})" if hint else ""))
+
+
+class ChainError(PinsingError, ValueError):
+    """No serial chain can be taken as asked (no joint, several arms, joints not on one path)."""
+
+
+class JointError(PinsingError, ValueError):
+    """A joint of a kind, with limits, or in a place that pinsing cannot analyse.
+
+    Attributes
+    ----------
+    joint : str
+        Name of the joint.
+    """
+
+    def __init__(self, joint: str, problem: str) -> None:
+        self.joint = joint
+        super().__init__(f"joint {joint!r}: {problem}")
+
+
+class ConfigurationError(PinsingError, ValueError):
+    """A joint vector of the wrong length, not finite, or outside the limits."""
+
+
+class OptionError(PinsingError, ValueError):
+    """An argument whose value makes no sense (task, length scale, tolerance, levels, ...)."""
+
+
+class OutputError(PinsingError, OSError):
+    """A result that cannot be written where it was asked for."""
+
+
+class EngineError(PinsingError, RuntimeError):
+    """A batch engine that is not available or that disagrees with Pinocchio."""
