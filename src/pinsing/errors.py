@@ -88,6 +88,10 @@ class OptionError(PinsingError, ValueError):
     """An argument whose value makes no sense (task, length scale, tolerance, levels, ...)."""
 
 
+class ResultError(PinsingError, ValueError):
+    """A saved result that is damaged, or of another kind or version."""
+
+
 class OutputError(PinsingError, OSError):
     """A result that cannot be written where it was asked for."""
 

@@ -1,0 +1,1 @@
+"""Closed forms: the complete singular set of an arm, as equations."""

@@ -1,0 +1,114 @@
+"""Measures of Jacobians: NumPy arrays in, numbers out; knows no robot.
+
+All of them work on stacks: J has shape (..., m, n), with rows in one unit
+(divide translation rows by a length scale first).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+SINGULAR_RTOL = 1e-9
+"""sigma_r / sigma_1 at or below this is singular."""
+
+NEAR_RTOL = 1e-2
+"""sigma_r / sigma_1 at or below this, and above SINGULAR_RTOL, is near-singular."""
+
+
+class Ellipsoid(NamedTuple):
+    """Velocity ellipsoid of three task rows under unit joint speed.
+
+    Attributes
+    ----------
+    axes : (..., 3, 3) array
+        Columns are the directions of the semi-axes, a right-handed frame.
+    radii : (..., 3) array
+        Lengths of the semi-axes, largest first: the singular values.
+    """
+
+    axes: Array
+    radii: Array
+
+
+def singular_values(J: npt.ArrayLike) -> Array:
+    """Singular values of J (..., m, n), largest first: (..., min(m, n))."""
+    return np.linalg.svd(np.asarray(J, dtype=float), compute_uv=False)
+
+
+def rank(J: npt.ArrayLike, rtol: float = SINGULAR_RTOL) -> npt.NDArray[np.intp]:
+    """Number of singular values of J (..., m, n) above ``rtol`` times the largest."""
+    sigma = singular_values(J)
+    return (sigma > rtol * sigma[..., :1]).sum(axis=-1)
+
+
+def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None) -> Array:
+    """sigma_r / sigma_1 from singular values (..., k), largest first; 0 for a zero Jacobian."""
+    sigma = np.asarray(sigma, dtype=float)
+    r = sigma.shape[-1] if generic_rank is None else generic_rank
+    first = sigma[..., 0]
+    return np.divide(sigma[..., r - 1], first, out=np.zeros_like(first), where=first > 0)
+
+
+def manipulability(J: npt.ArrayLike, generic_rank: int | None = None) -> Array:
+    """Yoshikawa's measure sqrt(det(J J^T)) of J (..., m, n), paper Eq. (14).
+
+    Computed as the product of the first ``generic_rank`` singular values (all of them by
+    default): the determinant itself loses half of the digits and can come out negative.
+    """
+    sigma = singular_values(J)
+    r = sigma.shape[-1] if generic_rank is None else generic_rank
+    return np.asarray(np.prod(sigma[..., :r], axis=-1))
+
+
+def condition_number(J: npt.ArrayLike, generic_rank: int | None = None) -> Array:
+    """sigma_1 / sigma_r of J (..., m, n), paper Eq. (17); infinite where sigma_r is zero.
+
+    A value that rounding alone has kept from zero (below max(m, n) eps sigma_1) counts as zero.
+    """
+    sigma = singular_values(J)
+    r = sigma.shape[-1] if generic_rank is None else generic_rank
+    last, first = sigma[..., r - 1], sigma[..., 0]
+    infinite = np.full_like(last, np.inf)
+    nonzero = last > max(np.shape(J)[-2:]) * np.finfo(float).eps * first
+    return np.divide(first, last, out=infinite, where=nonzero)
+
+
+def determinant(J: npt.ArrayLike) -> Array:
+    """det(J) where J (..., m, n) is square, det(J J^T) otherwise (paper Eqs. (4), (5)).
+
+    The latter is the squared product of the singular values.
+    """
+    J = np.asarray(J, dtype=float)
+    if J.shape[-1] == J.shape[-2]:
+        return np.asarray(np.linalg.det(J))
+    return np.asarray(np.prod(singular_values(J), axis=-1) ** 2)
+
+
+def velocity_ellipsoid(J: npt.ArrayLike) -> Ellipsoid:
+    """Ellipsoid of tip velocities that unit joint speed reaches, paper Eqs. (15), (16).
+
+    Parameters
+    ----------
+    J : (..., 3, n) array
+        Three rows, either all translations or all rotations.
+
+    Returns
+    -------
+    Ellipsoid
+        Axes and radii in the units of J; a lost direction has radius zero (not floored).
+    """
+    J = np.asarray(J, dtype=float)
+    m, n = J.shape[-2:]
+    if m != 3:
+        raise ValueError(f"an ellipsoid needs 3 rows, got {m}")
+    axes, sigma, _ = np.linalg.svd(J, full_matrices=True)
+    radii = np.zeros((*J.shape[:-2], 3))
+    radii[..., : min(3, n)] = sigma
+    axes = axes.copy()
+    axes[..., :, 2] *= np.sign(np.linalg.det(axes))[..., None]
+    return Ellipsoid(axes, radii)

@@ -1,0 +1,123 @@
+"""What all results have in common: JSON both ways, with a named and versioned schema."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import types
+import typing
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+import numpy as np
+
+from pinsing.errors import ResultError
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+T = TypeVar("T")
+
+
+class JsonResult:
+    """Mixin of frozen dataclasses whose fields are numbers, text, arrays, tuples and their like.
+
+    Numbers that JSON does not have are written as the strings "inf", "-inf" and "nan".
+    """
+
+    schema: ClassVar[str]
+
+    def to_dict(self) -> dict[str, Any]:
+        """Plain dictionary, ready for ``json.dumps``; the first key is the schema."""
+        return {"schema": self.schema, **_encode_fields(self)}
+
+    def to_json(self, indent: int | None = 2) -> str:
+        """JSON text (strict: no NaN or Infinity tokens)."""
+        return json.dumps(self.to_dict(), indent=indent, allow_nan=False, ensure_ascii=False)
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> Self:
+        """Rebuild from ``to_dict``.
+
+        Raises
+        ------
+        ResultError
+            If the schema is another one, or a field is missing.
+        """
+        found = data.get("schema") if isinstance(data, Mapping) else None
+        if found != cls.schema:
+            raise ResultError(f"expected data of schema {cls.schema!r}, found {found!r}")
+        try:
+            return _decode(cls, {k: v for k, v in data.items() if k != "schema"})
+        except (KeyError, TypeError, ValueError) as error:
+            raise ResultError(f"damaged {cls.schema} data: {error}") from None
+
+    @classmethod
+    def from_json(cls, text: str) -> Self:
+        """Rebuild from ``to_json``.
+
+        Raises
+        ------
+        ResultError
+            If the text is not JSON, of another schema, or incomplete.
+        """
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise ResultError(f"not JSON: {error}") from None
+        return cls.from_dict(data)
+
+
+def _encode_fields(value: Any) -> dict[str, Any]:
+    fields = dataclasses.fields(value)
+    return {f.name: encode(getattr(value, f.name)) for f in fields if f.metadata.get("json", True)}
+
+
+def encode(value: Any) -> Any:
+    """Turn dataclasses, arrays, tuples and odd floats into what JSON has."""
+    if isinstance(value, float | np.floating):
+        number = float(value)
+        return number if np.isfinite(number) else str(number)
+    if isinstance(value, np.ndarray):
+        return encode(value.tolist())
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        return _encode_fields(value)
+    if isinstance(value, Mapping):
+        return {str(k): encode(v) for k, v in value.items()}
+    if isinstance(value, list | tuple):
+        return [encode(v) for v in value]
+    if isinstance(value, np.bool_ | np.integer):
+        return value.item()
+    return value
+
+
+def _decode(kind: Any, value: Any) -> Any:
+    origin, args = typing.get_origin(kind), typing.get_args(kind)
+    if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+        hints = typing.get_type_hints(kind)
+        fields = [f for f in dataclasses.fields(kind) if f.metadata.get("json", True)]
+        return kind(**{f.name: _decode(hints[f.name], value[f.name]) for f in fields})
+    if origin in (typing.Union, types.UnionType):
+        if value is None:
+            return None
+        return _decode(next(a for a in args if a is not type(None)), value)
+    if origin is tuple:
+        if hasattr(args, "__len__") and len(args) == 2 and args[1] is Ellipsis:
+            return tuple(_decode(args[0], v) for v in value)
+        return tuple(_decode(a, v) for a, v in zip(args, value, strict=True))
+    if origin in (dict, Mapping) or getattr(origin, "__name__", "") == "Mapping":
+        return {k: _decode(args[1], v) for k, v in value.items()}
+    if origin is np.ndarray:
+        scalar = typing.get_args(args[1])[0]
+        flat = _numbers(value)
+        return np.array(flat, dtype=scalar if isinstance(scalar, type) else float)
+    if kind is float:
+        return float(value)
+    return value
+
+
+def _numbers(value: Any) -> Any:
+    """Nested lists with "inf" and "nan" turned back into floats."""
+    if isinstance(value, list):
+        return [_numbers(v) for v in value]
+    return float(value) if isinstance(value, str) else value

@@ -1,0 +1,405 @@
+"""From a path, a name or a pin.Model to an Arm."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing.errors import ChainError, JointError, PinsingError, UnknownNameError
+from pinsing.robot.arm import Arm, Array, Coupling, Source
+from pinsing.robot.chain import joint_axis
+from pinsing.robot.task import Task, parse_task
+from pinsing.robot.tip import candidates, choose_chain, choose_tip, frame_index, joint_path
+
+Mimic = tuple[str, float, float]
+"""Name of the joint that is followed, multiplier, offset."""
+
+
+@dataclass(frozen=True)
+class _Whole:
+    """A whole robot before its chain is chosen."""
+
+    model: pin.Model
+    name: str
+    label: str
+    mimics: Mapping[str, Mimic]
+    path: Path | None = None
+    xml: str | None = None
+    package_dirs: tuple[Path, ...] = ()
+    tip: str | None = None
+    base: str | None = None
+    notes: tuple[str, ...] = ()
+
+
+def load(
+    robot: str | os.PathLike[str] | pin.Model,
+    tip: str | None = None,
+    base: str | None = None,
+    joints: Sequence[str] | None = None,
+    task: str | Iterable[str] | Task = "pose",
+    length_scale: float = 1.0,
+    packages: Mapping[str, str | Path] | None = None,
+    *,
+    xacro_args: Mapping[str, str] | None = None,
+) -> Arm:
+    """Take the serial chain from ``base`` to ``tip`` out of a robot and lock the rest.
+
+    Parameters
+    ----------
+    robot : str, path or pin.Model
+        A URDF or xacro file, the name of a known robot (``pinsing list``), or a model.
+    tip : str, optional
+        Frame whose motion is judged. By default the only arm's usual tool frame, or its
+        farthest; several arms are refused with the list of them.
+    base : str, optional
+        Frame that the chain starts from and whose axes the Jacobian is written in.
+        By default the root; joints before the base are locked.
+    joints : sequence of str, optional
+        Joints of the chain to keep free; the others between base and tip are locked.
+    task : str, iterable of str or Task
+        ``pose``, ``position``, ``orientation``, or rows such as ``"vx,vy,wz"``.
+    length_scale : float
+        Metres; translation rows are divided by it before singular values are taken.
+    packages : mapping of str to path, optional
+        Folders of ROS packages by name, for ``package://`` and ``$(find ...)``.
+    xacro_args : mapping of str to str, optional
+        Arguments of a xacro file.
+
+    Returns
+    -------
+    Arm
+        With everything that was assumed in ``arm.notes``.
+
+    Raises
+    ------
+    PinsingError
+        RobotFileError, UnknownNameError, ChainError, JointError or OptionError: one line
+        that says what is wrong, where, and what to do.
+    """
+    parsed_task = parse_task(task)
+    whole = _read(robot, packages, xacro_args)
+    model = whole.model
+    notes = list(whole.notes)
+    if tip is None and base is None and joints is None:
+        tip, base = whole.tip, whole.base
+    base_joint, base_frame = 0, "universe"
+    if base is not None:
+        frame = model.frames[frame_index(model, base)]
+        base_joint, base_frame = int(frame.parentJoint), base
+    tip, last, why = _choose_tip(whole, tip, joints, base_joint)
+    notes += why
+    try:
+        path = list(joint_path(model, last, base_joint))
+    except ChainError:
+        raise ChainError(
+            f"{whole.label}: base {base!r} is not on the way from the root to tip {tip!r}"
+        ) from None
+    before = joint_path(model, base_joint)
+    if before:
+        notes.append(f"joints before the base are locked: {_names(model, before)}")
+    free = _free_joints(whole, path, joints, notes)
+    return _build(
+        whole, tip, base_frame, path, free, parsed_task, float(length_scale), tuple(notes)
+    )
+
+
+def _read(
+    robot: str | os.PathLike[str] | pin.Model,
+    packages: Mapping[str, str | Path] | None,
+    xacro_args: Mapping[str, str] | None,
+) -> _Whole:
+    if isinstance(robot, pin.Model):
+        if any("Mimic" in j.shortname() for j in robot.joints):
+            raise PinsingError(
+                "the model has Pinocchio mimic joints: build it with mimic=False, "
+                "or give the URDF file, where pinsing reads the couplings itself"
+            )
+        return _Whole(robot, robot.name or "model", "pin.Model", {})
+    from pinsing.robot.catalog import resolve
+    from pinsing.robot.description import read_description
+    from pinsing.robot.model import build_model
+
+    entry = resolve(robot)
+    description = read_description(entry.path, packages=packages, xacro_args=xacro_args)
+    mimics = {j.name: j.mimic for j in description.joints if j.mimic is not None}
+    return _Whole(
+        model=build_model(description),
+        name=entry.name or description.name,
+        label=os.fspath(robot),
+        mimics=mimics,
+        path=entry.path,
+        xml=description.xml,
+        package_dirs=(*description.package_dirs, *entry.package_dirs),
+        tip=entry.tip,
+        base=entry.base,
+        notes=description.notes,
+    )
+
+
+def _choose_tip(
+    whole: _Whole, tip: str | None, joints: Sequence[str] | None, base_joint: int
+) -> tuple[str, int, list[str]]:
+    """Name of the tip frame, index of the joint that carries it, and notes."""
+    model = whole.model
+    if tip is not None:
+        last = int(model.frames[frame_index(model, tip)].parentJoint)
+        if last == base_joint:
+            raise ChainError(
+                f"{whole.label}: no joint lies between the base and tip {tip!r}; "
+                "choose a tip farther out"
+            )
+        return tip, last, []
+    if joints:
+        known = list(model.names)[1:]
+        ids = [model.getJointId(_known("joint", name, known)) for name in joints]
+        last = max(ids, key=lambda j: len(joint_path(model, j)))
+        chosen = choose_tip(model, last)
+        return chosen, last, [f"tip {chosen} was chosen on the link of the last joint given"]
+    found = candidates(model, frozenset(whole.mimics))
+    found = [c for c in found if base_joint == 0 or base_joint in c.path[:-1]]
+    candidate, notes = choose_chain(found, whole.label, model)
+    return candidate.tip, candidate.last, notes
+
+
+def _free_joints(
+    whole: _Whole, path: list[int], joints: Sequence[str] | None, notes: list[str]
+) -> list[int]:
+    """Which joints of the path stay: those asked for, or all with one degree of freedom."""
+    model = whole.model
+    on_path = [model.names[j] for j in path]
+    if joints is not None:
+        if len(set(joints)) < len(joints):
+            raise ChainError("a joint is named twice in joints")
+        for name in joints:
+            _known("joint", name, list(model.names)[1:])
+            if name not in on_path:
+                raise ChainError(
+                    f"joint {name!r} is not between the base and the tip; "
+                    f"joints there: {', '.join(on_path)}"
+                )
+            if name in whole.mimics:
+                raise JointError(name, "follows another joint and cannot be chosen; name that one")
+        asked = set(joints)
+        follow = {n for n in on_path if n in whole.mimics and whole.mimics[n][0] in asked}
+        free = [j for j in path if model.names[j] in asked | follow]
+        left = [j for j in path if j not in free]
+        if left:
+            notes.append(f"joints of the chain not asked for are locked: {_names(model, left)}")
+    else:
+        free = list(path)
+    kept = []
+    for j in free:
+        joint = model.joints[j]
+        if joint.nv == 1:
+            kept.append(j)
+        elif int(model.parents[j]) == 0:
+            notes.append(f"floating base: joint {model.names[j]} is locked")
+        else:
+            raise JointError(
+                model.names[j],
+                f"is a {joint.shortname()} with {joint.nv} degrees of freedom in the middle of "
+                "the chain; choose a base beyond it",
+            )
+    if not kept:
+        raise ChainError(f"{whole.label}: no joint with one degree of freedom on the chain")
+    return kept
+
+
+def _build(
+    whole: _Whole,
+    tip: str,
+    base: str,
+    path: list[int],
+    free: list[int],
+    task: Task,
+    length_scale: float,
+    notes: tuple[str, ...],
+) -> Arm:
+    model = whole.model
+    on_path = {model.names[j] for j in free}
+    # A follower whose leader is locked is locked as well; one whose leader moves, follows.
+    leaders = {
+        name: _leader(name, whole.mimics)
+        for name in on_path
+        if name in whole.mimics and _leader(name, whole.mimics)[0] in on_path
+    }
+    stuck = {name for name in on_path if name in whole.mimics and name not in leaders}
+    if stuck:
+        notes += (
+            f"mimic joints whose leading joint is outside the chain are locked: "
+            f"{', '.join(sorted(stuck))}",
+        )
+    kept = [j for j in free if model.names[j] not in stuck]
+    lock = [j for j in range(1, model.njoints) if j not in kept]
+    reference = _reference(model, whole.mimics)
+    off_path = [j for j in lock if j not in path]
+    if off_path:
+        notes += (f"{len(off_path)} joints outside the chain are locked and do not matter to it",)
+    reduced = _reduced(model, lock, reference)
+    if base != "universe":
+        _reroot(reduced, base)
+    names = list(reduced.names)[1:]
+    independent = [n for n in names if n not in leaders]
+    coupling = None
+    if leaders:
+        coupling = _coupling(names, independent, leaders)
+        told = [f"{n} = {m:g} * {leader} + {o:g}" for n, (leader, m, o) in leaders.items()]
+        notes += (f"mimic joints of the chain follow: {'; '.join(told)}",)
+    lower, upper, prismatic, said = _limits(reduced)
+    notes += tuple(said)
+    if coupling is not None:
+        lower, upper = _coupled_limits(lower, upper, coupling, names, independent)
+    index = [names.index(n) for n in independent]
+    return Arm(
+        name=whole.name,
+        model=reduced,
+        tip=tip,
+        base=base,
+        joints=tuple(independent),
+        prismatic=prismatic[index],
+        lower=lower if coupling is not None else lower[index],
+        upper=upper if coupling is not None else upper[index],
+        task=task,
+        length_scale=length_scale,
+        notes=notes,
+        source=Source(
+            label=whole.label,
+            path=whole.path,
+            xml=whole.xml,
+            package_dirs=whole.package_dirs,
+            full_model=model,
+            locked=tuple(lock),
+            reference=reference,
+            base=base,
+        ),
+        coupling=coupling,
+    )
+
+
+def _reduced(model: pin.Model, lock: list[int], reference: Array) -> pin.Model:
+    """Copy of ``model`` without the joints to lock.
+
+    Pinocchio finds a locked joint's frame by name alone and gives up where a link has the
+    same name: such joints, which vanish anyway, are renamed first.
+    """
+    model = model.copy()
+    names = [f.name for f in model.frames]
+    for j in lock:
+        name = model.names[j]
+        if names.count(name) > 1:
+            for frame in model.frames:
+                if frame.name == name and frame.type == pin.FrameType.JOINT:
+                    frame.name = f"{name} (joint)"
+            model.names[j] = f"{name} (joint)"
+    return pin.buildReducedModel(model, lock, reference) if lock else model
+
+
+def _reference(model: pin.Model, mimics: Mapping[str, Mimic]) -> Array:
+    """Where joints are locked: neutral, moved inside the limits; followers where they belong."""
+    q = pin.neutral(model)
+    for joint in model.joints[1:]:
+        if joint.nq == 1:
+            i = joint.idx_q
+            low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
+            if low <= high:
+                q[i] = float(np.clip(q[i], low, high))
+    for name in mimics:
+        leader, multiplier, shift = _leader(name, mimics)
+        here = model.joints[model.getJointId(name)]
+        there = model.joints[model.getJointId(leader)]
+        if here.nq == 1 and there.nq == 1:
+            q[here.idx_q] = multiplier * q[there.idx_q] + shift
+    return np.array(q)
+
+
+def _leader(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
+    """Follow mimics of mimics to the joint that moves by itself."""
+    leader, multiplier, offset = mimics[name]
+    while leader in mimics:
+        further, m, o = mimics[leader]
+        leader, multiplier, offset = further, multiplier * m, multiplier * o + offset
+    return leader, multiplier, offset
+
+
+def _coupling(names: list[str], independent: list[str], leaders: Mapping[str, Mimic]) -> Coupling:
+    matrix = np.zeros((len(names), len(independent)))
+    offset = np.zeros(len(names))
+    for row, name in enumerate(names):
+        leader, multiplier, shift = leaders.get(name, (name, 1.0, 0.0))
+        matrix[row, independent.index(leader)] = multiplier
+        offset[row] = shift
+    return Coupling(matrix, offset)
+
+
+def _coupled_limits(
+    lower: Array, upper: Array, coupling: Coupling, names: list[str], independent: list[str]
+) -> tuple[Array, Array]:
+    """Limits of the free joints, so that their followers stay within their own."""
+    low = np.full(len(independent), -np.inf)
+    high = np.full(len(independent), np.inf)
+    for row, name in enumerate(names):
+        column = int(np.flatnonzero(coupling.matrix[row])[0]) if coupling.matrix[row].any() else -1
+        if column < 0:
+            continue
+        m, o = coupling.matrix[row, column], coupling.offset[row]
+        ends = sorted(((lower[row] - o) / m, (upper[row] - o) / m))
+        low[column], high[column] = max(low[column], ends[0]), min(high[column], ends[1])
+        if low[column] > high[column]:
+            raise JointError(name, f"cannot follow {independent[column]!r} within its own limits")
+    return low, high
+
+
+def _limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]:
+    """Limits of each joint of a chain, which ones slide, and notes."""
+    lower, upper, prismatic, notes = [], [], [], []
+    for index in range(1, model.njoints):
+        joint, name = model.joints[index], model.names[index]
+        axis, slides = joint_axis(joint)
+        if not np.isfinite(axis).all() or abs(np.linalg.norm(axis) - 1) > 1e-6:
+            raise JointError(name, f"its axis {axis.tolist()} is not a direction")
+        if not np.isfinite(model.jointPlacements[index].homogeneous).all():
+            raise JointError(name, "its placement is not finite")
+        low, high = -np.inf, np.inf
+        if joint.nq == 1:
+            low = float(model.lowerPositionLimit[joint.idx_q])
+            high = float(model.upperPositionLimit[joint.idx_q])
+            if np.isnan(low) or np.isnan(high):
+                raise JointError(name, "its limits are not numbers; set lower and upper")
+            if low > high:
+                raise JointError(name, f"lower limit {low:g} is above upper limit {high:g}")
+            if abs(low) > 1e300 or abs(high) > 1e300:  # Pinocchio's way of saying "no limit"
+                low = -np.inf if abs(low) > 1e300 else low
+                high = np.inf if abs(high) > 1e300 else high
+                notes.append(f"joint {name} has no limits")
+            if low == high:
+                notes.append(f"WARNING: joint {name} cannot move: both its limits are {low:g}")
+        lower.append(low)
+        upper.append(high)
+        prismatic.append(slides)
+    return np.array(lower), np.array(upper), np.array(prismatic, dtype=bool), notes
+
+
+def _reroot(model: pin.Model, base: str) -> None:
+    """Make ``base`` the world of a reduced model (it is fixed to the universe there)."""
+    back = model.frames[frame_index(model, base)].placement.inverse()
+    for j in range(1, model.njoints):
+        if model.parents[j] == 0:
+            model.jointPlacements[j] = back * model.jointPlacements[j]
+    for frame in model.frames:
+        if frame.parentJoint == 0:
+            frame.placement = back * frame.placement
+
+
+def _known(kind: str, name: str, known: list[str]) -> str:
+    if name not in known:
+        raise UnknownNameError(kind, name, known)
+    return name
+
+
+def _names(model: pin.Model, joints: Iterable[int]) -> str:
+    return ", ".join(model.names[j] for j in joints)
