@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from pinsing.errors import ConfigurationError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm, Array
 from pinsing.robot.nominal import nominal
@@ -21,7 +22,7 @@ _RANK_SEED = 20231
 def tip_placement(arm: Arm, q: npt.ArrayLike) -> pin.SE3:
     """Placement of the tip in the base at q (n,)."""
     data = arm.model.createData()
-    pin.forwardKinematics(arm.model, data, arm.model_q(q))
+    pin.forwardKinematics(arm.model, data, arm.model_q(_one(arm, q)))
     return pin.SE3(pin.updateFramePlacement(arm.model, data, arm.tip_id))
 
 
@@ -44,18 +45,17 @@ def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     ConfigurationError
         If q has the wrong length or is not finite.
     """
-    q = arm.check(q)
-    return np.array(frame_jacobians(arm, q.reshape(1, arm.n))[0])
+    return np.array(frame_jacobians(arm, _one(arm, q))[0])
 
 
 def frame_jacobians(arm: Arm, Q: npt.ArrayLike) -> Array:
     """Frame Jacobians of the tip at many configurations: (N, n) -> (N, 6, n)."""
-    out = _model_jacobians(arm, np.atleast_2d(arm.check(Q)))
+    out = _model_jacobians(arm, _many(arm, Q))
     return out if arm.coupling is None else out @ arm.coupling.matrix
 
 
 def scale_rows(arm: Arm, J: Array) -> Array:
-    """Task rows (..., m, n) of frame Jacobians J (..., 6, n), translations over the length scale."""
+    """Task rows (..., m, n) of frame Jacobians J (..., 6, n), translations over length scale."""
     rows = np.array(arm.task.rows)
     factor = np.where(rows < 3, 1.0 / arm.length_scale, 1.0)
     return np.asarray(J[..., rows, :] * factor[:, None])
@@ -136,7 +136,7 @@ def jacobian_derivative(J: npt.ArrayLike) -> Array:
 
 def task_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
     """Task Jacobians (N, m, n) and their derivatives (N, m, n, n) by the joints at Q (N, n)."""
-    Q = np.atleast_2d(arm.check(Q))
+    Q = _many(arm, Q)
     J = _model_jacobians(arm, Q)
     H = jacobian_derivative(J)
     if arm.coupling is not None:
@@ -146,6 +146,20 @@ def task_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, A
     rows = np.array(arm.task.rows)
     factor = np.where(rows < 3, 1.0 / arm.length_scale, 1.0)
     return scale_rows(arm, J), H[..., rows, :, :] * factor[:, None, None]
+
+
+def _one(arm: Arm, q: npt.ArrayLike) -> Array:
+    q = arm.check(q)
+    if q.ndim != 1:
+        raise ConfigurationError(f"q must be one joint vector ({arm.n},), got shape {q.shape}")
+    return q
+
+
+def _many(arm: Arm, Q: npt.ArrayLike) -> Array:
+    Q = np.atleast_2d(arm.check(Q))
+    if Q.ndim != 2:
+        raise ConfigurationError(f"Q must be joint vectors (N, {arm.n}), got shape {Q.shape}")
+    return Q
 
 
 def _model_jacobians(arm: Arm, Q: Array) -> Array:

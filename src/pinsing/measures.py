@@ -43,7 +43,7 @@ def singular_values(J: npt.ArrayLike) -> Array:
 def rank(J: npt.ArrayLike, rtol: float = SINGULAR_RTOL) -> npt.NDArray[np.intp]:
     """Number of singular values of J (..., m, n) above ``rtol`` times the largest."""
     sigma = singular_values(J)
-    return (sigma > rtol * sigma[..., :1]).sum(axis=-1)
+    return np.asarray((sigma > rtol * sigma[..., :1]).sum(axis=-1))
 
 
 def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None) -> Array:
@@ -51,7 +51,9 @@ def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None) -> Array:
     sigma = np.asarray(sigma, dtype=float)
     r = sigma.shape[-1] if generic_rank is None else generic_rank
     first = sigma[..., 0]
-    return np.divide(sigma[..., r - 1], first, out=np.zeros_like(first), where=first > 0)
+    return np.asarray(
+        np.divide(sigma[..., r - 1], first, out=np.zeros_like(first), where=first > 0)
+    )
 
 
 def manipulability(J: npt.ArrayLike, generic_rank: int | None = None) -> Array:
@@ -79,9 +81,10 @@ def condition_number(J: npt.ArrayLike, generic_rank: int | None = None) -> Array
 
 
 def determinant(J: npt.ArrayLike) -> Array:
-    """det(J) where J (..., m, n) is square, det(J J^T) otherwise (paper Eqs. (4), (5)).
+    """det(J) where J (..., m, n) is square, det(J J^T) where it is wide (paper Eqs. (4), (5)).
 
-    The latter is the squared product of the singular values.
+    The latter is the squared product of the singular values; a tall J, whose J J^T is
+    singular everywhere, gives det(J^T J), which is that product as well.
     """
     J = np.asarray(J, dtype=float)
     if J.shape[-1] == J.shape[-2]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 
-from pinsing.errors import ResultError
+from pinsing.errors import PinsingError, ResultError
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -48,8 +48,12 @@ class JsonResult:
         if found != cls.schema:
             raise ResultError(f"expected data of schema {cls.schema!r}, found {found!r}")
         try:
-            return _decode(cls, {k: v for k, v in data.items() if k != "schema"})
-        except (KeyError, TypeError, ValueError) as error:
+            return typing.cast(
+                "Self", _decode(cls, {k: v for k, v in data.items() if k != "schema"})
+            )
+        except KeyError as error:
+            raise ResultError(f"damaged {cls.schema} data: {error} is missing") from None
+        except (TypeError, ValueError, OverflowError, PinsingError) as error:
             raise ResultError(f"damaged {cls.schema} data: {error}") from None
 
     @classmethod
@@ -63,7 +67,7 @@ class JsonResult:
         """
         try:
             data = json.loads(text)
-        except json.JSONDecodeError as error:
+        except (ValueError, RecursionError) as error:
             raise ResultError(f"not JSON: {error}") from None
         return cls.from_dict(data)
 
@@ -95,25 +99,51 @@ def _decode(kind: Any, value: Any) -> Any:
     origin, args = typing.get_origin(kind), typing.get_args(kind)
     if dataclasses.is_dataclass(kind) and isinstance(kind, type):
         hints = typing.get_type_hints(kind)
+        data = _expect(dict, value)
         fields = [f for f in dataclasses.fields(kind) if f.metadata.get("json", True)]
-        return kind(**{f.name: _decode(hints[f.name], value[f.name]) for f in fields})
+        return kind(**{f.name: _decode(hints[f.name], data[f.name]) for f in fields})
     if origin in (typing.Union, types.UnionType):
-        if value is None:
+        if value is None and type(None) in args:
             return None
         return _decode(next(a for a in args if a is not type(None)), value)
     if origin is tuple:
-        if hasattr(args, "__len__") and len(args) == 2 and args[1] is Ellipsis:
-            return tuple(_decode(args[0], v) for v in value)
-        return tuple(_decode(a, v) for a, v in zip(args, value, strict=True))
+        items = _expect(list, value)
+        if len(args) == 2 and args[1] is Ellipsis:
+            return tuple(_decode(args[0], v) for v in items)
+        return tuple(_decode(a, v) for a, v in zip(args, items, strict=True))
     if origin in (dict, Mapping) or getattr(origin, "__name__", "") == "Mapping":
-        return {k: _decode(args[1], v) for k, v in value.items()}
+        return {_key(args[0], k): _decode(args[1], v) for k, v in _expect(dict, value).items()}
     if origin is np.ndarray:
         scalar = typing.get_args(args[1])[0]
-        flat = _numbers(value)
-        return np.array(flat, dtype=scalar if isinstance(scalar, type) else float)
+        return _array(scalar if isinstance(scalar, type) else np.float64, value)
     if kind is float:
+        if isinstance(value, bool):
+            raise TypeError("found true or false where a number belongs")
         return float(value)
+    if kind in (int, bool, str):
+        return _expect(kind, value)
     return value
+
+
+def _expect(kind: type, value: Any) -> Any:
+    if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
+        raise TypeError(f"found {type(value).__name__} where {kind.__name__} belongs")
+    return value
+
+
+def _key(kind: Any, key: str) -> Any:
+    """Keys are text in JSON, whatever they were."""
+    return kind(key) if kind in (int, float) else key
+
+
+def _array(scalar: type[np.generic], value: Any) -> Any:
+    """Array of a kind out of nested lists, in which "inf" and "nan" are text."""
+    if not isinstance(value, list) and not np.isscalar(value):
+        raise TypeError(f"found {type(value).__name__} where an array belongs")
+    array = np.array(_numbers(value))
+    if array.size and not np.can_cast(array.dtype, scalar, "same_kind"):
+        raise TypeError(f"found {array.dtype} numbers where {scalar.__name__} belongs")
+    return array.astype(scalar)
 
 
 def _numbers(value: Any) -> Any:

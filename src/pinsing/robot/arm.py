@@ -120,6 +120,13 @@ class Arm:
         scale = self.length_scale
         if not (np.isfinite(scale) and scale > 0):
             raise OptionError(f"length_scale must be a positive number of metres, got {scale!r}")
+        self._freeze()
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        self._freeze()  # NumPy does not pickle the flag
+
+    def _freeze(self) -> None:
         for array in (self.lower, self.upper, self.prismatic):
             array.setflags(write=False)
 
@@ -184,9 +191,9 @@ class Arm:
 
         A revolute value counts as inside when it is so after some whole turns.
         """
-        return (np.abs(self.fold(q) - np.clip(self.fold(q), self.lower, self.upper)) <= slack).all(
-            axis=-1
-        )
+        folded = self.fold(self.check(q))
+        inside = np.abs(folded - np.clip(folded, self.lower, self.upper)) <= slack
+        return np.asarray(inside.all(axis=-1))
 
     def fold(self, q: npt.ArrayLike) -> Array:
         """Move revolute values of q (..., n) by whole turns, into the limits where possible.

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from pinsing.errors import JointError
 from pinsing.robot.arm import Arm, Array
 
 
@@ -37,13 +38,24 @@ class Chain:
         return len(self.prismatic)
 
 
-def joint_axis(joint: pin.JointModel) -> tuple[Array, bool]:
-    """Unit axis (3,) in the joint's own frame, and whether the joint slides along it."""
+def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
+    """Unit axis (3,) in the joint's own frame, and whether the joint slides along it.
+
+    Raises
+    ------
+    JointError
+        If the joint neither turns nor slides: a screw, or several joints in one.
+    """
+    if "Composite" in joint.shortname():
+        raise JointError(name, "is several joints in one; give each a joint of its own")
     data = joint.createData()
     q = np.array([1.0, 0.0]) if joint.nq == 2 else np.zeros(1)
     joint.calc(data, q)
     motion = np.array(data.S).ravel()
-    prismatic = bool(np.abs(motion[:3]).max() > np.abs(motion[3:]).max())
+    slide, turn = np.abs(motion[:3]).max(), np.abs(motion[3:]).max()
+    if min(slide, turn) > 0:
+        raise JointError(name, "is a screw; only joints that turn or slide can be analysed")
+    prismatic = bool(slide > turn)
     return (motion[:3] if prismatic else motion[3:]), prismatic
 
 

@@ -6,18 +6,20 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 
-from pinsing.errors import ChainError, JointError, PinsingError, UnknownNameError
-from pinsing.robot.arm import Arm, Array, Coupling, Source
+from pinsing.errors import ChainError, JointError, OptionError, PinsingError, UnknownNameError
+from pinsing.robot.arm import Arm, Array, Source
 from pinsing.robot.chain import joint_axis
+from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import candidates, choose_chain, choose_tip, frame_index, joint_path
 
-Mimic = tuple[str, float, float]
-"""Name of the joint that is followed, multiplier, offset."""
+if TYPE_CHECKING:
+    from pinsing.robot.description import Description
 
 
 @dataclass(frozen=True)
@@ -27,9 +29,8 @@ class _Whole:
     model: pin.Model
     name: str
     label: str
-    mimics: Mapping[str, Mimic]
-    path: Path | None = None
-    xml: str | None = None
+    mimics: Mapping[str, Follow]
+    description: Description | None = None
     package_dirs: tuple[Path, ...] = ()
     tip: str | None = None
     base: str | None = None
@@ -82,6 +83,14 @@ def load(
         that says what is wrong, where, and what to do.
     """
     parsed_task = parse_task(task)
+    try:
+        scale = float(length_scale)
+    except (TypeError, ValueError):
+        raise OptionError(
+            f"length_scale must be a number of metres, got {length_scale!r}"
+        ) from None
+    if isinstance(joints, str):
+        joints = (joints,)
     whole = _read(robot, packages, xacro_args)
     model = whole.model
     notes = list(whole.notes)
@@ -103,9 +112,7 @@ def load(
     if before:
         notes.append(f"joints before the base are locked: {_names(model, before)}")
     free = _free_joints(whole, path, joints, notes)
-    return _build(
-        whole, tip, base_frame, path, free, parsed_task, float(length_scale), tuple(notes)
-    )
+    return _build(whole, tip, base_frame, path, free, parsed_task, scale, tuple(notes))
 
 
 def _read(
@@ -119,24 +126,29 @@ def _read(
                 "the model has Pinocchio mimic joints: build it with mimic=False, "
                 "or give the URDF file, where pinsing reads the couplings itself"
             )
-        return _Whole(robot, robot.name or "model", "pin.Model", {})
-    from pinsing.robot.catalog import resolve
+        # A copy: what the caller does to the model later is no business of the arm.
+        return _Whole(robot.copy(), robot.name or "model", "pin.Model", {})
+    from pinsing.robot.catalog import CatalogEntry, locate_robot
     from pinsing.robot.description import read_description
     from pinsing.robot.model import build_model
 
-    entry = resolve(robot)
-    description = read_description(entry.path, packages=packages, xacro_args=xacro_args)
-    mimics = {j.name: j.mimic for j in description.joints if j.mimic is not None}
+    found = locate_robot(robot if isinstance(robot, str) else Path(robot))
+    entry = found if isinstance(found, CatalogEntry) else None
+    path = found if isinstance(found, Path) else found.path
+    description = read_description(path, packages=packages, xacro_args=xacro_args)
     return _Whole(
         model=build_model(description),
-        name=entry.name or description.name,
+        name=description.name if entry is None else entry.name,
         label=os.fspath(robot),
-        mimics=mimics,
-        path=entry.path,
-        xml=description.xml,
-        package_dirs=(*description.package_dirs, *entry.package_dirs),
-        tip=entry.tip,
-        base=entry.base,
+        mimics={
+            j.name: (j.mimic.joint, j.mimic.multiplier, j.mimic.offset)
+            for j in description.joints
+            if j.mimic is not None
+        },
+        description=description,
+        package_dirs=(*description.package_dirs, *(entry.package_dirs if entry else ())),
+        tip=entry.tip if entry else None,
+        base=entry.base if entry else None,
         notes=description.notes,
     )
 
@@ -160,7 +172,7 @@ def _choose_tip(
         last = max(ids, key=lambda j: len(joint_path(model, j)))
         chosen = choose_tip(model, last)
         return chosen, last, [f"tip {chosen} was chosen on the link of the last joint given"]
-    found = candidates(model, frozenset(whole.mimics))
+    found = candidates(model, {name: leader for name, (leader, _, _) in whole.mimics.items()})
     found = [c for c in found if base_joint == 0 or base_joint in c.path[:-1]]
     candidate, notes = choose_chain(found, whole.label, model)
     return candidate.tip, candidate.last, notes
@@ -185,7 +197,9 @@ def _free_joints(
             if name in whole.mimics:
                 raise JointError(name, "follows another joint and cannot be chosen; name that one")
         asked = set(joints)
-        follow = {n for n in on_path if n in whole.mimics and whole.mimics[n][0] in asked}
+        follow = {
+            n for n in on_path if n in whole.mimics and leader_of(n, whole.mimics)[0] in asked
+        }
         free = [j for j in path if model.names[j] in asked | follow]
         left = [j for j in path if j not in free]
         if left:
@@ -224,9 +238,9 @@ def _build(
     on_path = {model.names[j] for j in free}
     # A follower whose leader is locked is locked as well; one whose leader moves, follows.
     leaders = {
-        name: _leader(name, whole.mimics)
+        name: leader_of(name, whole.mimics)
         for name in on_path
-        if name in whole.mimics and _leader(name, whole.mimics)[0] in on_path
+        if name in whole.mimics and leader_of(name, whole.mimics)[0] in on_path
     }
     stuck = {name for name in on_path if name in whole.mimics and name not in leaders}
     if stuck:
@@ -235,6 +249,10 @@ def _build(
             f"{', '.join(sorted(stuck))}",
         )
     kept = [j for j in free if model.names[j] not in stuck]
+    if not kept:
+        raise ChainError(f"{whole.label}: every joint of the chain follows one outside it")
+    if whole.description is not None:
+        whole.description.require_usable(model.names[j] for j in kept)
     lock = [j for j in range(1, model.njoints) if j not in kept]
     reference = _reference(model, whole.mimics)
     off_path = [j for j in lock if j not in path]
@@ -247,13 +265,13 @@ def _build(
     independent = [n for n in names if n not in leaders]
     coupling = None
     if leaders:
-        coupling = _coupling(names, independent, leaders)
+        coupling = couple(names, independent, leaders)
         told = [f"{n} = {m:g} * {leader} + {o:g}" for n, (leader, m, o) in leaders.items()]
         notes += (f"mimic joints of the chain follow: {'; '.join(told)}",)
     lower, upper, prismatic, said = _limits(reduced)
     notes += tuple(said)
     if coupling is not None:
-        lower, upper = _coupled_limits(lower, upper, coupling, names, independent)
+        lower, upper = coupled_limits(lower, upper, coupling, names, independent)
     index = [names.index(n) for n in independent]
     return Arm(
         name=whole.name,
@@ -269,8 +287,8 @@ def _build(
         notes=notes,
         source=Source(
             label=whole.label,
-            path=whole.path,
-            xml=whole.xml,
+            path=whole.description.path if whole.description else None,
+            xml=whole.description.xml if whole.description else None,
             package_dirs=whole.package_dirs,
             full_model=model,
             locked=tuple(lock),
@@ -284,22 +302,39 @@ def _build(
 def _reduced(model: pin.Model, lock: list[int], reference: Array) -> pin.Model:
     """Copy of ``model`` without the joints to lock.
 
-    Pinocchio finds a locked joint's frame by name alone and gives up where a link has the
-    same name: such joints, which vanish anyway, are renamed first.
+    Pinocchio looks for the frame of a joint by name alone: it gives up where there is none,
+    or where a link has the same name. So every joint gets a frame, with a name of its own
+    meanwhile.
     """
     model = model.copy()
-    names = [f.name for f in model.frames]
-    for j in lock:
+    if not lock:
+        return model
+    for j in range(1, model.njoints):
+        if not model.existFrame(model.names[j], pin.FrameType.JOINT):
+            model.addJointFrame(j)
+    taken = [f.name for f in model.frames]
+    original = {}
+    for j in range(1, model.njoints):
         name = model.names[j]
-        if names.count(name) > 1:
-            for frame in model.frames:
-                if frame.name == name and frame.type == pin.FrameType.JOINT:
-                    frame.name = f"{name} (joint)"
-            model.names[j] = f"{name} (joint)"
-    return pin.buildReducedModel(model, lock, reference) if lock else model
+        if taken.count(name) > 1:
+            original[f"{name} (joint)"] = name
+            _rename(model, j, name, f"{name} (joint)")
+    reduced = pin.buildReducedModel(model, lock, reference)
+    for j in range(1, reduced.njoints):
+        name = reduced.names[j]
+        if name in original:
+            _rename(reduced, j, name, original[name])
+    return reduced
 
 
-def _reference(model: pin.Model, mimics: Mapping[str, Mimic]) -> Array:
+def _rename(model: pin.Model, joint: int, old: str, new: str) -> None:
+    for frame in model.frames:
+        if frame.name == old and frame.type == pin.FrameType.JOINT:
+            frame.name = new
+    model.names[joint] = new
+
+
+def _reference(model: pin.Model, mimics: Mapping[str, Follow]) -> Array:
     """Where joints are locked: neutral, moved inside the limits; followers where they belong."""
     q = pin.neutral(model)
     for joint in model.joints[1:]:
@@ -309,49 +344,17 @@ def _reference(model: pin.Model, mimics: Mapping[str, Mimic]) -> Array:
             if low <= high:
                 q[i] = float(np.clip(q[i], low, high))
     for name in mimics:
-        leader, multiplier, shift = _leader(name, mimics)
+        leader, multiplier, shift = leader_of(name, mimics)
         here = model.joints[model.getJointId(name)]
         there = model.joints[model.getJointId(leader)]
-        if here.nq == 1 and there.nq == 1:
-            q[here.idx_q] = multiplier * q[there.idx_q] + shift
+        angle = q[there.idx_q]
+        if there.nq == 2:
+            angle = np.arctan2(q[there.idx_q + 1], q[there.idx_q])
+        value = multiplier * angle + shift
+        q[here.idx_q : here.idx_q + here.nq] = (
+            value if here.nq == 1 else (np.cos(value), np.sin(value))
+        )
     return np.array(q)
-
-
-def _leader(name: str, mimics: Mapping[str, Mimic]) -> Mimic:
-    """Follow mimics of mimics to the joint that moves by itself."""
-    leader, multiplier, offset = mimics[name]
-    while leader in mimics:
-        further, m, o = mimics[leader]
-        leader, multiplier, offset = further, multiplier * m, multiplier * o + offset
-    return leader, multiplier, offset
-
-
-def _coupling(names: list[str], independent: list[str], leaders: Mapping[str, Mimic]) -> Coupling:
-    matrix = np.zeros((len(names), len(independent)))
-    offset = np.zeros(len(names))
-    for row, name in enumerate(names):
-        leader, multiplier, shift = leaders.get(name, (name, 1.0, 0.0))
-        matrix[row, independent.index(leader)] = multiplier
-        offset[row] = shift
-    return Coupling(matrix, offset)
-
-
-def _coupled_limits(
-    lower: Array, upper: Array, coupling: Coupling, names: list[str], independent: list[str]
-) -> tuple[Array, Array]:
-    """Limits of the free joints, so that their followers stay within their own."""
-    low = np.full(len(independent), -np.inf)
-    high = np.full(len(independent), np.inf)
-    for row, name in enumerate(names):
-        column = int(np.flatnonzero(coupling.matrix[row])[0]) if coupling.matrix[row].any() else -1
-        if column < 0:
-            continue
-        m, o = coupling.matrix[row, column], coupling.offset[row]
-        ends = sorted(((lower[row] - o) / m, (upper[row] - o) / m))
-        low[column], high[column] = max(low[column], ends[0]), min(high[column], ends[1])
-        if low[column] > high[column]:
-            raise JointError(name, f"cannot follow {independent[column]!r} within its own limits")
-    return low, high
 
 
 def _limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]:
@@ -359,7 +362,7 @@ def _limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]:
     lower, upper, prismatic, notes = [], [], [], []
     for index in range(1, model.njoints):
         joint, name = model.joints[index], model.names[index]
-        axis, slides = joint_axis(joint)
+        axis, slides = joint_axis(joint, name)
         if not np.isfinite(axis).all() or abs(np.linalg.norm(axis) - 1) > 1e-6:
             raise JointError(name, f"its axis {axis.tolist()} is not a direction")
         if not np.isfinite(model.jointPlacements[index].homogeneous).all():

@@ -21,6 +21,7 @@ import numpy as np
 
 from pinsing.errors import OptionError
 from pinsing.robot.arm import Arm, Array
+from pinsing.robot.bound import jacobian_change, rotation_angle
 from pinsing.robot.chain import Chain, chain_model, flatten
 
 ANGLE_TOL = 2e-3
@@ -29,7 +30,7 @@ ANGLE_TOL = 2e-3
 Row = tuple[Fraction, Fraction, Fraction]
 Matrix = tuple[Row, Row, Row]
 _QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
-_FLOAT_NOISE = 1e-11
+_FLOAT_NOISE = 1e-13
 _TWIST_DENOMINATOR = 10**6
 _WRITTEN_DIGITS = 8
 
@@ -84,7 +85,8 @@ class Nominal:
     prismatic : tuple of bool
         Which joints slide.
     offset : (n,) array
-        Radians; added to the joint vector of the model (zero for most arms).
+        Radians; added to the joint vector of the model (zero for most arms); with mimic
+        joints in the chain, n counts these too.
     snaps : tuple of Snap
         What was moved.
     jacobian_change : float
@@ -163,9 +165,10 @@ class _Maker:
                 if carried_here:
                     twist[i] = self._signed_permutation(i, R[i])
             carried = np.eye(3)
-            if i == n or twist[i] is not None or i == 0:
+            # A turn about z alone is left to the second pass, which keeps t as it was written.
+            if i == n or twist[i] is not None or i == 0 or not self._tilted(R[i]):
                 continue
-            a = math.atan2(R[i][0, 2], -R[i][1, 2]) if self._tilted(R[i]) else _yaw(R[i])
+            a = math.atan2(R[i][0, 2], -R[i][1, 2])
             a = self._snap_angle(i, a)
             if math.cos(a) == 1.0:
                 continue
@@ -216,7 +219,7 @@ class _Maker:
         P = np.round(R)
         if not np.array_equal(np.abs(P).sum(axis=0), np.ones(3)) or np.linalg.det(P) < 0.5:
             return None
-        angle = _rotation_angle(P.T @ R)
+        angle = rotation_angle(P.T @ R)
         if angle > self.angle_tol:
             return None
         if angle > _FLOAT_NOISE:
@@ -322,53 +325,6 @@ class _Maker:
         )
 
 
-def jacobian_change(one: Chain, other: Chain, arm: Arm) -> float:
-    """Bound the change of any scaled Jacobian column between two chains of the same joints.
-
-    With e_k the angle and d_k the length by which C_k differs, the axis of joint i turns by
-    at most the sum of e_k, k <= i; and the tip as seen from it moves by at most the sum over
-    k > i of d_k, plus the turns met on the way times the reach left beyond them. The column
-    (z x p, z) then changes by at most |dp| + |dz| reach (over the length scale) and |dz|.
-
-    Parameters
-    ----------
-    one, other : Chain
-        Chains with the same joints.
-    arm : Arm
-        For the limits of prismatic joints and the length scale.
-
-    Returns
-    -------
-    float
-        Bound of the Euclidean norm of the change of a column, over the limits.
-    """
-    n = one.n
-    angle = np.array([_rotation_angle(a.T @ b) for a, b in zip(one.R, other.R, strict=True)])
-    angle[n] = 0.0  # the tip's own orientation moves nothing
-    shift = np.linalg.norm(one.t - other.t, axis=1)
-    if arm.coupling is None:
-        travel = np.maximum(np.abs(arm.lower), np.abs(arm.upper))
-    else:
-        free = np.maximum(np.abs(arm.lower), np.abs(arm.upper))
-        matrix, offset = np.abs(arm.coupling.matrix), np.abs(arm.coupling.offset)
-        travel = np.where(matrix > 0, matrix * free, 0.0).sum(axis=1) + offset
-    step = np.linalg.norm(one.t, axis=1) + np.linalg.norm(other.t, axis=1)
-    step /= 2
-    step[1:] += np.where(one.prismatic, travel, 0.0)
-    beyond = np.concatenate([np.cumsum(step[::-1])[::-1][1:], [0.0]])  # reach past C_k's origin
-    turned = np.cumsum(angle)[:n]
-    worst = 0.0
-    for i in range(n):
-        dz = turned[i]
-        reach = beyond[i]
-        turns_on_the_way = (dz + np.cumsum(angle[i + 1 :])) * step[i + 1 :]
-        dp = shift[i + 1 :].sum() + np.nan_to_num(turns_on_the_way, nan=0.0).sum()
-        arm_change = dz if one.prismatic[i] else dp + (dz * reach if dz else 0.0)
-        spin = 0.0 if one.prismatic[i] else dz
-        worst = max(worst, math.hypot(arm_change / arm.length_scale, spin))
-    return float(worst)
-
-
 def _shortest_decimal(value: float, slack: float, noise: float) -> Fraction:
     """Decimal value of a length.
 
@@ -396,12 +352,6 @@ def _rz(angle: float) -> Array:
 
 def _yaw(R: Array) -> float:
     return math.atan2(R[1, 0], R[0, 0])
-
-
-def _rotation_angle(R: Array) -> float:
-    """Angle (radians) of a rotation matrix, accurate near zero."""
-    skew = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    return math.atan2(float(np.linalg.norm(skew)), (float(np.trace(R)) - 1) / 2)
 
 
 def _identity() -> Matrix:

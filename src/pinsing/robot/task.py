@@ -54,8 +54,10 @@ def parse_task(task: str | Iterable[str] | Task) -> Task:
         if task in _NAMED:
             return Task(task, _NAMED[task])
         names = [part.strip() for part in task.split(",")]
-    else:
+    elif isinstance(task, Iterable):
         names = list(task)
+    else:
+        names = []
     unknown = [name for name in names if name not in ROW_NAMES]
     if unknown or not names:
         raise OptionError(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,15 +16,17 @@ _TOOL_NAMES = (
     r"(^|_)tool0$",
     r"(^|_)tcp$",
     r"(^|_)tool(_?(frame|link))?$",
-    r"(^|_)ee(_?(frame|link))?$",
+    r"(^|_)eef?(_?(frame|link))?$",
     r"end_?effector(_?link)?$",
     r"(^|_)flange$",
+    r"gripper_frame(_link)?$",
     r"gripper_?(base_?)?link$|gripper_base_link$|palm_link$",
     r"(^|_)gripper$",
     r"(^|_)hand$",
 )
 _HAND = re.compile(
-    r"finger|thumb|(^|_)(index|middle|ring|pinky|little)(_|\d|$)|knuckle|jaw|grip(per)?|inner_?link"
+    r"finger|thumb|(^|_)(index|ring|pinky|little)(_|\d|$)|(^|_)middle(_?q?\d|_abd|_flex|_mcp|$)"
+    r"|knuckle|jaw|grip(per)?|inner_?link"
     r"|(^|_)hand_|^[lr]?hand$|fingertip",
     re.IGNORECASE,
 )
@@ -55,6 +57,10 @@ class Candidate:
     tip: str
     passed_over: tuple[str, ...]
 
+    def length(self, model: pin.Model) -> int:
+        """Number of its joints that turn or slide: a floating base does not count."""
+        return sum(model.joints[j].nv == 1 for j in self.path)
+
 
 def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
     """Joints after ``start`` on the way from it to ``joint`` (included), root side first.
@@ -73,20 +79,20 @@ def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
     return tuple(reversed(path))
 
 
-def candidates(model: pin.Model, mimics: frozenset[str] = frozenset()) -> list[Candidate]:
+def candidates(model: pin.Model, mimics: Mapping[str, str] | None = None) -> list[Candidate]:
     """All chains that an arm could be, grippers passed over in favour of what carries them.
 
     Parameters
     ----------
     model : pin.Model
         The whole model.
-    mimics : frozenset of str
-        Names of joints that follow another one.
+    mimics : mapping of str to str, optional
+        Joints that follow another one, with the name of that one.
     """
     children: list[list[int]] = [[] for _ in range(model.njoints)]
     for joint in range(1, model.njoints):
         children[model.parents[joint]].append(joint)
-    in_hand = _hand_joints(model, children, mimics)
+    in_hand = _hand_joints(model, children, mimics or {})
     if len(in_hand) == model.njoints - 1:  # a hand on its own: its fingers are the chains
         in_hand = set()
     leaves = [
@@ -102,7 +108,9 @@ def candidates(model: pin.Model, mimics: frozenset[str] = frozenset()) -> list[C
     return found
 
 
-def _hand_joints(model: pin.Model, children: list[list[int]], mimics: frozenset[str]) -> set[int]:
+def _hand_joints(
+    model: pin.Model, children: list[list[int]], mimics: Mapping[str, str]
+) -> set[int]:
     """Joints that belong to a gripper or hand, with all that hangs on them."""
     bodies: dict[int, str] = {}
     for frame in model.frames:
@@ -111,14 +119,17 @@ def _hand_joints(model: pin.Model, children: list[list[int]], mimics: frozenset[
     hand: set[int] = set()
     for joint in range(1, model.njoints):
         name = model.names[joint]
+        beside = children[model.parents[joint]]
+        followers = [mimics[model.names[j]] for j in beside if model.names[j] in mimics]
         inherited = int(model.parents[joint]) in hand
         # A link called gripper is often what the last wrist joint carries: links go by fingers.
         named = bool(_HAND.search(name) or _FINGER.search(bodies.get(joint, "")))
-        is_mimic_leaf = name in mimics and not children[joint]
+        # One of several leaves that move together, or the one that leads them: jaws.
+        together = not children[joint] and len(beside) > 1 and (name in mimics or name in followers)
         # Something called a hand that no arm carries, and with an arm's worth of joints in a
         # row, is an arm.
         carried = len(joint_path(model, joint)) > ARM_JOINTS
-        if inherited or is_mimic_leaf or (named and (carried or _depth(joint, children) < 6)):
+        if inherited or together or (named and (carried or _depth(joint, children) < 6)):
             hand.add(joint)
     return hand
 
@@ -189,16 +200,16 @@ def choose_chain(
     """
     if not found:
         raise ChainError(f"{label}: the robot has no movable joint, so there is nothing to analyse")
-    arms = [c for c in found if len(c.path) >= ARM_JOINTS] or list(found)
+    arms = [c for c in found if c.length(model) >= ARM_JOINTS] or list(found)
     if len(arms) > 1:
-        lines = ", ".join(f"--tip {c.tip} ({len(c.path)} joints)" for c in arms[:8])
+        lines = ", ".join(f"--tip {c.tip} ({c.length(model)} joints)" for c in arms[:8])
         more = f" and {len(arms) - 8} more" if len(arms) > 8 else ""
         raise ChainError(f"{label}: {len(arms)} chains could be the arm; choose one: {lines}{more}")
     chosen = arms[0]
     notes = []
     others = [c for c in found if c is not chosen]
     if others:
-        names = ", ".join(f"{c.tip} ({len(c.path)})" for c in others[:6])
+        names = ", ".join(f"{c.tip} ({c.length(model)})" for c in others[:6])
         more = f" and {len(others) - 6} more" if len(others) > 6 else ""
         notes.append(f"chains with fewer joints were passed over: {names}{more}")
     if chosen.passed_over:

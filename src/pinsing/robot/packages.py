@@ -1,0 +1,208 @@
+"""Where packages are, and which files a robot description may point to.
+
+``package://NAME/...`` and ``$(find NAME)`` are looked up in this order: the folders given by the
+user, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, then upward from the file. A mesh is taken only from
+within the robot's own folders or a package found in this way, links resolved; anything else is
+named and left alone. Standard library only: the xacro child process loads this module by its path.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Mapping
+from functools import cached_property
+from pathlib import Path
+from urllib.parse import unquote
+
+# How far above the file a package is looked for, and how far without a package.xml to name it.
+_LEVELS_UP = 6
+_LEVELS_UP_UNNAMED = 2
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.+-]*")
+_PACKAGE_NAME = re.compile(r"<name>\s*([^<\s]+)\s*</name>")
+_MESH_SUFFIXES = frozenset(
+    [
+        ".stl",
+        ".stla",
+        ".stlb",
+        ".dae",
+        ".obj",
+        ".ply",
+        ".glb",
+        ".gltf",
+        ".off",
+        ".wrl",
+        ".3ds",
+        ".fbx",
+        ".msh",
+        ".x3d",
+        ".iv",
+        ".usd",
+    ]
+)
+_IMAGE_SUFFIXES = frozenset([".png", ".jpg", ".jpeg", ".bmp", ".tga", ".tif", ".tiff", ".gif"])
+
+
+class MeshProblem(Exception):
+    """A mesh that is missing or may not be opened; ``refused`` tells which."""
+
+    def __init__(self, reason: str, refused: bool) -> None:
+        self.refused = refused
+        super().__init__(reason)
+
+
+class PackageIndex:
+    """The packages and mesh files that one description file may use.
+
+    Parameters
+    ----------
+    file : Path
+        The description file.
+    packages : Mapping of str to path, optional
+        Folders of packages by name; they win over all else.
+    roots : tuple of Path
+        More folders that meshes may be in (those that the xacro of the file has used).
+    """
+
+    def __init__(
+        self,
+        file: Path,
+        packages: Mapping[str, str | Path] | None = None,
+        roots: tuple[Path, ...] = (),
+    ) -> None:
+        self.file = Path(os.path.abspath(file))
+        self.given = {name: Path(os.path.abspath(d)) for name, d in (packages or {}).items()}
+        self._more_roots = roots
+        self._found: dict[str, Path | None] = {}
+
+    def find(self, name: str) -> Path | None:
+        """Return the folder of a package, None where there is none."""
+        if name not in self._found:
+            self._found[name] = self._search(name) if _NAME.fullmatch(name) else None
+        return self._found[name]
+
+    def used(self) -> tuple[Path, ...]:
+        """Return the folders of the packages found so far."""
+        return tuple(dict.fromkeys(d for d in self._found.values() if d is not None))
+
+    def _search(self, name: str) -> Path | None:
+        if name in self.given:
+            return self.given[name] if self.given[name].is_dir() else None
+        for entry in _folders("ROS_PACKAGE_PATH"):
+            if _is_package(entry, name) or (entry.name == name and entry.is_dir()):
+                return entry
+            if (entry / name).is_dir():
+                return entry / name
+            for package in _packages_in(entry):
+                if _is_package(package, name):
+                    return package
+        for prefix in _folders("AMENT_PREFIX_PATH"):
+            if (prefix / "share" / name).is_dir():
+                return prefix / "share" / name
+        return self._search_upward(name)
+
+    def _search_upward(self, name: str) -> Path | None:
+        for level, folder in enumerate(self._ancestors):
+            if folder.name == name or _is_package(folder, name):
+                return folder
+            sibling = folder / name
+            if sibling.is_dir() and (
+                level < _LEVELS_UP_UNNAMED or (sibling / "package.xml").is_file()
+            ):
+                return sibling
+        return None
+
+    @cached_property
+    def _ancestors(self) -> tuple[Path, ...]:
+        # Never the file system's root, nor the home folder: their children are not packages.
+        home = Path(os.path.expanduser("~"))
+        folders = []
+        for folder in list(self.file.parents)[:_LEVELS_UP]:
+            if folder in (home, Path(folder.anchor)):
+                break
+            folders.append(folder)
+        return tuple(folders)
+
+    @cached_property
+    def own_folder(self) -> Path:
+        """The folder that the description file and its meshes live in.
+
+        The package around the file, else the folder around ``urdf``, ``robots`` or ``xacro``, else
+        the folder of the file.
+        """
+        for folder in self._ancestors[:3]:
+            if (folder / "package.xml").is_file():
+                return folder
+        here = self.file.parent
+        if here.name in ("urdf", "urdfs", "robots", "xacro") and here.parent in self._ancestors:
+            return here.parent
+        return here
+
+    def mesh(self, uri: str) -> Path:
+        """Return the file that a mesh or texture address points to.
+
+        Raises
+        ------
+        MeshProblem
+            If there is no such file, or it lies outside the robot's folders, or is no mesh.
+        """
+        if "\0" in uri or not uri.strip():
+            raise MeshProblem("is no file name", refused=True)
+        path = self._locate(uri.strip())
+        try:
+            real = path.resolve()
+            if not any(real.is_relative_to(r.resolve()) for r in self._roots()):
+                raise MeshProblem("lies outside the robot's folders", refused=True)
+            if real.suffix.lower() not in _MESH_SUFFIXES | _IMAGE_SUFFIXES:
+                raise MeshProblem("is not of a known mesh format", refused=True)
+            if not real.is_file():
+                raise MeshProblem("no such file", refused=False)
+        except (OSError, RuntimeError) as error:
+            raise MeshProblem("cannot be read", refused=False) from error
+        return path
+
+    def _locate(self, uri: str) -> Path:
+        scheme, separator, rest = uri.partition("://")
+        if not separator:
+            return Path(os.path.normpath(self.file.parent / uri))
+        if scheme == "file":
+            return Path(os.path.normpath(self.file.parent / unquote(rest)))
+        if scheme not in ("package", "model"):
+            raise MeshProblem(f"{scheme}:// addresses are not opened", refused=True)
+        name, _, inner = rest.lstrip("/").partition("/")
+        folder = self.find(name)
+        if folder is None:
+            if not _NAME.fullmatch(name):
+                raise MeshProblem("is no package name", refused=True)
+            raise MeshProblem(f"package {name!r} not found", refused=False)
+        path = Path(os.path.normpath(os.path.join(folder, *inner.split("/")))) if inner else folder
+        if not path.is_relative_to(folder):
+            raise MeshProblem("lies outside its package", refused=True)
+        return path
+
+    def _roots(self) -> tuple[Path, ...]:
+        return (self.own_folder, *self.given.values(), *self._more_roots, *self.used())
+
+
+def _folders(variable: str) -> list[Path]:
+    return [Path(p) for p in os.environ.get(variable, "").split(os.pathsep) if p]
+
+
+def _packages_in(folder: Path) -> list[Path]:
+    try:
+        return sorted(p.parent for p in folder.glob("*/package.xml"))
+    except OSError:
+        return []
+
+
+def _is_package(folder: Path, name: str) -> bool:
+    return _package_name(folder / "package.xml") == name
+
+
+def _package_name(file: Path) -> str | None:
+    try:
+        with file.open(encoding="utf-8", errors="replace") as stream:
+            found = _PACKAGE_NAME.search(stream.read(65536))
+    except OSError:
+        return None
+    return found.group(1) if found else None

@@ -1,0 +1,262 @@
+"""YAML read strictly: every complaint names the file, the line and the key.
+
+The document is composed by the safe loader and never built into objects, so that each value keeps
+its line and its digits as written (``90`` degrees become the double nearest to pi/2, ``431.8``
+millimetres the double 0.4318).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+
+import yaml
+
+from pinsing.errors import RobotFileError
+
+_NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
+_OPERATOR = re.compile(r"\s*([*/])\s*")
+_PI = Fraction(math.pi)
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number as written: ``value``, times pi where ``pi`` is true."""
+
+    value: Fraction
+    pi: bool = False
+
+    def times(self, factor: Fraction | int = 1) -> float:
+        """Return the double nearest to ``factor`` times this number (pi is ``math.pi``).
+
+        Raises
+        ------
+        OverflowError
+            If that is larger than any double.
+        """
+        return float(self.value * factor * (_PI if self.pi else 1))
+
+
+def parse_number(text: str) -> Number | None:
+    """Read a decimal number, ``pi``, or a product and quotient of them (``-pi/2``, ``2*pi/3``).
+
+    Returns None where the text is nothing of the kind. Nothing is evaluated.
+    """
+    text = text.strip()
+    if len(text) > 80:
+        return None
+    sign = -1 if text.startswith("-") else 1
+    text = text[1:].lstrip() if text[:1] in ("-", "+") else text
+    value, pi = Fraction(sign), False
+    parts = _OPERATOR.split(text)
+    for operator, factor in zip(["*", *parts[1::2]], parts[0::2], strict=True):
+        if factor == "pi":
+            if pi or operator == "/":
+                return None
+            pi = True
+        elif _NUMBER.fullmatch(factor):
+            number = Fraction(factor)
+            if operator == "/" and number == 0:
+                return None
+            value = value * number if operator == "*" else value / number
+        else:
+            return None
+    return Number(value, pi)
+
+
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """Say which of the known names was probably meant, or list them all."""
+    known = tuple(known)
+    close = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
+    if close:
+        return "did you mean " + " or ".join(repr(c) for c in close) + "?"
+    return "known: " + ", ".join(known)
+
+
+@dataclass(frozen=True)
+class Node:
+    """One value of a YAML file, with its place.
+
+    Attributes
+    ----------
+    node : yaml.Node
+        The value as composed.
+    path : Path
+        The file.
+    label : str
+        Where in the document, in words ("row 3: alpha"); empty for the document itself.
+    """
+
+    node: yaml.Node
+    path: Path
+    label: str = ""
+
+    @property
+    def line(self) -> int:
+        """Line of the file, counted from 1."""
+        return int(self.node.start_mark.line) + 1
+
+    def error(self, problem: str) -> RobotFileError:
+        """Return the error that says what is wrong with this value."""
+        return RobotFileError(
+            f"{self.label}: {problem}" if self.label else problem, self.path, self.line
+        )
+
+    def _child(self, node: yaml.Node, label: str) -> Node:
+        child = Node(node, self.path, f"{self.label}: {label}" if self.label else label)
+        if not node.tag.startswith("tag:yaml.org,2002:"):
+            raise child.error(f"the YAML tag {node.tag} is not understood: write the plain value")
+        return child
+
+    @property
+    def _found(self) -> str:
+        if isinstance(self.node, yaml.ScalarNode):
+            return repr(self.node.value) if self.node.value else "nothing"
+        return "a list" if isinstance(self.node, yaml.SequenceNode) else "keys and values"
+
+    def mapping(self, required: Iterable[str], optional: Iterable[str] = ()) -> dict[str, Node]:
+        """Return the values by key.
+
+        Raises
+        ------
+        RobotFileError
+            If this is no mapping, or a key is unknown, doubled or missing.
+        """
+        required, known = tuple(required), (*required, *optional)
+        if not isinstance(self.node, yaml.MappingNode):
+            raise self.error(f"expected the keys {', '.join(known)}, found {self._found}")
+        values: dict[str, Node] = {}
+        for key_node, value_node in self.node.value:
+            key = key_node.value if isinstance(key_node, yaml.ScalarNode) else "?"
+            here = Node(key_node, self.path, self.label)
+            if key not in known:
+                raise here.error(f"unknown key {key!r}: {suggestion(key, known)}")
+            if key in values:
+                raise here.error(f"key {key!r} is given twice: remove one")
+            values[key] = self._child(value_node, key)
+        missing = [key for key in required if key not in values]
+        if missing:
+            raise self.error("missing key " + ", ".join(repr(key) for key in missing) + ": add it")
+        return values
+
+    def keys(self) -> tuple[str, ...]:
+        """Return the keys of a mapping as written, without judging them; empty otherwise."""
+        if not isinstance(self.node, yaml.MappingNode):
+            return ()
+        return tuple(str(key.value) for key, _ in self.node.value)
+
+    def items(self, noun: str, length: int | None = None) -> list[Node]:
+        """Return the entries of a list, labelled ``noun 1``, ``noun 2``, ...
+
+        Raises
+        ------
+        RobotFileError
+            If this is no list, is empty, or has not the ``length`` asked for.
+        """
+        if not isinstance(self.node, yaml.SequenceNode):
+            raise self.error(f"expected a list, found {self._found}")
+        entries = self.node.value
+        if length is not None and len(entries) != length:
+            raise self.error(f"expected a list of {length} values, found {len(entries)}")
+        if not entries:
+            raise self.error("the list is empty: give at least one")
+        return [self._child(entry, f"{noun} {i}") for i, entry in enumerate(entries, start=1)]
+
+    def text(self) -> str:
+        """Return the value as text.
+
+        Raises
+        ------
+        RobotFileError
+            If it is a list or a mapping, or empty.
+        """
+        if not isinstance(self.node, yaml.ScalarNode) or not self.node.value.strip():
+            raise self.error(f"expected text, found {self._found}")
+        return str(self.node.value).strip()
+
+    def choice(self, options: Iterable[str]) -> str:
+        """Return the value, which must be one of the options.
+
+        Raises
+        ------
+        RobotFileError
+            If it is another.
+        """
+        text, options = self.text(), tuple(options)
+        if text not in options:
+            raise self.error(f"unknown value {text!r}: {suggestion(text, options)}")
+        return text
+
+    def number(self, factor: Fraction | int = 1, pi: int | None = None) -> float:
+        """Return ``factor`` times the number, rounded once to a double.
+
+        Parameters
+        ----------
+        factor : Fraction or int
+            Unit of the number in SI units.
+        pi : int, optional
+            Power of pi in the unit: 1 for degrees (``factor`` = 1/180). With None or 1 the text
+            may not hold ``pi``; with 0 (radians) it may.
+
+        Raises
+        ------
+        RobotFileError
+            If it is no number, or not finite.
+        """
+        text = self.node.value if isinstance(self.node, yaml.ScalarNode) else None
+        number = parse_number(text) if text is not None else None
+        if number is None:
+            if text is not None and text.lower().lstrip("+-.") in ("nan", "inf", "infinity"):
+                raise self.error(f"{text} is not a finite number")
+            hint = " (or such as pi/2)" if pi == 0 else ""
+            raise self.error(f"expected a number{hint}, found {self._found}")
+        if number.pi and pi != 0:
+            raise self.error(
+                f"{text!r} holds pi, which only an angle in radians may: "
+                "write a plain number in the unit of the table"
+            )
+        try:
+            return Number(number.value, number.pi or pi == 1).times(factor)
+        except OverflowError:
+            raise self.error(f"{text} is not a finite number") from None
+
+
+def compose(path: str | Path) -> Node:
+    """Read a YAML file.
+
+    Raises
+    ------
+    RobotFileError
+        If the file is missing, unreadable, empty or no YAML.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+    except IsADirectoryError:
+        raise RobotFileError("is a folder: give a file", path) from None
+    except FileNotFoundError:
+        raise RobotFileError("no such file: check the path", path) from None
+    except UnicodeDecodeError:
+        raise RobotFileError("is not UTF-8 text: give a YAML file", path) from None
+    except OSError as error:
+        raise RobotFileError(f"cannot be read: {error.strerror}", path) from None
+    try:
+        node = yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = None if mark is None else mark.line + 1
+        problem = error.problem or error.context or "malformed"
+        raise RobotFileError(f"not valid YAML: {problem}", path, line) from None
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        raise RobotFileError(f"not valid YAML: {error.reason}", path, line) from None
+    except RecursionError:
+        raise RobotFileError("nested too deeply: give a plain table", path) from None
+    if node is None:
+        raise RobotFileError("is empty: nothing to read", path)
+    return Node(node, path)

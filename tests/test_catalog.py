@@ -1,0 +1,141 @@
+"""Robots known by name, and what a user means by the text of a robot."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pinsing.errors import RobotFileError, UnknownNameError
+from pinsing.robot import catalog
+from pinsing.robot.catalog import data_folder, find_robot, known_robots, locate_robot
+
+# name -> file, for the names that the loaders of example-robot-data give
+LOADERS = {
+    "ur3": "ur3_robot.urdf",
+    "ur5": "ur5_robot.urdf",
+    "ur5_limited": "ur5_joint_limited_robot.urdf",
+    "ur10": "ur10_robot.urdf",
+    "panda": "panda.urdf",
+    "xarm7": "xarm7.urdf",
+    "z1": "z1.urdf",
+    "talos": "talos_reduced.urdf",
+    "talos_arm": "talos_left_arm.urdf",
+    "tiago": "tiago.urdf",
+    "tiago_no_hand": "tiago_no_hand.urdf",
+    "tiago_pro": "tiago_pro.urdf",
+    "pr2": "pr2.urdf",
+    "baxter": "baxter.urdf",
+    "romeo": "romeo.urdf",
+    "kinova": "kinova.urdf",
+    "icub": "icub.urdf",
+    "g1": "g1_29dof_rev_1_0.urdf",
+    "so100": "so100.urdf",
+    "so101": "so101.urdf",
+    "anymal_kinova": "anymal-kinova.urdf",
+    "solo8": "solo.urdf",
+}
+OWN = {"stanford", "surgical7", "puma560", "irb1400", "iiwa14", "planar3r", "scara"}
+
+
+@pytest.mark.parametrize("name", LOADERS)
+def test_names_of_the_loaders(name):
+    entry = find_robot(name)
+    assert entry.path.name == LOADERS[name]
+    assert entry.path.is_file()
+    assert entry.source == "example-robot-data"
+    assert all((folder / "example-robot-data").is_dir() for folder in entry.package_dirs)
+
+
+def test_every_file_has_a_name_and_every_name_a_file():
+    entries = known_robots()
+    folder = data_folder()
+    assert folder is not None
+    files = set(folder.rglob("*.urdf"))
+    assert len(files) >= 69
+    assert files <= {entry.path for entry in entries.values()}
+    assert all(entry.path.is_file() and entry.name == name for name, entry in entries.items())
+    assert list(entries) == sorted(entries)
+    # exactly one name of each file is the main one
+    main = [entry.path for entry in entries.values() if entry.alias_of is None]
+    assert len(main) == len(set(main)) == len({entry.path for entry in entries.values()})
+    for entry in entries.values():
+        if entry.alias_of is not None:
+            assert entries[entry.alias_of].path == entry.path
+            assert entries[entry.alias_of].alias_of is None
+
+
+def test_stems_that_two_files_share_stay_apart():
+    entries = known_robots()
+    assert entries["anymal"].path.parts[-3] == "anymal_b_simple_description"
+    assert entries["anymal_c"].path.parts[-3] == "anymal_c_simple_description"
+    assert entries["iris"].path.name == "iris_simple.urdf"
+    assert entries["iris_iris"].path.name == "iris.urdf"
+    assert "take ur3" in entries["ur_ur3"].note
+
+
+def test_pinsings_own_robots():
+    entries = known_robots()
+    assert set(entries) >= OWN
+    assert all(entries[name].source == "pinsing" for name in OWN)
+    assert entries["stanford"].title == "Stanford arm"
+
+
+@pytest.mark.parametrize("name", ["Panda", "TALOS-arm", "talos arm", " ur5 ", "jaco", "franka"])
+def test_spelling(name):
+    assert find_robot(name).path.is_file()
+
+
+def test_unknown_name_suggests():
+    with pytest.raises(UnknownNameError) as caught:
+        find_robot("pandda")
+    assert "panda" in caught.value.close
+    assert "unknown robot 'pandda': did you mean 'panda'" in str(caught.value)
+    assert "pinsing list" in str(caught.value)
+
+
+def test_what_a_user_means(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    found = locate_robot("ur5")
+    assert not isinstance(found, Path)
+    assert found.name == "ur5"
+    (tmp_path / "panda").mkdir()
+    assert not isinstance(locate_robot("panda"), Path)
+    (tmp_path / "ur5").write_text("<robot/>")
+    assert locate_robot("ur5") == Path("ur5")
+    assert locate_robot(tmp_path / "ur5") == tmp_path / "ur5"
+    assert locate_robot(str(tmp_path)) == tmp_path
+    for path in ("ur5.urdf", "./ur10", "x/y", "my.XACRO", Path("ur10")):
+        with pytest.raises(RobotFileError, match="no such file") as caught:
+            locate_robot(path)
+        assert caught.value.path == Path(path)
+    with pytest.raises(UnknownNameError, match="no file of that name either"):
+        locate_robot("nonesuch")
+    for text in ("a\0b", "~"):
+        with pytest.raises(RobotFileError):
+            locate_robot(text)
+    assert locate_robot("") == Path()
+
+
+def test_without_the_data_package(monkeypatch):
+    def missing(name: str) -> None:
+        raise importlib.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(catalog.importlib.metadata, "distribution", missing)
+    assert data_folder() is None
+    assert set(known_robots()) >= OWN
+    with pytest.raises(UnknownNameError):
+        find_robot("ur5")
+
+
+def test_listing_needs_no_pinocchio():
+    code = (
+        "import sys; from pinsing.robot.catalog import known_robots; known_robots();"
+        "print([m for m in ('pinocchio', 'xacro', 'matplotlib') if m in sys.modules])"
+    )
+    run = [sys.executable, "-c", code]
+    done = subprocess.run(run, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"

@@ -1,0 +1,540 @@
+"""Reading and checking robot descriptions: what is refused, mended, noted, and left alone."""
+
+from __future__ import annotations
+
+import pickle
+import random
+import subprocess
+import sys
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from urdf_texts import LIMIT, joint, robot
+
+from pinsing.errors import PinsingError, RobotFileError, UnknownNameError
+from pinsing.robot import model as model_module
+from pinsing.robot.catalog import data_folder
+from pinsing.robot.description import Description, read_description
+from pinsing.robot.model import build_model, diagnose
+
+DATA = data_folder()
+assert DATA is not None
+ALL_URDFS = sorted(DATA.rglob("*.urdf"))
+WITHOUT_JOINTS = {"quadrotor_base.urdf", "ur3.urdf"}
+
+
+@pytest.fixture
+def read(tmp_path):
+    def write_and_read(text: str | bytes, name: str = "arm.urdf", **options) -> Description:
+        file = tmp_path / name
+        file.write_bytes(text.encode() if isinstance(text, str) else text)
+        return read_description(file, **options)
+
+    return write_and_read
+
+
+def test_good_file(read, tmp_path):
+    found = read(robot(joint(inner='<origin xyz="1 2 3"/><axis xyz="0 -1 0"/>' + LIMIT)))
+    assert (found.name, found.links, found.root) == ("r", ("a", "b", "c"), "a")
+    assert found.path == tmp_path / "arm.urdf"
+    entry = found.joints[1]
+    assert (entry.name, entry.kind, entry.parent, entry.child) == ("j2", "revolute", "b", "c")
+    assert (entry.axis, entry.lower, entry.upper, entry.line) == ((0.0, -1.0, 0.0), -1.0, 2.0, 5)
+    assert entry.mimic is None
+    assert entry.problem is None
+    assert found.notes == ()
+    found.require_usable(["j1", "j2"])
+    model = build_model(found)
+    assert list(model.names) == ["universe", "j1", "j2"]
+    np.testing.assert_array_equal(model.jointPlacements[2].translation, [1, 2, 3])
+    np.testing.assert_array_equal(model.upperPositionLimit, [2, 2])
+    assert pickle.loads(pickle.dumps(found)) == found
+
+
+# what the file says of joint j2, what the message must hold; all are on line 5
+BAD_JOINTS = {
+    "zero axis": (joint(inner='<axis xyz="0 0 0"/>' + LIMIT), "axis is zero"),
+    "tiny axis": (joint(inner='<axis xyz="1e-200 0 0"/>' + LIMIT), "axis is zero"),
+    "nan axis": (joint(inner='<axis xyz="nan 0 1"/>' + LIMIT), "nan is not a finite number"),
+    "two numbers": (joint(inner='<axis xyz="0 1"/>' + LIMIT), "must have 3 numbers"),
+    "commas": (joint(inner='<axis xyz="0,0,1"/>' + LIMIT), "separated by blanks"),
+    "axis without xyz": (joint(inner="<axis/>" + LIMIT), 'has no xyz="..."'),
+    "two axes": (joint(inner='<axis xyz="1 0 0"/><axis xyz="0 1 0"/>' + LIMIT), "2 <axis>"),
+    "nan origin": (joint(inner='<origin xyz="0 nan 0"/>' + LIMIT), "nan is not a finite number"),
+    "inf origin": (joint(inner='<origin xyz="0 0 -inf"/>' + LIMIT), "-inf is not a finite number"),
+    "inf rpy": (joint(inner='<origin rpy="Infinity 0 0"/>' + LIMIT), "not a finite number"),
+    "overflow": (joint(inner='<origin xyz="1e999 0 0"/>' + LIMIT), "too large"),
+    "absurd": (joint(inner='<origin xyz="1e308 0 0"/>' + LIMIT), "too large, at most 1e+06"),
+    "text": (joint(inner='<origin xyz="one 0 0"/>' + LIMIT), "'one' is not a number"),
+    "python number": (joint(inner='<origin xyz="1_0 0 0"/>' + LIMIT), "'1_0' is not a number"),
+    "hexadecimal": (joint(inner='<origin xyz="0x1 0 0"/>' + LIMIT), "'0x1' is not a number"),
+    "other digits": (joint(inner='<origin xyz="١ 0 0"/>' + LIMIT), "is not a number"),
+    "expression": (joint(inner='<origin xyz="${x} 0 0"/>' + LIMIT), "name the file .xacro"),
+    "two origins": (joint(inner="<origin/><origin/>" + LIMIT), "has 2 <origin>"),
+    "ignored quaternion": (joint(inner='<origin quat_xyzw="1 0 0 0"/>' + LIMIT), 'version="1.1"'),
+    "crossed limits": (
+        joint(inner='<limit lower="1" upper="-1" effort="1" velocity="1"/>'),
+        "lower limit 1 is above upper limit -1: exchange them",
+    ),
+    "nan limit": (joint(inner='<limit lower="nan" upper="1"/>'), "nan is not a finite number"),
+    "inf limit": (joint(inner='<limit lower="-inf" upper="inf"/>'), "-inf is not a finite number"),
+    "text limit": (joint(inner='<limit lower="low" upper="1"/>'), "'low' is not a number"),
+    "unknown type": (joint(kind="ball"), "unknown type 'ball': known: revolute, continuous"),
+    "mistyped type": (joint(kind="Revolute "), "did you mean 'revolute'?"),
+    "no type": (joint().replace('type="revolute"', ""), 'has no type="..."'),
+    "no name": (joint().replace('name="j2"', ""), "a <joint> has no name"),
+    "blank name": (joint(name=" "), "a <joint> has no name"),
+    "reserved name": (joint(name="universe"), "rename the joint"),
+    "same name": (joint(name="j1"), "two joints are named 'j1' (the first is on line 4)"),
+    "no parent": (joint().replace('<parent link="b"/>', ""), "has no <parent"),
+    "no child": (joint().replace('<child link="c"/>', ""), "has no <child"),
+    "parent without link": (joint().replace('<parent link="b"/>', "<parent/>"), 'no link="..."'),
+    "two parent elements": (
+        joint().replace("<parent", '<parent link="a"/><parent'),
+        "has 2 <parent> elements",
+    ),
+    "unknown parent": (joint(parent="zz"), "unknown parent link 'zz': no link has that name"),
+    "unknown child": (joint(child="C1"), "unknown child link 'C1'"),
+    "itself": (joint(parent="c"), "joins link 'c' to itself"),
+    "two parents": (joint(child="b", parent="c"), "two parents, by joints 'j1' and 'j2'"),
+    "mimics itself": (joint(inner=LIMIT + '<mimic joint="j2"/>'), "'j2' follows 'j2'"),
+    "mimic without joint": (joint(inner=LIMIT + "<mimic/>"), '<mimic> has no joint="..."'),
+    "mimic nan": (joint(inner=LIMIT + '<mimic joint="j1" offset="nan"/>'), "not a finite number"),
+}
+
+
+@pytest.mark.parametrize("case", BAD_JOINTS)
+def test_bad_joint_is_refused_with_its_line(case, read, tmp_path):
+    text, expected = BAD_JOINTS[case]
+    with pytest.raises(RobotFileError) as caught:
+        read(robot(text))
+    message = str(caught.value)
+    assert expected in message
+    assert message.startswith(f"{tmp_path / 'arm.urdf'}:5: ")
+    assert caught.value.line == 5
+    assert "\n" not in message
+    if "j2" in text and case not in ("same name", "two parents", "mimics itself"):
+        assert "joint 'j2'" in message
+
+
+INERTIA = (
+    '<inertial><mass value="{0}"/><inertia ixx="1" ixy="0" ixz="{1}" iyy="1" iyz="0" izz="1"/>'
+)
+
+# whole files: text, what the message must hold, line
+BAD_FILES = {
+    "empty": ("", "the file is empty", None),
+    "blank": (" \n\t\n", "the file is empty", None),
+    "not xml": ("hello", "is not XML", None),
+    "binary": (bytes(range(256)), "is not XML", None),
+    "truncated": (robot()[:-5], "is not well-formed XML", 6),
+    "mismatched": ("<robot>\n<link>\n</robot>", "mismatched tag", 3),
+    "sdf": ("<sdf><model/></sdf>", "is an SDF file, not a URDF", 1),
+    "mjcf": ("<mujoco/>", "is a MuJoCo model, not a URDF", 1),
+    "other": ("\n<foo/>", "has the root element <foo>, not a URDF", 2),
+    "no links": ('<robot name="r"/>', "has no links", 1),
+    "no joints": ('<robot name="r"><link name="a"/></robot>', "has no joints", 1),
+    "link without name": (robot(extra="<link/>"), "a <link> has no name", 6),
+    "same link twice": (robot(extra='<link name="b"/>'), "two links are named 'b'", 6),
+    "two roots": (robot(links="abcd"), "2 links have no parent ('a', 'd')", None),
+    "whole loop": (robot(joint("j3", "b", "a"), links="ab"), "joints 'j1', 'j3' form a loop", 4),
+    "loop aside": (
+        robot(joint("j3", "d", "c"), joint("j4", "c", "d"), links="abcd"),
+        "form a loop: a URDF is a tree",
+        6,
+    ),
+    "mimic round about": (
+        robot(
+            joint("j2", inner=LIMIT + '<mimic joint="j3"/>'),
+            joint("j3", "c", "d", inner=LIMIT + '<mimic joint="j2"/>'),
+            links="abcd",
+        ),
+        "'j2' follows 'j3' follows 'j2'",
+        5,
+    ),
+    "nan mass": (
+        robot(links="bc", extra=f'<link name="a">{INERTIA.format("nan", 0)}</inertial></link>'),
+        "link 'a': <mass value='nan'>: nan is not a finite number",
+        6,
+    ),
+    "infinite inertia": (
+        robot(links="bc", extra=f'<link name="a">{INERTIA.format(1, "inf")}</inertial></link>'),
+        "inf is not a finite number",
+        6,
+    ),
+    "absurd mass": (
+        robot(links="bc", extra=f'<link name="a">{INERTIA.format("1e308", 0)}</inertial></link>'),
+        "is too large",
+        6,
+    ),
+    "universe": (robot(joint(child="universe"), links=["a", "b", "universe"]), "rename", None),
+    "entity bomb": (
+        '<!DOCTYPE r [<!ENTITY a "aaaa">\n<!ENTITY b "&a;&a;&a;">]><robot name="&b;"/>',
+        "document types and entities are not accepted",
+        1,
+    ),
+    "external entity": (
+        '<?xml version="1.0"?>\n<!DOCTYPE r [<!ENTITY a SYSTEM "file:///etc/passwd">]><robot/>',
+        "remove the <!DOCTYPE",
+        2,
+    ),
+    "external type": ('<!DOCTYPE robot SYSTEM "http://example.org/x.dtd"><robot/>', "DOCTYPE", 1),
+    "zero quaternion": (
+        robot(joint(inner='<origin quat_xyzw="0 0 0 0"/>' + LIMIT), head='version="1.1"'),
+        "joint 'j2': <origin quat_xyzw> is zero",
+        5,
+    ),
+    "both rotations": (
+        robot(joint(inner='<origin rpy="0 0 0" quat_xyzw="1 0 0 0"/>'), head='version="1.2"'),
+        "has both rpy and quat_xyzw",
+        5,
+    ),
+    "deep": ("<robot>\n" + "<a>" * 100_000, "nested deeper than 100 levels", 2),
+    "wide": ("<robot>" + "<a/>" * 500_001, "more than 500000 elements", 1),
+    "too many attributes": (
+        "<robot " + " ".join(f'a{i}=""' for i in range(101)) + "/>",
+        "more than 100 attributes",
+        1,
+    ),
+    "not utf-8": (robot(extra="<!-- \xe9 -->").encode("latin-1"), "byte 0xe9 is not utf-8", 6),
+    "unknown encoding": ('<?xml version="1.0" encoding="klingon"?><robot/>', "encoding", 1),
+    "wrong encoding": ('<?xml version="1.0" encoding="utf-16"?><robot/>', "utf-16", 1),
+    "long arm": (
+        '<robot name="r">'
+        + "".join(f'<link name="l{i}"/>' for i in range(1003))
+        + "".join(joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(1002))
+        + "</robot>",
+        "1002 joints in a row: at most 1000",
+        None,
+    ),
+}
+
+
+@pytest.mark.parametrize("case", BAD_FILES)
+def test_bad_file_is_refused(case, read, tmp_path):
+    text, expected, line = BAD_FILES[case]
+    with pytest.raises(RobotFileError) as caught:
+        read(text)
+    message = str(caught.value)
+    assert expected in message
+    assert message.startswith(str(tmp_path / "arm.urdf"))
+    assert caught.value.line == line
+    assert "\n" not in message
+
+
+def test_what_is_no_readable_file(tmp_path):
+    with pytest.raises(RobotFileError, match="no such file"):
+        read_description(tmp_path / "nope.urdf")
+    with pytest.raises(RobotFileError, match="is a folder"):
+        read_description(tmp_path)
+    with pytest.raises(RobotFileError, match="no such file"):
+        read_description("nul\0byte.urdf")
+    with pytest.raises(RobotFileError, match="not a plain file"):
+        read_description("/dev/zero")
+
+
+def test_huge_file(tmp_path, monkeypatch):
+    file = tmp_path / "huge.urdf"
+    file.write_text(robot())
+    monkeypatch.setattr("pinsing.robot.xml_tree.MAX_BYTES", 100)
+    with pytest.raises(RobotFileError, match="larger than"):
+        read_description(file)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        robot(extra="<!-- \xe9 -->").encode(),
+        b"\xef\xbb\xbf" + robot().encode(),
+        ('<?xml version="1.0" encoding="iso-8859-1"?>' + robot(head='name="\xe9"')).encode(
+            "latin1"
+        ),
+        ('<?xml version="1.0" encoding="windows-1252"?>' + robot(head='name="\u20ac"')).encode(
+            "cp1252"
+        ),
+        robot(head='name="\xe9"').encode("utf-16"),
+    ],
+    ids=["utf-8", "bom", "latin-1", "windows-1252", "utf-16"],
+)
+def test_encodings(text, read):
+    found = read(text)
+    assert found.name in ("r", "\xe9", "\u20ac")
+    assert build_model(found).name == found.name
+
+
+def test_names_with_odd_characters_reach_pinocchio_unchanged(read):
+    odd = "<b> & \"q\" 'x' \x85 \u202e &#10;&#9;"
+    escaped = odd.replace("&#10;&#9;", "@@").replace("&", "&amp;").replace("<", "&lt;")
+    escaped = escaped.replace('"', "&quot;").replace("@@", "&#10;&#9;")
+    found = read(robot(joint(name=escaped)))
+    name = odd.replace("&#10;&#9;", "\n\t")
+    assert found.joints[1].name == name
+    assert list(build_model(found).names)[2] == name
+    with pytest.raises(RobotFileError) as caught:
+        read(robot(joint(name="\x85&#10;&#9;", kind="ball")))
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_robot_name_is_noted(read):
+    found = read(robot(head=""), name="my_arm.v2.urdf")
+    assert found.name == "my_arm"
+    assert "called 'my_arm' after its file" in found.notes[0]
+    assert build_model(found).name == "my_arm"
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize(
+    ("limit", "reason"),
+    [
+        ("", "has no <limit>"),
+        ('<limit effort="1" velocity="1"/>', "without lower and upper"),
+        ('<limit lower="-1e16" upper="1e16" effort="1" velocity="1"/>', "which are none"),
+    ],
+    ids=["none", "empty", "endless"],
+)
+def test_joint_without_limits_can_be_locked_but_not_analysed(kind, limit, reason, read):
+    found = read(robot(joint(kind=kind, inner=limit)))
+    entry = found.joint("j2")
+    assert (entry.lower, entry.upper) == (None, None)
+    assert any("no usable limits" in note and "'j2'" in note for note in found.notes)
+    found.require_usable(["j1"])
+    with pytest.raises(RobotFileError, match=reason) as caught:
+        found.require_usable(["j1", "j2"])
+    assert caught.value.line == 5
+    assert "joint 'j2'" in str(caught.value)
+    assert ("continuous" in str(caught.value)) == (kind == "revolute")
+    assert build_model(found).nv == 2
+
+
+def test_limits_that_need_a_word(read):
+    equal = read(robot(joint(inner='<limit lower="0" upper="0" effort="1" velocity="1"/>')))
+    assert equal.notes == ("CANNOT MOVE, its limits are equal: joint 'j2'",)
+    half = read(robot(joint(inner='<limit upper="2" effort="1" velocity="1"/>')))
+    assert (half.joint("j2").lower, half.joint("j2").upper) == (0.0, 2.0)
+    assert "the other taken as 0" in half.notes[0]
+    endless = read(robot(joint(kind="continuous", inner='<axis xyz="0 0 1"/>' + LIMIT)))
+    assert endless.joint("j2").upper is None
+    assert "limits are ignored" in endless.notes[0]
+    bare = read(robot(joint(inner='<limit lower="-1" upper="1"/>')))
+    assert any("no usable effort" in note for note in bare.notes)
+    assert build_model(bare).upperPositionLimit[1] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("axis", "unit", "kind"),
+    [
+        ("0 0 2", (0, 0, 1), "JointModelRZ"),
+        ("0 -3 0", (0, -1, 0), "JointModelRevoluteUnaligned"),
+        ("3 4 0", (0.6, 0.8, 0), "JointModelRevoluteUnaligned"),
+    ],
+)
+def test_axis_is_normalised_as_pinocchio_does(axis, unit, kind, read):
+    text = robot(joint(inner=f'<axis xyz="{axis}"/>' + LIMIT))
+    found = read(text)
+    assert found.joint("j2").axis == pytest.approx(unit, abs=1e-16)
+    assert found.notes == ("axis not of unit length, normalised, in joint 'j2'",)
+    ours, theirs = build_model(found), pin.buildModelFromXML(text)
+    assert ours.joints[2].shortname() == kind
+    q = np.array([0.3, -0.4])
+    np.testing.assert_allclose(
+        pin.computeJointJacobians(ours, ours.createData(), q),
+        pin.computeJointJacobians(theirs, theirs.createData(), q),
+        atol=1e-15,
+    )
+
+
+def test_default_axis_is_x(read):
+    assert read(robot(joint(inner=LIMIT))).joint("j2").axis == (1.0, 0.0, 0.0)
+
+
+def test_quaternion_of_urdf_1_1_is_kept(read):
+    text = robot(
+        joint(inner='<origin quat_xyzw="1 0 0 0"/>' + LIMIT), head='version="1.1" name="r"'
+    )
+    rotation = build_model(read(text)).jointPlacements[2].rotation
+    np.testing.assert_allclose(rotation, np.diag([1.0, -1.0, -1.0]), atol=1e-15)
+
+
+def test_mimic(read):
+    good = read(robot(joint(inner=LIMIT + '<mimic joint="j1" multiplier="-2" offset="0.5"/>')))
+    mimic = good.joint("j2").mimic
+    assert mimic is not None
+    assert (mimic.joint, mimic.multiplier, mimic.offset) == ("j1", -2.0, 0.5)
+    unknown = read(robot(joint(inner=LIMIT + '<mimic joint="zz"/>')))
+    assert unknown.joint("j2").mimic is None
+    assert "mimics a joint that does not exist" in unknown.notes[0]
+    with pytest.raises(RobotFileError, match="mimics joint 'zz', which does not exist"):
+        unknown.require_usable(["j2"])
+    assert build_model(unknown).nv == 2
+
+
+def test_floating_and_planar_are_left_to_the_loader(read):
+    found = read(
+        robot(joint(kind="floating", inner=""), joint("j3", "c", "d", "planar"), links="abcd")
+    )
+    assert [entry.kind for entry in found.joints] == ["revolute", "floating", "planar"]
+    assert found.joint("j2").axis is None
+    assert build_model(found).nv == 1 + 6 + 3
+
+
+def test_fixed_joint_may_carry_nonsense_that_it_does_not_use(read):
+    found = read(robot(joint(kind="fixed", inner='<axis xyz="0 0 0"/><limit effort="x"/>')))
+    assert build_model(found).nv == 1
+
+
+def test_unknown_joint_name(read):
+    with pytest.raises(UnknownNameError, match="did you mean 'j1'"):
+        read(robot()).require_usable(["j11"])
+
+
+SHAPES = {
+    "unknown": "<geometry><foo/></geometry>",
+    "none": "",
+    "empty": "<geometry/>",
+    "text": '<geometry><box size="1 x 1"/></geometry>',
+    "nan": '<geometry><sphere radius="nan"/></geometry>',
+    "negative": '<geometry><cylinder radius="-1" length="1"/></geometry>',
+    "no size": '<geometry><cylinder radius="1"/></geometry>',
+    "origin": '<origin xyz="inf 0 0"/><geometry><sphere radius="1"/></geometry>',
+    "scale": '<geometry><mesh filename="x.stl" scale="1 1"/></geometry>',
+}
+
+
+@pytest.mark.parametrize("case", SHAPES)
+@pytest.mark.parametrize("tag", ["visual", "collision"])
+def test_bad_shape_is_left_out(case, tag, read):
+    good = '<visual><geometry><sphere radius="0.1"/></geometry></visual>'
+    bad = f"<{tag}>{SHAPES[case]}</{tag}>"
+    found = read(robot(links="bc", extra=f'<link name="a">{bad}{good}</link>'))
+    assert found.notes == (f"a <{tag}> that cannot be read is left out of link 'a'",)
+    model = build_model(found)
+    shapes = pin.buildGeomFromUrdfString(model, found.xml, pin.VISUAL)
+    assert len(shapes.geometryObjects) == 1
+
+
+def test_what_kinematics_does_not_need_never_stops_it(read):
+    inner = LIMIT + '<dynamics damping="x"/><safety_controller/><calibration rising="y"/>'
+    extra = (
+        '<material name="m"><color rgba="0 0 9 1"/></material>'
+        '<material name="m"><color/></material>'
+        '<gazebo><a b="nan"/></gazebo><transmission><joint name="?"/></transmission>'
+    )
+    link = '<link name="a"><inertial><mass value="1"/></inertial></link>'
+    text = robot(joint(inner=inner), links="bc", extra=extra + link, head='name="r" version="7"')
+    found = read(text)
+    assert any("unreadable <dynamics>" in note for note in found.notes)
+    assert any("incomplete <inertial>" in note for note in found.notes)
+    assert build_model(found).nv == 2
+
+
+def test_build_model_is_silent_and_reports_why_it_fails(read, capfd):
+    found = read(robot())
+    build_model(found)
+    broken = Description(**{**vars(found), "xml": robot(joint(inner=""))})
+    with pytest.raises(RobotFileError) as caught:
+        build_model(broken)
+    message = str(caught.value)
+    assert "Pinocchio cannot build it: Error: Joint" in message
+    assert "[j2] is of type REVOLUTE but it does not specify limits" in message
+    assert "yourdfpy: " in message
+    assert "\n" not in message
+    assert capfd.readouterr() == ("", "")
+
+
+def test_diagnose_finds_nothing_in_a_good_file(read):
+    assert diagnose(read(robot())) == []
+
+
+def test_capture_survives_a_process_without_stderr(read):
+    code = (
+        "import os, sys; from pinsing.robot.description import read_description as r;"
+        "from pinsing.robot.model import build_model as b; os.close(2);"
+        "print(b(r(sys.argv[1])).nv)"
+    )
+    run = [sys.executable, "-c", code, str(read(robot()).path)]
+    assert subprocess.run(run, stdout=subprocess.PIPE, check=True).stdout == b"2\n"
+    assert model_module._CAPTURE.acquire(blocking=False)
+    model_module._CAPTURE.release()
+
+
+@pytest.mark.parametrize("file", ALL_URDFS, ids=lambda file: f"{file.parts[-3]}-{file.stem}")
+def test_every_robot_of_example_robot_data(file):
+    if file.name in WITHOUT_JOINTS:
+        with pytest.raises(RobotFileError, match="nothing to analyse"):
+            read_description(file)
+        return
+    found = read_description(file)
+    ours, theirs = build_model(found), pin.buildModelFromUrdf(str(file))
+    assert list(ours.names) == list(theirs.names)
+    assert [j.shortname() for j in ours.joints] == [j.shortname() for j in theirs.joints]
+    assert [(f.name, f.type) for f in ours.frames] == [(f.name, f.type) for f in theirs.frames]
+    for mine, other in zip(ours.jointPlacements, theirs.jointPlacements, strict=True):
+        np.testing.assert_array_equal(mine.homogeneous, other.homogeneous)
+    for mine, other in zip(ours.frames, theirs.frames, strict=True):
+        np.testing.assert_array_equal(mine.placement.homogeneous, other.placement.homogeneous)
+    moving = [j for j in found.joints if j.kind in ("revolute", "prismatic") and not j.problem]
+    for entry in moving:
+        index = theirs.joints[theirs.getJointId(entry.name)].idx_q
+        assert entry.lower == theirs.lowerPositionLimit[index] == ours.lowerPositionLimit[index]
+        assert entry.upper == theirs.upperPositionLimit[index] == ours.upperPositionLimit[index]
+    assert found.root == theirs.frames[1].name
+
+
+def test_robots_whose_meshes_are_elsewhere():
+    found = read_description(DATA / "romeo_description" / "urdf" / "romeo_laas_small.urdf")
+    assert len(found.missing_meshes) == 20
+    panda = read_description(DATA / "panda_description" / "urdf" / "panda.urdf")
+    assert panda.missing_meshes == ()
+    assert DATA.parents[1] in panda.package_dirs
+
+
+VALUES = (
+    "nan|inf|-inf|1e308||text|0|0 0 0|-1|1e-300|${x}|0x10|1_0|\xe9|\u0661|<|1,2,3|universe|..|"
+    "package://../../etc/passwd|file:///etc/passwd.stl|" + "a" * 5000
+).split("|")
+TAGS = ["joint", "link", "axis", "origin", "limit", "parent", "child", "mimic", "mass", "inertia"]
+MUTANT_FILES = ["ur5_robot.urdf", "panda.urdf", "z1.urdf"]
+
+
+def mutant(rng: random.Random, text: str) -> bytes:
+    """Return a URDF with one to three defects, and sometimes broken bytes."""
+    root = ET.fromstring(text)
+    for _ in range(rng.randint(1, 3)):
+        parents = {child: parent for parent in root.iter() for child in parent}
+        elements = [e for e in root.iter() if e.tag in TAGS]
+        element, other = rng.choice(elements), rng.choice(elements)
+        act = rng.randrange(7)
+        if act == 0 and element.attrib:
+            del element.attrib[rng.choice(list(element.attrib))]
+        elif act in (1, 2) and element.attrib:
+            element.set(rng.choice(list(element.attrib)), rng.choice(VALUES))
+        elif act == 3 and element in parents:
+            parents[element].remove(element)
+        elif act == 4 and element in parents:
+            parents[element].append(element)
+        elif act == 5:
+            element.tag = rng.choice(TAGS)
+        elif element in parents and other not in set(element.iter()):
+            parents[element].remove(element)
+            other.append(element)
+    data = ET.tostring(root, encoding=rng.choice(["utf-8", "utf-16", "iso-8859-1", "us-ascii"]))
+    cut = rng.randrange(len(data))
+    return rng.choice([data] * 10 + [data[:cut], data[:cut] + b"\xff" + data[cut + 1 :]])
+
+
+@pytest.mark.parametrize("name", MUTANT_FILES)
+def test_mutants_end_in_a_model_or_in_one_clear_line(name, read, capfd):
+    text = next(file for file in ALL_URDFS if file.name == name).read_text()
+    models, refusals = [], []
+    for seed in range(200):
+        try:
+            models.append(build_model(read(mutant(random.Random(seed), text))))
+        except PinsingError as error:
+            refusals.append(str(error))
+    assert 20 < len(models) < 180
+    assert not any(np.isnan(model.upperPositionLimit).any() for model in models)
+    # nothing that our own checks passed may fail later
+    assert not any("\n" in line or "Pinocchio cannot build" in line for line in refusals)
+    assert capfd.readouterr() == ("", "")

@@ -1,0 +1,533 @@
+"""DH tables: the URDF through Pinocchio equals DH mathematics written independently."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import dh_reference as reference
+import numpy as np
+import pinocchio as pin
+import pytest
+from numpy import cos, sin
+
+from pinsing.errors import RobotFileError
+from pinsing.robot.dh import DHTable, dh_to_urdf, read_dh, urdf_folder
+from pinsing.robot.dh_table import DHRow
+from pinsing.robot.strict_yaml import parse_number
+
+ROBOTS = ("stanford", "surgical7", "puma560", "irb1400", "iiwa14", "planar3r", "scara")
+GENERATE = Path(__file__).parents[1] / "scripts" / "generate_urdf.py"
+
+
+def table_path(name: str) -> Path:
+    return urdf_folder() / f"{name}.dh.yaml"
+
+
+def shipped(name: str) -> pin.Model:
+    return pin.buildModelFromUrdf(str(urdf_folder() / f"{name}.urdf"))
+
+
+def tip(model: pin.Model, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Placement (4, 4) and Jacobian (6, n) of tool0 at the joint values v (n,)."""
+    data = model.createData()
+    q = pin.integrate(model, pin.neutral(model), v)
+    pin.framesForwardKinematics(model, data, q)
+    frame = model.getFrameId("tool0")
+    J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+    return data.oMf[frame].homogeneous, J.reshape(6, model.nv)  # of one joint comes as (6,)
+
+
+def assert_same_kinematics(
+    table: reference.Reference, model: pin.Model, rng: np.random.Generator, count: int
+) -> None:
+    assert model.nv == table.n
+    for _ in range(count):
+        v = np.where(table.sliding, rng.uniform(-1, 1, table.n), rng.uniform(-4, 4, table.n))
+        T, J = tip(model, v)
+        np.testing.assert_allclose(T, reference.frames(table, v)[-1], rtol=0, atol=1e-12)
+        np.testing.assert_allclose(J, reference.jacobian(table, v), rtol=0, atol=1e-12)
+
+
+# --- the mathematics -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_shipped_urdf_equals_dh(name: str) -> None:
+    table, model = reference.read(table_path(name)), shipped(name)
+    assert_same_kinematics(table, model, np.random.default_rng(1), 150)
+    np.testing.assert_allclose(model.lowerPositionLimit, table.lower, rtol=1e-15)
+    np.testing.assert_allclose(model.upperPositionLimit, table.upper, rtol=1e-15)
+    assert model.name == name
+    assert read_dh(table_path(name)).source
+
+
+def random_table(rng: np.random.Generator) -> str:
+    """A random DH table as YAML text: either convention and unit, all joint types, any tool."""
+    degrees, mm = rng.random() < 0.5, rng.random() < 0.5
+
+    def angle() -> str:
+        if rng.random() < 0.5:
+            quarters = int(rng.integers(-2, 3))
+            return str(90 * quarters) if degrees else f"{quarters}*pi/2"
+        return repr(float(rng.uniform(-200, 200) if degrees else rng.uniform(-3.5, 3.5)))
+
+    def length() -> str:
+        metres = 0.0 if rng.random() < 0.4 else float(rng.uniform(-0.6, 0.6))
+        return repr(metres * (1000 if mm else 1))
+
+    lines = [
+        "name: random",
+        f"convention: {rng.choice(['standard', 'modified'])}",
+        f"units: {{angle: {'deg' if degrees else 'rad'}, length: {'mm' if mm else 'm'}}}",
+        "rows:",
+    ]
+    for _ in range(rng.integers(1, 9)):
+        kind = rng.choice(["revolute", "prismatic", "continuous"], p=[0.6, 0.25, 0.15])
+        limits = "" if kind == "continuous" else ", limits: [-1, 2.5]"
+        lines.append(
+            f"  - {{alpha: {angle()}, a: {length()}, d: {length()}, theta: {angle()}, "
+            f"type: {kind}{limits}}}"
+        )
+    match rng.integers(3):
+        case 1:
+            xyz = ", ".join(length() for _ in range(3))
+            lines.append(f"tool: {{xyz: [{xyz}], rpy: [{angle()}, {angle()}, {angle()}]}}")
+        case 2:
+            lines.append(
+                f"tool: {{alpha: {angle()}, a: {length()}, d: {length()}, theta: {angle()}}}"
+            )
+    return "\n".join(lines) + "\n"
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_random_tables_equal_dh(seed: int, tmp_path: Path) -> None:
+    rng = np.random.default_rng(seed)
+    table = tmp_path / "random.dh.yaml"
+    table.write_text(random_table(rng))
+    urdf = tmp_path / "random.urdf"
+    urdf.write_text(dh_to_urdf(read_dh(table)))
+    model = pin.buildModelFromUrdf(str(urdf))
+    assert_same_kinematics(reference.read(table), model, rng, 20)
+
+
+def test_long_table(tmp_path: Path) -> None:
+    row = DHRow(math.pi / 2, 0.01, 0.02, 0.0, "revolute", "q1", -1.0, 1.0)
+    rows = tuple(dataclasses.replace(row, name=f"q{i}") for i in range(1, 101))
+    urdf = tmp_path / "snake.urdf"
+    urdf.write_text(dh_to_urdf(DHTable("snake", "standard", rows)))
+    assert pin.buildModelFromUrdf(str(urdf)).nv == 100
+
+
+def test_right_angles_are_exact() -> None:
+    """Degrees and millimetres give the same doubles as pi/2 and metres, and no 6e-17 appears."""
+    for name in ("irb1400", "puma560", "stanford"):
+        text = (urdf_folder() / f"{name}.urdf").read_text()
+        origins = re.findall(r'<origin rpy="([^"]*)" xyz="([^"]*)"/>\s*<parent', text)
+        angles = {abs(float(x)) for rpy, _ in origins for x in rpy.split()}
+        assert angles <= {0.0, math.pi / 2}
+    assert 'xyz="0.0 -0.6 0.0"' in (urdf_folder() / "irb1400.urdf").read_text()
+
+
+# --- the paper and known results -----------------------------------------------------------------
+
+
+def stanford_wrist(tmp_path: Path) -> pin.Model:
+    table = read_dh(table_path("stanford"))
+    rows = (*table.rows[:-1], dataclasses.replace(table.rows[-1], d=0.0))
+    path = tmp_path / "wrist.urdf"
+    path.write_text(dh_to_urdf(dataclasses.replace(table, rows=rows)))
+    return pin.buildModelFromUrdf(str(path))
+
+
+def test_stanford_appendix_a(tmp_path: Path) -> None:
+    """J11, J21, J22 of the paper's Appendix A, which are those of the wrist centre."""
+    model = stanford_wrist(tmp_path)
+    rng = np.random.default_rng(2)
+    d2 = 0.06
+    for _ in range(50):
+        v = rng.uniform(-3, 3, 6)
+        q1, q2, d3, q4, q5, _ = v
+        s1, c1, s2, c2, s4, c4, s5, c5 = (f(q) for q in (q1, q2, q4, q5) for f in (sin, cos))
+        J11 = [
+            [-d2 * c1 - d3 * s1 * s2, d3 * c1 * c2, c1 * s2],
+            [-d2 * s1 + d3 * c1 * s2, d3 * s1 * c2, s1 * s2],
+            [0, -d3 * s2, c2],
+        ]
+        J21 = [[0, -s1, 0], [0, c1, 0], [1, 0, 0]]
+        J22 = [
+            [c1 * s2, -c1 * c2 * s4 - s1 * c4, (c1 * c2 * c4 - s1 * s4) * s5 + c1 * s2 * c5],
+            [s1 * s2, -s1 * c2 * s4 + c1 * c4, (s1 * c2 * c4 + c1 * s4) * s5 + s1 * s2 * c5],
+            [c2, s2 * s4, -s2 * c4 * s5 + c2 * c5],
+        ]
+        expected = np.block([[np.array(J11), np.zeros((3, 3))], [np.array(J21), np.array(J22)]])
+        J = tip(model, v)[1]
+        np.testing.assert_allclose(J, expected, rtol=0, atol=1e-12)
+        assert abs(np.linalg.det(J)) == pytest.approx(abs(d3**2 * s2 * s5), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "angle", "sliding", "expected"),
+    [
+        ("stanford", math.pi / 2, 0.3, 0.20905),  # the paper prints 0.209
+        ("stanford", math.pi / 3, 0.3, 0.16316),
+        ("surgical7", math.pi / 2, 0.3, 0.040744),
+        ("surgical7", math.pi / 3, 0.3, 0.061141),
+    ],
+)
+def test_smallest_singular_value(name: str, angle: float, sliding: float, expected: float) -> None:
+    table = reference.read(table_path(name))
+    v = np.where(table.sliding, sliding, angle)
+    sigma = np.linalg.svd(tip(shipped(name), v)[1], compute_uv=False)
+    assert sigma[-1] == pytest.approx(expected, rel=3e-5)
+
+
+def puma_determinant(q: np.ndarray) -> float:
+    a2, a3, d4 = 0.4318, 0.0203, 0.4318
+    elbow = a3 * sin(q[2]) + d4 * cos(q[2])
+    shoulder = a2 * cos(q[1]) + a3 * cos(q[1] + q[2]) - d4 * sin(q[1] + q[2])
+    return float(a2 * sin(q[4]) * elbow * shoulder)
+
+
+def irb_determinant(q: np.ndarray) -> float:
+    a1, a2, a3, d4 = 0.15, 0.6, 0.12, 0.72
+    elbow = d4 * cos(q[2]) + a3 * sin(q[2])
+    shoulder = a1 + a2 * sin(q[1]) + a3 * sin(q[1] + q[2]) + d4 * cos(q[1] + q[2])
+    return float(a2 * sin(q[4]) * elbow * shoulder)
+
+
+@pytest.mark.parametrize(
+    ("name", "determinant"), [("puma560", puma_determinant), ("irb1400", irb_determinant)]
+)
+def test_determinant_of_elbow_arms(name: str, determinant) -> None:  # type: ignore[no-untyped-def]
+    """The products of factors known for these arms, one of them the paper's missed locus."""
+    model = shipped(name)
+    rng = np.random.default_rng(3)
+    for _ in range(50):
+        v = rng.uniform(-3, 3, 6)
+        det = np.linalg.det(tip(model, v)[1])
+        assert abs(det) == pytest.approx(abs(determinant(v)), abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("name", "fixed", "rank"),
+    [
+        ("surgical7", {3: 0.0}, 5),
+        ("surgical7", {1: 0.0, 2: math.pi}, 5),
+        ("surgical7", {1: 0.0}, 6),
+        ("iiwa14", {3: 0.0}, 5),
+        ("iiwa14", {1: 0.0, 2: math.pi / 2}, 5),
+        ("iiwa14", {1: 0.0}, 6),
+        ("planar3r", {}, 3),
+        ("planar3r", {1: 0.0, 2: 0.0}, 2),
+        ("scara", {}, 4),
+        ("scara", {1: 0.0}, 3),
+    ],
+)
+def test_known_ranks(name: str, fixed: dict[int, float], rank: int) -> None:
+    model = shipped(name)
+    rng = np.random.default_rng(4)
+    for _ in range(20):
+        v = rng.uniform(0.2, 1.3, model.nv)
+        for joint, value in fixed.items():
+            v[joint] = value
+        assert np.linalg.matrix_rank(tip(model, v)[1], tol=1e-10) == rank
+
+
+# --- shapes --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_cylinders_join_the_joints(name: str) -> None:
+    path = str(urdf_folder() / f"{name}.urdf")
+    model = pin.buildModelFromUrdf(path)
+    geometry = pin.buildGeomFromUrdf(model, path, pin.GeometryType.VISUAL)
+    data, geometry_data = model.createData(), geometry.createData()
+    v = np.random.default_rng(5).uniform(model.lowerPositionLimit, model.upperPositionLimit)
+    pin.forwardKinematics(model, data, v)
+    pin.updateFramePlacements(model, data)
+    pin.updateGeometryPlacements(model, data, geometry, geometry_data, v)
+
+    segments = []
+    for shape, placement in zip(geometry.geometryObjects, geometry_data.oMg, strict=True):
+        half = getattr(shape.geometry, "halfLength", None)
+        if half is None:
+            half = shape.geometry.halfSide[2] if hasattr(shape.geometry, "halfSide") else 0.0
+        along = placement.rotation[:, 2] * half
+        segments.append((placement.translation - along, placement.translation + along))
+    origins = [np.zeros(3), *(data.oMi[i].translation for i in range(1, model.njoints))]
+    origins.append(data.oMf[model.getFrameId("tool0")].translation)
+
+    def joined(p: np.ndarray, q: np.ndarray) -> bool:
+        """Is there a shape along the straight line from p to q?"""
+        for start, end in segments:
+            axis = end - start
+            length = np.linalg.norm(axis)
+            if length < 1e-9:
+                continue
+            along = [float((x - start) @ axis / length) for x in (p, q)]
+            off = max(
+                np.linalg.norm(x - start - t * axis / length)
+                for x, t in zip((p, q), along, strict=True)
+            )
+            if off < 1e-8 and all(-1e-8 <= t <= length + 1e-8 for t in along):
+                return True
+        return False
+
+    def linked(p: np.ndarray, q: np.ndarray) -> bool:
+        """Are p and q joined by one cylinder, or by two that meet?"""
+        knees = [end for segment in segments for end in segment]
+        return joined(p, q) or any(joined(p, knee) and joined(knee, q) for knee in knees)
+
+    sliding = [j.shortname() == "JointModelPZ" for j in model.joints]
+    for i in range(len(origins) - 1):
+        p, q = origins[i], origins[i + 1]
+        if np.linalg.norm(q - p) < 1e-9:
+            continue
+        if i + 1 < model.njoints and sliding[i + 1]:
+            # Up to the sleeve it is the link; from the sleeve on, the rod.
+            parent = data.oMi[i] * model.jointPlacements[i + 1]
+            sleeve = parent.translation
+            assert np.linalg.norm(sleeve - p) < 1e-9 or linked(p, sleeve)
+            assert joined(sleeve, q)
+        else:
+            assert linked(p, q), (i, p, q)
+
+    for i in range(1, model.njoints):  # an axis drawn on every joint that turns
+        if not sliding[i]:
+            shapes = [
+                placement
+                for shape, placement in zip(
+                    geometry.geometryObjects, geometry_data.oMg, strict=True
+                )
+                if shape.parentJoint == i and hasattr(shape.geometry, "halfLength")
+            ]
+            assert any(
+                np.allclose(s.translation, data.oMi[i].translation)
+                and np.allclose(s.rotation[:, 2], data.oMi[i].rotation[:, 2])
+                for s in shapes
+            )
+
+
+# --- numbers and errors --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [
+        ("pi/2", math.pi / 2),
+        ("-pi/2", -math.pi / 2),
+        ("- pi", -math.pi),
+        ("2*pi/3", 2 * math.pi / 3),
+        ("pi*2/3", 2 * math.pi / 3),
+        ("0.25 * pi", math.pi / 4),
+        ("1/3", 1 / 3),
+        ("+.5", 0.5),
+        ("1e-3", 1e-3),
+        ("12.", 12.0),
+    ],
+)
+def test_numbers_are_exact(text: str, value: float) -> None:
+    number = parse_number(text)
+    assert number is not None
+    assert number.times() == value
+
+
+@pytest.mark.parametrize(
+    "text",
+    (
+        "|-|pi pi|pi*pi|1/pi|1/0|--1|2**3|__import__('os')|0x10|1_000|1:30|true|nan|inf|1e9999"
+        "|pi/2)|1+1|" + "9" * 90
+    ).split("|"),
+)
+def test_other_text_is_no_number(text: str) -> None:
+    assert parse_number(text) is None
+
+
+GOOD = """\
+name: arm
+convention: standard
+units: {angle: rad, length: m}
+rows:
+  - alpha: pi/2
+    a: 0
+    d: 0.1
+    theta: 0
+    type: revolute
+    limits: [-1, 1]
+  - {alpha: 0, a: 0.3, d: 0, theta: 0, type: prismatic, limits: [0, 1]}
+  - {alpha: 0, a: 0, d: 0, theta: 0, type: continuous, name: spin, velocity: 2}
+"""
+
+
+def test_good_table(tmp_path: Path) -> None:
+    path = tmp_path / "arm.dh.yaml"
+    path.write_text(GOOD)
+    table = read_dh(path)
+    assert [row.name for row in table.rows] == ["q1", "d2", "spin"]
+    assert table.rows[0] == DHRow(math.pi / 2, 0.0, 0.1, 0.0, "revolute", "q1", -1.0, 1.0)
+    assert table.rows[2].lower is None
+    assert table.rows[2].velocity == 2.0
+    assert table.tool is None
+    model = pin.buildModelFromXML(dh_to_urdf(table))
+    assert list(model.names[1:]) == ["q1", "d2", "spin"]
+    assert (model.nq, model.nv) == (4, 3)
+    assert model.velocityLimit[2] == 2.0
+
+
+def test_tool_keeps_frame_n_as_flange(tmp_path: Path) -> None:
+    path = tmp_path / "arm.dh.yaml"
+    path.write_text(GOOD + "tool: {xyz: [0, 0, 0.25]}\n")
+    model = pin.buildModelFromXML(dh_to_urdf(read_dh(path)))
+    flange, tool = (model.frames[model.getFrameId(f)].placement for f in ("flange", "tool0"))
+    np.testing.assert_allclose(flange.actInv(tool).translation, [0, 0, 0.25], atol=1e-15)
+
+
+BAD = [
+    # (old text, new text, line, words of the message)
+    ("name: arm\n", "", 1, ["missing key 'name'"]),
+    ("convention: standard", "convenion: standard", 2, ["'convenion'", "'convention'?"]),
+    ("standard", "craig", 2, ["convention", "'craig'", "standard, modified"]),
+    ("angle: rad", "angle: grad", 3, ["units: angle", "'grad'", "'rad'"]),
+    ("length: m}", "lenght: m}", 3, ["units", "'lenght'", "'length'?"]),
+    ("length: m}", "length: inch}", 3, ["units: length", "'inch'"]),
+    ("{angle: rad, length: m}", "rad", 3, ["units", "found 'rad'"]),
+    ("    d: 0.1\n", "", 5, ["row 1", "missing key 'd'"]),
+    ("    d: 0.1\n", "    d: 0.1\n    d: 0.2\n", 8, ["row 1", "'d' is given twice"]),
+    ("alpha: pi/2", "aplha: pi/2", 5, ["row 1", "'aplha'", "'alpha'?"]),
+    ("alpha: pi/2", "alpha: .nan", 5, ["row 1: alpha", "not a finite number"]),
+    ("alpha: pi/2", "alpha: -.inf", 5, ["row 1: alpha", "not a finite number"]),
+    ("alpha: pi/2", "alpha: 1e999", 5, ["row 1: alpha", "not a finite number"]),
+    ("alpha: pi/2", "alpha: [1]", 5, ["row 1: alpha", "found a list"]),
+    ("alpha: pi/2", "alpha: ", 5, ["row 1: alpha", "found nothing"]),
+    ("alpha: pi/2", "alpha: !degrees 90", 5, ["row 1: alpha", "!degrees"]),
+    ("alpha: pi/2", "alpha: exec", 5, ["row 1: alpha", "expected a number", "'exec'"]),
+    ("d: 0.1", "d: pi", 7, ["row 1: d", "only an angle in radians"]),
+    ("d: 0.1", "d: true", 7, ["row 1: d", "expected a number", "'true'"]),
+    ("type: revolute", "type: revolut", 9, ["row 1: type", "'revolut'", "'revolute'?"]),
+    ("limits: [-1, 1]", "limits: [1, -1]", 10, ["row 1: limits", "above the upper"]),
+    ("limits: [-1, 1]", "limits: [1]", 10, ["row 1: limits", "2 values, found 1"]),
+    ("limits: [-1, 1]", "limits: 3", 10, ["row 1: limits", "expected a list"]),
+    ("    limits: [-1, 1]\n", "", 5, ["row 1", "missing key 'limits'", "revolute"]),
+    (", limits: [0, 1]", "", 11, ["row 2", "missing key 'limits'", "prismatic"]),
+    ("velocity: 2", "limits: [0, 1]", 12, ["row 3: limits", "continuous"]),
+    ("velocity: 2", "velocity: -2", 12, ["row 3: velocity", "negative"]),
+    ("name: spin", "name: q1", 12, ["row 3", "'q1' is taken"]),
+    ("name: spin", "name: tool0", 12, ["row 3", "'tool0' is taken"]),
+    ("name: spin", "name: '${x}'", 12, ["row 3: name", "is no name"]),
+    ("name: arm", "name: [arm]", 1, ["name", "found a list"]),
+    ("velocity: 2}\n", "velocity: 2}\ntool: {xzy: [0, 0, 1]}\n", 13, ["tool", "'xzy'"]),
+    ("velocity: 2}\n", "velocity: 2}\ntool: {xyz: [0, 1]}\n", 13, ["tool: xyz", "3 values"]),
+    ("velocity: 2}\n", "velocity: 2}\ntool: {xyz: [0, 0, x]}\n", 13, ["xyz: value 3", "'x'"]),
+    ("velocity: 2}\n", "velocity: 2}\ntool: {alpha: 0}\n", 13, ["tool", "'a', 'd', 'theta'"]),
+    ("velocity: 2}\n", "velocity: 2\n", 13, ["not valid YAML"]),
+]
+
+
+@pytest.mark.parametrize(("old", "new", "line", "words"), BAD)
+def test_bad_table(old: str, new: str, line: int, words: list[str], tmp_path: Path) -> None:
+    assert GOOD.count(old) >= 1
+    path = tmp_path / "arm.dh.yaml"
+    path.write_text(GOOD.replace(old, new, 1))
+    with pytest.raises(RobotFileError) as caught:
+        read_dh(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}:{line}: "), message
+    assert (caught.value.path, caught.value.line) == (path, line)
+    assert "\n" not in message
+    for word in words:
+        assert word in message
+
+
+def test_degrees_may_not_hold_pi(tmp_path: Path) -> None:
+    path = tmp_path / "arm.dh.yaml"
+    path.write_text(GOOD.replace("angle: rad", "angle: deg"))
+    with pytest.raises(RobotFileError, match=r":5: row 1: alpha: 'pi/2' holds pi"):
+        read_dh(path)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        ("", "is empty"),
+        ("# nothing\n", "is empty"),
+        ("- 1\n", "expected the keys"),
+        ("a: b: c\n", "not valid YAML"),
+        ("a: \x00\n", "not valid YAML"),
+        ("a: 1\n---\nb: 2\n", "not valid YAML"),
+        ("[" * 5000, "nested too deeply"),
+        (re.sub(r"rows:.*", "rows: []\n", GOOD, flags=re.S), "rows: the list is empty"),
+        (re.sub(r"rows:.*", "rows:\n", GOOD, flags=re.S), "rows: expected a list, found nothing"),
+        (re.sub(r"rows:.*", "rows: [1]\n", GOOD, flags=re.S), "row 1: expected the keys"),
+    ],
+)
+def test_bad_file(content: str, words: str, tmp_path: Path) -> None:
+    path = tmp_path / "arm.dh.yaml"
+    path.write_text(content)
+    with pytest.raises(RobotFileError, match=words):
+        read_dh(path)
+
+
+def test_unreadable_files(tmp_path: Path) -> None:
+    with pytest.raises(RobotFileError, match="no such file"):
+        read_dh(tmp_path / "none.yaml")
+    with pytest.raises(RobotFileError, match="is a folder"):
+        read_dh(tmp_path)
+    path = tmp_path / "bytes.yaml"
+    path.write_bytes(b"name: \xff\xfe\n")
+    with pytest.raises(RobotFileError, match="UTF-8"):
+        read_dh(path)
+
+
+# --- the script ----------------------------------------------------------------------------------
+
+
+def run_generate(*arguments: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, str(GENERATE), *arguments], capture_output=True, text=True, check=False
+    )
+
+
+def test_shipped_urdfs_are_fresh() -> None:
+    result = run_generate("--check")
+    assert (result.returncode, result.stdout) == (0, ""), result.stderr
+
+
+def test_check_lists_what_differs(tmp_path: Path) -> None:
+    for name in ("planar3r", "scara"):
+        (tmp_path / f"{name}.dh.yaml").write_text(table_path(name).read_text())
+    folder = ("--folder", str(tmp_path))
+    missing = run_generate("--check", *folder)
+    assert missing.returncode == 1
+    assert "planar3r.urdf" in missing.stdout
+    assert not list(tmp_path.glob("*.urdf"))
+    assert run_generate(*folder).returncode == 0
+    assert run_generate("--check", *folder).returncode == 0
+    urdf = tmp_path / "scara.urdf"
+    urdf.write_text(urdf.read_text().replace("0.387", "0.388"))
+    stale = run_generate("--check", *folder)
+    assert stale.returncode == 1
+    assert "scara.urdf" in stale.stdout
+    assert "planar3r" not in stale.stdout
+
+
+def test_generate_says_what_is_wrong(tmp_path: Path) -> None:
+    nothing = run_generate("--folder", str(tmp_path))
+    assert nothing.returncode == 2
+    assert "no *.dh.yaml" in nothing.stderr
+    (tmp_path / "bad.dh.yaml").write_text("name: bad\n")
+    bad = run_generate("--folder", str(tmp_path))
+    assert bad.returncode == 2
+    assert "bad.dh.yaml:1: missing key 'convention'" in bad.stderr
+    assert "Traceback" not in bad.stderr
+
+
+def test_no_machine_path_in_the_urdfs() -> None:
+    for name in ROBOTS:
+        text = (urdf_folder() / f"{name}.urdf").read_text()
+        assert "xacro" not in text
+        assert str(urdf_folder()) not in text

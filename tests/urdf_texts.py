@@ -1,0 +1,39 @@
+"""URDF texts for the tests: one good arm of three links, with one place to put a defect."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+LIMIT = '<limit lower="-1" upper="2" effort="1" velocity="1"/>'
+
+
+def joint(
+    name: str = "j2",
+    parent: str = "b",
+    child: str = "c",
+    kind: str = "revolute",
+    inner: str = '<axis xyz="0 0 1"/>' + LIMIT,
+) -> str:
+    ends = f'<parent link="{parent}"/><child link="{child}"/>'
+    return f'<joint name="{name}" type="{kind}">{ends}{inner}</joint>'
+
+
+def robot(*joints: str, links: str = "abc", extra: str = "", head: str = 'name="r"') -> str:
+    """Return a URDF of three links; the joint under test is on line 5, what is extra on line 6."""
+    first = joint("j1", "a", "b")
+    body = "".join(f'<link name="{link}"/>' for link in links)
+    tested = "\n".join(joints) if joints else joint()
+    return f"<robot {head}>\n{body}\n\n{first}\n{tested}\n{extra}</robot>\n"
+
+
+def make_package(tmp_path: Path) -> Path:
+    """A package with a mesh and a folder for its URDF, beside a secret that is no part of it."""
+    folder = tmp_path / "ws" / "arm_description"
+    (folder / "urdf").mkdir(parents=True)
+    (folder / "meshes").mkdir()
+    (folder / "package.xml").write_text("<package><name>arm_description</name></package>")
+    stl = b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\n"
+    (folder / "meshes" / "a.stl").write_bytes(stl + b"endloop\nendfacet\nendsolid x\n")
+    (tmp_path / "secret.stl").write_text("secret")
+    (folder / "secret.txt").write_text("secret")
+    return folder
