@@ -1,0 +1,292 @@
+"""closed_form: all families of singular configurations of an arm."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pinsing.closed_form.columns import jacobian_matrix
+from pinsing.closed_form.decompose import Decomposition
+from pinsing.closed_form.expression import Array, Equation
+from pinsing.closed_form.family import Branch, Family
+from pinsing.closed_form.join import mirror_key, statement
+from pinsing.closed_form.pieces import Piece, PieceMaker
+from pinsing.closed_form.points import gradients, proven_empty
+from pinsing.closed_form.ring import make_ring
+from pinsing.errors import OptionError
+from pinsing.kinematics import generic_rank
+from pinsing.result import JsonResult
+from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
+from pinsing.robot.summary import ArmSummary, summarize
+from pinsing.second_order import classify
+from pinsing.state import at
+
+_SEED = 20
+_WITNESSES = 6
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedForm(JsonResult):
+    """The singular set of an arm, as families.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    symbols : tuple of str
+        How the equations name its joints, base to tip: q1, q2, d3, ...
+    generic_rank : int
+        Singular means: rank below this.
+    families : tuple of Family
+        Their union is the singular set, where ``complete``.
+    complete : bool
+        Whether nothing can be missing: the search ended, and every branch was decided.
+    fully_decomposed : bool
+        Whether every family has joint values and at most one equation.
+    gaps : tuple of str
+        Why not complete.
+    dropped : int
+        Components over the complex numbers that were proven to have no real point.
+    snaps : tuple of str
+        What the nominal geometry moved, with sizes.
+    jacobian_change : float
+        Bound of what that changes in any column of the task Jacobian.
+    seconds : float
+        Time it took.
+    """
+
+    schema: ClassVar[str] = "pinsing/closed_form/1"
+
+    arm: ArmSummary
+    symbols: tuple[str, ...]
+    generic_rank: int
+    families: tuple[Family, ...]
+    complete: bool
+    fully_decomposed: bool
+    gaps: tuple[str, ...]
+    dropped: int
+    snaps: tuple[str, ...]
+    jacobian_change: float
+    seconds: float
+
+    @property
+    def legend(self) -> tuple[tuple[str, str], ...]:
+        """Symbol and joint name, base to tip."""
+        return tuple(zip(self.symbols, self.arm.joints, strict=True))
+
+    def family_of(self, q: Array, tol: float = 1e-6) -> Family | None:
+        """The first family that has a point within ``tol`` of q (n,), if any."""
+        return next((f for f in self.families if bool(f.contains(q, tol))), None)
+
+    def __str__(self) -> str:
+        state = "complete" if self.complete else "NOT complete: " + "; ".join(self.gaps)
+        lines = [
+            f"{self.arm.name}: {len(self.families)} families of singular configurations "
+            f"(rank < {self.generic_rank}, task {self.arm.task}), {state}"
+        ]
+        width = max((len(f.name) for f in self.families), default=0)
+        for f in self.families:
+            lines.append(f"  {f.name:{width}}  {f.text}")
+        named = [f"{s} = {j}" for s, j in self.legend if s != j]
+        if named:
+            lines.append("  where " + ", ".join(named))
+        return "\n".join(lines)
+
+
+def closed_form(
+    arm: Arm,
+    *,
+    seconds: float = 10.0,
+    angle_tol: float = ANGLE_TOL,
+    snap_length: float = 0.0,
+) -> ClosedForm:
+    """Find all families of singular configurations, exactly, on the nominal geometry.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm.
+    seconds : float
+        Time after which the algebra is given up; what was found till then is returned,
+        with ``complete`` False and the reason.
+    angle_tol, snap_length : float
+        As in ``nominal``: radians, metres.
+
+    Returns
+    -------
+    ClosedForm
+        Families, each with equations, joints, points, distance, reachability and reason.
+
+    Raises
+    ------
+    OptionError
+        If ``seconds`` is not positive, or a tolerance makes no sense.
+    """
+    if not seconds > 0:
+        raise OptionError(f"seconds must be positive, got {seconds!r}")
+    started = time.monotonic()
+    geometry = nominal(arm, angle_tol, snap_length)
+    symbols = joint_symbols(arm)
+    rank = generic_rank(arm)
+    families: list[Family] = []
+    gaps: list[str] = []
+    dropped = 0
+    if arm.coupling is not None:
+        gaps.append("mimic joints inside the chain are not covered by the algebra")
+    elif arm.n > 0 and rank > 0:
+        ring = make_ring(geometry.prismatic)
+        matrix = jacobian_matrix(geometry, ring, arm.task)
+        search = Decomposition(matrix, rank, ring, seconds)
+        gaps += list(dict.fromkeys(search.gaps))
+        maker = PieceMaker(geometry, ring, rank, symbols, _SEED)
+        pieces = [maker.make(c) for c in search.components]
+        dropped = sum(p is None for p in pieces)
+        grouped = _join([p for p in pieces if p is not None])
+        families = [_family(group, maker, arm, geometry) for group in grouped]
+        families.sort(key=_order)
+        families = [_named(f, i) for i, f in enumerate(families, 1)]
+        for f in families:
+            if f.generic is not None and maker.ratios(f.generic[None])[0] > 1e-8:
+                gaps.append(f"{f.name} has a regular configuration: please report this")
+    return ClosedForm(
+        arm=summarize(arm),
+        symbols=symbols,
+        generic_rank=rank,
+        families=tuple(families),
+        complete=not gaps,
+        fully_decomposed=all(len(b.equations) <= 1 for f in families for b in f.branches),
+        gaps=tuple(gaps),
+        dropped=dropped,
+        snaps=tuple(str(s) for s in geometry.snaps),
+        jacobian_change=geometry.jacobian_change,
+        seconds=time.monotonic() - started,
+    )
+
+
+def joint_symbols(arm: Arm) -> tuple[str, ...]:
+    """q1, q2, d3, ...: the joint's number from the base, d where it slides."""
+    return tuple(f"{'d' if s else 'q'}{i}" for i, s in enumerate(arm.prismatic, 1))
+
+
+def _join(pieces: Sequence[Piece]) -> list[list[Piece]]:
+    groups: dict[object, list[Piece]] = {}
+    for piece in pieces:
+        groups.setdefault(mirror_key(piece), []).append(piece)
+    return list(groups.values())
+
+
+def _family(group: list[Piece], maker: PieceMaker, arm: Arm, geometry: Nominal) -> Family:
+    branches = tuple(b for p in group for b in p.branches)
+    solved = group[0].solved
+    prismatic = [bool(p) for p in arm.prismatic]
+    involved = sorted({j for b in branches for j in b.involved})
+    draft = Family(
+        name="",
+        text=statement(branches, solved, maker.symbols, prismatic),
+        latex=statement(branches, solved, maker.symbols, prismatic, latex=True),
+        branches=branches,
+        joints=tuple(arm.joints[j] for j in involved),
+        codimension=group[0].codimension,
+        proof=min((p.proof for p in group), key=["generic points", "algebra"].index),
+        real=any(p.real for p in group),
+        reachability="none found",
+        witness=None,
+        generic=None,
+        rank=None,
+        lost=(),
+        kind="undecided",
+        reason="",
+        raw_ratio=None,
+        lower=np.array(arm.lower),
+        upper=np.array(arm.upper),
+        prismatic=np.array(arm.prismatic),
+        length_scale=arm.length_scale,
+    )
+    if not draft.real:
+        return draft
+    rng = np.random.default_rng(_SEED)
+    inside = draft.sample(_WITNESSES, rng)
+    reachability = "reachable" if len(inside) else _unreachable(draft)
+    points = inside if len(inside) else draft.points(_WITNESSES, rng)
+    return _described(draft, reachability, inside, points, arm, geometry, maker)
+
+
+def _unreachable(family: Family) -> str:
+    """Whether that no point lies within the limits can be proven."""
+    lower, upper = family.box(within_limits=True)
+    for branch in family.branches:
+        if family._placed(branch, within_limits=True) and not (
+            branch.equations and proven_empty(branch.equations, lower, upper)
+        ):
+            return "none found"
+    return "not reachable"
+
+
+def _described(
+    draft: Family,
+    reachability: str,
+    inside: Array,
+    points: Array,
+    arm: Arm,
+    geometry: Nominal,
+    maker: PieceMaker,
+) -> Family:
+    from dataclasses import replace
+
+    if not len(points):
+        return replace(draft, reachability=reachability)
+    exact = geometry.arm
+    generic = points[0]
+    state = at(exact, generic, rtol=1e-8)
+    kind = classify(exact, generic) if state.rank < maker.rank else "undecided"
+    branch = next((b for b in draft.branches if _on(draft, b, generic)), draft.branches[0])
+    raw = None
+    if not geometry.exact:
+        raw = float(maker.ratios(points, arm).max())
+    return replace(
+        draft,
+        codimension=_codimension(branch, generic, draft.codimension),
+        reachability=reachability,
+        witness=inside[0] if len(inside) else None,
+        generic=generic,
+        rank=state.rank,
+        lost=tuple(str(x) for x in state.lost),
+        kind=kind,
+        reason="; ".join(str(d) for d in state.dependences),
+        raw_ratio=raw,
+    )
+
+
+def _on(family: Family, branch: Branch, q: Array) -> bool:
+    alone = Family(**{**vars(family), "branches": (branch,)})
+    return bool(alone.contains(q))
+
+
+def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
+    """Joints fixed plus independent gradients at q; the complex one where gradients vanish."""
+    if not branch.equations:
+        return len(branch.values)
+    A = gradients(branch.equations, q[None])[0]
+    independent = int((np.linalg.svd(A, compute_uv=False) > 1e-7).sum())
+    if independent == 0:
+        return complex_codimension
+    return len(branch.values) + independent
+
+
+def _order(family: Family) -> tuple[int, int, int, tuple[str, ...]]:
+    equations: list[Equation] = list(family.branches[0].equations)
+    return (
+        family.codimension,
+        len(equations),
+        sum(len(e.cos) for e in equations),
+        tuple(str(j) for b in family.branches[:1] for j in b.involved),
+    )
+
+
+def _named(family: Family, number: int) -> Family:
+    return Family(**{**vars(family), "name": f"F{number}"})

@@ -1,0 +1,263 @@
+"""The task Jacobian as a matrix of polynomials, and its reduction to the part that matters.
+
+Every column is the joint's screw written in a frame in the middle of the chain (for the
+full pose; the rank does not depend on the frame), times a product of x^2 + y^2, which no
+real angle makes zero. Constant entries are then used up as pivots: what is left is a
+smaller matrix whose rank drops exactly where the Jacobian's does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from pinsing.closed_form.ring import Poly, Ring, rational
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.task import Task
+
+Matrix = list[list[Poly]]
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Rigid motion with a common denominator: rotation R / d and position p / d."""
+
+    R: Matrix
+    p: list[Poly]
+    d: Poly
+
+
+def _multiply(A: Matrix, B: Matrix, zero: Poly) -> Matrix:
+    columns = list(zip(*B, strict=True))
+    return [[_dot(row, column, zero) for column in columns] for row in A]
+
+
+def _dot(a: Sequence[Poly], b: Sequence[Poly], zero: Poly) -> Poly:
+    total = zero
+    for x, y in zip(a, b, strict=True):
+        if x != 0 and y != 0:
+            total = total + x * y
+    return total
+
+
+class _Chain:
+    """Poses along the nominal chain, as polynomials."""
+
+    def __init__(self, geometry: Nominal, ring: Ring) -> None:
+        self.ring, self.geometry = ring, geometry
+        self.n = len(geometry.prismatic)
+
+    def placed(self, i: int) -> Pose:
+        """Constant placement C_i."""
+        one = self.ring.one
+        R = [[one * rational(x) for x in row] for row in self.geometry.rotation[i]]
+        return Pose(R, [one * rational(x) for x in self.geometry.translation[i]], one)
+
+    def moved(self, j: int) -> Pose:
+        """Motion M_j of joint j."""
+        one, zero = self.ring.one, self.ring.zero
+        gens = self.ring.context.gens()
+        v = self.ring.variables(j)
+        if self.ring.prismatic[j]:
+            eye = [[one if a == b else zero for b in range(3)] for a in range(3)]
+            return Pose(eye, [zero, zero, gens[v[0]]], one)
+        x, y = gens[v[0]], gens[v[1]]
+        c, s, w = x * x - y * y, 2 * x * y, x * x + y * y
+        return Pose([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
+
+    def compose(self, a: Pose, b: Pose) -> Pose:
+        zero = self.ring.zero
+        p = [_dot(row, b.p, zero) + x * b.d for row, x in zip(a.R, a.p, strict=True)]
+        return Pose(_multiply(a.R, b.R, zero), p, a.d * b.d)
+
+    def inverse(self, a: Pose) -> Pose:
+        zero = self.ring.zero
+        Rt = [list(column) for column in zip(*a.R, strict=True)]
+        R = [[x * a.d for x in row] for row in Rt]
+        return Pose(R, [-_dot(row, a.p, zero) for row in Rt], a.d * a.d)
+
+    def identity(self) -> Pose:
+        one, zero = self.ring.one, self.ring.zero
+        return Pose(
+            [[one if a == b else zero for b in range(3)] for a in range(3)], [zero] * 3, one
+        )
+
+    def joint_frames(self, middle: int) -> tuple[list[Pose], Pose, Pose]:
+        """Frames of all joints, the base and the tip, seen from joint frame ``middle``."""
+        frames: list[Pose] = [self.identity()] * self.n
+        here = self.identity()
+        for j in range(middle, self.n):
+            frames[j] = here
+            here = self.compose(self.compose(here, self.moved(j)), self.placed(j + 1))
+        tip = here
+        back = self.identity()
+        for j in range(middle - 1, -1, -1):
+            back = self.compose(self.compose(self.moved(j), self.placed(j + 1)), back)
+            frames[j] = self.inverse(back)
+        base = self.inverse(self.compose(self.placed(0), back))
+        return frames, base, tip
+
+
+def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
+    """Task Jacobian as polynomials, up to nonzero row operations and column factors.
+
+    The reference point is moved into the chain only for the full pose, and the axes only
+    for the full pose, position and orientation: elsewhere the rank depends on them.
+    """
+    chain = _Chain(geometry, ring)
+    frames, base, tip = chain.joint_frames(chain.n // 2)
+    at_tip = task.name != "pose" and any(r < 3 for r in task.rows)
+    in_base = task.name not in ("pose", "position", "orientation")
+    zero = ring.zero
+    columns = []
+    for j, frame in enumerate(frames):
+        z = [row[2] for row in frame.R]  # over frame.d
+        if ring.prismatic[j]:
+            v, w = [x * ring.one for x in z], [zero] * 3
+        else:
+            if at_tip:  # lever from the joint to the tip, over frame.d * tip.d
+                lever = [t * frame.d - p * tip.d for t, p in zip(tip.p, frame.p, strict=True)]
+                w = [x * frame.d * tip.d for x in z]
+            else:
+                lever = [-p for p in frame.p]
+                w = [x * frame.d for x in z]
+            v = _cross(z, lever)
+        if in_base:
+            Rt = [list(column) for column in zip(*base.R, strict=True)]
+            v = [_dot(row, v, zero) for row in Rt]
+            w = [_dot(row, w, zero) for row in Rt]
+        six = v + w
+        columns.append(_primitive([six[r] for r in task.rows], ring))
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _cross(a: Sequence[Poly], b: Sequence[Poly]) -> list[Poly]:
+    return [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+
+
+def _primitive(line: list[Poly], ring: Ring) -> list[Poly]:
+    """Divide a row or column by the x^2 + y^2 that all its entries share."""
+    if all(x == 0 for x in line):
+        return line
+    for w in ring.w:
+        if w is None:
+            continue
+        while True:
+            parts = [divmod(x, w) for x in line]
+            if any(r != 0 for _, r in parts):
+                break
+            line = [q for q, _ in parts]
+    return line
+
+
+def independent_rows(matrix: Matrix) -> Matrix:
+    """Drop rows that are rational combinations of others: no rank is lost anywhere."""
+    basis: list[
+        tuple[tuple[int, tuple[int, ...]], dict[tuple[int, tuple[int, ...]], Fraction]]
+    ] = []
+    kept = []
+    for row in matrix:
+        vector = {
+            (j, m): Fraction(int(c.p), int(c.q))
+            for j, x in enumerate(row)
+            for m, c in x.to_dict().items()
+        }
+        for lead, other in basis:
+            if lead in vector:
+                ratio = vector[lead] / other[lead]
+                for key, value in other.items():
+                    vector[key] = vector.get(key, Fraction(0)) - ratio * value
+                vector = {k: v for k, v in vector.items() if v}
+        if vector:
+            basis.append((next(iter(vector)), vector))
+            kept.append(row)
+    return kept
+
+
+def reduce_matrix(matrix: Matrix, rank: int, ring: Ring) -> tuple[Matrix, int]:
+    """Use up pivots that never vanish.
+
+    Parameters
+    ----------
+    matrix : list of rows
+        Polynomials.
+    rank : int
+        The rank below which the matrix is singular.
+
+    Returns
+    -------
+    (matrix, rank)
+        A smaller matrix that is below the smaller rank exactly where the given one is
+        below the given one.
+    """
+    rows = independent_rows(matrix)
+    while rows and rank > 0:
+        pivot = _unit(rows, ring)
+        if pivot is None:
+            break
+        i, j = pivot
+        p = rows[i][j]
+        rest = []
+        for k, row in enumerate(rows):
+            if k == i:
+                continue
+            if row[j] == 0:
+                rest.append([x for c, x in enumerate(row) if c != j])
+            else:
+                rest.append([x * p - row[j] * rows[i][c] for c, x in enumerate(row) if c != j])
+        rank -= 1
+        rows = [_primitive(row, ring) for row in rest]
+        rows = independent_rows([row for row in rows if any(x != 0 for x in row)])
+        if rows:
+            columns = [list(c) for c in zip(*rows, strict=True)]
+            columns = [_primitive(c, ring) for c in columns if any(x != 0 for x in c)]
+            rows = [list(row) for row in zip(*columns, strict=True)]
+    return rows, rank
+
+
+def _unit(rows: Matrix, ring: Ring) -> tuple[int, int] | None:
+    """Position of an entry that vanishes nowhere, the one that disturbs the rest least."""
+    best: tuple[int, int, int] | None = None
+    for i, row in enumerate(rows):
+        in_row = sum(len(x) for x in row if x != 0)
+        for j, x in enumerate(row):
+            if x == 0 or not (x.is_constant() or ring.strip(x).is_constant()):
+                continue
+            column = [other[j] for k, other in enumerate(rows) if k != i and other[j] != 0]
+            cost = sum(len(c) for c in column) * in_row + (0 if x.is_constant() else 1000)
+            if best is None or cost < best[0]:
+                best = (cost, i, j)
+    return None if best is None else (best[1], best[2])
+
+
+def determinant(matrix: Matrix, ring: Ring) -> Poly:
+    """Determinant by Bareiss' fraction-free elimination, sparsest rows first."""
+    rows = [list(row) for row in matrix]
+    size = len(rows)
+    previous = ring.one
+    sign = 1
+    for k in range(size - 1):
+        choice = min(
+            ((len(rows[i][k]), i) for i in range(k, size) if rows[i][k] != 0), default=None
+        )
+        if choice is None:
+            return ring.zero
+        i = choice[1]
+        if i != k:
+            rows[k], rows[i] = rows[i], rows[k]
+            sign = -sign
+        pivot = rows[k][k]
+        for i in range(k + 1, size):
+            head = rows[i][k]
+            for j in range(k + 1, size):
+                value = rows[i][j] * pivot
+                if head != 0 and rows[k][j] != 0:
+                    value = value - head * rows[k][j]
+                rows[i][j] = value / previous if k else value
+        previous = pivot
+    return rows[-1][-1] * sign

@@ -1,0 +1,417 @@
+"""From a polynomial matrix to the components of the set where its rank drops.
+
+Every component of the complex set {rank M < r} of a rows x columns matrix has codimension
+at most (rows - r + 1)(columns - r + 1) (Eagon and Northcott, 1962). So the search branches
+on factors of the minors, puts joint values in as soon as a factor fixes one, and leaves a
+branch whose codimension has passed the bound: whatever is left there lies on a component
+of larger dimension, which another branch finds.
+"""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing.closed_form.columns import Matrix, determinant, reduce_matrix
+from pinsing.closed_form.ring import Poly, Ring, Value
+from pinsing.closed_form.slices import ComplexArray, RankTest, numeric, slice_points
+
+_SEED = 7
+_RESULTANT_TERMS = 2_000
+"""Largest product of term counts for which a symbolic resultant is tried."""
+
+
+@dataclass(frozen=True)
+class Component:
+    """Where rank drops: joints at rational values, and polynomials that vanish.
+
+    Attributes
+    ----------
+    values : mapping of joint to Value
+        Rational joint values.
+    relations : tuple of Poly
+        Polynomials in the other joints; one, or a system of several.
+    proven : bool
+        Whether every minor was shown to vanish there by algebra (else at sampled points).
+    codimension : int
+        Complex codimension.
+    """
+
+    values: Mapping[int, Value]
+    relations: tuple[Poly, ...]
+    proven: bool
+    codimension: int
+
+
+class Budget(Exception):
+    """The time that was allowed is over."""
+
+
+class Minors:
+    """Minors of one size of a matrix, computed as they are asked for, the simplest first."""
+
+    def __init__(self, matrix: Matrix, size: int, ring: Ring, deadline: float) -> None:
+        self.matrix, self.size, self.ring, self.deadline = matrix, size, ring, deadline
+        length = [[len(x) for x in row] for row in matrix]
+        choices = [
+            (rows, columns)
+            for rows in itertools.combinations(range(len(matrix)), size)
+            for columns in itertools.combinations(range(len(matrix[0])), size)
+        ]
+        cost = {c: sum(length[i][j] for i in c[0] for j in c[1]) for c in choices}
+        self._left = sorted(choices, key=lambda c: cost[c])
+        self._done: list[Poly] = []
+
+    def __len__(self) -> int:
+        return len(self._done) + len(self._left)
+
+    def __iter__(self) -> Iterator[Poly]:
+        """All minors that are not identically zero."""
+        i = 0
+        while True:
+            while i < len(self._done):
+                yield self._done[i]
+                i += 1
+            if not self._left:
+                return
+            self._compute()
+
+    def _compute(self) -> None:
+        if time.monotonic() > self.deadline:
+            raise Budget
+        rows, columns = self._left.pop(0)
+        minor = determinant([[self.matrix[i][j] for j in columns] for i in rows], self.ring)
+        if minor != 0:
+            self._done.append(self.ring.strip(minor))
+
+
+class Decomposition:
+    """Runs the search and collects components, and what stopped it where it did not finish."""
+
+    def __init__(self, matrix: Matrix, rank: int, ring: Ring, seconds: float) -> None:
+        self.ring = ring
+        self.deadline = time.monotonic() + seconds
+        self.components: list[Component] = []
+        self.gaps: list[str] = []
+        self._rng = np.random.default_rng(_SEED)
+        self._seen: set[object] = set()
+        rows, reduced = reduce_matrix(matrix, rank, ring)
+        if reduced > 0 and rows:
+            bound = (len(rows) - reduced + 1) * (len(rows[0]) - reduced + 1)
+        else:
+            bound = 1
+        self.bound = bound
+        try:
+            self._matrix(rows, reduced, {}, bound)
+        except Budget:
+            self.gaps.append(f"the time budget of {seconds:g} s ran out")
+        self.components = self._irredundant(self.components)
+
+    # Branches -----------------------------------------------------------------------
+
+    def _matrix(self, matrix: Matrix, rank: int, values: dict[int, Value], budget: int) -> None:
+        """All components of codimension up to ``budget`` of where ``matrix`` is below ``rank``."""
+        key = frozenset(values.items())
+        if key in self._seen or self._covered(values, ()):
+            return
+        self._seen.add(key)
+        matrix, rank = reduce_matrix(matrix, rank, self.ring)
+        if rank <= 0:
+            return
+        if not matrix or min(len(matrix), len(matrix[0])) < rank:
+            self._emit(values, (), True)
+            return
+        budget = min(budget, (len(matrix) - rank + 1) * (len(matrix[0]) - rank + 1))
+        if budget <= 0:
+            return
+        minors = Minors(matrix, rank, self.ring, self.deadline)
+        common = self._common_factor(minors)
+        if common is None:
+            self._emit(values, (), True)
+            return
+        shared = self.ring.factors(common)
+        for f in shared:
+            self._hypersurface(f, values)
+        if budget < 2:
+            return
+        simplest = self._simplest_cofactor(minors, common)
+        for f in simplest:
+            if f in shared:
+                continue
+            fixed = self.ring.joint_value(f)
+            if fixed is not None:
+                j, value = fixed
+                inner = {**values, j: value}
+                self._matrix(self._put(matrix, {j: value}), rank, inner, budget - 1)
+            else:
+                self._relation(f, matrix, rank, values, minors, budget - 1)
+
+    def _relation(
+        self,
+        p: Poly,
+        matrix: Matrix,
+        rank: int,
+        values: dict[int, Value],
+        minors: Minors,
+        budget: int,
+    ) -> None:
+        """Components inside p = 0, of codimension up to ``budget`` there."""
+        key = (frozenset(values.items()), str(p))
+        if key in self._seen or self._covered(values, (p,)):
+            return
+        self._seen.add(key)
+        others = []
+        for minor in minors:
+            if divmod(minor, p)[1] != 0:
+                factors = self.ring.factors(minor)
+                if not factors:
+                    return
+                others.append(factors)
+                if len(others) >= 6:
+                    break
+        if not others:
+            self._emit(values, (p,), True)
+            return
+        if budget <= 0:
+            return
+        best = min(others, key=_cost)
+        test = RankTest(matrix, rank, self.ring)
+        for g in best:
+            fixed = self.ring.joint_value(g)
+            if fixed is not None:
+                j, value = fixed
+                self._split(p, {j: value}, matrix, rank, values, budget - 1)
+            else:
+                self._pair(p, g, matrix, rank, values, minors, test, budget)
+
+    def _split(
+        self,
+        p: Poly,
+        new: Mapping[int, Value],
+        matrix: Matrix,
+        rank: int,
+        values: dict[int, Value],
+        budget: int,
+    ) -> None:
+        """Put joint values in, and go on with each factor of what p becomes there."""
+        inner = {**values, **new}
+        put = self._put(matrix, new)
+        for h in self.ring.factors(self.ring.strip(self.ring.substitute(p, new))):
+            fixed = self.ring.joint_value(h)
+            if fixed is not None:
+                j, value = fixed
+                self._matrix(self._put(put, {j: value}), rank, {**inner, j: value}, budget)
+                continue
+            reduced, r = reduce_matrix(put, rank, self.ring)
+            if r <= 0:
+                continue
+            if min(len(reduced), len(reduced[0])) < r:
+                self._emit(inner, (), True)
+                continue
+            minors = Minors(reduced, r, self.ring, self.deadline)
+            self._relation(h, reduced, r, inner, minors, budget)
+
+    def _pair(
+        self,
+        p: Poly,
+        g: Poly,
+        matrix: Matrix,
+        rank: int,
+        values: dict[int, Value],
+        minors: Minors,
+        test: RankTest,
+        budget: int,
+    ) -> None:
+        """Components inside p = g = 0: none, or stated by as few joints as can be found."""
+        if time.monotonic() > self.deadline:
+            raise Budget
+        free = [j for j in range(len(self.ring.prismatic)) if j not in values]
+        points = list(slice_points(p, g, test, self.ring, self._rng, free))
+        if any(not s.certain for s in points):
+            self.gaps.append("a slice could not be told singular from regular")
+        singular = [s.point for s in points if s.singular]
+        if not singular:
+            if budget > 1:
+                self.gaps.append(
+                    "components of higher codimension inside two equations were not searched"
+                )
+            return
+        shared = self._common_joints(p, g)
+        if shared and len(p) * len(g) <= _RESULTANT_TERMS:
+            self._eliminate(p, g, shared[0], matrix, rank, values, test, singular, budget)
+        missed = [s for s in singular if not any(self._holds(c, s) for c in self.components)]
+        if missed:
+            regular = [s.point for s in points if not s.singular]
+            self._emit(values, self._system(p, g, missed, regular, minors), False)
+
+    def _eliminate(
+        self,
+        p: Poly,
+        g: Poly,
+        joint: int,
+        matrix: Matrix,
+        rank: int,
+        values: dict[int, Value],
+        test: RankTest,
+        singular: list[ComplexArray],
+        budget: int,
+    ) -> None:
+        """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
+        resultant = self.ring.strip(self._resultant(p, g, joint))
+        free = [j for j in range(len(self.ring.prismatic)) if j not in values]
+        for h in self.ring.factors(resultant):
+            fixed = self.ring.joint_value(h)
+            if fixed is not None:
+                j, value = fixed
+                at = {j: value}
+                common = self.ring.substitute(p, at).gcd(self.ring.substitute(g, at))
+                put = self._put(matrix, at)
+                for e in self.ring.factors(self.ring.strip(common)):
+                    self._split(e, {}, put, rank, {**values, **at}, budget - 1)
+            elif len(h) <= len(p) + len(g) and self._vanishes_somewhere(h, singular):
+                for other in sorted((p, g), key=len):
+                    points = list(slice_points(h, other, test, self.ring, self._rng, free))
+                    if points and all(s.singular for s in points):
+                        self._emit(values, tuple(sorted((h, other), key=len)), False)
+                        break
+
+    def _system(
+        self,
+        p: Poly,
+        g: Poly,
+        singular: list[ComplexArray],
+        regular: list[ComplexArray],
+        minors: Minors,
+    ) -> tuple[Poly, ...]:
+        """Equations of the singular part of p = g = 0: factors of further minors where needed."""
+        relations = [p, g]
+        left = list(regular)
+        for minor in minors:
+            if not left:
+                break
+            factors = self.ring.factors(minor)
+            if any(f in relations for f in factors):
+                continue
+            whole = [f for f in factors if all(self._zero(f, s) for s in singular)]
+            for f in whole[:1] or [minor]:
+                remaining = [s for s in left if self._zero(f, s)]
+                if len(remaining) < len(left):
+                    relations.append(f)
+                    left = remaining
+        if left:
+            self.gaps.append("regular points could not be told from a system of equations")
+        return tuple(sorted(relations, key=len))
+
+    def _zero(self, poly: Poly, point: ComplexArray) -> bool:
+        evaluate = numeric(poly, self.ring.context.nvars())
+        return abs(evaluate(point)) <= 1e-7 * evaluate.size(point)
+
+    def _vanishes_somewhere(self, poly: Poly, points: list[ComplexArray]) -> bool:
+        return any(self._zero(poly, s) for s in points)
+
+    def _holds(self, component: Component, point: ComplexArray) -> bool:
+        """Whether a complex point lies on a component."""
+        for j, value in component.values.items():
+            v = self.ring.variables(j)
+            if self.ring.prismatic[j]:
+                if abs(point[v[0]] - float(value[0])) > 1e-7:
+                    return False
+                continue
+            x, y = (float(c) for c in value)
+            size = np.hypot(x, y) * (abs(point[v[0]]) + abs(point[v[1]]))
+            if abs(point[v[0]] * y - point[v[1]] * x) > 1e-7 * size:
+                return False
+        return all(self._zero(r, point) for r in component.relations)
+
+    # Pieces -------------------------------------------------------------------------
+
+    def _hypersurface(self, f: Poly, values: dict[int, Value]) -> None:
+        fixed = self.ring.joint_value(f)
+        if fixed is None:
+            self._emit(values, (f,), True)
+        else:
+            self._emit({**values, fixed[0]: fixed[1]}, (), True)
+
+    def _common_factor(self, minors: Minors) -> Poly | None:
+        """Greatest common divisor of all minors; None if all of them are zero."""
+        common = None
+        for minor in minors:
+            common = minor if common is None else common.gcd(minor)
+            if common.is_constant():
+                break
+        return common
+
+    def _simplest_cofactor(self, minors: Minors, common: Poly) -> list[Poly]:
+        """Factors of the minor, over the common factor, that branches into the least work."""
+        best: list[Poly] | None = None
+        looked = 0
+        for minor in minors:
+            factors = self.ring.factors(minor / common)
+            if not factors:
+                return []
+            if best is None or _cost(factors) < _cost(best):
+                best = factors
+            looked += 1
+            if looked >= 12:
+                break
+        return best or []
+
+    def _common_joints(self, p: Poly, g: Poly) -> list[int]:
+        shared = set(self.ring.joints_of(p)) & set(self.ring.joints_of(g))
+
+        def degree(j: int) -> int:
+            v = self.ring.variables(j)[-1]
+            return int(p.degrees()[v]) * int(g.degrees()[v])
+
+        return sorted(shared, key=degree)
+
+    def _resultant(self, p: Poly, g: Poly, joint: int) -> Poly:
+        """Resultant of two forms in the variables of one joint."""
+        variables = self.ring.variables(joint)
+        names = self.ring.context.names()
+        if len(variables) == 2:
+            put = {names[variables[0]]: 1}
+            p, g = p.subs(put), g.subs(put)
+        return p.resultant(g, names[variables[-1]])
+
+    def _put(self, matrix: Matrix, values: Mapping[int, Value]) -> Matrix:
+        if not values:
+            return matrix
+        return [[self.ring.substitute(x, values) for x in row] for row in matrix]
+
+    def _emit(self, values: Mapping[int, Value], relations: tuple[Poly, ...], proven: bool) -> None:
+        codimension = len(values) + min(len(relations), 2)
+        self.components.append(Component(dict(values), relations, proven, codimension))
+
+    def _covered(self, values: Mapping[int, Value], relations: tuple[Poly, ...]) -> bool:
+        here = Component(dict(values), relations, True, 0)
+        return any(self._inside(here, c) for c in self.components)
+
+    def _inside(self, a: Component, b: Component) -> bool:
+        """Whether a is a subset of b, as far as substitution and division tell."""
+        if any(a.values.get(j) != v for j, v in b.values.items()):
+            return False
+        for r in b.relations:
+            rest = self.ring.substitute(r, a.values)
+            if rest == 0:
+                continue
+            if not any(divmod(rest, p)[1] == 0 for p in a.relations):
+                return False
+        return True
+
+    def _irredundant(self, components: list[Component]) -> list[Component]:
+        ordered = sorted(components, key=lambda c: (c.codimension, len(c.relations)))
+        kept: list[Component] = []
+        for c in ordered:
+            if not any(self._inside(c, k) for k in kept):
+                kept.append(c)
+        return kept
+
+
+def _cost(factors: list[Poly]) -> tuple[int, int]:
+    """How much work branching on these factors makes."""
+    return max(len(f) for f in factors), len(factors)

@@ -1,0 +1,175 @@
+"""From components over the rationals to pieces of the real singular set."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing.closed_form.decompose import Component
+from pinsing.closed_form.expression import Array, Equation, equation, scale_to_lengths
+from pinsing.closed_form.family import Branch, JointValue
+from pinsing.closed_form.points import fix_joint, never_zero, proven_empty, search
+from pinsing.closed_form.ring import Poly, Ring
+from pinsing.closed_form.slices import univariate_roots
+from pinsing.kinematics import task_jacobians
+from pinsing.measures import SINGULAR_RTOL, sigma_ratio, singular_values
+from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import Nominal
+
+_TRIALS = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Piece:
+    """One component, its univariate equations solved.
+
+    Attributes
+    ----------
+    branches : tuple of Branch
+        One for each choice of roots.
+    solved : tuple of Equation
+        The univariate equations whose roots the branches have, for print.
+    proof : str
+        As on a Family.
+    real : bool
+        Whether a real point is known.
+    codimension : int
+        Complex codimension.
+    """
+
+    branches: tuple[Branch, ...]
+    solved: tuple[Equation, ...]
+    proof: str
+    real: bool
+    codimension: int
+
+
+class PieceMaker:
+    """Turns components into pieces, for one arm."""
+
+    def __init__(
+        self, geometry: Nominal, ring: Ring, rank: int, symbols: Sequence[str], seed: int
+    ) -> None:
+        self.geometry, self.ring, self.rank = geometry, ring, rank
+        self.symbols = tuple(symbols)
+        self.rng = np.random.default_rng(seed)
+        arm = geometry.arm
+        reach = np.where(arm.prismatic, arm.length_scale, np.pi)
+        bounded = arm.prismatic & np.isfinite(arm.lower) & np.isfinite(arm.upper)
+        self.lower = np.where(bounded, arm.lower, -reach)
+        self.upper = np.where(bounded, arm.upper, reach)
+        flat = [float(x) for row in geometry.translation for x in row]
+        self.lengths = [abs(x) for x in flat if x != 0]
+
+    def make(self, component: Component) -> Piece | None:
+        """The piece of a component; None if it is proven to have no real point."""
+        fixed = [self._value(j, v) for j, v in component.values.items()]
+        alone = [p for p in component.relations if len(self.ring.joints_of(p)) == 1]
+        others = [p for p in component.relations if len(self.ring.joints_of(p)) > 1]
+        choices: list[list[JointValue]] = []
+        for p in alone:
+            roots = self._roots(p)
+            if not roots:
+                return None
+            choices.append(roots)
+        equations = [self._equation(p) for p in others]
+        branches = []
+        for combination in itertools.product(*choices):
+            branch = self._branch([*fixed, *combination], equations, bool(alone))
+            if branch is not None:
+                branches.append(branch)
+        if not branches:
+            return None
+        alive = [b for b in branches if not self._empty(b)]
+        if not alive:
+            return None
+        known = [b for b in alive if self.find(b, 1).size]
+        return Piece(
+            branches=tuple(known or alive),
+            solved=tuple(self._equation(p) for p in alone),
+            proof="algebra" if component.proven else "generic points",
+            real=bool(known),
+            codimension=component.codimension,
+        )
+
+    def find(self, branch: Branch, count: int) -> Array:
+        """Points (k, n) of a branch over whole circles, k up to ``count``."""
+        n = len(self.symbols)
+        free = np.ones(n, dtype=bool)
+        fixed = np.zeros(n)
+        for v in branch.values:
+            free[v.joint] = False
+            fixed[v.joint] = v.value
+        return search(branch.equations, self.lower, self.upper, free, fixed, count, self.rng)
+
+    def _value(self, joint: int, value: Sequence[object]) -> JointValue:
+        if self.ring.prismatic[joint]:
+            return JointValue(joint, float(value[0]), True)  # type: ignore[arg-type]
+        x, y = (float(v) for v in value)  # type: ignore[arg-type]
+        angle = 2 * math.atan2(y, x) - float(self.geometry.offset[joint])
+        return JointValue(joint, wrap(angle), True)
+
+    def _roots(self, poly: Poly) -> list[JointValue]:
+        """Real values of the one joint of ``poly``."""
+        joint = self.ring.joints_of(poly)[0]
+        variables = self.ring.variables(joint)
+        if not self.ring.prismatic[joint]:  # irreducible of degree >= 2: x = 0 is no root
+            poly = poly.subs({self.ring.context.names()[variables[0]]: 1})
+        real = [r.real for r in univariate_roots(poly, variables[-1]) if r.imag == 0]
+        if self.ring.prismatic[joint]:
+            return [JointValue(joint, t, False) for t in real]
+        offset = float(self.geometry.offset[joint])
+        return [JointValue(joint, wrap(2 * math.atan(t) - offset), False) for t in real]
+
+    def _equation(self, poly: Poly) -> Equation:
+        made = equation(poly, self.ring, self.symbols, self.geometry.offset)
+        return scale_to_lengths(made, self.lengths)
+
+    def _branch(
+        self, values: list[JointValue], equations: list[Equation], check: bool
+    ) -> Branch | None:
+        """Put irrational values into the equations, and drop choices of roots that are regular."""
+        left: list[Equation] = list(equations)
+        for v in values:
+            if v.rational:
+                continue
+            put = [fix_joint(e, v.joint, v.value) for e in left]
+            left = [e for e in put if e is not None]
+        if any(not e.involved for e in left):
+            return None  # a nonzero constant: this root goes with another one
+        branch = Branch(tuple(sorted(values, key=lambda v: v.joint)), tuple(left))
+        if check and not self._singular(branch):
+            return None
+        return branch
+
+    def _singular(self, branch: Branch) -> bool:
+        points = self.find(branch, _TRIALS)
+        if not len(points):
+            return True  # nothing known against it
+        return bool((self.ratios(points) <= 10 * SINGULAR_RTOL).all())
+
+    def ratios(self, points: Array, arm: Arm | None = None) -> Array:
+        """sigma_r / sigma_1 of the nominal arm (or ``arm``) at points (N, n)."""
+        sigma = singular_values(task_jacobians(arm or self.geometry.arm, points))
+        return sigma_ratio(sigma, self.rank)
+
+    def _empty(self, branch: Branch) -> bool:
+        if any(never_zero(e) for e in branch.equations):
+            return True
+        if not branch.equations or self.find(branch, 1).size:
+            return False
+        return proven_empty(branch.equations, self.lower, self.upper)
+
+
+def wrap(angle: float) -> float:
+    """Angle in (-pi, pi], values within rounding of a multiple of 15 degrees put there."""
+    step = math.pi / 12
+    nearest = round(angle / step)
+    if abs(angle - nearest * step) < 1e-14 * max(1.0, abs(angle)):
+        angle = nearest * step
+    angle = math.remainder(angle, 2 * math.pi)
+    return math.pi if angle <= -math.pi else angle

@@ -1,0 +1,244 @@
+"""Points on the zero set of equations: projection, search, and proof that there are none."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing.closed_form.expression import Array, Equation
+
+_ON = 1e-13
+"""A residual this small, relative to the sum of an equation's coefficients, is zero."""
+_TOUCHING = 1e-12
+_BOXES = 40_000
+
+
+def residuals(equations: Sequence[Equation], q: Array) -> Array:
+    """Values of the equations at q (N, n), each over the sum of its coefficients: (N, k)."""
+    return np.stack([e(q) / e.size for e in equations], axis=-1)
+
+
+def gradients(equations: Sequence[Equation], q: Array) -> Array:
+    """Gradients of what ``residuals`` returns: (N, k, n)."""
+    return np.stack([e.gradient(q) / e.size for e in equations], axis=-2)
+
+
+def project(
+    equations: Sequence[Equation],
+    start: Array,
+    free: npt.NDArray[np.bool_],
+    iterations: int = 60,
+) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Move points (N, n) onto the common zeros of ``equations``, along ``free`` joints.
+
+    Gauss-Newton with minimum-norm steps, which also survives where gradients vanish or
+    depend on each other.
+
+    Returns
+    -------
+    (q, converged)
+        Points (N, n), and which of them ended on the zero set.
+    """
+    q = np.array(start, dtype=float)
+    if not equations or not len(q):
+        return q, np.ones(len(q), dtype=bool)
+    done = np.zeros(len(q), dtype=bool)
+    for _ in range(iterations):
+        left = np.flatnonzero(~done)
+        if not len(left):
+            break
+        f = residuals(equations, q[left])
+        ok = (np.abs(f) <= _ON).all(axis=-1)
+        done[left[ok]] = True
+        left, f = left[~ok], f[~ok]
+        if not len(left):
+            break
+        A = gradients(equations, q[left]) * free
+        step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=1e-10), f)
+        size = np.linalg.norm(step, axis=-1, keepdims=True)
+        q[left] += step * np.minimum(1.0, 0.7 / np.maximum(size, 1e-300))
+    f = residuals(equations, q)
+    return q, (np.abs(f) <= _TOUCHING).all(axis=-1)
+
+
+def search(
+    equations: Sequence[Equation],
+    lower: Array,
+    upper: Array,
+    free: npt.NDArray[np.bool_],
+    fixed: Array,
+    count: int,
+    rng: np.random.Generator,
+    rounds: int = 12,
+) -> Array:
+    """Points of the zero set inside a box: (k, n) with k up to ``count``.
+
+    Parameters
+    ----------
+    lower, upper : (n,) arrays
+        The box.
+    free : (n,) array of bool
+        Joints that may move; the others stay at ``fixed``.
+    """
+    found: list[Array] = []
+    missing = count
+    for _ in range(rounds):
+        batch = max(32, 2 * missing)
+        q = rng.uniform(lower, upper, (batch, len(lower)))
+        q = np.where(free, q, fixed)
+        q, ok = project(equations, q, free)
+        for _ in range(12):  # back into the box, and onto the set again
+            inside = ((q >= lower - 1e-12) & (q <= upper + 1e-12) | ~free).all(axis=-1)
+            out = np.flatnonzero(~(ok & inside))
+            if not len(out):
+                break
+            clipped = np.where(free, np.clip(q[out], lower, upper), q[out])
+            q[out], ok[out] = project(equations, clipped, free, iterations=30)
+        inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
+        good = q[ok & inside]
+        if len(good):
+            found.append(good[:missing])
+            missing -= len(found[-1])
+        if missing <= 0:
+            break
+    return np.concatenate(found) if found else np.zeros((0, len(lower)))
+
+
+def nearest(
+    equations: Sequence[Equation],
+    q: Array,
+    starts: Array,
+    free: npt.NDArray[np.bool_],
+    weight: Array,
+    iterations: int = 80,
+) -> tuple[Array, float] | None:
+    """Point of the zero set nearest to q (n,), the best from several ``starts`` (N, n).
+
+    Newton's method on the constraint, with the tangential pull back towards q: the
+    iteration x <- q + A^+ (A (x - q) - f) in weighted coordinates, whose fixed points are
+    the stationary points of the distance; each result is projected onto the set at last.
+    """
+    x = starts.copy()
+    scale = np.where(free, 1.0 / weight, 0.0)
+    for _ in range(iterations):
+        f = residuals(equations, x)
+        A = gradients(equations, x) * scale
+        pinv = np.linalg.pinv(A, rcond=1e-9)
+        delta = (x - q) * weight * free
+        wanted = np.einsum("nij,nj->ni", pinv, np.einsum("nij,nj->ni", A, delta) - f)
+        step = wanted - delta
+        size = np.linalg.norm(step, axis=-1, keepdims=True)
+        step *= np.minimum(1.0, 0.5 / np.maximum(size, 1e-300))
+        x = x + step * scale
+        if size.max() < 1e-13:
+            break
+    x, ok = project(equations, x, free)
+    if not ok.any():
+        return None
+    distance = np.linalg.norm((x - q) * weight * free, axis=-1)
+    best = int(np.argmin(np.where(ok, distance, np.inf)))
+    return x[best], float(distance[best])
+
+
+def slopes(equation: Equation, lower: Array, upper: Array) -> Array:
+    """Largest possible derivative by each joint within a box: (n,)."""
+    size = np.hypot(equation.cos, equation.sin)
+    bound = np.maximum(np.abs(lower), np.abs(upper))
+    power = np.prod(bound**equation.powers, axis=-1)
+    steep = (size * power) @ (np.abs(equation.frequencies) / 2)
+    for j in np.flatnonzero(equation.powers.any(axis=0)):
+        lowered = equation.powers.copy()
+        factor = lowered[:, j].astype(float)
+        lowered[:, j] = np.maximum(lowered[:, j] - 1, 0)
+        steep[j] += size @ (factor * np.prod(bound**lowered, axis=-1))
+    return np.asarray(steep)
+
+
+def proven_empty(equations: Sequence[Equation], lower: Array, upper: Array) -> bool:
+    """Whether the equations have no common zero in a box, proven by subdivision.
+
+    A box in which some equation is larger at the centre than its slopes allow it to change
+    within holds no zero; any other is halved. False means: not proven.
+    """
+    used = np.zeros(len(lower), dtype=bool)
+    for e in equations:
+        used[list(e.involved)] = True
+    if not np.isfinite(lower[used]).all() or not np.isfinite(upper[used]).all():
+        return False
+    # Whole turns say nothing new about a trigonometric polynomial (up to its sign).
+    turning = used & ~np.any([e.powers.any(axis=0) for e in equations], axis=0)
+    upper = np.where(turning, np.minimum(upper, lower + 2 * np.pi), upper)
+    steep = [slopes(e, lower, upper) for e in equations]
+    centers = np.where(used, (lower + upper) / 2, 0.0)[None, :]
+    halves = np.where(used, (upper - lower) / 2, 0.0)[None, :]
+    seen = 0
+    while len(centers):
+        seen += len(centers)
+        if seen > _BOXES:
+            return False
+        alive = np.ones(len(centers), dtype=bool)
+        worst = np.zeros_like(centers)
+        for e, slope in zip(equations, steep, strict=True):
+            value = np.abs(e(centers))
+            alive &= value <= halves @ slope + 1e-12 * e.size
+            worst = np.maximum(worst, halves * slope / e.size)
+        centers, halves, worst = centers[alive], halves[alive], worst[alive]
+        if not len(centers):
+            return True
+        axis = np.argmax(worst, axis=1)
+        rows = np.arange(len(centers))
+        halves = halves.copy()
+        halves[rows, axis] /= 2
+        shift = np.zeros_like(centers)
+        shift[rows, axis] = halves[rows, axis]
+        centers = np.concatenate([centers - shift, centers + shift])
+        halves = np.concatenate([halves, halves])
+    return True
+
+
+def never_zero(equation: Equation) -> bool:
+    """Whether the constant term outweighs all the others: no zero anywhere."""
+    if equation.powers.any():
+        return False
+    size = np.hypot(equation.cos, equation.sin)
+    constant = ~(equation.frequencies != 0).any(axis=1)
+    return bool(size[constant].sum() > size[~constant].sum() * (1 + 1e-12))
+
+
+def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
+    """Put one joint of an equation at a value; None if the equation then holds everywhere."""
+    phase = equation.frequencies[:, joint] * (value + equation.shift[joint]) / 2
+    factor = value ** equation.powers[:, joint]
+    cos = factor * (equation.cos * np.cos(phase) + equation.sin * np.sin(phase))
+    sin = factor * (equation.sin * np.cos(phase) - equation.cos * np.sin(phase))
+    frequencies, powers = equation.frequencies.copy(), equation.powers.copy()
+    frequencies[:, joint] = 0
+    powers[:, joint] = 0
+    gathered: dict[tuple[bytes, bytes], list[float]] = {}
+    rows: dict[tuple[bytes, bytes], int] = {}
+    for t in range(len(cos)):
+        sign = 1
+        lead = frequencies[t][frequencies[t] != 0]
+        if len(lead) and lead[0] < 0:
+            frequencies[t] *= -1
+            sign = -1
+        key = frequencies[t].tobytes(), powers[t].tobytes()
+        rows.setdefault(key, t)
+        total = gathered.setdefault(key, [0.0, 0.0])
+        total[0] += cos[t]
+        total[1] += sign * sin[t]
+    keep = [k for k, (c, s) in gathered.items() if np.hypot(c, s) > 1e-10 * equation.size]
+    if not keep:
+        return None
+    index = [rows[k] for k in keep]
+    constant = ~(frequencies[index] != 0).any(axis=1)
+    return replace(
+        equation,
+        frequencies=frequencies[index],
+        powers=powers[index],
+        cos=np.array([gathered[k][0] for k in keep]),
+        sin=np.where(constant, 0.0, np.array([gathered[k][1] for k in keep])),
+    )

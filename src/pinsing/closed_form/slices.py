@@ -1,0 +1,254 @@
+"""Generic points of the common zeros of two polynomials, on random slices.
+
+To know whether some component of V(p, g) is singular it is enough to look at points on
+it: all joints but two are put at random rational values, the two that remain are solved
+for exactly enough, and the rank of the Jacobian is taken there. A component of
+codimension two meets such a slice for some pair of joints, so that all pairs together
+meet every component.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+import numpy.typing as npt
+from flint import fmpz_poly
+
+from pinsing.closed_form.columns import Matrix
+from pinsing.closed_form.ring import Poly, Ring, Value, fraction, rational
+
+ComplexArray = npt.NDArray[np.complex128]
+_SINGULAR = 1e-7
+_REGULAR = 1e-5
+
+
+@dataclass(frozen=True)
+class NumericPoly:
+    """Polynomial for evaluation at float points: exponents (T, V), coefficients (T,)."""
+
+    exponents: npt.NDArray[np.int64]
+    coefficients: npt.NDArray[np.float64]
+
+    def __call__(self, point: ComplexArray) -> complex:
+        """Value at a point (V,)."""
+        if not len(self.coefficients):
+            return 0j
+        return complex(np.prod(point[None, :] ** self.exponents, axis=1) @ self.coefficients)
+
+    def size(self, point: ComplexArray) -> float:
+        """Sum of the absolute values of the terms at a point: what rounding is relative to."""
+        if not len(self.coefficients):
+            return 0.0
+        terms = np.prod(np.abs(point)[None, :] ** self.exponents, axis=1)
+        return float(terms @ np.abs(self.coefficients))
+
+
+def numeric(poly: Poly, nvars: int) -> NumericPoly:
+    """Prepare ``poly`` for float evaluation, its largest coefficient scaled to 1."""
+    terms = list(poly.to_dict().items())
+    if not terms:
+        return NumericPoly(np.zeros((0, nvars), dtype=np.int64), np.zeros(0))
+    coefficients = [fraction(c) for _, c in terms]
+    largest = max(abs(c) for c in coefficients)
+    return NumericPoly(
+        np.array([m for m, _ in terms], dtype=np.int64),
+        np.array([float(c / largest) for c in coefficients]),
+    )
+
+
+class RankTest:
+    """Rank of a polynomial matrix at complex points."""
+
+    def __init__(self, matrix: Matrix, rank: int, ring: Ring) -> None:
+        self.rank = rank
+        self.ring = ring
+        nvars = ring.context.nvars()
+        # Exact scale of each entry matters here: no scaling of coefficients one by one.
+        self.entries = [
+            [
+                (
+                    np.array(list(x.to_dict()), dtype=np.int64).reshape(-1, nvars),
+                    np.array([float(fraction(c)) for c in x.to_dict().values()]),
+                )
+                for x in row
+            ]
+            for row in matrix
+        ]
+
+    def ratio(self, point: ComplexArray) -> float:
+        """sigma_rank / sigma_1 of the matrix, its rows and columns balanced."""
+        M = np.array(
+            [
+                [np.prod(point[None, :] ** e, axis=1) @ c if len(c) else 0 for e, c in row]
+                for row in self.entries
+            ]
+        )
+        for _ in range(2):
+            for axis in (1, 0):
+                size = np.linalg.norm(M, axis=axis, keepdims=True)
+                M = M / np.where(size > 0, size, 1.0)
+        sigma = np.linalg.svd(M, compute_uv=False)
+        return float(sigma[self.rank - 1] / sigma[0]) if sigma[0] > 0 else 0.0
+
+
+@dataclass(frozen=True)
+class SlicePoint:
+    """One common zero on a slice, with its verdict."""
+
+    point: ComplexArray
+    singular: bool
+    certain: bool
+
+
+def random_value(rng: np.random.Generator, ring: Ring, joint: int) -> Value:
+    """Small random rational value of a joint."""
+    if ring.prismatic[joint]:
+        return (Fraction(int(rng.integers(-97, 98)), 101),)
+    return Fraction(int(rng.integers(3, 60))), Fraction(int(rng.integers(-60, 61)) or 7)
+
+
+def slice_points(
+    p: Poly,
+    g: Poly,
+    test: RankTest,
+    ring: Ring,
+    rng: np.random.Generator,
+    joints: Sequence[int],
+) -> Iterator[SlicePoint]:
+    """Common zeros of p and g on a random slice for every pair of ``joints``."""
+    of_p, of_g = set(ring.joints_of(p)), set(ring.joints_of(g))
+    for k, l in itertools.combinations(sorted(of_p | of_g), 2):
+        if not ({k, l} & of_p and {k, l} & of_g):
+            continue  # one of the two is a constant on this slice
+        fixed = {j: random_value(rng, ring, j) for j in joints if j not in (k, l)}
+        yield from _points_on(p, g, k, l, fixed, test, ring, rng)
+
+
+def _points_on(
+    p: Poly,
+    g: Poly,
+    k: int,
+    l: int,  # noqa: E741
+    fixed: Mapping[int, Value],
+    test: RankTest,
+    ring: Ring,
+    rng: np.random.Generator,
+) -> Iterator[SlicePoint]:
+    turn = {j: _turn(ring, j, rng) for j in (k, l)}
+    P = _chart(ring.substitute(p, fixed), ring, turn)
+    G = _chart(ring.substitute(g, fixed), ring, turn)
+    last = {j: ring.variables(j)[-1] for j in (k, l)}
+    names = ring.context.names()
+    in_p, in_g = P.degrees()[last[k]] > 0, G.degrees()[last[k]] > 0
+    if in_p and in_g:
+        eliminated = P.resultant(G, names[last[k]])
+    else:
+        eliminated = G if in_p else P
+    if eliminated == 0 or eliminated.is_constant():
+        return
+    solve_in = P if in_p else G
+    check = G if in_p else P
+    base = np.zeros(ring.context.nvars(), dtype=complex)
+    for j, value in fixed.items():
+        for v, x in zip(ring.variables(j), value, strict=True):
+            base[v] = float(x)
+    nvars = ring.context.nvars()
+    num_check, num_solve = numeric(check, nvars), numeric(solve_in, nvars)
+    for root in univariate_roots(eliminated, last[l]):
+        chart = np.zeros(nvars, dtype=complex)
+        chart[last[l]] = root
+        poly = _univariate(num_solve, chart, last[k])
+        for other in np.roots(poly) if len(poly) > 1 else []:
+            at = chart.copy()
+            at[last[k]] = other
+            size = num_check.size(at)
+            if in_p and in_g and abs(num_check(at)) > 1e-6 * max(size, 1e-300):
+                continue
+            point = base.copy()
+            for j, t in ((k, other), (l, root)):
+                point[list(ring.variables(j))] = turn[j].values_at(complex(t))
+            norm = _norms_vanish(point, ring)
+            if norm:
+                continue
+            ratio = test.ratio(point)
+            yield SlicePoint(point, ratio < _SINGULAR, not _SINGULAR <= ratio < _REGULAR)
+
+
+@dataclass(frozen=True)
+class _Turn:
+    """Chart of a joint: (x, y) = (a - b t, b + a t), or t itself for a prismatic one."""
+
+    a: Fraction
+    b: Fraction
+    prismatic: bool
+
+    def values_at(self, t: complex) -> list[complex]:
+        if self.prismatic:
+            return [t]
+        a, b = float(self.a), float(self.b)
+        x, y = a - b * t, b + a * t
+        size = max(abs(x), abs(y))
+        return [x / size, y / size]
+
+
+def _turn(ring: Ring, joint: int, rng: np.random.Generator) -> _Turn:
+    a, b = (Fraction(int(v)) for v in rng.integers(2, 12, 2))
+    return _Turn(a, b, ring.prismatic[joint])
+
+
+def _chart(poly: Poly, ring: Ring, turn: Mapping[int, _Turn]) -> Poly:
+    """Rewrite ``poly`` in the charts of the joints: each keeps its last variable."""
+    gens = list(ring.context.gens())
+    images = list(gens)
+    for j, chart in turn.items():
+        if chart.prismatic:
+            continue
+        x, y = ring.variables(j)
+        t = gens[y]
+        images[x] = rational(chart.a) - rational(chart.b) * t
+        images[y] = rational(chart.b) + rational(chart.a) * t
+    return poly.compose(*images, ctx=ring.context)
+
+
+def univariate_roots(poly: Poly, variable: int) -> list[complex]:
+    """Distinct complex roots of a polynomial in one variable, accurate to double precision."""
+    coefficients: dict[int, Fraction] = {}
+    for monomial, c in poly.to_dict().items():
+        coefficients[int(monomial[variable])] = fraction(c)
+    denominator = int(np.lcm.reduce([1], dtype=object))
+    for c in coefficients.values():
+        denominator = denominator * c.denominator // int(np.gcd(denominator, c.denominator))
+    top = max(coefficients)
+    integers = [int(coefficients.get(i, Fraction(0)) * denominator) for i in range(top + 1)]
+    roots = []
+    for factor, _ in fmpz_poly(integers).factor()[1]:
+        roots += [complex(r) for r, _ in factor.complex_roots()]
+    return roots
+
+
+def _univariate(poly: NumericPoly, point: ComplexArray, variable: int) -> ComplexArray:
+    """Coefficients (highest first) of ``poly`` in one variable, the others at ``point``."""
+    rest = point.copy()
+    rest[variable] = 1.0
+    values = np.prod(rest[None, :] ** poly.exponents, axis=1) * poly.coefficients
+    degree = int(poly.exponents[:, variable].max(initial=0))
+    out = np.zeros(degree + 1, dtype=complex)
+    np.add.at(out, degree - poly.exponents[:, variable], values)
+    large = np.flatnonzero(np.abs(out) > 1e-13 * np.abs(out).max(initial=0.0))
+    return out[large[0] :] if len(large) else out[:0]
+
+
+def _norms_vanish(point: ComplexArray, ring: Ring) -> bool:
+    """Whether some x^2 + y^2 is zero at a complex point: no angle is meant there."""
+    for j, w in enumerate(ring.w):
+        if w is None:
+            continue
+        x, y = ring.variables(j)
+        size = abs(point[x]) ** 2 + abs(point[y]) ** 2
+        if size > 0 and abs(point[x] ** 2 + point[y] ** 2) < 1e-6 * size:
+            return True
+    return False
