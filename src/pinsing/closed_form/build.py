@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
@@ -236,8 +236,6 @@ def _described(
     geometry: Nominal,
     maker: PieceMaker,
 ) -> Family:
-    from dataclasses import replace
-
     if not len(points):
         return replace(draft, reachability=reachability)
     exact = geometry.arm
@@ -263,8 +261,7 @@ def _described(
 
 
 def _on(family: Family, branch: Branch, q: Array) -> bool:
-    alone = Family(**{**vars(family), "branches": (branch,)})
-    return bool(alone.contains(q))
+    return bool(replace(family, branches=(branch,)).contains(q))
 
 
 def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
@@ -289,4 +286,4 @@ def _order(family: Family) -> tuple[int, int, int, tuple[str, ...]]:
 
 
 def _named(family: Family, number: int) -> Family:
-    return Family(**{**vars(family), "name": f"F{number}"})
+    return replace(family, name=f"F{number}")

@@ -17,6 +17,7 @@ from pinsing.robot.nominal import Nominal
 from pinsing.robot.task import Task
 
 Matrix = list[list[Poly]]
+_Place = tuple[int, tuple[int, ...]]  # column and monomial
 
 
 @dataclass(frozen=True)

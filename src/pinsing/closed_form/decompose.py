@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,6 +21,8 @@ from pinsing.closed_form.ring import Poly, Ring, Value
 from pinsing.closed_form.slices import ComplexArray, RankTest, numeric, slice_points
 
 _SEED = 7
+_LOOKED_AT = 12
+"""Minors among which the simplest is looked for."""
 _RESULTANT_TERMS = 2_000
 """Largest product of term counts for which a symbolic resultant is tried."""
 
@@ -272,7 +274,7 @@ class Decomposition:
                 put = self._put(matrix, at)
                 for e in self.ring.factors(self.ring.strip(common)):
                     self._split(e, {}, put, rank, {**values, **at}, budget - 1)
-            elif len(h) <= len(p) + len(g) and self._vanishes_somewhere(h, singular):
+            elif len(h) <= len(p) + len(g) and any(self._zeros(h, singular)):
                 for other in sorted((p, g), key=len):
                     points = list(slice_points(h, other, test, self.ring, self._rng, free))
                     if points and all(s.singular for s in points):
@@ -296,9 +298,9 @@ class Decomposition:
             factors = self.ring.factors(minor)
             if any(f in relations for f in factors):
                 continue
-            whole = [f for f in factors if all(self._zero(f, s) for s in singular)]
+            whole = [f for f in factors if all(self._zeros(f, singular))]
             for f in whole[:1] or [minor]:
-                remaining = [s for s in left if self._zero(f, s)]
+                remaining = list(itertools.compress(left, self._zeros(f, left)))
                 if len(remaining) < len(left):
                     relations.append(f)
                     left = remaining
@@ -306,12 +308,10 @@ class Decomposition:
             self.gaps.append("regular points could not be told from a system of equations")
         return tuple(sorted(relations, key=len))
 
-    def _zero(self, poly: Poly, point: ComplexArray) -> bool:
+    def _zeros(self, poly: Poly, points: Sequence[ComplexArray]) -> list[bool]:
+        """At which of some complex points a polynomial is zero, to rounding."""
         evaluate = numeric(poly, self.ring.context.nvars())
-        return abs(evaluate(point)) <= 1e-7 * evaluate.size(point)
-
-    def _vanishes_somewhere(self, poly: Poly, points: list[ComplexArray]) -> bool:
-        return any(self._zero(poly, s) for s in points)
+        return [abs(evaluate(s)) <= 1e-7 * evaluate.size(s) for s in points]
 
     def _holds(self, component: Component, point: ComplexArray) -> bool:
         """Whether a complex point lies on a component."""
@@ -325,7 +325,7 @@ class Decomposition:
             size = np.hypot(x, y) * (abs(point[v[0]]) + abs(point[v[1]]))
             if abs(point[v[0]] * y - point[v[1]] * x) > 1e-7 * size:
                 return False
-        return all(self._zero(r, point) for r in component.relations)
+        return all(self._zeros(r, [point])[0] for r in component.relations)
 
     # Pieces -------------------------------------------------------------------------
 
@@ -348,16 +348,12 @@ class Decomposition:
     def _simplest_cofactor(self, minors: Minors, common: Poly) -> list[Poly]:
         """Factors of the minor, over the common factor, that branches into the least work."""
         best: list[Poly] | None = None
-        looked = 0
-        for minor in minors:
+        for minor in itertools.islice(minors, _LOOKED_AT):
             factors = self.ring.factors(minor / common)
             if not factors:
                 return []
             if best is None or _cost(factors) < _cost(best):
                 best = factors
-            looked += 1
-            if looked >= 12:
-                break
         return best or []
 
     def _common_joints(self, p: Poly, g: Poly) -> list[int]:

@@ -19,6 +19,8 @@ from pinsing.closed_form.ring import Poly, Ring, fraction
 
 Array = npt.NDArray[np.float64]
 _DROP = 1e-12
+_FEW = 16
+"""Coefficients beyond which no common length is looked for."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -317,13 +319,14 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
     found = np.concatenate([np.abs(equation.cos), np.abs(equation.sin)])
     found = found[found > _DROP]
     known = sorted({abs(x) for x in lengths if abs(x) > 0})
-    if len(found) < 2 or not known or equation.powers.any():
+    if len(found) < 2 or len(found) > _FEW or not known or equation.powers.any():
         return equation
     single = np.array(known)
     pairs = np.array([abs(a + s * b) for a in known for b in known for s in (1, -1)] or [0.0])
 
     def matches(values: Array, targets: Array) -> npt.NDArray[np.bool_]:
-        return (np.abs(values[:, None] - targets[None, :]) < 1e-9 * values[:, None]).any(axis=1)
+        close = np.abs(values[:, None] - targets[None, :]) < 1e-9 * values[:, None]
+        return np.asarray(close.any(axis=1))
 
     best, score = 1.0, 0.0
     for c in np.unique(np.round(found, 14))[::-1]:
@@ -335,4 +338,4 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
             points = float(alone.sum()) + 0.4 * float(summed.sum())
             if points > score + 1e-9:
                 best, score = factor, points
-    return equation.scaled(best) if score >= 1.4 else equation
+    return equation.scaled(best) if score >= max(1.4, 0.6 * len(found)) else equation

@@ -12,7 +12,7 @@ from pinsing.closed_form.expression import Equation, format_angle
 from pinsing.closed_form.family import Branch
 from pinsing.closed_form.pieces import Piece
 
-_LONG = 30
+_LONG = 12
 """An equation with more terms than this is named by its joints, not written out."""
 
 

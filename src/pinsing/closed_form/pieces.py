@@ -12,7 +12,7 @@ import numpy as np
 from pinsing.closed_form.decompose import Component
 from pinsing.closed_form.expression import Array, Equation, equation, scale_to_lengths
 from pinsing.closed_form.family import Branch, JointValue
-from pinsing.closed_form.points import fix_joint, never_zero, proven_empty, search
+from pinsing.closed_form.points import fix_joint, never_zero, proven_empty, roots_of, search
 from pinsing.closed_form.ring import Poly, Ring
 from pinsing.closed_form.slices import univariate_roots
 from pinsing.kinematics import task_jacobians
@@ -79,9 +79,7 @@ class PieceMaker:
         equations = [self._equation(p) for p in others]
         branches = []
         for combination in itertools.product(*choices):
-            branch = self._branch([*fixed, *combination], equations, bool(alone))
-            if branch is not None:
-                branches.append(branch)
+            branches += self._branches([*fixed, *combination], equations, bool(alone))
         if not branches:
             return None
         alive = [b for b in branches if not self._empty(b)]
@@ -96,7 +94,7 @@ class PieceMaker:
             codimension=component.codimension,
         )
 
-    def find(self, branch: Branch, count: int) -> Array:
+    def find(self, branch: Branch, count: int, rounds: int = 6) -> Array:
         """Points (k, n) of a branch over whole circles, k up to ``count``."""
         n = len(self.symbols)
         free = np.ones(n, dtype=bool)
@@ -104,7 +102,9 @@ class PieceMaker:
         for v in branch.values:
             free[v.joint] = False
             fixed[v.joint] = v.value
-        return search(branch.equations, self.lower, self.upper, free, fixed, count, self.rng)
+        return search(
+            branch.equations, self.lower, self.upper, free, fixed, count, self.rng, rounds
+        )
 
     def _value(self, joint: int, value: Sequence[object]) -> JointValue:
         if self.ring.prismatic[joint]:
@@ -129,25 +129,36 @@ class PieceMaker:
         made = equation(poly, self.ring, self.symbols, self.geometry.offset)
         return scale_to_lengths(made, self.lengths)
 
-    def _branch(
+    def _branches(
         self, values: list[JointValue], equations: list[Equation], check: bool
-    ) -> Branch | None:
-        """Put irrational values into the equations, and drop choices of roots that are regular."""
+    ) -> list[Branch]:
+        """Put irrational values into the equations, and drop choices of roots that are regular.
+
+        An equation that is left with one joint is solved for it in turn.
+        """
         left: list[Equation] = list(equations)
         for v in values:
-            if v.rational:
-                continue
-            put = [fix_joint(e, v.joint, v.value) for e in left]
-            left = [e for e in put if e is not None]
+            if not v.rational:
+                put = [fix_joint(e, v.joint, v.value) for e in left]
+                left = [e for e in put if e is not None]
         if any(not e.involved for e in left):
-            return None  # a nonzero constant: this root goes with another one
+            return []  # a nonzero constant: this root goes with another one
+        single = next((e for e in left if len(e.involved) == 1 and not e.powers.any()), None)
+        if single is not None and check:
+            joint = single.involved[0]
+            rest = [e for e in left if e is not single]
+            return [
+                branch
+                for root in roots_of(single)
+                for branch in self._branches(
+                    [*values, JointValue(joint, wrap(float(root)), False)], rest, check
+                )
+            ]
         branch = Branch(tuple(sorted(values, key=lambda v: v.joint)), tuple(left))
-        if check and not self._singular(branch):
-            return None
-        return branch
+        return [branch] if not check or self._singular(branch) else []
 
     def _singular(self, branch: Branch) -> bool:
-        points = self.find(branch, _TRIALS)
+        points = self.find(branch, _TRIALS, rounds=2)
         if not len(points):
             return True  # nothing known against it
         return bool((self.ratios(points) <= 10 * SINGULAR_RTOL).all())

@@ -61,7 +61,7 @@ def project(
         size = np.linalg.norm(step, axis=-1, keepdims=True)
         q[left] += step * np.minimum(1.0, 0.7 / np.maximum(size, 1e-300))
     f = residuals(equations, q)
-    return q, (np.abs(f) <= _TOUCHING).all(axis=-1)
+    return q, np.asarray((np.abs(f) <= _TOUCHING).all(axis=-1))
 
 
 def search(
@@ -206,6 +206,43 @@ def never_zero(equation: Equation) -> bool:
     size = np.hypot(equation.cos, equation.sin)
     constant = ~(equation.frequencies != 0).any(axis=1)
     return bool(size[constant].sum() > size[~constant].sum() * (1 + 1e-12))
+
+
+def roots_of(equation: Equation) -> Array:
+    """All values of its only joint at which an equation in one revolute joint is zero.
+
+    The equation is a polynomial in e^(i q / 2) (or e^(i q)); its roots on the unit circle
+    are polished by Newton's method.
+
+    Returns
+    -------
+    (k,) array
+        Angles in (-pi, pi], ascending.
+    """
+    (joint,) = equation.involved
+    frequency = equation.frequencies[:, joint]
+    step = 1 if equation.half_angle else 2
+    top = int(np.abs(frequency).max())
+    coefficients = np.zeros(2 * top // step + 1, dtype=complex)
+    for k, c, s in zip(frequency, equation.cos, equation.sin, strict=True):
+        phase = np.exp(0.5j * k * equation.shift[joint])
+        value = 0.5 * (c - 1j * s) * phase
+        coefficients[(top + k) // step] += value
+        coefficients[(top - k) // step] += np.conj(value)
+    roots = np.roots(coefficients[::-1])
+    near = roots[np.abs(np.abs(roots) - 1) < 1e-4]
+    q = np.zeros((len(near), equation.frequencies.shape[1]))
+    q[:, joint] = np.angle(near) * (2 / step)
+    free = np.zeros(q.shape[1], dtype=bool)
+    free[joint] = True
+    q, ok = project([equation], q, free)
+    angles = np.remainder(q[ok, joint], 2 * np.pi)
+    angles = np.where(angles > np.pi, angles - 2 * np.pi, angles)
+    kept: list[float] = []
+    for angle in sorted(angles):
+        if all(abs(np.remainder(angle - a + np.pi, 2 * np.pi) - np.pi) > 1e-6 for a in kept):
+            kept.append(float(angle))
+    return np.array(kept)
 
 
 def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:

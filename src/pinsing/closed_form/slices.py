@@ -121,27 +121,27 @@ def slice_points(
 ) -> Iterator[SlicePoint]:
     """Common zeros of p and g on a random slice for every pair of ``joints``."""
     of_p, of_g = set(ring.joints_of(p)), set(ring.joints_of(g))
-    for k, l in itertools.combinations(sorted(of_p | of_g), 2):
-        if not ({k, l} & of_p and {k, l} & of_g):
+    for k, other in itertools.combinations(sorted(of_p | of_g), 2):
+        if not ({k, other} & of_p and {k, other} & of_g):
             continue  # one of the two is a constant on this slice
-        fixed = {j: random_value(rng, ring, j) for j in joints if j not in (k, l)}
-        yield from _points_on(p, g, k, l, fixed, test, ring, rng)
+        fixed = {j: random_value(rng, ring, j) for j in joints if j not in (k, other)}
+        yield from _points_on(p, g, k, other, fixed, test, ring, rng)
 
 
 def _points_on(
     p: Poly,
     g: Poly,
     k: int,
-    l: int,  # noqa: E741
+    last_joint: int,
     fixed: Mapping[int, Value],
     test: RankTest,
     ring: Ring,
     rng: np.random.Generator,
 ) -> Iterator[SlicePoint]:
-    turn = {j: _turn(ring, j, rng) for j in (k, l)}
+    turn = {j: _turn(ring, j, rng) for j in (k, last_joint)}
     P = _chart(ring.substitute(p, fixed), ring, turn)
     G = _chart(ring.substitute(g, fixed), ring, turn)
-    last = {j: ring.variables(j)[-1] for j in (k, l)}
+    last = {j: ring.variables(j)[-1] for j in (k, last_joint)}
     names = ring.context.names()
     in_p, in_g = P.degrees()[last[k]] > 0, G.degrees()[last[k]] > 0
     if in_p and in_g:
@@ -158,9 +158,9 @@ def _points_on(
             base[v] = float(x)
     nvars = ring.context.nvars()
     num_check, num_solve = numeric(check, nvars), numeric(solve_in, nvars)
-    for root in univariate_roots(eliminated, last[l]):
+    for root in univariate_roots(eliminated, last[last_joint]):
         chart = np.zeros(nvars, dtype=complex)
-        chart[last[l]] = root
+        chart[last[last_joint]] = root
         poly = _univariate(num_solve, chart, last[k])
         for other in np.roots(poly) if len(poly) > 1 else []:
             at = chart.copy()
@@ -169,7 +169,7 @@ def _points_on(
             if in_p and in_g and abs(num_check(at)) > 1e-6 * max(size, 1e-300):
                 continue
             point = base.copy()
-            for j, t in ((k, other), (l, root)):
+            for j, t in ((k, other), (last_joint, root)):
                 point[list(ring.variables(j))] = turn[j].values_at(complex(t))
             norm = _norms_vanish(point, ring)
             if norm:
