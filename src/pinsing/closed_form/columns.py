@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
+from pinsing.closed_form.budget import Budget
 from pinsing.closed_form.ring import Poly, Ring, rational
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.task import Task
@@ -236,8 +237,14 @@ def _unit(rows: Matrix, ring: Ring) -> tuple[int, int] | None:
     return None if best is None else (best[1], best[2])
 
 
-def determinant(matrix: Matrix, ring: Ring) -> Poly:
-    """Determinant by Bareiss' fraction-free elimination, sparsest rows first."""
+def determinant(matrix: Matrix, ring: Ring, budget: Budget) -> Poly:
+    """Determinant by Bareiss' fraction-free elimination, sparsest rows first.
+
+    Raises
+    ------
+    BudgetExceeded
+        If it would take longer than the budget allows.
+    """
     rows = [list(row) for row in matrix]
     size = len(rows)
     previous = ring.one
@@ -256,6 +263,7 @@ def determinant(matrix: Matrix, ring: Ring) -> Poly:
         for i in range(k + 1, size):
             head = rows[i][k]
             for j in range(k + 1, size):
+                budget.check(len(rows[i][j]) * len(pivot) + len(head) * len(rows[k][j]))
                 value = rows[i][j] * pivot
                 if head != 0 and rows[k][j] != 0:
                     value = value - head * rows[k][j]

@@ -10,12 +10,12 @@ of larger dimension, which another branch finds.
 from __future__ import annotations
 
 import itertools
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from pinsing.closed_form.budget import Budget, BudgetExceeded
 from pinsing.closed_form.columns import Matrix, determinant, reduce_matrix
 from pinsing.closed_form.ring import Poly, Ring, Value
 from pinsing.closed_form.slices import ComplexArray, RankTest, numeric, slice_points
@@ -49,15 +49,11 @@ class Component:
     codimension: int
 
 
-class Budget(Exception):
-    """The time that was allowed is over."""
-
-
 class Minors:
     """Minors of one size of a matrix, computed as they are asked for, the simplest first."""
 
-    def __init__(self, matrix: Matrix, size: int, ring: Ring, deadline: float) -> None:
-        self.matrix, self.size, self.ring, self.deadline = matrix, size, ring, deadline
+    def __init__(self, matrix: Matrix, size: int, ring: Ring, time: Budget) -> None:
+        self.matrix, self.size, self.ring, self.time = matrix, size, ring, time
         length = [[len(x) for x in row] for row in matrix]
         choices = [
             (rows, columns)
@@ -83,10 +79,10 @@ class Minors:
             self._compute()
 
     def _compute(self) -> None:
-        if time.monotonic() > self.deadline:
-            raise Budget
-        rows, columns = self._left.pop(0)
-        minor = determinant([[self.matrix[i][j] for j in columns] for i in rows], self.ring)
+        rows, columns = self._left[0]
+        chosen = [[self.matrix[i][j] for j in columns] for i in rows]
+        minor = determinant(chosen, self.ring, self.time)
+        self._left.pop(0)
         if minor != 0:
             self._done.append(self.ring.strip(minor))
 
@@ -96,7 +92,7 @@ class Decomposition:
 
     def __init__(self, matrix: Matrix, rank: int, ring: Ring, seconds: float) -> None:
         self.ring = ring
-        self.deadline = time.monotonic() + seconds
+        self.time = Budget(seconds)
         self.components: list[Component] = []
         self.gaps: list[str] = []
         self._rng = np.random.default_rng(_SEED)
@@ -109,8 +105,8 @@ class Decomposition:
         self.bound = bound
         try:
             self._matrix(rows, reduced, {}, bound)
-        except Budget:
-            self.gaps.append(f"the time budget of {seconds:g} s ran out")
+        except BudgetExceeded as reason:
+            self.gaps.append(str(reason))
         self.components = self._irredundant(self.components)
 
     # Branches -----------------------------------------------------------------------
@@ -130,12 +126,12 @@ class Decomposition:
         budget = min(budget, (len(matrix) - rank + 1) * (len(matrix[0]) - rank + 1))
         if budget <= 0:
             return
-        minors = Minors(matrix, rank, self.ring, self.deadline)
+        minors = Minors(matrix, rank, self.ring, self.time)
         common = self._common_factor(minors)
         if common is None:
             self._emit(values, (), True)
             return
-        shared = self.ring.factors(common)
+        shared = self._factors(common)
         for f in shared:
             self._hypersurface(f, values)
         if budget < 2:
@@ -169,7 +165,7 @@ class Decomposition:
         others = []
         for minor in minors:
             if divmod(minor, p)[1] != 0:
-                factors = self.ring.factors(minor)
+                factors = self._factors(minor)
                 if not factors:
                     return
                 others.append(factors)
@@ -202,7 +198,7 @@ class Decomposition:
         """Put joint values in, and go on with each factor of what p becomes there."""
         inner = {**values, **new}
         put = self._put(matrix, new)
-        for h in self.ring.factors(self.ring.strip(self.ring.substitute(p, new))):
+        for h in self._factors(self.ring.strip(self.ring.substitute(p, new))):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
                 j, value = fixed
@@ -214,7 +210,7 @@ class Decomposition:
             if min(len(reduced), len(reduced[0])) < r:
                 self._emit(inner, (), True)
                 continue
-            minors = Minors(reduced, r, self.ring, self.deadline)
+            minors = Minors(reduced, r, self.ring, self.time)
             self._relation(h, reduced, r, inner, minors, budget)
 
     def _pair(
@@ -229,8 +225,7 @@ class Decomposition:
         budget: int,
     ) -> None:
         """Components inside p = g = 0: none, or stated by as few joints as can be found."""
-        if time.monotonic() > self.deadline:
-            raise Budget
+        self.time.check()
         free = [j for j in range(len(self.ring.prismatic)) if j not in values]
         points = list(slice_points(p, g, test, self.ring, self._rng, free))
         if any(not s.certain for s in points):
@@ -265,14 +260,14 @@ class Decomposition:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
         resultant = self.ring.strip(self._resultant(p, g, joint))
         free = [j for j in range(len(self.ring.prismatic)) if j not in values]
-        for h in self.ring.factors(resultant):
+        for h in self._factors(resultant):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
                 j, value = fixed
                 at = {j: value}
                 common = self.ring.substitute(p, at).gcd(self.ring.substitute(g, at))
                 put = self._put(matrix, at)
-                for e in self.ring.factors(self.ring.strip(common)):
+                for e in self._factors(self.ring.strip(common)):
                     self._split(e, {}, put, rank, {**values, **at}, budget - 1)
             elif len(h) <= len(p) + len(g) and any(self._zeros(h, singular)):
                 for other in sorted((p, g), key=len):
@@ -295,7 +290,7 @@ class Decomposition:
         for minor in minors:
             if not left:
                 break
-            factors = self.ring.factors(minor)
+            factors = self._factors(minor)
             if any(f in relations for f in factors):
                 continue
             whole = [f for f in factors if all(self._zeros(f, singular))]
@@ -329,6 +324,10 @@ class Decomposition:
 
     # Pieces -------------------------------------------------------------------------
 
+    def _factors(self, poly: Poly) -> list[Poly]:
+        self.time.check_factor(len(poly))
+        return self.ring.factors(poly)
+
     def _hypersurface(self, f: Poly, values: dict[int, Value]) -> None:
         fixed = self.ring.joint_value(f)
         if fixed is None:
@@ -340,6 +339,7 @@ class Decomposition:
         """Greatest common divisor of all minors; None if all of them are zero."""
         common = None
         for minor in minors:
+            self.time.check_factor(len(minor))
             common = minor if common is None else common.gcd(minor)
             if common.is_constant():
                 break
@@ -349,7 +349,7 @@ class Decomposition:
         """Factors of the minor, over the common factor, that branches into the least work."""
         best: list[Poly] | None = None
         for minor in itertools.islice(minors, _LOOKED_AT):
-            factors = self.ring.factors(minor / common)
+            factors = self._factors(minor / common)
             if not factors:
                 return []
             if best is None or _cost(factors) < _cost(best):
