@@ -16,6 +16,7 @@ from pinsing.axis_words import (
     JointAxes,
     dependent,
     find_centres,
+    joints_of,
     one_line,
     orientation_reason,
     pose_reason,
@@ -237,14 +238,20 @@ class _Words:
         line = None
         if self.task == "pose" and not self.coupled:
             line = one_line(self.axes, ids, self.tol, self.nearly)
+        # Beside the line, or the whole, only small sets are worth naming.
+        most = 2 if self.task != "pose" else 6 if line is None else 4
+        said = [self._one(part) for part in _merged(parts) if len(part) <= most]
         if line is not None:
-            parts = [part for part in parts if len(part) <= 4]
-            rest = line
+            said = [words for words in said if "linearly dependent" not in words]
+            said.append(line)
+        elif self.task in ("position", "orientation") and not self.coupled:
+            said.append(self._one(ids))
         else:
             rank, general = self.columns.rank(ids), self.columns.generic_rank(ids)
             several = "motion" if rank == 1 else "motions"
-            rest = f"together they give {rank} independent {several} instead of {general}"
-        return "; ".join([*dict.fromkeys(self._one(part) for part in _merged(parts)), rest])
+            who = "together they" if said else joints_of(ids)
+            said.append(f"{who} give {rank} independent {several} instead of {general}")
+        return "; ".join(dict.fromkeys(said))
 
     def _one(self, ids: tuple[int, ...]) -> str:
         if self.coupled:
@@ -253,10 +260,12 @@ class _Words:
             return position_reason(self.axes, ids, self.tol, self.nearly)
         if self.task == "orientation":
             return orientation_reason(self.axes, ids, self.tol, self.nearly)
-        if self.task != "pose" and not self._as_twists(ids):
-            rows = ", ".join(self.arm.task.row_names)
-            return f"{dependent(ids, self.nearly)} in the rows {rows}"
-        return pose_reason(self.axes, ids, self.centres, self.tol, self.nearly)
+        if self.task == "pose" or self._as_twists(ids):
+            return pose_reason(self.axes, ids, self.centres, self.tol, self.nearly)
+        rows = ", ".join(self.arm.task.row_names)
+        if len(ids) == 1:
+            return f"joint {ids[0] + 1} moves {self.nearly}none of the rows {rows}"
+        return f"{dependent(ids, self.nearly)} in the rows {rows}"
 
     def _as_twists(self, ids: tuple[int, ...]) -> bool:
         """Whether the whole twists are dependent, and not the chosen rows alone."""

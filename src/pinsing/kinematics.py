@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing.errors import ConfigurationError
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm, Array
 from pinsing.robot.nominal import nominal
@@ -87,6 +87,11 @@ def generic_rank(arm: Arm) -> int:
     Taken on the nominal geometry, at random configurations: the greatest rank found there
     is the generic one, since a lower rank has probability zero. On the raw geometry a
     rounded angle could pretend a motion of relative size 1e-6.
+
+    Raises
+    ------
+    OptionError
+        If it is zero: no joint moves the tip in any row of the task.
     """
     found = arm.__dict__.get("_generic_rank")
     if found is None:
@@ -94,8 +99,13 @@ def generic_rank(arm: Arm) -> int:
         rng = np.random.default_rng(_RANK_SEED)
         # Whole circles, not the limits: a joint that hardly moves still has a generic rank.
         reach = np.where(arm.prismatic, arm.length_scale, np.pi)
-        J = task_jacobians(exact, rng.uniform(-1, 1, (6, arm.n)) * reach)
-        sigma = np.linalg.svd(J, compute_uv=False)
+        J = frame_jacobians(exact, rng.uniform(-1, 1, (6, arm.n)) * reach)
+        sigma = np.linalg.svd(scale_rows(exact, J), compute_uv=False)
+        if sigma.max() <= SINGULAR_RTOL * np.abs(J).max() / max(arm.length_scale, 1.0):
+            raise OptionError(
+                f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
+                "rows; choose other rows"
+            )
         found = int((sigma > SINGULAR_RTOL * sigma[:, :1]).sum(axis=1).max())
         arm.__dict__["_generic_rank"] = found  # follows from the frozen fields: kept with them
     return int(found)
@@ -169,5 +179,6 @@ def _model_jacobians(arm: Arm, Q: Array) -> Array:
     frame, compute = pin.LOCAL_WORLD_ALIGNED, pin.computeFrameJacobian
     out = np.empty((len(Q), 6, model.nv))
     for i, q in enumerate(arm.model_q(Q)):
-        out[i] = compute(model, data, q, tip, frame)
+        # Pinocchio drops the second axis of a single column.
+        out[i] = compute(model, data, q, tip, frame).reshape(6, model.nv)
     return out

@@ -141,8 +141,8 @@ def constraint_gradient(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
     N, n = J.shape[0], J.shape[2]
     left = np.matmul(np.swapaxes(U0, 1, 2), H.reshape(N, J.shape[1], n * n))
     left = left.reshape(N, -1, n, n)  # [a, i, j]
-    B = np.einsum("Naij,Nib->Nabj", left, V0).reshape(N, -1, n)
-    return B, sigma[:, :r]
+    B = np.matmul(np.swapaxes(left, 2, 3), V0[:, None])  # [a, j, b]
+    return np.swapaxes(B, 2, 3).reshape(N, -1, n), sigma[:, :r]
 
 
 def _steps(

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from pinsing import measures
 from pinsing.axes import DEPENDENCE_RTOL, AxisDependence, axis_dependences, landmarks
+from pinsing.errors import OptionError
 from pinsing.kinematics import (
     frame_jacobian,
     generic_rank,
@@ -183,7 +184,11 @@ def at(
     ------
     ConfigurationError
         If q has the wrong length or is not finite.
+    OptionError
+        Unless 0 <= rtol <= near_rtol < 1.
     """
+    if not 0 <= rtol <= near_rtol < 1:
+        raise OptionError(f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}")
     q = arm.check(q)
     J = frame_jacobian(arm, q)
     Js = scale_rows(arm, J)
@@ -309,16 +314,15 @@ def _self_motion(v: Array, prismatic: npt.NDArray[np.bool_]) -> SelfMotion:
 
 
 def _notes(arm: Arm, q: Array, r: int, ratio: float, rtol: float) -> Iterator[str]:
-    """Say where the rounded numbers of the file hide, or make, a singularity."""
+    """Say where the rounded numbers of the file hide a singularity."""
     exact = nominal(arm)
-    if exact.exact:
+    if exact.exact or ratio <= rtol:
         return
     sigma = np.linalg.svd(task_jacobian(exact.arm, q), compute_uv=False)
     there = float(measures.sigma_ratio(sigma, r))
-    if (there <= rtol) != (ratio <= rtol):
-        verb = "is singular" if there <= rtol else "is not singular"
+    if there <= rtol:
         yield (
-            f"with the rounded numbers of the file made exact (nominal geometry, changes of at "
-            f"most {exact.jacobian_change:.1e}) this configuration {verb}: "
-            f"sigma ratio {there:.1e}"
+            "singular if the rounded numbers of the file are made exact (nominal geometry, which "
+            f"changes no Jacobian column by more than {exact.jacobian_change:.1e}): "
+            f"sigma_{r}/sigma_1 = {there:.1e} there"
         )

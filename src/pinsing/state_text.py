@@ -41,7 +41,7 @@ def state_text(state: State, degrees: bool = False) -> str:
 def _lines(state: State, degrees: bool) -> Iterator[tuple[str, str]]:
     arm = state.arm
     r = state.generic_rank
-    yield "arm", f"{arm.name}, tip {arm.tip} in {arm.base}"
+    yield "arm", f"{arm.name}, tip {arm.tip}, base {arm.base}"
     yield "", f"task {arm.task}, length scale {arm.length_scale:g} m"
     yield from _joints(state, degrees)
     yield "", ""
@@ -110,16 +110,13 @@ def _verdict(state: State) -> str:
     r = state.generic_rank
     ratio = f"sigma_{r}/sigma_1 = {state.sigma_ratio:.2g}"
     if state.status == "singular":
-        return (
-            f"SINGULAR: rank {state.rank} instead of {r} "
-            f"({ratio}, singular at or below {state.rtol:g})"
-        )
+        return f"SINGULAR: rank {state.rank} instead of {r} ({ratio} <= {state.rtol:g})"
     if state.status == "near-singular":
         return (
-            f"near-singular: {ratio} (near-singular at or below {state.near_rtol:g}, "
-            f"singular at or below {state.rtol:g}); rank {state.rank}"
+            f"near-singular: {ratio} <= {state.near_rtol:g} "
+            f"(singular from {state.rtol:g}); rank {state.rank}"
         )
-    return f"regular: rank {state.rank}, {ratio} (near-singular at or below {state.near_rtol:g})"
+    return f"regular: rank {state.rank}, {ratio} (near-singular from {state.near_rtol:g})"
 
 
 def _determinant_label(state: State) -> str:
@@ -143,4 +140,4 @@ def _ellipsoid(
 
 
 def _short(value: float) -> str:
-    return f"{value:.4g}"
+    return f"{value + 0.0:.4g}"  # no minus zero

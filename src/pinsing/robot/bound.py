@@ -13,10 +13,11 @@ from pinsing.robot.chain import Chain
 def jacobian_change(one: Chain, other: Chain, arm: Arm) -> float:
     """Bound the change of any scaled Jacobian column between two chains of the same joints.
 
-    With e_k the angle and d_k the length by which C_k differs, the axis of joint i turns by
-    at most the sum of e_k, k <= i; and the tip as seen from it moves by at most the sum over
-    k > i of d_k, plus the turns met on the way times the reach left beyond them. The column
-    (z x p, z) then changes by at most |dp| + |dz| reach (over the length scale) and |dz|.
+    With e_k the angle and d_k the length by which C_k differs, all of joint i's column
+    (z x p, z) turns by at most the sum E_i of e_k, k <= i. Seen from the joint, the tip p moves
+    by at most D_i: the sum over k > i of d_k plus |t_k| (e_{i+1} + ... + e_{k-1}), the slide
+    before C_k counted to its length. The column then changes by at most
+    D_i + E_i reach (over the length scale) and E_i.
 
     Parameters
     ----------
@@ -46,7 +47,7 @@ def jacobian_change(one: Chain, other: Chain, arm: Arm) -> float:
             moved[i] = turned[i]
             continue
         # An unlimited slide has an infinite step: no turn before it, no change.
-        on_the_way = _product(turned[i] + np.cumsum(angle[i + 1 :]), step[i + 1 :])
+        on_the_way = _product(np.cumsum(angle[i + 1 :]) - angle[i + 1 :], step[i + 1 :])
         moved[i] = shift[i + 1 :].sum() + on_the_way.sum() + _product(turned[i], beyond[i])
         spun[i] = turned[i]
     if arm.coupling is not None:  # a free joint moves its followers along

@@ -15,6 +15,7 @@ from pinsing.errors import ChainError, JointError, OptionError, PinsingError, Un
 from pinsing.robot.arm import Arm, Array, Source
 from pinsing.robot.chain import joint_axis
 from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
+from pinsing.robot.reduce import lock_joints, reroot
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import candidates, choose_chain, choose_tip, frame_index, joint_path
 
@@ -172,7 +173,7 @@ def _choose_tip(
         last = max(ids, key=lambda j: len(joint_path(model, j)))
         chosen = choose_tip(model, last)
         return chosen, last, [f"tip {chosen} was chosen on the link of the last joint given"]
-    found = candidates(model, {name: leader for name, (leader, _, _) in whole.mimics.items()})
+    found = candidates(model, whole.mimics)
     found = [c for c in found if base_joint == 0 or base_joint in c.path[:-1]]
     candidate, notes = choose_chain(found, whole.label, model)
     return candidate.tip, candidate.last, notes
@@ -258,9 +259,9 @@ def _build(
     off_path = [j for j in lock if j not in path]
     if off_path:
         notes += (f"{len(off_path)} joints outside the chain are locked and do not matter to it",)
-    reduced = _reduced(model, lock, reference)
+    reduced = lock_joints(model, lock, reference)
     if base != "universe":
-        _reroot(reduced, base)
+        reroot(reduced, base)
     names = list(reduced.names)[1:]
     independent = [n for n in names if n not in leaders]
     coupling = None
@@ -297,41 +298,6 @@ def _build(
         ),
         coupling=coupling,
     )
-
-
-def _reduced(model: pin.Model, lock: list[int], reference: Array) -> pin.Model:
-    """Copy of ``model`` without the joints to lock.
-
-    Pinocchio looks for the frame of a joint by name alone: it gives up where there is none,
-    or where a link has the same name. So every joint gets a frame, with a name of its own
-    meanwhile.
-    """
-    model = model.copy()
-    if not lock:
-        return model
-    for j in range(1, model.njoints):
-        if not model.existFrame(model.names[j], pin.FrameType.JOINT):
-            model.addJointFrame(j)
-    taken = [f.name for f in model.frames]
-    original = {}
-    for j in range(1, model.njoints):
-        name = model.names[j]
-        if taken.count(name) > 1:
-            original[f"{name} (joint)"] = name
-            _rename(model, j, name, f"{name} (joint)")
-    reduced = pin.buildReducedModel(model, lock, reference)
-    for j in range(1, reduced.njoints):
-        name = reduced.names[j]
-        if name in original:
-            _rename(reduced, j, name, original[name])
-    return reduced
-
-
-def _rename(model: pin.Model, joint: int, old: str, new: str) -> None:
-    for frame in model.frames:
-        if frame.name == old and frame.type == pin.FrameType.JOINT:
-            frame.name = new
-    model.names[joint] = new
 
 
 def _reference(model: pin.Model, mimics: Mapping[str, Follow]) -> Array:
@@ -385,17 +351,6 @@ def _limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]:
         upper.append(high)
         prismatic.append(slides)
     return np.array(lower), np.array(upper), np.array(prismatic, dtype=bool), notes
-
-
-def _reroot(model: pin.Model, base: str) -> None:
-    """Make ``base`` the world of a reduced model (it is fixed to the universe there)."""
-    back = model.frames[frame_index(model, base)].placement.inverse()
-    for j in range(1, model.njoints):
-        if model.parents[j] == 0:
-            model.jointPlacements[j] = back * model.jointPlacements[j]
-    for frame in model.frames:
-        if frame.parentJoint == 0:
-            frame.placement = back * frame.placement
 
 
 def _known(kind: str, name: str, known: list[str]) -> str:

@@ -288,7 +288,7 @@ class _Maker:
                 if abs(value) < self.snap_length:
                     exact = Fraction(0)
                 else:
-                    exact = _shortest_decimal(value, slack, 1e-12 * reach)
+                    exact = _shortest_decimal(value, slack, _FLOAT_NOISE * reach)
                 if abs(float(exact) - value) > _FLOAT_NOISE * reach:
                     self.snaps.append(Snap(self.places[i], "length", value, float(exact)))
                 row.append(exact)

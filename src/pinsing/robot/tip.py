@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,20 +79,20 @@ def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
     return tuple(reversed(path))
 
 
-def candidates(model: pin.Model, mimics: Mapping[str, str] | None = None) -> list[Candidate]:
+def candidates(model: pin.Model, mimics: Collection[str] = ()) -> list[Candidate]:
     """All chains that an arm could be, grippers passed over in favour of what carries them.
 
     Parameters
     ----------
     model : pin.Model
         The whole model.
-    mimics : mapping of str to str, optional
-        Joints that follow another one, with the name of that one.
+    mimics : collection of str
+        Names of joints that follow another one.
     """
     children: list[list[int]] = [[] for _ in range(model.njoints)]
     for joint in range(1, model.njoints):
         children[model.parents[joint]].append(joint)
-    in_hand = _hand_joints(model, children, mimics or {})
+    in_hand = _hand_joints(model, children, mimics)
     if len(in_hand) == model.njoints - 1:  # a hand on its own: its fingers are the chains
         in_hand = set()
     leaves = [
@@ -108,9 +108,7 @@ def candidates(model: pin.Model, mimics: Mapping[str, str] | None = None) -> lis
     return found
 
 
-def _hand_joints(
-    model: pin.Model, children: list[list[int]], mimics: Mapping[str, str]
-) -> set[int]:
+def _hand_joints(model: pin.Model, children: list[list[int]], mimics: Collection[str]) -> set[int]:
     """Joints that belong to a gripper or hand, with all that hangs on them."""
     bodies: dict[int, str] = {}
     for frame in model.frames:
@@ -119,17 +117,16 @@ def _hand_joints(
     hand: set[int] = set()
     for joint in range(1, model.njoints):
         name = model.names[joint]
-        beside = children[model.parents[joint]]
-        followers = [mimics[model.names[j]] for j in beside if model.names[j] in mimics]
+        leaves = [j for j in children[model.parents[joint]] if not children[j]]
         inherited = int(model.parents[joint]) in hand
         # A link called gripper is often what the last wrist joint carries: links go by fingers.
         named = bool(_HAND.search(name) or _FINGER.search(bodies.get(joint, "")))
-        # One of several leaves that move together, or the one that leads them: jaws.
-        together = not children[joint] and len(beside) > 1 and (name in mimics or name in followers)
+        # Several leaves side by side of which one follows: jaws. A lone one is the last joint.
+        jaw = joint in leaves and len(leaves) > 1 and any(model.names[j] in mimics for j in leaves)
         # Something called a hand that no arm carries, and with an arm's worth of joints in a
         # row, is an arm.
         carried = len(joint_path(model, joint)) > ARM_JOINTS
-        if inherited or together or (named and (carried or _depth(joint, children) < 6)):
+        if inherited or jaw or (named and (carried or _depth(joint, children) < 6)):
             hand.add(joint)
     return hand
 

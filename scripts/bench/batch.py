@@ -1,0 +1,122 @@
+"""Time the batch engine against a Pinocchio loop with NumPy, all rows in one run.
+
+    python scripts/bench/batch.py [--count 50000] [--rounds 7]
+
+Each row is the best of several rounds, and the rows take turns within a round, so that a change of
+clock rate or another program on the machine touches all of them alike. Read the ratios: to the
+"batched" row, a Pinocchio loop into one array and one np.linalg.svd over it, of the same arm.
+"""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import platform
+import time
+from collections.abc import Callable
+from importlib.metadata import distribution
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing._batch import engine
+from pinsing._batch.chain import FlatChain
+from pinsing.robot.arm import Arm
+from pinsing.robot.chain import flatten
+from pinsing.robot.load import load
+
+ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
+ARMS = {
+    "UR5": ("ur_description/urdf/ur5_robot.urdf", "tool0"),
+    "Panda": ("panda_description/urdf/panda.urdf", "panda_hand_tcp"),
+}
+REFERENCE = "Pinocchio loop + one batched np.linalg.svd"
+
+
+def arm_named(name: str) -> Arm:
+    path, tip = ARMS[name]
+    file = distribution("example-robot-data").locate_file(f"{ROBOTS}/{path}")
+    return load(pin.buildModelFromUrdf(str(file)), tip=tip)
+
+
+def pinocchio_loop(arm: Arm, data: pin.Data, Q: np.ndarray) -> np.ndarray:
+    J = np.empty((len(Q), 6, arm.n))
+    model, tip, frame = arm.model, arm.tip_id, pin.LOCAL_WORLD_ALIGNED
+    for i, q in enumerate(Q):
+        J[i] = pin.computeFrameJacobian(model, data, q, tip, frame)
+    return J
+
+
+def each_by_itself(arm: Arm, data: pin.Data, Q: np.ndarray, values: bool) -> None:
+    model, tip, frame = arm.model, arm.tip_id, pin.LOCAL_WORLD_ALIGNED
+    for q in Q:
+        J = pin.computeFrameJacobian(model, data, q, tip, frame)
+        if values:
+            np.linalg.svd(J, compute_uv=False)
+
+
+def rows_of(name: str, count: int, values: bool) -> dict[str, tuple[Callable[[], object], int]]:
+    """Name the rows: what to run and how many configurations it treats."""
+    arm = arm_named(name)
+    flat = flatten(arm)
+    chain = FlatChain(flat.R, flat.t, flat.prismatic)
+    data = arm.model.createData()
+    Q = np.random.default_rng(0).uniform(-3.0, 3.0, (count, arm.n))
+    few = Q[: max(1, count // 10)]
+
+    worst = np.abs(engine.jacobians(chain, few) - pinocchio_loop(arm, data, few)).max()
+    if worst > 1e-12:
+        raise SystemExit(f"{name}: the engine differs from Pinocchio by {worst:.1e}")
+
+    def batched() -> None:
+        J = pinocchio_loop(arm, data, few)
+        if values:
+            np.linalg.svd(J, compute_uv=False)
+
+    rows: dict[str, tuple[Callable[[], object], int]] = {
+        "each configuration by itself": (lambda: each_by_itself(arm, data, few, values), len(few)),
+        REFERENCE if values else "Pinocchio loop into one array": (batched, len(few)),
+    }
+    run = engine.singular_values if values else engine.jacobians
+    out = np.empty((count, min(6, arm.n)) if values else (count, 6, arm.n))
+    for isa in engine.isa_names():
+        for threads in (1, 2):
+            task = functools.partial(run, chain, Q, threads=threads, isa=isa, out=out)
+            rows[f"engine, {isa}, {threads} thread{'s' * (threads > 1)}"] = (task, count)
+    return rows
+
+
+def measure(rows: dict[str, tuple[Callable[[], object], int]], rounds: int) -> dict[str, float]:
+    """Best time per configuration of each row [us]."""
+    best = dict.fromkeys(rows, np.inf)
+    for _ in range(rounds):
+        for name, (task, count) in rows.items():
+            start = time.perf_counter()
+            task()
+            best[name] = min(best[name], (time.perf_counter() - start) / count * 1e6)
+    return best
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--count", type=int, default=50_000, help="configurations of an engine row")
+    parser.add_argument("--rounds", type=int, default=7)
+    options = parser.parse_args()
+    if not engine.available():
+        raise SystemExit(engine.unavailable_reason())
+    print(f"{platform.machine()}, {engine.cpu_count()} processors; ", end="")
+    print(f"Pinocchio {pin.__version__}, NumPy {np.__version__}")
+    print(f"instruction sets here: {', '.join(engine.isa_names())} (the last is the default)\n")
+    print(f"{'arm':6} {'result':12} {'row':44} {'us/config':>10} {'x faster':>9}")
+    for name in ARMS:
+        for values in (False, True):
+            best = measure(rows_of(name, options.count, values), options.rounds)
+            reference = list(best.values())[1]
+            for row, us in best.items():
+                result = "J and sigma" if values else "J alone"
+                print(f"{name:6} {result:12} {row:44} {us:10.3f} {reference / us:9.1f}")
+            print()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,253 @@
+"""The batch kernel behind checked NumPy functions.
+
+An instruction set ("isa") is one of the names that :func:`isa_names` returns. Results are
+bit-for-bit equal for any number of threads and any split of the input on one instruction set, and
+agree to rounding across instruction sets.
+
+Fixed limits of the kernel: singular values of matrices with a smaller side of at most 6 and a
+larger one of at most 32; beyond them NumPy computes the singular values.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinsing._batch.chain import FlatChain
+
+try:
+    import pinsing._batch._kernel as _kernel
+except ImportError as error:  # not built at install time, or built for another Python
+    _missing: str | None = (
+        "the compiled batch engine is not installed: no working C++ compiler (GCC or Clang) was "
+        f"found when pinsing was installed; install one and reinstall pinsing ({error})"
+    )
+else:
+    _missing = None
+
+Floats = NDArray[np.float64]
+
+# dqds takes some 6 transformations for a value and 35 in the worst clusters seen; a matrix that
+# needs more goes to LAPACK.
+_MAX_SWEEPS = 64
+
+
+def available() -> bool:
+    """Whether the compiled kernel is installed."""
+    return _missing is None
+
+
+def unavailable_reason() -> str | None:
+    """Why the kernel is not available, in one sentence; None where it is."""
+    return _missing
+
+
+def isa_names() -> tuple[str, ...]:
+    """Names of the instruction sets that this machine can run, best last.
+
+    Out of "baseline" (what every machine of this kind has, SSE2 on x86), "avx2" (with FMA) and
+    "avx512" (F, DQ, VL, BW). Empty where the kernel is not available.
+    """
+    return () if _missing is not None else tuple(_kernel.isa_names())
+
+
+def cpu_count() -> int:
+    """Count the processors that this process may use (its affinity mask)."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def jacobians(
+    chain: FlatChain,
+    Q: ArrayLike,
+    *,
+    threads: int | None = None,
+    isa: str | None = None,
+    out: Floats | None = None,
+) -> Floats:
+    """Geometric Jacobians of the tip at many configurations.
+
+    Parameters
+    ----------
+    chain : FlatChain
+        The chain, n joints.
+    Q : array_like, shape (N, n)
+        Joint values [rad or m]. Never modified.
+    threads : int, optional
+        Number of threads; None takes every processor that this process may use.
+    isa : str, optional
+        Instruction set; None takes the best.
+    out : ndarray, shape (N, 6, n), optional
+        C-contiguous float64 array to write to, which must not overlap Q. Its content is undefined
+        when an error is raised.
+
+    Returns
+    -------
+    ndarray, shape (N, 6, n)
+        Translation rows first, of the tip point, along the axes of the base frame
+        (LOCAL_WORLD_ALIGNED) [m/rad, rad/rad; 1, 0 for prismatic joints].
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, values that are not finite, or an unknown instruction set.
+    RuntimeError
+        Where the kernel is not available.
+    """
+    isa, threads = _isa(isa), _threads(threads)
+    Q = _configurations(Q, chain.n)
+    out = _output(out, (len(Q), 6, chain.n), Q)
+    _kernel.jacobians(chain.R, chain.t, chain.prismatic, Q, out, isa, threads)
+    return out
+
+
+def singular_values(
+    chain: FlatChain,
+    Q: ArrayLike,
+    *,
+    rows: Sequence[int] = (0, 1, 2, 3, 4, 5),
+    length_scale: float = 1.0,
+    threads: int | None = None,
+    isa: str | None = None,
+    out: Floats | None = None,
+) -> Floats:
+    """Singular values of the task Jacobian at many configurations.
+
+    Parameters
+    ----------
+    chain : FlatChain
+        The chain, n joints.
+    Q : array_like, shape (N, n)
+        Joint values [rad or m]. Never modified.
+    rows : sequence of int
+        Rows of the Jacobian that make the task, in 0..5 (vx, vy, vz, wx, wy, wz), each at most
+        once; m of them.
+    length_scale : float
+        L [m]: the translation rows are divided by it.
+    threads, isa
+        As for :func:`jacobians`.
+    out : ndarray, shape (N, min(m, n)), optional
+        As for :func:`jacobians`.
+
+    Returns
+    -------
+    ndarray, shape (N, min(m, n))
+        Descending; as accurate as LAPACK's, small ones included.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, values that are not finite, wrong rows, a length scale that is
+        not positive, or an unknown instruction set.
+    RuntimeError
+        Where the kernel is not available.
+    """
+    isa, threads = _isa(isa), _threads(threads)
+    rows = [int(row) for row in rows]
+    if not rows or len(set(rows)) != len(rows) or not set(rows) <= set(range(6)):
+        raise ValueError(f"rows: {rows}, not different numbers out of 0..5")
+    if not (np.isfinite(length_scale) and length_scale > 0):
+        raise ValueError(f"length_scale: {length_scale}, not a positive length")
+    Q = _configurations(Q, chain.n)
+    out = _output(out, (len(Q), min(len(rows), chain.n)), Q)
+    scale = np.array([1.0 / length_scale if row < 3 else 1.0 for row in rows])
+    if chain.n > _kernel.MAX_COLUMNS:
+        J = jacobians(chain, Q, threads=threads, isa=isa)[:, rows] * scale[:, None]
+        out[:] = np.linalg.svd(J, compute_uv=False)
+        return out
+    unfinished = _kernel.singular_values(
+        chain.R, chain.t, chain.prismatic, rows, scale.tolist(), Q, out, isa, threads, _MAX_SWEEPS
+    )
+    if unfinished:
+        left = np.isnan(out[:, 0])
+        J = jacobians(chain, Q[left], threads=threads, isa=isa)[:, rows] * scale[:, None]
+        out[left] = np.linalg.svd(J, compute_uv=False)
+    return out
+
+
+def svdvals(
+    J: ArrayLike,
+    *,
+    threads: int | None = None,
+    isa: str | None = None,
+    max_sweeps: int = _MAX_SWEEPS,
+) -> Floats:
+    """Singular values of many small matrices.
+
+    Parameters
+    ----------
+    J : array_like, shape (N, m, n)
+        The matrices. Never modified.
+    threads, isa
+        As for :func:`jacobians`.
+    max_sweeps : int
+        Iterations for one value after which a matrix is left to LAPACK.
+
+    Returns
+    -------
+    ndarray, shape (N, min(m, n))
+        Descending.
+
+    Raises
+    ------
+    ValueError
+        For a shape that does not fit, values that are not finite, or an unknown instruction set.
+    RuntimeError
+        Where the kernel is not available.
+    """
+    isa, threads = _isa(isa), _threads(threads)
+    A = np.ascontiguousarray(J, dtype=np.float64)
+    if A.ndim != 3 or 0 in A.shape[1:]:
+        raise ValueError(f"J: shape {A.shape}, not (N, m, n) with m, n >= 1")
+    rank = min(A.shape[1:])
+    if rank > _kernel.MAX_RANK or max(A.shape[1:]) > _kernel.MAX_COLUMNS:
+        if not np.isfinite(A).all():
+            raise ValueError("J holds a value that is not finite")
+        return np.asarray(np.linalg.svd(A, compute_uv=False), dtype=np.float64)
+    out = np.empty((len(A), rank))
+    if _kernel.svdvals(A, out, isa, threads, max_sweeps):
+        left = np.isnan(out[:, 0])
+        out[left] = np.linalg.svd(A[left], compute_uv=False)
+    return out
+
+
+def _isa(isa: str | None) -> str:
+    if _missing is not None:
+        raise RuntimeError(_missing)
+    names = isa_names()
+    if isa is None:
+        return names[-1]
+    if isa not in names:
+        raise ValueError(f"instruction set {isa!r}: this machine runs {', '.join(names)}")
+    return isa
+
+
+def _threads(threads: int | None) -> int:
+    if threads is None:
+        return cpu_count()
+    if threads < 1:
+        raise ValueError(f"threads: {threads}, not at least 1")
+    return min(int(threads), 1024)
+
+
+def _configurations(Q: ArrayLike, n: int) -> Floats:
+    array = np.ascontiguousarray(Q, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != n:
+        raise ValueError(f"Q: shape {array.shape}, not (N, {n})")
+    return array
+
+
+def _output(out: Floats | None, shape: tuple[int, ...], Q: Floats) -> Floats:
+    if out is None:
+        return np.empty(shape)
+    if out.shape != shape or out.dtype != np.float64:
+        raise ValueError(f"out: {out.dtype} of shape {out.shape}, not float64 of shape {shape}")
+    if not (out.flags.c_contiguous and out.flags.writeable):
+        raise ValueError("out: must be C-contiguous and writeable")
+    if np.may_share_memory(out, Q):
+        raise ValueError("out: overlaps Q")
+    return out

@@ -1,0 +1,61 @@
+// The interface between the Python module and the kernels, one kernel per instruction set.
+//
+// Plain data and plain functions only: each kernel is compiled with its own machine flags, so
+// nothing inline may be shared between them and the module (the linker would keep one copy, perhaps
+// one that this machine cannot run).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+namespace pinsing {
+
+constexpr int kMaxRank = 6;       // the smaller side of a matrix whose singular values are taken
+constexpr int kMaxColumns = 32;   // its larger side
+constexpr int kMaxJoints = 1024;  // bounds the scratch memory; no arm comes near
+constexpr int kScratchAlign = 64;
+
+// T(q) = C_0 M_0(q_0) C_1 ... M_{n-1}(q_{n-1}) C_n with C_i = [R_i t_i; 0 1], M_i = Rz or Tz.
+struct Chain {
+    int n;
+    const double* R;  // (n + 1, 3, 3)
+    const double* t;  // (n + 1, 3)
+    const bool* prismatic;  // (n,)
+};
+
+// Rows of the 6 x n Jacobian whose singular values are wanted, each times its factor.
+struct Task {
+    int m;
+    int row[6];
+    double factor[6];
+};
+
+struct Outcome {
+    std::int64_t not_finite;  // index of the first input item that is not finite, or -1
+    std::int64_t unfinished;  // items whose singular values did not converge: set to NaN
+};
+
+struct Kernel {
+    const char* name;
+    int lanes;
+    // Doubles of scratch (aligned to kScratchAlign) that the functions below need for n joints.
+    std::size_t (*scratch)(int n);
+    // Q (N, n) -> J (N, 6, n)
+    Outcome (*jacobians)(const Chain&, const double* Q, std::int64_t N, double* J, double* scratch);
+    // Q (N, n) -> S (N, min(m, n)), descending; min(m, n) <= kMaxRank, max(m, n) <= kMaxColumns
+    Outcome (*singular_values)(const Chain&, const Task&, const double* Q, std::int64_t N,
+                               double* S, int max_sweeps, double* scratch);
+    // A (N, m, n) -> S (N, min(m, n)), descending; same bounds
+    Outcome (*svdvals)(const double* A, int m, int n, std::int64_t N, double* S, int max_sweeps,
+                       double* scratch);
+};
+
+extern const Kernel kernel_baseline;
+#if PINSING_HAVE_AVX2
+extern const Kernel kernel_avx2;
+#endif
+#if PINSING_HAVE_AVX512
+extern const Kernel kernel_avx512;
+#endif
+
+}  // namespace pinsing

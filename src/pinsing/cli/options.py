@@ -1,0 +1,210 @@
+"""Options that commands share, and the numbers that people type."""
+
+from __future__ import annotations
+
+import functools
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from pinsing.cli.output import OutputFile, ParamType, say
+from pinsing.errors import ConfigurationError, OptionError, OutputError
+
+if TYPE_CHECKING:
+    from pinsing.robot.arm import Arm, Array
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_PI = re.compile(r"([+-]?)(?:(\d+(?:\.\d+)?)\s*\*?\s*)?pi(?:\s*/\s*(\d+(?:\.\d+)?))?")
+
+
+@dataclass(frozen=True)
+class RobotRequest:
+    """Which arm the user means.
+
+    Attributes are those of the options of the same names.
+    """
+
+    robot: str
+    tip: str | None
+    base: str | None
+    joints: tuple[str, ...] | None
+    task: str
+    length_scale: float
+    packages: dict[str, str]
+    xacro_args: dict[str, str]
+
+    def load(self, quiet: bool = False) -> Arm:
+        """Load the arm, and tell on stderr what was assumed."""
+        from pinsing.robot.load import load
+
+        arm = load(
+            self.robot,
+            tip=self.tip,
+            base=self.base,
+            joints=self.joints,
+            task=self.task,
+            length_scale=self.length_scale,
+            packages=self.packages,
+            xacro_args=self.xacro_args,
+        )
+        if not quiet:
+            for note in arm.notes:
+                say(f"note: {note}")
+        return arm
+
+
+def _same_file(path: Path, robot: str) -> bool:
+    try:
+        return path.exists() and path.samefile(robot)
+    except (OSError, ValueError):  # a name, not a file
+        return False
+
+
+class _Pair(ParamType):
+    """``NAME=VALUE`` with some separator."""
+
+    def __init__(self, separator: str, example: str) -> None:
+        self.separator, self.example = separator, example
+        self.name = example
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        if isinstance(value, tuple):
+            return value
+        name, found, rest = str(value).partition(self.separator)
+        if not found or not name.strip():
+            self.fail(f"{value!r} is not of the form {self.example}", param, ctx)
+        return name.strip(), rest
+
+
+def arm_options(command: F) -> F:
+    """Add the ROBOT argument and the options that choose an arm; pass them as a RobotRequest."""
+
+    @click.argument("robot")
+    @click.option("--tip", metavar="FRAME", help="Frame whose motion is judged.")
+    @click.option("--base", metavar="FRAME", help="Frame that the chain starts from.")
+    @click.option("--joints", metavar="A,B,...", help="Joints to keep free; lock the others.")
+    @click.option(
+        "--task",
+        default="pose",
+        show_default=True,
+        help="pose, position, orientation, or rows such as vx,vy,wz.",
+    )
+    @click.option(
+        "--length-scale",
+        type=float,
+        default=1.0,
+        show_default=True,
+        metavar="METRES",
+        help="Translations are divided by it before singular values are taken.",
+    )
+    @click.option(
+        "--package",
+        "packages",
+        type=_Pair("=", "NAME=DIR"),
+        multiple=True,
+        help="Folder of a ROS package; repeatable.",
+    )
+    @click.option(
+        "--xacro-arg",
+        "xacro_args",
+        type=_Pair(":=", "K:=V"),
+        multiple=True,
+        help="Argument of a xacro file; repeatable.",
+    )
+    @functools.wraps(command)
+    def wrapper(
+        robot: str,
+        tip: str | None,
+        base: str | None,
+        joints: str | None,
+        task: str,
+        length_scale: float,
+        packages: tuple[tuple[str, str], ...],
+        xacro_args: tuple[tuple[str, str], ...],
+        **rest: Any,
+    ) -> Any:
+        names = None
+        if joints is not None:
+            names = tuple(name.strip() for name in joints.split(",") if name.strip())
+            if not names:
+                raise OptionError("--joints names no joint")
+        for value in rest.values():
+            if isinstance(value, Path) and _same_file(value, robot):
+                raise OutputError(f"cannot write {value}: it is the robot itself")
+        request = RobotRequest(
+            robot, tip, base, names, task, length_scale, dict(packages), dict(xacro_args)
+        )
+        return command(request, **rest)
+
+    return wrapper  # type: ignore[return-value]
+
+
+deg_option = click.option("--deg", is_flag=True, help="Angles in degrees, typed and printed.")
+
+json_option = click.option(
+    "--json",
+    "json_target",
+    type=OutputFile(),
+    metavar="FILE|-",
+    help="Write the result as JSON (radians, metres); - for stdout in place of the text.",
+)
+
+fail_option = click.option(
+    "--fail-if-singular", is_flag=True, help="Exit with code 1 where a singularity is found."
+)
+
+
+def parse_numbers(text: str, what: str, degrees: bool = False) -> list[float]:
+    """Numbers between commas or spaces; without ``degrees`` also ``pi/2``, ``-pi``, ``3pi/4``.
+
+    Raises
+    ------
+    ConfigurationError
+        If one of them is not a number.
+    """
+    words = [word for word in re.split(r"[,\s]+", text.strip().strip("[]()")) if word]
+    if not words:
+        raise ConfigurationError(f"{what} has no number in it: {text!r}")
+    return [_number(word, what, degrees) for word in words]
+
+
+def _number(word: str, what: str, degrees: bool) -> float:
+    match = _PI.fullmatch(word.lower())
+    if match:
+        if degrees:
+            raise ConfigurationError(f"{what}: {word!r} is in radians, but --deg is given")
+        sign, factor, divisor = match.groups()
+        if divisor is not None and float(divisor) == 0:
+            raise ConfigurationError(f"{what}: {word!r} divides by zero")
+        value = float(factor or 1) * math.pi / float(divisor or 1)
+        return -value if sign == "-" else value
+    try:
+        return float(word)
+    except ValueError:
+        raise ConfigurationError(f"{what}: {word!r} is not a number") from None
+
+
+def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
+    """Joint vector (n,) from what the user typed, in radians and metres.
+
+    With ``degrees``, revolute joints are converted; prismatic ones are in metres anyway.
+    """
+    import numpy as np
+
+    q = arm.check(parse_numbers(text, what, degrees))
+    if degrees:
+        return np.where(arm.prismatic, q, np.radians(q))
+    far = np.flatnonzero(~arm.prismatic & (np.abs(q) > 4 * np.pi))
+    if far.size:
+        i = int(far[0])
+        say(
+            f"note: joint {i + 1} at {q[i]:g} rad is {q[i] / (2 * np.pi):.1f} turns; in degrees? "
+            "add --deg"
+        )
+    return q

@@ -1,0 +1,73 @@
+"""Where things go: results to stdout or a file, all else to stderr."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pinsing.report.files import check_writable, write_text
+from pinsing.report.text import safe
+
+if TYPE_CHECKING:
+    from pinsing.result import JsonResult
+
+    ParamType = click.ParamType[Any]
+else:
+    ParamType = click.ParamType  # not generic in older releases
+
+STDOUT = "-"
+
+STOPPED = 130
+"""Exit code after Ctrl-C, as shells have it."""
+
+
+def emit(text: str) -> None:
+    """Print a result."""
+    click.echo(safe(text))
+
+
+def say(text: str) -> None:
+    """Print a message that is no result."""
+    click.echo(f"pinsing: {safe(text)}", err=True)
+
+
+def complain(text: str) -> None:
+    """Print an error, in one line whatever a parser had to say."""
+    click.echo(f"pinsing: error: {safe(' '.join(text.split()))}", err=True)
+
+
+class OutputFile(ParamType):
+    """A file to write, checked before anything is computed; or ``-`` for stdout."""
+
+    name = "file"
+
+    def __init__(self, dash: bool = True) -> None:
+        self.dash = dash
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Check that the file can be written."""
+        if (value == STDOUT and self.dash) or isinstance(value, Path):
+            return value
+        return check_writable(value)
+
+
+def emit_json(result: JsonResult, target: str | Path | None) -> bool:
+    """Write JSON where it was asked for; tell whether stdout is taken by it."""
+    return target is not None and emit_json_data(result.to_dict(), target)
+
+
+def emit_json_data(data: Mapping[str, Any], target: str | Path | None) -> bool:
+    """Write plain data as JSON; as `emit_json`."""
+    if target is None:
+        return False
+    text = json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False)
+    if target == STDOUT:
+        click.echo(text)
+        return True
+    write_text(target, text + "\n")
+    say(f"wrote {target}")
+    return False

@@ -1,0 +1,109 @@
+"""``pinsing info``, ``pinsing list`` and ``pinsing dh``: robots themselves."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
+from pinsing.cli.output import STDOUT, OutputFile, emit, emit_json, emit_json_data, say
+from pinsing.errors import ChainError, OptionError
+from pinsing.report.files import check_writable, write_text
+from pinsing.report.text import Table
+
+
+@click.command("info", short_help="What pinsing makes of a robot, before any analysis.")
+@arm_options
+@deg_option
+@json_option
+def info_command(request: RobotRequest, deg: bool, json_target: str | Path | None) -> None:
+    """What pinsing makes of ROBOT: chain, joints, limits, tip, generic rank, geometry.
+
+    Where several arms could be meant, lists them with the command for each.
+    """
+    try:
+        arm = request.load(quiet=True)
+    except ChainError:
+        if request.tip is None and request.joints is None and json_target != STDOUT:
+            _show_chains(request)
+        raise
+    from pinsing.report.info import ROUNDING, describe
+
+    info = describe(arm)
+    if emit_json(info, json_target):
+        return
+    emit(info.head() + "\n")
+    info.joints(deg).show()
+    lines = [f"note: {note}" for note in arm.notes]
+    lines += [f"moved: {snap}" for snap in info.snaps if snap.size > ROUNDING]
+    if lines:
+        emit("\n" + "\n".join(lines))
+
+
+def _show_chains(request: RobotRequest) -> None:
+    """List the chains that could be the arm, with the command for each."""
+    from pinsing.robot.catalog import CatalogEntry, locate_robot
+    from pinsing.robot.description import read_description
+    from pinsing.robot.model import build_model
+    from pinsing.robot.tip import candidates
+
+    found = locate_robot(request.robot)
+    path = found.path if isinstance(found, CatalogEntry) else found
+    description = read_description(path, packages=request.packages, xacro_args=request.xacro_args)
+    mimics = [j.name for j in description.joints if j.mimic is not None]
+    chains = candidates(build_model(description), mimics)
+    if len(chains) > 1:
+        rows = tuple(
+            (c.tip, str(len(c.path)), f"pinsing info {request.robot} --tip {c.tip}") for c in chains
+        )
+        Table(("tip", "joints", "command"), rows, frozenset({1})).show()
+
+
+@click.command("list", short_help="Robots known by name.")
+@click.argument("word", required=False, default="")
+@click.option("--json", "json_target", type=OutputFile(), metavar="FILE|-", help="As JSON.")
+def list_command(word: str, json_target: str | Path | None) -> None:
+    """Robots known by name; with WORD, those that have it in their name or title."""
+    from pinsing.robot.catalog import known_robots
+
+    wanted = word.lower()
+    entries = [
+        e for e in known_robots().values() if wanted in e.name.lower() or wanted in e.title.lower()
+    ]
+    if json_target is not None:
+        robots = [
+            {"name": e.name, "title": e.title, "source": e.source, "alias_of": e.alias_of}
+            for e in entries
+        ]
+        if emit_json_data({"schema": "pinsing/robots/1", "robots": robots}, json_target):
+            return
+    rows = tuple(
+        (e.name, f"same as {e.alias_of}" if e.alias_of else e.title, e.source, e.note)
+        for e in entries
+    )
+    if rows:
+        Table(("name", "robot", "from", "note"), rows).show()
+    else:
+        say(f"no known robot has {word!r} in its name")
+
+
+@click.command("dh", short_help="DH table to URDF.")
+@click.argument("table")
+@click.option(
+    "-o", "--output", required=True, metavar="FILE|-", help="The URDF to write; - for stdout."
+)
+def dh_command(table: str, output: str) -> None:
+    """Turn a DH table (YAML, standard or modified convention) into a URDF."""
+    from pinsing.robot.dh import dh_to_urdf, read_dh
+
+    if output != STDOUT:
+        check_writable(output, inputs=(table,))
+        if output.endswith((".yaml", ".yml")):
+            raise OptionError(f"--output {output} has the suffix of a table; call it .urdf")
+    urdf = dh_to_urdf(read_dh(Path(table)))
+    if output == STDOUT:
+        click.echo(urdf, nl=False)
+    else:
+        write_text(output, urdf)
+        say(f"wrote {output}")

@@ -1,0 +1,128 @@
+"""What pinsing makes of a robot before it analyses anything."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pinsing.kinematics import generic_rank
+from pinsing.report.text import Table, fields, safe
+from pinsing.result import JsonResult
+from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import Snap, nominal
+from pinsing.robot.summary import ArmSummary, summarize
+
+ROUNDING = 1e-9
+"""Radians or metres: what the nominal geometry moves by less is not worth a line of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class ArmInfo(JsonResult):
+    """An arm, its generic rank, and how exact its geometry is.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        Chain, joints, limits, tip, base, task, length scale, notes.
+    kinds : tuple of str
+        ``revolute``, ``continuous`` or ``prismatic``, one a joint.
+    file : str
+        The description file; empty for a model in memory.
+    generic_rank : int
+        Rank of the task Jacobian at almost every configuration.
+    task_rows : int
+        Rows of the task.
+    snaps : tuple of Snap
+        Numbers that the nominal geometry moves.
+    jacobian_change : float
+        Bound of what that changes in any column of the scaled task Jacobian.
+    """
+
+    schema: ClassVar[str] = "pinsing/info/1"
+
+    arm: ArmSummary
+    kinds: tuple[str, ...]
+    file: str
+    generic_rank: int
+    task_rows: int
+    snaps: tuple[Snap, ...]
+    jacobian_change: float
+
+    def head(self) -> str:
+        """Lines above the table of joints."""
+        arm = self.arm
+        rank = f"{self.generic_rank} ({arm.n} joints, {self.task_rows} task rows)"
+        if self.generic_rank < min(arm.n, self.task_rows):
+            rank += "; the joints are never independent in this task"
+        elif arm.n > self.generic_rank:
+            rank += f"; redundant by {arm.n - self.generic_rank}"
+        rows = [("robot", arm.name)]
+        if self.file:
+            rows.append(("file", self.file))
+        rows += [
+            ("base", f"{arm.base} (the root)" if arm.base == "universe" else arm.base),
+            ("tip", arm.tip),
+            ("task", arm.task),
+            ("length scale", f"{arm.length_scale:g} m"),
+            ("generic rank", rank),
+            ("geometry", self.geometry()),
+        ]
+        return safe(fields(rows))
+
+    def geometry(self) -> str:
+        """One sentence on raw and nominal geometry."""
+        if self.jacobian_change <= 1e-12:
+            return "exact: every number of the file is taken as it is"
+        size = {"angle": 0.0, "length": 0.0, "twist": 0.0}
+        count = dict.fromkeys(size, 0)
+        for snap in self.snaps:
+            size[snap.what] = max(size[snap.what], snap.size)
+            count[snap.what] += 1
+        said = [
+            f"{count[what]} {what}{'s' if count[what] > 1 else ''} "
+            f"(at most {size[what]:.1e} {'m' if what == 'length' else 'rad'})"
+            for what in size
+            if count[what]
+        ]
+        return (
+            f"rounded in the file; made exact for closed forms by moving {', '.join(said)}; "
+            f"this changes no Jacobian column by more than {self.jacobian_change:.1e}"
+        )
+
+    def joints(self, degrees: bool = False) -> Table:
+        """Table of the joints."""
+        arm = self.arm
+        rows = []
+        for i, name in enumerate(arm.joints):
+            slides = bool(arm.prismatic[i])
+            unit = "m" if slides else "deg" if degrees else "rad"
+            factor = 180 / np.pi if degrees and not slides else 1.0
+            low, high = (
+                f"{limit * factor:.6g}" if np.isfinite(limit) else "none"
+                for limit in (arm.lower[i], arm.upper[i])
+            )
+            rows.append((str(i + 1), name, self.kinds[i], low, high, unit))
+        header = ("#", "joint", "type", "lower", "upper", "unit")
+        return Table(header, tuple(rows), frozenset({0, 3, 4}))
+
+    def __str__(self) -> str:
+        return f"{self.head()}\n\n{self.joints().plain()}"
+
+
+def describe(arm: Arm) -> ArmInfo:
+    """Gather what `ArmInfo` holds."""
+    exact = nominal(arm)
+    # Without any limit a turning joint is continuous, as a URDF would call it.
+    free = ~(np.isfinite(arm.lower) | np.isfinite(arm.upper))
+    kinds = np.where(arm.prismatic, "prismatic", np.where(free, "continuous", "revolute"))
+    return ArmInfo(
+        arm=summarize(arm),
+        kinds=tuple(str(k) for k in kinds),
+        file="" if arm.source.path is None else str(arm.source.path),
+        generic_rank=generic_rank(arm),
+        task_rows=len(arm.task.rows),
+        snaps=exact.snaps,
+        jacobian_change=exact.jacobian_change,
+    )

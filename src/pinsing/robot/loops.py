@@ -1,0 +1,401 @@
+"""Closed loops: a URDF of the spanning tree and a side-car file -> Mechanism.
+
+The side-car is YAML in the style of gepetto/example-parallel-robots: ``closed_loop`` (pairs of
+frames that coincide), ``type`` (how they do) and ``name_mot`` (the actuated joints); to which
+pinsing adds ``output`` (whose motion counts) and ``home`` (where to start closing the loops).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing.errors import (
+    ConfigurationError,
+    JointError,
+    OptionError,
+    PinsingError,
+    UnknownNameError,
+)
+from pinsing.robot.arm import Array, Source
+from pinsing.robot.chain import joint_axis
+from pinsing.robot.strict_yaml import Node, compose, suggestion
+from pinsing.robot.task import ROW_NAMES, Task, parse_task
+from pinsing.robot.tip import frame_index
+
+LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}
+"""Kinds of closure and how many equations each has."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Two frames of the spanning tree that the mechanism holds together.
+
+    Attributes
+    ----------
+    frame_a, frame_b : str
+        Their names.
+    kind : str
+        ``3d``: the origins coincide; ``6d``: the frames do; ``planar``: the origins coincide
+        in the x-y plane of the first frame.
+    """
+
+    frame_a: str
+    frame_b: str
+    kind: str
+
+    @property
+    def rows(self) -> int:
+        """Number of its closure equations."""
+        return LOOP_KINDS[self.kind]
+
+    def __str__(self) -> str:
+        return f"{self.frame_a} = {self.frame_b} ({self.kind})"
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A spanning tree with closed loops, actuated and passive joints, and an output.
+
+    Configurations are joint vectors ``q`` (n,) of *all* joints of the tree, radians and
+    metres; inputs are the values of the actuated joints, in the order of ``inputs``.
+
+    Attributes
+    ----------
+    name : str
+        Name of the robot.
+    model : pin.Model
+        The spanning tree.
+    joints : tuple of str
+        Names of all joints, in the model's order.
+    prismatic : (n,) array of bool
+        Which of them slide.
+    lower, upper : (n,) arrays
+        Limits, radians or metres; infinite for continuous joints.
+    actuated : tuple of int
+        Indices of the actuated joints, in the order of the loop file.
+    loops : tuple of Loop
+        What holds together.
+    output : str
+        Name of the frame whose motion counts.
+    task : Task
+        Rows of its motion that count (LOCAL_WORLD_ALIGNED, axes of the root).
+    length_scale : float
+        Metres; lengths are divided by it before singular values are taken.
+    home : (n,) array
+        A configuration near which the loops close.
+    notes : tuple of str
+        What was assumed while loading.
+    source : Source
+        Where the tree comes from.
+    loop_file : Path or None
+        Where the loops come from.
+    """
+
+    name: str
+    model: pin.Model
+    joints: tuple[str, ...]
+    prismatic: npt.NDArray[np.bool_]
+    lower: Array
+    upper: Array
+    actuated: tuple[int, ...]
+    loops: tuple[Loop, ...]
+    output: str
+    task: Task
+    length_scale: float
+    home: Array
+    notes: tuple[str, ...]
+    source: Source = field(repr=False)
+    loop_file: Path | None = None
+
+    def __post_init__(self) -> None:
+        scale = self.length_scale
+        if not (np.isfinite(scale) and scale > 0):
+            raise OptionError(f"length_scale must be a positive number of metres, got {scale!r}")
+        for array in (self.lower, self.upper, self.prismatic, self.home):
+            array.setflags(write=False)
+
+    @property
+    def n(self) -> int:
+        """Number of joints of the tree."""
+        return len(self.joints)
+
+    @property
+    def passive(self) -> tuple[int, ...]:
+        """Indices of the joints that are not actuated."""
+        return tuple(i for i in range(self.n) if i not in self.actuated)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the actuated joints."""
+        return tuple(self.joints[i] for i in self.actuated)
+
+    @property
+    def rows(self) -> int:
+        """Number of closure equations of all loops."""
+        return sum(loop.rows for loop in self.loops)
+
+    @property
+    def output_id(self) -> int:
+        """Index of the output frame in ``model.frames``."""
+        return frame_index(self.model, self.output)
+
+    def with_actuated(self, names: tuple[str, ...] | list[str]) -> Mechanism:
+        """Return the same mechanism driven by other joints.
+
+        Raises
+        ------
+        UnknownNameError
+            If a joint does not exist.
+        """
+        for name in names:
+            if name not in self.joints:
+                raise UnknownNameError("joint", name, self.joints)
+        return replace(self, actuated=tuple(self.joints.index(name) for name in names))
+
+    def check(self, q: npt.ArrayLike) -> Array:
+        """Return ``q`` as a float array of shape (..., n), or say what is wrong with it.
+
+        Raises
+        ------
+        ConfigurationError
+            If the last axis is not n long, or a number is not finite.
+        """
+        return _numbers(q, self.joints, "q")
+
+    def check_inputs(self, inputs: npt.ArrayLike) -> Array:
+        """Return values of the actuated joints as a float array (..., n_a).
+
+        Raises
+        ------
+        ConfigurationError
+            If the last axis is not n_a long, or a number is not finite.
+        """
+        return _numbers(inputs, self.inputs, "the input")
+
+    def model_q(self, q: npt.ArrayLike) -> Array:
+        """Pinocchio's configuration(s) for joint vector(s) q: (..., n) -> (..., model.nq)."""
+        q = self.check(q)
+        if self.model.nq == self.model.nv:
+            return q
+        out = np.empty((*q.shape[:-1], self.model.nq))
+        for joint in self.model.joints[1:]:
+            value = q[..., joint.idx_v]
+            if joint.nq == 2:
+                out[..., joint.idx_q], out[..., joint.idx_q + 1] = np.cos(value), np.sin(value)
+            else:
+                out[..., joint.idx_q] = value
+        return out
+
+    def fold(self, q: npt.ArrayLike) -> Array:
+        """Move revolute values of q (..., n) by whole turns to within half a turn of zero."""
+        q = np.array(q, dtype=float)
+        turned = np.mod(q + np.pi, 2 * np.pi) - np.pi
+        return np.where(self.prismatic, q, turned)
+
+    def __str__(self) -> str:
+        loops = ", ".join(str(loop) for loop in self.loops)
+        return (
+            f"{self.name}: {self.n} joints, driven by {', '.join(self.inputs)}; "
+            f"output {self.output} ({self.task}); loops: {loops}"
+        )
+
+
+def load_mechanism(
+    robot: str | os.PathLike[str] | pin.Model,
+    loops: str | os.PathLike[str] | None = None,
+    packages: Mapping[str, str | Path] | None = None,
+    *,
+    length_scale: float = 1.0,
+) -> Mechanism:
+    """Read a spanning tree and the loops that close it.
+
+    Parameters
+    ----------
+    robot : str, path or pin.Model
+        A URDF or xacro file, the name of a known robot, or a model.
+    loops : path, optional
+        The side-car file; by default ``NAME.loops.yaml`` beside ``NAME.urdf``.
+    packages : mapping of str to path, optional
+        Folders of ROS packages by name.
+    length_scale : float
+        Metres; lengths are divided by it before singular values are taken.
+
+    Raises
+    ------
+    PinsingError
+        RobotFileError with file and line where the side-car or the tree is wrong, UnknownNameError,
+        JointError or OptionError: one line that says what is wrong, where, and what to do.
+    """
+    model, source, name, notes = _tree(robot, packages)
+    if loops is None:
+        if source.path is None:
+            raise OptionError("a loop file is needed: give the path of a .loops.yaml file")
+        loops = source.path.with_name(source.path.name.partition(".")[0] + ".loops.yaml")
+    lower, upper, prismatic = _limits(model)
+    joints = tuple(model.names)[1:]
+    path = Path(loops)
+    keys = compose(path).mapping(
+        ("closed_loop", "type", "name_mot", "output"), ("home", "name", "source")
+    )
+    output = keys["output"].mapping(("frame", "rows"))
+    return Mechanism(
+        name=keys["name"].text() if "name" in keys else name,
+        model=model,
+        joints=joints,
+        prismatic=prismatic,
+        lower=lower,
+        upper=upper,
+        actuated=_actuated(keys["name_mot"], joints),
+        loops=_loops(keys["closed_loop"], keys["type"], model),
+        output=_frame(output["frame"], model),
+        task=_rows(output["rows"]),
+        length_scale=float(length_scale),
+        home=_home(keys.get("home"), joints),
+        notes=notes,
+        source=source,
+        loop_file=path,
+    )
+
+
+def _tree(
+    robot: str | os.PathLike[str] | pin.Model, packages: Mapping[str, str | Path] | None
+) -> tuple[pin.Model, Source, str, tuple[str, ...]]:
+    if isinstance(robot, pin.Model):
+        model = robot.copy()
+        label, path, xml, dirs, notes = "pin.Model", None, None, (), ()
+        name = model.name or "mechanism"
+    else:
+        from pinsing.robot.catalog import CatalogEntry, locate_robot
+        from pinsing.robot.description import read_description
+        from pinsing.robot.model import build_model
+
+        found = locate_robot(robot if isinstance(robot, str) else Path(robot))
+        entry = found if isinstance(found, CatalogEntry) else None
+        description = read_description(
+            found.path if isinstance(found, CatalogEntry) else found, packages
+        )
+        mimics = [j.name for j in description.joints if j.mimic is not None]
+        if mimics:
+            raise JointError(
+                mimics[0], "mimics another joint, which loops do not support: model it as a loop"
+            )
+        description.require_usable(j.name for j in description.joints if j.kind != "fixed")
+        model = build_model(description)
+        label, path, xml = os.fspath(robot), description.path, description.xml
+        dirs = tuple(dict.fromkeys([*(entry.package_dirs if entry else ()), *description.package_dirs]))
+        name, notes = description.name, description.notes
+    source = Source(
+        label=label,
+        path=path,
+        xml=xml,
+        package_dirs=dirs,
+        full_model=model,
+        locked=(),
+        reference=np.array(pin.neutral(model)),
+        base="universe",
+    )
+    return model, source, name, tuple(notes)
+
+
+def _limits(model: pin.Model) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    lower, upper, prismatic = [], [], []
+    for index in range(1, model.njoints):
+        joint, name = model.joints[index], model.names[index]
+        if joint.nv != 1:
+            raise JointError(
+                name, f"is a {joint.shortname()}: the joints of a mechanism turn or slide"
+            )
+        _, slides = joint_axis(joint, name)
+        low, high = -np.inf, np.inf
+        if joint.nq == 1:
+            low = float(model.lowerPositionLimit[joint.idx_q])
+            high = float(model.upperPositionLimit[joint.idx_q])
+        # Pinocchio writes the largest double for "no limit".
+        lower.append(low if abs(low) < 1e300 else -np.inf)
+        upper.append(high if abs(high) < 1e300 else np.inf)
+        prismatic.append(slides)
+    return np.array(lower), np.array(upper), np.array(prismatic, dtype=bool)
+
+
+def _frame(node: Node, model: pin.Model) -> str:
+    name = node.text()
+    names = [frame.name for frame in model.frames if frame.name != "universe"]
+    if name not in names:
+        raise node.error(f"unknown frame {name!r}: {suggestion(name, names)}")
+    return name
+
+
+def _loops(pairs: Node, kinds: Node, model: pin.Model) -> tuple[Loop, ...]:
+    frames = [entry.items("frame", 2) for entry in pairs.items("loop")]
+    names = tuple(LOOP_KINDS)
+    words = []
+    for kind in kinds.items("type"):
+        word = kind.text().lower()
+        if word not in names:
+            raise kind.error(f"unknown value {kind.text()!r}: {suggestion(word, names)}")
+        words.append(word)
+    if len(words) != len(frames):
+        raise kinds.error(f"{len(frames)} loops need {len(frames)} types, found {len(words)}")
+    found = []
+    for (a, b), word in zip(frames, words, strict=True):
+        loop = Loop(_frame(a, model), _frame(b, model), word)
+        ids = [frame_index(model, name) for name in (loop.frame_a, loop.frame_b)]
+        if model.frames[ids[0]].parentJoint == model.frames[ids[1]].parentJoint:
+            raise a.error(f"{loop.frame_a!r} and {loop.frame_b!r} are fixed to the same link")
+        found.append(loop)
+    return tuple(found)
+
+
+def _actuated(node: Node, joints: tuple[str, ...]) -> tuple[int, ...]:
+    found: list[int] = []
+    for entry in node.items("joint"):
+        name = entry.text()
+        if name not in joints:
+            raise entry.error(f"unknown joint {name!r}: {suggestion(name, joints)}")
+        if joints.index(name) in found:
+            raise entry.error(f"joint {name!r} is given twice: remove one")
+        found.append(joints.index(name))
+    if len(found) == len(joints):
+        raise node.error("every joint is actuated: a closed loop needs passive joints")
+    return tuple(found)
+
+
+def _rows(node: Node) -> Task:
+    names = []
+    for entry in node.items("row"):
+        names.append(entry.choice(ROW_NAMES))
+    try:
+        return parse_task(names)
+    except PinsingError as error:
+        raise node.error(str(error)) from None
+
+
+def _home(node: Node | None, joints: tuple[str, ...]) -> Array:
+    home = np.zeros(len(joints))
+    if node is not None:
+        for name, value in node.mapping((), joints).items():
+            home[joints.index(name)] = value.number(pi=0)
+    return home
+
+
+def _numbers(values: npt.ArrayLike, names: tuple[str, ...], what: str) -> Array:
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"{what} is not an array of numbers: {error}") from None
+    if array.ndim == 0 or array.shape[-1] != len(names):
+        got = "a single number" if array.ndim == 0 else f"{array.shape[-1]}"
+        raise ConfigurationError(
+            f"{what} needs {len(names)} values for {', '.join(names)}; got {got}"
+        )
+    if not np.isfinite(array).all():
+        raise ConfigurationError(f"{what} holds a value that is not finite")
+    return array

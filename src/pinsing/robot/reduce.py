@@ -1,0 +1,71 @@
+"""Taking joints out of a model, and moving its world."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pinocchio as pin
+
+from pinsing.robot.arm import Array
+from pinsing.robot.tip import frame_index
+
+
+def lock_joints(model: pin.Model, lock: Sequence[int], reference: Array) -> pin.Model:
+    """Copy of ``model`` without the joints to lock, which stand as in ``reference`` (nq,).
+
+    Pinocchio (``buildReducedModel``) looks for the frame of a joint by name alone: it gives up
+    where a link has the same name, where there is none, or where another frame comes first.
+    So every joint gets a frame, before all others, with a name of its own meanwhile.
+    """
+    model = model.copy()
+    if not lock:
+        return model
+    _add_missing_joint_frames(model)
+    taken = [frame.name for frame in model.frames]
+    original = {}
+    for joint in range(1, model.njoints):
+        name = model.names[joint]
+        if taken.count(name) > 1:
+            original[f"{name} (joint)"] = name
+            _rename(model, joint, name, f"{name} (joint)")
+    reduced = pin.buildReducedModel(model, list(lock), reference)
+    for joint in range(1, reduced.njoints):
+        name = reduced.names[joint]
+        if name in original:
+            _rename(reduced, joint, name, original[name])
+    return reduced
+
+
+def reroot(model: pin.Model, base: str) -> None:
+    """Make the frame ``base``, which is fixed to the universe, the world of ``model``."""
+    back = model.frames[frame_index(model, base)].placement.inverse()
+    for joint in range(1, model.njoints):
+        if model.parents[joint] == 0:
+            model.jointPlacements[joint] = back * model.jointPlacements[joint]
+    for frame in model.frames:
+        if frame.parentJoint == 0:
+            frame.placement = back * frame.placement
+
+
+def _add_missing_joint_frames(model: pin.Model) -> None:
+    missing = [
+        joint
+        for joint in range(1, model.njoints)
+        if not model.existFrame(model.names[joint], pin.FrameType.JOINT)
+    ]
+    if not missing:
+        return
+    for joint in missing:
+        model.addJointFrame(joint, 0)
+    universe, *others = (pin.Frame(frame) for frame in model.frames)
+    others.sort(key=lambda frame: frame.type != pin.FrameType.JOINT)  # stable
+    for index, frame in enumerate([universe, *others]):
+        frame.parentFrame = 0  # the indices have changed, and nothing here needs them
+        model.frames[index] = frame
+
+
+def _rename(model: pin.Model, joint: int, old: str, new: str) -> None:
+    for frame in model.frames:
+        if frame.name == old and frame.type == pin.FrameType.JOINT:
+            frame.name = new
+    model.names[joint] = new

@@ -1,0 +1,235 @@
+// Ties the view, the panel, the player and the source of frames together.
+"use strict";
+
+class App {
+  constructor(page, scene) {
+    this.page = page;
+    this.view = new SceneView($("view"), page.settings);
+    this.view.load(scene);
+    this.panel = new Panel(page, {
+      choose: (entry, pose) => this.choose(entry, pose),
+      play: (kind) => this.play(kind),
+      move: (joint, value) => this.move(joint, value),
+    });
+    this.source = page.live
+      ? new LiveSource({ pushed: (message) => this.pushed(message), gone: () => this.gone() })
+      : new BakedSource(page);
+    this.places = page.entries.flatMap((e, i) => [...Array(e.poses).keys()].map((k) => [i, k]));
+    this.entry = null;
+    this.pose = 0;
+    this.path = null;
+    this.running = false;
+    this.wanted = null;
+    this.turn = 0;
+    this.controls();
+  }
+
+  controls() {
+    $("prev").addEventListener("click", () => this.step(-1));
+    $("next").addEventListener("click", () => this.step(1));
+    $("play").addEventListener("click", () => this.toggle());
+    $("fit").addEventListener("click", () => { this.view.touched = false; this.view.fit([this.view.frame]); });
+    $("reset").addEventListener("click", () => this.entry !== null && this.choose(this.entry, this.pose));
+    $("scrub").addEventListener("input", () => { this.pause(); this.at(Number($("scrub").value)); });
+    for (const option of ["translation", "rotation", "axis", "visual", "bone", "floor"]) {
+      const box = $(`show-${option}`);
+      box.checked = this.view.options[option];
+      box.addEventListener("change", () => this.view.set(option, box.checked));
+    }
+    for (const radio of document.querySelectorAll("input[name=mode]")) {
+      radio.checked = radio.value === this.view.options.mode;
+      radio.addEventListener("change", () => this.mode(radio.value));
+    }
+    document.addEventListener("keydown", (event) => this.key(event));
+  }
+
+  mode(value) {
+    this.view.set("mode", value);
+    this.panel.mode = value;
+    this.panel.keys();
+  }
+
+  key(event) {
+    if (event.ctrlKey || event.altKey || event.metaKey) return;
+    const onInput = event.target instanceof HTMLInputElement && event.target.type === "range";
+    const onButton = event.target instanceof HTMLButtonElement;
+    if (event.key === "ArrowRight" && !onInput || event.key === "n") this.step(1);
+    else if (event.key === "ArrowLeft" && !onInput || event.key === "p") this.step(-1);
+    else if (event.key === " " && !onButton) this.toggle();
+    else if (event.key === "f") $("fit").click();
+    else return;
+    event.preventDefault();
+  }
+
+  async start() {
+    const { frame, entry, pose } = await this.source.start();
+    this.select(entry, pose);
+    this.frame(frame);
+    this.view.fit([frame]);
+  }
+
+  frame(frame, dragged = -1) {
+    this.view.show(frame);
+    this.panel.show(frame, dragged);
+  }
+
+  select(entry, pose) {
+    this.pause();
+    this.entry = entry;
+    this.pose = pose;
+    this.path = null;
+    this.panel.choose(entry, pose);
+    this.panel.playing(null);
+    this.scrub(0, 0);
+    const found = entry === null ? null : this.page.entries[entry];
+    $("playing").textContent = found === null ? "" : found.poses > 1 ? `${found.name}, pose ${pose + 1} of ${found.poses}` : found.name;
+  }
+
+  async choose(entry, pose) {
+    const turn = ++this.turn;
+    this.select(entry, pose);
+    const frame = await this.source.pose(entry, pose);
+    if (turn !== this.turn) return;
+    this.frame(frame);
+    if (!this.view.touched) this.view.fit([frame]);
+  }
+
+  step(by) {
+    if (!this.places.length) return;
+    const here = this.places.findIndex(([e, k]) => e === this.entry && k === this.pose);
+    const count = this.places.length;
+    const [entry, pose] = this.places[here < 0 ? 0 : (here + by + count) % count];
+    this.choose(entry, pose);
+  }
+
+  // "into" a singular configuration, or "along" the family.
+  async play(kind) {
+    if (this.entry === null) return;
+    const turn = ++this.turn;
+    const entry = this.page.entries[this.entry];
+    this.pause();
+    $("playing").textContent = "computing the path\u2026";
+    const frames = await this.source.path(this.entry, this.pose, kind);
+    if (turn !== this.turn) return;
+    $("playing").textContent = frames.length ? `${kind} ${entry.name}` : `no path ${kind} ${entry.name} was found here`;
+    if (!frames.length) return;
+    this.path = { frames, kind };
+    this.panel.playing(kind);
+    this.scrub(0, frames.length - 1);
+    if (!this.view.touched) this.view.fit(frames);
+    this.resume();
+  }
+
+  scrub(value, max) {
+    $("scrub").max = max;
+    $("scrub").value = value;
+    $("scrub").disabled = max === 0;
+  }
+
+  at(place) {
+    if (!this.path) return;
+    this.place = Math.max(0, Math.min(place, this.path.frames.length - 1));
+    const k = Math.round(this.place);
+    $("scrub").value = k;
+    if (k !== this.drawn || !this.running) this.frame(this.path.frames[k]);
+    this.drawn = k;
+  }
+
+  toggle() {
+    if (this.running) this.pause();
+    else if (this.path) this.resume();
+    else if (this.entry !== null) this.play(this.page.entries[this.entry].into ? "into" : "along");
+  }
+
+  pause() {
+    this.running = false;
+    $("play").textContent = "\u25b6";
+  }
+
+  resume() {
+    const { frames, kind } = this.path;
+    const last = frames.length - 1;
+    let begin = Number($("scrub").value);
+    if (kind === "into" && begin >= last) begin = 0;
+    this.running = true;
+    $("play").textContent = "\u23f8";
+    const path = this.path;
+    const started = performance.now() - (begin / 22) * 1000;
+    const tick = (now) => {
+      if (!this.running || this.path !== path) return;
+      const place = Math.max(0, ((now - started) / 1000) * 22);
+      if (kind === "into" && place >= last) { this.at(last); this.pause(); return; }
+      this.at(kind === "into" ? place : place % frames.length);
+      requestAnimationFrame(tick);
+    };
+    requestAnimationFrame(tick);
+  }
+
+  // A slider moved. One question is under way at a time; of what was asked meanwhile the last counts.
+  async move(joint, value) {
+    this.pause();
+    if (this.path) { this.path = null; this.panel.playing(null); this.scrub(0, 0); }
+    $("playing").textContent = "";
+    const q = (this.wanted ? this.wanted.q : this.view.frame.q).slice();
+    q[joint] = value;
+    const idle = this.wanted === null;
+    this.wanted = { q, joint };
+    if (!idle) return;
+    const turn = ++this.turn;
+    let sent = null;
+    while (sent !== this.wanted) {
+      sent = this.wanted;
+      const frame = await this.source.frame(sent.q);
+      if (turn !== this.turn) break;
+      this.frame(frame, sent.joint);
+    }
+    this.wanted = null;
+  }
+
+  async pushed(message) {
+    if (message.play) {
+      await this.choose(message.entry, message.pose);
+      await this.play(message.play);
+      return;
+    }
+    ++this.turn;
+    this.select(message.entry, message.pose);
+    this.frame(message.frame);
+    if (!this.view.touched) this.view.fit([message.frame]);
+  }
+
+  gone() {
+    this.pause();
+    $("nearest").textContent = "The program behind this page has ended.";
+    document.querySelectorAll("button, input").forEach((control) => { control.disabled = true; });
+  }
+}
+
+async function unpack(element) {
+  const packed = Uint8Array.from(atob(element.textContent.trim()), (c) => c.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+(async () => {
+  $("busy").hidden = false;
+  if (location.hash === "#picture") document.body.classList.add("picture");
+  try {
+    let page, scene;
+    if ($("baked-page")) {
+      page = JSON.parse(new TextDecoder().decode(await unpack($("baked-page"))));
+      scene = await unpack($("baked-scene"));
+    } else {
+      page = await (await fetch("page.json")).json();
+      scene = new Uint8Array(await (await fetch("scene")).arrayBuffer());
+    }
+    window.pinsing = new App(page, scene);
+    await window.pinsing.start();
+    window.pinsing.view.viewer.render();
+    document.body.dataset.ready = "yes";
+    $("busy").hidden = true;
+  } catch (error) {
+    $("busy").textContent = `The page cannot be shown: ${error.message}`;
+    throw error;
+  }
+})();

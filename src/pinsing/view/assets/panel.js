@@ -1,0 +1,156 @@
+// The side panel: all text goes in as text nodes, never as markup.
+"use strict";
+
+const $ = (id) => document.getElementById(id);
+
+function make(tag, className, text) {
+  const node = document.createElement(tag);
+  if (className) node.className = className;
+  if (text !== undefined) node.textContent = text;
+  return node;
+}
+
+// "q5 = 0" with the 5 set low.
+function formula(node, text) {
+  node.replaceChildren();
+  for (const part of text.split(/(\b[qd]\d+\b)/)) {
+    if (/^[qd]\d+$/.test(part)) node.append(part[0], make("sub", "", part.slice(1)));
+    else node.append(part.replace(/(^|[\s(])-(?=[\s\d(q])/g, "$1\u2212"));
+  }
+  return node;
+}
+
+function number(value) {
+  if (value === "inf" || value === Infinity) return "\u221e";
+  if (value === 0) return "0";
+  const size = Math.abs(value);
+  if (size < 1e-3 || size >= 1e5) return value.toExponential(1).replace("e", "\u00b7e").replace("\u00b7e", "e");
+  return String(Number(value.toPrecision(3)));
+}
+
+const WORDS = { singular: "Singular", "near-singular": "Near-singular", regular: "Regular" };
+
+class Panel {
+  constructor(page, actions) {
+    this.page = page;
+    this.actions = actions;
+    $("robot").textContent = page.robot.name;
+    $("chain").textContent = `${page.robot.base} \u2192 ${page.robot.tip} \u00b7 ${page.joints.length} joints \u00b7 ` +
+      `task ${page.robot.task} \u00b7 length scale ${page.robot.lengthScale} m`;
+    this.keys();
+    $("scale").textContent = `Ellipsoids at unit joint speed: 1 m/s is drawn ${number(page.settings.translation)} m long, ` +
+      `1 rad/s ${number(page.settings.rotation)} m. Flat ones are drawn ${100 * page.settings.floor}% thick.`;
+    $("count").textContent = page.entries.length ? `(${page.entries.length})` : "";
+    if (page.notes.length) {
+      $("notes-box").hidden = false;
+      $("notes").append(...page.notes.map((n) => make("li", "", n)));
+    }
+    this.entries();
+    this.joints();
+  }
+
+  keys() {
+    const pure = (this.mode ?? this.page.settings.mode) === "pure";
+    $("key-translation").textContent = pure ? "translations that do not turn the tool" : "all translations of the tip";
+    $("key-rotation").textContent = pure ? "rotations that do not move the tip" : "all rotations of the tool";
+  }
+
+  entries() {
+    this.items = this.page.entries.map((entry, index) => {
+      const item = make("li", entry.poses ? "" : "away");
+      const button = make("button", "entry");
+      button.disabled = !entry.poses;
+      const text = make("span", "text");
+      text.append(make("b", "", entry.name), formula(make("span"), entry.text));
+      const more = [];
+      if (entry.kind) more.push(entry.kind);
+      if (entry.codimension) more.push(`codimension ${entry.codimension}`);
+      if (entry.reachable === false) more.push("out of reach of the limits");
+      if (entry.reachable === null) more.push("no configuration found within the limits");
+      button.append(text, make("span", "more", more.join(" \u00b7 ")));
+      if (entry.reason) button.title = entry.reason;
+      button.addEventListener("click", () => this.actions.choose(index, 0));
+      const row = make("div", "actions");
+      row.hidden = true;
+      for (let k = 0; k < entry.poses; k++) {
+        if (entry.poses === 1) break;
+        const pose = make("button", "pose", `pose ${k + 1}`);
+        pose.addEventListener("click", () => this.actions.choose(index, k));
+        row.append(pose);
+      }
+      for (const [kind, words] of [["into", "\u25b6 into it"], ["along", "\u25b6 along it"]]) {
+        if (!entry[kind]) continue;
+        const play = make("button", `path ${kind}`, words);
+        play.addEventListener("click", () => this.actions.play(kind));
+        row.append(play);
+      }
+      item.append(button, row);
+      $("entries").append(item);
+      return item;
+    });
+  }
+
+  joints() {
+    this.rows = this.page.joints.map((joint, index) => {
+      const row = make("label", "joint");
+      row.title = joint.name;
+      const slider = make("input");
+      Object.assign(slider, { type: "range", min: joint.lower, max: joint.upper, step: "any" });
+      slider.disabled = !this.page.live;
+      slider.setAttribute("aria-label", joint.name);
+      slider.addEventListener("input", () => this.actions.move(index, Number(slider.value)));
+      const value = make("span", "value");
+      row.append(formula(make("span", "name"), joint.symbol), slider, value);
+      $("joints").append(row);
+      return { row, slider, value };
+    });
+    $("reset").hidden = !this.page.live;
+    $("joints-note").textContent = this.page.live ? "" :
+      "This page has no server behind it, so the sliders only follow. Run \u201cpinsing view\u201d to drag them.";
+  }
+
+  show(frame, dragged = -1) {
+    $("verdict").className = frame.status;
+    $("status").textContent = WORDS[frame.status];
+    $("rank").textContent = `\u00b7 rank ${frame.rank} of ${frame.genericRank}`;
+    if (frame.verdict) formula($("nearest"), frame.verdict.text);
+    else $("nearest").textContent = "";
+    $("ratio").textContent = number(frame.ratio);
+    $("sigma-min").textContent = number(frame.sigma[frame.genericRank - 1]);
+    $("condition").textContent = number(frame.condition);
+    $("manipulability").textContent = number(frame.manipulability);
+    const zero = frame.status === "singular";
+    $("bars").replaceChildren(...frame.sigma.slice(0, frame.genericRank).map((s, i) => {
+      const bar = make("div", zero && i >= frame.rank ? "zero" : "");
+      bar.style.height = `${(100 * s) / frame.sigma[0]}%`;
+      bar.append(make("span", "", zero && i >= frame.rank ? "0" : number(Number(s.toPrecision(2)))));
+      return bar;
+    }));
+    $("lost").replaceChildren(...(frame.lost.length ? frame.lost.map((m) => make("li", "", m.words))
+      : [make("li", "", "nothing")]));
+    $("why").textContent = frame.why.length ? `because ${frame.why.join("; ")}` : "";
+    $("outside").hidden = !frame.outside.length;
+    $("outside").textContent = `outside the limits: ${frame.outside.join(", ")}`;
+    this.rows.forEach(({ row, slider, value }, i) => {
+      const joint = this.page.joints[i];
+      row.classList.toggle("hot", frame.hot.includes(i));
+      if (i !== dragged) slider.value = frame.q[i];
+      value.textContent = joint.prismatic ? `${(1000 * frame.q[i]).toFixed(1)} mm`
+        : `${((frame.q[i] * 180) / Math.PI).toFixed(2).replace(/^-0\.00$/, "0.00")}\u00b0`;
+    });
+  }
+
+  choose(entry, pose) {
+    this.items.forEach((item, i) => {
+      item.classList.toggle("chosen", i === entry);
+      item.querySelector(".actions").hidden = i !== entry;
+      item.querySelectorAll(".pose").forEach((b, k) => b.classList.toggle("on", i === entry && k === pose));
+    });
+    if (entry !== null) this.items[entry].scrollIntoView({ block: "nearest" });
+  }
+
+  playing(kind) {
+    this.items.forEach((item) => item.querySelectorAll(".path").forEach((b) =>
+      b.classList.toggle("on", kind !== null && b.classList.contains(kind))));
+  }
+}

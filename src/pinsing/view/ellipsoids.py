@@ -1,0 +1,121 @@
+"""Which ellipsoids are drawn at the tip, and how large."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing.kinematics import frame_jacobians
+from pinsing.measures import SINGULAR_RTOL, Ellipsoid, velocity_ellipsoid
+from pinsing.robot.arm import Arm, Array
+
+FLOOR = 0.012
+"""Drawn semi-axes are at least this share of the largest: an exact zero would vanish."""
+
+FLAT_RTOL = 1e-5
+"""A semi-axis at or below this share of the largest counts as flat; drawing needs no more."""
+
+_SEED = 512
+
+
+def pure_ellipsoids(J: Array) -> tuple[Ellipsoid, Ellipsoid]:
+    """Ellipsoids of the tip velocities without rotation, and of the rotations of a resting tip.
+
+    Those of all motions, paper Eqs. (15), (16), stay round at most singularities of a pose
+    task: a wrist with two axes in line still turns every way, only not without moving the
+    tip. The motions that leave the other part at rest do collapse there: if the wrench
+    (f, m) needs no joint torque, J^T (f, m) = 0, then every qdot with w(qdot) = 0 has
+    f . v(qdot) = 0, and every one with v(qdot) = 0 has m . w(qdot) = 0. So the first
+    ellipsoid is flat along f, the second one along m.
+
+    Parameters
+    ----------
+    J : (6, n) array
+        Frame Jacobian, translation rows first.
+
+    Returns
+    -------
+    (translations, rotations)
+        In m/s and rad/s at unit joint speed.
+    """
+    v, w = J[:3], J[3:]
+    return velocity_ellipsoid(v @ _at_rest(w)), velocity_ellipsoid(w @ _at_rest(v))
+
+
+def _at_rest(rows: Array) -> Array:
+    """Projector (n, n) onto the joint velocities that leave ``rows`` (3, n) at rest."""
+    _, sigma, Vt = np.linalg.svd(rows, full_matrices=False)
+    V = Vt[sigma > SINGULAR_RTOL * max(float(sigma[0]), 1e-300)]
+    return np.asarray(np.eye(rows.shape[1]) - V.T @ V)
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """How large things are drawn; one choice per arm, so that poses can be compared.
+
+    Attributes
+    ----------
+    reach : float
+        Length of the stretched arm, metres.
+    translation : float
+        Metres drawn for 1 m/s.
+    rotation : float
+        Metres drawn for 1 rad/s.
+    """
+
+    reach: float
+    translation: float
+    rotation: float
+
+
+def sizes(arm: Arm, scale: float = 1.0) -> Sizes:
+    """Sizes that suit an arm: the ellipsoids about a quarter of its reach, times ``scale``."""
+    rng = np.random.default_rng(_SEED)
+    lower, upper = arm.span
+    J = frame_jacobians(arm, rng.uniform(lower, upper, (48, arm.n)))
+    length = _reach(arm)
+    fastest = np.median(np.linalg.svd(J[:, :3], compute_uv=False)[:, 0])
+    turning = np.median(np.linalg.svd(J[:, 3:], compute_uv=False)[:, 0])
+    return Sizes(
+        reach=length,
+        translation=scale * 0.27 * length / max(float(fastest), 1e-9),
+        rotation=scale * 0.20 * length / max(float(turning), 1e-9),
+    )
+
+
+def _reach(arm: Arm) -> float:
+    """Sum of the distances between successive joints, sliders pulled out, metres."""
+    offsets = [np.linalg.norm(place.translation) for place in arm.model.jointPlacements[2:]]
+    tip = np.linalg.norm(arm.model.frames[arm.tip_id].placement.translation)
+    lower, upper = arm.span
+    slides = np.maximum(np.abs(lower), np.abs(upper))[arm.prismatic].sum()
+    return max(float(sum(offsets) + tip + slides), 1e-3)
+
+
+def drawn_radii(radii: Array, scale: float) -> Array:
+    """Semi-axes (3,) to draw, metres: floored where flat; all zero where there is no motion."""
+    largest = float(radii[0])
+    if largest <= 1e-12:
+        return np.zeros(3)
+    return np.asarray(scale * np.maximum(radii, FLOOR * largest))
+
+
+def flat_direction(ellipsoid: Ellipsoid, rtol: float = FLAT_RTOL) -> Array | None:
+    """Direction (3,) of the single semi-axis that is zero, if there is exactly one."""
+    radii = ellipsoid.radii
+    if radii[0] <= 0 or radii[2] > rtol * radii[0] or radii[1] <= rtol * radii[0]:
+        return None
+    axis = ellipsoid.axes[:, 2]
+    return np.asarray(axis * np.sign(axis[int(np.argmax(np.abs(axis).round(9)))]))
+
+
+def quaternion(rotation: Array) -> Array:
+    """Quaternion (x, y, z, w) of a rotation matrix (3, 3)."""
+    return np.array(pin.Quaternion(rotation).coeffs())
+
+
+def turn_z_to(direction: Array) -> Array:
+    """Quaternion (x, y, z, w) of the shortest turn from z to a unit vector (3,)."""
+    return np.array(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), direction).coeffs())

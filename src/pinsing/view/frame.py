@@ -1,0 +1,126 @@
+"""All that a page shows at one configuration, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing.measures import Ellipsoid
+from pinsing.result import encode
+from pinsing.robot.arm import Arm, Array
+from pinsing.state import REGULAR, State, at
+from pinsing.view.ellipsoids import (
+    Sizes,
+    drawn_radii,
+    flat_direction,
+    pure_ellipsoids,
+    quaternion,
+    turn_z_to,
+)
+from pinsing.view.entries import Entry
+from pinsing.view.verdict import verdict
+
+ARROWS = 3
+"""Lost motions drawn at most."""
+
+
+def make_frame(
+    arm: Arm, q: Array, sizes: Sizes, entries: Sequence[Entry], near: Sequence[Entry] | None = None
+) -> dict[str, Any]:
+    """Placements, ellipsoids, numbers and words at q (n,), ready for JSON.
+
+    Keys: ``q``; ``links``, position and quaternion (x, y, z, w) of each joint of the model;
+    ``ellipsoids``, by mode and kind, with ``turn`` (quaternion), ``drawn`` (metres, floored),
+    ``radii`` (true values) and ``flat`` (quaternion from z to the lost direction, or None);
+    ``lost``; ``hot``, joints whose axes are dependent; numbers; ``verdict``.
+    Lengths in metres, in the base of the arm.
+
+    Parameters
+    ----------
+    entries : sequence of Entry
+        The list of the page.
+    near : sequence of Entry, optional
+        Those that the verdict looks at; all by default.
+    """
+    state = at(arm, q)
+    found = verdict(arm, state.q, entries if near is None else near)
+    index = None
+    if found is not None:
+        index = found.entry if near is None else entries.index(near[found.entry])
+    frame: dict[str, Any] = {
+        "q": _round(state.q, 9),
+        "links": link_placements(arm, state.q),
+        "tip": _round(state.tip_position),
+        "ellipsoids": _ellipsoids(state, sizes),
+        "lost": [
+            {
+                "kind": m.kind,
+                "turn": _round(turn_z_to(m.direction)),
+                "at": _round(m.point),
+                "close": bool(np.linalg.norm(m.point - state.tip_position) <= 1.5 * sizes.reach),
+                "words": m.words,
+            }
+            for m in state.lost
+        ],
+        "hot": sorted({i for d in state.dependences for i in d.indices}),
+        "why": [d.reason for d in state.dependences],
+        "status": state.status,
+        "rank": state.rank,
+        "genericRank": state.generic_rank,
+        "sigma": _digits(state.sigma),
+        "ratio": _digit(state.sigma_ratio),
+        "condition": _digit(state.condition_number) if state.sigma_ratio > 1e-13 else "inf",
+        "manipulability": _digit(state.manipulability),
+        "outside": list(state.outside),
+        "verdict": None
+        if found is None
+        else {"text": found.text, "entry": index, "value": _digit(found.value), "on": found.on},
+    }
+    return frame
+
+
+def link_placements(arm: Arm, q: Array) -> list[list[float]]:
+    """Position and quaternion of each joint of the model, base to tip, in the base."""
+    data = arm.model.createData()
+    pin.forwardKinematics(arm.model, data, arm.model_q(q))
+    return [_round(pin.SE3ToXYZQUAT(data.oMi[j])) for j in range(1, arm.model.njoints)]
+
+
+def _ellipsoids(state: State, sizes: Sizes) -> dict[str, dict[str, Any]]:
+    pure = pure_ellipsoids(state.J)
+    every = [Ellipsoid(e.axes, e.radii) for e in (state.translational, state.rotational)]
+    scales = (sizes.translation, sizes.rotation)
+    # A direction that is missing everywhere is not lost here.
+    lost = state.status != REGULAR
+    return {
+        mode: {
+            kind: _ellipsoid(e, scale, lost)
+            for kind, e, scale in zip(("translation", "rotation"), pair, scales, strict=True)
+        }
+        for mode, pair in (("all", every), ("pure", pure))
+    }
+
+
+def _ellipsoid(ellipsoid: Ellipsoid, scale: float, lost: bool) -> dict[str, Any]:
+    flat = flat_direction(ellipsoid) if lost else None
+    return {
+        "turn": _round(quaternion(ellipsoid.axes)),
+        "drawn": _round(drawn_radii(ellipsoid.radii, scale), 6),
+        "radii": _digits(ellipsoid.radii),
+        "flat": None if flat is None else _round(turn_z_to(flat)),
+    }
+
+
+def _round(values: Any, digits: int = 5) -> list[float]:
+    return [float(x) + 0.0 for x in np.round(np.asarray(values, dtype=float), digits)]
+
+
+def _digit(value: float) -> Any:
+    return encode(float(f"{value:.5g}"))
+
+
+def _digits(values: Array) -> list[Any]:
+    return [_digit(float(x)) for x in values]

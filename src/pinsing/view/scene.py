@@ -1,0 +1,223 @@
+"""The fixed part of the scene: what there is to see. Frames then place it.
+
+Paths: ``pinsing/arm/<joint of the model>/{visual,bone,axis,hot}``, ``pinsing/tip``,
+``pinsing/ellipsoid/{translation,rotation}``, ``pinsing/lost/{translation,rotation}``,
+``pinsing/line/<number>``, ``pinsing/floor``.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import meshcat.geometry as mg
+import numpy as np
+import pinocchio as pin
+
+from pinsing.robot.arm import Arm, Array
+from pinsing.robot.chain import joint_axis
+from pinsing.view.ellipsoids import Sizes, turn_z_to
+from pinsing.view.frame import ARROWS
+from pinsing.view.links import Links, base_placement, draw_links
+
+# Okabe and Ito's palette: told apart with any colour vision.
+TRANSLATION = 0x0072B2
+ROTATION = 0xE69F00
+LOST = 0xC4187C
+AXIS = 0x6B7280
+BONE = 0x9AA5B1
+DRUM = 0x5B6673
+FLOOR = 0xC9D1D9
+
+_DISC = np.linspace(0.0, 2 * np.pi, 65)
+
+
+class _Sphere(mg.Sphere):  # type: ignore[misc]
+    """A sphere smooth enough to be stretched."""
+
+    def lower(self, object_data: Any) -> dict[str, Any]:
+        data: dict[str, Any] = super().lower(object_data)
+        return {**data, "widthSegments": 48, "heightSegments": 32}
+
+
+class _Rod(mg.Cylinder):  # type: ignore[misc]
+    """A cylinder or cone along z, which three.js draws along y."""
+
+    def intrinsic_transform(self) -> Array:
+        # Rows and columns are swapped on the way to the page.
+        return np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
+
+
+def draw_scene(root: Any, arm: Arm, links: Links, size: Sizes) -> tuple[str, ...]:
+    """Draw everything below the meshcat node ``root``; return notes on what could not be."""
+    node = root["pinsing"]
+    notes = draw_links(node["arm"], links)
+    _skeleton(node["arm"], arm, size.reach)
+    _axes(node["arm"], arm, size.reach)
+    _ellipsoid(node["ellipsoid/translation"], TRANSLATION)
+    _ellipsoid(node["ellipsoid/rotation"], ROTATION)
+    _straight_arrow(node["lost/translation"], size.reach)
+    _ring_arrow(node["lost/rotation"], size.reach)
+    for k in range(ARROWS):
+        line = _Rod(4 * size.reach, 0.0022 * size.reach)
+        node[f"line/{k}"].set_object(line, mg.MeshBasicMaterial(color=LOST, opacity=0.75))
+    tip = _Sphere(0.012 * size.reach)
+    node["tip"].set_object(tip, mg.MeshPhongMaterial(color=0x111827))
+    _floor(node["floor"], arm, size.reach)
+    return (*links.notes, *notes)
+
+
+def _ellipsoid(node: Any, color: int) -> None:
+    """Unit sphere with its three principal circles: they show a disc even edge on."""
+    skin = mg.MeshPhongMaterial(color=color, opacity=0.38, transparent=True, depthWrite=False)
+    node["skin"].set_object(_Sphere(1.0), skin)
+    c, s, o = np.cos(_DISC), np.sin(_DISC), np.zeros_like(_DISC)
+    for name, circle in (("xy", (c, s, o)), ("yz", (o, c, s)), ("zx", (s, o, c))):
+        points = np.array(circle, dtype=np.float32)
+        material = mg.LineBasicMaterial(color=_darker(color))
+        node[name].set_object(mg.Line(mg.PointsGeometry(points), material))
+
+
+def _darker(color: int) -> int:
+    parts = ((color >> 16) & 255, (color >> 8) & 255, color & 255)
+    r, g, b = (int(0.6 * part) for part in parts)
+    return r << 16 | g << 8 | b
+
+
+def _straight_arrow(node: Any, reach: float) -> None:
+    """Double arrow along z: translations both ways are lost."""
+    material = mg.MeshPhongMaterial(color=LOST)
+    half, head = 0.27 * reach, 0.06 * reach
+    node["shaft"].set_object(_Rod(2 * half, 0.006 * reach), material)
+    for name, sign in (("up", 1.0), ("down", -1.0)):
+        node[name].set_object(_cone(head, 0.02 * reach, sign), material)
+        node[name].set_transform(_shift([0, 0, sign * (half + head / 2)]))
+
+
+def _ring_arrow(node: Any, reach: float) -> None:
+    """Axis along z with a ring around it: rotations about it are lost."""
+    material = mg.MeshPhongMaterial(color=LOST)
+    node["shaft"].set_object(_Rod(0.5 * reach, 0.005 * reach), material)
+    ring = _torus(0.13 * reach, 0.006 * reach)
+    node["ring"].set_object(ring, material)
+    for k in range(2):
+        angle = np.pi * k
+        spin = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, angle), np.zeros(3)).homogeneous
+        lie = pin.SE3(pin.rpy.rpyToMatrix(-np.pi / 2, 0.0, 0.0), np.array([0.13 * reach, 0, 0]))
+        node[f"head{k}"].set_object(_cone(0.05 * reach, 0.019 * reach, 1.0), material)
+        node[f"head{k}"].set_transform(spin @ lie.homogeneous)
+
+
+def _cone(height: float, radius: float, sign: float) -> _Rod:
+    top, bottom = (0.0, radius) if sign > 0 else (radius, 0.0)
+    return _Rod(height, radiusTop=top, radiusBottom=bottom)
+
+
+def _torus(radius: float, thickness: float, around: int = 64, across: int = 12) -> Any:
+    u = np.linspace(0, 2 * np.pi, around, endpoint=False)
+    v = np.linspace(0, 2 * np.pi, across, endpoint=False)
+    u, v = (x.ravel() for x in np.meshgrid(u, v, indexing="ij"))
+    width = radius + thickness * np.cos(v)
+    vertices = np.stack([width * np.cos(u), width * np.sin(u), thickness * np.sin(v)], axis=1)
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(around), np.arange(across), indexing="ij"))
+    a, b = i * across + j, ((i + 1) % around) * across + j
+    c, d = ((i + 1) % around) * across + (j + 1) % across, i * across + (j + 1) % across
+    faces = np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    return mg.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
+
+
+def _axes(node: Any, arm: Arm, reach: float) -> None:
+    """Each joint axis twice: plain, and highlighted for when it is dependent."""
+    for j in range(1, arm.model.njoints):
+        axis, slides = joint_axis(arm.model.joints[j], arm.model.names[j])
+        turn = _turn(axis)
+        for name, color, length, radius in (
+            ("axis", AXIS, 0.16, 0.0035),
+            ("hot", LOST, 0.55, 0.006),
+        ):
+            material = mg.MeshPhongMaterial(color=color)
+            here = node[f"{j}/{name}"]
+            here.set_transform(turn)
+            here["rod"].set_object(_Rod(length * reach, radius * reach), material)
+            if slides:  # heads tell a sliding direction from a turning axis
+                for side, sign in (("up", 1.0), ("down", -1.0)):
+                    head = _cone(0.04 * reach, 0.014 * reach, sign)
+                    here[side].set_object(head, material)
+                    here[side].set_transform(_shift([0, 0, sign * length * reach / 2]))
+
+
+def _skeleton(node: Any, arm: Arm, reach: float) -> None:
+    """Drums at the joints, and bones from each to the next and to the tip."""
+    model = arm.model
+    bone = mg.MeshPhongMaterial(color=BONE)
+    drum = mg.MeshPhongMaterial(color=DRUM)
+    ends = [(int(model.parents[j]), model.jointPlacements[j]) for j in range(1, model.njoints)]
+    tip = model.frames[arm.tip_id]
+    ends.append((int(tip.parentJoint), tip.placement))
+    for number, (parent, place) in enumerate(ends):
+        length = float(np.linalg.norm(place.translation))
+        if length > 1e-3 * reach:
+            here = node[f"{parent}/bone/link{number}"]
+            here.set_object(_Rod(length, 0.018 * reach), bone)
+            pose = _turn(place.translation / length)
+            pose[:3, 3] = place.translation / 2
+            here.set_transform(pose)
+    for j in range(1, model.njoints):
+        axis, slides = joint_axis(model.joints[j], model.names[j])
+        here = node[f"{j}/bone/drum"]
+        side = 0.05 * reach
+        shape = mg.Box([side, side, 2 * side]) if slides else _Rod(0.075 * reach, 0.03 * reach)
+        here.set_object(shape, drum)
+        here.set_transform(_turn(axis))
+        if slides:  # the rail that it runs on stays with the link before
+            lower, upper = _range(arm, j)
+            start = model.jointPlacements[j]
+            rail = node[f"{int(model.parents[j])}/bone/rail{j}"]
+            rail.set_object(_Rod(max(upper - lower, side), 0.012 * reach), bone)
+            middle = pin.SE3(np.eye(3), axis * (upper + lower) / 2)
+            rail.set_transform((start * middle).homogeneous @ _turn(axis))
+
+
+def _range(arm: Arm, joint: int) -> tuple[float, float]:
+    lower, upper = arm.span
+    name = arm.model.names[joint]
+    if name in arm.joints:
+        i = arm.joints.index(name)
+        return float(lower[i]), float(upper[i])
+    return 0.0, 0.0
+
+
+def _floor(node: Any, arm: Arm, reach: float) -> None:
+    """A square grid under the base, or under the feet of the robot that carries the arm."""
+    half = 10
+    step = float(f"{2.4 * reach / half:.1g}")
+    lines = []
+    for k in range(-half, half + 1):
+        lines += [[k, -half, 0], [k, half, 0], [-half, k, 0], [half, k, 0]]
+    points = (step * np.array(lines, dtype=np.float32)).T
+    material = mg.LineBasicMaterial(color=FLOOR)
+    node.set_object(mg.LineSegments(mg.PointsGeometry(points), material))
+    node.set_transform(floor_placement(arm))
+
+
+def floor_placement(arm: Arm) -> Array:
+    """Where the ground is, (4, 4) in the base: the world's z = 0, or lower where links are."""
+    model, back = arm.source.full_model, base_placement(arm).inverse()
+    data = model.createData()
+    pin.forwardKinematics(model, data, arm.source.reference)
+    fixed = [data.oMi[j].translation[2] for j in range(1, model.njoints)]
+    chain = set(arm.model.names)
+    others = [z for z, name in zip(fixed, list(model.names)[1:], strict=True) if name not in chain]
+    lowest = min([0.0, *others])
+    place = pin.SE3(np.eye(3), np.array([*(back.inverse().translation[:2]), lowest]))
+    return np.array((back * place).homogeneous)
+
+
+def _turn(axis: Array) -> Array:
+    quaternion = pin.Quaternion(*np.roll(turn_z_to(np.asarray(axis)), 1))
+    return np.array(pin.SE3(quaternion, np.zeros(3)).homogeneous)
+
+
+def _shift(offset: list[float]) -> Array:
+    out = np.eye(4)
+    out[:3, 3] = offset
+    return out

@@ -1,0 +1,57 @@
+"""Arms that the tests share, read by Pinocchio itself: no other part of pinsing is needed."""
+
+from __future__ import annotations
+
+import functools
+from importlib.metadata import distribution
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+
+URDF = Path(__file__).parent.parent / "urdf"
+_DATA = Path("cmeel.prefix/share/example-robot-data/robots")
+
+
+@functools.cache
+def textbook(name: str, task: str = "pose", length_scale: float = 1.0) -> Arm:
+    """One of the arms in ``urdf/``."""
+    model = pin.buildModelFromUrdf(str(URDF / f"{name}.urdf"))
+    return load(model, task=task, length_scale=length_scale)
+
+
+@functools.cache
+def data_robot(path: str, tip: str | None = None, task: str = "pose") -> Arm:
+    """A robot of example-robot-data, by its path below ``robots/``."""
+    file = distribution("example-robot-data").locate_file(_DATA / path)
+    return load(pin.buildModelFromUrdf(str(file)), tip=tip, task=task)
+
+
+def ur5() -> Arm:
+    return data_robot("ur_description/urdf/ur5_robot.urdf", tip="tool0")
+
+
+def planar(lengths: tuple[float, ...], task: str = "position", limit: float = np.pi) -> Arm:
+    """Planar arm of parallel revolute joints along z."""
+    model = pin.Model()
+    model.name = f"planar{len(lengths)}r"
+    parent, x = 0, 0.0
+    for i, length in enumerate(lengths):
+        place = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
+        parent = model.addJoint(
+            parent,
+            pin.JointModelRZ(),
+            place,
+            f"q{i + 1}",
+            np.full(1, 1e3),
+            np.full(1, 1e3),
+            np.full(1, -limit),
+            np.full(1, limit),
+        )
+        x = length
+    tip = pin.SE3(np.eye(3), np.array([x, 0.0, 0.0]))
+    model.addFrame(pin.Frame("tip", parent, 0, tip, pin.FrameType.OP_FRAME))
+    return load(model, tip="tip", task=task)

@@ -1,0 +1,145 @@
+"""Chains, matrices and independent references for the tests of the batch kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from importlib.metadata import distribution
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing._batch.chain import FlatChain
+from pinsing.robot.chain import axis_rotation, joint_axis
+
+ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
+
+
+def random_rotation(rng: np.random.Generator) -> np.ndarray:
+    Q, R = np.linalg.qr(rng.standard_normal((3, 3)))
+    Q = Q * np.sign(np.diag(R))
+    return Q * np.sign(np.linalg.det(Q))
+
+
+def random_chain(n: int, kind: str, seed: int) -> FlatChain:
+    rng = np.random.default_rng(seed)
+    R = np.array([random_rotation(rng) for _ in range(n + 1)])
+    t = rng.uniform(-0.5, 0.5, (n + 1, 3))
+    prismatic = {
+        "revolute": np.zeros(n, bool),
+        "prismatic": np.ones(n, bool),
+        "mixed": np.arange(n) % 3 == 1,
+    }[kind]
+    return FlatChain(R, t, prismatic)
+
+
+def reference_jacobian(chain: FlatChain, q: np.ndarray) -> np.ndarray:
+    """Jacobian by products of homogeneous matrices, one configuration."""
+    n = chain.n
+    C = np.tile(np.eye(4), (n + 1, 1, 1))
+    C[:, :3, :3], C[:, :3, 3] = chain.R, chain.t
+    T, frames = C[0], []
+    for i in range(n):
+        frames.append(T)
+        M = np.eye(4)
+        if chain.prismatic[i]:
+            M[2, 3] = q[i]
+        else:
+            c, s = np.cos(q[i]), np.sin(q[i])
+            M[:2, :2] = [[c, -s], [s, c]]
+        T = T @ M @ C[i + 1]
+    J = np.zeros((6, n))
+    for i, frame in enumerate(frames):
+        z = frame[:3, 2]
+        if chain.prismatic[i]:
+            J[:3, i] = z
+        else:
+            J[:3, i], J[3:, i] = np.cross(z, T[:3, 3] - frame[:3, 3]), z
+    return J
+
+
+def flat(model: pin.Model, frame: str) -> FlatChain:
+    """Flatten a serial ``pin.Model``, tip at ``frame``."""
+    before, R, t, sliding = np.eye(3), [], [], []
+    for i in range(1, model.njoints):
+        axis, prismatic = joint_axis(model.joints[i])
+        placement, turned = model.jointPlacements[i], axis_rotation(axis)
+        R.append(before.T @ placement.rotation @ turned)
+        t.append(before.T @ placement.translation)
+        sliding.append(prismatic)
+        before = turned
+    tip = model.frames[model.getFrameId(frame)].placement
+    return FlatChain(
+        np.array([*R, before.T @ tip.rotation]),
+        np.array([*t, before.T @ tip.translation]),
+        np.array(sliding),
+    )
+
+
+def robot(path: str, locked: tuple[str, ...] = ()) -> pin.Model:
+    file = distribution("example-robot-data").locate_file(f"{ROBOTS}/{path}")
+    model = pin.buildModelFromUrdf(str(file))
+    ids = [model.getJointId(name) for name in locked]
+    return pin.buildReducedModel(model, ids, pin.neutral(model)) if ids else model
+
+
+UR5 = ("ur_description/urdf/ur5_robot.urdf", "tool0", ())
+PANDA = (
+    "panda_description/urdf/panda.urdf",
+    "panda_hand_tcp",
+    ("panda_finger_joint1", "panda_finger_joint2"),
+)
+
+
+def low_rank(rng: np.random.Generator, N: int, m: int, n: int, rank: int) -> np.ndarray:
+    return rng.standard_normal((N, m, rank)) @ rng.standard_normal((N, rank, n))
+
+
+def with_values(rng: np.random.Generator, s: np.ndarray, m: int, n: int) -> np.ndarray:
+    N, k = s.shape
+    U = np.linalg.qr(rng.standard_normal((N, m, k)))[0]
+    V = np.linalg.qr(rng.standard_normal((N, n, k)))[0]
+    return (U * s[:, None, :]) @ V.transpose(0, 2, 1)
+
+
+def matrices(m: int, n: int, N: int) -> Iterator[tuple[str, np.ndarray, np.ndarray]]:
+    """Regular, singular and nearly singular matrices: name, matrices, singular values.
+
+    The values are LAPACK's, except for clusters of nearly equal ones, where LAPACK's are wrong by
+    up to 1.5e-14 (checked with 40 digits): there they are those that the matrices were built from.
+    """
+    rng = np.random.default_rng(100 * m + n)
+    k = min(m, n)
+    A = rng.standard_normal((N, m, n))
+    near = np.concatenate([rng.uniform(0.5, 1, (N, k - 1)), 10 ** rng.uniform(-20, 0, (N, 1))], 1)
+    cases = {"regular": A, "zero": np.zeros((20, m, n))}
+    for missing in range(1, min(4, k)):
+        cases[f"rank less {missing}"] = low_rank(rng, N, m, n, k - missing)
+    for row in (0, m // 2, m - 1):
+        cases[f"zero row {row}"] = A * (np.arange(m) != row)[:, None]
+    for column in (0, n // 2, n - 1):
+        cases[f"zero column {column}"] = A * (np.arange(n) != column)
+    cases["zero row and column"] = cases["zero row 0"] * (np.arange(n) != 0)
+    cases["sparse"] = A * (rng.random((N, m, n)) < 0.4)
+    cases["integers"] = np.round(A)
+    cases["nearly singular"] = with_values(rng, near, m, n)
+    cases["graded"] = with_values(rng, 10 ** rng.uniform(-18, 0, (N, k)), m, n)
+    cases["graded rows"] = A * 10 ** rng.uniform(-12, 0, (N, m, 1))
+    cases["graded columns"] = A * 10 ** rng.uniform(-12, 0, (N, 1, n))
+    cases["two equal"] = with_values(rng, np.where(np.arange(k) < 2, 1.0, near), m, n)
+    cases["diagonal"] = np.eye(m, n) * rng.integers(0, 3, (N, m, 1))
+    cases["wild"] = A * 10 ** rng.uniform(-150, 150, (N, m, n))
+    cases["huge"] = A * 1e300
+    cases["tiny"] = A * 1e-300
+    for name, matrix in cases.items():
+        yield name, matrix, lapack(matrix)
+    for spread in (0.0, 1e-14, 1e-12, 1e-8, 1e-4):
+        s = -np.sort(-1 - spread * rng.standard_normal((N, k)), axis=1)
+        yield f"spread {spread}", with_values(rng, s, m, n), s
+
+
+def lapack(A: np.ndarray) -> np.ndarray:
+    return np.linalg.svd(A, compute_uv=False)
+
+
+def close(S: np.ndarray, expected: np.ndarray) -> bool:
+    return bool((np.abs(S - expected) <= 5e-15 * expected[:, :1]).all())

@@ -1,0 +1,78 @@
+"""What the tests share: reproducible property tests, and small robots written on the spot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile(
+    "pinsing",
+    deadline=None,
+    derandomize=True,
+    database=None,
+    suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture],
+)
+settings.load_profile("pinsing")
+
+WriteUrdf = Callable[..., Path]
+MakeModel = Callable[..., pin.Model]
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(7)
+
+
+@pytest.fixture
+def write_urdf(tmp_path: Path) -> WriteUrdf:
+    """Write a URDF of a serial chain: joints as ``(type, extra XML)``, links ``l0``, ``l1``, ..."""
+
+    def write(
+        joints: Sequence[tuple[str, str]],
+        names: Sequence[str] | None = None,
+        more: str = "",
+        name: str = "robot.urdf",
+    ) -> Path:
+        names = names or [f"j{i + 1}" for i in range(len(joints))]
+        text = ['<robot name="test"><link name="l0"/>']
+        for i, ((kind, inside), joint) in enumerate(zip(joints, names, strict=True)):
+            text.append(f'<link name="l{i + 1}"/><joint name="{joint}" type="{kind}">')
+            text.append(f'<parent link="l{i}"/><child link="l{i + 1}"/>{inside}</joint>')
+        path = tmp_path / name
+        path.write_text("\n".join([*text, more, "</robot>"]))
+        return path
+
+    return write
+
+
+@pytest.fixture
+def make_model() -> MakeModel:
+    """Build a pin.Model of a serial chain out of ``(joint model, placement)`` pairs."""
+
+    def make(
+        joints: Sequence[tuple[object, pin.SE3]],
+        tip: pin.SE3 | None = None,
+        lower: float = -2.0,
+        upper: float = 2.0,
+    ) -> pin.Model:
+        model = pin.Model()
+        model.name = "made"
+        parent = 0
+        for i, (joint, placement) in enumerate(joints):
+            wrapped = pin.JointModel(joint)
+            low, high = np.full(wrapped.nq, lower), np.full(wrapped.nq, upper)
+            effort = np.full(wrapped.nv, 1e3)
+            parent = model.addJoint(
+                parent, joint, placement, f"j{i + 1}", effort, effort, low, high
+            )
+            model.addJointFrame(parent)
+        tip = pin.SE3.Identity() if tip is None else tip
+        model.addFrame(pin.Frame("tip", parent, 0, tip, pin.FrameType.OP_FRAME))
+        return model
+
+    return make

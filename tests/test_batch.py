@@ -1,0 +1,286 @@
+"""The compiled batch kernel against NumPy, LAPACK and Pinocchio, on every instruction set here."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from batch_cases import PANDA, UR5, close, flat, lapack, random_chain, reference_jacobian, robot
+
+from pinsing._batch import engine
+from pinsing._batch.chain import FlatChain
+
+if not engine.available():
+    if os.environ.get("PINSING_REQUIRE_ENGINE"):
+        raise RuntimeError(engine.unavailable_reason())
+    pytest.skip(f"{engine.unavailable_reason()}", allow_module_level=True)
+
+pytestmark = pytest.mark.parametrize("isa", engine.isa_names())
+
+
+# ---- Jacobians
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic", "mixed"])
+@pytest.mark.parametrize("n", [1, 2, 4, 5, 6, 7, 8, 9, 20])
+def test_jacobians_of_random_chains(isa: str, n: int, kind: str) -> None:
+    chain = random_chain(n, kind, seed=n)
+    Q = np.random.default_rng(n + 1).uniform(-4, 4, (37, n))
+    expected = np.array([reference_jacobian(chain, q) for q in Q])
+    J = engine.jacobians(chain, Q, isa=isa)
+    assert J.shape == (37, 6, n)
+    scale = max(1.0, np.abs(expected).max())
+    np.testing.assert_allclose(J, expected, rtol=0, atol=4e-15 * n * scale)
+
+
+@pytest.mark.parametrize(("path", "tip", "locked"), [UR5, PANDA], ids=["ur5", "panda"])
+def test_jacobians_equal_pinocchio(isa: str, path: str, tip: str, locked: tuple[str, ...]) -> None:
+    model = robot(path, locked)
+    data, frame = model.createData(), model.getFrameId(tip)
+    Q = np.random.default_rng(0).uniform(-np.pi, np.pi, (300, model.nv))
+    expected = [
+        pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED).copy() for q in Q
+    ]
+    J = engine.jacobians(flat(model, tip), Q, isa=isa)
+    assert np.abs(J - np.array(expected)).max() < 1e-12
+
+
+def test_sine_and_cosine_at_any_angle(isa: str) -> None:
+    # Tip at x = 1 of one joint about z: vx = -sin q, vy = cos q, and nothing else.
+    chain = FlatChain(np.tile(np.eye(3), (2, 1, 1)), [[0, 0, 0], [1, 0, 0]], [False])
+    rng = np.random.default_rng(1)
+    parts = [rng.uniform(-b, b, 20_000) for b in (1e-3, 1, 7, 1e3, 1e5, 1e6, 1.1e6, 1e9, 1e300)]
+    k = np.arange(-4000, 4001)
+    near = (k * (np.pi / 2))[:, None] * (1 + np.finfo(float).eps * np.arange(-3, 4))
+    q = np.concatenate(
+        [*parts, near.ravel(), k * 157 * (np.pi / 4), 10.0 ** rng.uniform(-310, 0, 1000)]
+    )
+    q = np.concatenate([q, [0.0, -0.0, 1e6, -1e6, np.nextafter(1e6, 2e6), 1.7e308, 5e-324]])
+    J = engine.jacobians(chain, q[:, None], isa=isa)[:, :, 0]
+    for got, expected in ((-J[:, 0], np.sin(q)), (J[:, 1], np.cos(q))):
+        assert np.abs(got - expected).max() < 2e-16
+        assert (np.abs(got - expected) <= 2 * np.spacing(np.abs(expected))).all()
+    np.testing.assert_array_equal(J[:, 2:], np.tile([0.0, 0, 0, 1], (len(q), 1)))
+
+
+# ---- singular values of chains
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic", "mixed"])
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 5, 6, 7, 8, 9, 12, 33])
+def test_singular_values_of_random_chains(isa: str, n: int, kind: str) -> None:
+    chain = random_chain(n, kind, seed=50 + n)
+    Q = np.random.default_rng(n).uniform(-4, 4, (37, n))
+    Q[::3, n // 2] = 0.0
+    J = np.array([reference_jacobian(chain, q) for q in Q])
+    for rows in ([0, 1, 2, 3, 4, 5], [0, 1, 2], [3, 4, 5], [5, 0], [4], [2, 0, 5, 3, 1]):
+        for length in (1.0, 0.3):
+            scaled = J[:, rows] / np.where(np.array(rows) < 3, length, 1.0)[:, None]
+            S = engine.singular_values(chain, Q, rows=rows, length_scale=length, isa=isa)
+            expected = lapack(scaled)
+            assert S.shape == expected.shape
+            assert (np.abs(S - expected) <= 1e-14 * n * np.maximum(expected[:, :1], 1)).all()
+
+
+@pytest.mark.parametrize(("path", "tip", "locked"), [UR5, PANDA], ids=["ur5", "panda"])
+def test_singular_configurations(isa: str, path: str, tip: str, locked: tuple[str, ...]) -> None:
+    # All joints at multiples of 90 degrees, and near them: rank lost once or several times.
+    chain = flat(robot(path, locked), tip)
+    rng = np.random.default_rng(6)
+    Q = rng.integers(-2, 3, (3000, chain.n)) * (np.pi / 2)
+    Q[1000:] += 10 ** rng.uniform(-17, -2, (2000, 1)) * rng.standard_normal((2000, chain.n))
+    expected = lapack(engine.jacobians(chain, Q, isa=isa))
+    assert (expected[:, -1] < 1e-9 * expected[:, 0]).sum() > 300
+    assert close(engine.singular_values(chain, Q, isa=isa), expected)
+
+
+# ---- the same bits, whatever the split
+
+
+def test_threads_and_chunks_do_not_change_a_bit(isa: str) -> None:
+    chain = random_chain(7, "mixed", seed=7)
+    rng = np.random.default_rng(7)
+    N = 3 * engine._kernel.CHUNK + 5
+    Q = rng.uniform(-3, 3, (N, 7))
+    Q[rng.integers(0, N, 200)] = 0.0
+    Q[rng.integers(0, N, 20), 0] = 1e7  # through the slow reduction, lane by lane
+    J = engine.jacobians(chain, Q, isa=isa, threads=1)
+    S = engine.singular_values(chain, Q, isa=isa, threads=1)
+    V = engine.svdvals(J, isa=isa, threads=1)
+    for threads in (2, 3, 16, None):
+        assert np.array_equal(J, engine.jacobians(chain, Q, isa=isa, threads=threads))
+        assert np.array_equal(S, engine.singular_values(chain, Q, isa=isa, threads=threads))
+        assert np.array_equal(V, engine.svdvals(J, isa=isa, threads=threads))
+    for i in (0, 1, 13, 4099, N - 1):
+        assert np.array_equal(J[i], engine.jacobians(chain, Q[i : i + 1], isa=isa)[0])
+        assert np.array_equal(S[i], engine.singular_values(chain, Q[i : i + 1], isa=isa)[0])
+    for size in (3, 17, 100):
+        parts = np.split(Q[: 6 * size], 6)
+        values = [engine.singular_values(chain, part, isa=isa) for part in parts]
+        assert np.array_equal(np.concatenate(values), S[: 6 * size])
+    order = rng.permutation(N)
+    assert np.array_equal(S[order], engine.singular_values(chain, Q[order], isa=isa))
+    assert np.array_equal(V[order], engine.svdvals(J[order], isa=isa))
+
+
+def test_instruction_sets_agree_to_rounding(isa: str) -> None:
+    chain = random_chain(7, "revolute", seed=8)
+    Q = np.random.default_rng(8).uniform(-3, 3, (1000, 7))
+    S = engine.singular_values(chain, Q, isa=isa)
+    assert close(S, engine.singular_values(chain, Q, isa="baseline"))
+
+
+@pytest.mark.skipif(not hasattr(os, "sched_setaffinity"), reason="no affinity mask here")
+def test_the_default_number_of_threads_is_that_of_the_affinity_mask(isa: str) -> None:
+    whole = os.sched_getaffinity(0)
+    assert engine.cpu_count() == len(whole)
+    os.sched_setaffinity(0, {min(whole)})
+    try:
+        assert engine.cpu_count() == 1
+    finally:
+        os.sched_setaffinity(0, whole)
+
+
+# ---- inputs and outputs
+
+
+def test_no_configuration_and_one(isa: str) -> None:
+    chain = random_chain(6, "revolute", seed=9)
+    assert engine.jacobians(chain, np.empty((0, 6)), isa=isa).shape == (0, 6, 6)
+    assert engine.singular_values(chain, np.empty((0, 6)), isa=isa, rows=[0, 1]).shape == (0, 2)
+    assert engine.svdvals(np.empty((0, 3, 4)), isa=isa).shape == (0, 3)
+    assert engine.jacobians(chain, np.zeros((1, 6)), isa=isa, threads=8).shape == (1, 6, 6)
+
+
+def test_input_of_any_layout_is_read_and_left_alone(isa: str) -> None:
+    chain = random_chain(5, "mixed", seed=10)
+    Q = np.random.default_rng(10).uniform(-3, 3, (40, 5))
+    S = engine.singular_values(chain, Q, isa=isa)
+    J = engine.jacobians(chain, Q, isa=isa)
+    padded = np.full((80, 11), np.nan)
+    padded[::2, 1::2] = Q
+    for view in (np.asfortranarray(Q), padded[::2, 1::2], Q[::-1][::-1], Q.tolist()):
+        assert np.array_equal(S, engine.singular_values(chain, view, isa=isa))
+    whole = engine.jacobians(chain, np.rint(Q), isa=isa)
+    assert np.array_equal(whole, engine.jacobians(chain, np.rint(Q).astype(int), isa=isa))
+    frozen = Q.copy()
+    frozen.flags.writeable = False
+    assert np.array_equal(J, engine.jacobians(chain, frozen, isa=isa))
+    assert np.array_equal(frozen, Q)
+    assert np.array_equal(engine.svdvals(np.asfortranarray(J), isa=isa), engine.svdvals(J, isa=isa))
+
+
+def test_out_is_written_or_refused(isa: str) -> None:
+    chain = random_chain(6, "revolute", seed=11)
+    Q = np.random.default_rng(11).uniform(-3, 3, (10, 6))
+    out = np.full((10, 6, 6), np.nan)
+    assert engine.jacobians(chain, Q, isa=isa, out=out) is out
+    assert np.array_equal(out, engine.jacobians(chain, Q, isa=isa))
+    values = np.empty((10, 6))
+    assert engine.singular_values(chain, Q, isa=isa, out=values) is values
+    assert np.array_equal(values, engine.singular_values(chain, Q, isa=isa))
+    locked = np.empty((10, 6))
+    locked.flags.writeable = False
+    wrong = [np.empty((9, 6)), np.empty((10, 6), np.float32), np.empty((6, 10)).T, locked, Q]
+    for bad in wrong:
+        with pytest.raises(ValueError, match="out"):
+            engine.singular_values(chain, Q, isa=isa, out=bad)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf])
+@pytest.mark.parametrize("at", [0, 5, 2047, 2048, 6999])
+def test_values_that_are_not_finite_are_refused(isa: str, bad: float, at: int) -> None:
+    chain = random_chain(6, "mixed", seed=12)
+    Q = np.zeros((7000, 6))
+    Q[at, 3] = bad
+    Q[min(at + 3000, 6999), 0] = bad
+    for threads in (1, 3):
+        with pytest.raises(ValueError, match=rf"Q\[{at}\] holds a value that is not finite"):
+            engine.jacobians(chain, Q, isa=isa, threads=threads)
+        with pytest.raises(ValueError, match=rf"Q\[{at}\] holds a value that is not finite"):
+            engine.singular_values(chain, Q, isa=isa, threads=threads)
+    with pytest.raises(ValueError, match="not finite"):
+        engine.svdvals(Q.reshape(-1, 2, 3), isa=isa)
+
+
+def test_wrong_arguments_are_refused(isa: str) -> None:
+    chain = random_chain(6, "revolute", seed=13)
+    Q = np.zeros((3, 6))
+    for rows in ([], [6], [-1], [0, 0]):
+        with pytest.raises(ValueError, match="rows"):
+            engine.singular_values(chain, Q, rows=rows, isa=isa)
+    for length in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(ValueError, match="length_scale"):
+            engine.singular_values(chain, Q, length_scale=length, isa=isa)
+    for shape in ((6,), (3, 5), (1, 3, 6)):
+        with pytest.raises(ValueError, match="Q: shape"):
+            engine.jacobians(chain, np.zeros(shape), isa=isa)
+    with pytest.raises(ValueError, match="threads"):
+        engine.jacobians(chain, Q, isa=isa, threads=0)
+    with pytest.raises(ValueError, match="instruction set 'mmx'.*" + isa):
+        engine.jacobians(chain, Q, isa="mmx")
+    with pytest.raises(ValueError, match="J: shape"):
+        engine.svdvals(np.zeros((3, 6)), isa=isa)
+
+
+def test_the_kernel_itself_checks_shapes(isa: str) -> None:
+    chain = random_chain(6, "revolute", seed=14)
+    arrays = (chain.R, chain.t, chain.prismatic)
+    with pytest.raises(ValueError, match="out must have shape"):
+        engine._kernel.jacobians(*arrays, np.zeros((3, 6)), np.empty((2, 6, 6)), isa, 1)
+    with pytest.raises(ValueError, match="Q must have shape"):
+        engine._kernel.jacobians(*arrays, np.zeros((3, 5)), np.empty((3, 6, 5)), isa, 1)
+    with pytest.raises(ValueError, match="R must have shape"):
+        engine._kernel.jacobians(
+            chain.R[1:].copy(),
+            chain.t,
+            chain.prismatic,
+            np.zeros((3, 6)),
+            np.empty((3, 6, 6)),
+            isa,
+            1,
+        )
+    with pytest.raises(ValueError, match="not covered"):
+        engine._kernel.svdvals(np.zeros((3, 7, 7)), np.empty((3, 7)), isa, 1, 50)
+
+
+def test_flat_chain_is_checked_and_frozen(isa: str) -> None:
+    chain = random_chain(4, "mixed", seed=15)
+    assert chain.n == 4
+    for array in (chain.R, chain.t, chain.prismatic):
+        assert not array.flags.writeable
+        assert array.flags.c_contiguous
+    R, t, prismatic = chain.R.copy(), chain.t.copy(), chain.prismatic.copy()
+    mine = FlatChain(R, t, prismatic)
+    R[:] = 0
+    assert np.array_equal(mine.R, chain.R)
+    with pytest.raises(ValueError, match=r"R\[0\] is not a rotation"):
+        FlatChain(R, t, prismatic)
+    with pytest.raises(ValueError, match=r"R\[1\] is not a rotation"):
+        FlatChain(chain.R * np.array([1, -1, 1, 1, 1])[:, None, None], t, prismatic)
+    with pytest.raises(ValueError, match="t: shape"):
+        FlatChain(chain.R, t[1:], prismatic)
+    with pytest.raises(ValueError, match="R: shape"):
+        FlatChain(chain.R[1:], t, prismatic)
+    with pytest.raises(ValueError, match="prismatic: shape"):
+        FlatChain(chain.R, t, [])
+    t[2, 0] = np.nan
+    with pytest.raises(ValueError, match="t holds a value that is not finite"):
+        FlatChain(chain.R, t, prismatic)
+
+
+def test_without_the_extension_the_reason_is_given(isa: str) -> None:
+    code = (
+        "import sys; sys.modules['pinsing._batch._kernel'] = None\n"
+        "from pinsing._batch import engine\n"
+        "assert not engine.available() and engine.isa_names() == ()\n"
+        "try: engine.svdvals([[[1.0]]])\n"
+        "except RuntimeError as error: print(error)\n"
+        "assert 'reinstall' in engine.unavailable_reason()"
+    )
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "compiler" in run.stdout

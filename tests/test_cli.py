@@ -1,0 +1,468 @@
+"""The command line as a user meets it."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from pinsing.cli.app import command
+from pinsing.cli.options import parse_numbers
+from pinsing.closed_form import ClosedForm
+from pinsing.errors import ConfigurationError, OutputError
+from pinsing.kinematics import task_jacobian
+from pinsing.report.files import check_writable, replacing, write_text
+from pinsing.report.info import ArmInfo
+from pinsing.report.text import Table, fields, joined, safe
+from pinsing.robot.load import load
+from pinsing.state import State, at
+from pinsing.sweep import SweepResult
+from pinsing.sweep_file import load_npz
+
+URDF = Path(__file__).parent.parent / "urdf"
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(command, list(words), prog_name="pinsing")
+
+
+def process(*words: str, **more) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [sys.executable, "-m", "pinsing", *words], capture_output=True, text=True, **more
+    )
+
+
+class TestProcess:
+    def test_help_imports_nothing_heavy(self):
+        code = (
+            "import sys, pinsing.cli\n"
+            "heavy = {'numpy', 'pinocchio', 'scipy', 'flint', 'rich', 'yaml', 'matplotlib',"
+            " 'meshcat', 'yourdfpy', 'xacro'}\n"
+            "print(*(heavy & set(sys.modules)))"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "\n", "")
+
+    def test_results_and_messages_do_not_mix(self):
+        done = process("at", "ur5", "--q", "0,-1,1,0,0,0", "--json", "-")
+        assert done.returncode == 0
+        assert json.loads(done.stdout)["schema"] == "pinsing/state/1"
+        assert "note: tip tool0 was chosen" in done.stderr
+
+    def test_bad_input_is_one_line_without_traceback(self):
+        done = process("at", "no_such_robot", "--q", "0")
+        assert done.returncode == 2
+        assert done.stdout == ""
+        assert done.stderr.startswith("pinsing: error: unknown robot 'no_such_robot'")
+        assert done.stderr.count("\n") == 1
+
+    def test_a_reader_that_leaves_early_is_no_error(self):
+        pipe = subprocess.Popen(
+            [sys.executable, "-m", "pinsing", "list"],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+        )
+        assert pipe.stdout is not None
+        pipe.stdout.close()
+        _, said = pipe.communicate()
+        assert b"Traceback" not in said
+        assert b"Broken" not in said
+
+    def test_names_that_the_terminal_cannot_show(self, write_urdf):
+        path = write_urdf(
+            [
+                (
+                    "revolute",
+                    '<axis xyz="0 0 1"/><limit lower="-1" upper="1" effort="1" velocity="1"/>',
+                )
+            ],
+            names=["gelenk_ä"],
+        )
+        done = process("info", str(path), env={**os.environ, "PYTHONIOENCODING": "ascii"})
+        assert done.returncode == 0
+        assert "gelenk_\\xe4" in done.stdout
+
+
+def test_ctrl_c_ends_with_130(monkeypatch):
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pinsing.robot.load.load", stopped)
+    done = run("at", "ur5", "--q", "0,0,0,0,0,0")
+    assert done.exit_code == 130
+    assert "Traceback" not in done.output
+
+
+def test_sigint_while_it_runs():
+    child = subprocess.Popen(
+        [
+            sys.executable,
+            "-c",
+            "import time, sys\n"
+            "import pinsing.robot.load as module\n"
+            "def slow(*a, **k):\n"
+            "    print('ready', flush=True)\n"
+            "    time.sleep(60)\n"
+            "module.load = slow\n"
+            "from pinsing.cli import main\n"
+            "main(['at', 'ur5', '--q', '0,0,0,0,0,0'])",
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert child.stdout is not None
+    assert child.stdout.readline() == "ready\n"
+    child.send_signal(signal.SIGINT)
+    _, said = child.communicate(timeout=30)
+    assert child.returncode == 130
+    assert said.split() == ["pinsing:", "stopped"]
+
+
+class TestAt:
+    def test_same_numbers_as_the_library(self):
+        q = [0.1, -1.0, 0.8, 0.3, 0.9, 0.2]
+        done = run("at", "ur5", "--q", ",".join(map(str, q)), "--json", "-")
+        state = State.from_json(done.stdout)
+        assert state.to_dict() == at(load("ur5"), q).to_dict()
+        sigma = np.linalg.svd(task_jacobian(load("ur5"), q), compute_uv=False)
+        np.testing.assert_allclose(state.sigma, sigma)
+
+    def test_degrees_for_turning_joints_metres_for_sliding_ones(self):
+        words = ["at", "stanford", "--json", "-", "--q"]
+        in_degrees = State.from_json(run(*words, "90,0,0.3,180,-45,0", "--deg").stdout)
+        in_radians = State.from_json(run(*words, "pi/2 0 0.3 pi -pi/4 0").stdout)
+        np.testing.assert_array_equal(in_degrees.q, in_radians.q)
+        assert in_degrees.q[2] == 0.3
+        text = run("at", "stanford", "--q", "90,0,0.3,180,-45,0", "--deg").stdout
+        assert "180 deg" in text
+        assert "0.3 m" in text
+
+    def test_negative_first_value(self):
+        done = run("at", "planar3r", "--q", "-0.3,0.2,0.1", "--json", "-")
+        np.testing.assert_array_equal(State.from_json(done.stdout).q, [-0.3, 0.2, 0.1])
+
+    def test_text_says_what_is_lost_and_why(self):
+        done = run("at", "puma560", "--q", "0.1,0.2,0.3,0.4,0,0.5")
+        assert done.exit_code == 0
+        assert "SINGULAR: rank 5 instead of 6" in done.stdout
+        assert "axes 4 and 6 are collinear" in done.stdout
+        assert "\x1b" not in done.stdout
+
+    @pytest.mark.parametrize(("q5", "code"), [("0", 1), ("0.5", 0)])
+    def test_fail_if_singular(self, q5, code):
+        q = f"0.1,0.2,0.3,0.4,{q5},0.5"
+        assert run("at", "puma560", "--q", q, "--fail-if-singular").exit_code == code
+        assert run("at", "puma560", "--q", q).exit_code == 0
+
+    def test_nominal_geometry(self):
+        q = ["--q", "0.2,0,pi/2,0.9,pi/2,0,0.1", "--json", "-"]
+        raw = State.from_json(run("at", "xarm7", *q).stdout)
+        exact = State.from_json(run("at", "xarm7", "--nominal", *q).stdout)
+        assert (raw.status, exact.status) == ("near-singular", "singular")
+
+    def test_tolerances(self):
+        q = ["--q", "0.1,0.2,0.3,0.4,0.001,0.5", "--json", "-"]
+        assert State.from_json(run("at", "puma560", *q).stdout).status == "near-singular"
+        loose = run("at", "puma560", *q, "--rtol", "0.01").stdout
+        assert State.from_json(loose).status == "singular"
+        strict = run("at", "puma560", *q, "--near-rtol", "1e-6").stdout
+        assert State.from_json(strict).status == "regular"
+
+    def test_likely_degrees_are_questioned(self):
+        done = run("at", "ur5", "--q", "0,-90,90,0,0,0")
+        assert done.exit_code == 0
+        assert "add --deg" in done.stderr
+        assert "add --deg" not in run("at", "ur5", "--q", "0,-90,90,0,0,0", "--deg").stderr
+
+    def test_options_choose_the_arm(self):
+        done = run(
+            "at", "ur5", "--tip", "wrist_3_link", "--joints", "shoulder_pan_joint,elbow_joint",
+            "--task", "position", "--length-scale", "0.5", "--q", "0.1,0.2", "--json", "-",
+        )  # fmt: skip
+        arm = State.from_json(done.stdout).arm
+        assert arm.tip == "wrist_3_link"
+        assert arm.joints == ("shoulder_pan_joint", "elbow_joint")
+        assert (arm.task, arm.length_scale) == ("position", 0.5)
+
+
+class TestSweep:
+    def test_families_of_the_stanford_arm(self):
+        done = run("sweep", "stanford", "--levels", "1")
+        assert done.exit_code == 0
+        assert "Jacobians" in done.stderr
+        found = done.stdout.split("found, refined and generalised:")[1].splitlines()
+        conditions = {line.strip().split(",")[0] for line in found if line.strip()}
+        assert conditions == {"q2 = 0", "q2 = 180 deg", "d3 = 0", "q5 = 0", "q5 = 180 deg"}
+
+    def test_curves_and_json_files(self, tmp_path):
+        npz, js = tmp_path / "curves.npz", tmp_path / "sweep.json"
+        words = ["--levels", "1", "--samples", "21", "--out", str(npz), "--json", str(js)]
+        assert run("sweep", "planar3r", *words).exit_code == 0
+        curves = load_npz(npz)
+        data = json.loads(js.read_text())
+        assert SweepResult.from_dict(data).to_dict() == curves.to_dict()
+        assert data["schema"] == "pinsing/sweep/1"
+        assert [f["status"] for f in data["findings"]] == ["singular"] * len(data["findings"]) != []
+        assert sorted(tmp_path.iterdir()) == [npz, js]
+
+    def test_degrees_of_special_values(self):
+        words = ["sweep", "puma560", "--levels", "1", "--samples", "11", "--json", "-"]
+        in_degrees = json.loads(run(*words, "--special", "0,90", "--deg").stdout)
+        in_radians = json.loads(run(*words, "--special", "0,pi/2").stdout)
+        assert in_degrees == in_radians
+
+    def test_fail_if_singular(self):
+        words = ["sweep", "planar3r", "--levels", "1", "--samples", "21"]
+        assert run(*words, "--fail-if-singular").exit_code == 1
+
+    def test_ctrl_c_keeps_what_is_done(self, monkeypatch, tmp_path):
+        import pinsing.sweep as module
+
+        whole, calls = module.singular_values, []
+
+        def interrupted(arm, Q):
+            calls.append(len(Q))
+            if len(calls) == 2:  # the first is for all joints at one special value
+                raise KeyboardInterrupt
+            return whole(arm, Q)
+
+        monkeypatch.setattr(module, "singular_values", interrupted)
+        out = tmp_path / "part.npz"
+        done = run("sweep", "planar3r", "--out", str(out))
+        assert done.exit_code == 130
+        assert "stopped after 0 of" in done.stdout
+        assert not load_npz(out).complete
+
+
+class TestFamilies:
+    def test_equations_reasons_and_reach(self):
+        done = run("families", "ur5")
+        assert done.exit_code == 0
+        assert "3 families" in done.stdout
+        assert "why: axes 2, 3, 4 and 6 are parallel" in done.stdout
+        assert "q5 = wrist_2_joint" in done.stdout
+
+    def test_latex_and_json(self):
+        latex = run("families", "puma560", "--latex").stdout
+        assert latex.count("\\begin{align*}") == latex.count("\\end{align*}") == 1
+        assert "q_{5}" in latex
+        found = ClosedForm.from_json(run("families", "puma560", "--json", "-").stdout)
+        assert found.complete
+        assert latex.count("text{F") == len(found.families)
+
+    def test_fail_if_singular(self):
+        assert run("families", "puma560", "--fail-if-singular").exit_code == 1
+
+
+class TestInfo:
+    def test_chain_limits_rank_and_notes(self):
+        done = run("info", "panda")
+        assert done.exit_code == 0
+        assert "panda_joint4" in done.stdout
+        assert "-3.0718" in done.stdout
+        assert "redundant by 1" in done.stdout
+        assert "panda_finger_joint1" in done.stdout
+        assert done.stderr == ""
+
+    def test_degrees_and_continuous_joints(self):
+        out = run("info", "kinova", "--deg").stdout
+        assert "continuous" in out
+        assert "deg" in out
+        row = next(line for line in out.splitlines() if "j2s6s200_joint_2" in line)
+        assert row.split()[-3:] == ["47", "313", "deg"]
+
+    def test_rounded_geometry_is_told_with_its_size(self):
+        out = run("info", "xarm7").stdout
+        assert "moved: " in out
+        info = ArmInfo.from_json(run("info", "xarm7", "--json", "-").stdout)
+        assert info.schema == "pinsing/info/1"
+        assert 0 < info.jacobian_change < 1e-4
+        assert max(s.size for s in info.snaps) < 1e-5
+        assert "moved: " not in run("info", "puma560").stdout
+        assert "exact: every number" in run("info", "planar3r").stdout
+
+    def test_several_arms_are_listed_with_the_command_for_each(self):
+        done = run("info", "baxter")
+        assert done.exit_code == 2
+        assert "pinsing info baxter --tip left_" in done.stdout
+        assert "pinsing info baxter --tip right_" in done.stdout
+        assert "choose one" in done.stderr
+        asked = next(w for w in done.stdout.split() if w.startswith("left_"))
+        assert run("info", "baxter", "--tip", asked).exit_code == 0
+
+    def test_json_goes_back(self):
+        text = run("info", "stanford", "--json", "-").stdout
+        assert ArmInfo.from_json(text).to_json() + "\n" == text
+
+
+class TestList:
+    def test_names(self):
+        out = run("list").stdout
+        for name in ("stanford", "surgical7", "puma560", "ur5", "panda", "talos_arm"):
+            assert any(line.split()[0] == name for line in out.splitlines())
+
+    def test_one_word_narrows(self):
+        lines = run("list", "Stanford").stdout.splitlines()
+        assert len(lines) == 2
+        none = run("list", "nothing-like-this")
+        assert (none.exit_code, none.stdout) == (0, "")
+
+    def test_json(self):
+        data = json.loads(run("list", "--json", "-").stdout)
+        assert data["schema"] == "pinsing/robots/1"
+        assert {"name", "title", "source", "alias_of"} == set(data["robots"][0])
+
+
+class TestDh:
+    def test_urdf_is_that_of_the_library(self, tmp_path):
+        out = tmp_path / "arm.urdf"
+        done = run("dh", str(URDF / "stanford.dh.yaml"), "-o", str(out))
+        assert (done.exit_code, done.stdout) == (0, "")
+        assert out.read_text() == (URDF / "stanford.urdf").read_text()
+        to_stdout = run("dh", str(URDF / "stanford.dh.yaml"), "-o", "-")
+        assert to_stdout.stdout == out.read_text()
+
+    def test_result_is_a_robot(self, tmp_path):
+        out = tmp_path / "mine.urdf"
+        run("dh", str(URDF / "scara.dh.yaml"), "-o", str(out))
+        assert run("info", str(out)).exit_code == 0
+
+
+def test_json_file_beside_the_text(tmp_path):
+    out = tmp_path / "state.json"
+    done = run("at", "planar3r", "--q", "0.1,0.2,0.3", "--json", str(out))
+    assert "regular: rank 3" in done.stdout
+    assert State.from_json(out.read_text()).status == "regular"
+    assert list(tmp_path.iterdir()) == [out]
+
+
+def test_no_command_shows_help_and_version_works():
+    assert "Commands:" in run().output
+    assert run().exit_code == 2
+    assert run("--help").exit_code == 0
+    done = run("--version")
+    assert done.exit_code == 0
+    assert done.stdout.startswith("pinsing ")
+
+
+@pytest.mark.parametrize("name", ["analyze", "at", "dh", "families", "info", "list", "sweep"])
+def test_every_command_explains_itself(name):
+    done = run(name, "--help")
+    assert done.exit_code == 0
+    assert "Usage: pinsing " + name in done.stdout
+
+
+class TestNumbers:
+    @pytest.mark.parametrize(
+        ("text", "values"),
+        [
+            ("1,2", [1, 2]),
+            ("[ -0.3, .2e1 ]", [-0.3, 2]),
+            ("pi, -pi/2 3pi/4 2*pi", [np.pi, -np.pi / 2, 3 * np.pi / 4, 2 * np.pi]),
+        ],
+    )
+    def test_what_is_understood(self, text, values):
+        assert parse_numbers(text, "--q") == pytest.approx(values)
+
+    @pytest.mark.parametrize("text", ["", "a", "1;2", "pi/0", "__import__('os')", "1,,x", "2*p"])
+    def test_what_is_not(self, text):
+        with pytest.raises(ConfigurationError):
+            parse_numbers(text, "--q")
+
+    def test_pi_is_no_number_of_degrees(self):
+        with pytest.raises(ConfigurationError, match="--deg"):
+            parse_numbers("pi", "--q", degrees=True)
+
+
+class TestText:
+    def test_control_characters_are_shown(self):
+        assert safe("a\x1b[31mb\x07\u202e\n\t") == "a\\x1b[31mb\\x07\\u202e\n\t"
+        assert safe("gelenk_ä") == "gelenk_ä"
+
+    def test_names_from_files_cannot_paint_the_terminal(self):
+        done = run("info", "\x1b[31mred")
+        assert "\x1b" not in done.output
+        assert done.exit_code == 2
+
+    def test_plain_table(self):
+        table = Table(("n", "name"), (("1", "long name"), ("10", "b\x1b")), frozenset({0}))
+        assert table.plain() == " n  name\n 1  long name\n10  b\\x1b"
+
+    def test_rich_table_only_on_a_terminal(self, monkeypatch):
+        import io
+
+        class Terminal(io.StringIO):
+            def isatty(self) -> bool:
+                return True
+
+        table = Table(("name",), (("[red]x[/red]\x1b",),))
+        monkeypatch.delenv("NO_COLOR", raising=False)
+        monkeypatch.setenv("TERM", "xterm")
+        drawn, plain = Terminal(), Terminal()
+        table.show(drawn)
+        assert "\u2500" in drawn.getvalue()
+        assert "[red]x[/red]\\x1b" in drawn.getvalue()
+        monkeypatch.setenv("NO_COLOR", "1")
+        table.show(plain)
+        assert plain.getvalue() == table.plain() + "\n"
+
+    def test_fields_and_lists(self):
+        assert (
+            fields([("a", "x"), ("long", "y " * 40)], width=40)
+            .splitlines()[1]
+            .startswith("long  y")
+        )
+        assert joined(["a", "b", "c"], 2) == "a, b and 1 more"
+
+
+class TestFiles:
+    def test_a_failed_write_leaves_the_old_file(self, tmp_path):
+        path = tmp_path / "a.txt"
+        path.write_text("old")
+
+        def write_half() -> None:
+            with replacing(path) as temporary:
+                temporary.write_text("half")
+                raise RuntimeError
+
+        with pytest.raises(RuntimeError):
+            write_half()
+        assert path.read_text() == "old"
+        assert list(tmp_path.iterdir()) == [path]
+
+    def test_mode_and_links_are_kept(self, tmp_path):
+        real, link = tmp_path / "real.txt", tmp_path / "link.txt"
+        real.write_text("old")
+        real.chmod(0o640)
+        link.symlink_to(real)
+        write_text(link, "new")
+        assert link.is_symlink()
+        assert real.read_text() == "new"
+        assert stat.S_IMODE(real.stat().st_mode) == 0o640
+        fresh = tmp_path / "fresh.txt"
+        write_text(fresh, "x")
+        mask = os.umask(0)
+        os.umask(mask)
+        assert stat.S_IMODE(fresh.stat().st_mode) == 0o666 & ~mask
+
+    def test_a_device_is_written_to_and_not_replaced(self):
+        write_text(os.devnull, "x")
+        assert not Path(os.devnull).is_file()
+
+    def test_places_that_cannot_be_written(self, tmp_path):
+        for bad in (tmp_path / "no" / "x.json", tmp_path, "", "a\0b"):
+            with pytest.raises(OutputError):
+                check_writable(bad)
+        source = tmp_path / "in.yaml"
+        source.write_text("x")
+        with pytest.raises(OutputError, match="input"):
+            check_writable(source, inputs=(source,))

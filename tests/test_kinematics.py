@@ -1,0 +1,373 @@
+"""Jacobians and their derivatives against Pinocchio and finite differences."""
+
+from __future__ import annotations
+
+import math
+import pickle
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinsing import kinematics
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
+
+ARMS = [
+    ("stanford", None),
+    ("surgical7", None),
+    ("puma560", None),
+    ("irb1400", None),
+    ("iiwa14", None),
+    ("planar3r", None),
+    ("scara", None),
+    ("ur5", None),
+    ("panda", None),
+    ("kinova", None),
+    ("xarm7", None),
+    ("z1", None),
+    ("talos_arm", None),
+    ("tiago", None),
+    ("so101", None),
+    ("pr2", "r_gripper_tool_frame"),
+    ("baxter", "left_gripper_base_link"),
+    ("icub", "l_gripper"),
+]
+
+
+@pytest.fixture(scope="module", params=ARMS, ids=[name for name, _ in ARMS])
+def arm(request) -> Arm:
+    name, tip = request.param
+    return load(name, tip=tip)
+
+
+def draw(arm: Arm, rng: np.random.Generator, count: int) -> np.ndarray:
+    low, high = arm.span
+    return rng.uniform(low, high, (count, arm.n))
+
+
+def by_pinocchio(arm: Arm, q: np.ndarray) -> np.ndarray:
+    """The same by other calls: configuration by integration, all Jacobians, then the frame's."""
+    model, data = arm.model, arm.model.createData()
+    full = pin.integrate(model, pin.neutral(model), q)
+    pin.computeJointJacobians(model, data, full)
+    pin.updateFramePlacements(model, data)
+    return pin.getFrameJacobian(model, data, arm.tip_id, pin.LOCAL_WORLD_ALIGNED)
+
+
+def test_equals_pinocchio(arm, rng):
+    Q = draw(arm, rng, 20)
+    J = kinematics.frame_jacobians(arm, Q)
+    assert J.shape == (20, 6, arm.n)
+    np.testing.assert_allclose(J, [by_pinocchio(arm, q) for q in Q], atol=1e-12)
+    np.testing.assert_array_equal(kinematics.frame_jacobian(arm, Q[3]), J[3])
+
+
+def test_equals_the_whole_robot(arm, rng):
+    """Locking joints takes away columns and nothing else."""
+    whole, data = arm.source.full_model, arm.source.full_model.createData()
+    columns = [whole.joints[whole.getJointId(name)].idx_v for name in arm.joints]
+    for q in draw(arm, rng, 5):
+        v = np.zeros(whole.nv)
+        v[columns] = q - [_angle(whole, arm.source.reference, name) for name in arm.joints]
+        full = pin.integrate(whole, arm.source.reference, v)
+        tip = whole.getFrameId(arm.tip, pin.FrameType.BODY)
+        J = pin.computeFrameJacobian(whole, data, full, tip, pin.LOCAL_WORLD_ALIGNED)
+        np.testing.assert_allclose(kinematics.frame_jacobian(arm, q), J[:, columns], atol=1e-12)
+
+
+def _angle(model: pin.Model, q: np.ndarray, name: str) -> float:
+    joint = model.joints[model.getJointId(name)]
+    at = q[joint.idx_q : joint.idx_q + joint.nq]
+    return float(at[0] if joint.nq == 1 else math.atan2(at[1], at[0]))
+
+
+def test_columns_are_the_velocities_of_the_tip(arm, rng):
+    """Central differences of the tip placement: a check that leans on no Jacobian code."""
+    h = 1e-6
+    q = draw(arm, rng, 1)[0]
+    J = kinematics.frame_jacobian(arm, q)
+    for i in range(arm.n):
+        step = h * np.eye(arm.n)[i]
+        after, before = (kinematics.tip_placement(arm, q + s) for s in (step, -step))
+        v = (after.translation - before.translation) / (2 * h)
+        w = pin.log3(after.rotation @ before.rotation.T) / (2 * h)
+        np.testing.assert_allclose(J[:, i], np.concatenate([v, w]), atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("task", "rows"),
+    [
+        ("pose", [0, 1, 2, 3, 4, 5]),
+        ("position", [0, 1, 2]),
+        ("orientation", [3, 4, 5]),
+        ("vx,vy,wz", [0, 1, 5]),
+        (["wz", "vx"], [0, 5]),
+    ],
+)
+def test_task_rows_and_length_scale(rng, task, rows):
+    arm = load("ur5", task=task, length_scale=0.25)
+    Q = draw(arm, rng, 4)
+    J = kinematics.frame_jacobians(arm, Q)
+    J[:, :3] /= 0.25
+    np.testing.assert_allclose(kinematics.task_jacobians(arm, Q), J[:, rows], rtol=1e-15)
+    np.testing.assert_allclose(kinematics.task_jacobian(arm, Q[1]), J[1, rows], rtol=1e-15)
+    sigma = np.linalg.svd(J[:, rows], compute_uv=False)
+    np.testing.assert_allclose(kinematics.singular_values(arm, Q), sigma, atol=1e-14)
+
+
+def test_with_task_equals_loading_with_it(rng):
+    arm = load("panda")
+    other = arm.with_task("position", length_scale=0.1)
+    loaded = load("panda", task="position", length_scale=0.1)
+    Q = draw(arm, rng, 3)
+    np.testing.assert_array_equal(
+        kinematics.task_jacobians(other, Q), kinematics.task_jacobians(loaded, Q)
+    )
+    assert (arm.task.name, arm.length_scale) == ("pose", 1.0)
+    assert kinematics.generic_rank(arm) == 6
+    assert kinematics.generic_rank(other) == 3
+
+
+@pytest.mark.parametrize("scale", [0, -1, math.nan, math.inf])
+def test_length_scale_is_positive(scale):
+    with pytest.raises(OptionError, match="length_scale must be a positive number of metres"):
+        load("ur5", length_scale=scale)
+
+
+@pytest.mark.parametrize("scale", ["long", None])
+def test_length_scale_is_a_number(scale):
+    with pytest.raises(OptionError, match="length_scale must be a number of metres"):
+        load("ur5", length_scale=scale)
+
+
+@pytest.mark.parametrize("task", ["pise", "", "vx,vx", "vx,,vy", [], 5, ["vx", "ax"]])
+def test_bad_tasks(task):
+    with pytest.raises(OptionError, match="task"):
+        load("ur5", task=task)
+
+
+def test_derivative_against_finite_differences(arm, rng):
+    h = 1e-5
+    q = draw(arm, rng, 1)[0]
+    H = kinematics.jacobian_derivative(kinematics.frame_jacobian(arm, q))
+    assert H.shape == (6, arm.n, arm.n)
+    steps = h * np.eye(arm.n)
+    J = kinematics.frame_jacobians(arm, np.concatenate([q + steps, q - steps]))
+    for j in range(arm.n):
+        np.testing.assert_allclose(H[:, :, j], (J[j] - J[arm.n + j]) / (2 * h), atol=2e-9)
+
+
+def test_derivative_equals_pinocchios_hessian(arm, rng):
+    """Pinocchio's tensor reaches NumPy mis-laid: its memory is column-major."""
+    q = draw(arm, rng, 1)[0]
+    model, data = arm.model, arm.model.createData()
+    pin.computeJointJacobians(model, data, arm.model_q(q))
+    pin.updateFramePlacements(model, data)
+    pin.computeJointKinematicHessians(model, data)
+    raw = pin.getFrameKinematicHessian(model, data, arm.tip_id, pin.LOCAL_WORLD_ALIGNED)
+    n = model.nv
+    H = np.reshape(raw.ravel(), (6, n, n), order="F")
+    np.testing.assert_allclose(
+        kinematics.jacobian_derivative(kinematics.frame_jacobian(arm, q)), H, atol=1e-12
+    )
+    assert not np.allclose(raw, H)  # taken at face value it is wrong: that is the trap
+
+
+def test_task_derivatives_are_scaled_like_the_task(rng):
+    arm = load("panda", task="vx,vz,wy", length_scale=0.5)
+    Q = draw(arm, rng, 6)
+    J, H = kinematics.task_jacobians_and_derivatives(arm, Q)
+    np.testing.assert_array_equal(J, kinematics.task_jacobians(arm, Q))
+    full = kinematics.jacobian_derivative(kinematics.frame_jacobians(arm, Q))
+    assert H.shape == (6, 3, 7, 7)
+    expected = full[:, [0, 2, 4]] * np.array([2.0, 2.0, 1.0])[:, None, None]
+    np.testing.assert_allclose(H, expected, rtol=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("robot", "task", "r"),
+    [
+        ("ur5", "pose", 6),
+        ("ur5", "position", 3),
+        ("ur5", "orientation", 3),
+        ("stanford", "pose", 6),
+        ("puma560", "pose", 6),
+        ("irb1400", "pose", 6),
+        ("panda", "pose", 6),
+        ("iiwa14", "pose", 6),
+        ("surgical7", "pose", 6),
+        ("xarm7", "pose", 6),
+        ("tiago", "pose", 6),
+        ("so100", "pose", 5),
+        ("so101", "pose", 5),
+        ("so101", "position", 3),
+        ("scara", "pose", 4),
+        ("scara", "position", 3),
+        ("scara", "vx,vy,wz", 3),
+        ("scara", "orientation", 1),
+        ("planar3r", "pose", 3),
+        ("planar3r", "position", 2),
+    ],
+)
+def test_generic_rank(robot, task, r):
+    arm = load(robot, task=task)
+    assert kinematics.generic_rank(arm) == r
+    assert kinematics.singular_values(arm, np.full((2, arm.n), 0.3)).shape == (2, r)
+
+
+def test_generic_rank_is_of_the_nominal_geometry(make_model):
+    """Axes parallel but for a rounded angle: the third direction is a rounding error."""
+    tilt = pin.SE3(pin.utils.rotate("x", 2e-6), np.array([0.5, 0.0, 0.0]))
+    straight = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
+    model = make_model(
+        [(pin.JointModelRZ(), p) for p in (pin.SE3.Identity(), tilt, straight, tilt)], straight
+    )
+    arm = load(model, tip="tip")
+    assert kinematics.generic_rank(arm) == 3
+    raw = np.linalg.matrix_rank(kinematics.frame_jacobian(arm, [0.3, 0.5, 0.7, 0.2]))
+    assert raw == 4
+
+
+@pytest.mark.parametrize(("robot", "task"), [("planar3r", "vz"), ("scara", "wx,wy")])
+def test_a_task_that_no_joint_serves(robot, task):
+    arm = load(robot, task=task, length_scale=1000.0)
+    for _ in range(2):
+        with pytest.raises(OptionError, match=f"task {task}: no joint of {robot} moves tip"):
+            kinematics.generic_rank(arm)
+    assert kinematics.generic_rank(arm.with_task("vx", length_scale=1e4)) == 1
+    assert kinematics.generic_rank(arm.with_task("pose", length_scale=1e4)) >= 3
+
+
+def test_rank_of_the_pose_depends_on_neither_tip_nor_scale(rng):
+    """For the full pose; sigma itself does depend on them."""
+    singular = np.array([0.3, -1.0, 0.9, 0.4, 0.0, 1.0])  # UR5, sin q5 = 0
+    regular = np.array([0.3, -1.0, 0.9, 0.4, 0.7, 1.0])
+    values = set()
+    for tip in ("tool0", "wrist_3_link"):
+        for scale in (1.0, 0.1):
+            arm = nominal(load("ur5", tip=tip, length_scale=scale)).arm
+            bad, good = kinematics.singular_values(arm, [singular, regular])
+            assert bad[-1] / bad[0] < 1e-13
+            assert good[-1] / good[0] > 1e-3
+            values.add(round(float(good[-1]), 9))
+    assert len(values) == 4
+
+
+@pytest.mark.parametrize("robot", ["panda", "kinova"])
+def test_threads_may_share_an_arm(robot, rng):
+    arm = load(robot)
+    batches = [draw(arm, rng, 50) for _ in range(16)]
+    alone = [kinematics.singular_values(load(robot), Q) for Q in batches]
+    shared = load(robot)
+    with ThreadPoolExecutor(8) as pool:
+        together = list(pool.map(lambda Q: kinematics.singular_values(shared, Q), batches))
+        ranks = list(pool.map(kinematics.generic_rank, [shared] * 16))
+    for a, b in zip(alone, together, strict=True):
+        np.testing.assert_array_equal(a, b)
+    assert set(ranks) == {6}
+
+
+def test_pickled_arm_is_the_same(arm, rng):
+    copy = pickle.loads(pickle.dumps(arm))
+    Q = draw(arm, rng, 3)
+    np.testing.assert_array_equal(
+        kinematics.frame_jacobians(copy, Q), kinematics.frame_jacobians(arm, Q)
+    )
+    assert (copy.joints, copy.tip, copy.task, copy.notes) == (
+        arm.joints,
+        arm.tip,
+        arm.task,
+        arm.notes,
+    )
+    np.testing.assert_array_equal(copy.lower, arm.lower)
+    with pytest.raises(ValueError, match="read-only"):
+        copy.lower[0] = 0.0
+
+
+def test_inputs_stay_as_they_are(rng):
+    arm = load("kinova")
+    Q = draw(arm, rng, 3)
+    before = Q.copy()
+    J = kinematics.frame_jacobians(arm, Q)
+    J_before = J.copy()
+    kinematics.task_jacobians_and_derivatives(arm, Q)
+    kinematics.scale_rows(arm, J)
+    kinematics.jacobian_derivative(J)
+    arm.fold(Q)
+    arm.within_limits(Q)
+    np.testing.assert_array_equal(Q, before)
+    np.testing.assert_array_equal(J, J_before)
+    J[:] = 0.0  # results are the caller's own
+    np.testing.assert_array_equal(kinematics.frame_jacobians(arm, Q), J_before)
+
+
+@pytest.mark.parametrize(
+    ("q", "message"),
+    [
+        ([0.0] * 5, "q needs 6 values for .*; got 5"),
+        ([0.0] * 7, "got 7"),
+        ([], "got 0"),
+        (0.5, "got a single number"),
+        ([0, 0, math.nan, 0, 0, 0], "joint 'elbow_joint' is nan"),
+        ([0, 0, 0, 0, 0, -math.inf], "joint 'wrist_3_joint' is -inf"),
+        (["a"] * 6, "not an array of numbers"),
+        ([[0.0] * 6, [0.0] * 5], "not an array of numbers"),
+        (None, "got a single number"),
+        (np.zeros((2, 6)), "one joint vector"),
+    ],
+)
+def test_bad_configurations(q, message):
+    arm = load("ur5")
+    for function in (kinematics.frame_jacobian, kinematics.task_jacobian, kinematics.tip_placement):
+        with pytest.raises(ConfigurationError, match=message):
+            function(arm, q)
+
+
+def test_bad_stacks():
+    arm = load("ur5")
+    Q = np.zeros((4, 6))
+    Q[2, 1] = math.nan
+    for function in (
+        kinematics.frame_jacobians,
+        kinematics.singular_values,
+        kinematics.task_jacobians_and_derivatives,
+    ):
+        with pytest.raises(ConfigurationError, match="shoulder_lift_joint"):
+            function(arm, Q)
+        with pytest.raises(ConfigurationError, match="joint vectors"):
+            function(arm, np.zeros((2, 3, 6)))
+
+
+def test_no_configuration_at_all():
+    arm = load("ur5")
+    assert kinematics.frame_jacobians(arm, np.zeros((0, 6))).shape == (0, 6, 6)
+    assert kinematics.singular_values(arm, np.zeros((0, 6))).shape == (0, 6)
+
+
+def test_continuous_joints_take_plain_angles(rng):
+    arm = load("kinova")
+    assert arm.model.nq == 9
+    assert arm.n == 6
+    assert np.isinf(arm.upper[[0, 3, 5]]).all()
+    q = draw(arm, rng, 1)[0]
+    turn = 2 * np.pi * np.array([1, 0, 0, -2, 0, 3])
+    np.testing.assert_allclose(
+        kinematics.frame_jacobian(arm, q + turn), kinematics.frame_jacobian(arm, q), atol=1e-13
+    )
+
+
+def test_planar_arm_tip_moved_sideways(make_model):
+    """Position task: rank depends on the tip point, as the elbow stretched out shows."""
+    link = pin.SE3(np.eye(3), np.array([0.5, 0.0, 0.0]))
+    axes = [(pin.JointModelRZ(), p) for p in (pin.SE3.Identity(), link, link)]
+    straight = [0.7, 0.0, 0.0]
+    for y, ratio_is_zero in ((0.0, True), (0.2, False)):
+        model = make_model(axes, pin.SE3(np.eye(3), np.array([0.5, y, 0.0])))
+        arm = load(model, tip="tip", task="position")
+        sigma = kinematics.singular_values(arm, [straight])[0]
+        assert sigma.shape == (2,)
+        assert (sigma[1] < 1e-15) == ratio_is_zero

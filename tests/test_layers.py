@@ -1,0 +1,283 @@
+"""Imports point down only, and importing pinsing stays cheap.
+
+Rooms of one layer do not import each other, except for the pairs in PEERS. A new module is of
+the room whose name it begins with (``sweep_plan`` of ``sweep``), or is entered in LAYERS.
+"""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import pinsing
+
+SOURCE = Path(pinsing.__file__).parent
+
+# From the ground up.
+LAYERS: tuple[frozenset[str], ...] = (
+    frozenset({"condition", "errors", "measures", "result"}),
+    frozenset({"robot"}),
+    frozenset({"_batch"}),
+    frozenset({"kinematics"}),
+    frozenset(
+        {
+            "axes",
+            "axis_words",
+            "closed_form",
+            "generalize",
+            "loops",
+            "lost",
+            "rank_drop",
+            "refine",
+            "second_order",
+            "state",
+            "sweep",
+        }
+    ),
+    frozenset({"find"}),
+    frozenset({"analysis"}),
+    frozenset({"plot", "view", "report"}),
+    frozenset({"cli"}),
+    frozenset({"__init__", "__main__"}),  # the public names, and the program
+)
+
+# Who may import a peer: importer, imported.
+PEERS = frozenset(
+    {
+        ("result", "errors"),
+        ("axes", "axis_words"),
+        ("state", "axes"),
+        ("state", "lost"),
+        ("refine", "rank_drop"),
+        ("refine", "second_order"),
+        ("generalize", "rank_drop"),
+        ("generalize", "refine"),
+        ("sweep", "generalize"),
+        ("sweep", "rank_drop"),
+        ("sweep", "refine"),
+        ("sweep", "second_order"),
+        ("sweep", "state"),
+        ("closed_form", "generalize"),
+        ("closed_form", "refine"),
+        ("closed_form", "second_order"),
+        ("closed_form", "state"),
+        ("cli", "__init__"),  # the version
+        ("report", "__init__"),
+    }
+)
+
+# Slow to import, and who may do so when imported itself; all others within a function.
+HEAVY = {
+    "click": {"cli"},
+    "matplotlib": {"plot"},
+    "meshcat": {"view"},
+    "rich": {"cli"},
+    "scipy": {"plot", "refine", "closed_form"},
+    "sympy": set(),
+    "tornado": {"view"},
+    "xacro": set(),
+    "yourdfpy": set(),
+    "zmq": {"view"},
+}
+
+
+@dataclass(frozen=True)
+class Import:
+    importer: str  # module, pinsing.robot.load
+    imported: str
+    line: int
+    at_import: bool  # neither in a function nor for type checking only
+
+    def __str__(self) -> str:
+        return f"{self.importer}, line {self.line}: imports {self.imported}"
+
+
+def modules() -> dict[str, Path]:
+    found = {}
+    for path in sorted(SOURCE.rglob("*.py")):
+        parts = ("pinsing", *path.relative_to(SOURCE).with_suffix("").parts)
+        found[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return found
+
+
+MODULES = modules()
+
+
+def imports_of(module: str) -> list[Import]:
+    tree = ast.parse(MODULES[module].read_text())
+    package = module if MODULES[module].name == "__init__.py" else module.rpartition(".")[0]
+    return list(walk(tree, module, package, True))
+
+
+def walk(node: ast.AST, module: str, package: str, at_import: bool) -> Iterator[Import]:
+    for child in ast.iter_child_nodes(node):
+        now = at_import
+        if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+            now = False
+        if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
+            for part in child.body:
+                yield from walk(ast.Module([part], []), module, package, False)
+            for part in child.orelse:
+                yield from walk(ast.Module([part], []), module, package, at_import)
+            continue
+        if isinstance(child, ast.Import):
+            for alias in child.names:
+                yield Import(module, alias.name, child.lineno, now)
+        elif isinstance(child, ast.ImportFrom):
+            base = child.module or ""
+            if child.level:
+                root = package.split(".")[: len(package.split(".")) - child.level + 1]
+                base = ".".join([*root, *([base] if base else [])])
+            for alias in child.names:
+                inner = f"{base}.{alias.name}"
+                yield Import(module, inner if inner in MODULES else base, child.lineno, now)
+        else:
+            yield from walk(child, module, package, now)
+
+
+def room(module: str) -> str:
+    """``pinsing.robot.load`` -> ``robot``; ``pinsing.sweep_plan`` -> ``sweep``."""
+    name = module.partition(".")[2].partition(".")[0] or "__init__"
+    rooms = [r for layer in LAYERS for r in layer]
+    fitting = [r for r in rooms if name == r or name.startswith(f"{r}_")]
+    return max(fitting, key=len, default=name)
+
+
+def height(name: str) -> int | None:
+    return next((i for i, layer in enumerate(LAYERS) if name in layer), None)
+
+
+def allowed(importer: str, imported: str) -> bool:
+    if importer == imported or (importer, imported) in PEERS:
+        return True
+    above, below = height(importer), height(imported)
+    return above is not None and below is not None and above > below
+
+
+ALL = [i for module in MODULES for i in imports_of(module)]
+OWN = [i for i in ALL if i.imported in MODULES]
+
+
+def test_the_walk_sees_what_it_should(tmp_path):
+    """The test of the test: every form of import, and where it stands."""
+    code = """
+import pinsing.errors, numpy as np
+from pinsing import measures
+from . import result
+from .robot.load import load
+if TYPE_CHECKING:
+    from pinsing.state import State
+else:
+    import scipy
+def f():
+    import click
+class C:
+    from pinsing.robot import arm
+try:
+    import zmq.eventloop
+except ImportError:
+    pass
+"""
+    seen = {
+        (i.imported, i.at_import)
+        for i in walk(ast.parse(code), "pinsing.somewhere", "pinsing", True)
+    }
+    assert seen == {
+        ("pinsing.errors", True),
+        ("numpy", True),
+        ("pinsing.measures", True),
+        ("pinsing.result", True),
+        ("pinsing.robot.load", True),
+        ("pinsing.state", False),
+        ("scipy", True),
+        ("click", False),
+        ("pinsing.robot.arm", True),
+        ("zmq.eventloop", True),
+    }
+    assert room("pinsing.sweep_plan") == "sweep"
+    assert room("pinsing.axis_words") == "axis_words"
+    assert room("pinsing") == "__init__"
+    assert not allowed("robot", "kinematics")
+    assert not allowed("sweep", "closed_form")
+    assert not allowed("plot", "view")
+    assert not allowed("robot", "nowhere")
+    assert allowed("cli", "errors")
+
+
+def test_every_module_has_its_place():
+    lost = sorted(m for m in MODULES if height(room(m)) is None)
+    assert not lost, f"enter in LAYERS: {', '.join(lost)}"
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_imports_point_down(module):
+    wrong = [
+        str(i)
+        for i in OWN
+        if i.importer == module and not allowed(room(i.importer), room(i.imported))
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_no_module_imports_itself_by_way_of_others():
+    graph: dict[str, set[str]] = {module: set() for module in MODULES}
+    for i in OWN:
+        if i.at_import and not i.importer.startswith(f"{i.imported}."):
+            graph[i.importer].add(i.imported)
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(reversed(error.args[1])))
+
+
+@pytest.mark.parametrize("library", HEAVY)
+def test_heavy_imports_wait_until_they_are_needed(library):
+    wrong = [
+        str(i)
+        for i in ALL
+        if i.imported.partition(".")[0] == library
+        and i.at_import
+        and room(i.importer) not in HEAVY[library]
+    ]
+    assert not wrong, "\n".join(wrong)
+
+
+@pytest.mark.parametrize(
+    ("code", "heavy"),
+    [
+        (
+            "import pinsing",
+            "click matplotlib meshcat rich sympy tornado xacro yourdfpy zmq pandas trimesh",
+        ),
+        (
+            "import pinsing.robot.load as r; r.load('ur5')",
+            "click matplotlib meshcat rich sympy tornado xacro yourdfpy zmq flint scipy",
+        ),
+        ("import pinsing.cli", "matplotlib meshcat pinocchio scipy yourdfpy xacro flint"),
+        ("import pinsing.errors, pinsing.robot.catalog", "pinocchio scipy yourdfpy xacro"),
+    ],
+)
+def test_what_an_import_pulls_in(code, heavy):
+    """In a process of its own, since here everything is imported already."""
+    script = f"import sys; {code}; print(*sorted({{m.partition('.')[0] for m in sys.modules}}))"
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
+    )
+    assert set(run.stdout.split()).isdisjoint(heavy.split())
+
+
+def test_every_public_name_exists():
+    assert sorted(pinsing.__all__) == sorted(set(pinsing.__all__))
+    for name in pinsing.__all__:
+        assert hasattr(pinsing, name)

@@ -1,0 +1,709 @@
+"""From a robot to an arm: which chain, which tip, what is locked, and what is refused."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinsing.errors import (
+    ChainError,
+    JointError,
+    PinsingError,
+    RobotFileError,
+    UnknownNameError,
+)
+from pinsing.kinematics import frame_jacobian, frame_jacobians, generic_rank, tip_placement
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+from pinsing.robot.summary import summarize
+from pinsing.robot.task import Task, parse_task
+
+LIMIT = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
+
+
+def origin(xyz: str = "0 0 0", rpy: str = "0 0 0") -> str:
+    return f'<origin xyz="{xyz}" rpy="{rpy}"/>'
+
+
+def turning(axis: str = "0 0 1", limit: str = LIMIT, more: str = "", xyz: str = "0.3 0 0") -> str:
+    return f'{origin(xyz)}<axis xyz="{axis}"/>{limit}{more}'
+
+
+def draw(arm: Arm, rng: np.random.Generator) -> np.ndarray:
+    return rng.uniform(*arm.span)
+
+
+def noted(arm: Arm, *words: str) -> bool:
+    return any(all(word in note for word in words) for note in arm.notes)
+
+
+# Tips
+
+
+@pytest.mark.parametrize(
+    ("robot", "n", "tip"),
+    [
+        ("panda", 7, "panda_hand_tcp"),
+        ("ur3", 6, "tool0"),
+        ("ur5", 6, "tool0"),
+        ("ur10", 6, "tool0"),
+        ("kinova", 6, "j2s6s200_end_effector"),
+        ("xarm7", 7, "link_eef"),
+        ("z1", 6, "gripperStator"),
+        ("b1_z1", 6, "gripperStator"),
+        ("talos_arm", 6, "wrist_left_ft_tool_link"),
+        ("tiago", 8, "wrist_ft_tool_link"),
+        ("tiago_no_hand", 8, "wrist_ft_tool_link"),
+        ("so100", 5, "gripper"),
+        ("so101", 5, "gripper_frame_link"),
+        ("stanford", 6, "tool0"),
+        ("surgical7", 7, "tool0"),
+        ("puma560", 6, "tool0"),
+        ("irb1400", 6, "tool0"),
+        ("iiwa14", 7, "tool0"),
+        ("scara", 4, "tool0"),
+        ("planar3r", 3, "tool0"),
+    ],
+)
+def test_the_arm_and_its_tip(robot, n, tip):
+    arm = load(robot)
+    assert (arm.n, arm.tip) == (n, tip)
+    assert arm.model.nv == n
+    assert len(arm.joints) == len(arm.lower) == len(arm.upper) == len(arm.prismatic) == n
+    assert tuple(arm.model.names)[1:] == arm.joints  # base to tip
+    assert (arm.lower < arm.upper).all()
+    whole = arm.source.full_model
+    last = whole.getJointId(arm.joints[-1])
+    same_link = [f for f in whole.frames if f.parentJoint == last]
+    bodies = {f.name for f in same_link if f.type == pin.FrameType.BODY}
+    if len(bodies) > 1:
+        assert noted(arm, arm.tip, "was chosen")
+
+
+@pytest.mark.parametrize("robot", ["panda", "z1", "so101", "tiago", "talos_arm"])
+def test_fingers_are_locked_and_told(robot):
+    arm = load(robot)
+    assert noted(arm, "gripper joints", "locked")
+    assert arm.source.locked
+    assert not any(re.search("finger|gripper|hand", name.lower()) for name in arm.joints)
+
+
+def test_the_head_is_passed_over():
+    arm = load("tiago")
+    assert "torso_lift_joint" in arm.joints
+    assert arm.prismatic[arm.joints.index("torso_lift_joint")]
+    assert arm.prismatic.sum() == 1
+    assert noted(arm, "passed over", "wheel_left_link")
+
+
+@pytest.mark.parametrize(
+    ("robot", "tips"),
+    [
+        ("pr2", ["l_gripper_tool_frame", "r_gripper_tool_frame"]),
+        ("baxter", ["left_gripper_base_link", "right_gripper_base_link"]),
+        ("tiago_dual", ["wrist_left_ft_tool_link", "wrist_right_ft_tool_link"]),
+        ("tiago_pro", ["arm_left_tool_link", "arm_right_tool_link"]),
+        ("romeo", ["l_gripper", "r_gripper"]),
+        ("talos", ["wrist_left_ft_tool_link", "wrist_right_ft_tool_link"]),
+        ("icub", ["l_gripper", "r_gripper"]),
+        ("human", ["left_hand", "right_hand"]),
+        ("allegro_right_hand", ["link_3.0_tip", "link_7.0_tip", "link_11.0_tip", "link_15.0_tip"]),
+        ("a1", ["FL_foot", "FR_foot", "RL_foot", "RR_foot"]),
+        ("hyq", ["lf_foot", "rh_foot"]),
+        ("solo12", ["FL_FOOT", "HR_FOOT"]),
+    ],
+)
+def test_several_arms_are_refused_with_the_list(robot, tips):
+    with pytest.raises(ChainError, match="chains could be the arm") as caught:
+        load(robot)
+    message = str(caught.value)
+    assert "\n" not in message
+    for tip in tips:
+        assert f"--tip {tip} " in message
+        assert load(robot, tip=tip).tip == tip  # the advice works
+
+
+def test_a_given_tip():
+    arm = load("panda", tip="panda_link5")
+    assert arm.n == 5
+    assert arm.joints[-1] == "panda_joint5"
+    finger = load("panda", tip="panda_leftfinger")
+    assert finger.joints[-1] == "panda_finger_joint1"
+    assert finger.prismatic.tolist() == [False] * 7 + [True]
+
+
+@pytest.mark.parametrize("robot", ["hector", "ur_ur3"])
+def test_nothing_to_analyse(robot):
+    with pytest.raises(RobotFileError, match="nothing to analyse"):
+        load(robot)
+
+
+# Names
+
+
+def test_unknown_names_come_with_those_that_resemble_them():
+    with pytest.raises(UnknownNameError) as caught:
+        load("ur5", tip="tol0")
+    assert "tool0" in caught.value.close
+    with pytest.raises(UnknownNameError, match="wrist_1_link"):
+        load("ur5", base="wrist_1_lnk")
+    with pytest.raises(UnknownNameError, match="'elbow_joint'"):
+        load("ur5", joints=["elbow_jont"])
+    with pytest.raises(UnknownNameError, match="did you mean 'panda'"):
+        load("pnda")
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(RobotFileError, match="no such file"):
+        load(tmp_path / "arm.urdf")
+    with pytest.raises(RobotFileError):
+        load(tmp_path)
+
+
+# Base
+
+
+@pytest.mark.parametrize(
+    ("robot", "base", "tip"),
+    [
+        ("ur5", "upper_arm_link", "tool0"),
+        ("baxter", "left_arm_mount", "left_gripper_base_link"),
+        ("tiago", "torso_lift_link", "wrist_ft_tool_link"),
+        ("pr2", "r_shoulder_pan_link", "r_gripper_tool_frame"),
+        ("kinova", "j2s6s200_link_1", "j2s6s200_end_effector"),
+    ],
+)
+def test_jacobian_is_in_the_axes_of_the_base(robot, base, tip, rng):
+    arm = load(robot, base=base, tip=tip)
+    whole = arm.source.full_model
+    data = whole.createData()
+    joint = whole.frames[whole.getFrameId(base, pin.FrameType.BODY)].parentJoint
+    before = set()
+    while joint:
+        before.add(whole.names[joint])
+        joint = whole.parents[joint]
+    assert before.isdisjoint(arm.joints)
+    assert not before or noted(arm, "before the base", *before)
+    columns = [whole.joints[whole.getJointId(name)].idx_v for name in arm.joints]
+    for _ in range(5):
+        q = draw(arm, rng)
+        v = np.zeros(whole.nv)
+        v[columns] = q
+        reference = arm.source.reference.copy()
+        for name in arm.joints:  # v counts from zero
+            j = whole.joints[whole.getJointId(name)]
+            reference[j.idx_q : j.idx_q + j.nq] = pin.neutral(whole)[j.idx_q : j.idx_q + j.nq]
+        full = pin.integrate(whole, reference, v)
+        pin.framesForwardKinematics(whole, data, full)
+        world_base = data.oMf[whole.getFrameId(base, pin.FrameType.BODY)]
+        world_tip = data.oMf[whole.getFrameId(tip, pin.FrameType.BODY)]
+        J = pin.computeFrameJacobian(
+            whole,
+            data,
+            full,
+            whole.getFrameId(tip, pin.FrameType.BODY),
+            pin.LOCAL_WORLD_ALIGNED,
+        )[:, columns]
+        turn = np.kron(np.eye(2), world_base.rotation.T)
+        np.testing.assert_allclose(frame_jacobian(arm, q), turn @ J, atol=1e-12)
+        here = tip_placement(arm, q)
+        np.testing.assert_allclose(
+            here.homogeneous, (world_base.inverse() * world_tip).homogeneous, atol=1e-12
+        )
+
+
+def test_base_alone_chooses_among_the_arms_beyond_it():
+    arm = load("baxter", base="left_upper_shoulder")
+    assert arm.tip == "left_gripper_base_link"
+    assert arm.n == 6
+    with pytest.raises(ChainError, match="chains could be the arm"):
+        load("baxter", base="torso")
+
+
+def test_base_beside_the_chain():
+    with pytest.raises(ChainError, match="not on the way from the root to tip"):
+        load("baxter", base="right_upper_shoulder", tip="left_gripper_base_link")
+
+
+def test_no_joint_between_base_and_tip():
+    with pytest.raises(ChainError, match="no joint lies between"):
+        load("ur5", base="wrist_3_link", tip="tool0")
+    with pytest.raises(ChainError, match="no joint lies between"):
+        load("ur5", tip="base_link")
+
+
+# Joints
+
+
+def test_a_subset_of_joints_locks_the_rest(rng):
+    whole = load("ur5")
+    names = ("wrist_2_joint", "shoulder_lift_joint", "elbow_joint")
+    arm = load("ur5", tip="tool0", joints=names)
+    assert arm.joints == ("shoulder_lift_joint", "elbow_joint", "wrist_2_joint")  # base to tip
+    assert noted(arm, "shoulder_pan_joint", "wrist_1_joint", "wrist_3_joint", "locked")
+    q = draw(arm, rng)
+    full = np.zeros(6)
+    full[[1, 2, 4]] = q
+    np.testing.assert_allclose(
+        frame_jacobian(arm, q), frame_jacobian(whole, full)[:, [1, 2, 4]], atol=1e-12
+    )
+
+
+def test_joints_choose_the_tip_too():
+    arm = load("baxter", joints=["left_s0", "left_e1"])
+    assert arm.joints == ("left_s0", "left_e1")
+    assert arm.model.frames[arm.tip_id].parentJoint == arm.model.getJointId("left_e1")
+    assert noted(arm, arm.tip, "link of the last joint")
+    assert load("ur5", joints="elbow_joint").joints == ("elbow_joint",)
+
+
+def test_joints_off_the_chain():
+    with pytest.raises(ChainError, match="'right_s0' is not between the base and the tip"):
+        load("baxter", tip="left_gripper_base_link", joints=["left_s0", "right_s0"])
+    with pytest.raises(ChainError, match="named twice"):
+        load("ur5", joints=["elbow_joint", "elbow_joint"])
+    with pytest.raises(ChainError, match="no joint"):
+        load("ur5", joints=[])
+
+
+def test_locked_joints_stand_inside_their_limits():
+    """Panda's neutral configuration violates the limit of joint 4."""
+    arm = load("panda", joints=["panda_joint1", "panda_joint7"])
+    joint = arm.source.full_model.joints[arm.source.full_model.getJointId("panda_joint4")]
+    assert arm.source.reference[joint.idx_q] < -0.06
+
+
+# pin.Model
+
+
+def test_a_model_is_never_modified(make_model):
+    place = pin.SE3(pin.utils.rotate("x", 0.3), np.array([0.1, 0.2, 0.3]))
+    model = make_model([(pin.JointModelRX(), place), (pin.JointModelRZ(), place)] * 3)
+    before = model.copy()
+    arm = load(model, tip="tip", base="j1", joints=["j3", "j5"])
+    frame_jacobian(arm, [0.1, 0.2])
+    generic_rank(arm)
+    assert model == before
+    assert [f.name for f in model.frames] == [f.name for f in before.frames]
+    model.jointPlacements[3] = pin.SE3.Random()  # nor does the arm follow later changes
+    assert arm.source.full_model == before
+
+
+def test_a_floating_base_is_locked(rng):
+    model = pin.Model()
+    place = pin.SE3(pin.utils.rotate("y", 0.4), np.array([0.2, 0.1, 0.0]))
+    parent = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
+    for i in range(5):
+        parent = model.addJoint(
+            parent,
+            pin.JointModelRX() if i % 2 else pin.JointModelRZ(),
+            place,
+            f"j{i}",
+            np.ones(1),
+            np.ones(1),
+            -np.ones(1),
+            np.ones(1),
+        )
+    model.addFrame(pin.Frame("hand_tip", parent, 0, place, pin.FrameType.OP_FRAME))
+    arm = load(model)
+    assert arm.joints == ("j0", "j1", "j2", "j3", "j4")
+    assert noted(arm, "floating base", "root_joint")
+    q = draw(arm, rng)
+    J = pin.computeFrameJacobian(
+        model,
+        model.createData(),
+        np.concatenate([pin.neutral(model)[:7], q]),
+        model.getFrameId("hand_tip"),
+        pin.LOCAL_WORLD_ALIGNED,
+    )
+    np.testing.assert_allclose(frame_jacobian(arm, q), J[:, 6:], atol=1e-12)
+
+
+def test_a_quadruped_on_a_floating_base_is_still_several_chains():
+    urdf = load("a1", tip="FL_foot").source.path
+    model = pin.buildModelFromUrdf(str(urdf), pin.JointModelFreeFlyer())
+    with pytest.raises(ChainError, match=r"4 chains.*--tip FL_foot \(3 joints\)"):
+        load(model)
+
+
+@pytest.mark.parametrize(
+    "joint",
+    [pin.JointModelSpherical(), pin.JointModelPlanar(), pin.JointModelTranslation()],
+    ids=str,
+)
+def test_many_degrees_of_freedom_in_the_chain_are_refused(make_model, joint):
+    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    model = make_model(
+        [(pin.JointModelRZ(), step), (joint, step), (pin.JointModelRX(), step)], lower=-1, upper=1
+    )
+    with pytest.raises(JointError, match=r"'j2'.*degrees of freedom") as caught:
+        load(model, tip="tip")
+    assert caught.value.joint == "j2"
+    beyond = load(model, tip="tip", base="j2")  # as the message advises
+    assert beyond.joints == ("j3",)
+
+
+def test_a_screw_joint_is_refused(make_model):
+    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    model = make_model([(pin.JointModelRX(), step), (pin.JointModelHZ(0.1), step)])
+    with pytest.raises(JointError, match="'j2': is a screw"):
+        load(model, tip="tip")
+
+
+def test_a_composite_joint_is_refused(make_model):
+    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    composite = pin.JointModelComposite()
+    composite.addJoint(pin.JointModelRX(), step)
+    model = make_model([(pin.JointModelRX(), step), (composite, step)])
+    with pytest.raises(JointError, match="'j2': is several joints"):
+        load(model, tip="tip")
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "message"),
+    [
+        (np.nan, 1.0, "not numbers"),
+        (0.0, np.nan, "not numbers"),
+        (1.0, -1.0, "lower limit 1 is above upper limit -1"),
+    ],
+)
+def test_bad_limits_of_a_model(make_model, low, high, message):
+    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    model = make_model([(pin.JointModelRX(), step), (pin.JointModelRZ(), step)])
+    model.lowerPositionLimit[1], model.upperPositionLimit[1] = low, high
+    with pytest.raises(JointError, match=message) as caught:
+        load(model, tip="tip")
+    assert caught.value.joint == "j2"
+
+
+def test_a_placement_that_is_not_finite(make_model):
+    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    model = make_model([(pin.JointModelRX(), step), (pin.JointModelRZ(), step)])
+    model.jointPlacements[2].translation[0] = np.nan
+    broken = pin.SE3(np.eye(3), np.array([np.inf, 0.0, 0.0]))
+    model.jointPlacements[2] = broken
+    with pytest.raises(JointError, match="'j2': its placement is not finite"):
+        load(model, tip="tip")
+
+
+def test_no_limits_and_no_width(make_model):
+    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    model = make_model([(pin.JointModelRX(), step), (pin.JointModelRZ(), step)])
+    model.lowerPositionLimit[0], model.upperPositionLimit[0] = -np.inf, np.inf
+    model.lowerPositionLimit[1] = model.upperPositionLimit[1] = 0.5
+    arm = load(model, tip="tip")
+    assert noted(arm, "j1", "no limits")
+    assert noted(arm, "WARNING", "j2", "cannot move")
+    assert arm.lower.tolist() == [-np.inf, 0.5]
+    assert arm.span[0].tolist() == pytest.approx([-np.pi, 0.5])
+
+
+def test_a_mimic_model_of_pinocchio_is_refused(write_urdf):
+    joints = [("revolute", turning()), ("revolute", turning(more='<mimic joint="j1"/>'))]
+    model = pin.buildModelFromUrdf(str(write_urdf(joints)), mimic=True)
+    with pytest.raises(PinsingError, match="mimic=False"):
+        load(model)
+
+
+def test_a_model_without_joints():
+    with pytest.raises(ChainError, match="no movable joint"):
+        load(pin.Model())
+
+
+def test_link_and_joint_of_one_name(write_urdf, rng):
+    """The link is meant; and locking a joint whose name a link bears must work."""
+    joints = [("revolute", turning(a)) for a in ("0 0 1", "0 1 0", "1 0 0", "0 1 0", "0 0 1")]
+    path = write_urdf(joints, names=["l1", "l2", "l3", "l4", "l5"])
+    arm = load(path)
+    assert arm.tip == "l5"
+    part = load(path, tip="l4", joints=["l2", "l3"])
+    q = draw(part, rng)
+    full = load(path, tip="l4")
+    expected = frame_jacobian(full, [0, *q, 0])[:, 1:3]
+    np.testing.assert_allclose(frame_jacobian(part, q), expected, atol=1e-12)
+
+
+def test_two_frames_of_one_name(make_model):
+    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
+    model = make_model([(pin.JointModelRZ(), step), (pin.JointModelRX(), step)], step)
+    model.addFrame(pin.Frame("j1", 2, 0, step, pin.FrameType.OP_FRAME))  # j1 is a joint's as well
+    arm = load(model, tip="j1")
+    assert arm.joints == ("j1", "j2")
+    assert arm.model.frames[arm.tip_id].parentJoint == 2
+
+
+# Files
+
+
+def test_prismatic_and_unaligned_axes(write_urdf, rng):
+    joints = [
+        ("revolute", turning("1 2 3")),
+        ("prismatic", turning("-1 1 0.5")),
+        ("continuous", turning("0.6 0 -0.8", limit="")),
+        ("prismatic", turning("0 0 -1")),
+    ]
+    path = write_urdf(joints)
+    arm = load(path)
+    assert arm.prismatic.tolist() == [False, True, False, True]
+    assert np.isinf(arm.upper).tolist() == [False, False, True, False]
+    q = draw(arm, rng)
+    model = pin.buildModelFromUrdf(str(path))
+    full = pin.integrate(model, pin.neutral(model), q)
+    J = pin.computeFrameJacobian(
+        model, model.createData(), full, model.getFrameId("l4"), pin.LOCAL_WORLD_ALIGNED
+    )
+    np.testing.assert_allclose(frame_jacobian(arm, q), J, atol=1e-12)
+
+
+@pytest.mark.parametrize("limit", ["", '<limit effort="1" velocity="1"/>'])
+def test_a_missing_limit_is_refused_in_the_chain_only(write_urdf, limit):
+    joints = [("revolute", turning()), ("revolute", turning(limit=limit)), ("revolute", turning())]
+    path = write_urdf(joints)
+    with pytest.raises(RobotFileError, match=r"robot.urdf:4: joint 'j2'.*make it type=") as caught:
+        load(path)
+    assert caught.value.line == 4
+    assert load(path, base="l2").joints == ("j3",)
+    assert load(path, tip="l3", joints=["j1", "j3"]).joints == ("j1", "j3")
+
+
+def test_equal_limits_are_told_loudly(write_urdf):
+    stuck = '<limit lower="0.5" upper="0.5" effort="1" velocity="1"/>'
+    path = write_urdf([("revolute", turning()), ("revolute", turning(limit=stuck))])
+    assert noted(load(path), "CANNOT MOVE", "j2")
+
+
+def test_lower_above_upper(write_urdf):
+    wrong = '<limit lower="1" upper="-1" effort="1" velocity="1"/>'
+    with pytest.raises(RobotFileError, match=r"robot.urdf:3: joint 'j1': lower limit 1 is above"):
+        load(write_urdf([("revolute", turning(limit=wrong))]))
+
+
+# Mimic joints
+
+
+def palletizer(write_urdf) -> object:
+    """The hand stays level: its joint undoes those of shoulder and elbow, by way of another."""
+    joints = [
+        ("revolute", turning("0 0 1", xyz="0 0 0.3")),
+        ("revolute", turning("0 1 0", xyz="0.1 0 0.2")),
+        ("revolute", turning("0 1 0", xyz="0 0 0.6")),
+        (
+            "revolute",
+            turning("0 1 0", more='<mimic joint="j3" multiplier="-0.5" offset="0.2"/>'),
+        ),
+        ("revolute", turning("0 0 1", xyz="0.1 0 0")),
+        ("prismatic", turning("0 0 1", more='<mimic joint="j4" multiplier="0.1" offset="0.05"/>')),
+        ("revolute", turning("1 0 0")),
+    ]
+    return write_urdf(joints)
+
+
+def test_mimic_joints_of_the_chain_follow(write_urdf, rng):
+    path = palletizer(write_urdf)
+    arm = load(path)
+    assert arm.joints == ("j1", "j2", "j3", "j5", "j7")
+    assert arm.prismatic.tolist() == [False] * 5
+    assert noted(arm, "mimic", "j4 = -0.5 * j3 + 0.2", "j6 = -0.05 * j3 + 0.07")
+    model = pin.buildModelFromUrdf(str(path))
+    data = model.createData()
+    tip = model.getFrameId("l7")
+
+    def place(q: np.ndarray) -> pin.SE3:
+        j4 = -0.5 * q[2] + 0.2
+        full = np.array([q[0], q[1], q[2], j4, q[3], 0.1 * j4 + 0.05, q[4]])
+        pin.framesForwardKinematics(model, data, full)
+        return pin.SE3(data.oMf[tip])
+
+    h = 1e-6
+    for _ in range(5):
+        q = draw(arm, rng)
+        np.testing.assert_allclose(
+            tip_placement(arm, q).homogeneous, place(q).homogeneous, atol=1e-13
+        )
+        J = frame_jacobian(arm, q)
+        assert J.shape == (6, 5)
+        for i in range(5):
+            after, before = place(q + h * np.eye(5)[i]), place(q - h * np.eye(5)[i])
+            v = (after.translation - before.translation) / (2 * h)
+            w = pin.log3(after.rotation @ before.rotation.T) / (2 * h)
+            np.testing.assert_allclose(J[:, i], [*v, *w], atol=1e-8)
+
+
+def test_limits_of_a_leader_keep_its_followers_inside(write_urdf):
+    narrow = '<limit lower="-0.3" upper="0.4" effort="1" velocity="1"/>'
+    joints = [
+        ("revolute", turning()),
+        ("revolute", turning(limit=narrow, more='<mimic joint="j1" multiplier="-0.5"/>')),
+    ]
+    arm = load(write_urdf(joints))
+    assert (arm.lower[0], arm.upper[0]) == pytest.approx((-0.8, 0.6))
+    apart = '<limit lower="1.5" upper="1.9" effort="1" velocity="1"/>'
+    joints[1] = ("revolute", turning(limit=apart, more='<mimic joint="j1" multiplier="0.1"/>'))
+    with pytest.raises(JointError, match="'j2': cannot follow 'j1'"):
+        load(write_urdf(joints))
+
+
+def test_a_last_joint_that_follows_is_no_finger(write_urdf):
+    joints = [("revolute", turning())] * 2
+    joints.append(("revolute", turning(more='<mimic joint="j2" multiplier="-1"/>')))
+    arm = load(write_urdf(joints))
+    assert (arm.tip, arm.joints) == ("l3", ("j1", "j2"))
+    assert arm.model.nv == 3
+
+
+def test_leaves_that_move_together_are_jaws(write_urdf):
+    def slide(name: str, more: str = "") -> str:
+        return (
+            f'<link name="{name}"/><joint name="{name}_joint" type="prismatic">'
+            f'<parent link="l5"/><child link="{name}"/><axis xyz="0 1 0"/>{LIMIT}{more}</joint>'
+        )
+
+    more = slide("left") + slide("right", '<mimic joint="left_joint" multiplier="-1"/>')
+    arm = load(write_urdf([("revolute", turning())] * 5, more=more))
+    assert (arm.tip, arm.n) == ("l5", 5)
+    assert noted(arm, "left_joint", "right_joint", "locked")
+
+
+def test_a_follower_whose_leader_is_locked_stays(write_urdf):
+    path = palletizer(write_urdf)
+    arm = load(path, tip="l7", joints=["j1", "j2", "j5"])
+    assert arm.joints == ("j1", "j2", "j5")
+    assert noted(arm, "j4", "j6", "locked")
+    model = pin.buildModelFromUrdf(str(path))
+    data = model.createData()
+    q = np.array([0.3, -0.4, 0.9])
+    full = np.array([0.3, -0.4, 0.0, 0.2, 0.9, 0.07, 0.0])
+    pin.framesForwardKinematics(model, data, full)
+    np.testing.assert_allclose(
+        tip_placement(arm, q).homogeneous,
+        data.oMf[model.getFrameId("l7")].homogeneous,
+        atol=1e-13,
+    )
+
+
+def test_a_follower_comes_along_with_its_chosen_leader(write_urdf):
+    arm = load(palletizer(write_urdf), tip="l7", joints=["j3"])
+    assert arm.joints == ("j3",)
+    assert arm.model.nv == 3  # j3, and j4 and j6 behind it
+    assert frame_jacobian(arm, [0.2]).shape == (6, 1)
+
+
+def test_a_follower_cannot_be_chosen(write_urdf):
+    with pytest.raises(JointError, match="'j4': follows another joint"):
+        load(palletizer(write_urdf), tip="l7", joints=["j3", "j4"])
+
+
+def test_a_leader_outside_the_chain(write_urdf):
+    side = (
+        f'<link name="s"/><joint name="side" type="revolute"><parent link="l0"/><child link="s"/>'
+        f'<axis xyz="0 0 1"/>{LIMIT}</joint>'
+    )
+    joints = [("revolute", turning("0 0 1"))] * 3
+    joints.insert(1, ("revolute", turning("1 0 0", more='<mimic joint="side" offset="0.7"/>')))
+    arm = load(write_urdf(joints, more=side), tip="l4")
+    assert arm.joints == ("j1", "j3", "j4")
+    assert noted(arm, "j2", "locked", "outside the chain")
+    axis = frame_jacobian(arm, np.zeros(3))[3:, 2]
+    np.testing.assert_allclose(axis, [0, -np.sin(0.7), np.cos(0.7)], atol=1e-12)
+
+
+def test_a_continuous_pair(write_urdf, rng):
+    joints = [
+        ("continuous", turning("0 0 1", limit="")),
+        ("continuous", turning("0 0 1", limit="", more='<mimic joint="j1" multiplier="-2"/>')),
+        ("continuous", turning("0 1 0", limit="")),
+    ]
+    arm = load(write_urdf(joints))
+    assert arm.joints == ("j1", "j3")
+    assert np.isinf(arm.upper).all()
+    q = draw(arm, rng)
+    R = pin.utils.rotate("z", -q[0]) @ pin.utils.rotate("y", q[1])
+    np.testing.assert_allclose(tip_placement(arm, q).rotation, R, atol=1e-13)
+
+
+def test_a_locked_continuous_follower_stands_at_its_offset(write_urdf):
+    joints = [
+        ("continuous", turning("0 0 1", limit="")),
+        ("continuous", turning("0 0 1", limit="", more='<mimic joint="j1" offset="0.6"/>')),
+        ("revolute", turning("0 0 1")),
+    ]
+    arm = load(write_urdf(joints), tip="l3", joints=["j3"])
+    np.testing.assert_allclose(
+        tip_placement(arm, [0.0]).rotation, pin.utils.rotate("z", 0.6), atol=1e-13
+    )
+
+
+# The arm itself
+
+
+def test_folding_by_whole_turns():
+    arm = load("kinova")
+    q = np.array([7.0, 9.0, 3.0, -10.0, 0.1, np.pi])
+    folded = arm.fold(q)
+    turns = (q - folded) / (2 * np.pi)
+    np.testing.assert_allclose(turns, np.round(turns), atol=1e-12)
+    assert (np.abs(folded[[0, 3, 5]]) <= np.pi).all()
+    assert arm.within_limits(folded) == arm.within_limits(q)
+
+
+def test_limits_count_whole_turns_but_no_slides():
+    arm = load("stanford")
+    q = np.clip(np.full(6, 0.2), arm.lower, arm.upper)
+    assert arm.within_limits(q)
+    slide = int(np.flatnonzero(arm.prismatic)[0])
+    for i in range(6):
+        turned = q + 2 * np.pi * np.eye(6)[i]
+        assert arm.within_limits(turned) == (i != slide)
+    out = q.copy()
+    out[slide] = arm.upper[slide] + 0.1
+    assert arm.within_limits(np.array([q, out])).tolist() == [True, False]
+    assert arm.fold(out)[slide] == out[slide]
+
+
+def test_frames_are_read_only():
+    arm = load("ur5")
+    with pytest.raises(ValueError, match="read-only"):
+        arm.lower[0] = 0.0
+    with pytest.raises(AttributeError):
+        arm.tip = "elsewhere"
+
+
+def test_summary_holds_the_plain_data():
+    arm = load("surgical7", task="vx,vy,wz", length_scale=0.5)
+    summary = summarize(arm)
+    assert summary.n == 7
+    assert summary.source == "surgical7"
+    assert parse_task(summary.task) == arm.task
+    for name in ("name", "tip", "base", "joints", "length_scale", "notes"):
+        assert getattr(summary, name) == getattr(arm, name)
+    np.testing.assert_array_equal(summary.prismatic, arm.prismatic)
+
+
+def test_tasks_by_any_name():
+    assert parse_task("pose").rows == (0, 1, 2, 3, 4, 5)
+    assert parse_task("wz, vx") == Task("vx,wz", (0, 5)) == parse_task(["vx", "wz"])
+    assert parse_task("vz,vx,vy").name == "position"
+    assert parse_task("vy,wx").translation == (0,)
+    assert parse_task("vy,wx").row_names == ("vy", "wx")
+
+
+def test_every_robot_of_the_catalog_loads_or_says_why():
+    from pinsing.robot.catalog import known_robots
+
+    loaded, said = 0, []
+    for name, entry in known_robots().items():
+        if entry.alias_of is not None:
+            continue
+        try:
+            arm = load(name)
+        except PinsingError as error:
+            said.append(str(error))
+            continue
+        loaded += 1
+        assert frame_jacobians(arm, np.zeros((2, arm.n))).shape == (2, 6, arm.n)
+        assert 1 <= generic_rank(arm) <= 6
+    assert loaded >= 25
+    assert all(message and "\n" not in message for message in said)

@@ -1,0 +1,506 @@
+"""The exact geometry: what is snapped, what stays, and how far it is from the file's."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pinsing.errors import OptionError
+from pinsing.kinematics import frame_jacobian, frame_jacobians, singular_values, tip_placement
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
+
+ARMS = [
+    ("stanford", None),
+    ("surgical7", None),
+    ("puma560", None),
+    ("irb1400", None),
+    ("iiwa14", None),
+    ("planar3r", None),
+    ("scara", None),
+    ("ur5", None),
+    ("panda", None),
+    ("kinova", None),
+    ("xarm7", None),
+    ("z1", None),
+    ("talos_arm", None),
+    ("tiago", None),
+    ("so100", None),
+    ("so101", None),
+    ("hextilt", None),
+    ("pr2", "r_gripper_tool_frame"),
+    ("baxter", "left_gripper_base_link"),
+    ("icub", "l_gripper"),
+    ("g1", "left_rubber_hand"),
+]
+IDENTITY = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
+
+
+def rotation(axis: str, degrees: float) -> np.ndarray:
+    return pin.utils.rotate(axis, math.radians(degrees))
+
+
+def place(xyz=(0.0, 0.0, 0.0), R=None) -> pin.SE3:
+    return pin.SE3(np.eye(3) if R is None else R, np.array(xyz, dtype=float))
+
+
+def draw(arm: Arm, rng: np.random.Generator, count: int) -> np.ndarray:
+    low, high = arm.span
+    return rng.uniform(low, high, (count, arm.n))
+
+
+def rational_jacobian(exact: Nominal, q: np.ndarray) -> np.ndarray:
+    """Geometric Jacobian of the rational chain, by homogeneous matrices and cross products."""
+    coupling = exact.arm.coupling
+    values = q if coupling is None else coupling.matrix @ q + coupling.offset
+    T, axes, points = np.eye(4), [], []
+    for i, sliding in enumerate(exact.prismatic):
+        T = T @ constant(exact, i)
+        axes.append(T[:3, 2])
+        points.append(T[:3, 3])
+        M = np.eye(4)
+        value = values[i] + exact.offset[i]
+        if sliding:
+            M[2, 3] = value
+        else:
+            c, s = math.cos(value), math.sin(value)
+            M[:2, :2] = [[c, -s], [s, c]]
+        T = T @ M
+    T = T @ constant(exact, len(exact.prismatic))
+    columns = []
+    for sliding, z, p in zip(exact.prismatic, axes, points, strict=True):
+        columns.append([*z, 0, 0, 0] if sliding else [*np.cross(z, T[:3, 3] - p), *z])
+    J = np.array(columns).T
+    return J if coupling is None else J @ coupling.matrix
+
+
+def constant(exact: Nominal, i: int) -> np.ndarray:
+    C = np.eye(4)
+    C[:3, :3] = [[float(x) for x in row] for row in exact.rotation[i]]
+    C[:3, 3] = [float(x) for x in exact.translation[i]]
+    return C
+
+
+def check(arm: Arm, exact: Nominal, Q: np.ndarray) -> float:
+    """All that must hold for any arm; returns the largest change of a column that was seen."""
+    k = len(exact.prismatic)
+    assert k == arm.model.nv
+    assert len(exact.rotation) == len(exact.translation) == k + 1
+    assert exact.offset.shape == (k,)
+    assert exact.rotation[-1] == IDENTITY
+    for R in exact.rotation:
+        assert all(isinstance(x, Fraction) for row in R for x in row)
+        for a in range(3):
+            for b in range(3):
+                assert sum(R[c][a] * R[c][b] for c in range(3)) == (a == b)
+        (a, b, c), (d, e, f), (g, h, i) = R
+        assert a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) == 1
+    assert all(isinstance(x, Fraction) for t in exact.translation for x in t)
+    for field in ("name", "tip", "base", "joints", "task", "length_scale"):
+        assert getattr(exact.arm, field) == getattr(arm, field)
+    np.testing.assert_array_equal(exact.arm.lower, arm.lower)
+    np.testing.assert_array_equal(exact.arm.upper, arm.upper)
+    raw, moved = frame_jacobians(arm, Q), frame_jacobians(exact.arm, Q)
+    rational = np.array([rational_jacobian(exact, q) for q in Q])
+    size = max(1.0, float(np.abs(raw).max()))
+    np.testing.assert_allclose(moved, rational, atol=1e-12 * size)
+    change = moved - raw
+    change[:, :3] /= arm.length_scale
+    seen = float(np.linalg.norm(change, axis=1).max())
+    assert seen <= exact.jacobian_change + 1e-14 * size
+    if exact.jacobian_change > 1e-12:
+        assert exact.snaps  # nothing is moved without being told
+    return seen
+
+
+# What is snapped
+
+
+@pytest.mark.parametrize(
+    ("written", "quarter"),
+    [(1.5708, 1), (1.57, 1), (-1.5707963, -1), (3.14, 2), (3.1416, 2), (-1.571, -1), (0.0005, 0)],
+)
+def test_rounded_right_angles(make_model, rng, written, quarter):
+    R = pin.utils.rotate("x", written)
+    model = make_model(
+        [(pin.JointModelRZ(), place((0, 0, 0.1))), (pin.JointModelRZ(), place((0.4, 0, 0), R))],
+        place((0.25, 0, 0.125)),
+    )
+    arm = load(model, tip="tip")
+    exact = nominal(arm)
+    s = (0, 1, 0, -1)[quarter % 4]
+    c = (1, 0, -1, 0)[quarter % 4]
+    assert exact.rotation[1] == ((1, 0, 0), (0, c, -s), (0, s, c))
+    error = abs(written - quarter * math.pi / 2)
+    (snap,) = exact.snaps
+    assert snap.what == "angle"
+    assert snap.where == "j1 to j2"
+    assert snap.size == pytest.approx(error, rel=1e-6, abs=1e-15)
+    assert "rad" in str(snap)
+    assert not exact.exact
+    assert exact.translation == (
+        (0, 0, Fraction(1, 10)),
+        (Fraction(2, 5), 0, 0),
+        (Fraction(1, 4), 0, Fraction(1, 8)),
+    )
+    seen = check(arm, exact, draw(arm, rng, 50))
+    assert 0.1 * error < exact.jacobian_change < 4 * error
+    assert seen > 0.1 * error
+
+
+def test_angles_beyond_the_tolerance_stay():
+    model = pin.Model()
+    for i, angle in enumerate((0.0, math.pi / 2 + 2 * ANGLE_TOL)):
+        R = pin.utils.rotate("x", angle)
+        model.addJoint(i, pin.JointModelRZ(), place((0.3, 0, 0), R), f"j{i}")
+        model.addJointFrame(i + 1)
+    arm = load(model, tip="j1")
+    stays = nominal(arm)
+    (twist,) = stays.snaps
+    assert twist.what == "twist"
+    assert twist.size < 1e-11
+    assert stays.jacobian_change < 1e-10
+    (angle,) = nominal(arm, angle_tol=3 * ANGLE_TOL).snaps
+    assert angle.what == "angle"
+    assert angle.size == pytest.approx(2 * ANGLE_TOL)
+
+
+@pytest.mark.parametrize("tolerance", [-1e-3, math.nan, math.inf, math.pi / 4, 1.0])
+def test_bad_angle_tolerance(tolerance):
+    with pytest.raises(OptionError, match="angle_tol"):
+        nominal(load("ur5"), angle_tol=tolerance)
+
+
+@pytest.mark.parametrize("length", [-1e-3, math.nan, math.inf])
+def test_bad_length_tolerance(length):
+    with pytest.raises(OptionError, match="snap_length"):
+        nominal(load("ur5"), snap_length=length)
+
+
+def test_lengths_keep_their_written_decimals():
+    exact = nominal(load("panda"))
+    lengths = {abs(x) for t in exact.translation for x in t} - {0}
+    assert lengths == {
+        Fraction(text) for text in ("0.333", "0.316", "0.0825", "0.384", "0.088", "0.2104")
+    }
+    assert exact.exact
+
+
+def test_snapped_angles_do_not_spoil_the_lengths():
+    """UR5's right angles have 11 digits; its lengths are written with 4 or 5."""
+    exact = nominal(load("ur5"))
+    lengths = {abs(x) for t in exact.translation for x in t} - {0}
+    # -0.1197 + 0.13585 = 0.01615; tool0 sits 0.0823 beyond wrist 3.
+    written = {"0.089159", "0.13585", "0.1197", "0.425", "0.39225", "0.093", "0.09465", "0.0823"}
+    assert lengths <= {Fraction(text) for text in written}
+    assert Fraction("0.425") in lengths
+    assert Fraction("0.39225") in lengths
+
+
+def test_snap_length(make_model, rng):
+    """The 0.436 mm offset of an iiwa model: kept by default, gone on request."""
+    model = make_model(
+        [
+            (pin.JointModelRZ(), place((0, 0, 0.36))),
+            (pin.JointModelRZ(), place((-0.000436, 0, 0.42), rotation("x", 90))),
+            (pin.JointModelRZ(), place((0.01, 0.4, 0), rotation("x", -90))),
+        ],
+        place((0, 0, 0.126)),
+    )
+    arm = load(model, tip="tip")
+    kept = nominal(arm)
+    assert kept.translation[1][0] == Fraction(-436, 10**6)
+    assert kept.exact
+    assert not kept.snaps
+    gone = nominal(arm, snap_length=1e-3)
+    assert gone.translation[1] == (0, 0, Fraction(42, 100))
+    assert gone.translation[2][0] == Fraction(1, 100)
+    (snap,) = gone.snaps
+    assert (snap.what, snap.where) == ("length", "j1 to j2")
+    assert snap.size == pytest.approx(0.000436)
+    assert " m " in str(snap)
+    seen = check(arm, gone, draw(arm, rng, 100))
+    assert 0.5 * 0.000436 < seen < 1.000001 * gone.jacobian_change < 3 * 0.000436
+
+
+# Turns about a joint's own axis
+
+
+@pytest.mark.parametrize("degrees", [45, -30, 17.3, 90, 135, 180])
+@pytest.mark.parametrize("at", [0, 1, 2])
+def test_a_turn_about_the_joints_own_axis_is_an_offset(make_model, rng, degrees, at):
+    turns = [rotation("z", degrees if i == at else 0) for i in range(3)]
+    tilts = [np.eye(3), rotation("x", 90), rotation("x", -90)]
+    joints = [(pin.JointModelRZ(), place((0.1 * i, 0, 0.3), tilts[i] @ turns[i])) for i in range(3)]
+    arm = load(make_model(joints, place((0.5, 0.2, 0))), tip="tip")
+    exact = nominal(arm)
+    assert exact.exact
+    assert not exact.snaps
+    integers = all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
+    assert integers
+    check(arm, exact, draw(arm, rng, 20))
+
+
+def test_a_turn_between_parallel_axes_leaves_the_lengths_alone(make_model, rng):
+    joints = [
+        (pin.JointModelRZ(), place((0, 0, 0.2), rotation("z", 45))),
+        (pin.JointModelRZ(), place((0.4, 0, 0), rotation("z", 45))),
+        (pin.JointModelRZ(), place((0.3, 0, 0), rotation("z", 30))),
+    ]
+    arm = load(make_model(joints, place((0.1, 0, 0))), tip="tip")
+    exact = nominal(arm)
+    assert exact.exact
+    assert exact.rotation == (IDENTITY,) * 4
+    assert [t[0] for t in exact.translation] == [
+        0,
+        Fraction(2, 5),
+        Fraction(3, 10),
+        Fraction(1, 10),
+    ]
+    np.testing.assert_allclose(exact.offset, np.radians([45, 45, 30]), atol=1e-15)
+    check(arm, exact, draw(arm, rng, 20))
+
+
+@pytest.mark.parametrize("slide", [0, 1, 2, 3])
+def test_turns_beside_prismatic_joints(make_model, rng, slide):
+    """Parallel axes, each turned about its own: a slide passes the turn on to its neighbour."""
+    joints = [
+        (
+            pin.JointModelPZ() if i == slide else pin.JointModelRZ(),
+            place((0.2, 0, 0), rotation("z", 45)),
+        )
+        for i in range(4)
+    ]
+    arm = load(make_model(joints, place((0.1, 0, 0))), tip="tip")
+    exact = nominal(arm)
+    assert exact.exact
+    assert not exact.snaps
+    assert exact.offset[slide] == 0  # a length takes no angle
+    check(arm, exact, draw(arm, rng, 20))
+
+
+def test_wrist_behind_a_slide(make_model, rng):
+    """Stanford-like: revolute, tilted slide, wrist turned by 45 degrees behind it."""
+    joints = [
+        (pin.JointModelRZ(), place((0, 0, 0.4))),
+        (pin.JointModelRZ(), place((0, 0.15, 0), rotation("x", -90))),
+        (pin.JointModelPZ(), place((0, 0, 0), rotation("x", 90))),
+        (pin.JointModelRZ(), place((0, 0, 0.1), rotation("z", 45))),
+        (pin.JointModelRZ(), place((0, 0, 0), rotation("x", -90))),
+        (pin.JointModelRZ(), place((0, 0, 0), rotation("z", 45) @ rotation("x", 90))),
+    ]
+    arm = load(make_model(joints, place((0, 0, 0.08))), tip="tip")
+    exact = nominal(arm)
+    assert exact.exact
+    assert not exact.snaps
+    check(arm, exact, draw(arm, rng, 30))
+
+
+def test_a_real_twist_behind_a_slide_is_stated(make_model, rng):
+    """45 degrees about a slide between tilted axes is geometry: approximated, with its error."""
+    joints = [
+        (pin.JointModelRZ(), place((0, 0, 0.4))),
+        (pin.JointModelPZ(), place((0.1, 0, 0), rotation("x", 90))),
+        (pin.JointModelRZ(), place((0, 0.2, 0), rotation("z", 45) @ rotation("x", 90))),
+        (pin.JointModelRZ(), place((0.2, 0, 0), rotation("y", 90))),
+    ]
+    arm = load(make_model(joints, place((0.3, 0, 0.08))), tip="tip")
+    exact = nominal(arm)
+    assert exact.jacobian_change < 1e-10
+    check(arm, exact, draw(arm, rng, 30))
+
+
+# Axes
+
+
+@pytest.mark.parametrize("axis", [(1, 0, 0), (0, -1, 0), (0, 0, -1), (-1, 0, 0), (0, 1, 0)])
+def test_axes_along_coordinates_stay_exact(make_model, rng, axis):
+    axis = np.array(axis, dtype=float)
+    joints = [
+        (pin.JointModelRX(), place((0.1, 0.2, 0.3))),
+        (pin.JointModelRevoluteUnaligned(axis), place((0, 0.25, 0))),
+        (pin.JointModelPrismaticUnaligned(axis), place((0, 0.25, 0), rotation("y", 90))),
+        (pin.JointModelRY(), place((0.1, 0, 0))),
+    ]
+    arm = load(make_model(joints, place((0.3, 0, 0.1))), tip="tip")
+    exact = nominal(arm)
+    assert exact.exact
+    assert not exact.snaps
+    assert all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
+    check(arm, exact, draw(arm, rng, 30))
+
+
+def test_an_axis_off_all_coordinates_is_a_stated_twist(make_model, rng):
+    axis = np.array([1.0, 2.0, 3.0]) / math.sqrt(14)
+    joints = [
+        (pin.JointModelRZ(), place((0, 0, 0.3))),
+        (pin.JointModelRevoluteUnaligned(axis), place((0.4, 0, 0))),
+        (pin.JointModelRX(), place((0.4, 0.1, 0))),
+    ]
+    arm = load(make_model(joints, place((0.3, 0, 0.1))), tip="tip")
+    exact = nominal(arm)
+    twists = [s for s in exact.snaps if s.what == "twist"]
+    assert twists
+    assert all(0 < s.size < 1e-11 for s in twists)
+    assert 0 < exact.jacobian_change < 1e-10
+    check(arm, exact, draw(arm, rng, 50))
+
+
+# Real arms
+
+
+@pytest.mark.parametrize(("robot", "tip"), ARMS, ids=[name for name, _ in ARMS])
+def test_real_arms(robot, tip, rng):
+    arm = load(robot, tip=tip)
+    exact = nominal(arm)
+    seen = check(arm, exact, draw(arm, rng, 100))
+    assert exact.jacobian_change < 1e-3
+    if exact.jacobian_change > 1e-9:  # a bound, but a useful one
+        assert exact.jacobian_change < 4 * seen
+    again = nominal(exact.arm)  # nothing is left to do
+    assert again.jacobian_change < 1e-10
+    assert all(s.what == "twist" for s in again.snaps)
+
+
+def test_xarm7_as_its_file_has_it():
+    """The file says 1.5708: off by 3.7e-6, which the nominal geometry undoes."""
+    exact = nominal(load("xarm7"))
+    assert {s.what for s in exact.snaps} == {"angle"}
+    assert max(s.size for s in exact.snaps) == pytest.approx(3.673e-6, rel=1e-3)
+    assert all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
+
+
+@pytest.mark.parametrize(
+    "robot", ["stanford", "surgical7", "puma560", "irb1400", "iiwa14", "scara"]
+)
+def test_textbook_arms_are_exact(robot):
+    exact = nominal(load(robot))
+    assert exact.exact
+    assert exact.snaps == ()
+    assert max(x.denominator for t in exact.translation for x in t) <= 10**5
+
+
+def test_the_bound_is_in_the_arms_length_scale():
+    arm = load("xarm7", length_scale=0.1)
+    assert nominal(arm).jacobian_change > 2 * nominal(load("xarm7")).jacobian_change
+
+
+def test_slides_without_limits(make_model):
+    """No turn before the slide, no change; a turn before it, and nothing bounds the change."""
+    for R, bounded in ((np.eye(3), True), (pin.utils.rotate("x", 1e-4), False)):
+        joints = [
+            (pin.JointModelRZ(), place((0, 0, 0.3))),
+            (pin.JointModelPX(), place((0.1, 0, 0), R)),
+        ]
+        model = make_model(joints, place((0, 0, 0.1)))
+        model.lowerPositionLimit[1], model.upperPositionLimit[1] = -np.inf, np.inf
+        exact = nominal(load(model, tip="tip"))
+        assert math.isfinite(exact.jacobian_change) == bounded
+        assert exact.exact == bounded
+
+
+def test_mimic_joints_count_with_their_multiplier(write_urdf, rng):
+    def joint(more: str = "", limits: str = 'lower="-1" upper="1"') -> str:
+        return (
+            '<origin xyz="0.4 0 0" rpy="1.5708 0 0"/><axis xyz="0 0 1"/>'
+            f'<limit {limits} effort="1" velocity="1"/>{more}'
+        )
+
+    follow = '<mimic joint="j1" multiplier="-3" offset="0.1"/>'
+    path = write_urdf(
+        [
+            ("revolute", joint()),
+            ("continuous", joint()),
+            ("revolute", joint(follow, 'lower="-5" upper="5"')),
+            ("continuous", joint('<mimic joint="j2" multiplier="2"/>')),
+            ("revolute", joint()),
+        ]
+    )
+    arm = load(path)
+    assert arm.n == 3
+    exact = nominal(arm)
+    seen = check(arm, exact, draw(arm, rng, 200))
+    assert seen < exact.jacobian_change < 30 * seen
+
+
+def test_the_arm_itself_is_left_alone(rng):
+    arm = load("xarm7")
+    model = arm.model.copy()
+    q = draw(arm, rng, 1)[0]
+    before = frame_jacobian(arm, q)
+    nominal(arm)
+    assert arm.model == model
+    np.testing.assert_array_equal(frame_jacobian(arm, q), before)
+
+
+def test_tip_placement_follows_too(rng):
+    """Orientation of the tip included: the arm on the exact geometry stands where the raw does."""
+    for name in ("panda", "irb1400", "kinova", "so101"):
+        arm = load(name)
+        exact = nominal(arm)
+        for q in draw(arm, rng, 5):
+            raw, moved = tip_placement(arm, q), tip_placement(exact.arm, q)
+            size = pin.log6(raw.actInv(moved)).vector
+            assert np.abs(size).max() < max(20 * exact.jacobian_change, 1e-12)
+
+
+# Random chains
+
+
+@st.composite
+def chains(draw_from):
+    n = draw_from(st.integers(1, 6))
+    length = st.integers(-800, 800).map(lambda k: k / 1000)
+    angle = st.one_of(
+        st.integers(-2, 2).map(lambda k: k * math.pi / 2),
+        st.sampled_from([1.5708, -1.57, 3.14, 1.5707963267948966, 1e-5]),
+        st.integers(-12, 12).map(lambda k: k * math.pi / 12),
+        st.floats(-3.125, 3.125, width=32),
+    )
+    kinds = st.sampled_from(
+        [pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ, pin.JointModelPX, pin.JointModelPZ]
+    )
+    joints = []
+    for _ in range(n):
+        xyz = [draw_from(length) for _ in range(3)]
+        R = pin.rpy.rpyToMatrix(*(draw_from(angle) for _ in range(3)))
+        if draw_from(st.integers(0, 4)) == 0:
+            axis = np.array([draw_from(st.integers(-3, 3)) for _ in range(2)] + [1.0])
+            axis /= np.linalg.norm(axis)
+            slides = draw_from(st.booleans())
+            kind = pin.JointModelPrismaticUnaligned if slides else pin.JointModelRevoluteUnaligned
+            joints.append((kind(axis), place(xyz, R)))
+        else:
+            joints.append((draw_from(kinds)(), place(xyz, R)))
+    tip = place(
+        [draw_from(length) for _ in range(3)], pin.rpy.rpyToMatrix(0.1, draw_from(angle), 2)
+    )
+    return joints, tip
+
+
+@given(chains(), st.integers(0, 2**32 - 1))
+def test_any_chain_is_within_its_stated_bound(make_model, chain, seed):
+    joints, tip = chain
+    arm = load(make_model(joints, tip), tip="tip")
+    Q = draw(arm, np.random.default_rng(seed), 8)
+    exact = nominal(arm)
+    check(arm, exact, Q)
+    assert exact.jacobian_change < 0.2  # six joints off by 2e-3 each, a few metres of reach
+
+
+@given(chains(), st.integers(0, 2**32 - 1))
+def test_small_singular_values_move_by_no_more_than_the_bound(make_model, chain, seed):
+    """Weyl: sigma moves by at most the norm of the change, sqrt(n) times that of a column."""
+    joints, tip = chain
+    arm = load(make_model(joints, tip), tip="tip", length_scale=0.7)
+    Q = draw(arm, np.random.default_rng(seed), 4)
+    exact = nominal(arm)
+    a, b = singular_values(arm, Q), singular_values(exact.arm, Q)
+    assert np.abs(a - b).max(initial=0.0) <= math.sqrt(arm.n) * exact.jacobian_change + 1e-12

@@ -1,0 +1,214 @@
+"""JSON both ways, and refusal of damaged data."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pinsing.errors import OptionError, ResultError
+from pinsing.result import JsonResult
+
+
+@dataclass(frozen=True)
+class Leaf:
+    value: float
+    label: str | None
+    point: npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Tree(JsonResult):
+    schema: ClassVar[str] = "pinsing.test.Tree/1"
+
+    name: str
+    count: int
+    good: bool
+    numbers: npt.NDArray[np.float64]
+    flags: npt.NDArray[np.bool_]
+    indices: npt.NDArray[np.int64]
+    pair: tuple[float, int]
+    words: tuple[str, ...]
+    nested: tuple[tuple[float, ...], ...]
+    leaf: Leaf
+    leaves: tuple[Leaf, ...]
+    maybe: Leaf | None
+    table: Mapping[str, float]
+    hidden: int = field(default=5, metadata={"json": False})
+
+
+@dataclass(frozen=True)
+class Choosy(JsonResult):
+    schema: ClassVar[str] = "pinsing.test.Choosy/1"
+
+    level: float
+
+    def __post_init__(self) -> None:
+        if self.level < 0:
+            raise OptionError("level is negative")
+
+
+def tree(**changes: Any) -> Tree:
+    leaf = Leaf(math.inf, None, np.array([1.0, np.nan, -np.inf]))
+    made = Tree(
+        name="größe ½",
+        count=3,
+        good=True,
+        numbers=np.array([[0.1, np.inf], [np.nan, -np.inf]]),
+        flags=np.array([True, False]),
+        indices=np.array([[1, 2], [3, 4]]),
+        pair=(math.pi, 2),
+        words=("a", "inf"),
+        nested=((1.0, math.nan), ()),
+        leaf=leaf,
+        leaves=(leaf, Leaf(0.5, "x", np.zeros((2, 3)))),
+        maybe=None,
+        table={"a": 1.5, "b": math.inf},
+    )
+    return dataclasses.replace(made, **changes)
+
+
+def same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray):
+        return (
+            a.dtype == b.dtype
+            and a.shape == b.shape
+            and np.array_equal(a, b, equal_nan=a.dtype.kind == "f")
+        )
+    if dataclasses.is_dataclass(a):
+        return type(a) is type(b) and all(
+            same(getattr(a, f.name), getattr(b, f.name)) for f in dataclasses.fields(a)
+        )
+    if isinstance(a, tuple):
+        return type(b) is tuple and len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, float) and math.isnan(a):
+        return isinstance(b, float) and math.isnan(b)
+    return type(a) is type(b) and a == b
+
+
+def test_round_trip():
+    one = tree()
+    text = one.to_json()
+    assert same(Tree.from_json(text), one)
+    assert Tree.from_json(text).to_json() == text
+
+
+def test_optional_parts_are_kept():
+    one = tree(maybe=Leaf(1.0, "here", np.zeros(0)), leaves=())
+    assert same(Tree.from_json(one.to_json(indent=None)), one)
+
+
+def test_text_is_strict_json():
+    def refuse(token: str) -> None:
+        raise AssertionError(f"{token} is no JSON")
+
+    data = json.loads(tree().to_json(), parse_constant=refuse)
+    assert next(iter(data)) == "schema"
+    assert data["schema"] == "pinsing.test.Tree/1"
+    assert data["numbers"] == [[0.1, "inf"], ["nan", "-inf"]]
+    assert data["flags"] == [True, False]
+    assert "hidden" not in data
+
+
+@given(st.lists(st.floats(), min_size=1), st.floats(allow_nan=False), st.text())
+def test_every_number_comes_back_to_the_last_bit(numbers, value, name):
+    one = tree(numbers=np.array(numbers), pair=(value, 1), name=name)
+    back = Tree.from_json(one.to_json())
+    np.testing.assert_array_equal(back.numbers, one.numbers)
+    assert back.pair[0] == value
+    assert back.name == name
+
+
+def test_numpy_scalars_become_plain():
+    one = tree(count=np.int64(4), good=np.bool_(False), pair=(np.float32(0.5), np.int32(1)))
+    back = Tree.from_json(one.to_json())
+    assert (back.count, back.good, back.pair) == (4, False, (0.5, 1))
+
+
+@pytest.mark.parametrize("text", ["", "{", "nonsense", "[" * 100_000, '{"schema": '])
+def test_not_json(text):
+    with pytest.raises(ResultError, match="not JSON"):
+        Tree.from_json(text)
+
+
+@pytest.mark.parametrize(
+    "text", ["null", "[]", "3", '"pinsing.test.Tree/1"', "{}", '{"schema": "pinsing.test.Tree/2"}']
+)
+def test_another_schema(text):
+    with pytest.raises(ResultError, match=r"expected data of schema 'pinsing.test.Tree/1'"):
+        Tree.from_json(text)
+
+
+FIELDS = [f.name for f in dataclasses.fields(Tree) if f.name != "hidden"]
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_a_missing_field(name):
+    data = tree().to_dict()
+    del data[name]
+    with pytest.raises(
+        ResultError, match=rf"damaged pinsing.test.Tree/1 data: '{name}' is missing"
+    ):
+        Tree.from_dict(data)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("name", 3),
+        ("name", None),
+        ("count", "3"),
+        ("count", 3.5),
+        ("count", True),
+        ("good", "yes"),
+        ("good", 1),
+        ("numbers", "text"),
+        ("numbers", None),
+        ("numbers", {"0": 1}),
+        ("numbers", [[1.0], [1.0, 2.0]]),
+        ("numbers", [None]),
+        ("numbers", ["wide"]),
+        ("flags", [0.5]),
+        ("indices", [1.5]),
+        ("pair", [1.0]),
+        ("pair", [1.0, 2, 3]),
+        ("pair", None),
+        ("pair", [True, 2]),
+        ("words", "abc"),
+        ("words", ["a", 1]),
+        ("nested", [1.0]),
+        ("leaf", []),
+        ("leaf", "leaf"),
+        ("leaf", None),
+        ("leaf", {"value": 1.0}),
+        ("leaves", {"value": 1.0}),
+        ("maybe", 3),
+        ("table", [1.0]),
+        ("table", {"a": "b"}),
+    ],
+)
+def test_a_damaged_field(name, value):
+    data = tree().to_dict()
+    data[name] = value
+    with pytest.raises(ResultError, match=r"damaged pinsing\.test\.Tree/1 data"):
+        Tree.from_dict(data)
+
+
+def test_values_that_the_result_itself_refuses():
+    assert Choosy.from_json(Choosy(1.0).to_json()) == Choosy(1.0)
+    with pytest.raises(ResultError, match="level is negative"):
+        Choosy.from_dict({"schema": Choosy.schema, "level": -1})
+
+
+def test_results_of_one_kind_are_not_taken_for_another():
+    with pytest.raises(ResultError, match=r"found 'pinsing.test.Choosy/1'"):
+        Tree.from_json(Choosy(1.0).to_json())

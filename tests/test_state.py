@@ -1,0 +1,312 @@
+"""One configuration: numbers against NumPy and Pinocchio, words against known geometry."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pinsing.errors import ConfigurationError, ResultError
+from pinsing.lost import Tool, lost_motions, nice_basis
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
+from pinsing.state import State, at
+from pinsing.state_text import state_text
+
+REGULAR_Q = {
+    "ur5": [0.1, -1.0, 0.8, 0.3, 0.9, 0.2],
+    "stanford": [0.1, 0.7, 0.3, 0.4, 0.7, 0.5],
+    "iiwa14": [0.1, 0.7, 0.3, 0.8, 0.4, 0.5, 0.6],
+    "kinova": [0.1, 2.5, 2.0, 0.3, 1.5, 0.2],
+    "scara": [0.3, 0.7, 0.1, 0.2],
+    "so101": [0.3, 0.2, 0.4, -0.5, 0.2],
+}
+
+
+@functools.cache
+def arm_of(name: str, task: str = "pose", length_scale: float = 1.0, exact: bool = False) -> Arm:
+    arm = load(name, task=task, length_scale=length_scale)
+    return nominal(arm).arm if exact else arm
+
+
+def pinocchio_jacobian(arm: Arm, q) -> np.ndarray:
+    """The frame Jacobian by another of Pinocchio's functions than pinsing uses."""
+    data = arm.model.createData()
+    pin.computeJointJacobians(arm.model, data, arm.model_q(q))
+    pin.updateFramePlacements(arm.model, data)
+    frame = arm.model.getFrameId(arm.tip)
+    return np.array(pin.getFrameJacobian(arm.model, data, frame, pin.LOCAL_WORLD_ALIGNED))
+
+
+@pytest.mark.parametrize("name", REGULAR_Q)
+@pytest.mark.parametrize("length_scale", [1.0, 0.25])
+def test_numbers_against_numpy_and_pinocchio(name, length_scale):
+    arm, q = arm_of(name, length_scale=length_scale), REGULAR_Q[name]
+    state = at(arm, q)
+    J = pinocchio_jacobian(arm, q)
+    np.testing.assert_allclose(state.J, J, atol=1e-14)
+    scaled = J / np.array([length_scale] * 3 + [1] * 3)[:, None]
+    gram = scaled @ scaled.T if arm.n >= 6 else scaled.T @ scaled
+    eigenvalues = np.sort(np.linalg.eigvalsh(gram))[::-1]
+    np.testing.assert_allclose(state.sigma**2, eigenvalues, atol=1e-12)
+    assert state.status == "regular"
+    assert state.rank == state.generic_rank == np.linalg.matrix_rank(scaled) == min(6, arm.n)
+    det = np.linalg.det(gram)
+    assert state.manipulability == pytest.approx(np.sqrt(det), rel=1e-9)
+    if arm.n == 6:
+        assert state.determinant == pytest.approx(np.linalg.det(scaled), rel=1e-9)
+    else:
+        assert state.determinant == pytest.approx(det, rel=1e-9)
+    assert state.condition_number == pytest.approx(state.sigma[0] / state.sigma[-1])
+    assert state.sigma_ratio == pytest.approx(1 / state.condition_number)
+    assert state.lost == state.dependences == ()
+
+
+@pytest.mark.parametrize("name", REGULAR_Q)
+def test_ellipsoids_are_the_image_of_unit_joint_speeds(name):
+    arm, q = arm_of(name), REGULAR_Q[name]
+    state = at(arm, q)
+    data = arm.model.createData()
+    pin.framesForwardKinematics(arm.model, data, arm.model_q(q))
+    tip = data.oMf[arm.model.getFrameId(arm.tip)]
+    np.testing.assert_allclose(state.tip_position, tip.translation, atol=1e-14)
+    np.testing.assert_allclose(state.tip_rotation, tip.rotation, atol=1e-14)
+    speeds = np.random.default_rng(5).normal(size=(arm.n, 4000))
+    speeds /= np.linalg.norm(speeds, axis=0)
+    for rows, ellipsoid, unit in (
+        (state.J[:3], state.translational, "m/s"),
+        (state.J[3:], state.rotational, "rad/s"),
+    ):
+        assert ellipsoid.unit == unit
+        np.testing.assert_array_equal(ellipsoid.center, state.tip_position)
+        np.testing.assert_allclose(ellipsoid.axes.T @ ellipsoid.axes, np.eye(3), atol=1e-12)
+        assert np.linalg.det(ellipsoid.axes) == pytest.approx(1)
+        assert (np.diff(ellipsoid.radii) <= 0).all()
+        along = np.abs(ellipsoid.axes.T @ rows @ speeds).max(axis=1)
+        assert (along <= ellipsoid.radii + 1e-12).all()
+        reached = np.linalg.norm(rows.T @ ellipsoid.axes, axis=0)  # the best unit joint speed
+        np.testing.assert_allclose(reached, ellipsoid.radii, atol=1e-12)
+
+
+SINGULAR_Q = [
+    ("ur5", [0.1, -1.0, 0.8, 0.3, 0, 0.2], "pose"),
+    ("ur5", [0.1, -1.0, 0, 0.3, 0.9, 0.2], "pose"),
+    ("stanford", [0, 0, 0, 0, 0, 0], "pose"),
+    ("stanford", [0.1, 0, 0.3, 0.4, 0.7, 0.5], "pose"),
+    ("iiwa14", [0.1, 0.7, 0.3, 0, 0.4, 0.5, 0.6], "pose"),
+    ("iiwa14", [0, 0, 0, 0, 0, 0, 0], "pose"),
+    ("scara", [0.3, 0, 0.1, 0.2], "pose"),
+    ("planar3r", [0.3, 0, 0], "position"),
+    ("planar3r", [0.3, 0, 0], "pose"),
+    ("planar3r", [0.3, 0, 0], "vx,vy,wz"),
+]
+
+
+@pytest.mark.parametrize("length_scale", [1.0, 0.2])
+@pytest.mark.parametrize(("name", "q", "task"), SINGULAR_Q)
+def test_lost_motions_are_lost(name, q, task, length_scale):
+    arm = arm_of(name, task, length_scale, exact=True)
+    state = at(arm, q)
+    assert state.status == "singular"
+    assert state.singular
+    assert state.rank < state.generic_rank
+    assert len(state.lost) == state.generic_rank - state.rank
+    wrenches = np.array([motion.wrench for motion in state.lost])
+    assert np.linalg.matrix_rank(wrenches) == len(wrenches)
+    J = state.J
+    left_out = [r for r in range(6) if r not in arm.task.rows]
+    # Producible twists in rows over the length scale.
+    producible = np.delete(J / np.array([length_scale] * 3 + [1] * 3)[:, None], left_out, axis=0)
+    for motion in state.lost:
+        np.testing.assert_allclose(J.T @ motion.wrench, 0, atol=1e-12)  # no joint torque
+        np.testing.assert_array_equal(motion.wrench[left_out], 0)
+        assert motion.speed < 1e-12
+        scaled = np.delete(motion.twist / ([length_scale] * 3 + [1] * 3), left_out)
+        np.testing.assert_allclose(producible.T @ scaled, 0, atol=1e-12)
+        assert np.linalg.norm(scaled) == pytest.approx(1)
+        assert np.linalg.norm(motion.direction) == pytest.approx(1)
+        assert motion.words.startswith("cannot ")
+        if motion.kind == "rotation":
+            np.testing.assert_allclose(motion.wrench[:3], 0, atol=1e-9)
+            assert motion.pitch == np.inf
+        else:
+            # Moved to the point of the line, the moment that is left is pitch times force.
+            force, moment = motion.wrench[:3], motion.wrench[3:]
+            left = moment - np.cross(motion.point - state.tip_position, force)
+            np.testing.assert_allclose(left, motion.pitch * force, atol=1e-5)
+
+
+@pytest.mark.parametrize(("name", "q", "task"), SINGULAR_Q)
+def test_self_motions_move_nothing(name, q, task):
+    arm = arm_of(name, task, exact=True)
+    state = at(arm, q)
+    assert len(state.self_motions) == arm.n - state.rank
+    assert state.always_idle == arm.n - state.generic_rank
+    directions = np.array([motion.direction for motion in state.self_motions])
+    assert np.linalg.matrix_rank(directions) == len(directions)
+    np.testing.assert_allclose(state.J[list(arm.task.rows)] @ directions.T, 0, atol=1e-9)
+    np.testing.assert_allclose(np.abs(directions).max(axis=1), 1)
+
+
+def test_self_motion_names_the_joints_that_cancel():
+    state = at(arm_of("puma560", exact=True), [0.1, 0.2, 0.3, 0.4, 0, 0.5])
+    assert [str(m) for m in state.self_motions] == ["joint 4 at +1 rad/s and joint 6 at -1 rad/s"]
+
+
+@pytest.mark.parametrize(
+    ("name", "task", "q", "words"),
+    [
+        ("planar3r", "pose", [0, 0, 0], "cannot translate along tool x (base x)"),
+        ("planar3r", "position", [0.3, 0, 0], "cannot translate along tool x"),
+        ("ur5", "pose", [0, -np.pi / 2, np.pi / 2, 0, 0, 0.4], "cannot rotate about base x"),
+        (
+            "stanford",
+            "pose",
+            [0, 0, 0.3, 0.4, 0.7, 0.5],
+            "cannot move along the line through the wrist centre (0.000, 0.060, 0.380) m "
+            "in direction base y",
+        ),
+        (
+            "iiwa14",
+            "pose",
+            [0.1, 0.7, 0.3, 0, 0.4, 0.5, 0.6],
+            "cannot move along the line through the shoulder centre and the wrist centre",
+        ),
+    ],
+)
+def test_words_of_what_is_lost(name, task, q, words):
+    state = at(arm_of(name, task, exact=True), q)
+    assert [motion.words for motion in state.lost] == [words]
+    assert str(state.lost[0]) == words
+
+
+def test_spherical_wrist_that_loses_two_rotations():
+    """Three axes in one line: of all rotations one is left, named by the tool axes."""
+    arm = arm_of("iiwa14", "orientation", exact=True)
+    state = at(arm, np.zeros(7))
+    assert state.rank == 2
+    assert [m.words for m in state.lost] == ["cannot rotate about tool x (base x)"]
+    assert state.lost[0].free_wrench == "a moment about it"
+
+
+def test_near_singular_says_how_little_is_left():
+    arm = arm_of("puma560", exact=True)
+    state = at(arm, [0.1, 0.2, 0.3, 0.4, 1e-3, 0.5])
+    assert state.status == "near-singular"
+    assert not state.singular
+    assert state.rank == state.generic_rank == 6
+    assert 1e-9 < state.sigma_ratio < 1e-2
+    (motion,) = state.lost
+    assert motion.words.startswith("can hardly ")
+    assert "at unit joint speed" in motion.words
+    speeds = np.random.default_rng(1).normal(size=(6, 2000))
+    speeds /= np.linalg.norm(speeds, axis=0)
+    power = np.abs(motion.wrench @ state.J @ speeds)
+    assert power.max() <= motion.speed + 1e-15
+    assert [d.reason for d in state.dependences] == ["axes 4 and 6 are nearly collinear"]
+    assert at(arm, state.q, near_rtol=1e-5).status == "regular"
+    assert at(arm, state.q, rtol=1e-2).status == "singular"
+
+
+def test_five_joints_always_miss_one_direction():
+    from pinsing.refine import refine
+
+    arm = arm_of("so101")
+    found = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1])
+    state = at(arm, found.q)
+    assert state.status == "singular"
+    assert state.always_missing == 1
+    assert len(state.lost) == 2
+    for motion in state.lost:
+        np.testing.assert_allclose(state.J.T @ motion.wrench, 0, atol=1e-9)
+    assert "1 of these 2 is missing at every configuration" in " ".join(str(state).split())
+    # A planar arm misses the same three everywhere: they are no loss.
+    assert at(arm_of("planar3r"), [0.1, 0, 0]).always_missing == 0
+
+
+def test_limits_are_told_joint_by_joint():
+    arm = arm_of("puma560")
+    q = np.clip(np.zeros(6), arm.lower, arm.upper)
+    inside = at(arm, q)
+    assert inside.within_limits
+    assert inside.outside == ()
+    q[2] = arm.upper[2] + 0.1
+    state = at(arm, q)
+    assert not state.within_limits
+    assert state.outside == (arm.joints[2],)
+    assert str(state).count("outside its limits") == 1
+
+
+def test_rounded_file_is_told_apart_from_the_exact_geometry():
+    arm = arm_of("xarm7")
+    q = [0.2, 0.0, np.pi / 2, 0.9, np.pi / 2, 0.0, 0.1]
+    raw, exact = at(arm, q), at(nominal(arm).arm, q)
+    assert exact.singular
+    assert not raw.singular
+    assert raw.notes[0].startswith("singular if the rounded numbers of the file are made exact")
+    assert exact.notes == ()
+
+
+@pytest.mark.parametrize(("name", "q", "task"), SINGULAR_Q[:6])
+def test_json_both_ways(name, q, task):
+    state = at(arm_of(name, task), q)
+    again = State.from_json(state.to_json())
+    assert again.to_dict() == state.to_dict()
+    assert str(again) == str(state)
+    assert state.to_dict()["schema"] == "pinsing/state/1"
+    with pytest.raises(ResultError):
+        State.from_json(state.to_json().replace("state/1", "state/99"))
+
+
+def test_text_has_units_and_degrees_only_where_asked():
+    state = at(arm_of("stanford"), [0.1, 0.7, 0.3, 0.4, 0.7, np.pi / 4])
+    text = str(state)
+    assert text == state_text(state)
+    assert " deg" not in text
+    assert "0.3 m\n" in text
+    in_degrees = state_text(state, degrees=True)
+    assert "45 deg" in in_degrees
+    assert "0.3 m\n" in in_degrees
+    assert all(len(line) <= 102 for line in text.splitlines())
+    assert "regular: rank 6" in text
+
+
+def test_wrong_configurations_are_refused():
+    arm = arm_of("ur5")
+    with pytest.raises(ConfigurationError, match="needs 6 values"):
+        at(arm, [0.0] * 5)
+    with pytest.raises(ConfigurationError, match="elbow_joint"):
+        at(arm, [0, 0, np.nan, 0, 0, 0])
+
+
+unit = st.floats(-1, 1, allow_nan=False)
+
+
+@given(st.lists(unit, min_size=24, max_size=24), st.integers(1, 3))
+def test_words_span_the_space_they_describe(numbers, d):
+    """Whatever the space of wrenches: its basis by kinds spans the same space."""
+    A = np.round(np.reshape(numbers[: 6 * d], (6, d)), 1)
+    if np.linalg.matrix_rank(A, tol=1e-3) < d:
+        return
+    U = np.linalg.qr(A)[0]
+    tool = Tool(np.array([0.1, 0.2, 0.3]), np.eye(3), 1.0, {})
+    found = lost_motions(U, np.zeros((6, 2)), 1.0, tool)
+    assert len(found) == d
+    W = np.array([m.wrench for m in found]).T
+    inside = U @ (U.T @ W)
+    # Directions within 0.1 degree of an axis are put on it.
+    np.testing.assert_allclose(inside, W, atol=5e-3 * np.abs(W).max())
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_nice_basis_prefers_tool_axes_and_spans(k):
+    rng = np.random.default_rng(k)
+    rotation = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    span = rotation[:, :k] @ np.linalg.qr(rng.normal(size=(k, k)))[0]
+    basis = np.array(nice_basis(span, rotation)).T
+    np.testing.assert_allclose(np.abs(rotation[:, :k].T @ basis), np.eye(k), atol=1e-9)
