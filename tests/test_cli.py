@@ -14,12 +14,13 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+from pinsing.analysis import Analysis
 from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
 from pinsing.closed_form import ClosedForm
 from pinsing.errors import ConfigurationError, OutputError
 from pinsing.kinematics import task_jacobian
-from pinsing.report.files import check_writable, replacing, write_text
+from pinsing.files import check_writable, replacing, write_text
 from pinsing.report.info import ArmInfo
 from pinsing.report.text import Table, fields, joined, safe
 from pinsing.robot.load import load
@@ -243,13 +244,39 @@ class TestSweep:
         assert not load_npz(out).complete
 
 
+class TestAnalyze:
+    words = ("analyze", "planar3r", "--levels", "1", "--samples", "21", "--random-starts", "20")
+
+    def test_families_first_and_checks_after(self):
+        done = run(*self.words)
+        assert done.exit_code == 0
+        assert done.stdout.index("q2 = 0") < done.stdout.index("Checked")
+        assert "WARNING" not in done.stderr
+
+    def test_json_and_exit_code(self):
+        done = run(*self.words, "--json", "-", "--fail-if-singular")
+        assert done.exit_code == 1
+        analysis = Analysis.from_json(done.stdout)
+        assert analysis.complete
+        assert analysis.agree
+        assert analysis.geometry == "both"
+        assert analysis.random_search.starts == 20
+
+    @pytest.mark.parametrize("geometry", ["raw", "nominal"])
+    def test_one_geometry_for_everything(self, geometry):
+        done = run(*self.words, "--json", "-", f"--{geometry}")
+        assert Analysis.from_json(done.stdout).geometry == geometry
+        assert run("sweep", *self.words[1:-2], f"--{geometry}").exit_code == 0
+
+
 class TestFamilies:
     def test_equations_reasons_and_reach(self):
         done = run("families", "ur5")
         assert done.exit_code == 0
         assert "3 families" in done.stdout
-        assert "why: axes 2, 3, 4 and 6 are parallel" in done.stdout
-        assert "q5 = wrist_2_joint" in done.stdout
+        assert "complete" in done.stdout
+        assert "axes 2, 3, 4 and 6 are parallel" in done.stdout
+        assert "q5 = wrist_2_joint" in " ".join(done.stdout.split())
 
     def test_latex_and_json(self):
         latex = run("families", "puma560", "--latex").stdout

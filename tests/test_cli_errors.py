@@ -199,8 +199,16 @@ class TestValues:
         assert "q2" in refused("sweep", "planar3r", "--sweep-joints", "q22")
         assert "samples" in refused("sweep", "planar3r", "--samples", "1")
 
-    def test_time_for_the_algebra(self):
-        assert "seconds" in refused("families", "planar3r", "--seconds", "0")
+    @pytest.mark.parametrize("name", ["families", "analyze"])
+    @pytest.mark.parametrize(
+        ("option", "value", "said"),
+        [("seconds", "0", "seconds"), ("snap-length", "-1", "snap"), ("angle-tol", "2", "angle")],
+    )
+    def test_algebra(self, name, option, value, said):
+        assert said in refused(name, "planar3r", f"--{option}", value)
+
+    def test_one_geometry_at_a_time(self):
+        assert "--raw" in refused("analyze", "planar3r", "--raw", "--nominal")
 
 
 class TestTables:

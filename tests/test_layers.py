@@ -22,10 +22,10 @@ SOURCE = Path(pinsing.__file__).parent
 
 # From the ground up.
 LAYERS: tuple[frozenset[str], ...] = (
-    frozenset({"condition", "errors", "measures", "result"}),
+    frozenset({"condition", "errors", "files", "measures", "result"}),
     frozenset({"robot"}),
     frozenset({"_batch"}),
-    frozenset({"kinematics"}),
+    frozenset({"engine", "kinematics"}),
     frozenset(
         {
             "axes",
@@ -52,6 +52,8 @@ LAYERS: tuple[frozenset[str], ...] = (
 PEERS = frozenset(
     {
         ("result", "errors"),
+        ("files", "errors"),
+        ("kinematics", "engine"),
         ("axes", "axis_words"),
         ("state", "axes"),
         ("state", "lost"),

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pinsing.errors import ConfigurationError, ResultError
+from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.lost import Tool, lost_motions, nice_basis
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
@@ -282,6 +282,17 @@ def test_wrong_configurations_are_refused():
         at(arm, [0.0] * 5)
     with pytest.raises(ConfigurationError, match="elbow_joint"):
         at(arm, [0, 0, np.nan, 0, 0, 0])
+
+
+def test_a_task_that_nothing_moves_is_refused():
+    model = pin.Model()
+    one = np.ones(1)
+    joint = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "j", one, one, -one, one)
+    frame = pin.Frame("tip", joint, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME)
+    model.addFrame(frame)
+    with pytest.raises(OptionError, match=r"no joint .* moves tip"):
+        at(load(model, task="position"), [0.1])
+    assert at(load(model), [0.1]).status == "regular"
 
 
 unit = st.floats(-1, 1, allow_nan=False)

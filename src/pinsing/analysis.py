@@ -67,14 +67,14 @@ class RandomSearch:
         How many became singular to SINGULAR_RTOL.
     on_family : int
         How many of those lie on a family.
-    off : (k, n) array
+    off : tuple of (n,) arrays
         The others.
     """
 
     starts: int
     singular: int
     on_family: int
-    off: Array
+    off: tuple[Array, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -251,7 +251,7 @@ def _owner(forms: ClosedForm, finding: Finding) -> str:
 
 def _random_search(exact: Arm, forms: ClosedForm, starts: int, seed: int) -> RandomSearch:
     if starts == 0:
-        return RandomSearch(0, 0, 0, np.zeros((0, exact.n)))
+        return RandomSearch(0, 0, 0, ())
     rng = np.random.default_rng(seed)
     ends = walk(exact, rng.uniform(*exact.span, (starts, exact.n)))
     found = ends.q[sigma_ratio(ends.sigma, forms.generic_rank) <= SINGULAR_RTOL]
@@ -260,7 +260,7 @@ def _random_search(exact: Arm, forms: ClosedForm, starts: int, seed: int) -> Ran
         if on.all():
             break
         on[~on] = family.contains(found[~on], ON_FAMILY_TOL)
-    return RandomSearch(starts, len(found), int(on.sum()), found[~on])
+    return RandomSearch(starts, len(found), int(on.sum()), tuple(found[~on]))
 
 
 def _check_families(
@@ -306,7 +306,7 @@ def _problems(
             for f, owner in zip(findings, owners, strict=True)
             if f.status == "singular" and not owner
         ]
-        if len(search.off):
+        if search.off:
             q = ", ".join(f"{x:.6g}" for x in search.off[0])
             problems.append(
                 f"{len(search.off)} singular configurations from random starts are on no "

@@ -34,6 +34,7 @@ _BESIDE = 0.02  # a mere dip this near to a singular condition belongs to it
 _MEMBER_RATIO = 1e-6  # sigma_r / sigma_1 of a member of a relation, from refined values
 _MEMBER_SAMPLES = 6
 _CANDIDATES = 12  # configurations looked at for a representative
+_PATIENCE = 50  # points in a row without a new condition
 _MAX_NEAR = 12  # near-singular valleys that are stated
 
 Bool = npt.NDArray[np.bool_]
@@ -218,7 +219,8 @@ class _Collector:
             if condition.same_as(known, _SAME_RELATION if condition.related else _SAME_VALUES):
                 where += curves
                 return
-        mask = on_condition(self.exact, condition, self.points.q)
+        tol = _SAME_RELATION if condition.related else _ON
+        mask = on_condition(self.exact, condition, self.points.q, tol)
         if condition.related:
             rows = np.flatnonzero(mask & ~self.explained)
             mask[:] = False
@@ -241,14 +243,20 @@ class _Collector:
         return np.asarray(forced(held) & ~np.any([forced(s) for s in fewer], axis=0))
 
     def explain(self) -> None:
-        """Generalise points until every one lies on a condition."""
+        """Generalise points until every one lies on a condition.
+
+        On a raw geometry with rounded angles hardly a point does, to the tolerance: then, when
+        many in a row have brought nothing new, the others are taken for more of the same.
+        """
+        idle = 0
         for i in range(len(self.points.q)):
-            if self.explained[i]:
+            if self.explained[i] or idle >= _PATIENCE:
                 continue
-            q = self.tester.snap(self.points.q[i])
-            for condition in self.tester.conditions(q):
+            before = len(self.conditions)
+            for condition in self.tester.conditions(self.tester.snap(self.points.q[i])):
                 self.add(condition)
             self.explained[i] = True
+            idle = 0 if len(self.conditions) > before else idle + 1
 
     def findings(self) -> list[Finding]:
         """One a condition, in the order of print."""

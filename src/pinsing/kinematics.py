@@ -1,4 +1,4 @@
-"""Jacobians of an arm: one, or millions; always from Pinocchio or checked against it.
+"""Jacobians of an arm: one straight from Pinocchio, or millions checked against it.
 
 Every Jacobian here is the frame Jacobian of the tip: (6, n), translation rows first,
 LOCAL_WORLD_ALIGNED, in the axes of the arm's base, metres and radians. The *task*
@@ -11,6 +11,8 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from pinsing._batch import engine as kernel
+from pinsing.engine import batch_chain, check_threads, model_values, pinocchio_jacobians
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm, Array
@@ -45,12 +47,37 @@ def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     ConfigurationError
         If q has the wrong length or is not finite.
     """
-    return np.array(frame_jacobians(arm, _one(arm, q))[0])
+    return np.array(frame_jacobians(arm, _one(arm, q), engine="pinocchio")[0])
 
 
-def frame_jacobians(arm: Arm, Q: npt.ArrayLike) -> Array:
-    """Frame Jacobians of the tip at many configurations: (N, n) -> (N, 6, n)."""
-    out = _model_jacobians(arm, _many(arm, Q))
+def frame_jacobians(
+    arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
+) -> Array:
+    """Frame Jacobians of the tip at many configurations.
+
+    Parameters
+    ----------
+    Q : (N, n) array_like
+        Radians or metres.
+    engine : str
+        "auto", "batch" (the compiled kernel) or "pinocchio"; see ``pinsing.engine``.
+    threads : int, optional
+        Threads of the compiled kernel; as many as the process may use by default. The
+        result does not depend on it.
+
+    Returns
+    -------
+    (N, 6, n) array
+        As ``frame_jacobian``.
+
+    Raises
+    ------
+    ConfigurationError
+        If Q is not of that shape or not finite.
+    EngineError
+        If the engine asked for is not there, or disagrees with Pinocchio.
+    """
+    out = _model_jacobians(arm, _many(arm, Q), engine, threads)
     return out if arm.coupling is None else out @ arm.coupling.matrix
 
 
@@ -66,19 +93,32 @@ def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     return scale_rows(arm, frame_jacobian(arm, q))
 
 
-def task_jacobians(arm: Arm, Q: npt.ArrayLike) -> Array:
-    """Task Jacobians at Q (N, n): (N, m, n)."""
-    return scale_rows(arm, frame_jacobians(arm, Q))
+def task_jacobians(
+    arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
+) -> Array:
+    """Task Jacobians at Q (N, n): (N, m, n). Options as for ``frame_jacobians``."""
+    return scale_rows(arm, frame_jacobians(arm, Q, engine=engine, threads=threads))
 
 
-def singular_values(arm: Arm, Q: npt.ArrayLike) -> Array:
+def singular_values(
+    arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
+) -> Array:
     """Singular values of the task Jacobian at Q (N, n), largest first: (N, r).
 
     ``r`` is the generic rank: the last column is the measure sigma_r that vanishes
-    at singular configurations (sigma_min in the paper).
+    at singular configurations (sigma_min in the paper). Options as for ``frame_jacobians``.
     """
-    J = task_jacobians(arm, Q)
-    return np.asarray(np.linalg.svd(J, compute_uv=False)[:, : generic_rank(arm)])
+    Q, threads = _many(arm, Q), check_threads(threads)
+    chain = batch_chain(arm, engine)
+    if chain is None:
+        sigma = np.linalg.svd(task_jacobians(arm, Q, engine="pinocchio"), compute_uv=False)
+    elif arm.coupling is not None:
+        sigma = kernel.svdvals(task_jacobians(arm, Q, threads=threads), threads=threads)
+    else:
+        sigma = kernel.singular_values(
+            chain, Q, rows=arm.task.rows, length_scale=arm.length_scale, threads=threads
+        )
+    return np.asarray(sigma[:, : generic_rank(arm)])
 
 
 def generic_rank(arm: Arm) -> int:
@@ -172,13 +212,9 @@ def _many(arm: Arm, Q: npt.ArrayLike) -> Array:
     return Q
 
 
-def _model_jacobians(arm: Arm, Q: Array) -> Array:
+def _model_jacobians(arm: Arm, Q: Array, engine: str = "auto", threads: int | None = None) -> Array:
     """Frame Jacobians (N, 6, nv) by every velocity of the model, mimic joints on their own."""
-    model, tip = arm.model, arm.tip_id
-    data = model.createData()  # a Data of its own: threads may share the arm
-    frame, compute = pin.LOCAL_WORLD_ALIGNED, pin.computeFrameJacobian
-    out = np.empty((len(Q), 6, model.nv))
-    for i, q in enumerate(arm.model_q(Q)):
-        # Pinocchio drops the second axis of a single column.
-        out[i] = compute(model, data, q, tip, frame).reshape(6, model.nv)
-    return out
+    chain = batch_chain(arm, engine)
+    if chain is None:
+        return pinocchio_jacobians(arm, Q)
+    return kernel.jacobians(chain, model_values(arm, Q), threads=check_threads(threads))

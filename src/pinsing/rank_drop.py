@@ -159,6 +159,7 @@ def _steps(
     if blocked.any():
         B = np.where(blocked[:, None, :], 0.0, B)
         step = _damped(B, last, damping) * metric
+    step = np.where(mask, step, 0.0)  # not even by rounding
     size = np.linalg.norm(step / metric, axis=1, keepdims=True)
     step *= np.minimum(1.0, _MAX_STEP / np.maximum(size, 1e-300))
     slope = np.linalg.norm(B[:, 0], axis=1)

@@ -185,7 +185,7 @@ def at(
     ConfigurationError
         If q has the wrong length or is not finite.
     OptionError
-        Unless 0 <= rtol <= near_rtol < 1.
+        Unless 0 <= rtol <= near_rtol < 1; or if no joint ever moves the task.
     """
     if not 0 <= rtol <= near_rtol < 1:
         raise OptionError(f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}")

@@ -70,7 +70,7 @@ def load_npz(path: str | os.PathLike[str]) -> SweepResult:
         If the file is missing, damaged, or something else.
     """
     try:
-        with np.load(path, allow_pickle=False) as data:
+        with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
             arrays = {key: data[key] for key in data.files}
         header: dict[str, Any] = json.loads(str(arrays["header"]))
         bare = SweepResult.from_dict(header)

@@ -28,10 +28,9 @@ from pinsing.cli.output import emit, emit_json, say
     help="Joint values, base to tip: radians (pi/2 is understood) and metres.",
 )
 @click.option(
-    "--nominal",
+    "--nominal/--raw",
     "use_nominal",
-    is_flag=True,
-    help="On the nominal geometry: the rounded numbers of the file made exact.",
+    help="On the nominal geometry (rounding taken out), or on the file as it is.  [default: raw]",
 )
 @click.option("--rtol", type=float, metavar="RATIO", help="Singular at or below.  [default: 1e-9]")
 @click.option(

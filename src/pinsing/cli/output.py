@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinsing.report.files import check_writable, write_text
+from pinsing.files import check_writable, write_text
 from pinsing.report.text import safe
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ import click
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import STDOUT, OutputFile, emit, emit_json, emit_json_data, say
 from pinsing.errors import ChainError, OptionError
-from pinsing.report.files import check_writable, write_text
+from pinsing.files import check_writable, write_text
 from pinsing.report.text import Table
 
 

@@ -29,9 +29,65 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+RAW_ANGLE_TOL = 1e-10
+"""Radians: with --raw, only float noise is taken out of the angles that tests are run on."""
 
-def sweep_options(command: F) -> F:
-    """Add the options of the sweep; they reach the command as keyword arguments of `sweep`."""
+
+def geometry_options(command: F) -> F:
+    """Add ``--raw`` and ``--nominal``; the command gets ``geometry``: "raw", "nominal", "both"."""
+
+    @click.option("--raw", is_flag=True, help="Everything on the numbers of the file as they are.")
+    @click.option(
+        "--nominal", is_flag=True, help="Everything on the nominal geometry: rounding taken out."
+    )
+    @functools.wraps(command)
+    def wrapper(*args: Any, raw: bool, nominal: bool, **rest: Any) -> Any:
+        if raw and nominal:
+            raise OptionError("--raw and --nominal exclude each other")
+        return command(*args, geometry="raw" if raw else "nominal" if nominal else "both", **rest)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def algebra_options(command: F) -> F:
+    """Add the options of closed forms; the command gets those that were given as ``algebra``."""
+
+    @click.option("--seconds", type=float, metavar="S", help="Time for the algebra.  [default: 10]")
+    @click.option(
+        "--angle-tol",
+        type=float,
+        metavar="RAD",
+        help="Angles this near to a multiple of 90 degrees are put there.  [default: 0.002]",
+    )
+    @click.option(
+        "--snap-length",
+        type=float,
+        metavar="METRES",
+        help="Shorter lengths count as zero: noise of the model file.  [default: off]",
+    )
+    @functools.wraps(command)
+    def wrapper(
+        *args: Any,
+        seconds: float | None,
+        angle_tol: float | None,
+        snap_length: float | None,
+        **rest: Any,
+    ) -> Any:
+        asked = {"seconds": seconds, "angle_tol": angle_tol, "snap_length": snap_length}
+        return command(*args, algebra={k: v for k, v in asked.items() if v is not None}, **rest)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def sweep_options(quiet: bool = False) -> Callable[[F], F]:
+    """Add the options of the sweep; they reach the command as keyword arguments of `sweep`.
+
+    With ``quiet``, the notes of loading are left to the result, which repeats them.
+    """
+    return functools.partial(_with_sweep_options, quiet=quiet)
+
+
+def _with_sweep_options(command: F, *, quiet: bool) -> F:
 
     @click.option(
         "--nominal-q",
@@ -87,7 +143,7 @@ def sweep_options(command: F) -> F:
             chosen["joints"] = tuple(s.strip() for s in sweep_joints.split(",") if s.strip())
         if nominal_q is not None:
             parse_numbers(nominal_q, "--nominal-q", deg)
-        arm = request.load()
+        arm = request.load(quiet)
         if nominal_q is not None:
             chosen["nominal"] = joint_vector(arm, nominal_q, "--nominal-q", deg)
         return command(arm, chosen, deg=deg, **rest)
@@ -124,7 +180,8 @@ def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
 
 @click.command("sweep", short_help="The joint-angle parameterization method.")
 @arm_options
-@sweep_options
+@sweep_options()
+@geometry_options
 @click.option(
     "--out",
     type=OutputFile(dash=False),
@@ -137,6 +194,7 @@ def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
 def sweep_command(
     arm: Arm,
     chosen: dict[str, Any],
+    geometry: str,
     deg: bool,
     out: Path | None,
     json_target: str | Path | None,
@@ -150,17 +208,20 @@ def sweep_command(
     """
     from pinsing.find import singular_configurations
     from pinsing.result import encode
+    from pinsing.robot.nominal import nominal
     from pinsing.sweep import run_sweep
     from pinsing.sweep_file import save_npz
     from pinsing.sweep_plan import plan_sweep
 
-    plan = plan_sweep(arm, **chosen)
+    tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
+    swept = tests if geometry == "nominal" else arm
+    plan = plan_sweep(swept, **chosen, geometry=tests)
     say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
     with _progress_bar() as progress:
-        result = run_sweep(arm, plan, progress)
+        result = run_sweep(swept, plan, progress)
     if out is not None:
         say(f"wrote {save_npz(result, out)}")
-    findings = singular_configurations(arm, result)
+    findings = singular_configurations(swept, result, geometry=tests)
     data = {**result.to_dict(), "findings": encode(findings)}
     if not emit_json_data(data, json_target):
         emit(str(result))
@@ -175,13 +236,24 @@ def sweep_command(
 
 @click.command("analyze", short_help="Find all singular configurations.")
 @arm_options
-@sweep_options
+@sweep_options(quiet=True)
+@algebra_options
+@geometry_options
+@click.option(
+    "--random-starts",
+    type=click.IntRange(min=0),
+    metavar="N",
+    help="Random configurations refined as a third opinion.  [default: 300]",
+)
 @deg_option
 @json_option
 @fail_option
 def analyze_command(
     arm: Arm,
     chosen: dict[str, Any],
+    algebra: dict[str, Any],
+    geometry: str,
+    random_starts: int | None,
     deg: bool,
     json_target: str | Path | None,
     fail_if_singular: bool,
@@ -192,30 +264,29 @@ def analyze_command(
     """
     from pinsing.analysis import analyze
 
+    if random_starts is not None:
+        chosen["random_starts"] = random_starts
     with _progress_bar() as progress:
-        analysis = analyze(arm, progress=progress, **chosen)
+        analysis = analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
     if not emit_json(analysis, json_target):
         emit(str(analysis))
+    for problem in analysis.problems:
+        say(f"WARNING: {problem}")
+    if not analysis.sweep_complete:
+        return STOPPED
     return int(fail_if_singular and analysis.singular)
 
 
 @click.command("families", short_help="All families as equations.")
 @arm_options
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
-@click.option("--seconds", type=float, metavar="S", help="Time for the algebra.  [default: 10]")
-@click.option(
-    "--snap-length",
-    type=float,
-    metavar="METRES",
-    help="Take shorter lengths for zero: noise of the model file.  [default: off]",
-)
+@algebra_options
 @json_option
 @fail_option
 def families_command(
     request: RobotRequest,
     latex: bool,
-    seconds: float | None,
-    snap_length: float | None,
+    algebra: dict[str, Any],
     json_target: str | Path | None,
     fail_if_singular: bool,
 ) -> int:
@@ -224,11 +295,11 @@ def families_command(
     With --fail-if-singular, exits with 1 if any family is reachable within the joint limits.
     """
     arm = request.load()
+    from pinsing.analysis_text import families_text
     from pinsing.closed_form import closed_form
-    from pinsing.report.families import families_latex, families_text
+    from pinsing.report.latex import families_latex
 
-    asked = {"seconds": seconds, "snap_length": snap_length}
-    found = closed_form(arm, **{k: v for k, v in asked.items() if v is not None})
+    found = closed_form(arm, **algebra)
     if not emit_json(found, json_target):
-        emit(families_latex(found) if latex else families_text(found))
+        emit(families_latex(found) if latex else "\n".join(families_text(found)))
     return int(fail_if_singular and any(f.is_reachable for f in found.families))

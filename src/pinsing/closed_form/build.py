@@ -83,6 +83,11 @@ class ClosedForm(JsonResult):
         """The first family that has a point within ``tol`` of q (n,), if any."""
         return next((f for f in self.families if bool(f.contains(q, tol))), None)
 
+    def latex(self) -> str:
+        """All families as a LaTeX ``align*`` environment, every equation written out."""
+        rows = [rf"\text{{{f.name}:}}\quad & {f.latex}" for f in self.families]
+        return "\n".join([r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
+
     def __str__(self) -> str:
         state = "complete" if self.complete else "NOT complete: " + "; ".join(self.gaps)
         lines = [

@@ -76,10 +76,9 @@ def _and(conditions: list[str], latex: bool) -> str:
 
 
 def _write(equation: Equation, latex: bool) -> str:
-    if len(equation.cos) > _LONG:
+    if len(equation.cos) > _LONG and not latex:
         names = ", ".join(equation.joints[j] for j in equation.involved)
-        name = f"f({names}) = 0"
-        return name if latex else f"{name} [{len(equation.cos)} terms]"
+        return f"f({names}) = 0 [{len(equation.cos)} terms]"
     return equation.latex() if latex else equation.text()
 
 

@@ -212,7 +212,7 @@ def roots_of(equation: Equation) -> Array:
     """All values of its only joint at which an equation in one revolute joint is zero.
 
     The equation is a polynomial in e^(i q / 2) (or e^(i q)); its roots on the unit circle
-    are polished by Newton's method.
+    are polished by Newton's method, double ones on the derivative, where they are simple.
 
     Returns
     -------
@@ -236,13 +236,32 @@ def roots_of(equation: Equation) -> Array:
     free = np.zeros(q.shape[1], dtype=bool)
     free[joint] = True
     q, ok = project([equation], q, free)
-    angles = np.remainder(q[ok, joint], 2 * np.pi)
+    q = _polish_double(equation, joint, q[ok])
+    angles = np.remainder(q[:, joint], 2 * np.pi)
     angles = np.where(angles > np.pi, angles - 2 * np.pi, angles)
     kept: list[float] = []
     for angle in sorted(angles):
         if all(abs(np.remainder(angle - a + np.pi, 2 * np.pi) - np.pi) > 1e-6 for a in kept):
             kept.append(float(angle))
     return np.array(kept)
+
+
+def _polish_double(equation: Equation, joint: int, q: Array) -> Array:
+    """Roots q (k, n), those at which the slope vanishes too known to all digits.
+
+    The equation itself tells them to half of the digits only.
+    """
+    rate = equation.frequencies[:, joint] / 2
+    slope = replace(equation, cos=rate * equation.sin, sin=-rate * equation.cos)
+    size = float(slope.size)
+    double = np.flatnonzero(np.abs(slope(q)) <= 1e-5 * size)
+    free = np.arange(q.shape[1]) == joint
+    moved, ok = project([slope], q[double], free)
+    ok &= np.abs(moved[:, joint] - q[double, joint]) <= 1e-5
+    ok &= np.abs(equation(moved)) <= _ON * equation.size
+    q = q.copy()
+    q[double[ok]] = moved[ok]
+    return q
 
 
 def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:

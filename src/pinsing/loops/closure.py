@@ -18,6 +18,8 @@ from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Array
 from pinsing.robot.loops import Mechanism
 
+Mask = npt.NDArray[np.bool_]
+
 CLOSED = 1e-11
 """A residual (metres over the length scale, radians) up to this counts as closed."""
 
@@ -47,15 +49,28 @@ class Loops:
             anchor = kind(model, a.parentJoint, a.placement, b.parentJoint, b.placement)
             self._anchors.append((anchor, anchor.createData(), loop.rows))
             scales += [1 / mechanism.length_scale if i < 3 else 1.0 for i in range(loop.rows)]
+        joints = list(model.joints)[1:]
+        self._plain = np.array([j.idx_q for j in joints if j.nq == 1], dtype=int)
+        self._turning = np.array([j.idx_q for j in joints if j.nq == 2], dtype=int)
+        self._from = [np.array([j.idx_v for j in joints if j.nq == k], dtype=int) for k in (1, 2)]
+        self._nq = int(model.nq)
         self.row_scale = np.array(scales)
         self.column_scale = np.where(mechanism.prismatic, mechanism.length_scale, 1.0)
         self.task_scale = np.where(self._task < 3, 1 / mechanism.length_scale, 1.0)
+
+    def model_q(self, q: Array) -> Array:
+        """Pinocchio's configuration for q (n,), without checks."""
+        out = np.empty(self._nq)
+        out[self._plain] = q[self._from[0]]
+        angles = q[self._from[1]]
+        out[self._turning], out[self._turning + 1] = np.cos(angles), np.sin(angles)
+        return out
 
     def at(self, q: Array) -> tuple[Array, Array]:
         """Residual (k,) and constraint Jacobian (k, n) at q (n,), metres and radians."""
         model, data = self.mechanism.model, self._data
         # The order matters: without calc() the Jacobian is silently that of the last call.
-        pin.computeJointJacobians(model, data, self.mechanism.model_q(q))
+        pin.computeJointJacobians(model, data, self.model_q(q))
         residual, rows = [], []
         for anchor, store, count in self._anchors:
             anchor.calc(model, data, store)
@@ -72,7 +87,7 @@ class Loops:
         """Placement of the output frame and its task rows (m, n), metres and radians."""
         model, data = self.mechanism.model, self._data
         J = pin.computeFrameJacobian(
-            model, data, self.mechanism.model_q(q), self._output, pin.LOCAL_WORLD_ALIGNED
+            model, data, self.model_q(q), self._output, pin.LOCAL_WORLD_ALIGNED
         )
         placement = pin.updateFramePlacement(model, data, self._output)
         return pin.SE3(placement), np.array(J)[self._task]
@@ -123,7 +138,7 @@ def output_jacobian(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
 
 
 def gauss_newton(
-    loops: Loops, q: Array, free: Array, steps: int = 60, reach: float = np.inf
+    loops: Loops, q: Array, free: Mask, steps: int = 60, reach: float = np.inf
 ) -> tuple[Array, float]:
     """Close the loops by moving the ``free`` joints (mask) least: configuration and residual.
 
@@ -131,7 +146,7 @@ def gauss_newton(
     would jump between assembly modes.
     """
     q, best = q.copy(), np.inf
-    start = q.copy()
+    start, kept = q.copy(), q.copy()
     for _ in range(steps):
         error, G = loops.scaled(q)
         size = float(np.abs(error).max())
@@ -148,8 +163,8 @@ def gauss_newton(
             return kept, best
         if size <= 1e-15:
             break
-    error = float(np.abs(loops.scaled(q)[0]).max())
-    return (q, error) if error <= best else (kept, best)
+    last = float(np.abs(loops.scaled(q)[0]).max())
+    return (q, last) if last <= best else (kept, best)
 
 
 def ranks(mechanism: Mechanism) -> Ranks:
@@ -176,7 +191,10 @@ def ranks(mechanism: Mechanism) -> Ranks:
 
 
 def random_closed(
-    mechanism: Mechanism, count: int, rng: np.random.Generator, free: Array | None = None,
+    mechanism: Mechanism,
+    count: int,
+    rng: np.random.Generator,
+    free: Mask | None = None,
     start: Array | None = None,
 ) -> list[Array]:
     """Closed configurations that random starts lead to; joints not ``free`` stay at ``start``."""

@@ -102,8 +102,11 @@ class Dyad:
 
     def configuration(self, inputs: npt.ArrayLike, left: bool) -> Array:
         """All joints (..., n) of one assembly mode at inputs (..., n_a); NaN if infeasible."""
+        return self.at_pin(inputs, self.pin(inputs, left))
+
+    def at_pin(self, inputs: npt.ArrayLike, P: Array) -> Array:
+        """All joints (..., n) at inputs (..., n_a) whose rods reach for P (..., 2)."""
         inputs = np.asarray(inputs, dtype=float)
-        P = self.pin(inputs, left)
         q = np.zeros((*inputs.shape[:-1], self.mechanism.n))
         q[..., list(self.mechanism.actuated)] = inputs
         for side, B in zip(self.sides, self.ends(inputs), strict=True):
@@ -143,8 +146,8 @@ class Dyad:
                 if abs(far - side.rod_length) <= 1e-9 * side.rod_length:
                     options.append({side.pin: side.pin_sign * (away - side.rod_angle)})
             else:
-                l, d = side.crank_length, side.rod_length
-                cosine = (far**2 + l**2 - d**2) / (2 * far * l) if far > 0 else np.inf
+                length, rod = side.crank_length, side.rod_length
+                cosine = (far**2 + length**2 - rod**2) / (2 * far * length) if far > 0 else np.inf
                 if abs(cosine) <= 1 + _TOUCH:
                     bend = float(np.arccos(np.clip(cosine, -1, 1)))
                     for turn in (bend, -bend) if bend > 0 else (0.0,):
@@ -204,7 +207,7 @@ def _recognise(mechanism: Mechanism) -> Dyad | None:
     sides, used, heights = [], 0, []
     for name in (loop.frame_a, loop.frame_b):
         frame = frames[name]
-        path = []
+        path: list[int] = []
         joint = int(frame.parentJoint)
         while joint:
             path.insert(0, joint)

@@ -91,9 +91,7 @@ def feasible(mechanism: Mechanism, inputs: npt.ArrayLike) -> dict[str, tuple[Int
     }
 
 
-def intervals(
-    mechanism: Mechanism, found: Sequence[Trace], moving: int
-) -> tuple[Interval, ...]:
+def intervals(mechanism: Mechanism, found: Sequence[Trace], moving: int) -> tuple[Interval, ...]:
     """Union of what curves cover of the moving input."""
     index = mechanism.actuated[moving]
     pieces = []

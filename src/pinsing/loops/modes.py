@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing.loops.closure import CLOSED, Loops, gauss_newton, random_closed, ranks
+from pinsing.loops.closure import CLOSED, Loops, Mask, gauss_newton, random_closed, ranks
 from pinsing.robot.arm import Array
 from pinsing.robot.loops import Mechanism
 
@@ -123,7 +123,8 @@ def home(mechanism: Mechanism) -> Array:
         loops = Loops(mechanism)
         # The inputs stay as given if they can.
         passive = np.isin(np.arange(mechanism.n), mechanism.passive)
-        for free in (passive, np.ones(mechanism.n, dtype=bool)):
+        masks: tuple[Mask, Mask] = (passive, np.ones(mechanism.n, dtype=bool))
+        for free in masks:
             found, error = gauss_newton(loops, mechanism.home.copy(), free)
             if error <= CLOSED:
                 break
@@ -136,7 +137,7 @@ def home(mechanism: Mechanism) -> Array:
 
 
 def _rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
-    found = mechanism.__dict__.get("_assembly_rows")
+    found: tuple[list[int] | None, float] | None = mechanism.__dict__.get("_assembly_rows")
     if found is None:
         loops = Loops(mechanism)
         rank = ranks(mechanism).constraint
@@ -149,4 +150,4 @@ def _rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
             at_home = float(np.linalg.det(stack[0][np.ix_(rows, list(mechanism.passive))]))
             found = (rows, 1.0 if at_home >= 0 else -1.0)
         mechanism.__dict__["_assembly_rows"] = found
-    return found  # type: ignore[no-any-return]
+    return found

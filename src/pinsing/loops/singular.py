@@ -10,7 +10,7 @@ inputs but one held, and a velocity z of unit length with
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -28,6 +28,7 @@ from pinsing.robot.loops import Mechanism
 
 KINDS = ("type 1", "type 2", "constraint")
 _WORTH = 0.3
+_STEPS = 40
 _SAME = 1e-6
 
 
@@ -97,9 +98,7 @@ def refine(
     """
     q = mechanism.check(q)
     loops = Loops(mechanism)
-    system, start = _system(loops, q, kind, list(held))
-    solution = _solve(system, start)
-    found = solution[: mechanism.n] * loops.column_scale
+    found = _solve(_System(loops, q, kind, list(held)), q) * loops.column_scale
     return _point(loops, found, kind, held, rtol)
 
 
@@ -164,60 +163,84 @@ def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
     return out
 
 
-def _system(
-    loops: Loops, q: Array, kind: str, held: list[int]
-) -> tuple[Callable[[Array], Array], Array]:
-    """Residual function of (q, z), without units, and a start."""
-    mechanism = loops.mechanism
-    n, units = mechanism.n, loops.column_scale
-    anchor = (q / units)[held]
-    extra = 1 if kind != "constraint" else ranks(mechanism).mobility + 1
-    actuated = list(mechanism.actuated)
+class _System:
+    """The smooth system of (q, Z) that a kind of singularity solves, without units."""
 
-    def matrix(x: Array) -> tuple[Array, Array]:
-        error, G = loops.scaled(x * units)
-        if kind == "type 1":
-            return error, np.vstack([G, loops.output_scaled(x * units)])
-        if kind == "type 2":
-            return error, np.vstack([G, np.eye(n)[actuated]])
-        return error, G
+    def __init__(self, loops: Loops, q: Array, kind: str, held: list[int]) -> None:
+        mechanism = loops.mechanism
+        self.loops, self.kind, self.held = loops, kind, held
+        self.n = mechanism.n
+        self.anchor = (q / loops.column_scale)[held]
+        self.extra = 1 if kind != "constraint" else ranks(mechanism).mobility + 1
+        self._upper = np.triu_indices(self.extra)
+        self._actuated = np.eye(self.n)[list(mechanism.actuated)]
 
-    def residual(y: Array) -> Array:
-        error, M = matrix(y[:n])
-        Z = y[n:].reshape(n, extra)
-        unit = (Z.T @ Z - np.eye(extra))[np.triu_indices(extra)]
-        return np.concatenate([error, (M @ Z).ravel(), unit, y[:n][held] - anchor])
+    def matrix(self, x: Array) -> tuple[Array, Array, Array]:
+        """Closure error, constraint Jacobian, and the matrix whose null space is asked for."""
+        q = x * self.loops.column_scale
+        error, G = self.loops.scaled(q)
+        if self.kind == "type 1":
+            return error, G, np.vstack([G, self.loops.output_scaled(q)])
+        if self.kind == "type 2":
+            return error, G, np.vstack([G, self._actuated])
+        return error, G, G
 
-    x = q / units
-    Z = np.linalg.svd(matrix(x)[1])[2][-extra:].T
-    return residual, np.concatenate([x, Z.ravel()])
+    def start(self, q: Array) -> tuple[Array, Array]:
+        x = q / self.loops.column_scale
+        return x, np.linalg.svd(self.matrix(x)[2])[2][-self.extra :].T
+
+    def residual(self, x: Array, Z: Array) -> Array:
+        error, _, M = self.matrix(x)
+        unit = (Z.T @ Z - np.eye(self.extra))[self._upper]
+        return np.concatenate([error, (M @ Z).ravel(), unit, x[self.held] - self.anchor])
+
+    def jacobian(self, x: Array, Z: Array) -> Array:
+        """Exact but for the derivative of the Jacobians, which is a central difference."""
+        n, d, step = self.n, self.extra, 1e-5
+        error, G, M = self.matrix(x)
+        k, rows = len(error), M.shape[0] * d
+        J = np.zeros((k + rows + len(self._upper[0]) + len(self.held), n + n * d))
+        J[:k, :n] = G
+        for j, e in enumerate(np.eye(n)):
+            change = self.matrix(x + step * e)[2] - self.matrix(x - step * e)[2]
+            J[k : k + rows, j] = (change @ Z).ravel() / (2 * step)
+        J[k : k + rows, n:] = np.kron(M, np.eye(d))
+        for r, (a, b) in enumerate(zip(*self._upper, strict=True)):
+            row = np.zeros((n, d))
+            row[:, a] += Z[:, b]
+            row[:, b] += Z[:, a]
+            J[k + rows + r, n:] = row.ravel()
+        J[J.shape[0] - len(self.held) :, self.held] = np.eye(len(self.held))
+        return J
 
 
-def _solve(system: Callable[[Array], Array], y: Array) -> Array:
-    """Least squares, then Newton steps of least length: the system may be rank-deficient."""
-    from scipy.optimize import least_squares
-
-    y = least_squares(system, y, method="trf", xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=60).x
-    best = float(np.abs(system(y)).max())
-    for _ in range(8):
-        if best <= 1e-15:
+def _solve(system: _System, q: Array) -> Array:
+    """Damped Newton steps of least length: the system may have dependent or spare equations."""
+    x, Z = system.start(q)
+    value = system.residual(x, Z)
+    size, stalled = float(np.linalg.norm(value)), 0
+    for _ in range(_STEPS):
+        if size <= 1e-15 or stalled == 2:
             break
-        step = 1e-6
-        J = np.stack(
-            [(system(y + step * e) - system(y - step * e)) / (2 * step) for e in np.eye(len(y))],
-            axis=1,
-        )
-        new = y - np.linalg.lstsq(J, system(y), rcond=1e-8)[0]
-        size = float(np.abs(system(new)).max())
-        if not size < best:
+        step = np.linalg.lstsq(system.jacobian(x, Z), -value, rcond=1e-9)[0]
+        factor = min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
+        for _ in range(6):
+            x_new = x + factor * step[: system.n]
+            Z_new = Z + factor * step[system.n :].reshape(Z.shape)
+            value_new = system.residual(x_new, Z_new)
+            size_new = float(np.linalg.norm(value_new))
+            if size_new < size:
+                break
+            factor /= 3
+        else:
             break
-        y, best = new, size
-    return np.asarray(y)
+        # A minimum that is not zero is approached slowly: it is no singularity.
+        stalled = stalled + 1 if size_new > 0.9 * size else 0
+        x, Z, value, size = x_new, Z_new, value_new, size_new
+    return x
 
 
-def _point(
-    loops: Loops, q: Array, kind: str, held: Sequence[int], rtol: float
-) -> SingularPoint:
+def _point(loops: Loops, q: Array, kind: str, held: Sequence[int], rtol: float) -> SingularPoint:
     mechanism = loops.mechanism
     q = mechanism.fold(q)
     closure = float(np.abs(loops.scaled(q)[0]).max())

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing.errors import ConfigurationError
-from pinsing.loops.closure import CLOSED, Loops, gauss_newton, random_closed
+from pinsing.loops.closure import CLOSED, Loops, Mask, gauss_newton, random_closed
 from pinsing.loops.feasible import Interval, distinct, feasible
 from pinsing.loops.modes import home, mode_of
 from pinsing.result import JsonResult
@@ -81,7 +81,9 @@ class Solution(JsonResult):
     note: str
 
 
-def solve(mechanism: Mechanism, inputs: npt.ArrayLike, start: npt.ArrayLike | None = None) -> Solution:
+def solve(
+    mechanism: Mechanism, inputs: npt.ArrayLike, start: npt.ArrayLike | None = None
+) -> Solution:
     """Follow the passive joints from ``start`` (home by default) to new inputs (n_a,).
 
     Newton with continuation on the straight path of the inputs, in steps of at most 0.05 rad,
@@ -118,14 +120,12 @@ def follow(
             q, part, why = _walk(loops, q, target, actuated, free)
             lost = part < 1
         error = float(np.abs(loops.scaled(q)[0]).max())
-        out.append(
-            Solution(target, q.copy(), error, not lost, mode_of(mechanism, q), part, why)
-        )
+        out.append(Solution(target, q.copy(), error, not lost, mode_of(mechanism, q), part, why))
     return tuple(out)
 
 
 def _walk(
-    loops: Loops, q: Array, target: Array, actuated: list[int], free: Array
+    loops: Loops, q: Array, target: Array, actuated: list[int], free: Mask
 ) -> tuple[Array, float, str]:
     origin = q[actuated].copy()
     units = loops.column_scale[actuated]
@@ -150,7 +150,7 @@ def _walk(
     return q, 1.0, ""
 
 
-def _predict(loops: Loops, q: Array, move: Array, actuated: list[int], free: Array) -> Array:
+def _predict(loops: Loops, q: Array, move: Array, actuated: list[int], free: Mask) -> Array:
     G = loops.scaled(q)[1]
     passive = np.linalg.lstsq(G[:, free], -G[:, actuated] @ move, rcond=1e-11)[0]
     longest = float(np.abs(passive).max(initial=0.0))
@@ -179,7 +179,7 @@ def assemblies(
     inputs = mechanism.check_inputs(inputs)
     shape = planar_dyad(mechanism)
     if shape is not None:
-        found = list(shape.close(inputs))
+        found: list[Array] = list(shape.close(inputs))
     else:
         start = mechanism.home.copy()
         start[list(mechanism.actuated)] = inputs
@@ -189,7 +189,7 @@ def assemblies(
     if not found:
         raise InfeasibleError(mechanism, inputs, feasible(mechanism, inputs))
     loops = Loops(mechanism)
-    order = sorted(found, key=lambda q: (_order(mode_of(mechanism, q)), tuple(np.round(q, 6))))
+    order = sorted(found, key=lambda q: (_order(mode_of(mechanism, q)), np.round(q, 6).tolist()))
     return tuple(
         Solution(
             inputs, q, float(np.abs(loops.scaled(q)[0]).max()), True, mode_of(mechanism, q), 1.0, ""

@@ -97,7 +97,7 @@ class _Curve:
         self.held = np.eye(mechanism.n)[held]
         self.units = self.loops.column_scale
         turns = not mechanism.prismatic[self.index]
-        low, high = mechanism.lower[self.index], mechanism.upper[self.index]
+        low, high = float(mechanism.lower[self.index]), float(mechanism.upper[self.index])
         bounded = not (turns and high - low >= 2 * np.pi - 1e-9)
         self.low, self.high = (low, high) if bounded else (-np.inf, np.inf)
 

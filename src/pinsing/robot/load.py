@@ -278,7 +278,7 @@ def _build(
         name=whole.name,
         model=reduced,
         tip=tip,
-        base=base,
+        base=root_name(reduced) if base == "universe" else base,
         joints=tuple(independent),
         prismatic=prismatic[index],
         lower=lower if coupling is not None else lower[index],
@@ -298,6 +298,15 @@ def _build(
         ),
         coupling=coupling,
     )
+
+
+def root_name(model: pin.Model) -> str:
+    """Name of the root link, which sits where Pinocchio's universe does."""
+    for frame in model.frames:
+        at_origin = frame.parentJoint == 0 and frame.placement.isIdentity(0.0)
+        if at_origin and frame.type == pin.FrameType.BODY:
+            return str(frame.name)
+    return "universe"
 
 
 def _reference(model: pin.Model, mimics: Mapping[str, Follow]) -> Array:

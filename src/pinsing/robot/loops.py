@@ -11,7 +11,6 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -270,8 +269,9 @@ def _tree(
 ) -> tuple[pin.Model, Source, str, tuple[str, ...]]:
     if isinstance(robot, pin.Model):
         model = robot.copy()
-        label, path, xml, dirs, notes = "pin.Model", None, None, (), ()
-        name = model.name or "mechanism"
+        label, path, xml, name = "pin.Model", None, None, model.name or "mechanism"
+        dirs: tuple[Path, ...] = ()
+        notes: tuple[str, ...] = ()
     else:
         from pinsing.robot.catalog import CatalogEntry, locate_robot
         from pinsing.robot.description import read_description
@@ -290,7 +290,9 @@ def _tree(
         description.require_usable(j.name for j in description.joints if j.kind != "fixed")
         model = build_model(description)
         label, path, xml = os.fspath(robot), description.path, description.xml
-        dirs = tuple(dict.fromkeys([*(entry.package_dirs if entry else ()), *description.package_dirs]))
+        dirs = tuple(
+            dict.fromkeys([*(entry.package_dirs if entry else ()), *description.package_dirs])
+        )
         name, notes = description.name, description.notes
     source = Source(
         label=label,

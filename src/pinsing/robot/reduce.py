@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import pinocchio as pin
@@ -14,25 +15,20 @@ def lock_joints(model: pin.Model, lock: Sequence[int], reference: Array) -> pin.
     """Copy of ``model`` without the joints to lock, which stand as in ``reference`` (nq,).
 
     Pinocchio (``buildReducedModel``) looks for the frame of a joint by name alone: it gives up
-    where a link has the same name, where there is none, or where another frame comes first.
-    So every joint gets a frame, before all others, with a name of its own meanwhile.
+    where a link or a fixed joint has the same name, where there is none, or where another frame
+    comes first. So every joint gets a frame, before all others, and frames that share a name get
+    names of their own meanwhile.
     """
     model = model.copy()
     if not lock:
         return model
     _add_missing_joint_frames(model)
-    taken = [frame.name for frame in model.frames]
-    original = {}
-    for joint in range(1, model.njoints):
-        name = model.names[joint]
-        if taken.count(name) > 1:
-            original[f"{name} (joint)"] = name
-            _rename(model, joint, name, f"{name} (joint)")
+    original = _make_names_unique(model)
     reduced = pin.buildReducedModel(model, list(lock), reference)
     for joint in range(1, reduced.njoints):
-        name = reduced.names[joint]
-        if name in original:
-            _rename(reduced, joint, name, original[name])
+        reduced.names[joint] = original.get(reduced.names[joint], reduced.names[joint])
+    for frame in reduced.frames:
+        frame.name = original.get(frame.name, frame.name)
     return reduced
 
 
@@ -64,8 +60,19 @@ def _add_missing_joint_frames(model: pin.Model) -> None:
         model.frames[index] = frame
 
 
-def _rename(model: pin.Model, joint: int, old: str, new: str) -> None:
-    for frame in model.frames:
-        if frame.name == old and frame.type == pin.FrameType.JOINT:
-            frame.name = new
-    model.names[joint] = new
+def _make_names_unique(model: pin.Model) -> dict[str, str]:
+    """Rename frames that share a name, and the joints that are theirs; the old name of each new."""
+    count = Counter(frame.name for frame in model.frames)
+    original: dict[str, str] = {}
+    for index, frame in enumerate(model.frames):
+        old = frame.name
+        if count[old] == 1:
+            continue
+        new = f"{old} ({index})"
+        while new in count or new in original:
+            new += "'"
+        original[new] = old
+        frame.name = new
+        if frame.type == pin.FrameType.JOINT and model.names[frame.parentJoint] == old:
+            model.names[frame.parentJoint] = new
+    return original

@@ -10,6 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from pinsing.closed_form import joint_symbols
 from pinsing.kinematics import singular_values, tip_placement
 from pinsing.robot.arm import Arm, Array
 
@@ -109,11 +110,6 @@ def _same(a: float, b: float, slides: bool) -> bool:
 
 def _value(value: float, slides: bool) -> str:
     return f"{value:g} m" if slides else f"{round(math.degrees(value), 4):g}°"
-
-
-def joint_symbols(arm: Arm) -> tuple[str, ...]:
-    """``q1``, ``d3``, ...: joints by their place, sliders with a d."""
-    return tuple(f"{'d' if slides else 'q'}{i + 1}" for i, slides in enumerate(arm.prismatic))
 
 
 def family_entries(arm: Arm, families: Iterable[FamilyLike], poses: int = 3) -> tuple[Entry, ...]:

@@ -23,6 +23,7 @@ from pinsing.view.links import Links, base_placement, draw_links
 TRANSLATION = 0x0072B2
 ROTATION = 0xE69F00
 LOST = 0xC4187C
+HOT = 0xD55E00
 AXIS = 0x6B7280
 BONE = 0x9AA5B1
 DRUM = 0x5B6673
@@ -58,8 +59,8 @@ def draw_scene(root: Any, arm: Arm, links: Links, size: Sizes) -> tuple[str, ...
     _straight_arrow(node["lost/translation"], size.reach)
     _ring_arrow(node["lost/rotation"], size.reach)
     for k in range(ARROWS):
-        line = _Rod(4 * size.reach, 0.0022 * size.reach)
-        node[f"line/{k}"].set_object(line, mg.MeshBasicMaterial(color=LOST, opacity=0.75))
+        line = _Rod(4 * size.reach, 0.0016 * size.reach)
+        node[f"line/{k}"].set_object(line, mg.MeshBasicMaterial(color=LOST, opacity=0.5))
     tip = _Sphere(0.012 * size.reach)
     node["tip"].set_object(tip, mg.MeshPhongMaterial(color=0x111827))
     _floor(node["floor"], arm, size.reach)
@@ -86,24 +87,24 @@ def _darker(color: int) -> int:
 def _straight_arrow(node: Any, reach: float) -> None:
     """Double arrow along z: translations both ways are lost."""
     material = mg.MeshPhongMaterial(color=LOST)
-    half, head = 0.27 * reach, 0.06 * reach
-    node["shaft"].set_object(_Rod(2 * half, 0.006 * reach), material)
+    half, head = 0.22 * reach, 0.045 * reach
+    node["shaft"].set_object(_Rod(2 * half, 0.0045 * reach), material)
     for name, sign in (("up", 1.0), ("down", -1.0)):
-        node[name].set_object(_cone(head, 0.02 * reach, sign), material)
+        node[name].set_object(_cone(head, 0.014 * reach, sign), material)
         node[name].set_transform(_shift([0, 0, sign * (half + head / 2)]))
 
 
 def _ring_arrow(node: Any, reach: float) -> None:
     """Axis along z with a ring around it: rotations about it are lost."""
     material = mg.MeshPhongMaterial(color=LOST)
-    node["shaft"].set_object(_Rod(0.5 * reach, 0.005 * reach), material)
-    ring = _torus(0.13 * reach, 0.006 * reach)
+    node["shaft"].set_object(_Rod(0.34 * reach, 0.0035 * reach), material)
+    ring = _torus(0.085 * reach, 0.0045 * reach)
     node["ring"].set_object(ring, material)
     for k in range(2):
         angle = np.pi * k
         spin = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, angle), np.zeros(3)).homogeneous
-        lie = pin.SE3(pin.rpy.rpyToMatrix(-np.pi / 2, 0.0, 0.0), np.array([0.13 * reach, 0, 0]))
-        node[f"head{k}"].set_object(_cone(0.05 * reach, 0.019 * reach, 1.0), material)
+        lie = pin.SE3(pin.rpy.rpyToMatrix(-np.pi / 2, 0.0, 0.0), np.array([0.085 * reach, 0, 0]))
+        node[f"head{k}"].set_object(_cone(0.04 * reach, 0.014 * reach, 1.0), material)
         node[f"head{k}"].set_transform(spin @ lie.homogeneous)
 
 
@@ -131,8 +132,8 @@ def _axes(node: Any, arm: Arm, reach: float) -> None:
         axis, slides = joint_axis(arm.model.joints[j], arm.model.names[j])
         turn = _turn(axis)
         for name, color, length, radius in (
-            ("axis", AXIS, 0.16, 0.0035),
-            ("hot", LOST, 0.55, 0.006),
+            ("axis", AXIS, 0.15, 0.003),
+            ("hot", HOT, 0.42, 0.0045),
         ):
             material = mg.MeshPhongMaterial(color=color)
             here = node[f"{j}/{name}"]

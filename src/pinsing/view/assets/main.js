@@ -141,9 +141,11 @@ class App {
     else if (this.entry !== null) this.play(this.page.entries[this.entry].into ? "into" : "along");
   }
 
+  icon(shape) { $("play").querySelector("path").setAttribute("d", shape); }
+
   pause() {
     this.running = false;
-    $("play").textContent = "\u25b6";
+    this.icon("M4 3v10l9-5z");
   }
 
   resume() {
@@ -152,7 +154,7 @@ class App {
     let begin = Number($("scrub").value);
     if (kind === "into" && begin >= last) begin = 0;
     this.running = true;
-    $("play").textContent = "\u23f8";
+    this.icon("M4 3h3v10H4zM9 3h3v10H9z");
     const path = this.path;
     const started = performance.now() - (begin / 22) * 1000;
     const tick = (now) => {

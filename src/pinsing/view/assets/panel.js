@@ -24,7 +24,7 @@ function number(value) {
   if (value === "inf" || value === Infinity) return "\u221e";
   if (value === 0) return "0";
   const size = Math.abs(value);
-  if (size < 1e-3 || size >= 1e5) return value.toExponential(1).replace("e", "\u00b7e").replace("\u00b7e", "e");
+  if (size < 1e-3 || size >= 1e5) return value.toExponential(1);
   return String(Number(value.toPrecision(3)));
 }
 
@@ -35,8 +35,9 @@ class Panel {
     this.page = page;
     this.actions = actions;
     $("robot").textContent = page.robot.name;
+    $("chain").title = "base, tip, task, and the length scale L that translations are divided by";
     $("chain").textContent = `${page.robot.base} \u2192 ${page.robot.tip} \u00b7 ${page.joints.length} joints \u00b7 ` +
-      `task ${page.robot.task} \u00b7 length scale ${page.robot.lengthScale} m`;
+      `${page.robot.task} task \u00b7 L = ${page.robot.lengthScale} m`;
     this.keys();
     $("scale").textContent = `Ellipsoids at unit joint speed: 1 m/s is drawn ${number(page.settings.translation)} m long, ` +
       `1 rad/s ${number(page.settings.rotation)} m. Flat ones are drawn ${100 * page.settings.floor}% thick.`;
@@ -74,13 +75,15 @@ class Panel {
       row.hidden = true;
       for (let k = 0; k < entry.poses; k++) {
         if (entry.poses === 1) break;
-        const pose = make("button", "pose", `pose ${k + 1}`);
+        const pose = make("button", "pose", k ? String(k + 1) : "pose 1");
+        pose.title = `Pose ${k + 1} of ${entry.name}`;
         pose.addEventListener("click", () => this.actions.choose(index, k));
         row.append(pose);
       }
-      for (const [kind, words] of [["into", "\u25b6 into it"], ["along", "\u25b6 along it"]]) {
+      for (const [kind, words] of [["into", "\u25b6 into"], ["along", "\u25b6 along"]]) {
         if (!entry[kind]) continue;
         const play = make("button", `path ${kind}`, words);
+        play.title = kind === "into" ? "From a regular pose into this one" : "Along the family, singular all the way";
         play.addEventListener("click", () => this.actions.play(kind));
         row.append(play);
       }

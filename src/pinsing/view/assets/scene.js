@@ -11,8 +11,8 @@ class SceneView {
     const fullSize = V.set_3d_pane_size.bind(V);
     V.set_3d_pane_size = () => fullSize(element.clientWidth || 1, element.clientHeight || 1);
     new ResizeObserver(() => V.set_3d_pane_size()).observe(element);
-    V.set_property(["Background"], "top_color", [1, 1, 1]);
-    V.set_property(["Background"], "bottom_color", [0.89, 0.92, 0.95]);
+    V.set_property(["Background"], "top_color", [0.97, 0.98, 0.99]);
+    V.set_property(["Background"], "bottom_color", [0.77, 0.82, 0.87]);
     V.scene_tree.find(["Background"]).on_update();
     V.set_property(["Grid"], "visible", false);
     V.set_property(["Axes"], "visible", false);
@@ -34,6 +34,11 @@ class SceneView {
       this.viewer.handle_command_bytearray(bytes.subarray(at + 4, at + 4 + length));
       at += 4 + length;
     }
+    // Collada parts with several materials come merged as one group with a list of materials,
+    // which three.js does not draw: give them the first.
+    this.node("arm").traverse((o) => {
+      if (Array.isArray(o.material)) o.material = o.material.map((m) => (Array.isArray(m) ? m[0] : m));
+    });
     this.lights();
   }
 
@@ -80,7 +85,7 @@ class SceneView {
       this.node(`lost/${kind}`).visible = lost;
       if (lost) this.place(`lost/${kind}`, frame.tip, e.flat);
       if (lost && (kind === "translation" || !this.lostAt)) {
-        const up = new MeshCat.THREE.Vector3(0, 0, (kind === "translation" ? 0.34 : 0.26) * this.settings.reach);
+        const up = new MeshCat.THREE.Vector3(0, 0, (kind === "translation" ? 0.27 : 0.18) * this.settings.reach);
         up.applyQuaternion(new MeshCat.THREE.Quaternion(...e.flat));
         this.lostAt = [frame.tip[0] + up.x, frame.tip[1] + up.y, frame.tip[2] + up.z];
       }
@@ -100,34 +105,39 @@ class SceneView {
     if (this.frame) this.show(this.frame);
   }
 
-  // Everything of a frame that should be in the picture, in the base, z up.
-  points(frame) {
-    const out = [[0, 0, 0], frame.tip];
-    for (const p of frame.links) out.push(p.slice(0, 3));
-    const r = 0.3 * this.settings.reach;
-    for (let k = 0; k < 3; k++) for (const sign of [-1, 1]) {
-      const p = frame.tip.slice();
-      p[k] += sign * r;
-      out.push(p);
+  // Box, in the axes of three.js (y up), of the moving links, the base and the ellipsoids.
+  box(frame) {
+    const { Box3, Vector3 } = MeshCat.THREE;
+    const box = new Box3();
+    this.show(frame);
+    this.viewer.scene.updateMatrixWorld(true);
+    const yUp = ([x, y, z]) => new Vector3(x, z, -y);
+    box.expandByPoint(new Vector3(0, 0, 0));
+    for (const p of frame.links) box.expandByPoint(yUp(p));
+    const dressed = this.options.visual;
+    for (let j = 1; j <= frame.links.length; j++) {
+      box.expandByObject(this.node(`arm/${j}/${dressed ? "visual" : "bone"}`));
     }
-    return out;
+    const size = Math.max((this.lostAt ? 0.28 : 0.15) * this.settings.reach,
+      ...Object.values(frame.ellipsoids[this.options.mode]).map((e) => 0.8 * e.drawn[0]));
+    return box.union(new Box3().setFromCenterAndSize(yUp(frame.tip), new Vector3(2, 2, 2).multiplyScalar(size)));
   }
 
   fit(frames) {
-    const all = frames.flatMap((f) => this.points(f));
-    const low = [0, 1, 2].map((k) => Math.min(...all.map((p) => p[k])));
-    const high = [0, 1, 2].map((k) => Math.max(...all.map((p) => p[k])));
-    const centre = low.map((v, k) => (v + high[k]) / 2);
-    const radius = Math.max(...all.map((p) => Math.hypot(...p.map((v, k) => v - centre[k])))) || 1;
+    const shown = this.frame;
+    const some = frames.filter((_, i) => i % Math.ceil(frames.length / 8) === 0);
+    const box = some.map((f) => this.box(f)).reduce((a, b) => a.union(b));
+    if (shown) this.show(shown);
+    const centre = box.getCenter(new MeshCat.THREE.Vector3());
+    const radius = box.getSize(new MeshCat.THREE.Vector3()).length() / 2 || 1;
     const { camera, controls } = this.viewer;
     const aspect = Math.max(0.2, this.element.clientWidth / Math.max(1, this.element.clientHeight));
     const half = (camera.fov * Math.PI) / 360;
     const distance = radius / Math.sin(Math.min(half, Math.atan(Math.tan(half) * aspect)));
-    const side = [0.68, -0.62, 0.39];
-    const eye = centre.map((v, k) => v + 0.98 * distance * side[k]);
-    const yUp = ([x, y, z]) => [x, z, -y];
-    controls.target.set(...yUp(centre));
-    camera.position.set(...yUp(eye));
+    const side = new MeshCat.THREE.Vector3(0.74, 0.36, 0.57);
+    // A little down: the player covers the lower edge.
+    controls.target.set(centre.x, centre.y - 0.07 * radius, centre.z);
+    camera.position.copy(centre).addScaledVector(side, 0.96 * distance);
     camera.updateProjectionMatrix();
     controls.update();
     this.viewer.set_dirty();

@@ -1,0 +1,163 @@
+"""``pinsing view``: see an arm at its singular configurations."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
+from pinsing.cli.output import STDOUT, OutputFile, say
+from pinsing.errors import OptionError, ResultError
+
+if TYPE_CHECKING:
+    from pinsing.robot.arm import Arm
+    from pinsing.view.viewer import Viewer
+
+
+@click.command("view", short_help="See singular poses and velocity ellipsoids in a browser.")
+@arm_options
+@click.option(
+    "--q",
+    "poses",
+    multiple=True,
+    metavar="Q1,Q2,...",
+    help="Show this configuration, first in the list; repeatable.",
+)
+@click.option(
+    "--analysis",
+    type=click.Path(exists=True, dir_okay=False, path_type=Path),
+    metavar="FILE.json",
+    help="Families out of the JSON of `pinsing analyze` or `families`, not computed again.",
+)
+@click.option("--family", metavar="NAME", help="Show this family first, such as F2.")
+@click.option(
+    "--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids."
+)
+@click.option("--skeleton", is_flag=True, help="Without meshes: small pages.")
+@click.option("--html", type=OutputFile(), metavar="FILE", help="Write a page that needs no server.")
+@click.option("--png", type=OutputFile(), metavar="FILE", help="Write a picture (needs Chromium).")
+@click.option("--size", default="1200x900", show_default=True, metavar="WxH", help="Of the picture.")
+@click.option("--panel", is_flag=True, help="The picture shows the panel as well.")
+@click.option("--no-open", is_flag=True, help="Do not open a browser.")
+@click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
+@click.option("--port", type=click.IntRange(0, 65535), help="[default: first free from 7000 on]")
+@deg_option
+def view_command(
+    request: RobotRequest,
+    poses: tuple[str, ...],
+    analysis: Path | None,
+    family: str | None,
+    scale: float,
+    skeleton: bool,
+    html: str | Path | None,
+    png: str | Path | None,
+    size: str,
+    panel: bool,
+    no_open: bool,
+    host: str,
+    port: int | None,
+    deg: bool,
+) -> None:
+    """See ROBOT at its singular configurations: poses, ellipsoids, what motion is lost.
+
+    Opens a browser tab and serves it until Ctrl-C. With --html or --png, writes the file and
+    ends. What is served can be reached from this computer only, unless --host says otherwise.
+
+    Example: pinsing view ur5 --q 0,-90,90,0,0,0 --deg
+    """
+    for text in poses:
+        parse_numbers(text, "--q", deg)
+    picture = _size(size)
+    if STDOUT in (html, png):
+        raise OptionError("--html and --png need the name of a file")
+    arm = request.load()
+    from pinsing.view.server import is_loopback
+    from pinsing.view.viewer import Viewer
+
+    families = None if analysis is None else _read_families(analysis, arm)
+    if families is None:
+        from pinsing.closed_form import closed_form
+
+        found = closed_form(arm)
+        families = found.families
+        for gap in found.gaps:
+            say(f"note: the list may be incomplete: {gap}")
+    vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
+    with Viewer(
+        arm, families, vectors, scale=scale, skeleton=skeleton, host=host, port=port
+    ) as viewer:
+        for note in viewer.notes:
+            say(f"note: {note}")
+        if family is not None:
+            viewer.show_family(family)
+        if html is not None:
+            viewer.save_html(html)
+            say(f"wrote {html}")
+        if png is not None:
+            viewer.save_png(png, picture, panel)
+            say(f"wrote {png}")
+        if html is None and png is None:
+            if not is_loopback(host):
+                say(
+                    f"warning: listening on {host}: whoever can reach this computer over the "
+                    "network can see the arm and move it on the page"
+                )
+            _serve(viewer, no_open)
+
+
+def _serve(viewer: Viewer, no_open: bool) -> None:
+    """Stay until the user has seen enough."""
+    click.echo(viewer.url)
+    sys.stdout.flush()
+    if not no_open and not (_has_desktop() and viewer.open()):
+        say("no browser could be opened; open the address above in one")
+    say("press Ctrl-C to end")
+    try:
+        while True:
+            time.sleep(3600)
+    except KeyboardInterrupt:
+        say("ended")
+
+
+def _has_desktop() -> bool:
+    # Without one, Python would start a text browser in this very terminal.
+    if sys.platform.startswith("linux"):
+        return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return True
+
+
+def _size(text: str) -> tuple[int, int]:
+    width, cross, height = text.lower().partition("x")
+    if not (cross and width.isdigit() and height.isdigit()):
+        raise OptionError(f"--size {text!r} is not of the form 1200x900")
+    return int(width), int(height)
+
+
+def _read_families(path: Path, arm: Arm) -> tuple[Any, ...]:
+    """Families of a saved analysis or closed form, for the same arm."""
+    import json
+
+    from pinsing.closed_form import ClosedForm
+
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ResultError(f"{path}: not JSON: {' '.join(str(error).split())}") from None
+    part = data if isinstance(data, dict) else {}
+    if isinstance(part.get("closed_form"), dict):
+        part = {"schema": ClosedForm.schema, **part["closed_form"]}
+    try:
+        found = ClosedForm.from_dict(part)
+    except ResultError as error:
+        raise ResultError(f"{path}: {error}") from None
+    if found.arm.joints != arm.joints:
+        raise ResultError(
+            f"{path}: is of {found.arm.name} with joints {', '.join(found.arm.joints)}, "
+            f"not of this arm with {', '.join(arm.joints)}"
+        )
+    return found.families

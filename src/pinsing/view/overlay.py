@@ -1,0 +1,106 @@
+"""Axes, ellipsoids and lost motions drawn into a user's own meshcat visualizer."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing.errors import OptionError
+from pinsing.robot.arm import Arm, Array
+from pinsing.view.ellipsoids import Sizes
+from pinsing.view.frame import ARROWS
+from pinsing.view.links import Links, base_placement
+from pinsing.view.scene import draw_scene
+
+_HIDE = ("floor",)
+
+
+class Overlay:
+    """Keeps the node ``pinsing`` of a visualizer up to date.
+
+    Parameters
+    ----------
+    visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer
+        The former also displays the robot, if its model is the arm's or the one it came from.
+    arm : Arm
+        The arm.
+    size : Sizes
+        How large things are drawn.
+
+    Raises
+    ------
+    OptionError
+        If it is neither, or has no viewer yet.
+    """
+
+    def __init__(self, visualizer: Any, arm: Arm, size: Sizes) -> None:
+        root = getattr(visualizer, "viewer", visualizer)
+        if not hasattr(root, "set_transform"):
+            raise OptionError(
+                "visualizer must be a meshcat.Visualizer, or a MeshcatVisualizer after initViewer()"
+            )
+        self._arm, self._reach = arm, size.reach
+        self._display = getattr(visualizer, "display", None)
+        self._model = getattr(visualizer, "model", None)
+        draw_scene(root, arm, Links(None), size)
+        self._node = root["pinsing"]
+        self._node.set_transform(base_placement(arm).homogeneous)
+        for name in _HIDE:
+            self._node[name].set_property("visible", False)
+        for j in range(arm.model.njoints):
+            self._node[f"arm/{j}/bone"].set_property("visible", self._model is None)
+
+    def show(self, frame: dict[str, Any], q: Array, mode: str) -> None:
+        """Place everything as in a frame."""
+        node = self._node
+        self._move_robot(q)
+        joints = {name: i for i, name in enumerate(self._arm.joints)}
+        for j, place in enumerate(frame["links"], 1):
+            here = node[f"arm/{j}"]
+            here.set_transform(pin.XYZQUATToSE3(np.array(place)).homogeneous)
+            hot = joints.get(self._arm.model.names[j], -1) in frame["hot"]
+            here["axis"].set_property("visible", not hot)
+            here["hot"].set_property("visible", hot)
+        tip = frame["tip"]
+        node["tip"].set_transform(_place(tip, [0, 0, 0, 1]))
+        for kind, e in frame["ellipsoids"][mode].items():
+            seen = e["drawn"][0] > 0
+            node[f"ellipsoid/{kind}"].set_property("visible", seen)
+            if seen:
+                pose = _place(tip, e["turn"]) @ np.diag([*e["drawn"], 1.0])
+                node[f"ellipsoid/{kind}"].set_transform(pose)
+            node[f"lost/{kind}"].set_property("visible", e["flat"] is not None)
+            if e["flat"] is not None:
+                node[f"lost/{kind}"].set_transform(_place(tip, e["flat"]))
+        for k in range(ARROWS):
+            lost = frame["lost"][k] if k < len(frame["lost"]) else None
+            seen = lost is not None and lost["close"] and lost["kind"] in ("line", "screw")
+            node[f"line/{k}"].set_property("visible", seen)
+            if seen:
+                node[f"line/{k}"].set_transform(_place(lost["at"], lost["turn"]))
+
+    def _move_robot(self, q: Array) -> None:
+        if self._display is None or self._model is None:
+            return
+        arm, model = self._arm, self._model
+        if list(model.names) == list(arm.model.names):
+            self._display(arm.model_q(q))
+        elif list(model.names) == list(arm.source.full_model.names):
+            self._display(full_configuration(arm, q))
+
+
+def full_configuration(arm: Arm, q: Array) -> Array:
+    """Configuration of the model before joints were locked."""
+    full, values = arm.source.full_model, arm.model_q(q)
+    out: Array = np.array(arm.source.reference)
+    for j in range(1, arm.model.njoints):
+        here = arm.model.joints[j]
+        there = full.joints[full.getJointId(arm.model.names[j])]
+        out[there.idx_q : there.idx_q + there.nq] = values[here.idx_q : here.idx_q + here.nq]
+    return out
+
+
+def _place(position: list[float], turn: list[float]) -> Array:
+    return np.array(pin.XYZQUATToSE3(np.array([*position, *turn])).homogeneous)

@@ -1,0 +1,84 @@
+"""Pages out of parts: the live one in several files, the static one in a single file."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import json
+from functools import cache
+from importlib.resources import files
+from pathlib import Path
+from string import Template
+from typing import Any
+
+SCRIPTS = ("scene.js", "panel.js", "source.js", "main.js")
+
+# Nothing is ever fetched from elsewhere; meshcat adds styles, and textures as data.
+_LIVE_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+    "img-src 'self' data: blob:; connect-src 'self' data: blob: ws: wss:; worker-src blob:; "
+    "base-uri 'none'; form-action 'none'"
+)
+_STATIC_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; connect-src data: blob:; worker-src blob:; base-uri 'none'; "
+    "form-action 'none'"
+)
+
+
+@cache
+def asset(name: str) -> str:
+    """Text of a file that belongs to the page."""
+    return files("pinsing.view").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+@cache
+def meshcat_script() -> str:
+    """meshcat's own viewer, three.js included (MIT licence)."""
+    import meshcat
+
+    folder = Path(meshcat.__file__).parent / "viewer" / "dist"
+    return (folder / "main.min.js").read_text(encoding="utf-8")
+
+
+def script() -> str:
+    """Our part of the page's program."""
+    return "\n".join(asset(name) for name in SCRIPTS)
+
+
+def live_html(title: str) -> str:
+    """The page that fetches its parts from the server."""
+    return Template(asset("page.html")).substitute(
+        title=html.escape(title),
+        head=_policy(_LIVE_POLICY) + '\n<link rel="icon" href="data:,">',
+        style='<link rel="stylesheet" href="page.css">',
+        data="",
+        scripts='<script src="meshcat.js"></script>\n<script src="page.js"></script>',
+    )
+
+
+def static_html(title: str, page: dict[str, Any], scene: bytes) -> str:
+    """The page that opens from a file: poses, paths and meshes inside, compressed."""
+    text = json.dumps(page, separators=(",", ":"), allow_nan=False)
+    baked = [
+        f'<script id="{name}" type="application/octet-stream">{_packed(data)}</script>'
+        for name, data in (("baked-page", text.encode()), ("baked-scene", scene))
+    ]
+    scripts = [f"<script>\n{code}\n</script>" for code in (meshcat_script(), script())]
+    return Template(asset("page.html")).substitute(
+        title=html.escape(title),
+        head=_policy(_STATIC_POLICY) + '\n<link rel="icon" href="data:,">',
+        style=f"<style>\n{asset('page.css')}\n</style>",
+        data="\n".join(baked),
+        scripts="\n".join(scripts),
+    )
+
+
+def _policy(policy: str) -> str:
+    return f'<meta http-equiv="Content-Security-Policy" content="{policy}">'
+
+
+def _packed(data: bytes) -> str:
+    # mtime=0: the same arm gives the same bytes.
+    return base64.b64encode(gzip.compress(data, 9, mtime=0)).decode("ascii")

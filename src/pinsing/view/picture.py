@@ -1,0 +1,193 @@
+"""Pictures of a page, taken by a headless Chromium through its own debugging protocol."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import contextlib
+import json
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from pinsing.errors import OptionError, OutputError
+from pinsing.files import check_writable, replacing
+
+BROWSERS = (
+    "chromium",
+    "chromium-browser",
+    "google-chrome",
+    "google-chrome-stable",
+    "chrome",
+    "microsoft-edge",
+    "brave-browser",
+)
+"""Programs that are looked for, in this order; the variable CHROMIUM names another one."""
+
+_APPS = (
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    "/Applications/Chromium.app/Contents/MacOS/Chromium",
+)
+_SECONDS = 120.0
+
+
+def find_browser() -> str | None:
+    """Path of a Chromium or Chrome, None where there is none."""
+    for name in (os.environ.get("CHROMIUM", ""), *BROWSERS, *_APPS):
+        found = shutil.which(name) if name else None
+        if found:
+            return found
+    return None
+
+
+def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) -> None:
+    """Open a page without a window, wait until it is drawn, and write it as PNG.
+
+    Raises
+    ------
+    OptionError
+        If the size makes no sense.
+    OutputError
+        If there is no browser, the page does not come up, or the file cannot be written.
+    """
+    if not all(16 <= side <= 8192 for side in size):
+        raise OptionError(f"the size of a picture must be within 16 and 8192 pixels, got {size}")
+    path = check_writable(path)
+    browser = find_browser()
+    if browser is None:
+        raise OutputError(
+            f"cannot write {path}: a picture needs Chromium or Chrome, and none is installed "
+            "(apt install chromium, or name one in the variable CHROMIUM); "
+            "--html needs none"
+        )
+    # The profile may still be written to for a moment after the end.
+    with tempfile.TemporaryDirectory(prefix="pinsing-", ignore_cleanup_errors=True) as profile:
+        process = subprocess.Popen(
+            [browser, *_arguments(profile, size), "about:blank"],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )
+        try:
+            address = _debugging_address(process, Path(profile))
+            picture = _run(_capture(address, url, size))
+        finally:
+            process.kill()
+            process.communicate()
+    with replacing(path) as temporary:
+        temporary.write_bytes(picture)
+
+
+def _arguments(profile: str, size: tuple[int, int]) -> list[str]:
+    arguments = [
+        "--headless=new",
+        "--remote-debugging-port=0",
+        f"--user-data-dir={profile}",
+        f"--window-size={size[0]},{size[1]}",
+        "--use-gl=angle",
+        "--use-angle=swiftshader",
+        "--enable-unsafe-swiftshader",
+        "--hide-scrollbars",
+        "--mute-audio",
+        "--no-first-run",
+        "--no-default-browser-check",
+        "--disable-extensions",
+        "--disable-background-networking",
+        "--disable-component-update",
+        "--disable-sync",
+    ]
+    if hasattr(os, "geteuid") and os.geteuid() == 0:
+        arguments.append("--no-sandbox")  # Chromium refuses to start as root with it
+    return arguments
+
+
+def _debugging_address(process: subprocess.Popen[bytes], profile: Path) -> str:
+    """Wait for the file in which the browser says where it listens."""
+    file = profile / "DevToolsActivePort"
+    limit = time.monotonic() + 30
+    while time.monotonic() < limit:
+        if process.poll() is not None:
+            assert process.stderr is not None
+            said = process.stderr.read().decode(errors="replace").strip().splitlines()
+            raise OutputError(f"the browser ended at once: {said[-1] if said else 'no message'}")
+        with contextlib.suppress(OSError):
+            match = re.fullmatch(r"(\d+)\n(/\S+)\s*", file.read_text())
+            if match:
+                return f"ws://127.0.0.1:{match.group(1)}{match.group(2)}"
+        time.sleep(0.05)
+    raise OutputError("the browser did not start within 30 s")
+
+
+def _run(work: Any) -> bytes:
+    """Run a coroutine, also where a loop is already running (a notebook)."""
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(1) as pool:
+        return pool.submit(asyncio.run, asyncio.wait_for(work, _SECONDS)).result()
+
+
+class _Browser:
+    """A conversation with the browser: numbered questions, answers by number."""
+
+    def __init__(self, socket: Any) -> None:
+        self._socket, self._number = socket, 0
+
+    async def ask(self, method: str, session: str | None = None, **parameters: Any) -> Any:
+        self._number += 1
+        message: dict[str, Any] = {"id": self._number, "method": method, "params": parameters}
+        if session is not None:
+            message["sessionId"] = session
+        await self._socket.write_message(json.dumps(message))
+        while True:
+            text = await self._socket.read_message()
+            if text is None:
+                raise OutputError("the browser ended before the picture was taken")
+            answer = json.loads(text)
+            if answer.get("id") == self._number:
+                if "error" in answer:
+                    raise OutputError(f"the browser refused {method}: {answer['error']}")
+                return answer["result"]
+
+
+async def _capture(address: str, url: str, size: tuple[int, int]) -> bytes:
+    from tornado.websocket import websocket_connect
+
+    socket = await websocket_connect(address, max_message_size=256 * 1024 * 1024)
+    browser = _Browser(socket)
+    target = (await browser.ask("Target.createTarget", url="about:blank"))["targetId"]
+    session = (await browser.ask("Target.attachToTarget", targetId=target, flatten=True))[
+        "sessionId"
+    ]
+    await browser.ask(
+        "Emulation.setDeviceMetricsOverride",
+        session,
+        width=size[0],
+        height=size[1],
+        deviceScaleFactor=1,
+        mobile=False,
+    )
+    await browser.ask("Page.navigate", session, url=url)
+    limit = time.monotonic() + _SECONDS - 10
+    ready = (
+        "document.body && (document.body.dataset.ready || "
+        "(document.getElementById('busy')?.textContent.startsWith('The page cannot') && 'failed'))"
+    )
+    while True:
+        found = await browser.ask("Runtime.evaluate", session, expression=ready)
+        value = found["result"].get("value")
+        if value == "yes":
+            break
+        if value == "failed" or time.monotonic() > limit:
+            raise OutputError("the page did not come up in the browser")
+        await asyncio.sleep(0.1)
+    # Two frames later the last change is on the screen.
+    settle = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(1))))"
+    await browser.ask("Runtime.evaluate", session, expression=settle, awaitPromise=True)
+    shot = await browser.ask("Page.captureScreenshot", session, format="png")
+    socket.close()
+    return base64.b64decode(shot["data"])

@@ -1,0 +1,183 @@
+"""What a page asks for: frames at configurations, poses of the list, and paths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing.errors import OptionError
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.robot.arm import Arm, Array
+from pinsing.view.ellipsoids import FLOOR, Sizes
+from pinsing.view.entries import Entry
+from pinsing.view.frame import ARROWS, make_frame
+from pinsing.view.links import Links
+from pinsing.view.motion import along, into
+
+KINDS = ("into", "along")
+
+
+@dataclass
+class Stage:
+    """An arm with its list, at some configuration.
+
+    Attributes
+    ----------
+    arm : Arm
+        The arm.
+    entries : tuple of Entry
+        The list of the page.
+    links : Links
+        Its visual geometry.
+    sizes : Sizes
+        How large things are drawn.
+    skeleton : bool
+        Leave shapes out.
+    notes : tuple of str
+        What could not be drawn.
+    q : (n,) array
+        The configuration shown.
+    chosen : (entry, pose) or None
+        Where in the list that is.
+    """
+
+    arm: Arm
+    entries: tuple[Entry, ...]
+    links: Links
+    sizes: Sizes
+    skeleton: bool
+    notes: tuple[str, ...] = ()
+    q: Array = field(init=False)
+    chosen: tuple[int, int] | None = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.chosen = next(((i, 0) for i, e in enumerate(self.entries) if e.poses), None)
+        if self.chosen is not None:
+            self.q = self.entries[self.chosen[0]].poses[0]
+        else:
+            lower, upper = self.arm.span
+            self.q = (lower + upper) / 2
+
+    def frame(self, q: npt.ArrayLike) -> dict[str, Any]:
+        """Everything at q (n,)."""
+        return make_frame(self.arm, self.arm.check(q), self.sizes, self.entries)
+
+    def pose(self, entry: int, pose: int) -> dict[str, Any]:
+        """Everything at a pose of the list."""
+        return self.frame(self._pose(entry, pose))
+
+    def path(self, entry: int, pose: int, kind: str) -> list[dict[str, Any]]:
+        """Frames of a path into, or along, an entry; the verdict looks at this entry only."""
+        goal = self._pose(entry, pose)
+        if kind not in KINDS:
+            raise OptionError(f"unknown kind of path {kind!r}: into or along")
+        mine = self.entries[entry]
+        rows = (into if kind == "into" else along)(self.arm, mine, goal)
+        return [make_frame(self.arm, q, self.sizes, self.entries, near=[mine]) for q in rows]
+
+    def start(self) -> dict[str, Any]:
+        """What a page shows first."""
+        entry, pose = self.chosen if self.chosen is not None else (None, 0)
+        return {"frame": self.frame(self.q), "entry": entry, "pose": pose}
+
+    def page(self, live: bool) -> dict[str, Any]:
+        """The fixed part of a page."""
+        arm, sizes = self.arm, self.sizes
+        lower, upper = arm.span
+        names = list(arm.model.names)[1:]
+        columns = zip(arm.joints, self._symbols(), arm.prismatic, lower, upper, strict=True)
+        return {
+            "live": live,
+            "robot": {
+                "name": arm.name,
+                "base": arm.base,
+                "tip": arm.tip,
+                "task": str(arm.task),
+                "lengthScale": arm.length_scale,
+            },
+            "joints": [
+                {
+                    "name": name,
+                    "symbol": symbol,
+                    "prismatic": bool(slides),
+                    "lower": float(low),
+                    "upper": float(high),
+                }
+                for name, symbol, slides, low, high in columns
+            ],
+            "settings": {
+                "reach": sizes.reach,
+                "translation": float(f"{sizes.translation:.3g}"),
+                "rotation": float(f"{sizes.rotation:.3g}"),
+                "floor": FLOOR,
+                "mode": self._mode(),
+                "shapes": self.links.geometry is not None and not self.skeleton,
+                "bare": list(self.links.bare(arm)),
+                "jointOf": [arm.joints.index(n) if n in arm.joints else -1 for n in names],
+                "lines": ARROWS,
+            },
+            "entries": [_entry(e, self.arm.n) for e in self.entries],
+            "notes": list(self.notes),
+        }
+
+    def baked(self) -> dict[str, Any]:
+        """The whole of a page that has no program behind it."""
+        page = self.page(live=False)
+        frames = []
+        for index, (entry, data) in enumerate(zip(self.entries, page["entries"], strict=True)):
+            numbers = range(len(entry.poses))
+            found: dict[str, Any] = {"poses": [self.pose(index, k) for k in numbers]}
+            for kind in KINDS:
+                found[kind] = (
+                    [self.path(index, k, kind) for k in numbers] if data[kind] else []
+                )
+                data[kind] = any(found[kind])
+            frames.append(found)
+        return {**page, "frames": frames, "start": self.start()}
+
+    def _pose(self, entry: int, pose: int) -> Array:
+        for value, what in ((entry, "entry"), (pose, "pose")):
+            if isinstance(value, bool) or not isinstance(value, int):
+                raise OptionError(f"{what} is not a number of the list: {value!r}")
+        if not 0 <= entry < len(self.entries) or not 0 <= pose < len(self.entries[entry].poses):
+            raise OptionError(f"there is no pose {pose} of entry {entry}")
+        return self.entries[entry].poses[pose]
+
+    def _symbols(self) -> Sequence[str]:
+        from pinsing.closed_form import joint_symbols
+
+        return joint_symbols(self.arm)
+
+    def _mode(self) -> str:
+        """Pure motions, where they have volume at regular configurations of a pose task."""
+        if self.arm.task.name != "pose":
+            return "all"
+        from pinsing.kinematics import frame_jacobians
+        from pinsing.view.ellipsoids import pure_ellipsoids
+
+        rng = np.random.default_rng(0)
+        lower, upper = self.arm.span
+        for J in frame_jacobians(self.arm, rng.uniform(lower, upper, (4, self.arm.n))):
+            if all(e.radii[2] > SINGULAR_RTOL * max(e.radii[0], 1e-9) for e in pure_ellipsoids(J)):
+                return "pure"
+        return "all"
+
+
+def _entry(entry: Entry, n: int) -> dict[str, Any]:
+    moves = bool(entry.poses) and entry.family is not None
+    return {
+        "name": entry.name,
+        "text": entry.text,
+        "kind": entry.kind,
+        "codimension": entry.codimension,
+        "reason": entry.reason,
+        "lost": list(entry.lost),
+        "reachable": entry.reachable,
+        "poses": len(entry.poses),
+        "into": moves,
+        "along": moves and (entry.codimension is None or entry.codimension < n),
+    }

@@ -1,0 +1,258 @@
+"""Viewer: singular poses, ellipsoids and lost motions of an arm, in a browser tab."""
+
+from __future__ import annotations
+
+import html
+import webbrowser
+from collections.abc import Iterable
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing.errors import OptionError, UnknownNameError
+from pinsing.files import write_text
+from pinsing.robot.arm import Arm, Array
+from pinsing.view.ellipsoids import sizes
+from pinsing.view.entries import Entry, FamilyLike, family_entries, pose_entries
+from pinsing.view.links import Links, read_links
+from pinsing.view.overlay import Overlay
+from pinsing.view.page import static_html
+from pinsing.view.record import Recorder
+from pinsing.view.scene import draw_scene
+from pinsing.view.server import Server
+from pinsing.view.stage import Stage
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class Viewer:
+    """Shows an arm at singular configurations.
+
+    The page lists the families, plays motions, and has sliders; `show` and `show_family`
+    lead every open tab. A server is started when its address is first asked for (`url`,
+    `open`, or a notebook that displays the viewer), inside this process and on loopback only.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    families : iterable of Family, optional
+        What to list; by default all families of ``closed_form(arm)``, unless ``poses`` is
+        given.
+    poses : iterable of (n,) array_like, optional
+        Configurations to list, radians and metres.
+    visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer, optional
+        Draw into this one as well: axes, ellipsoids and lost motions below its node
+        ``pinsing``. One that displays the robot of the arm is moved along.
+    scale : float
+        Size of the ellipsoids; 1 is about a quarter of the reach.
+    skeleton : bool
+        Leave out meshes: small pages.
+    host, port : str, int
+        Where to listen; by default loopback, the first free port from 7000 on.
+
+    Examples
+    --------
+    >>> from pinsing.robot.load import load
+    >>> from pinsing.view import Viewer
+    >>> viewer = Viewer(load("stanford"), skeleton=True)
+    >>> viewer.show([0, 1, 0.3, 0, 0, 0])
+    >>> viewer.close()
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        families: Iterable[FamilyLike] | None = None,
+        poses: Iterable[npt.ArrayLike] | None = None,
+        *,
+        visualizer: Any = None,
+        scale: float = 1.0,
+        skeleton: bool = False,
+        host: str = "127.0.0.1",
+        port: int | None = None,
+    ) -> None:
+        if not (np.isfinite(scale) and scale > 0):
+            raise OptionError(f"scale must be a positive number, got {scale!r}")
+        self.arm = arm
+        if families is None and poses is None:
+            from pinsing.closed_form import closed_form
+
+            families = closed_form(arm).families
+        entries = (*pose_entries(arm, poses or ()), *family_entries(arm, families or ()))
+        size = sizes(arm, scale)
+        links = Links(None) if skeleton else read_links(arm)
+        recorder = Recorder()
+        notes = draw_scene(recorder.visualizer(), arm, links, size)
+        self._scene = recorder.packed()
+        self._stage = Stage(arm, entries, links, size, skeleton, notes)
+        self._overlay = None if visualizer is None else Overlay(visualizer, arm, size)
+        self._host, self._port = host, port
+        self._server: Server | None = None
+        if self._overlay is not None:
+            self._overlay.show(self._stage.frame(self._stage.q), self._stage.q, self._stage.page(False)["settings"]["mode"])
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """What the page lists."""
+        return self._stage.entries
+
+    @property
+    def q(self) -> Array:
+        """Configuration (n,) that was shown last, radians and metres."""
+        return self._stage.q.copy()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What could not be drawn."""
+        return self._stage.notes
+
+    def show(self, q: npt.ArrayLike) -> None:
+        """Move the arm, in every open tab, to q (n,), radians and metres.
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length or is not finite.
+        """
+        self._show(self.arm.check(q), None)
+
+    def show_family(self, family: FamilyLike | str | int, pose: int = 0) -> None:
+        """Move the arm to a pose of a family.
+
+        Parameters
+        ----------
+        family : Family, str or int
+            The family, its name, or its place in the list.
+        pose : int
+            Which of its poses, counted from 0.
+
+        Raises
+        ------
+        UnknownNameError
+            If the list has no such family.
+        OptionError
+            If it has no such pose within the limits.
+        """
+        index = self._index(family, pose)
+        self._show(self.entries[index].poses[pose], (index, pose))
+
+    def play(self, family: FamilyLike | str | int, kind: str = "into", pose: int = 0) -> None:
+        """Play a motion in every open tab: ``into`` the singular pose, or ``along`` the family."""
+        index = self._index(family, pose)
+        if kind not in ("into", "along"):
+            raise OptionError(f"unknown kind of path {kind!r}: into or along")
+        if self._server is not None:
+            self._server.send({"play": kind, "entry": index, "pose": pose})
+
+    def _show(self, q: Array, chosen: tuple[int, int] | None) -> None:
+        self._stage.q, self._stage.chosen = q, chosen
+        start = self._stage.start()
+        if self._server is not None:
+            self._server.send(start)
+        if self._overlay is not None:
+            self._overlay.show(start["frame"], q, self._stage.page(False)["settings"]["mode"])
+
+    def _index(self, family: FamilyLike | str | int, pose: int) -> int:
+        names = [e.name for e in self.entries]
+        if isinstance(family, int):
+            if not 0 <= family < len(names):
+                raise UnknownNameError("family", str(family), names)
+            index = family
+        else:
+            name = family if isinstance(family, str) else family.name
+            if name not in names:
+                raise UnknownNameError("family", name, names)
+            index = names.index(name)
+        if not 0 <= pose < len(self.entries[index].poses):
+            raise OptionError(
+                f"{names[index]} has {len(self.entries[index].poses)} poses within the limits; "
+                f"there is no pose {pose}"
+            )
+        return index
+
+    @property
+    def url(self) -> str:
+        """Address of the page; starts the server."""
+        if self._server is None:
+            self._server = Server(self._stage, self._scene, self._host, self._port)
+        return self._server.url
+
+    def open(self) -> bool:
+        """Open the page in the user's browser; tell whether there is one."""
+        return webbrowser.open(self.url, new=2)
+
+    def html(self) -> str:
+        """The page in one file, poses and paths inside, that needs no program behind it."""
+        return static_html(f"pinsing: {self.arm.name}", self._stage.baked(), self._scene)
+
+    def save_html(self, path: str | Path) -> None:
+        """Write `html` to a file.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+        """
+        write_text(path, self.html())
+
+    def save_png(
+        self, path: str | Path, size: tuple[int, int] = (1200, 900), panel: bool = False
+    ) -> None:
+        """Write a picture of what is shown; needs Chromium or Chrome.
+
+        Parameters
+        ----------
+        path : path-like
+            The file.
+        size : (int, int)
+            Width and height, pixels.
+        panel : bool
+            The page with its panel, in place of the arm alone.
+
+        Raises
+        ------
+        PictureError
+            If there is no Chromium, or it fails.
+        OutputError
+            If the file cannot be written.
+        """
+        from pinsing.view.picture import take_picture
+
+        take_picture(self.url + ("" if panel else "#picture"), path, size)
+
+    def close(self) -> None:
+        """Stop the server."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+    def jupyter_cell(self, height: int = 600) -> Any:
+        """The page as a notebook cell."""
+        from IPython.display import HTML
+
+        return HTML(self._iframe(height))
+
+    def _repr_html_(self) -> str:
+        return self._iframe(600)
+
+    def _iframe(self, height: int) -> str:
+        return (
+            f'<iframe src="{html.escape(self.url)}" style="width: 100%; height: {int(height)}px; '
+            'border: 1px solid #dfe4ea; border-radius: 6px"></iframe>'
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()

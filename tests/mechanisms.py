@@ -1,0 +1,137 @@
+"""Mechanisms that the tests share, and the paper's formulas of its 5R as an independent check."""
+
+from __future__ import annotations
+
+import functools
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing.robot.loops import Loop, Mechanism, load_mechanism
+
+URDF = Path(__file__).parent.parent / "urdf"
+R1, R2, R3 = 1.2, 1.0, 0.8
+
+
+@functools.cache
+def shipped(name: str) -> Mechanism:
+    """One of the mechanisms in ``urdf/``."""
+    return load_mechanism(URDF / f"{name}.urdf")
+
+
+def planar_tree(chains: dict[str, tuple[tuple[float, float], list[tuple[str, float]]]]) -> pin.Model:
+    """Planar chains of turning joints: per chain its pivot and (joint, length of its link).
+
+    The last link of chain ``c`` ends in frame ``c_end``; the root has a frame ``ground``.
+    """
+    model = pin.Model()
+    model.name = "planar"
+    model.addFrame(
+        pin.Frame("ground", 0, 0, pin.SE3(np.eye(3), np.array([0.4, 0, 0])), pin.FrameType.OP_FRAME)
+    )
+    for chain, (pivot, links) in chains.items():
+        parent, place = 0, pin.SE3(np.eye(3), np.array([*pivot, 0.0]))
+        for name, length in links:
+            parent = model.addJoint(parent, pin.JointModelRUBZ(), place, name)
+            place = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
+        model.addFrame(pin.Frame(f"{chain}_end", parent, 0, place, pin.FrameType.OP_FRAME))
+    return model
+
+
+def four_bar(
+    ground: float, crank: float, coupler: float, rocker: float, driven: str = "crank"
+) -> Mechanism:
+    """A four-bar whose output is the turning of the other side's link."""
+    model = planar_tree(
+        {
+            "one": ((0.0, 0.0), [("crank", crank), ("coupler", coupler)]),
+            "two": ((ground, 0.0), [("rocker", rocker)]),
+        }
+    )
+    if driven == "rocker":
+        # The crank's own link carries the output.
+        model.addFrame(
+            pin.Frame(
+                "crank_link",
+                model.getJointId("crank"),
+                0,
+                pin.SE3.Identity(),
+                pin.FrameType.OP_FRAME,
+            )
+        )
+    return from_model(
+        model,
+        [Loop("one_end", "two_end", "3d")],
+        [driven],
+        "crank_link" if driven == "rocker" else "two_end",
+        "wz",
+    )
+
+
+def from_model(
+    model: pin.Model, loops: list[Loop], actuated: list[str], output: str, rows: str
+) -> Mechanism:
+    """A mechanism without a side-car file."""
+    from pinsing.robot.arm import Source
+    from pinsing.robot.task import parse_task
+
+    joints = tuple(model.names)[1:]
+    n = len(joints)
+    return Mechanism(
+        name=model.name,
+        model=model,
+        joints=joints,
+        prismatic=np.zeros(n, dtype=bool),
+        lower=np.full(n, -np.inf),
+        upper=np.full(n, np.inf),
+        actuated=tuple(joints.index(name) for name in actuated),
+        loops=tuple(loops),
+        output=output,
+        task=parse_task(rows),
+        length_scale=1.0,
+        home=np.linspace(0.4, 1.1, n),
+        notes=(),
+        source=Source("test", None, None, (), model, (), pin.neutral(model), "universe"),
+    )
+
+
+def paper_point(q1: float, q2: float) -> tuple[float, float]:
+    """P of the paper's 5R as Section 3.2.3 prints it: the upper intersection."""
+    e = R1 * (np.sin(q1) - np.sin(q2)) / (2 * R3 + R1 * np.cos(q2) - R1 * np.cos(q1))
+    f = (
+        R1
+        * R3
+        * (np.cos(q1) + np.cos(q2))
+        / (2 * R3 + R1 * np.cos(q2) - R1 * np.cos(q1))
+    )
+    d = 1 + e**2
+    g = 2 * (e * f - e * R1 * np.cos(q1) + e * R3 - R1 * np.sin(q1))
+    h = (
+        f**2
+        - 2 * f * (R1 * np.cos(q1) - R3)
+        - 2 * R1 * R3 * np.cos(q1)
+        + R3**2
+        + R1**2
+        - R2**2
+    )
+    y = (np.sqrt(g**2 - 4 * d * h) - g) / (2 * d)
+    return e * y + f, y
+
+
+def paper_matrices(q1: float, q2: float) -> tuple[np.ndarray, np.ndarray]:
+    """(J_x, J_q) of paper Eq. (13), as printed."""
+    x, y = paper_point(q1, q2)
+    J_x = R1 * np.diag(
+        [
+            y * np.cos(q1) - (x + R3) * np.sin(q1),
+            y * np.cos(q2) + (-x + R3) * np.sin(q2),
+        ]
+    )
+    J_q = np.array(
+        [
+            [x + R3 - R1 * np.cos(q1), y - R1 * np.sin(q1)],
+            [x - R3 - R1 * np.cos(q2), y - R1 * np.sin(q2)],
+        ]
+    )
+    return J_x, J_q

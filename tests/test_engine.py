@@ -1,0 +1,92 @@
+"""The compiled kernel stands in for Pinocchio's loop only where it agrees with it."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pinsing import engine, kinematics
+from pinsing._batch import engine as kernel
+from pinsing.errors import EngineError, OptionError
+from pinsing.robot.load import load
+
+needs_kernel = pytest.mark.skipif(
+    not kernel.available(), reason=f"no compiled kernel: {kernel.unavailable_reason()}"
+)
+
+
+def configurations(arm, n=200):
+    return np.random.default_rng(1).uniform(-3, 3, (n, arm.n))
+
+
+@needs_kernel
+@pytest.mark.parametrize("name", ["stanford", "surgical7", "ur5", "panda", "kinova", "so101"])
+def test_engines_agree(name):
+    arm = load(name)
+    Q = configurations(arm)
+    batch = kinematics.frame_jacobians(arm, Q, engine="batch")
+    loop = kinematics.frame_jacobians(arm, Q, engine="pinocchio")
+    np.testing.assert_allclose(batch, loop, atol=1e-12)
+    sigma = kinematics.singular_values(arm, Q, engine="batch")
+    np.testing.assert_allclose(
+        sigma, kinematics.singular_values(arm, Q, engine="pinocchio"), atol=1e-13
+    )
+
+
+@needs_kernel
+@pytest.mark.parametrize("task", ["position", "orientation", "vx,vz,wy"])
+def test_engines_agree_on_tasks_and_length_scales(task):
+    arm = load("panda", task=task, length_scale=0.3)
+    Q = configurations(arm)
+    np.testing.assert_allclose(
+        kinematics.singular_values(arm, Q, engine="batch"),
+        kinematics.singular_values(arm, Q, engine="pinocchio"),
+        atol=1e-13,
+    )
+
+
+@needs_kernel
+def test_results_do_not_depend_on_threads_or_chunks():
+    arm = load("ur5")
+    Q = configurations(arm, 5000)
+    whole = kinematics.singular_values(arm, Q, threads=1)
+    np.testing.assert_array_equal(whole, kinematics.singular_values(arm, Q, threads=2))
+    parts = [kinematics.singular_values(arm, part) for part in np.array_split(Q, 7)]
+    np.testing.assert_array_equal(whole, np.concatenate(parts))
+    np.testing.assert_array_equal(whole[:1], kinematics.singular_values(arm, Q[:1]))
+
+
+@needs_kernel
+def test_a_kernel_that_differs_is_refused(monkeypatch):
+    arm = load("ur5")
+    honest = kernel.jacobians
+    monkeypatch.setattr(kernel, "jacobians", lambda *a, **k: honest(*a, **k) + 1e-11)
+    assert engine.batch_chain(arm) is None
+    assert "differs from Pinocchio" in engine.engine_name(arm)
+    with pytest.raises(EngineError, match="differs from Pinocchio"):
+        kinematics.frame_jacobians(arm, np.zeros((1, 6)), engine="batch")
+    J = kinematics.frame_jacobians(arm, np.zeros((1, 6)))[0]
+    np.testing.assert_array_equal(J, kinematics.frame_jacobian(arm, np.zeros(6)))
+
+
+def test_without_the_kernel_pinocchio_runs(monkeypatch):
+    monkeypatch.setattr(kernel, "unavailable_reason", lambda: "not built")
+    arm = load("ur5")
+    Q = configurations(arm, 3)
+    assert engine.engine_name(arm) == "Pinocchio and NumPy (not built)"
+    data = arm.model.createData()
+    for q, J in zip(Q, kinematics.frame_jacobians(arm, Q), strict=True):
+        expected = pin.computeFrameJacobian(arm.model, data, q, arm.tip_id, pin.LOCAL_WORLD_ALIGNED)
+        np.testing.assert_array_equal(J, expected)
+    assert kinematics.singular_values(arm, Q).shape == (3, 6)
+    with pytest.raises(EngineError, match="not built"):
+        kinematics.singular_values(arm, Q, engine="batch")
+
+
+def test_bad_options():
+    arm = load("ur5")
+    with pytest.raises(OptionError, match="unknown engine 'gpu'"):
+        kinematics.frame_jacobians(arm, np.zeros((1, 6)), engine="gpu")
+    with pytest.raises(OptionError, match="threads must be at least 1"):
+        kinematics.singular_values(arm, np.zeros((1, 6)), threads=0)

@@ -1,0 +1,205 @@
+"""Walks to singular configurations: they arrive, stay near, keep what is fixed, and the limits."""
+
+from __future__ import annotations
+
+import time
+
+import arms
+import numpy as np
+import pytest
+
+from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
+from pinsing.kinematics import generic_rank, singular_values
+from pinsing.rank_drop import approach, constraint_gradient
+from pinsing.refine import SingularConfiguration, describe, refine, refine_many, status_of
+
+ARMS = {
+    "stanford": lambda: arms.textbook("stanford"),
+    "surgical7": lambda: arms.textbook("surgical7"),
+    "puma560": lambda: arms.textbook("puma560"),
+    "irb1400": lambda: arms.textbook("irb1400"),
+    "iiwa14": lambda: arms.textbook("iiwa14"),
+    "ur5": arms.ur5,
+    "scara": lambda: arms.textbook("scara"),  # n < m
+    "planar3r": lambda: arms.textbook("planar3r"),  # r = n < m
+    "planar4r pose": lambda: arms.planar((1, 0.8, 0.5, 0.3), task="pose"),  # r < n < m
+    "planar4r position": lambda: arms.planar((1, 0.8, 0.5, 0.3)),  # r < m < n
+    "puma560 position": lambda: arms.textbook("puma560", task="position"),
+}
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_random_starts_all_arrive(name, rng):
+    """Machine accuracy from anywhere, S-R-S arms and every relation of m, n and r included."""
+    arm = ARMS[name]()
+    Q = rng.uniform(-1, 1, (100, arm.n)) * np.where(arm.prismatic, 0.5, np.pi)
+    end = approach(arm, Q)
+    assert end.converged.all()
+    assert end.singular.all()
+    assert np.median(end.ratio) < 1e-15
+    sigma = singular_values(arm, end.q)
+    np.testing.assert_array_less(sigma[:, -1], 1e-9 * sigma[:, 0])
+    # The second but last value tells that ranks are lost one by one, not by a collapse of J.
+    assert np.median(end.sigma[:, 0]) > 0.1
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_gradient_against_finite_differences(name, rng):
+    """First row of the equations: d sigma_r / dq = u' dJ v, where sigma_r is simple."""
+    arm = ARMS[name]()
+    q = rng.uniform(-1, 1, arm.n)
+    B, sigma = constraint_gradient(arm, q)
+    m, r = len(arm.task.rows), generic_rank(arm)
+    assert B.shape == (1, (m - r + 1) * (arm.n - r + 1), arm.n)
+    np.testing.assert_allclose(sigma, singular_values(arm, q), rtol=1e-12)
+    h = 1e-6
+    steps = h * np.eye(arm.n)
+    difference = singular_values(arm, q + steps) - singular_values(arm, q - steps)
+    np.testing.assert_allclose(B[0, 0], difference[:, -1] / (2 * h), atol=1e-8)
+
+
+def test_equations_are_the_schur_complement(rng):
+    """U0' J(q + dq) V0 at first order, all of it, against finite differences (r < m, n > r)."""
+    arm = arms.planar((1, 0.8, 0.5, 0.3), task="pose")
+    q = refine(arm, rng.uniform(-1, 1, arm.n), ignore_limits=True).q
+    B, sigma = constraint_gradient(arm, q)
+    # On the singular set the rank drops again along any tangent: B dq = 0 keeps sigma_r = 0.
+    _, s, Vt = np.linalg.svd(B[0])
+    tangent = Vt[int((s > 1e-9).sum()) :]
+    assert len(tangent) == 2
+    for d in tangent:
+        moved = singular_values(arm, q + 1e-4 * d)
+        assert moved[0, -1] < 1e-7 * sigma[0, 0]
+    for d in Vt[: arm.n - 2]:
+        assert singular_values(arm, q + 1e-4 * d)[0, -1] > 1e-6 * sigma[0, 0]
+
+
+def test_hundreds_are_refined_well_under_a_second(rng):
+    arm = arms.textbook("iiwa14")
+    Q = rng.uniform(-2, 2, (300, 7))
+    refine_many(arm, Q[:2])
+    began = time.perf_counter()
+    found = refine_many(arm, Q)
+    assert time.perf_counter() - began < 3.0  # 0.2 s on an idle core
+    assert all(c.singular for c in found)
+
+
+def test_stays_near_the_start():
+    arm = arms.textbook("puma560")
+    q = np.array([0.3, 0.4, -0.5, 0.7, 0.02, 0.9])
+    found = refine(arm, q)
+    assert found.status == "singular"
+    assert np.linalg.norm(found.q - q) < 0.03
+
+
+def test_double_zero_of_the_stanford_arm():
+    """det has d3 squared: sigma_min touches zero, where a plain Newton step halves the error."""
+    arm = arms.textbook("stanford")
+    found = refine(arm, [0.3, 0.8, 0.1, 0.7, 0.9, 0.2], fixed=["q1", "q2", "q4", "q5", "q6"])
+    assert found.singular
+    assert found.sigma_ratio < 1e-15
+    assert abs(found.q[2]) < 1e-7
+    assert found.iterations < 15
+
+
+def test_fixed_joints_stay(rng):
+    arm = arms.textbook("surgical7")
+    start = np.array([0.05, 0.1, 0.2, 0.8, 0.9, 0.3, 0.4])
+    found = refine(arm, start, fixed=["d1", "q3", "q4", "q5"])
+    assert found.singular
+    np.testing.assert_array_equal(found.q[[0, 2, 3, 4]], start[[0, 2, 3, 4]])
+    mask = np.ones(7, dtype=bool)
+    nothing = refine(arm, start, fixed=mask)
+    np.testing.assert_array_equal(nothing.q, start)
+    assert not nothing.singular
+    both = refine_many(arm, np.array([start, start]), fixed=np.array([mask, ~mask]))
+    assert [c.singular for c in both] == [False, True]
+
+
+def test_minimum_above_zero_is_near_singular():
+    """The valley beside q2 = q6 = 0 of an S-R-S arm, along q2: converged, and not singular."""
+    arm = arms.textbook("iiwa14")
+    others = [name for name in arm.joints if name != "q2"]
+    found = refine(arm, [0.1, 0.02, 0.4, 1.0, 0.6, 0.005, 0.1], fixed=others)
+    assert found.status == "near-singular"
+    assert found.converged
+    assert 1e-9 < found.sigma_ratio <= found.near_rtol
+    assert found.residual == found.sigma[-1]
+    grid = np.repeat([found.q], 401, axis=0)
+    grid[:, 1] += np.linspace(-0.1, 0.1, 401)
+    assert found.sigma[-1] <= singular_values(arm, grid)[:, -1].min() * (1 + 1e-6)
+    start = [0.1, 0.8, 0.4, 1.0, 0.6, 0.5, 0.1]
+    assert refine(arm, start, fixed=arm.joints).status == "regular"
+
+
+def test_limits_are_kept_where_that_is_possible(rng):
+    arm = arms.textbook("irb1400")  # its elbow families lie outside
+    low, high = arm.span
+    found = refine_many(arm, rng.uniform(low, high, (200, 6)))
+    assert sum(c.within_limits for c in found) > 150
+    assert all(c.singular for c in found)
+    inside = np.array([c.q for c in found if c.within_limits])
+    assert (inside >= arm.lower - 1e-12).all()
+    assert (inside <= arm.upper + 1e-12).all()
+
+
+def test_out_of_the_limits_if_there_is_nothing_inside():
+    arm = arms.planar((1.0, 0.8), limit=2.0)
+    narrow = refine(arm, [0.3, 1.9], fixed=["q1"])
+    assert narrow.within_limits  # q2 = 0 is inside
+    elbow = refine(arms.textbook("irb1400"), [0, 0.2, 1.2, 0, 0.9, 0], fixed=["q2", "q5"])
+    assert elbow.singular
+    assert not elbow.within_limits
+    assert "outside the joint limits" in str(elbow)
+
+
+def test_whole_turns_come_back():
+    arm = arms.ur5()
+    found = refine(arm, [0.1, 0.2, 0.05 + 2 * np.pi, 0.4, 0.9, 0.3])
+    assert found.singular
+    assert found.within_limits
+    assert (np.abs(found.q) <= arm.upper).all()
+
+
+def test_independent_of_the_batch(rng):
+    arm = arms.textbook("iiwa14")
+    Q = rng.uniform(-2, 2, (40, 7))
+    whole = approach(arm, Q)
+    parts = [approach(arm, Q[i : i + 7]) for i in range(0, 40, 7)]
+    np.testing.assert_array_equal(whole.q, np.concatenate([p.q for p in parts]))
+    np.testing.assert_array_equal(whole.iterations, np.concatenate([p.iterations for p in parts]))
+
+
+def test_json_round_trip(rng):
+    found = refine(arms.textbook("puma560"), [0.3, 0.4, -0.5, 0.7, 0.02, 0.9])
+    again = SingularConfiguration.from_json(found.to_json())
+    assert again.to_json() == found.to_json()
+    np.testing.assert_array_equal(again.lost, found.lost)
+    with pytest.raises(ResultError, match="schema"):
+        SingularConfiguration.from_json('{"schema": "pinsing/other/1"}')
+
+
+def test_text():
+    text = str(describe(arms.textbook("puma560"), [0.3, 0.4, -0.5, 0.7, 0.0, 0.9]))
+    assert text.startswith("singular at q1 = 0.3, q2 = 0.4")
+    assert "rank 5 of 6, interior" in text
+
+
+def test_status_words():
+    assert [status_of(x) for x in (0, 1e-9, 1e-8, 1e-2, 0.02)] == [
+        "singular",
+        "singular",
+        "near-singular",
+        "near-singular",
+        "regular",
+    ]
+
+
+def test_wrong_input():
+    arm = arms.textbook("puma560")
+    with pytest.raises(ConfigurationError, match="needs 6 values"):
+        refine(arm, [0, 0])
+    with pytest.raises(UnknownNameError, match="q55"):
+        refine(arm, np.zeros(6), fixed=["q55"])
+    with pytest.raises(OptionError, match="fixed"):
+        refine(arm, np.zeros(6), fixed=[1, 2])

@@ -1,0 +1,132 @@
+"""What is lost, and boundary or interior, on arms where the answer is known."""
+
+from __future__ import annotations
+
+import arms
+import numpy as np
+import pytest
+
+from pinsing.errors import ConfigurationError
+from pinsing.kinematics import (
+    generic_rank,
+    task_jacobian,
+    task_jacobians_and_derivatives,
+    tip_placement,
+)
+from pinsing.refine import refine
+from pinsing.second_order import classify, second_order, second_order_many
+
+PI = np.pi
+
+
+@pytest.mark.parametrize(
+    ("lengths", "q", "kind"),
+    [
+        ((1.0, 0.8), [0.3, 0.0], "boundary"),
+        ((1.0, 0.8), [0.3, PI], "boundary"),
+        ((1.0, 0.8, 0.5), [0.3, 0.0, 0.0], "boundary"),
+        ((1.0, 0.8, 0.5), [0.3, PI, 0.0], "interior"),
+        ((1.0, 0.8, 0.5), [0.3, 0.0, PI], "interior"),
+        # Folded with the first link longer than the others together: the inner boundary.
+        ((2.0, 0.8, 0.5), [0.3, PI, 0.0], "boundary"),
+    ],
+)
+def test_planar_arms(lengths, q, kind):
+    assert classify(arms.planar(lengths), q) == kind
+
+
+def test_planar_boundary_is_where_the_reach_ends():
+    """The kind agrees with what the tip really does: radii near the stretched pose."""
+    arm = arms.planar((1.0, 0.8, 0.5))
+    rng = np.random.default_rng(3)
+    for q, kind in (([0.3, 0.0, 0.0], "boundary"), ([0.3, PI, 0.0], "interior")):
+        far = np.linalg.norm(tip_placement(arm, np.array(q)).translation)
+        near = [
+            np.linalg.norm(tip_placement(arm, np.array(q) + 0.1 * d).translation) - far
+            for d in rng.standard_normal((200, 3))
+        ]
+        one_sided = max(near) <= 1e-12 or min(near) >= -1e-12
+        assert one_sided == (kind == "boundary") == (classify(arm, q) == "boundary")
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "kind"),
+    [
+        ("puma560", [0.3, 0.4, -0.5, 0.7, 0.0, 0.9], "interior"),  # wrist
+        ("stanford", [0.3, 0.8, 0.3, 0.7, 0.0, 0.2], "interior"),  # wrist
+        # The shoulder offset keeps the wrist off axis 1: the inside of a hollow cylinder.
+        ("stanford", [0.3, 0.0, 0.3, 0.7, 0.9, 0.2], "boundary"),
+        # Here the determinant only touches zero: no second order to decide by.
+        ("stanford", [0.3, 0.8, 0.0, 0.7, 0.9, 0.2], "undecided"),
+        # The elbow stretched. The upper arm may spin about itself: a kernel that changes nothing.
+        ("iiwa14", [0.3, 0.5, 0.3, 0.0, 0.9, 0.2, 0.2], "boundary"),
+        ("iiwa14", [0.3, 0.0, PI / 2, 0.7, 0.9, 0.2, 0.2], "interior"),
+        ("iiwa14", [0.3, 0.0, 0.5, 0.7, 0.5, 0.0, 0.2], "interior"),
+        ("scara", [0.1, 0.0, 0.1, 0.3], "boundary"),
+        ("planar3r", [0.1, 0.0, 0.5], "boundary"),
+    ],
+)
+def test_textbook_arms(name, q, kind):
+    assert classify(arms.textbook(name), q) == kind
+
+
+def test_elbow_and_shoulder():
+    puma, irb = arms.textbook("puma560"), arms.textbook("irb1400")
+    elbow = refine(puma, [0.3, 0.4, -1.5, 0.7, 0.9, 0.9], fixed=["q2", "q5"])
+    assert elbow.singular
+    assert elbow.kind == "boundary"
+    # The wrist centre on axis 1, moved there by the upper arm alone.
+    shoulder = refine(irb, [0.3, -0.6, -0.9, 0.7, 0.9, 0.9], fixed=["q3", "q5"], ignore_limits=True)
+    assert shoulder.singular
+    assert shoulder.kind == "interior"
+
+
+@pytest.mark.parametrize("name", ["puma560", "iiwa14", "scara", "planar3r", "stanford"])
+def test_null_spaces(name, rng):
+    """Lost directions and self-motions are orthonormal, and are what they are called."""
+    arm = arms.textbook(name)
+    for start in rng.uniform(-2, 2, (10, arm.n)):
+        found = refine(arm, start, ignore_limits=True)
+        J = task_jacobian(arm, found.q)
+        lost, N = found.lost, found.self_motion
+        assert lost.shape == (len(J), generic_rank(arm) - found.rank)
+        assert N.shape == (arm.n, arm.n - found.rank)
+        np.testing.assert_allclose(lost.T @ lost, np.eye(lost.shape[1]), atol=1e-12)
+        np.testing.assert_allclose(J.T @ lost, 0, atol=1e-9)
+        np.testing.assert_allclose(J @ N, 0, atol=1e-9)
+
+
+def test_lost_direction_leaves_out_what_is_never_there():
+    """A planar arm never moves along z: at a singularity it loses a direction of the plane."""
+    found = second_order(arms.textbook("planar3r"), [0.4, 0.0, 0.5])
+    assert found.rank == 2
+    assert found.lost.shape == (6, 1)
+    np.testing.assert_allclose(found.lost[[2, 3, 4], 0], 0, atol=1e-12)
+    regular = second_order(arms.textbook("planar3r"), [0.4, 0.7, 0.5])
+    assert regular.lost.shape == (6, 0)
+    assert regular.kind == "undecided"
+
+
+def test_second_order_form_is_the_second_derivative_of_the_tip():
+    """u' d2x along a self-motion, against finite differences of the forward kinematics."""
+    arm = arms.textbook("iiwa14", task="position")
+    q = refine(arm, [0.3, 0.4, 0.2, 0.05, 0.3, 0.1, 0.2], ignore_limits=True).q
+    found = second_order(arm, q)
+    u, H = found.lost[:, 0], task_jacobians_and_derivatives(arm, q)[1][0]
+    h = 1e-4
+    for n in found.self_motion.T:
+        x = [tip_placement(arm, q + s * h * n).translation for s in (-1, 0, 1)]
+        second = u @ (x[0] - 2 * x[1] + x[2]) / h**2
+        np.testing.assert_allclose(np.einsum("r,rij,i,j", u, H, n, n), second, atol=1e-6)
+
+
+def test_regular_configuration_is_refused():
+    with pytest.raises(ConfigurationError, match="regular"):
+        classify(arms.textbook("puma560"), [0.3, 0.4, 0.2, 0.7, 0.5, 0.9])
+
+
+def test_kind_does_not_depend_on_base_joint_and_batch(rng):
+    arm = arms.textbook("iiwa14")
+    Q = np.repeat([[0.3, 0.5, 0.3, 0.0, 0.9, 0.2, 0.2]], 8, axis=0)
+    Q[:, 0], Q[:, 6] = rng.uniform(-2, 2, (2, 8))
+    assert {found.kind for found in second_order_many(arm, Q)} == {"boundary"}

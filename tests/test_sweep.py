@@ -1,0 +1,343 @@
+"""The paper's method: plan, levels, pruning, curves, interruption, files."""
+
+from __future__ import annotations
+
+import itertools
+import signal
+import time
+
+import arms
+import numpy as np
+import pytest
+
+from pinsing.errors import ConfigurationError, OptionError, OutputError, ResultError
+from pinsing.errors import UnknownNameError as NoName
+from pinsing.kinematics import singular_values
+from pinsing.sweep import SweepResult, run_sweep, sweep
+from pinsing.sweep_file import load_npz, save_npz
+from pinsing.sweep_plan import SweepPlan, plan_sweep
+
+PI = np.pi
+PAPER = [0.3, *[PI / 3] * 6]
+
+
+@pytest.fixture(scope="module")
+def stanford():
+    return sweep(arms.textbook("stanford"))
+
+
+@pytest.fixture(scope="module")
+def surgical():
+    """As in the paper: d1 = 0.3, outside its own range."""
+    return sweep(arms.textbook("surgical7"), nominal=PAPER, ignore_limits=True)
+
+
+def sets(result):
+    """Forced sets as frozensets of (joint, value in units of pi)."""
+    return {
+        frozenset((name, round(value / PI, 9)) for name, value in fixed.items())
+        for fixed in result.plan.forced
+    }
+
+
+def test_stanford_as_in_the_paper(stanford):
+    """Section 3.2.1: pi/3 and d3 = 0.3; q1 and q6 without effect; the three families."""
+    plan = stanford.plan
+    np.testing.assert_allclose(plan.nominal, [PI / 3, PI / 3, 0.3, PI / 3, PI / 3, PI / 3])
+    assert plan.nominal_origin == "pi/3"
+    assert plan.nominal_sigma[-1] == pytest.approx(0.16316, abs=1e-5)
+    assert [e.joint for e in plan.effects if not e.swept] == ["q1", "q6"]
+    assert all(e.change < 1e-12 for e in plan.effects if not e.swept)
+    assert min(e.change for e in plan.effects if e.swept) > 0.01
+    assert sets(stanford) == {
+        frozenset({("q2", 0.0)}),
+        frozenset({("q2", 1.0)}),
+        frozenset({("d3", 0.0)}),
+        frozenset({("q5", 0.0)}),
+        frozenset({("q5", 1.0)}),
+    }
+
+
+def test_all_joints_at_each_special_value(stanford):
+    """Step (2): singular at 0 and pi, sigma_min = 0.209 at pi/2 as the paper has it."""
+    rows = {round(row.value / PI, 6): row for row in stanford.uniform}
+    assert set(rows) == {0.0, 0.5, -0.5, 1.0}
+    assert rows[0.5].sigma_min == pytest.approx(0.209, abs=1e-4)
+    assert rows[0.5].status == "regular"
+    assert rows[0.0].status == rows[1.0].status == "singular"
+    arm = arms.textbook("stanford")
+    sigma = singular_values(arm, np.where(arm.prismatic, 0.3, PI / 2))[0]
+    assert rows[0.5].sigma_min == pytest.approx(sigma[-1], rel=1e-12)
+
+
+def test_surgical_arm_minimal_sets(surgical):
+    """q4 in {0, pi}; {q2, q3} in {0, pi}^2; and none that is not minimal."""
+    assert surgical.plan.nominal_sigma[-1] == pytest.approx(0.061141, abs=1e-6)
+    expected = {frozenset({("q4", v)}) for v in (0.0, 1.0)}
+    expected |= {
+        frozenset({("q2", a), ("q3", b)}) for a, b in itertools.product((0.0, 1.0), repeat=2)
+    }
+    assert sets(surgical) == expected
+    left_out = {e.joint: e.reason for e in surgical.plan.effects if not e.swept}
+    assert set(left_out) == {"d1", "q7"}
+    rows = {round(row.value / PI, 6): row for row in surgical.uniform}
+    assert rows[0.5].sigma_min == pytest.approx(0.040744, abs=1e-6)
+
+
+@pytest.mark.parametrize("levels", [1, 2, 3])
+def test_pruned_and_whole_sweeps_agree(levels):
+    """Pruning leaves out exactly the sets that contain a forced one, and finds the same."""
+    arm = arms.textbook("surgical7")
+    whole = plan_sweep(arm, levels=levels, prune=False)
+    pruned = plan_sweep(arm, levels=levels)
+    assert whole.forced == pruned.forced
+    forced = [frozenset(f.items()) for f in whole.forced]
+
+    def listed(plan):
+        return {
+            frozenset((arm.joints[j], v) for j, v in zip(js, vs, strict=True))
+            for level in plan.levels
+            for js, vs in zip(level.joints.tolist(), level.values.tolist(), strict=True)
+        }
+
+    left_out = listed(whole) - listed(pruned)
+    assert all(any(f < s for f in forced) for s in left_out)
+    assert not any(f < s for f in forced for s in listed(pruned))
+
+
+def test_counts_without_pruning():
+    """The numbers of the paper's scheme: C(5, k) 4^k sets, each with 5 - k moving joints."""
+    plan = plan_sweep(arms.textbook("surgical7"), levels=4, prune=False, samples=50)
+    expected = [(5, 1), (10, 2), (10, 3), (5, 4)]
+    assert [len(p.values) for p in plan.levels] == [c * 4**k for c, k in expected]
+    curves = 7 + sum(c * 4**k * (5 - k) for c, k in expected)
+    assert plan.n_curves == curves
+    assert plan.n_jacobians == curves * 50 + 4
+    assert f"{plan.n_jacobians:,} Jacobians" in str(plan)
+
+
+def test_plan_counts_what_is_run(stanford):
+    assert len(stanford.curves) == stanford.plan.n_curves
+    samples = sum(len(c.sigma_min) for c in stanford.curves)
+    assert samples + len(stanford.uniform) == stanford.plan.n_jacobians
+    assert stanford.complete
+
+
+def test_curves_are_sigma_min_along_the_joint(stanford, rng):
+    arm = arms.textbook("stanford")
+    for curve in rng.choice(np.array(stanford.curves, dtype=object), 8, replace=False):
+        Q = np.repeat(stanford.plan.nominal[None], 181, axis=0)
+        for name, value in curve.fixed.items():
+            Q[:, arm.joints.index(name)] = value
+        Q[:, curve.moving] = curve.x
+        sigma = singular_values(arm, Q)
+        np.testing.assert_array_equal(curve.sigma_min, sigma[:, -1])
+        np.testing.assert_allclose(curve.sigma_ratio, sigma[:, -1] / sigma[:, 0], rtol=1e-15)
+        assert curve.level == len(curve.fixed)
+        low, high = arm.span[0][curve.moving], arm.span[1][curve.moving]
+        assert (curve.x[0], curve.x[-1]) == (low, high)
+
+
+def test_forced_curves_are_flat_and_no_others(stanford):
+    for curve in stanford.curves:
+        assert (curve.sigma_ratio.max() <= 1e-9) == curve.forced
+
+
+def test_curve_look_up(stanford):
+    """The paper's Figures 2 to 4: level 0 for q1 and q6; q2 = -pi is q2 = pi."""
+    flat = stanford.curve({}, "q6")
+    assert np.ptp(flat.sigma_min) < 1e-14
+    assert stanford.curve({"q2": -PI}, "q4") is stanford.curve({"q2": PI}, 3)
+    with pytest.raises(NoName, match="q9"):
+        stanford.curve({"q9": 0.0}, "q4")
+    with pytest.raises(OptionError, match="q2 = 0, q4 = 0"):
+        stanford.curve({"q2": 0.0, "q4": 0.0}, "q5")
+
+
+def test_prune_false_keeps_what_the_figures_need():
+    """Figure 8a: q2 = q3 = 0 while q5 moves; and supersets such as q2 = q3 = q4 = 0."""
+    result = sweep(
+        arms.textbook("surgical7"), PAPER, levels=[2, 3], ignore_limits=True, prune=False
+    )
+    assert result.curve({"q2": 0.0, "q3": 0.0}, "q5").sigma_ratio.max() < 1e-12
+    assert result.curve({"q2": 0.0, "q3": 0.0, "q4": 0.0}, "q5").level == 3
+    assert not any(c.level == 1 for c in result.curves)
+
+
+@pytest.mark.parametrize(
+    ("make", "expected"),
+    [
+        (
+            arms.ur5,
+            {("elbow_joint", 0.0), ("elbow_joint", 1.0)}
+            | {("wrist_2_joint", 0.0), ("wrist_2_joint", 1.0)},
+        ),
+        (lambda: arms.textbook("planar3r"), {("q2", 0.0), ("q2", 1.0)}),
+    ],
+)
+def test_other_arms(make, expected):
+    assert sets(sweep(make())) == {frozenset({pair}) for pair in expected}
+
+
+def test_iiwa_forced_sets_and_negatives():
+    """S-R-S: no false single angles, such as q2 = 0 alone, q6 = 0 alone, (q3, q5) = 0."""
+    result = sweep(arms.textbook("iiwa14"))
+    pairs = [("q2", "q3"), ("q6", "q5")]
+    expected = {frozenset({("q4", 0.0)}), frozenset({("q2", 0.0), ("q6", 0.0)})}
+    expected |= {frozenset({(a, 0.0), (b, v)}) for a, b in pairs for v in (0.5, -0.5)}
+    assert sets(result) == expected
+    for fixed in ({"q2": 0.0}, {"q6": 0.0}, {"q3": 0.0, "q5": 0.0}, {"q2": 0.0, "q3": 0.0}):
+        for moving in {"q2", "q3", "q4", "q5", "q6"} - set(fixed):
+            assert result.curve(fixed, moving).sigma_ratio.max() > 1e-3
+    assert "outside the limits" in " ".join(result.notes)  # 180 deg of every joint
+    assert not any(abs(v) > 3 for c in result.curves for v in c.fixed.values())
+
+
+def test_joint_ranges_and_limits():
+    arm = arms.textbook("puma560")
+    inside, whole = plan_sweep(arm), plan_sweep(arm, ignore_limits=True)
+    assert inside.nominal_origin == "random"  # pi/3 is outside the limits of q3
+    assert arm.within_limits(inside.nominal)
+    for effect, low, high in zip(inside.effects, arm.lower, arm.upper, strict=True):
+        assert effect.range[0] >= low - 1e-12
+        assert effect.range[1] <= high + 1e-12
+        assert ((effect.special >= low) & (effect.special <= high)).all()
+        assert effect.range[1] - effect.range[0] <= 2 * PI + 1e-12
+    assert whole.nominal_origin == "pi/3"
+    assert all(np.ptp(e.range) == pytest.approx(2 * PI) for e in whole.effects)
+    assert inside.effects[2].special.tolist() == [0.0, PI / 2 - PI, -PI]  # q3 in [-225, 45] deg
+
+
+def test_prismatic_joints_have_their_own_values():
+    plan = plan_sweep(arms.textbook("scara"))
+    assert plan.effects[2].special.tolist() == [0.0, 0.105]
+    assert plan.effects[2].reason == "does not change sigma_min"
+    assert plan_sweep(arms.textbook("stanford")).effects[2].special.tolist() == [0.0]
+
+
+def test_last_joint_of_a_bent_tool_is_left_out_for_the_pose_only():
+    """It changes sigma_min, but never the rank."""
+    pose = plan_sweep(arms.textbook("planar3r"))
+    assert pose.effects[2].change > 0.01
+    assert not pose.effects[2].swept
+    assert plan_sweep(arms.planar((1.0, 0.8, 0.5))).effects[2].swept
+
+
+def test_special_values_by_joint_and_subsets():
+    arm = arms.textbook("iiwa14")
+    plan = plan_sweep(arm, special={"q2": [0.5], "q4": [0.0, 1.0]}, joints=["q2", "q4"], levels=2)
+    assert [e.joint for e in plan.effects if e.swept] == ["q2", "q4"]
+    assert [len(p.values) for p in plan.levels] == [3, 1]  # {q2, q4 = 0} is pruned
+    assert plan.forced == ({"q4": 0.0},)
+    small = sweep(arm, special=(0.0, PI / 2), levels=[1], samples=11)
+    assert {v for c in small.curves for v in c.fixed.values()} == {0.0, PI / 2}
+
+
+def test_same_seed_same_bits_whatever_the_chunk(monkeypatch):
+    arm = arms.textbook("puma560")
+    one = sweep(arm, seed=3, samples=31)
+    monkeypatch.setattr("pinsing.sweep._CHUNK", 100)
+    two = sweep(arm, seed=3, samples=31)
+    assert one.to_json() == two.to_json()
+    assert sweep(arm, seed=4, samples=31).plan.nominal.tolist() != one.plan.nominal.tolist()
+
+
+def test_progress_and_interruption():
+    arm = arms.textbook("surgical7")
+    plan = plan_sweep(arm)
+    calls: list[tuple[int, int]] = []
+    whole = run_sweep(arm, plan, lambda done, total: calls.append((done, total)))
+    assert calls[-1] == (plan.n_jacobians, plan.n_jacobians)
+    assert [d for d, _ in calls] == sorted({d for d, _ in calls})
+
+    def stop(done: int, total: int) -> None:
+        signal.raise_signal(signal.SIGINT)  # as Ctrl-C does
+
+    part = run_sweep(arm, plan, stop)
+    assert not part.complete
+    assert 0 < len(part.curves) < plan.n_curves
+    assert f"stopped after {len(part.curves)} of {plan.n_curves} curves" in part.notes
+    for a, b in zip(part.curves, whole.curves, strict=False):
+        np.testing.assert_array_equal(a.sigma_min, b.sigma_min)
+
+
+def test_levels_one_and_two_of_a_ur5_take_no_time():
+    arm = arms.ur5()
+    plan_sweep(arm)
+    began = time.perf_counter()
+    result = sweep(arm)
+    assert time.perf_counter() - began < 3.0  # 0.15 s on an idle core
+    assert result.plan.n_jacobians > 20_000
+
+
+def test_json_and_npz_round_trips(stanford, surgical, tmp_path):
+    again = SweepResult.from_json(stanford.to_json())
+    assert again.to_json() == stanford.to_json()
+    assert SweepPlan.from_json(stanford.plan.to_json()).to_json() == stanford.plan.to_json()
+    for i, result in enumerate((stanford, surgical)):
+        path = save_npz(result, tmp_path / f"sweep{i}.npz")
+        assert load_npz(path).to_json() == result.to_json()
+        with np.load(path) as plain:
+            assert plain["sigma_min"].shape == (result.plan.n_curves, 181)
+    assert save_npz(stanford, tmp_path / "bare").name == "bare.npz"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["bare.npz", "sweep0.npz", "sweep1.npz"]
+
+
+def test_damaged_files_and_missing_folders(stanford, tmp_path):
+    with pytest.raises(OutputError, match="cannot write"):
+        save_npz(stanford, tmp_path / "nowhere" / "sweep.npz")
+    with pytest.raises(ResultError, match="cannot read"):
+        load_npz(tmp_path / "missing.npz")
+    whole = save_npz(stanford, tmp_path / "sweep.npz").read_bytes()
+    for name, data in (("cut", whole[: len(whole) // 2]), ("text", b"hello"), ("empty", b"")):
+        (tmp_path / f"{name}.npz").write_bytes(data)
+        with pytest.raises(ResultError):
+            load_npz(tmp_path / f"{name}.npz")
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(ResultError, match="not a saved sweep"):
+        load_npz(tmp_path / "other.npz")
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "words"),
+    [
+        ({"nominal": PAPER}, ConfigurationError, "limits of d1.*ignore_limits"),
+        ({"nominal": [0.05, 1, 1, 0, 1, 1, 1]}, ConfigurationError, "singular"),
+        ({"nominal": [0, 0]}, ConfigurationError, "needs 7 values"),
+        ({"levels": 7}, OptionError, "between 1 and 6"),
+        ({"levels": [0]}, OptionError, "between 1 and 6"),
+        ({"levels": []}, OptionError, "none"),
+        ({"samples": 2}, OptionError, "at least 3"),
+        ({"joints": ["q22"]}, NoName, "q22"),
+        ({"special": {"q22": [0.0]}}, NoName, "q22"),
+        ({"special": (0.0, np.nan)}, OptionError, "not finite"),
+        ({"special": {"d1": [0.3]}}, ConfigurationError, "d1.*ignore_limits"),
+        ({"special": np.linspace(-3, 3, 40), "levels": 5}, OptionError, "too many"),
+    ],
+)
+def test_wrong_input(options, error, words):
+    with pytest.raises(error, match=words):
+        sweep(arms.textbook("surgical7"), **options)
+
+
+def test_special_value_outside_every_joint():
+    with pytest.raises(ConfigurationError, match="outside the limits of every joint"):
+        plan_sweep(arms.planar((1.0, 0.8), limit=1.0), special=(0.0, 2.0))
+    plan = plan_sweep(arms.planar((1.0, 0.8), limit=1.0))  # the usual ones are only left out
+    assert any("left out" in note for note in plan.notes)
+
+
+def test_arms_without_combinations():
+    """One joint, or none that matters: nothing to combine, and no error."""
+    single = sweep(arms.planar((1.0,)))
+    assert len(single.curves) == 1
+    assert single.plan.forced == ()
+    assert "no sets" in str(single.plan)
+
+
+def test_text(stanford):
+    text = str(stanford)
+    assert "nominal configuration (pi/3)" in text
+    assert "all joints at 90 deg: sigma_min = 0.209, regular" in text
+    assert "q5 = 180 deg: singular whatever the others" in text
+    assert "left out: q1, q6 (does not change sigma_min)" in text
