@@ -20,7 +20,9 @@ def shipped(name: str) -> Mechanism:
     return load_mechanism(URDF / f"{name}.urdf")
 
 
-def planar_tree(chains: dict[str, tuple[tuple[float, float], list[tuple[str, float]]]]) -> pin.Model:
+def planar_tree(
+    chains: dict[str, tuple[tuple[float, float], list[tuple[str, float]]]],
+) -> pin.Model:
     """Planar chains of turning joints: per chain its pivot and (joint, length of its link).
 
     The last link of chain ``c`` ends in frame ``c_end``; the root has a frame ``ground``.
@@ -99,22 +101,10 @@ def from_model(
 def paper_point(q1: float, q2: float) -> tuple[float, float]:
     """P of the paper's 5R as Section 3.2.3 prints it: the upper intersection."""
     e = R1 * (np.sin(q1) - np.sin(q2)) / (2 * R3 + R1 * np.cos(q2) - R1 * np.cos(q1))
-    f = (
-        R1
-        * R3
-        * (np.cos(q1) + np.cos(q2))
-        / (2 * R3 + R1 * np.cos(q2) - R1 * np.cos(q1))
-    )
+    f = R1 * R3 * (np.cos(q1) + np.cos(q2)) / (2 * R3 + R1 * np.cos(q2) - R1 * np.cos(q1))
     d = 1 + e**2
     g = 2 * (e * f - e * R1 * np.cos(q1) + e * R3 - R1 * np.sin(q1))
-    h = (
-        f**2
-        - 2 * f * (R1 * np.cos(q1) - R3)
-        - 2 * R1 * R3 * np.cos(q1)
-        + R3**2
-        + R1**2
-        - R2**2
-    )
+    h = f**2 - 2 * f * (R1 * np.cos(q1) - R3) - 2 * R1 * R3 * np.cos(q1) + R3**2 + R1**2 - R2**2
     y = (np.sqrt(g**2 - 4 * d * h) - g) / (2 * d)
     return e * y + f, y
 

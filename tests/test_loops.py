@@ -61,14 +61,16 @@ THIRD = np.pi / 3
 
 def welded() -> Mechanism:
     """A four-bar as one chain whose last link is welded to the ground: kind 6d, two spare rows."""
-    model = planar_tree(
-        {"one": ((0.0, 0.0), [("a", 0.15), ("b", 0.4), ("c", 0.3), ("d", 0.0)])}
-    )
+    model = planar_tree({"one": ((0.0, 0.0), [("a", 0.15), ("b", 0.4), ("c", 0.3), ("d", 0.0)])})
     return from_model(model, [Loop("one_end", "ground", "6d")], ["a"], "one_end", "wz")
 
 
 def every() -> list[Mechanism]:
     return [*(shipped(name) for name in MODELS), welded(), four_bar(0.4, 0.1, 0.35, 0.3)]
+
+
+def cross(a, b):
+    return a[0] * b[1] - a[1] * b[0]
 
 
 def circles(c1, r1, c2, r2):
@@ -171,7 +173,7 @@ def test_the_two_matrices_of_equation_13():
 
 
 def test_the_diagonal_matrix_of_the_paper_belongs_to_the_inputs():
-    """Its J_x (diagonal) multiplies q-dot and its J_q the output, whatever Eq. (13) says."""
+    """J_q x' = J_x q': Eq. (13), J_x x' + J_q q' = 0, has the two swapped and a sign wrong."""
     for q1, q2 in ((THIRD, THIRD), (1.2, 1.9), (0.7, 2.2)):
         step = 1e-6
         J = np.stack(
@@ -186,7 +188,7 @@ def test_the_diagonal_matrix_of_the_paper_belongs_to_the_inputs():
             axis=1,
         )
         J_x, J_q = paper_matrices(q1, q2)
-        np.testing.assert_allclose(J_q @ J, -J_x, atol=1e-7)
+        np.testing.assert_allclose(J_q @ J, J_x, atol=1e-7)
         with pytest.raises(AssertionError):
             np.testing.assert_allclose(J_x @ J, -J_q, atol=1e-2)
 
@@ -210,13 +212,13 @@ def singular_q2_by_hand(q1: float, assembly: int | None = None) -> list[float]:
         P = A1 + (R1 + sign * R2) * np.array([np.cos(q1), np.sin(q1)])
         B1 = A1 + R1 * np.array([np.cos(q1), np.sin(q1)])
         for B2 in circles(A2, R1, P, R2):
-            side = np.cross(B2 - B1, P - B1) > 0
+            side = cross(B2 - B1, P - B1) > 0
             if assembly is None or side == (assembly > 0):
                 out.append(float(np.arctan2(B2[1], B2[0] - R3)))
         # Leg 2 in line: P at R1 +- R2 from A2, and at R2 from B1.
         for P in circles(A2, R1 + sign * R2, B1, R2):
             B2 = A2 + (P - A2) * R1 / (R1 + sign * R2)
-            side = np.cross(B2 - B1, P - B1) > 0
+            side = cross(B2 - B1, P - B1) > 0
             if assembly is None or side == (assembly > 0):
                 out.append(float(np.arctan2(B2[1], B2[0] - R3)))
     return sorted(out)
@@ -527,7 +529,9 @@ def test_crank_rocker_from_either_side():
     by_crank = analyze_mechanism(four_bar(g, a, b, c))
     assert by_crank.ranges["crank"][0].whole
     assert not [p for p in by_crank.points if p.kind == "type 2"]
-    rocker_ends = [np.arccos((g**2 + (b + s * a) ** 2 - c**2) / (2 * g * (b + s * a))) for s in (1, -1)]
+    rocker_ends = [
+        np.arccos((g**2 + (b + s * a) ** 2 - c**2) / (2 * g * (b + s * a))) for s in (1, -1)
+    ]
     crank_at_ends = [rocker_ends[0], rocker_ends[1] - np.pi]
     values = [p.inputs[0] for p in by_crank.points]
     assert len(values) == 4
@@ -536,9 +540,7 @@ def test_crank_rocker_from_either_side():
             assert min(abs(np.sin((value - v) / 2)) for v in values) < 1e-9
     by_rocker = analyze_mechanism(four_bar(g, a, b, c, driven="rocker"))
     dead = [p.inputs[0] for p in by_rocker.points if p.kind == "type 2"]
-    expected = [
-        np.pi - np.arccos((g**2 + c**2 - (b + s * a) ** 2) / (2 * g * c)) for s in (1, -1)
-    ]
+    expected = [np.pi - np.arccos((g**2 + c**2 - (b + s * a) ** 2) / (2 * g * c)) for s in (1, -1)]
     assert len(dead) == 4
     for angle in expected:
         for value in (angle, -angle):
@@ -573,7 +575,9 @@ def test_both_cranks_stretched_with_rods_in_line_is_type_3():
             "two": ((1.6, 0.0), [("q2", 0.3), ("b2", 0.3)]),
         }
     )
-    mechanism = from_model(model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy")
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
     q = np.array([0.0, 0.0, np.pi, 0.0])
     assert np.abs(residual(mechanism, q)).max() < 1e-12
     assert motions(mechanism, q).input_ratio < 1e-9
@@ -589,7 +593,9 @@ def test_a_type_3_configuration_that_is_not_flat():
             "two": ((1.3, -0.4), [("q2", 0.4), ("b2", 0.3)]),
         }
     )
-    mechanism = from_model(model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy")
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
     q = np.array([0.0, 0.0, np.pi / 2, np.pi / 2])
     assert np.abs(residual(mechanism, q)).max() < 1e-12
     assert mechanism_at(mechanism, q).kind == "type 3"
@@ -649,7 +655,12 @@ def test_refine_does_not_pretend():
 def test_analysis_prints_and_survives_json():
     found = analyze_mechanism(shipped("five_bar"))
     text = str(found)
-    for piece in ("2 degrees of freedom", "assembly +, elbows -+", "2.245665314", "end of the range"):
+    for piece in (
+        "2 degrees of freedom",
+        "assembly +, elbows -+",
+        "2.245665314",
+        "end of the range",
+    ):
         assert piece in text
     again = MechanismAnalysis.from_json(found.to_json())
     assert str(again) == text
@@ -660,9 +671,7 @@ def test_analysis_prints_and_survives_json():
 def test_analysis_at_other_inputs():
     found = analyze_mechanism(shipped("five_bar"), [0.9, 1.9])
     np.testing.assert_allclose(found.state.inputs, [0.9, 1.9])
-    values = sorted(
-        p.inputs[1] for p in found.points if p.moving == "q2" and p.kind == "type 1"
-    )
+    values = sorted(p.inputs[1] for p in found.points if p.moving == "q2" and p.kind == "type 1")
     np.testing.assert_allclose(values, singular_q2_by_hand(0.9), atol=1e-9)
 
 

@@ -125,8 +125,8 @@ def _geometry(analysis: Analysis) -> Iterator[str]:
     forms = analysis.closed_form
     if forms.jacobian_change <= 1e-12:
         return
-    shown = "; ".join(forms.snaps[:6])
-    more = f"; and {len(forms.snaps) - 6} more" if len(forms.snaps) > 6 else ""
+    shown = "; ".join(forms.snaps[:3])
+    more = f"; and {len(forms.snaps) - 3} more" if len(forms.snaps) > 3 else ""
     detail = f" ({shown}{more})" if shown else ""
     yield (
         f"families are of the nominal geometry, which changes no Jacobian column by more than "

@@ -24,7 +24,7 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.robot.summary import ArmSummary, summarize
 from pinsing.second_order import classify
-from pinsing.state import at
+from pinsing.state import State, at
 
 _SEED = 20
 _WITNESSES = 6
@@ -258,11 +258,18 @@ def _described(
         witness=inside[0] if len(inside) else None,
         generic=generic,
         rank=state.rank,
-        lost=tuple(str(x) for x in state.lost),
+        lost=(*(str(x) for x in state.lost), *_everywhere(state)),
         kind=kind,
         reason="; ".join(str(d) for d in state.dependences),
         raw_ratio=raw,
     )
+
+
+def _everywhere(state: State) -> list[str]:
+    """A remark where some of the motions lost at a point are lost at every other as well."""
+    if state.always_missing == 0 or not state.lost:
+        return []
+    return [f"{state.always_missing} of these {len(state.lost)} is missing at every configuration"]
 
 
 def _on(family: Family, branch: Branch, q: Array) -> bool:

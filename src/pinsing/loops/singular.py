@@ -160,7 +160,8 @@ def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
         if low.all():
             continue
         out += [(kind, int(k)) for k in np.flatnonzero(low)]
-    return out
+    # At a constraint singularity the others are met as well, and less exactly: it goes first.
+    return sorted(out, key=lambda c: c[0] != "constraint")
 
 
 class _System:

@@ -258,7 +258,8 @@ def _build(
     reference = _reference(model, whole.mimics)
     off_path = [j for j in lock if j not in path]
     if off_path:
-        notes += (f"{len(off_path)} joints outside the chain are locked and do not matter to it",)
+        are = "joint outside the chain is" if len(off_path) == 1 else "joints outside the chain are"
+        notes += (f"{len(off_path)} {are} locked, which does not matter to it",)
     reduced = lock_joints(model, lock, reference)
     if base != "universe":
         reroot(reduced, base)

@@ -210,7 +210,9 @@ def choose_chain(
         more = f" and {len(others) - 6} more" if len(others) > 6 else ""
         notes.append(f"chains with fewer joints were passed over: {names}{more}")
     if chosen.passed_over:
-        notes.append(f"gripper joints beyond the tip are locked: {', '.join(chosen.passed_over)}")
+        beyond = chosen.passed_over
+        more = f" and {len(beyond) - 4} more" if len(beyond) > 4 else ""
+        notes.append(f"gripper joints beyond the tip are locked: {', '.join(beyond[:4])}{more}")
     same_link = [f.name for f in tip_frames(model, chosen.last) if f.name != chosen.tip]
     if same_link:
         notes.append(

@@ -75,8 +75,8 @@ class Overlay:
             if e["flat"] is not None:
                 node[f"lost/{kind}"].set_transform(_place(tip, e["flat"]))
         for k in range(ARROWS):
-            lost = frame["lost"][k] if k < len(frame["lost"]) else None
-            seen = lost is not None and lost["close"] and lost["kind"] in ("line", "screw")
+            lost = frame["lost"][k] if k < len(frame["lost"]) else {"close": False}
+            seen = lost["close"] and lost["kind"] in ("line", "screw")
             node[f"line/{k}"].set_property("visible", seen)
             if seen:
                 node[f"line/{k}"].set_transform(_place(lost["at"], lost["turn"]))

@@ -35,7 +35,7 @@ def asset(name: str) -> str:
 
 @cache
 def meshcat_script() -> str:
-    """meshcat's own viewer, three.js included (MIT licence)."""
+    """Meshcat's own viewer, three.js included (MIT licence)."""
     import meshcat
 
     folder = Path(meshcat.__file__).parent / "viewer" / "dist"

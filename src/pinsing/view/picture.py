@@ -128,7 +128,7 @@ def _run(work: Any) -> bytes:
     from concurrent.futures import ThreadPoolExecutor
 
     with ThreadPoolExecutor(1) as pool:
-        return pool.submit(asyncio.run, asyncio.wait_for(work, _SECONDS)).result()
+        return bytes(pool.submit(asyncio.run, asyncio.wait_for(work, _SECONDS)).result())
 
 
 class _Browser:

@@ -12,11 +12,10 @@ from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
-import tornado.httpserver
-import tornado.ioloop
-import tornado.netutil
-import tornado.web
-import tornado.websocket
+from tornado.httpserver import HTTPServer
+from tornado.netutil import bind_sockets
+from tornado.web import Application, HTTPError, RequestHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from pinsing.errors import OptionError, PinsingError
 from pinsing.view.page import asset, live_html, meshcat_script, script
@@ -56,7 +55,7 @@ class Server:
         self.port = int(self._sockets[0].getsockname()[1])
         self._clients: set[_Live] = set()
         self._loop = asyncio.new_event_loop()
-        self._http: tornado.httpserver.HTTPServer | None = None
+        self._http: HTTPServer | None = None
         self._app = _application(stage, scene, self._clients, self._is_ours)
         ready = threading.Event()
         self._thread = threading.Thread(
@@ -91,7 +90,7 @@ class Server:
 
     def _run(self, ready: threading.Event) -> None:
         asyncio.set_event_loop(self._loop)
-        self._http = tornado.httpserver.HTTPServer(self._app)
+        self._http = HTTPServer(self._app)
         self._http.add_sockets(self._sockets)
         self._loop.call_soon(ready.set)
         self._loop.run_forever()
@@ -150,7 +149,7 @@ def _bind(host: str, port: int | None) -> list[socket.socket]:
     problem: OSError | None = None
     for candidate in tries:
         try:
-            return tornado.netutil.bind_sockets(candidate, address=host)
+            return list(bind_sockets(candidate, address=host))
         except socket.gaierror:
             raise OptionError(f"there is no address {host!r} to listen on") from None
         except OSError as error:
@@ -161,7 +160,7 @@ def _bind(host: str, port: int | None) -> list[socket.socket]:
 
 def _application(
     stage: Stage, scene: bytes, clients: set[_Live], is_ours: Callable[[str], bool]
-) -> tornado.web.Application:
+) -> Application:
     page = json.dumps(stage.page(live=True), allow_nan=False)
     texts = {
         "": ("text/html", live_html(f"pinsing: {stage.arm.name}")),
@@ -172,7 +171,7 @@ def _application(
         "scene": ("application/octet-stream", scene),
     }
     common = {"is_ours": is_ours}
-    return tornado.web.Application(
+    return Application(
         [
             (r"/live", _Live, {**common, "stage": stage, "clients": clients}),
             (r"/(.*)", _Part, {**common, "texts": texts}),
@@ -182,7 +181,7 @@ def _application(
     )
 
 
-class _Part(tornado.web.RequestHandler):  # type: ignore[misc]
+class _Part(RequestHandler):
     """A file of the page, held in memory."""
 
     def initialize(
@@ -192,7 +191,7 @@ class _Part(tornado.web.RequestHandler):  # type: ignore[misc]
 
     def prepare(self) -> None:
         if not self.is_ours(self.request.host):
-            raise tornado.web.HTTPError(403)
+            raise HTTPError(403)
 
     def set_default_headers(self) -> None:
         self.set_header("Cache-Control", "no-store")
@@ -202,19 +201,17 @@ class _Part(tornado.web.RequestHandler):  # type: ignore[misc]
 
     def get(self, name: str) -> None:
         if name not in self.texts:
-            raise tornado.web.HTTPError(404)
+            raise HTTPError(404)
         kind, content = self.texts[name]
         charset = "; charset=utf-8" if isinstance(content, str) else ""
         self.set_header("Content-Type", kind + charset)
         self.write(content)
 
 
-class _Live(tornado.websocket.WebSocketHandler):  # type: ignore[misc]
+class _Live(WebSocketHandler):  # type: ignore[misc]
     """Answers the questions of one page."""
 
-    def initialize(
-        self, is_ours: Callable[[str], bool], stage: Stage, clients: set[_Live]
-    ) -> None:
+    def initialize(self, is_ours: Callable[[str], bool], stage: Stage, clients: set[_Live]) -> None:
         self.is_ours, self.stage, self.clients = is_ours, stage, clients
 
     def check_origin(self, origin: str) -> bool:
@@ -232,7 +229,7 @@ class _Live(tornado.websocket.WebSocketHandler):  # type: ignore[misc]
 
     def tell(self, text: str) -> None:
         """Send a text, if the page is still there."""
-        with contextlib.suppress(tornado.websocket.WebSocketClosedError):
+        with contextlib.suppress(WebSocketClosedError):
             self.write_message(text)
 
     def on_message(self, message: str | bytes) -> None:

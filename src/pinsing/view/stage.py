@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -114,7 +115,7 @@ class Stage:
                 "translation": float(f"{sizes.translation:.3g}"),
                 "rotation": float(f"{sizes.rotation:.3g}"),
                 "floor": FLOOR,
-                "mode": self._mode(),
+                "mode": self.mode,
                 "shapes": self.links.geometry is not None and not self.skeleton,
                 "bare": list(self.links.bare(arm)),
                 "jointOf": [arm.joints.index(n) if n in arm.joints else -1 for n in names],
@@ -132,9 +133,7 @@ class Stage:
             numbers = range(len(entry.poses))
             found: dict[str, Any] = {"poses": [self.pose(index, k) for k in numbers]}
             for kind in KINDS:
-                found[kind] = (
-                    [self.path(index, k, kind) for k in numbers] if data[kind] else []
-                )
+                found[kind] = [self.path(index, k, kind) for k in numbers] if data[kind] else []
                 data[kind] = any(found[kind])
             frames.append(found)
         return {**page, "frames": frames, "start": self.start()}
@@ -152,7 +151,8 @@ class Stage:
 
         return joint_symbols(self.arm)
 
-    def _mode(self) -> str:
+    @cached_property
+    def mode(self) -> str:
         """Pure motions, where they have volume at regular configurations of a pose task."""
         if self.arm.task.name != "pose":
             return "all"
@@ -168,7 +168,7 @@ class Stage:
 
 
 def _entry(entry: Entry, n: int) -> dict[str, Any]:
-    moves = bool(entry.poses) and entry.family is not None
+    moves = bool(entry.poses) and not entry.name.startswith("P")
     return {
         "name": entry.name,
         "text": entry.text,
@@ -179,5 +179,7 @@ def _entry(entry: Entry, n: int) -> dict[str, Any]:
         "reachable": entry.reachable,
         "poses": len(entry.poses),
         "into": moves,
-        "along": moves and (entry.codimension is None or entry.codimension < n),
+        "along": moves
+        and entry.family is not None
+        and (entry.codimension is None or entry.codimension < n),
     }

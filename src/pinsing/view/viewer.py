@@ -17,6 +17,7 @@ from pinsing.files import write_text
 from pinsing.robot.arm import Arm, Array
 from pinsing.view.ellipsoids import sizes
 from pinsing.view.entries import Entry, FamilyLike, family_entries, pose_entries
+from pinsing.view.findings import finding_entries
 from pinsing.view.links import Links, read_links
 from pinsing.view.overlay import Overlay
 from pinsing.view.page import static_html
@@ -27,6 +28,8 @@ from pinsing.view.stage import Stage
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+    from pinsing.find import Finding
 
 
 class Viewer:
@@ -41,10 +44,12 @@ class Viewer:
     arm : Arm
         The arm.
     families : iterable of Family, optional
-        What to list; by default all families of ``closed_form(arm)``, unless ``poses`` is
-        given.
+        What to list; by default all families of ``closed_form(arm)``, unless ``poses`` or
+        ``findings`` are given.
     poses : iterable of (n,) array_like, optional
         Configurations to list, radians and metres.
+    findings : iterable of Finding, optional
+        What a sweep has found, to be listed as well.
     visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer, optional
         Draw into this one as well: axes, ellipsoids and lost motions below its node
         ``pinsing``. One that displays the robot of the arm is moved along.
@@ -69,6 +74,7 @@ class Viewer:
         arm: Arm,
         families: Iterable[FamilyLike] | None = None,
         poses: Iterable[npt.ArrayLike] | None = None,
+        findings: Iterable[Finding] | None = None,
         *,
         visualizer: Any = None,
         scale: float = 1.0,
@@ -79,11 +85,15 @@ class Viewer:
         if not (np.isfinite(scale) and scale > 0):
             raise OptionError(f"scale must be a positive number, got {scale!r}")
         self.arm = arm
-        if families is None and poses is None:
+        if families is None and poses is None and findings is None:
             from pinsing.closed_form import closed_form
 
             families = closed_form(arm).families
-        entries = (*pose_entries(arm, poses or ()), *family_entries(arm, families or ()))
+        entries = (
+            *pose_entries(arm, poses or ()),
+            *family_entries(arm, families or ()),
+            *finding_entries(arm, findings or ()),
+        )
         size = sizes(arm, scale)
         links = Links(None) if skeleton else read_links(arm)
         recorder = Recorder()
@@ -94,7 +104,7 @@ class Viewer:
         self._host, self._port = host, port
         self._server: Server | None = None
         if self._overlay is not None:
-            self._overlay.show(self._stage.frame(self._stage.q), self._stage.q, self._stage.page(False)["settings"]["mode"])
+            self._overlay.show(self._stage.frame(self._stage.q), self._stage.q, self._stage.mode)
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -155,7 +165,7 @@ class Viewer:
         if self._server is not None:
             self._server.send(start)
         if self._overlay is not None:
-            self._overlay.show(start["frame"], q, self._stage.page(False)["settings"]["mode"])
+            self._overlay.show(start["frame"], q, self._stage.mode)
 
     def _index(self, family: FamilyLike | str | int, pose: int) -> int:
         names = [e.name for e in self.entries]
@@ -216,10 +226,8 @@ class Viewer:
 
         Raises
         ------
-        PictureError
-            If there is no Chromium, or it fails.
         OutputError
-            If the file cannot be written.
+            If there is no Chromium, it fails, or the file cannot be written.
         """
         from pinsing.view.picture import take_picture
 
@@ -235,7 +243,7 @@ class Viewer:
         """The page as a notebook cell."""
         from IPython.display import HTML
 
-        return HTML(self._iframe(height))
+        return HTML(self._iframe(height))  # type: ignore[no-untyped-call]
 
     def _repr_html_(self) -> str:
         return self._iframe(600)

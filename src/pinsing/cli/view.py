@@ -6,7 +6,7 @@ import os
 import sys
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 
@@ -15,6 +15,9 @@ from pinsing.cli.output import STDOUT, OutputFile, say
 from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:
+    from pinsing.analysis import Analysis
+    from pinsing.closed_form import Family
+    from pinsing.find import Finding
     from pinsing.robot.arm import Arm
     from pinsing.view.viewer import Viewer
 
@@ -35,13 +38,15 @@ if TYPE_CHECKING:
     help="Families out of the JSON of `pinsing analyze` or `families`, not computed again.",
 )
 @click.option("--family", metavar="NAME", help="Show this family first, such as F2.")
-@click.option(
-    "--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids."
-)
+@click.option("--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids.")
 @click.option("--skeleton", is_flag=True, help="Without meshes: small pages.")
-@click.option("--html", type=OutputFile(), metavar="FILE", help="Write a page that needs no server.")
+@click.option(
+    "--html", type=OutputFile(), metavar="FILE", help="Write a page that needs no server."
+)
 @click.option("--png", type=OutputFile(), metavar="FILE", help="Write a picture (needs Chromium).")
-@click.option("--size", default="1200x900", show_default=True, metavar="WxH", help="Of the picture.")
+@click.option(
+    "--size", default="1200x900", show_default=True, metavar="WxH", help="Of the picture."
+)
 @click.option("--panel", is_flag=True, help="The picture shows the panel as well.")
 @click.option("--no-open", is_flag=True, help="Do not open a browser.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
@@ -79,17 +84,10 @@ def view_command(
     from pinsing.view.server import is_loopback
     from pinsing.view.viewer import Viewer
 
-    families = None if analysis is None else _read_families(analysis, arm)
-    if families is None:
-        from pinsing.closed_form import closed_form
-
-        found = closed_form(arm)
-        families = found.families
-        for gap in found.gaps:
-            say(f"note: the list may be incomplete: {gap}")
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
+    families, findings = _find(arm) if analysis is None else _read(analysis, arm)
     with Viewer(
-        arm, families, vectors, scale=scale, skeleton=skeleton, host=host, port=port
+        arm, families, vectors, findings, scale=scale, skeleton=skeleton, host=host, port=port
     ) as viewer:
         for note in viewer.notes:
             say(f"note: {note}")
@@ -138,26 +136,48 @@ def _size(text: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def _read_families(path: Path, arm: Arm) -> tuple[Any, ...]:
-    """Families of a saved analysis or closed form, for the same arm."""
+def _find(arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
+    """Families by algebra; where that has gaps, what a sweep finds as well."""
+    from pinsing.closed_form import closed_form
+
+    found = closed_form(arm)
+    if found.complete:
+        return found.families, ()
+    for gap in found.gaps:
+        say(f"note: the closed forms have a gap, so a sweep runs too: {gap}")
+    from pinsing.analysis import analyze
+
+    return _parts(analyze(arm))
+
+
+def _read(path: Path, arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
+    """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
     import json
 
+    from pinsing.analysis import Analysis
     from pinsing.closed_form import ClosedForm
 
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError) as error:
-        raise ResultError(f"{path}: not JSON: {' '.join(str(error).split())}") from None
-    part = data if isinstance(data, dict) else {}
-    if isinstance(part.get("closed_form"), dict):
-        part = {"schema": ClosedForm.schema, **part["closed_form"]}
-    try:
-        found = ClosedForm.from_dict(part)
+        schema = data.get("schema") if isinstance(data, dict) else None
+        saved: Analysis | ClosedForm
+        if schema == ClosedForm.schema:
+            saved = ClosedForm.from_dict(data)
+        else:
+            saved = Analysis.from_dict(data)
     except ResultError as error:
         raise ResultError(f"{path}: {error}") from None
-    if found.arm.joints != arm.joints:
+    except (OSError, ValueError, RecursionError) as error:
+        raise ResultError(f"{path}: not JSON: {' '.join(str(error).split())}") from None
+    if saved.arm.joints != arm.joints:
         raise ResultError(
-            f"{path}: is of {found.arm.name} with joints {', '.join(found.arm.joints)}, "
+            f"{path}: is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
             f"not of this arm with {', '.join(arm.joints)}"
         )
-    return found.families
+    return (saved.families, ()) if isinstance(saved, ClosedForm) else _parts(saved)
+
+
+def _parts(analysis: Analysis) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
+    """Families, and the findings that lie on none of them."""
+    pairs = zip(analysis.findings, analysis.family_of, strict=True)
+    return analysis.families, tuple(finding for finding, family in pairs if not family)

@@ -1,0 +1,161 @@
+"""analyze: closed forms, sweep and random search agree, and say so when they do not."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pinsing import analysis as module
+from pinsing.analysis import Analysis, analyze
+from pinsing.closed_form import closed_form
+from pinsing.errors import OptionError, ResultError
+from pinsing.kinematics import singular_values
+from pinsing.robot.load import load
+
+ARMS = ("stanford", "surgical7", "puma560", "scara", "planar3r", "iiwa14", "ur5", "so101", "z1")
+
+
+@pytest.fixture(scope="module")
+def stanford() -> Analysis:
+    return analyze(load("stanford"))
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_all_three_agree(name):
+    found = analyze(load(name), random_starts=100)
+    assert found.problems == ()
+    assert found.agree
+    assert found.complete
+    assert all(found.family_of)
+    assert found.random_search.on_family == found.random_search.singular > 0
+    assert all(c.samples > 0 and c.nominal_ratio <= 1e-9 for c in found.checks)
+    assert [c.family for c in found.checks] == [f.name for f in found.families]
+
+
+def test_the_paper_s_stanford_arm(stanford):
+    assert [f.text for f in stanford.families] == [
+        "q2 = 0° or 180°",
+        "d3 = 0",
+        "q5 = 0° or 180°",
+    ]
+    assert "left out: q1, q6 (does not change sigma_min)" in stanford.notes
+    assert stanford.singular
+
+
+def test_reads_back_from_json(stanford):
+    again = Analysis.from_json(stanford.to_json())
+    assert str(again) == str(stanford)
+    assert again.sweep is None
+    q = np.array([0.3, 0.5, 0.2, 0.1, 0.02, 0.4])
+    assert again.families[2].distance(q).value == pytest.approx(0.02)
+    with pytest.raises(ResultError, match=r"pinsing/analysis/1"):
+        Analysis.from_json('{"schema": "pinsing/state/1"}')
+
+
+def test_text_leads_with_the_families(stanford):
+    lines = str(stanford).splitlines()
+    assert lines[0].startswith("stanford: 6 joints, base_link -> tool0")
+    assert lines[2].startswith("3 families of singular configurations, complete")
+    assert lines.index("  F1  q2 = 0° or 180°") < lines.index("Checked:")
+    assert all(len(line) <= 100 for line in lines)
+
+
+def test_a_missing_family_is_reported(monkeypatch):
+    """Take a family away: the sweep and the random search must both notice."""
+    honest = closed_form
+
+    def forgetful(arm, **options):
+        forms = honest(arm, **options)
+        return replace(forms, families=forms.families[:-1])
+
+    monkeypatch.setattr(module, "closed_form", forgetful)
+    found = analyze(load("stanford"))
+    assert not found.agree
+    assert any("the sweep found q5 = 0" in p for p in found.problems)
+    assert any("random starts are on no family" in p for p in found.problems)
+    assert "CONTRADICTIONS" in str(found)
+
+
+def test_a_wrong_family_is_reported(monkeypatch):
+    """Shift a family's value: its samples are regular in Pinocchio."""
+    honest = closed_form
+
+    def wrong(arm, **options):
+        forms = honest(arm, **options)
+        first = forms.families[0]
+        value = first.branches[0].values[0]
+        moved = replace(first.branches[0], values=(replace(value, value=0.3),))
+        return replace(forms, families=(replace(first, branches=(moved,)), *forms.families[1:]))
+
+    monkeypatch.setattr(module, "closed_form", wrong)
+    found = analyze(load("stanford"))
+    assert any("F1 has samples that Pinocchio finds regular" in p for p in found.problems)
+
+
+def test_rounded_geometry_is_told_apart():
+    """xArm 7: 1.5708 in the file; families are exact on the nominal arm, nearly so on the raw."""
+    arm = load("xarm7")
+    both = analyze(arm, random_starts=50)
+    assert both.agree
+    for check in both.checks:
+        assert check.nominal_ratio <= 1e-9 < check.raw_ratio < 1e-5
+    assert "geometry of the file" in str(both)
+    nominal = analyze(arm, geometry="nominal", random_starts=50)
+    assert all(c.raw_ratio <= 1e-9 for c in nominal.checks)
+
+
+def test_snap_length_takes_noise_out():
+    """An iiwa whose elbow is 0.4 mm off: S-R-S families come back with snap_length."""
+    import pinocchio as pin
+
+    model = load("iiwa14").source.full_model.copy()
+    shifted = pin.SE3(model.jointPlacements[4])
+    shifted.translation = shifted.translation + np.array([0.000436, 0.0, 0.0])
+    model.jointPlacements[4] = shifted
+    arm = load(model)
+    texts = [f.text for f in closed_form(arm, snap_length=1e-3).families]
+    assert texts == [f.text for f in closed_form(load("iiwa14")).families]
+    assert [f.text for f in closed_form(arm).families] != texts
+    found = analyze(arm, snap_length=1e-3, random_starts=20)
+    assert found.agree
+    assert found.closed_form.snaps
+    worst = max(c.raw_ratio for c in found.checks)
+    assert 1e-6 < worst < 1e-2  # a near-singular valley, not a singularity, of the file
+
+
+def test_stopped_sweep_keeps_what_is_done():
+    def impatient(done: int, total: int) -> None:
+        if done > 0:
+            raise KeyboardInterrupt
+
+    found = analyze(load("ur5"), progress=impatient, random_starts=10)
+    assert not found.sweep_complete
+    assert found.complete
+    assert "stopped before its end" in str(found)
+
+
+def test_families_are_singular_within_limits(stanford):
+    arm = load("stanford")
+    rng = np.random.default_rng(0)
+    for family in stanford.families:
+        Q = family.sample(50, rng)
+        assert len(Q) == 50
+        assert arm.within_limits(Q).all()
+        assert singular_values(arm, Q)[:, -1].max() < 1e-12
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"geometry": "both of them"}, "geometry must be"),
+        ({"random_starts": -1}, "random_starts"),
+        ({"seconds": 0}, "seconds must be positive"),
+        ({"angle_tol": 2.0}, "angle_tol"),
+        ({"snap_length": -1.0}, "snap_length"),
+    ],
+)
+def test_bad_options(options, message):
+    with pytest.raises(OptionError, match=message):
+        analyze(load("planar3r"), **options)
