@@ -19,6 +19,7 @@ from pinsing.closed_form.points import gradients, proven_empty
 from pinsing.closed_form.ring import make_ring
 from pinsing.errors import OptionError
 from pinsing.kinematics import generic_rank
+from pinsing.measures import SINGULAR_RTOL
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
@@ -137,7 +138,7 @@ def closed_form(
     started = time.monotonic()
     geometry = nominal(arm, angle_tol, snap_length)
     symbols = joint_symbols(arm)
-    rank = generic_rank(arm)
+    rank = generic_rank(geometry.arm)  # lengths that were snapped away may lower it
     families: list[Family] = []
     gaps: list[str] = []
     dropped = 0
@@ -224,9 +225,11 @@ def _family(group: list[Piece], maker: PieceMaker, arm: Arm, geometry: Nominal) 
 def _unreachable(family: Family) -> str:
     """Whether that no point lies within the limits can be proven."""
     lower, upper = family.box(within_limits=True)
+    endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
     for branch in family.branches:
+        cut = any(endless[list(e.involved)].any() for e in branch.equations)
         if family._placed(branch, within_limits=True) and not (
-            branch.equations and proven_empty(branch.equations, lower, upper)
+            branch.equations and not cut and proven_empty(branch.equations, lower, upper)
         ):
             return "none found"
     return "not reachable"
@@ -246,7 +249,8 @@ def _described(
     exact = geometry.arm
     generic = points[0]
     state = at(exact, generic, rtol=1e-8)
-    kind = classify(exact, generic) if state.rank < maker.rank else "undecided"
+    singular = maker.ratios(generic[None])[0] <= SINGULAR_RTOL
+    kind = classify(exact, generic) if singular else "undecided"
     branch = next((b for b in draft.branches if _on(draft, b, generic)), draft.branches[0])
     raw = None
     if not geometry.exact:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
@@ -241,11 +242,22 @@ class Family(JsonResult):
 
     def points(self, n: int, rng: np.random.Generator, within_limits: bool = False) -> Array:
         """Like ``sample``, over whole circles unless ``within_limits``."""
-        if within_limits and self.reachability == "not reachable":
+        if n <= 0 or (within_limits and self.reachability == "not reachable"):
             return np.zeros((0, self.n))
+        found = np.zeros((0, self.n))
+        for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
+            found = self._spread(n, rng, within_limits, widen * self.length_scale)
+            if len(found) or within_limits or not self.prismatic.any():
+                break
+        return found
+
+    def _spread(self, n: int, rng: np.random.Generator, within_limits: bool, widen: float) -> Array:
+        """Up to n points, shared out among the branches."""
         lower, upper = self.box(within_limits)
+        lower = np.where(self.prismatic, lower - widen, lower)
+        upper = np.where(self.prismatic, upper + widen, upper)
         usable = [(b, v) for b in self.branches for v in self._placed(b, within_limits)]
-        if not usable or n <= 0:
+        if not usable:
             return np.zeros((0, self.n))
         share = np.full(len(usable), n // len(usable))
         share[: n % len(usable)] += 1
@@ -265,15 +277,18 @@ class Family(JsonResult):
         return np.concatenate(parts) if parts else np.zeros((0, self.n))
 
     def box(self, within_limits: bool) -> tuple[Array, Array]:
-        """Range of each joint that points are drawn from: the limits, or whole circles."""
+        """Range of each joint that points are drawn from: the limits, or whole circles.
+
+        Where a limit is infinite, a whole turn (or two length scales) from the other one.
+        """
         reach = np.where(self.prismatic, self.length_scale, np.pi)
-        lower, upper = -reach, reach
-        if within_limits or self.prismatic.any():
-            bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
-            use = bounded & (np.full(self.n, within_limits) | self.prismatic)
-            lower = np.where(use, self.lower, lower)
-            upper = np.where(use, self.upper, upper)
-        return lower, upper
+        use = np.full(self.n, within_limits) | self.prismatic
+        low = np.where(use, self.lower, -np.inf)
+        high = np.where(use, self.upper, np.inf)
+        upper = np.where(
+            np.isfinite(high), high, np.where(np.isfinite(low), low + 2 * reach, reach)
+        )
+        return np.where(np.isfinite(low), low, upper - 2 * reach), upper
 
     def __str__(self) -> str:
         return f"{self.name}: {self.text}"
@@ -318,12 +333,16 @@ class Family(JsonResult):
     def _placed(self, branch: Branch, within_limits: bool) -> list[Array]:
         """Values of the fixed joints as a (n,) array, all copies that fit the limits."""
         fixed = [np.zeros(self.n)]
+        lower, upper = self.box(within_limits)
         for v in branch.values:
             copies = [v.value]
             if within_limits:
+                low, high = lower[v.joint] - 1e-9, upper[v.joint] + 1e-9
                 if not self.prismatic[v.joint]:
-                    copies = [v.value + 2 * np.pi * k for k in (0, -1, 1)]
-                low, high = self.lower[v.joint] - 1e-9, self.upper[v.joint] + 1e-9
-                copies = [c for c in copies if low <= c <= high]
+                    first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
+                    turns = range(math.ceil(first), math.floor(last) + 1)
+                    copies = [v.value + 2 * np.pi * k for k in turns]
+                elif not self.lower[v.joint] - 1e-9 <= v.value <= self.upper[v.joint] + 1e-9:
+                    copies = []
             fixed = [np.where(np.arange(self.n) == v.joint, c, f) for f in fixed for c in copies]
         return fixed

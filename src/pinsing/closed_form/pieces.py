@@ -58,12 +58,14 @@ class PieceMaker:
         self.symbols = tuple(symbols)
         self.rng = np.random.default_rng(seed)
         arm = geometry.arm
-        reach = np.where(arm.prismatic, arm.length_scale, np.pi)
-        bounded = arm.prismatic & np.isfinite(arm.lower) & np.isfinite(arm.upper)
-        self.lower = np.where(bounded, arm.lower, -reach)
-        self.upper = np.where(bounded, arm.upper, reach)
         flat = [float(x) for row in geometry.translation for x in row]
         self.lengths = [abs(x) for x in flat if x != 0]
+        # A family is as real outside the limits: sliders range over the size of the arm at least.
+        size = arm.length_scale + sum(self.lengths)
+        reach = np.where(arm.prismatic, size, np.pi)
+        slides = [arm.prismatic & np.isfinite(limit) for limit in (arm.lower, arm.upper)]
+        self.lower = np.where(slides[0], np.minimum(arm.lower, -reach), -reach)
+        self.upper = np.where(slides[1], np.maximum(arm.upper, reach), reach)
 
     def make(self, component: Component) -> Piece | None:
         """The piece of a component; None if it is proven to have no real point."""
@@ -173,6 +175,8 @@ class PieceMaker:
             return True
         if not branch.equations or self.find(branch, 1).size:
             return False
+        if any(e.powers.any() for e in branch.equations):
+            return False  # no box holds all values of a slider
         return proven_empty(branch.equations, self.lower, self.upper)
 
 

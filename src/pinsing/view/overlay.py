@@ -74,12 +74,11 @@ class Overlay:
             node[f"lost/{kind}"].set_property("visible", e["flat"] is not None)
             if e["flat"] is not None:
                 node[f"lost/{kind}"].set_transform(_place(tip, e["flat"]))
+        lines = [m for m in frame["lost"] if m["close"] and m["kind"] in ("line", "screw")]
         for k in range(ARROWS):
-            lost = frame["lost"][k] if k < len(frame["lost"]) else {"close": False}
-            seen = lost["close"] and lost["kind"] in ("line", "screw")
-            node[f"line/{k}"].set_property("visible", seen)
-            if seen:
-                node[f"line/{k}"].set_transform(_place(lost["at"], lost["turn"]))
+            node[f"line/{k}"].set_property("visible", k < len(lines))
+            if k < len(lines):
+                node[f"line/{k}"].set_transform(_place(lines[k]["at"], lines[k]["turn"]))
 
     def _move_robot(self, q: Array) -> None:
         if self._display is None or self._model is None:

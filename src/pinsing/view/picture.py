@@ -77,10 +77,17 @@ def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) 
             address = _debugging_address(process, Path(profile))
             picture = _run(_capture(address, url, size))
         finally:
-            process.kill()
-            process.communicate()
+            _end(process)
     with replacing(path) as temporary:
         temporary.write_bytes(picture)
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    try:
+        process.communicate(timeout=5)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.communicate()
 
 
 def _arguments(profile: str, size: tuple[int, int]) -> list[str]:
@@ -189,5 +196,6 @@ async def _capture(address: str, url: str, size: tuple[int, int]) -> bytes:
     settle = "new Promise(r => requestAnimationFrame(() => requestAnimationFrame(() => r(1))))"
     await browser.ask("Runtime.evaluate", session, expression=settle, awaitPromise=True)
     shot = await browser.ask("Page.captureScreenshot", session, format="png")
-    socket.close()
+    # Asked to, the browser ends its own children as well.
+    await socket.write_message(json.dumps({"id": 0, "method": "Browser.close"}))
     return base64.b64decode(shot["data"])

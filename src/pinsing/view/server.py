@@ -181,7 +181,7 @@ def _application(
     )
 
 
-class _Part(RequestHandler):
+class _Part(RequestHandler):  # type: ignore[misc,unused-ignore]
     """A file of the page, held in memory."""
 
     def initialize(
@@ -208,7 +208,7 @@ class _Part(RequestHandler):
         self.write(content)
 
 
-class _Live(WebSocketHandler):  # type: ignore[misc]
+class _Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
     """Answers the questions of one page."""
 
     def initialize(self, is_ours: Callable[[str], bool], stage: Stage, clients: set[_Live]) -> None:
