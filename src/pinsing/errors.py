@@ -98,3 +98,7 @@ class OutputError(PinsingError, OSError):
 
 class EngineError(PinsingError, RuntimeError):
     """A batch engine that is not available or that disagrees with Pinocchio."""
+
+
+class WorkerError(PinsingError, RuntimeError):
+    """A process or machine of a run in chunks that died, failed, or cannot be reached."""

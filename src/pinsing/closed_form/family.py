@@ -15,6 +15,7 @@ from pinsing.errors import ConfigurationError
 from pinsing.result import JsonResult
 
 _STARTS = 24
+_PASSES = 4
 
 
 class Distance(NamedTuple):
@@ -257,24 +258,25 @@ class Family(JsonResult):
         lower = np.where(self.prismatic, lower - widen, lower)
         upper = np.where(self.prismatic, upper + widen, upper)
         usable = [(b, v) for b in self.branches for v in self._placed(b, within_limits)]
-        if not usable:
-            return np.zeros((0, self.n))
-        share = np.full(len(usable), n // len(usable))
-        share[: n % len(usable)] += 1
-        order = rng.permutation(len(usable))
-        parts: list[Array] = []
-        short = 0
-        for index in order:
-            branch, fixed = usable[index]
-            count = int(share[index]) + short
-            if count == 0:
-                continue
-            free = np.ones(self.n, dtype=bool)
-            free[[v.joint for v in branch.values]] = False
-            part = search(branch.equations, lower, upper, free, fixed, count, rng)
-            short = count - len(part)
-            parts.append(part)
-        return np.concatenate(parts) if parts else np.zeros((0, self.n))
+        alive = [usable[i] for i in rng.permutation(len(usable))]
+        parts = [np.zeros((0, self.n))]
+        missing = n
+        for _ in range(_PASSES):  # what one branch lacks, the others give in the next pass
+            share = np.full(len(alive), missing // max(1, len(alive)))
+            share[: missing - share.sum()] += 1
+            for (branch, fixed), count in zip(tuple(alive), share, strict=True):
+                if count == 0:
+                    continue
+                free = np.ones(self.n, dtype=bool)
+                free[[v.joint for v in branch.values]] = False
+                part = search(branch.equations, lower, upper, free, fixed, int(count), rng)
+                parts.append(part)
+                missing -= len(part)
+                if not len(part):
+                    alive = [a for a in alive if a[1] is not fixed or a[0] is not branch]
+            if missing == 0 or not alive:
+                break
+        return np.concatenate(parts)
 
     def box(self, within_limits: bool) -> tuple[Array, Array]:
         """Range of each joint that points are drawn from: the limits, or whole circles.

@@ -285,16 +285,15 @@ def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
         rows.setdefault(key, t)
         total = gathered.setdefault(key, [0.0, 0.0])
         total[0] += cos[t]
-        total[1] += sign * sin[t]
+        total[1] += sign * sin[t] if len(lead) else 0.0  # a constant has no sine
     keep = [k for k, (c, s) in gathered.items() if np.hypot(c, s) > 1e-10 * equation.size]
     if not keep:
         return None
     index = [rows[k] for k in keep]
-    constant = ~(frequencies[index] != 0).any(axis=1)
     return replace(
         equation,
         frequencies=frequencies[index],
         powers=powers[index],
         cos=np.array([gathered[k][0] for k in keep]),
-        sin=np.where(constant, 0.0, np.array([gathered[k][1] for k in keep])),
+        sin=np.array([gathered[k][1] for k in keep]),
     )

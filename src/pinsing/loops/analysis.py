@@ -159,7 +159,7 @@ def analyze_mechanism(
     working: tuple[Mode, ...] = ()
     if dyad is not None:
         # The pin, which every way of reaching must share.
-        reached = dyad.working_modes(_pin_position(mechanism, q))
+        reached = dyad.working_modes(dyad.point(q))
         working = tuple(Mode(mode_of(mechanism, x), x) for x in reached)
     return MechanismAnalysis(
         name=mechanism.name,
@@ -183,16 +183,6 @@ def analyze_mechanism(
         checks=tuple(_checks(mechanism, asked, tuple(points), forms)),
         notes=mechanism.notes,
     )
-
-
-def _pin_position(mechanism: Mechanism, q: Array) -> Array:
-    dyad = planar_dyad(mechanism)
-    assert dyad is not None  # asked for only where there is one
-    side = dyad.sides[0]
-    value = 0.0 if side.crank is None else side.crank_sign * q[side.crank]
-    B = side.pivot if side.crank is None else side.end(q[side.crank])
-    angle = value + side.pin_sign * q[side.pin] + side.rod_angle
-    return np.asarray(B + side.rod_length * np.array([np.cos(angle), np.sin(angle)]))
 
 
 def _checks(

@@ -116,6 +116,26 @@ class Dyad:
             q[..., side.pin] = side.pin_sign * angle
         return self.mechanism.fold(q)
 
+    def link_directions(self, q: npt.ArrayLike, side: int) -> tuple[Array, Array]:
+        """Unit vectors (..., 2) along the crank and the rod of a side at q (..., n)."""
+        q = np.asarray(q, dtype=float)
+        this = self.sides[side]
+        turned = 0.0 if this.crank is None else this.crank_sign * q[..., this.crank]
+        rod = turned + this.pin_sign * q[..., this.pin] + this.rod_angle
+        return _unit(turned + this.crank_angle), _unit(rod)
+
+    def elbow_sine(self, q: npt.ArrayLike, side: int) -> Array:
+        """Sine (...) of the angle from crank to rod at q (..., n): zero where the leg is straight."""
+        crank, rod = self.link_directions(q, side)
+        return np.asarray(crank[..., 0] * rod[..., 1] - crank[..., 1] * rod[..., 0])
+
+    def point(self, q: npt.ArrayLike) -> Array:
+        """P (..., 2) at closed configurations q (..., n), along the first side."""
+        q = np.asarray(q, dtype=float)
+        side = self.sides[0]
+        B = side.pivot if side.crank is None else side.end(q[..., side.crank])
+        return np.asarray(B + side.rod_length * self.link_directions(q, 0)[1])
+
     def close(self, inputs: npt.ArrayLike) -> tuple[Array, ...]:
         """All configurations (n,) at one set of inputs (n_a,): two, one at type 2, or none.
 

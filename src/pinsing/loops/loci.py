@@ -360,7 +360,7 @@ def _witness(
     mechanism = dyad.mechanism
     for inputs in _candidates(dyad, form, points_only):
         for q in dyad.close(inputs) or _touching(dyad, inputs):
-            if leg is not None and abs(_leg_sine(dyad, q, leg)) > 1e-6:
+            if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
                 continue
             held = [] if points_only else list(mechanism.actuated[:-1])
             point = refine(mechanism, q, kind, held)
@@ -381,21 +381,6 @@ def _touching(dyad: Dyad, inputs: Array) -> tuple[Array, ...]:
     return (dyad.at_pin(inputs, P),)
 
 
-def _leg_sine(dyad: Dyad, q: Array, leg: int) -> float:
-    crank, rod = _leg_vectors(dyad, q, leg)
-    return float(crank[0] * rod[1] - crank[1] * rod[0])
-
-
-def _leg_vectors(dyad: Dyad, q: Array, leg: int) -> tuple[Array, Array]:
-    side = dyad.sides[leg]
-    turned = 0.0 if side.crank is None else side.crank_sign * q[side.crank]
-    crank, rod = turned + side.crank_angle, turned + side.pin_sign * q[side.pin] + side.rod_angle
-    return (
-        np.array([np.cos(crank), np.sin(crank)]),
-        np.array([np.cos(rod), np.sin(rod)]),
-    )
-
-
 def _words(
     dyad: Dyad, kind: str, leg: int | None, witness: SingularPoint | None, points_only: bool
 ) -> str:
@@ -405,12 +390,12 @@ def _words(
     if leg is None:
         if witness is None:
             return f"{one}, P, {two} in line"
-        a, b = (_leg_vectors(dyad, witness.q, k)[1] for k in (0, 1))
+        a, b = (dyad.link_directions(witness.q, k)[1] for k in (0, 1))
         return f"{one}, P, {two} in line, " + ("stretched" if a @ b < 0 else "folded")
     name = f"A{leg + 1}, B{leg + 1}, P in line"
     if witness is None:
         return name
-    crank, rod = _leg_vectors(dyad, witness.q, leg)
+    crank, rod = dyad.link_directions(witness.q, leg)
     return f"{name}, " + ("stretched" if crank @ rod > 0 else "folded")
 
 

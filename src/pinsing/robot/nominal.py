@@ -135,8 +135,12 @@ def nominal(arm: Arm, angle_tol: float = ANGLE_TOL, snap_length: float = 0.0) ->
         raise OptionError(f"angle_tol must lie in [0, pi/4) radians, got {angle_tol!r}")
     if not 0 <= snap_length < math.inf:
         raise OptionError(f"snap_length must be zero or a positive length, got {snap_length!r}")
-    raw = flatten(arm)
-    return _Maker(arm, raw, angle_tol, snap_length).make()
+    # Follows from the frozen fields, and is asked for by every part: kept with them.
+    kept: dict[tuple[float, float], Nominal] = arm.__dict__.setdefault("_nominal", {})
+    key = (float(angle_tol), float(snap_length))
+    if key not in kept:
+        kept[key] = _Maker(arm, flatten(arm), angle_tol, snap_length).make()
+    return kept[key]
 
 
 class _Maker:

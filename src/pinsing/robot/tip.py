@@ -100,11 +100,15 @@ def candidates(model: pin.Model, mimics: Collection[str] = ()) -> list[Candidate
         for j in range(1, model.njoints)
         if j not in in_hand and all(c in in_hand for c in children[j])
     ]
+    frames: dict[int, list[pin.Frame]] = {}
+    for frame in model.frames:
+        frames.setdefault(int(frame.parentJoint), []).append(frame)
     found = []
     for leaf in leaves:
         beyond = [model.names[j] for j in _below(leaf, children)]
         path = joint_path(model, leaf)
-        found.append(Candidate(leaf, path, choose_tip(model, leaf), tuple(beyond)))
+        tip = _best_frame(model, leaf, frames.get(leaf, []))
+        found.append(Candidate(leaf, path, tip, tuple(beyond)))
     return found
 
 
@@ -114,19 +118,26 @@ def _hand_joints(model: pin.Model, children: list[list[int]], mimics: Collection
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY:
             bodies.setdefault(int(frame.parentJoint), frame.name)
+    jaws: set[int] = set()
+    for siblings in children:
+        # Several leaves side by side of which one follows: jaws. A lone one is the last joint.
+        leaves = [j for j in siblings if not children[j]]
+        if len(leaves) > 1 and any(model.names[j] in mimics for j in leaves):
+            jaws.update(leaves)
+    depth = _depths(children)
+    rank = [0] * model.njoints
     hand: set[int] = set()
     for joint in range(1, model.njoints):
         name = model.names[joint]
-        leaves = [j for j in children[model.parents[joint]] if not children[j]]
-        inherited = int(model.parents[joint]) in hand
+        parent = int(model.parents[joint])
+        rank[joint] = rank[parent] + 1
+        inherited = parent in hand
         # A link called gripper is often what the last wrist joint carries: links go by fingers.
         named = bool(_HAND.search(name) or _FINGER.search(bodies.get(joint, "")))
-        # Several leaves side by side of which one follows: jaws. A lone one is the last joint.
-        jaw = joint in leaves and len(leaves) > 1 and any(model.names[j] in mimics for j in leaves)
         # Something called a hand that no arm carries, and with an arm's worth of joints in a
         # row, is an arm.
-        carried = len(joint_path(model, joint)) > ARM_JOINTS
-        if inherited or jaw or (named and (carried or _depth(joint, children) < 6)):
+        carried = rank[joint] > ARM_JOINTS
+        if inherited or joint in jaws or (named and (carried or depth[joint] < 6)):
             hand.add(joint)
     return hand
 
@@ -141,8 +152,12 @@ def _below(joint: int, children: list[list[int]]) -> list[int]:
     return sorted(below)
 
 
-def _depth(joint: int, children: list[list[int]]) -> int:
-    return 1 + max((_depth(c, children) for c in children[joint]), default=0)
+def _depths(children: list[list[int]]) -> list[int]:
+    """Joints in a row from each one outwards, itself included; parents come before children."""
+    depth = [1] * len(children)
+    for joint in reversed(range(len(children))):
+        depth[joint] = 1 + max((depth[c] for c in children[joint]), default=0)
+    return depth
 
 
 def frame_index(model: pin.Model, name: str) -> int:
@@ -172,7 +187,12 @@ def choose_tip(model: pin.Model, joint: int) -> str:
     ChainError
         If no frame is fixed to that link.
     """
-    frames = tip_frames(model, joint) or [f for f in model.frames if f.parentJoint == joint]
+    return _best_frame(model, joint, [f for f in model.frames if f.parentJoint == joint])
+
+
+def _best_frame(model: pin.Model, joint: int, frames: list[pin.Frame]) -> str:
+    """Name of the frame to take of all that are fixed to a link."""
+    frames = [f for f in frames if f.type in _LINK_KINDS] or frames
     if not frames:
         raise ChainError(f"joint {model.names[joint]!r} carries no frame: add one and name it")
     for pattern in _TOOL_NAMES:

@@ -76,6 +76,9 @@ def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) 
         try:
             address = _debugging_address(process, Path(profile))
             picture = _run(_capture(address, url, size))
+        except BaseException:
+            process.kill()
+            raise
         finally:
             _end(process)
     with replacing(path) as temporary:
@@ -198,4 +201,6 @@ async def _capture(address: str, url: str, size: tuple[int, int]) -> bytes:
     shot = await browser.ask("Page.captureScreenshot", session, format="png")
     # Asked to, the browser ends its own children as well.
     await socket.write_message(json.dumps({"id": 0, "method": "Browser.close"}))
+    while await socket.read_message() is not None:
+        pass
     return base64.b64decode(shot["data"])

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import ipaddress
 import json
+import os
 import socket
 import threading
 from collections.abc import Callable
@@ -13,7 +14,6 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
-from tornado.netutil import bind_sockets
 from tornado.web import Application, HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
@@ -149,13 +149,39 @@ def _bind(host: str, port: int | None) -> list[socket.socket]:
     problem: OSError | None = None
     for candidate in tries:
         try:
-            return list(bind_sockets(candidate, address=host))
+            return _listen(host, candidate)
         except socket.gaierror:
             raise OptionError(f"there is no address {host!r} to listen on") from None
         except OSError as error:
             problem = error
     reason = (problem.strerror if problem else None) or str(problem)
     raise OptionError(f"cannot listen on {host} port {port}: {reason}; leave out --port") from None
+
+
+def _listen(host: str, port: int) -> list[socket.socket]:
+    """Sockets on every address that ``host`` stands for, on one port."""
+    sockets: list[socket.socket] = []
+    try:
+        found = socket.getaddrinfo(
+            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )
+        for family, kind, protocol, _, address in dict.fromkeys(found):
+            if sockets and port == 0:  # the one that the system chose
+                address = (address[0], sockets[0].getsockname()[1], *address[2:])
+            here = socket.socket(family, kind, protocol)
+            sockets.append(here)
+            if os.name != "nt":
+                here.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if family == socket.AF_INET6:
+                here.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+            here.setblocking(False)
+            here.bind(address)
+            here.listen(128)
+    except OSError:
+        for here in sockets:
+            here.close()
+        raise
+    return sockets
 
 
 def _application(

@@ -1,0 +1,220 @@
+"""Work in chunks: on threads, on any ``concurrent.futures.Executor``, kept in a folder or not.
+
+No scheduler: chunks are handed to the executor a few at a time, and taken as they are done.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import multiprocessing.connection
+import os
+import signal
+import threading
+from collections.abc import Iterator, Mapping
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    ProcessPoolExecutor,
+    ThreadPoolExecutor,
+    wait,
+)
+from typing import Any, Protocol
+
+from pinsing._batch.engine import cpu_count
+from pinsing.durable import Record, RunFolder
+from pinsing.errors import OptionError, PinsingError, WorkerError
+
+_PER_WORKER = 2  # chunks handed out at a time: one to work on, one waiting
+
+
+class Job(Protocol):
+    """Work that falls into chunks; small, and able to be pickled."""
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+
+    def identity(self) -> Mapping[str, Any]:
+        """What decides the numbers, as plain JSON values."""
+
+    def __call__(self, index: int) -> Record:
+        """Compute one chunk; the same wherever and whenever."""
+
+
+def finished_chunks(
+    job: Job, executor: Executor, folder: RunFolder | None = None, parallel: int | None = None
+) -> Iterator[tuple[int, Record]]:
+    """Run all chunks of ``job``, in any order; those that ``folder`` has come first, as they are.
+
+    Parameters
+    ----------
+    job : Job
+        What to do.
+    executor : Executor
+        Where.
+    folder : RunFolder, optional
+        Each chunk is on the disk before it is yielded; a damaged one is done again.
+    parallel : int, optional
+        How many chunks the executor works on at once; the number of processors by default.
+
+    Raises
+    ------
+    OutputError
+        If a chunk cannot be kept.
+    WorkerError
+        If a worker died, or failed in a way that is no error of pinsing.
+    """
+    todo = []
+    kept = set(folder.kept()) if folder is not None else set()
+    for index in range(job.chunks):
+        record = folder.load(index) if folder is not None and index in kept else None
+        if record is None:
+            todo.append(index)
+        else:
+            yield index, record
+    pending: dict[Future[Record], int] = {}
+    waiting = iter(todo)
+    limit = _PER_WORKER * (cpu_count() if parallel is None else parallel)
+    try:
+        while True:
+            for index in waiting:
+                pending[_submit(executor, job, index)] = index
+                if len(pending) >= limit:
+                    break
+            if not pending:
+                return
+            done, _ = wait(pending, return_when=FIRST_COMPLETED)
+            for future in sorted(done, key=pending.__getitem__):
+                index = pending.pop(future)
+                record = _outcome(future, index)
+                if folder is not None:
+                    folder.save(index, record)
+                yield index, record
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def _submit(executor: Executor, job: Job, index: int) -> Future[Record]:
+    try:
+        return executor.submit(job, index)
+    except BrokenExecutor as error:
+        raise _died(error) from error
+
+
+def _outcome(future: Future[Record], index: int) -> Record:
+    try:
+        error = future.exception()
+    except CancelledError:
+        raise WorkerError(f"chunk {index} was cancelled by the executor") from None
+    if error is None:
+        return future.result()
+    if isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker":
+        raise _died(error) from error
+    if isinstance(error, PinsingError) or not isinstance(error, Exception):
+        raise error
+    raise WorkerError(
+        f"a worker failed at chunk {index}: {type(error).__name__}: {error} "
+        "(has it the same pinsing installed?)"
+    ) from error
+
+
+def _died(error: BaseException) -> WorkerError:
+    return WorkerError(
+        f"a worker process died, killed or out of memory ({error}); what is kept in a folder is "
+        "safe: run the same again, with fewer workers or smaller chunks if it was memory"
+    )
+
+
+@contextlib.contextmanager
+def local_threads(threads: int | None = None) -> Iterator[tuple[Executor, int]]:
+    """Threads of this process, as many as it has processors by default."""
+    count = _count(threads, "threads")
+    executor = ThreadPoolExecutor(count, thread_name_prefix="pinsing")
+    try:
+        yield executor, count
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+@contextlib.contextmanager
+def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]]:
+    """Processes of this machine, as many as there are processors by default.
+
+    They leave Ctrl-C to this process, and end when it does, however that is.
+    """
+    count = _count(workers, "workers")
+    executor = ProcessPoolExecutor(
+        count, mp_context=multiprocessing.get_context("spawn"), initializer=_follow_parent
+    )
+    try:
+        yield executor, count
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+@contextlib.contextmanager
+def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor, int]]:
+    """Workers of a running dask.distributed cluster; a chunk of a lost worker is done elsewhere.
+
+    Parameters
+    ----------
+    address : str
+        Of the scheduler, such as ``tcp://host:8786``.
+    timeout : float
+        Seconds to wait for it, and for its first worker.
+
+    Raises
+    ------
+    WorkerError
+        If dask.distributed is not installed, nothing answers, or there are no workers.
+    """
+    try:
+        from distributed import Client
+    except ImportError:
+        raise WorkerError(
+            "dask.distributed is not installed; pip install 'pinsing[cluster]'"
+        ) from None
+    try:
+        client = Client(address, timeout=timeout, set_as_default=False)
+    except (OSError, ValueError, ImportError) as error:
+        raise WorkerError(f"no dask scheduler at {address}: {error}") from None
+    try:
+        try:
+            client.wait_for_workers(1, timeout=timeout)
+        except TimeoutError:
+            raise WorkerError(f"the dask scheduler at {address} has no workers") from None
+        count = sum(client.nthreads().values())
+        executor = client.get_executor(pure=False)
+        try:
+            yield executor, count
+        finally:
+            executor.shutdown(wait=False)
+    finally:
+        client.close()
+
+
+def _count(asked: int | None, what: str) -> int:
+    if asked is None:
+        return cpu_count()
+    if asked < 1:
+        raise OptionError(f"{what} must be at least 1, got {asked}")
+    return int(asked)
+
+
+def _follow_parent() -> None:
+    """Start of a worker process: no Ctrl-C of its own, and no life after its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # only worker processes come here
+    watcher = threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True)
+    watcher.start()
+
+
+def _end_with(sentinel: int) -> None:
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)

@@ -1,0 +1,96 @@
+"""Sobol points by index: any stretch of the sequence at once, without what comes before it.
+
+Direction numbers of S. Joe and F. Y. Kuo, "Constructing Sobol sequences with better
+two-dimensional projections", SIAM J. Sci. Comput. 30 (2008) 2635-2654, file new-joe-kuo-6.21201.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import numpy.typing as npt
+
+Words = npt.NDArray[np.uint64]
+
+BITS = 52
+"""Binary digits of a coordinate, and of an index."""
+
+# Of dimension 2, 3, ...: coefficients a of the primitive polynomial, initial numbers m_1 .. m_s.
+_TABLE: tuple[tuple[int, tuple[int, ...]], ...] = (
+    (0, (1,)),
+    (1, (1, 3)),
+    (1, (1, 3, 1)),
+    (2, (1, 1, 1)),
+    (1, (1, 1, 3, 3)),
+    (4, (1, 3, 5, 13)),
+    (2, (1, 1, 5, 5, 17)),
+    (4, (1, 1, 5, 5, 5)),
+    (7, (1, 1, 7, 11, 19)),
+    (11, (1, 1, 5, 1, 1)),
+    (13, (1, 1, 1, 3, 11)),
+    (14, (1, 3, 5, 5, 31)),
+    (1, (1, 3, 3, 9, 7, 49)),
+    (13, (1, 1, 1, 15, 21, 21)),
+    (16, (1, 3, 1, 13, 27, 49)),
+    (19, (1, 1, 1, 15, 7, 5)),
+    (22, (1, 3, 1, 15, 13, 25)),
+    (25, (1, 1, 5, 5, 19, 61)),
+    (1, (1, 3, 7, 11, 23, 15, 103)),
+    (4, (1, 3, 7, 13, 13, 15, 69)),
+)
+
+MAX_DIMENSION = len(_TABLE) + 1
+
+_LOW = 12  # digits of an index that the table below covers
+
+
+@functools.cache
+def directions(dimension: int) -> Words:
+    """Direction numbers (BITS, dimension), scaled to BITS digits."""
+    v = np.zeros((BITS, dimension), dtype=np.uint64)
+    for k in range(dimension):
+        a, m = _TABLE[k - 1] if k else (0, (1,))
+        s = len(m)
+        column = [int(x) << (BITS - 1 - j) for j, x in enumerate(m)]
+        for j in range(s, BITS):
+            if k == 0:
+                new = 1 << (BITS - 1 - j)
+            else:
+                new = column[j - s] ^ (column[j - s] >> s)
+                for i in range(1, s):
+                    new ^= column[j - i] * ((a >> (s - 1 - i)) & 1)
+            column.append(new)
+        v[:, k] = column
+    v.setflags(write=False)
+    return v
+
+
+@functools.cache
+def _low_table(dimension: int) -> Words:
+    """Words of the first points: (2**_LOW, dimension), by reflection of the Gray code."""
+    v, table = directions(dimension), np.zeros((1, dimension), dtype=np.uint64)
+    for j in range(_LOW):
+        table = np.concatenate([table, table[::-1] ^ v[j]])
+    table.setflags(write=False)
+    return table
+
+
+def words(start: int, stop: int, dimension: int) -> Words:
+    """Points ``start`` to ``stop`` of the sequence as integers (N, dimension) below 2**BITS.
+
+    Point i is the exclusive-or of the direction numbers at the digits of its Gray code
+    i ^ (i >> 1). That is linear in the digits of i, so that it splits into a part of the
+    high digits and a table of the low ones.
+    """
+    v, table = directions(dimension), _low_table(dimension)
+    out = np.empty((stop - start, dimension), dtype=np.uint64)
+    size = len(table)
+    for high in range(start // size, -(-stop // size)):
+        first = high * size
+        gray = first ^ (first >> 1)
+        chosen = [j for j in range(gray.bit_length()) if gray >> j & 1]
+        base = np.bitwise_xor.reduce(v[chosen], axis=0)
+        low, top = max(start, first), min(stop, first + size)
+        np.bitwise_xor(table[low - first : top - first], base, out=out[low - start : top - start])
+    return out

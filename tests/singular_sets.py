@@ -1,0 +1,189 @@
+"""What the tests of closed forms share: arms, and checks of families against Pinocchio.
+
+The checks judge singularity on their own, from Pinocchio's Jacobians alone: a singular
+value counts as zero relative to the largest one that the arm has anywhere, so that a task
+whose Jacobian vanishes altogether is judged rightly too.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing.closed_form import ClosedForm, closed_form
+from pinsing.kinematics import generic_rank, task_jacobians
+from pinsing.refine import walk
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
+
+Array = npt.NDArray[np.float64]
+RIGHT = np.pi / 2
+
+# Name of the test, and how to load the arm: the robot, its tip and base where they are chosen.
+ROBOTS: dict[str, dict[str, str]] = {
+    "stanford": {"robot": "stanford"},
+    "puma560": {"robot": "puma560"},
+    "irb1400": {"robot": "irb1400"},
+    "iiwa14": {"robot": "iiwa14"},
+    "surgical7": {"robot": "surgical7"},
+    "planar3r": {"robot": "planar3r", "task": "position"},
+    "scara": {"robot": "scara"},
+    "ur5": {"robot": "ur5"},
+    "ur10": {"robot": "ur10"},
+    "panda": {"robot": "panda"},
+    "xarm7": {"robot": "xarm7"},
+    "z1": {"robot": "z1"},
+    "talos_arm": {"robot": "talos_arm"},
+    "talos_left": {
+        "robot": "talos_full_v2",
+        "tip": "gripper_left_base_link",
+        "base": "torso_2_link",
+    },
+    "tiago": {"robot": "tiago", "tip": "arm_tool_link", "base": "torso_lift_link"},
+    "tiago_pro": {"robot": "tiago_pro", "tip": "arm_left_tool_link", "base": "torso_lift_link"},
+    "pr2": {"robot": "pr2", "tip": "r_gripper_tool_frame", "base": "torso_lift_link"},
+    "baxter": {"robot": "baxter", "tip": "left_gripper"},
+    "romeo": {"robot": "romeo", "tip": "l_wrist", "base": "torso"},
+    "g1": {"robot": "g1", "tip": "left_rubber_hand", "base": "torso_link"},
+    "so101": {"robot": "so101"},
+    "kinova": {"robot": "kinova"},
+    "icub_left": {"robot": "icub", "tip": "l_hand", "base": "chest"},
+    "icub_right": {"robot": "icub", "tip": "r_hand", "base": "chest"},
+}
+
+
+@functools.cache
+def arm_of(name: str) -> Arm:
+    return load(**ROBOTS[name])
+
+
+@functools.cache
+def closed(name: str) -> ClosedForm:
+    return closed_form(arm_of(name))
+
+
+@dataclass(frozen=True)
+class Joint:
+    """Row of a modified DH table: a along x, alpha about x, then d along and theta about z."""
+
+    alpha: float = 0.0
+    a: float = 0.0
+    d: float = 0.0
+    theta: float = 0.0
+    slides: bool = False
+    limits: tuple[float, float] | None = None
+
+
+def build(
+    joints: Sequence[Joint],
+    tip: Sequence[float] = (0.0, 0.0, 0.0),
+    task: str = "pose",
+    length_scale: float = 1.0,
+) -> Arm:
+    """Serial arm of a modified DH table."""
+    model = pin.Model()
+    model.name = "built"
+    parent = 0
+    for i, joint in enumerate(joints, 1):
+        place = pin.SE3(pin.utils.rotate("x", joint.alpha), np.array([joint.a, 0.0, 0.0]))
+        place = place * pin.SE3(pin.utils.rotate("z", joint.theta), np.array([0.0, 0.0, joint.d]))
+        reach = 1.0 if joint.slides else np.pi
+        low, high = joint.limits or (-reach, reach)
+        parent = model.addJoint(
+            parent,
+            pin.JointModelPZ() if joint.slides else pin.JointModelRZ(),
+            place,
+            f"j{i}",
+            np.full(1, 1e3),
+            np.full(1, 1e3),
+            np.full(1, low),
+            np.full(1, high),
+        )
+    place = pin.SE3(np.eye(3), np.array(tip, dtype=float))
+    model.addFrame(pin.Frame("tip", parent, 0, place, pin.FrameType.OP_FRAME))
+    return load(model, tip="tip", task=task, length_scale=length_scale)
+
+
+# Cosine and sine are short decimals, so that intersecting axes intersect in decimals too.
+TILTS = (0.0, RIGHT, -RIGHT, np.arctan2(0.6, 0.8), np.arctan2(0.8, 0.6), -np.arctan2(0.28, 0.96))
+
+
+def random_arm(seed: int, kind: str, task: str = "pose", joints: int | None = None) -> Arm:
+    """Arm drawn from a seed; ``kind`` is "right" (twists of 90 degrees), "tilted" or "turned".
+
+    Half of the offsets are zero, so that axes meet, coincide and are parallel often.
+    """
+    rng = np.random.default_rng(seed)
+    n = int(rng.integers(1, 8)) if joints is None else joints
+    rows = []
+    for _ in range(n):
+        if kind == "tilted":
+            alpha = float(rng.choice(TILTS))
+        else:
+            alpha = float(rng.choice([0.0, RIGHT, -RIGHT, np.pi], p=[0.2, 0.35, 0.35, 0.1]))
+        a, d = (0.0 if rng.random() < 0.5 else round(rng.uniform(-0.5, 0.5), 2) for _ in range(2))
+        theta = float(rng.choice([0.0, RIGHT, np.pi / 4])) if kind == "turned" else 0.0
+        rows.append(Joint(alpha, a, d, theta, slides=bool(rng.random() < 0.15)))
+    tip = np.round(rng.uniform(-0.3, 0.3, 3), 2) if rng.random() < 0.5 else np.zeros(3)
+    return build(rows, tip, task)
+
+
+def drop(arm: Arm, Q: Array, rank: int | None = None) -> Array:
+    """sigma_r at Q (N, n) over the largest singular value that random configurations have."""
+    rank = generic_rank(arm) if rank is None else rank
+    rng = np.random.default_rng(5)
+    reach = np.where(arm.prismatic, arm.length_scale, np.pi)
+    J = task_jacobians(arm, rng.uniform(-1, 1, (8, arm.n)) * reach)
+    scale = np.median(np.linalg.svd(J, compute_uv=False)[:, 0])
+    sigma = np.linalg.svd(task_jacobians(arm, Q), compute_uv=False)
+    return sigma[:, rank - 1] / scale
+
+
+def random_singular(arm: Arm, count: int, seed: int) -> Array:
+    """Singular configurations reached from random starts on whole circles: (k, n)."""
+    rng = np.random.default_rng(seed)
+    reach = np.where(arm.prismatic, arm.length_scale, np.pi)
+    found = walk(arm, rng.uniform(-1, 1, (count, arm.n)) * reach, ignore_limits=True).q
+    return found[drop(arm, found) <= 1e-9]
+
+
+def check_families(arm: Arm, form: ClosedForm, count: int, seed: int = 1) -> None:
+    """``count`` points over all families are singular; so are as many within the limits."""
+    geometry = nominal(arm)
+    rng = np.random.default_rng(seed)
+    real = [f for f in form.families if f.real]
+    share = -(-count // max(1, len(real)))
+    for family in real:
+        inside = family.sample(share, rng)
+        assert len(inside) == (share if family.is_reachable else 0), family
+        assert arm.within_limits(inside, 1e-6).all(), family
+        points = family.points(share, rng)
+        assert len(points) == share, family
+        for Q in (points, inside):
+            if not len(Q):
+                continue
+            ratio = drop(geometry.arm, Q, form.generic_rank)
+            assert ratio.max() <= 1e-9, f"{family}: a configuration with {ratio.max():.1e}"
+            assert family.contains(Q).all(), family
+            if np.isfinite(geometry.jacobian_change):
+                # No singular value moves by more than the Frobenius norm of the change.
+                sigma = np.linalg.svd(task_jacobians(arm, Q), compute_uv=False)
+                bound = np.sqrt(arm.n) * geometry.jacobian_change + 1e-9 * sigma[:, 0]
+                assert (sigma[:, form.generic_rank - 1] <= bound).all(), family
+
+
+def check_search(arm: Arm, form: ClosedForm, count: int, seed: int = 1) -> int:
+    """Singular configurations that a search finds lie on the families; returns how many."""
+    found = random_singular(nominal(arm).arm, count, seed)
+    covered = np.zeros(len(found), dtype=bool)
+    for family in form.families:
+        covered |= family.contains(found, 1e-5)
+    missed = found[~covered]
+    assert not len(missed), f"{len(missed)} of {len(found)} on no family, such as {missed[0]}"
+    return len(found)

@@ -1,0 +1,663 @@
+"""The viewer without a browser: scene, frames, paths, pages, server, and how it ends."""
+
+from __future__ import annotations
+
+import asyncio
+import base64
+import gzip
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import umsgpack
+from arms import planar, textbook, ur5
+
+from pinsing.closed_form import closed_form
+from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
+from pinsing.kinematics import frame_jacobian, singular_values
+from pinsing.measures import SINGULAR_RTOL, velocity_ellipsoid
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+from pinsing.view import Viewer
+from pinsing.view.ellipsoids import FLOOR, drawn_radii, flat_direction, pure_ellipsoids, sizes
+from pinsing.view.entries import Entry, family_entries, pose_entries
+from pinsing.view.findings import FixedJoints, finding_entries
+from pinsing.view.frame import make_frame
+from pinsing.view.links import base_placement, read_links
+from pinsing.view.motion import along, into
+from pinsing.view.overlay import full_configuration
+from pinsing.view.record import Recorder
+from pinsing.view.scene import draw_scene
+from pinsing.view.server import is_loopback
+from pinsing.view.verdict import verdict
+
+ARMS = ["stanford", "puma560", "surgical7", "irb1400", "iiwa14", "scara"]
+
+
+def entries_of(name: str) -> tuple[Arm, tuple[Entry, ...]]:
+    arm = textbook(name)
+    return arm, family_entries(arm, closed_form(arm).families)
+
+
+def commands(recorder: Recorder) -> list[dict[str, Any]]:
+    return [umsgpack.unpackb(c) for c in recorder.commands]
+
+
+# Ellipsoids -------------------------------------------------------------------------
+
+
+def test_pure_ellipsoids_collapse_along_the_wrench_that_needs_no_torque() -> None:
+    arm = textbook("stanford")
+    q = np.array([0.3, 0.9, 0.4, 0.5, 0.0, -0.7])  # the wrist is straight: axes 4 and 6 in line
+    J = frame_jacobian(arm, q)
+    wrench = np.linalg.svd(J)[0][:, -1]
+    for part, ellipsoid in zip((wrench[:3], wrench[3:]), pure_ellipsoids(J), strict=True):
+        flat = flat_direction(ellipsoid)
+        assert flat is not None
+        assert abs(flat @ part) == pytest.approx(np.linalg.norm(part), abs=1e-9)
+    # Those of all motions stay round there: nothing would be seen in them.
+    for rows in (J[:3], J[3:]):
+        assert flat_direction(velocity_ellipsoid(rows)) is None
+
+
+def test_pure_ellipsoid_bounds_the_motions_that_leave_the_rest_alone(
+    rng: np.random.Generator,
+) -> None:
+    arm = textbook("iiwa14")
+    J = frame_jacobian(arm, rng.uniform(*arm.span))
+    ellipsoid = pure_ellipsoids(J)[0]
+    null = np.linalg.svd(J[3:])[2][3:].T
+    speeds = rng.normal(size=(500, null.shape[1]))
+    v = (J[:3] @ null @ (speeds / np.linalg.norm(speeds, axis=1, keepdims=True)).T).T
+    inside = ((v @ ellipsoid.axes) / ellipsoid.radii) ** 2
+    assert (inside.sum(axis=1) <= 1 + 1e-9).all()
+    assert inside.sum(axis=1).max() > 0.9
+
+
+def test_a_flat_ellipsoid_is_drawn_as_a_disc_and_its_data_left_alone() -> None:
+    radii = np.array([2.0, 1.0, 0.0])
+    drawn = drawn_radii(radii, 0.5)
+    assert drawn == pytest.approx([1.0, 0.5, FLOOR])
+    assert radii[2] == 0.0
+    assert drawn_radii(np.zeros(3), 1.0) == pytest.approx([0, 0, 0])
+
+
+def test_sizes_follow_the_scale_and_the_reach() -> None:
+    arm = textbook("puma560")
+    one, two = sizes(arm), sizes(arm, 2.0)
+    assert two.translation == pytest.approx(2 * one.translation)
+    assert two.rotation == pytest.approx(2 * one.rotation)
+    assert 0.5 < one.reach < 2.5
+
+
+# Entries, verdict, paths ------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_poses_are_on_their_family_inside_the_limits_and_the_same_every_time(name: str) -> None:
+    arm, entries = entries_of(name)
+    again = entries_of(name)[1]
+    assert any(e.poses for e in entries)
+    for entry, twin in zip(entries, again, strict=True):
+        assert entry.family is not None
+        for q, other in zip(entry.poses, twin.poses, strict=True):
+            assert bool(entry.family.contains(q))
+            assert bool(arm.within_limits(q))
+            np.testing.assert_array_equal(q, other)
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_paths(name: str) -> None:
+    arm, entries = entries_of(name)
+    for entry in entries:
+        for q in entry.poses[:1]:
+            path = into(arm, entry, q)
+            sigma = singular_values(arm, path)
+            ratio = sigma[:, -1] / sigma[:, 0]
+            np.testing.assert_array_equal(path[-1], q)
+            assert ratio[0] > 1e-3, entry.name
+            assert ratio[-1] <= SINGULAR_RTOL
+            assert (np.diff(ratio) <= 0.02).all()
+            assert arm.within_limits(path).all()
+            loop = along(arm, entry, q)
+            assert len(loop), entry.name
+            sigma = singular_values(arm, loop)
+            assert (sigma[:, -1] <= 1e-8 * sigma[:, 0]).all()
+            assert arm.within_limits(loop).all()
+            assert np.ptp(loop, axis=0).max() > 0.05
+            closed = np.concatenate([loop, loop[:1]])
+            assert np.abs(np.diff(closed, axis=0)).max() < 0.4
+
+
+def test_the_verdict_names_the_nearest_family_and_the_distance() -> None:
+    arm, entries = entries_of("stanford")
+    q = np.array([0.2, 1.1, 0.35, 0.4, np.radians(0.8), 0.1])
+    found = verdict(arm, q, entries)
+    assert found is not None
+    assert found.text == "0.8° from F3: q5 = 0°"
+    assert not found.on
+    q[4] = np.pi - np.radians(30)
+    q[2] = 0.005
+    assert verdict(arm, q, entries).text == "5.0 mm from F2: d3 = 0 m"  # type: ignore[union-attr]
+    q[2] = 0.0
+    assert verdict(arm, q, entries).on  # type: ignore[union-attr]
+    assert verdict(arm, q, pose_entries(arm, [q])) is None
+
+
+def test_findings_of_a_sweep_are_listed() -> None:
+    from pinsing.find import singular_configurations
+    from pinsing.sweep import sweep
+
+    arm = textbook("stanford")
+    findings = singular_configurations(arm, sweep(arm, levels=1, samples=24))
+    entries = finding_entries(arm, findings)
+    assert {e.text for e in entries} >= {"q5 = 0", "d3 = 0"}
+    for entry in entries:
+        for q in entry.poses:
+            assert singular_values(arm, q[None])[0, -1] < 1e-9
+    wrist = next(e for e in entries if e.text == "q5 = 0")
+    assert verdict(arm, np.array([0, 1, 0.3, 0, 0.1, 0]), [wrist]) is not None
+    assert len(along(arm, wrist, wrist.poses[0]))
+
+
+def test_fixed_joints_wrap_whole_turns() -> None:
+    arm = textbook("stanford")
+    family = FixedJoints("S1", "q5 = pi", arm, {"q5": np.pi})
+    q = np.array([0.1, 0.2, 0.3, 0.4, -np.pi + 0.01, 0.6])
+    found = family.distance(q)
+    assert found.value == pytest.approx(0.01)
+    assert found.q[4] == pytest.approx(-np.pi)
+    assert bool(family.contains(found.q))
+    assert not bool(family.contains(q))
+
+
+# Frames and scene -------------------------------------------------------------------
+
+
+def test_a_frame_says_what_the_state_says() -> None:
+    arm, entries = entries_of("stanford")
+    q = entries[0].poses[0]
+    frame = make_frame(arm, q, sizes(arm), entries)
+    json.dumps(frame, allow_nan=False)
+    assert frame["status"] == "singular"
+    assert (frame["rank"], frame["genericRank"]) == (5, 6)
+    assert frame["condition"] == "inf"
+    assert frame["verdict"]["on"]
+    assert frame["verdict"]["entry"] == 0
+    assert frame["hot"]
+    assert frame["lost"]
+    assert frame["ellipsoids"]["pure"]["translation"]["flat"] is not None
+    data = arm.model.createData()
+    pin.forwardKinematics(arm.model, data, arm.model_q(q))
+    for j, place in enumerate(frame["links"], 1):
+        np.testing.assert_allclose(place, pin.SE3ToXYZQUAT(data.oMi[j]), atol=1e-5)
+
+
+def test_a_drawn_ellipsoid_is_the_velocity_ellipsoid_to_scale(rng: np.random.Generator) -> None:
+    arm = textbook("puma560")
+    size = sizes(arm)
+    q = rng.uniform(*arm.span)
+    J = frame_jacobian(arm, q)
+    frame = make_frame(arm, q, size, ())
+    for kind, rows, scale in (
+        ("translation", J[:3], size.translation),
+        ("rotation", J[3:], size.rotation),
+    ):
+        e = frame["ellipsoids"]["all"][kind]
+        R = pin.Quaternion(np.array(e["turn"])).toRotationMatrix()
+        drawn = R @ np.diag(np.square(e["drawn"])) @ R.T
+        np.testing.assert_allclose(drawn, scale**2 * rows @ rows.T, atol=2e-4 * scale**2)
+
+
+def test_the_scene_has_every_node_that_frames_place() -> None:
+    arm = textbook("surgical7")
+    recorder = Recorder()
+    links = read_links(load("surgical7"))
+    notes = draw_scene(recorder.visualizer(), arm, links, sizes(arm))
+    assert notes == ()
+    paths = {c["path"] for c in commands(recorder)}
+    for j in range(1, arm.model.njoints):
+        assert any(p.startswith(f"/pinsing/arm/{j}/visual/") for p in paths)
+        assert any(p.startswith(f"/pinsing/arm/{j}/bone/") for p in paths)
+        assert any(p.startswith(f"/pinsing/arm/{j}/axis") for p in paths)
+        assert any(p.startswith(f"/pinsing/arm/{j}/hot") for p in paths)
+    for kind in ("translation", "rotation"):
+        assert f"/pinsing/ellipsoid/{kind}/skin" in paths
+        assert any(p.startswith(f"/pinsing/lost/{kind}/") for p in paths)
+
+
+@pytest.mark.parametrize("robot", ["ur5", "panda", "talos_arm"])
+def test_links_stand_where_the_whole_robot_has_them(robot: str) -> None:
+    arm = load(robot)
+    links = read_links(arm)
+    assert links.geometry is not None
+    whole = pin.buildGeomFromUrdfString(arm.source.full_model, arm.source.xml, pin.VISUAL)
+    rng = np.random.default_rng(2)
+    q = rng.uniform(*arm.span)
+    full, full_geometry = arm.source.full_model.createData(), whole.createData()
+    pin.updateGeometryPlacements(
+        arm.source.full_model, full, whole, full_geometry, full_configuration(arm, q)
+    )
+    data, geometry = arm.model.createData(), links.geometry.createData()
+    pin.updateGeometryPlacements(arm.model, data, links.geometry, geometry, arm.model_q(q))
+    back = base_placement(arm).inverse()
+    for i, g in enumerate(links.geometry.geometryObjects):
+        there = full_geometry.oMg[whole.getGeometryId(g.name)]
+        assert (back * there).isApprox(geometry.oMg[i], 1e-9)
+
+
+def test_a_base_further_out_keeps_links_in_place() -> None:
+    arm = load("ur5", base="upper_arm_link")
+    links = read_links(arm)
+    assert links.geometry is not None
+    whole = pin.buildGeomFromUrdfString(arm.source.full_model, arm.source.xml, pin.VISUAL)
+    data, geometry = arm.source.full_model.createData(), whole.createData()
+    q = np.linspace(0.1, 0.9, arm.n)
+    pin.updateGeometryPlacements(
+        arm.source.full_model, data, whole, geometry, full_configuration(arm, q)
+    )
+    mine, my_geometry = arm.model.createData(), links.geometry.createData()
+    pin.updateGeometryPlacements(arm.model, mine, links.geometry, my_geometry, arm.model_q(q))
+    for i, g in enumerate(links.geometry.geometryObjects):
+        there = base_placement(arm).inverse() * geometry.oMg[whole.getGeometryId(g.name)]
+        assert there.isApprox(my_geometry.oMg[i], 1e-9)
+
+
+def test_a_robot_whose_meshes_are_missing_gets_bones(write_urdf: Any) -> None:
+    mesh = (
+        '<link name="extra"><visual><geometry><mesh filename="package://nowhere/a.dae"/>'
+        '</geometry></visual></link><joint name="fixed" type="fixed"><parent link="l2"/>'
+        '<child link="extra"/><origin xyz="0.3 0 0"/></joint>'
+    )
+    axis = '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/>'
+    place = f'<origin xyz="0.4 0 0.1"/>{axis}'
+    path = write_urdf([("revolute", axis), ("revolute", place)], more=mesh)
+    arm = load(path, task="vx,vz")
+    assert any("nowhere" in note for note in arm.notes)
+    with Viewer(arm) as viewer:
+        page = viewer._stage.page(live=False)
+        assert page["settings"]["bare"] == [1, 2]
+        assert "<html" in viewer.html()
+
+
+def test_a_broken_mesh_is_told_and_replaced(write_urdf: Any, tmp_path: Path) -> None:
+    (tmp_path / "bad.stl").write_bytes(b"this is not a mesh")
+    mesh = (
+        '<link name="extra"><visual><geometry><mesh filename="bad.stl"/></geometry></visual></link>'
+        '<joint name="fixed" type="fixed"><parent link="l2"/><child link="extra"/></joint>'
+    )
+    axis = '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1" velocity="1"/>'
+    place = f'<origin xyz="0.4 0 0.1"/>{axis}'
+    arm = load(write_urdf([("revolute", axis), ("revolute", place)], more=mesh), task="vx,vz")
+    with Viewer(arm) as viewer:
+        assert any("bad.stl" in note for note in viewer.notes)
+        assert viewer._stage.page(live=False)["settings"]["bare"] == [1, 2]
+
+
+# Viewer -----------------------------------------------------------------------------
+
+
+def test_show_and_show_family() -> None:
+    with Viewer(textbook("stanford"), skeleton=True) as viewer:
+        viewer.show([0, 1, 0.3, 0, 0.5, 0])
+        np.testing.assert_allclose(viewer.q, [0, 1, 0.3, 0, 0.5, 0])
+        viewer.show_family("F3")
+        assert abs(np.sin(viewer.q[4])) < 1e-12
+        viewer.show_family(viewer.entries[1].family, pose=1)
+        np.testing.assert_array_equal(viewer.q, viewer.entries[1].poses[1])
+        with pytest.raises(UnknownNameError, match="F9"):
+            viewer.show_family("F9")
+        with pytest.raises(OptionError, match="pose 7"):
+            viewer.show_family(0, pose=7)
+        with pytest.raises(ConfigurationError):
+            viewer.show([1, 2, 3])
+        with pytest.raises(OptionError):
+            viewer.play("F1", "sideways")
+        assert viewer._server is None  # nobody asked for an address yet
+
+
+def test_a_scale_must_be_positive() -> None:
+    for scale in (0.0, -1.0, np.nan):
+        with pytest.raises(OptionError):
+            Viewer(textbook("scara"), scale=scale)
+
+
+def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
+    arm = planar((1.0, 0.8, 0.5))
+    with Viewer(arm) as viewer:
+        settings = viewer._stage.page(live=False)["settings"]
+        assert settings["shapes"] is False
+        assert settings["mode"] == "all"  # a position task: all translations are what counts
+
+
+def test_the_static_page_is_whole_and_escapes_names() -> None:
+    arm = textbook("stanford")
+    evil = replace(arm, name="</script><script>alert(1)</script><b>")
+    with Viewer(evil, poses=[[0, 1, 0.3, 0, 0.5, 0]], skeleton=True) as viewer:
+        text = viewer.html()
+        assert viewer.html() == text  # the same every time
+    assert "alert(1)" not in text.replace("&lt;/script&gt;&lt;script&gt;alert(1)", "")
+    assert not re.search(r'(?:src|href)="(?!data:)', text)
+    packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', text)
+    assert packed is not None
+    page = json.loads(gzip.decompress(base64.b64decode(packed.group(1))))
+    assert page["robot"]["name"] == evil.name
+    assert page["live"] is False
+    assert page["frames"][0]["poses"][0]["status"] == "regular"
+
+
+def test_a_static_page_has_the_paths() -> None:
+    arm = textbook("scara")
+    with Viewer(arm, skeleton=True) as viewer:
+        page = viewer._stage.baked()
+    json.dumps(page, allow_nan=False)
+    for entry, frames in zip(page["entries"], page["frames"], strict=True):
+        assert entry["into"]
+        assert entry["along"]
+        assert len(frames["poses"]) == len(frames["into"]) == len(frames["along"])
+        assert frames["into"][0][-1]["status"] == "singular"
+        assert all(f["status"] == "singular" for f in frames["along"][0])
+
+
+def test_next_to_a_users_own_visualizer() -> None:
+    from pinocchio.visualize import MeshcatVisualizer
+
+    arm = ur5()
+    recorder = Recorder()
+    visualizer = MeshcatVisualizer(arm.model, None, pin.GeometryModel())
+    visualizer.initViewer(viewer=recorder.visualizer())
+    visualizer.loadViewerModel()
+    viewer = Viewer(arm, visualizer=visualizer)
+    recorder.commands.clear()
+    viewer.show_family("F2")
+    moved = {c["path"]: c for c in commands(recorder)}
+    assert moved["/pinsing/ellipsoid/translation"]["type"] == "set_transform"
+    tip = np.reshape(moved["/pinsing/tip"]["matrix"], (4, 4)).T[:3, 3]
+    np.testing.assert_allclose(tip, viewer._stage.frame(viewer.q)["tip"], atol=1e-6)
+    np.testing.assert_allclose(visualizer.data.oMi[6].translation,
+                               viewer._stage.frame(viewer.q)["links"][5][:3], atol=1e-4)  # fmt: skip
+    assert viewer._server is None
+    with pytest.raises(OptionError, match="initViewer"):
+        Viewer(arm, visualizer=object())
+
+
+# Server -----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def live() -> Any:
+    with Viewer(textbook("stanford"), skeleton=True) as viewer:
+        viewer.url  # noqa: B018
+        yield viewer
+
+
+def get(url: str, **headers: str) -> tuple[int, bytes]:
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, b""
+
+
+async def leave(connection: Any) -> None:
+    """Close a link and wait for the other side to agree."""
+    connection.close()
+    while await connection.read_message() is not None:
+        pass
+
+
+async def converse(url: str, *requests: Any, origin: str | None = None) -> list[Any]:
+    from tornado.httpclient import HTTPRequest
+    from tornado.websocket import websocket_connect
+
+    host = url.split("//")[1].rstrip("/")
+    headers = {"Origin": f"http://{host}" if origin is None else origin}
+    socket_ = await websocket_connect(HTTPRequest(f"ws://{host}/live", headers=headers))
+    answers = []
+    for request in requests:
+        await socket_.write_message(request if isinstance(request, str) else json.dumps(request))
+        text = await socket_.read_message()
+        answers.append(None if text is None else json.loads(text))
+    await leave(socket_)
+    return answers
+
+
+def test_every_part_of_the_page_is_served(live: Viewer) -> None:
+    for part in ("", "page.css", "page.js", "meshcat.js", "page.json", "scene"):
+        status, body = get(live.url + part)
+        assert status == 200
+        assert body
+    assert get(live.url + "nothing")[0] == 404
+    assert get(live.url + "../pyproject.toml")[0] == 404
+
+
+def test_the_link_answers_frames_poses_and_paths(live: Viewer) -> None:
+    q = [0.1, 1.0, 0.3, 0.2, 0.01, 0.0]
+    frame, pose, path, start = asyncio.run(
+        converse(
+            live.url,
+            {"id": 1, "want": "frame", "q": q},
+            {"id": 2, "want": "pose", "entry": 2, "pose": 0},
+            {"id": 3, "want": "path", "entry": 2, "pose": 0, "kind": "into"},
+            {"id": 4, "want": "start"},
+        )
+    )
+    assert frame["answer"]["q"] == pytest.approx(q)
+    assert frame["answer"]["verdict"]["text"] == "0.6° from F3: q5 = 0°"
+    assert pose["answer"]["status"] == "singular"
+    assert path["answer"][0]["status"] == "regular"
+    assert start["answer"]["entry"] == 0
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        "not json",
+        "[]",
+        "{}",
+        json.dumps({"id": 1}),
+        json.dumps({"id": 1, "want": "frame", "q": [1, 2]}),
+        json.dumps({"id": 1, "want": "frame", "q": "abc"}),
+        '{"id": 1, "want": "frame", "q": [NaN, 0, 0, 0, 0, 0]}',
+        json.dumps({"id": 1, "want": "pose", "entry": 99, "pose": 0}),
+        json.dumps({"id": 1, "want": "pose", "entry": -1, "pose": 0}),
+        json.dumps({"id": 1, "want": "pose", "entry": True, "pose": "0"}),
+        json.dumps({"id": 1, "want": "path", "entry": 0, "pose": 0, "kind": "x"}),
+        json.dumps({"id": 1, "want": "rm"}),
+    ],
+)
+def test_bad_requests_are_refused_and_the_link_lives_on(live: Viewer, request_: str) -> None:
+    answers = asyncio.run(converse(live.url, request_, {"id": 2, "want": "start"}))
+    assert "error" in answers[0]
+    assert "answer" in answers[1]
+
+
+def test_other_sites_cannot_drive_it(live: Viewer) -> None:
+    from tornado.httpclient import HTTPClientError
+
+    for origin in ("http://evil.example", "null", "http://localhost:1"):
+        with pytest.raises(HTTPClientError, match="403"):
+            asyncio.run(converse(live.url, {"id": 1, "want": "start"}, origin=origin))
+    for host in ("evil.example", f"evil.example:{live._server.port}", "127.0.0.1:1"):  # type: ignore[union-attr]
+        assert get(live.url + "page.json", Host=host)[0] == 403
+    assert get(live.url + "page.json", Host=f"localhost:{live._server.port}")[0] == 200  # type: ignore[union-attr]
+
+
+def test_only_loopback_is_bound(live: Viewer) -> None:
+    server = live._server
+    assert server is not None
+    assert {s.getsockname()[0] for s in server._sockets} == {"127.0.0.1"}
+    assert is_loopback("127.0.0.1")
+    assert is_loopback("localhost")
+    assert is_loopback("::1")
+    assert not is_loopback("0.0.0.0")
+    assert not is_loopback("192.168.1.2")
+
+
+def test_shown_configurations_reach_open_pages(live: Viewer) -> None:
+    async def watch() -> Any:
+        from tornado.httpclient import HTTPRequest
+        from tornado.websocket import websocket_connect
+
+        host = live.url.split("//")[1].rstrip("/")
+        page = await websocket_connect(
+            HTTPRequest(f"ws://{host}/live", headers={"Origin": f"http://{host}"})
+        )
+        assert live._server is not None
+        while not live._server.pages:
+            await asyncio.sleep(0.01)
+        live.show_family("F3", 1)
+        message = json.loads(await asyncio.wait_for(page.read_message(), 10))
+        await leave(page)
+        return message
+
+    message = asyncio.run(watch())
+    assert (message["entry"], message["pose"]) == (2, 1)
+    assert message["frame"]["verdict"]["text"] == f"on F3: q5 = {round(np.degrees(live.q[4])):g}°"
+
+
+def test_a_taken_port_is_passed_over_or_told() -> None:
+    arm = textbook("scara")
+    with Viewer(arm, skeleton=True) as one, Viewer(arm, skeleton=True) as two:
+        assert one.url != two.url
+        port = int(one.url.split(":")[2].strip("/"))
+        assert get(two.url)[0] == 200
+        with (
+            Viewer(arm, skeleton=True, port=port) as third,
+            pytest.raises(OptionError, match=str(port)),
+        ):
+            third.url  # noqa: B018
+    with pytest.raises(OptionError, match="address"):
+        Viewer(arm, skeleton=True, host="no.such.host.invalid").url  # noqa: B018
+
+
+def test_close_gives_the_port_back() -> None:
+    viewer = Viewer(textbook("scara"), skeleton=True)
+    port = int(viewer.url.split(":")[2].strip("/"))
+    viewer.close()
+    viewer.close()
+    with socket.socket() as again:
+        again.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        again.bind(("127.0.0.1", port))
+
+
+def test_a_notebook_gets_a_frame_with_the_page(live: Viewer) -> None:
+    assert f'src="{live.url}"' in live._repr_html_()
+    assert live.url in live.jupyter_cell(height=300).data
+
+
+# The command ------------------------------------------------------------------------
+
+_RUN = "import sys; from pinsing.cli.view import view_command; view_command(sys.argv[1:])"
+
+
+def start(*words: str) -> tuple[subprocess.Popen[str], str]:
+    process = subprocess.Popen(
+        [sys.executable, "-c", _RUN, *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    return process, process.stdout.readline().strip()
+
+
+def is_free(url: str) -> bool:
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", int(url.split(":")[2].strip("/")))) != 0
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+@pytest.mark.parametrize("kill", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
+def test_the_command_leaves_nothing_behind_when_killed(kill: signal.Signals) -> None:
+    process, url = start("scara", "--no-open", "--skeleton")
+    try:
+        assert get(url)[0] == 200
+        if Path("/proc").is_dir():
+            children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+            assert not children.exists() or children.read_text().strip() == ""
+        process.send_signal(kill)
+        process.communicate(timeout=10)
+        limit = time.monotonic() + 5
+        while not is_free(url) and time.monotonic() < limit:
+            time.sleep(0.05)
+        assert is_free(url)
+        if kill == signal.SIGINT:
+            assert process.returncode == 0
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def test_two_commands_at_once() -> None:
+    one, first = start("scara", "--no-open", "--skeleton")
+    two, second = start("scara", "--no-open", "--skeleton", "--q", "0,90,0.1,0", "--deg")
+    try:
+        assert first != second
+        assert get(first)[0] == get(second)[0] == 200
+        assert b'"P1"' in get(second + "page.json")[1]
+    finally:
+        for process in (one, two):
+            process.kill()
+            process.communicate()
+
+
+def test_listening_to_the_network_is_warned_about() -> None:
+    process, url = start("scara", "--no-open", "--skeleton", "--host", "0.0.0.0")
+    try:
+        assert get(url)[0] == 200
+    finally:
+        process.terminate()
+        _, said = process.communicate()
+    assert "warning: listening on 0.0.0.0" in said
+
+
+def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    from pinsing.cli.view import view_command
+
+    found = closed_form(load("scara"))
+    saved = tmp_path / "scara.json"
+    saved.write_text(found.to_json())
+    page = tmp_path / "page.html"
+    result = CliRunner().invoke(
+        view_command, ["scara", "--analysis", str(saved), "--html", str(page), "--skeleton"]
+    )
+    assert result.exit_code == 0, result.output
+    assert page.stat().st_size > 800_000
+    result = CliRunner().invoke(
+        view_command, ["stanford", "--analysis", str(saved), "--html", str(page)]
+    )
+    assert "not of this arm" in str(result.exception)
+    saved.write_text("{")
+    result = CliRunner().invoke(view_command, ["scara", "--analysis", str(saved)])
+    assert "not JSON" in str(result.exception)
+
+
+def test_a_picture_without_a_browser_says_what_is_missing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pinsing.view import picture
+
+    monkeypatch.setattr(picture, "find_browser", lambda: None)
+    with (
+        Viewer(textbook("scara"), skeleton=True) as viewer,
+        pytest.raises(OutputError, match="Chromium"),
+    ):
+        viewer.save_png(tmp_path / "a.png")
+    assert os.listdir(tmp_path) == []
