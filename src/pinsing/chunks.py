@@ -6,12 +6,13 @@ No scheduler: chunks are handed to the executor a few at a time, and taken as th
 from __future__ import annotations
 
 import contextlib
+import importlib
 import multiprocessing
 import multiprocessing.connection
 import os
 import signal
 import threading
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import (
     FIRST_COMPLETED,
     BrokenExecutor,
@@ -46,8 +47,12 @@ class Job(Protocol):
 
 
 def finished_chunks(
-    job: Job, executor: Executor, folder: RunFolder | None = None, parallel: int | None = None
-) -> Iterator[tuple[int, Record]]:
+    job: Job,
+    executor: Executor,
+    folder: RunFolder | None = None,
+    parallel: int | None = None,
+    tell: Callable[[str], object] | None = None,
+) -> Generator[tuple[int, Record], None, None]:
     """Run all chunks of ``job``, in any order; those that ``folder`` has come first, as they are.
 
     Parameters
@@ -60,6 +65,8 @@ def finished_chunks(
         Each chunk is on the disk before it is yielded; a damaged one is done again.
     parallel : int, optional
         How many chunks the executor works on at once; the number of processors by default.
+    tell : callable, optional
+        Called with sentences on what the folder had.
 
     Raises
     ------
@@ -68,16 +75,21 @@ def finished_chunks(
     WorkerError
         If a worker died, or failed in a way that is no error of pinsing.
     """
-    todo = []
-    kept = set(folder.kept()) if folder is not None else set()
-    for index in range(job.chunks):
-        record = folder.load(index) if folder is not None and index in kept else None
-        if record is None:
-            todo.append(index)
-        else:
-            yield index, record
+    todo = set(range(job.chunks))
+    if folder is not None:
+        kept = folder.kept()
+        for index in kept:
+            record = folder.load(index)
+            if record is not None:
+                todo.remove(index)
+                yield index, record
+        if tell is not None and kept:
+            tell(f"{job.chunks - len(todo)} of {job.chunks} chunks were done before")
+            damaged = todo.intersection(kept)
+            if damaged:
+                tell(f"damaged and done again: chunks {', '.join(map(str, sorted(damaged)))}")
     pending: dict[Future[Record], int] = {}
-    waiting = iter(todo)
+    waiting = iter(sorted(todo))
     limit = _PER_WORKER * (cpu_count() if parallel is None else parallel)
     try:
         while True:
@@ -174,13 +186,13 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
         If dask.distributed is not installed, nothing answers, or there are no workers.
     """
     try:
-        from distributed import Client
+        distributed: Any = importlib.import_module("distributed")
     except ImportError:
         raise WorkerError(
             "dask.distributed is not installed; pip install 'pinsing[cluster]'"
         ) from None
     try:
-        client = Client(address, timeout=timeout, set_as_default=False)
+        client = distributed.Client(address, timeout=timeout, set_as_default=False)
     except (OSError, ValueError, ImportError) as error:
         raise WorkerError(f"no dask scheduler at {address}: {error}") from None
     try:

@@ -7,10 +7,13 @@ machines; the instruction set travels with it and is never replaced by another.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from pinsing import __version__
 from pinsing._batch import engine as kernel
 from pinsing.engine import ENGINES, batch_chain, pinocchio_jacobians
 from pinsing.errors import EngineError, OptionError
@@ -121,6 +124,25 @@ def fingerprint(arm: Arm) -> str:
         array = np.ascontiguousarray(part, dtype=np.float64)
         digest.update(f"{array.shape};".encode() + array.tobytes())
     return digest.hexdigest()
+
+
+def run_identity(kind: str, evaluator: Evaluator) -> dict[str, Any]:
+    """What a folder records of how a run computes, as plain JSON values."""
+    return {
+        "kind": kind,
+        "pinsing": __version__,
+        "engine": evaluator.engine,
+        "robot": fingerprint(evaluator.arm),
+        "rank": evaluator.rank,
+    }
+
+
+def recorded_engine(known: Mapping[str, Any] | None, asked: str) -> str:
+    """Engine to go on with: that of the run on disk, unless another is asked for by name."""
+    if known is None or asked not in ("auto", "batch"):
+        return asked
+    engine = str(known.get("engine", asked))
+    return asked if asked == "batch" and engine == PINOCCHIO else engine
 
 
 def _lean(arm: Arm) -> Arm:

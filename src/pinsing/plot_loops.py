@@ -104,9 +104,7 @@ def map_legend(ax: Axes) -> None:
         Line2D([], [], color=TYPE_1, label="type 1: a leg stretched"),
         Line2D([], [], color=TYPE_1, ls="--", label="type 1: a leg folded"),
     ]
-    ax.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=8
-    )
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=8)
 
 
 def measure_curves(

@@ -189,8 +189,7 @@ class Decomposition:
     ) -> None:
         """Components inside p = g = 0: none, or stated by as few joints as can be found."""
         self.time.check()
-        free = [j for j in range(len(self.ring.prismatic)) if j not in values]
-        points = list(slice_points(p, g, test, self.ring, self._rng, free))
+        points = list(slice_points(p, g, test, self.ring, self._rng, values))
         if any(not s.certain for s in points):
             self.gaps.append("a slice could not be told singular from regular")
         singular = [s.point for s in points if s.singular]
@@ -223,7 +222,6 @@ class Decomposition:
     ) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
         resultant = self.ring.strip(self._resultant(p, g, joint))
-        free = [j for j in range(len(self.ring.prismatic)) if j not in values]
         for h in self._factors(resultant):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
@@ -235,7 +233,7 @@ class Decomposition:
                     self._split(e, {}, put, rank, {**values, **at}, budget - 1)
             elif len(h) <= len(p) + len(g) and any(self._zeros(h, singular)):
                 for other in sorted((p, g), key=len):
-                    points = list(slice_points(h, other, test, self.ring, self._rng, free))
+                    points = list(slice_points(h, other, test, self.ring, self._rng, values))
                     if points and all(s.singular for s in points):
                         self._emit(values, tuple(sorted((h, other), key=len)), False)
                         break

@@ -10,7 +10,7 @@ meet every component.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 
@@ -117,65 +117,88 @@ def slice_points(
     test: RankTest,
     ring: Ring,
     rng: np.random.Generator,
-    joints: Sequence[int],
+    values: Mapping[int, Value],
 ) -> Iterator[SlicePoint]:
-    """Common zeros of p and g on a random slice for every pair of ``joints``."""
+    """Common zeros of p and g on a random slice for every pair of joints.
+
+    Parameters
+    ----------
+    values : mapping of joint to Value
+        Joints that are at fixed values already (and occur in neither polynomial).
+    """
+    joints = [j for j in range(len(ring.prismatic)) if j not in values]
     of_p, of_g = set(ring.joints_of(p)), set(ring.joints_of(g))
     for k, other in itertools.combinations(sorted(of_p | of_g), 2):
         if not ({k, other} & of_p and {k, other} & of_g):
             continue  # one of the two is a constant on this slice
         fixed = {j: random_value(rng, ring, j) for j in joints if j not in (k, other)}
+        fixed.update(values)
         yield from _points_on(p, g, k, other, fixed, test, ring, rng)
 
 
 def _points_on(
     p: Poly,
     g: Poly,
-    k: int,
-    last_joint: int,
+    first: int,
+    second: int,
     fixed: Mapping[int, Value],
     test: RankTest,
     ring: Ring,
     rng: np.random.Generator,
 ) -> Iterator[SlicePoint]:
-    turn = {j: _turn(ring, j, rng) for j in (k, last_joint)}
+    """Common zeros of p and g in two joints, the others ``fixed``, with their verdicts."""
+    turn = {j: _turn(ring, j, rng) for j in (first, second)}
     P = _chart(ring.substitute(p, fixed), ring, turn)
     G = _chart(ring.substitute(g, fixed), ring, turn)
-    last = {j: ring.variables(j)[-1] for j in (k, last_joint)}
-    names = ring.context.names()
-    in_p, in_g = P.degrees()[last[k]] > 0, G.degrees()[last[k]] > 0
-    if in_p and in_g:
-        eliminated = P.resultant(G, names[last[k]])
-    else:
-        eliminated = G if in_p else P
-    if eliminated == 0 or eliminated.is_constant():
-        return
-    solve_in = P if in_p else G
-    check = G if in_p else P
     base = np.zeros(ring.context.nvars(), dtype=complex)
     for j, value in fixed.items():
-        for v, x in zip(ring.variables(j), value, strict=True):
-            base[v] = float(x)
+        base[list(ring.variables(j))] = [float(x) for x in value]
+    for t, s in _common_zeros(P, G, ring.variables(first)[-1], ring.variables(second)[-1], ring):
+        point = base.copy()
+        for j, chart_value in ((first, t), (second, s)):
+            point[list(ring.variables(j))] = turn[j].values_at(chart_value)
+        if _norms_vanish(point, ring):
+            continue
+        ratio = test.ratio(point)
+        yield SlicePoint(point, ratio < _SINGULAR, not _SINGULAR <= ratio < _REGULAR)
+
+
+def _common_zeros(
+    P: Poly, G: Poly, first: int, second: int, ring: Ring
+) -> Iterator[tuple[complex, complex]]:
+    """Common zeros of two polynomials in two variables.
+
+    Both coordinates come from resultants, whose roots are accurate even where zeros are
+    multiple; solving one polynomial at the roots of the other only tells which go together.
+    """
+    without_first, without_second = _eliminate(P, G, first, ring), _eliminate(P, G, second, ring)
+    if without_first.is_constant() or without_second.is_constant():
+        return
+    ts = np.array(univariate_roots(without_second, first))
     nvars = ring.context.nvars()
-    num_check, num_solve = numeric(check, nvars), numeric(solve_in, nvars)
-    for root in univariate_roots(eliminated, last[last_joint]):
-        chart = np.zeros(nvars, dtype=complex)
-        chart[last[last_joint]] = root
-        poly = _univariate(num_solve, chart, last[k])
-        for other in np.roots(poly) if len(poly) > 1 else []:
-            at = chart.copy()
-            at[last[k]] = other
-            size = num_check.size(at)
-            if in_p and in_g and abs(num_check(at)) > 1e-6 * max(size, 1e-300):
-                continue
-            point = base.copy()
-            for j, t in ((k, other), (last_joint, root)):
-                point[list(ring.variables(j))] = turn[j].values_at(complex(t))
-            norm = _norms_vanish(point, ring)
-            if norm:
-                continue
-            ratio = test.ratio(point)
-            yield SlicePoint(point, ratio < _SINGULAR, not _SINGULAR <= ratio < _REGULAR)
+    polys = [numeric(P, nvars), numeric(G, nvars)]
+    solve_in = polys[0] if P.degrees()[first] > 0 else polys[1]
+    for s in univariate_roots(without_first, second):
+        at = np.zeros(nvars, dtype=complex)
+        at[second] = s
+        near: set[int] = set()
+        row = _univariate(solve_in, at, first)
+        for rough in np.roots(row) if len(row) > 1 else []:
+            gaps = np.abs(ts - rough) / (1.0 + np.abs(ts))
+            if gaps.min() < 1e-3:
+                near.add(int(np.argmin(gaps)))
+        for i in sorted(near):
+            at[first] = ts[i]
+            if all(abs(f(at)) <= 1e-6 * f.size(at) for f in polys):
+                yield complex(ts[i]), complex(s)
+
+
+def _eliminate(P: Poly, G: Poly, variable: int, ring: Ring) -> Poly:
+    """A polynomial without ``variable`` that vanishes where both do."""
+    in_p, in_g = P.degrees()[variable] > 0, G.degrees()[variable] > 0
+    if in_p and in_g:
+        return P.resultant(G, ring.context.names()[variable])
+    return G if in_p else P
 
 
 @dataclass(frozen=True)

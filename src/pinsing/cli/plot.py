@@ -1,0 +1,157 @@
+"""``pinsing plot``: figures for papers and reports."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
+from pinsing.cli.output import STDOUT, OutputFile, say
+from pinsing.errors import OptionError, OutputError
+from pinsing.files import replacing
+
+if TYPE_CHECKING:
+    from pinsing.robot.arm import Arm, Array
+
+KINDS = ("curves", "map", "ellipsoids", "along")
+FORMATS = (".png", ".svg", ".pdf")
+_STEPS = 400
+
+
+@click.command("plot", short_help="Curves, maps and ellipsoids as PNG, SVG or PDF.")
+@click.argument("kind", type=click.Choice(KINDS))
+@arm_options
+@click.option("-o", "--out", type=OutputFile(), required=True, metavar="FILE.png|svg|pdf")
+@click.option(
+    "--q",
+    "configurations",
+    multiple=True,
+    metavar="Q1,Q2,...",
+    help="Configuration: of the ellipsoids, of the joints that a map or curves leave alone; "
+    "for along, the stations of the way, at least two.",
+)
+@click.option("--over", metavar="A,B", help="map: its two joints. curves: those that move.")
+@click.option(
+    "--fixed",
+    multiple=True,
+    metavar="JOINT=VALUE",
+    help="curves: joint held at a special value; repeatable.",
+)
+@click.option("--ignore-limits", is_flag=True, help="curves, map: whole circles.")
+@click.option("--dpi", type=click.IntRange(30, 1200), default=200, show_default=True)
+@deg_option
+def plot_command(
+    request: RobotRequest,
+    kind: str,
+    out: str | Path,
+    configurations: tuple[str, ...],
+    over: str | None,
+    fixed: tuple[str, ...],
+    ignore_limits: bool,
+    dpi: int,
+    deg: bool,
+) -> None:
+    r"""Draw a figure of ROBOT.
+
+    \b
+    curves      sigma_min along each joint, from a nominal configuration
+    map         sigma_min over two joints, with the closed-form loci on top
+    ellipsoids  velocity ellipsoids at a configuration
+    along       singular values on the straight way between configurations
+
+    Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
+    """
+    if out == STDOUT or Path(out).suffix.lower() not in FORMATS:
+        raise OutputError(f"cannot write {out}: name a file that ends in .png, .svg or .pdf")
+    for text in configurations:
+        parse_numbers(text, "--q", deg)
+    joints = None if over is None else [name.strip() for name in over.split(",")]
+    if kind == "map" and (joints is None or len(joints) != 2):
+        raise OptionError("a map needs its two joints, such as --over q2,q3")
+    if kind == "along" and len(configurations) < 2:
+        raise OptionError("along needs two configurations or more: give --q twice")
+    if kind != "along" and len(configurations) > 1:
+        raise OptionError(f"{kind} takes one --q")
+    arm = request.load()
+    import matplotlib
+
+    matplotlib.use("agg")
+    vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
+    held = dict(_fixed(arm, text, deg) for text in fixed)
+    axes = _draw(kind, arm, vectors, joints, held, ignore_limits)
+    figure: Any = axes.figure
+    with replacing(out) as temporary:
+        # No date, and numbered marks: the same figure gives the same bytes.
+        matplotlib.rcParams["svg.hashsalt"] = "pinsing"
+        stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+        figure.savefig(
+            temporary,
+            dpi=dpi,
+            bbox_inches="tight",
+            pad_inches=0.04,
+            metadata=stamp.get(Path(out).suffix.lower()),
+        )
+    say(f"wrote {out}")
+
+
+def _draw(
+    kind: str,
+    arm: Arm,
+    vectors: list[Array],
+    joints: list[str] | None,
+    held: dict[str, float],
+    ignore_limits: bool,
+) -> Any:
+    import numpy as np
+
+    from pinsing import plot
+
+    q = vectors[0] if vectors else None
+    if kind == "map":
+        assert joints is not None
+        return plot.sigma_map(arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits)
+    if kind == "ellipsoids":
+        from pinsing.plot.plane import regular_configuration
+        from pinsing.state import at
+
+        return plot.ellipsoids(at(arm, regular_configuration(arm) if q is None else q))
+    if kind == "along":
+        stations = np.array(vectors)
+        part = np.linspace(0, len(stations) - 1, _STEPS)
+        place = np.arange(len(stations))
+        way = np.stack([np.interp(part, place, column) for column in stations.T], axis=1)
+        return plot.sigma_along(arm, way)
+    from pinsing.find import singular_configurations
+    from pinsing.sweep import sweep
+
+    levels = (max(len(held), 1),)
+    values = tuple(held.values())
+    special = {name: (value,) for name, value in held.items()} if values else None
+    chosen: dict[str, Any] = {"levels": levels, "prune": False, "ignore_limits": ignore_limits}
+    if special is not None:
+        chosen["special"] = special
+        chosen["joints"] = tuple(arm.joints)
+    result = sweep(arm, nominal=q, **chosen)
+    return plot.sigma_curves(
+        result, fixed=held, moving=joints, findings=singular_configurations(arm, result)
+    )
+
+
+def _fixed(arm: Arm, text: str, deg: bool) -> tuple[str, float]:
+    import math
+
+    from pinsing.errors import UnknownNameError
+
+    name, equals, number = text.partition("=")
+    name = name.strip()
+    if not equals:
+        raise OptionError(f"--fixed {text!r} is not of the form JOINT=VALUE")
+    if name not in arm.joints:
+        raise UnknownNameError("joint", name, arm.joints)
+    values = parse_numbers(number, "--fixed", deg)
+    if len(values) != 1:
+        raise OptionError(f"--fixed {text!r} needs one value")
+    slides = bool(arm.prismatic[arm.joints.index(name)])
+    return name, math.radians(values[0]) if deg and not slides else values[0]

@@ -1,0 +1,215 @@
+"""Run a map: chunk by chunk, in bounded memory, and in a folder if it is to last."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing.chunks import finished_chunks, local_threads
+from pinsing.durable import Record, open_run, recorded
+from pinsing.errors import OptionError
+from pinsing.evaluate import Evaluator, evaluator, recorded_engine, run_identity
+from pinsing.maps.plan import BLOCK, WORST, MapPlan, plan_map
+from pinsing.maps.result import MapResult, result_of
+from pinsing.maps.tally import Tally
+from pinsing.robot.arm import Arm
+
+Progress = Callable[[int, int], object]
+"""Called with the number of configurations done, and of all, after each chunk."""
+
+Tell = Callable[[str], object]
+"""Called with a sentence about what goes on."""
+
+RESULT = "result.json"
+"""File of a folder that holds the result of a complete map."""
+
+
+@dataclass(frozen=True, eq=False)
+class MapJob:
+    """A map as work in chunks: small, and able to be pickled.
+
+    Attributes
+    ----------
+    plan : MapPlan
+        What to do.
+    evaluator : Evaluator
+        The arm, on a fixed engine.
+    keep_values : bool
+        All singular values are part of the records.
+    """
+
+    plan: MapPlan
+    evaluator: Evaluator
+    keep_values: bool = False
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+        return self.plan.chunks
+
+    def identity(self) -> Mapping[str, Any]:
+        """What decides the numbers, as plain JSON values."""
+        values = {"keep_values": self.keep_values}
+        return run_identity("map", self.evaluator) | self.plan.identity() | values
+
+    def __call__(self, index: int) -> Record:
+        """Tally of one chunk as arrays, with ``sigma`` (N, r) if values are kept.
+
+        Blocks begin at multiples of BLOCK whatever the chunks, so that each array operation
+        has the same operands and gives the same bits.
+        """
+        start = index * self.plan.chunk
+        stop = min(self.plan.count, start + self.plan.chunk)
+        tally = Tally(self.plan.worst)
+        kept = []
+        for first in range(start, stop, BLOCK):
+            Q = self.plan.configurations(first, min(stop, first + BLOCK))
+            sigma = self.evaluator.sigma(Q)
+            tally.add(first, sigma)
+            if self.keep_values:
+                kept.append(sigma)
+        record = tally.record()
+        if self.keep_values:
+            record["sigma"] = np.concatenate(kept)
+        return record
+
+
+def sigma_map(
+    arm: Arm,
+    sampling: str = "sobol",
+    *,
+    count: int | None = None,
+    steps: int | Mapping[str, int] | None = None,
+    joints: Sequence[str] | None = None,
+    ranges: Mapping[str, tuple[float, float]] | None = None,
+    q: npt.ArrayLike | None = None,
+    ignore_limits: bool = False,
+    seed: int = 0,
+    worst: int = WORST,
+    chunk: int | None = None,
+    keep_values: bool = False,
+    out: str | os.PathLike[str] | None = None,
+    engine: str = "auto",
+    threads: int | None = None,
+    executor: Executor | None = None,
+    parallel: int | None = None,
+    progress: Progress | None = None,
+    tell: Tell | None = None,
+) -> MapResult:
+    """Map sigma_r over the joints: how it is distributed, and where it is smallest.
+
+    The memory taken does not depend on ``count``: some 2 MB a thread, and with
+    ``keep_values`` two chunks of singular values a thread (8 r bytes a configuration).
+    The result does not depend on ``chunk``, threads or executor, to the last bit.
+
+    Parameters
+    ----------
+    arm : Arm
+        Any arm; its own (raw) geometry.
+    sampling : str
+        ``sobol`` (evenly spread, the default), ``random``, or ``grid``.
+    count : int, optional
+        Configurations; 2**20 by default. A grid takes as many as fit.
+    steps : int or mapping of joint names to int, optional
+        Values of each joint in a grid. Where a range is a whole turn its end is left out.
+    joints : sequence of str, optional
+        Joints to map, in a grid the last changing fastest; all that change a singular value
+        by default.
+    ranges : mapping of joint names to (low, high), optional
+        Radians or metres; the limits by default, of a joint without limits one turn.
+    q : (n,) array_like, optional
+        Where the other joints stay; the middle of their ranges by default.
+    ignore_limits : bool
+        Map whole circles.
+    seed : int
+        Of the sample.
+    worst : int
+        How many of the worst configurations to keep.
+    chunk : int, optional
+        Configurations of a chunk, made a multiple of 4096.
+    keep_values : bool
+        Keep all singular values in ``out``: ``sigma`` in ``chunks/*.npz``, for the
+        configurations that ``plan.configurations`` gives.
+    out : path-like, optional
+        Folder that each finished chunk is put in. A run that was stopped, or killed, goes on
+        when called again.
+    engine : str
+        ``auto``, ``batch``, ``pinocchio``, or an instruction set (``baseline``, ``avx2``,
+        ``avx512``). A run that goes on keeps the one it began with.
+    threads : int, optional
+        As many as the process may use by default.
+    executor : Executor, optional
+        Takes the chunks instead of threads: any ``concurrent.futures.Executor``.
+    parallel : int, optional
+        How many chunks it works on at once; the number of processors here by default.
+    progress : callable, optional
+        Called with (configurations done, all of them).
+    tell : callable, optional
+        Called with sentences for people: how much was there already, what was damaged.
+
+    Returns
+    -------
+    MapResult
+        After Ctrl-C, of what was done until then, with ``complete`` False.
+
+    Raises
+    ------
+    ConfigurationError, OptionError, UnknownNameError
+        As `plan_map`.
+    EngineError
+        If the engine is not there or disagrees with Pinocchio.
+    OutputError
+        If ``out`` cannot be used, holds another run, or the disk is full.
+    WorkerError
+        If a worker died, or failed.
+    """
+    if keep_values and out is None:
+        raise OptionError("keep_values needs a folder to keep them in: give out")
+    if executor is not None and threads is not None:
+        raise OptionError("give either threads or an executor, not both")
+    plan = plan_map(
+        arm,
+        sampling,
+        count=count,
+        steps=steps,
+        joints=joints,
+        ranges=ranges,
+        q=q,
+        ignore_limits=ignore_limits,
+        seed=seed,
+        worst=worst,
+        chunk=chunk,
+        keep_values=keep_values,
+    )
+    known = None if out is None else recorded(out)
+    job = MapJob(plan, evaluator(arm, recorded_engine(known, engine)), keep_values)
+    with contextlib.ExitStack() as stack:
+        folder = None
+        if out is not None:
+            folder = stack.enter_context(open_run(out, job.identity(), job.chunks))
+        if executor is None:
+            executor, parallel = stack.enter_context(local_threads(threads))
+        tally, notes = Tally(plan.worst), []
+        chunks = stack.enter_context(
+            contextlib.closing(finished_chunks(job, executor, folder, parallel, tell))
+        )
+        try:
+            for _, record in chunks:
+                tally.join(Tally.from_record(record, plan.worst))
+                if progress is not None:
+                    progress(tally.done, plan.count)
+        except KeyboardInterrupt:
+            notes.append(f"stopped after {tally.done:,} of {plan.count:,} configurations")
+        if not tally.done:
+            raise KeyboardInterrupt
+        result = result_of(plan, job.evaluator.engine, tally, tuple(notes))
+        if folder is not None and result.complete:
+            folder.write_text(RESULT, result.to_json() + "\n")
+    return result

@@ -1,0 +1,12 @@
+"""Plots: results in, matplotlib axes out; nothing is shown or saved here.
+
+Every function takes an optional ``ax`` and returns the axes that it drew on. Without ``ax``
+it makes a figure that is readable at one column's width.
+"""
+
+from pinsing.plot.along import sigma_along
+from pinsing.plot.curves import sigma_curves
+from pinsing.plot.ellipsoids import ellipsoids
+from pinsing.plot.plane import sigma_map
+
+__all__ = ["ellipsoids", "sigma_along", "sigma_curves", "sigma_map"]

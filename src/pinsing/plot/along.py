@@ -1,0 +1,97 @@
+"""Singular values along a trajectory."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing.errors import ConfigurationError
+from pinsing.kinematics import singular_values
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes
+from pinsing.robot.arm import Arm
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_LOWEST = 1e-12
+
+
+def sigma_along(
+    arm: Arm,
+    trajectory: npt.ArrayLike,
+    ax: Axes | None = None,
+    *,
+    times: npt.ArrayLike | None = None,
+    near_rtol: float = NEAR_RTOL,
+) -> Axes:
+    """Draw the singular values along a trajectory, on a logarithmic scale.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    trajectory : (N, n) array_like
+        Configurations, radians and metres.
+    ax : Axes, optional
+        Where to draw.
+    times : (N,) array_like, optional
+        Seconds; the number of the configuration by default.
+    near_rtol : float
+        sigma_r / sigma_1 at or below which the ground is shaded as near-singular.
+
+    Returns
+    -------
+    Axes
+        One line for each singular value, the smallest in front; markers where singular.
+
+    Raises
+    ------
+    ConfigurationError
+        If the trajectory is not (N, n) with N at least 2, or times do not fit it.
+    """
+    Q = arm.check(trajectory)
+    if Q.ndim != 2 or len(Q) < 2:
+        raise ConfigurationError(
+            f"a trajectory needs two configurations or more, (N, {arm.n}); got shape {Q.shape}"
+        )
+    t = np.arange(len(Q), dtype=float) if times is None else np.asarray(times, dtype=float)
+    if t.shape != (len(Q),) or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
+        raise ConfigurationError(f"times must be {len(Q)} increasing numbers")
+    sigma = singular_values(arm, Q)
+    ratio = np.divide(sigma[:, -1], sigma[:, 0], out=np.zeros(len(Q)), where=sigma[:, 0] > 0)
+    drawn = np.maximum(sigma, _LOWEST)  # a logarithm has no zero
+    ax = new_axes() if ax is None else ax
+    for k in range(sigma.shape[1] - 1):
+        ax.plot(t, drawn[:, k], color="0.6", linewidth=0.9,
+                label=r"$\sigma_1, \ldots$" if k == 0 else "")  # fmt: skip
+    ax.plot(t, drawn[:, -1], color=COLORS[0], linewidth=1.7, label=r"$\sigma_{\min}$")
+    near = ratio <= near_rtol
+    if near.any():
+        ax.fill_between(
+            t,
+            0,
+            1,
+            where=near,
+            step="mid",
+            transform=ax.get_xaxis_transform(),
+            color=COLORS[4],
+            alpha=0.25,
+            linewidth=0,
+            label="near-singular",
+        )
+    zero = ratio <= SINGULAR_RTOL
+    if zero.any():
+        ax.plot(t[zero], drawn[zero, -1], "o", color=SINGULAR, markersize=3.5, label="singular")
+    ax.set_yscale("log")
+    ax.set_xlim(t[0], t[-1])
+    ax.set_xlabel("configuration" if times is None else "time [s]", fontsize=SMALL)
+    ax.set_ylabel("singular values", fontsize=SMALL)
+    ax.tick_params(labelsize=SMALL)
+    ax.grid(color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    ax.set_title(arm.name, fontsize=SMALL + 1)
+    legend_below(ax, 4)
+    return ax

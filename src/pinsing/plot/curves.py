@@ -1,0 +1,152 @@
+"""Distributions of sigma_min along a joint, as in the paper's Figures 2 to 9."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from itertools import cycle
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinsing.errors import OptionError, UnknownNameError
+from pinsing.find import Finding
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.plot.style import (
+    COLORS,
+    DASHES,
+    SINGULAR,
+    SMALL,
+    joint_symbol,
+    legend_below,
+    new_axes,
+    ticks,
+    value_label,
+)
+from pinsing.robot.summary import ArmSummary
+from pinsing.sweep import SweepCurve, SweepResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+
+def sigma_curves(
+    result: SweepResult,
+    ax: Axes | None = None,
+    *,
+    fixed: Mapping[str, float] | None = None,
+    moving: Sequence[str] | None = None,
+    findings: Iterable[Finding] = (),
+) -> Axes:
+    """Draw curves of a sweep: sigma_min over the joint that moves.
+
+    Parameters
+    ----------
+    result : SweepResult
+        The sweep.
+    ax : Axes, optional
+        Where to draw.
+    fixed : mapping of str to float, optional
+        Joints held at special values, radians or metres; by default none: the curves from
+        the nominal configuration.
+    moving : sequence of str, optional
+        Joints that move, all by default. Sliding ones get an axis of their own on top.
+    findings : iterable of Finding, optional
+        Refined singular configurations (``singular_configurations``), marked on the curves
+        that led to them, also between samples.
+
+    Returns
+    -------
+    Axes
+        With one line a curve, and a marker where the arm is singular.
+
+    Raises
+    ------
+    UnknownNameError
+        If a joint does not exist.
+    OptionError
+        If the sweep has no such curve.
+    """
+    arm = result.arm
+    if moving is None:
+        names = [n for n in arm.joints if _has(result, fixed, n)]
+        if not names:
+            raise OptionError(f"the sweep has no curve with {result.set_text(dict(fixed or {}))}")
+    else:
+        names = list(moving)
+    curves = [result.curve(fixed, name) for name in names]
+    ax = new_axes() if ax is None else ax
+    turning = [c for c in curves if not arm.prismatic[c.moving]]
+    sliding = [c for c in curves if arm.prismatic[c.moving]]
+    top = ax.twiny() if turning and sliding else ax
+    styles = cycle(zip(COLORS, DASHES, strict=True))
+    places = {id(c): i for i, c in enumerate(result.curves)}
+    marked = False
+    for axes, some, slides in ((ax, turning, False), (top, sliding, True)):
+        for curve in some:
+            color, dash = next(styles)
+            label = joint_symbol(curve.moving, slides) + (
+                " (top axis)" if top is not ax and slides else ""
+            )
+            axes.plot(
+                curve.x, curve.sigma_min, color=color, linestyle=dash, linewidth=1.4, label=label
+            )
+            x = _singular(curve, arm, places[id(curve)], findings)
+            if len(x):
+                mark = {"marker": "o", "color": SINGULAR, "markersize": 3.5, "linestyle": "none"}
+                label = "" if marked else "singular"
+                axes.plot(x, np.zeros(len(x)), clip_on=False, zorder=5, label=label, **mark)
+                marked = True
+        if some:
+            low, high = min(c.x[0] for c in some), max(c.x[-1] for c in some)
+            axes.set_xlim(low, high)
+            ticks(axes.xaxis, low, high, slides)
+            axes.set_xlabel("joint position [m]" if slides else "joint angle [rad]", fontsize=SMALL)
+    highest = max(float(c.sigma_min.max()) for c in curves)
+    ax.set_ylim(0, 1.08 * highest if highest > 1e-12 else 1.0)
+    ax.set_ylabel(r"$\sigma_{\min}$", fontsize=SMALL + 1)
+    ax.tick_params(axis="y", labelsize=SMALL)
+    ax.grid(color="0.9", linewidth=0.6)
+    ax.set_axisbelow(True)
+    held = ", ".join(_held(arm, name, value) for name, value in (fixed or {}).items())
+    ax.set_title(f"{arm.name}" + (f", {held}" if held else ""), fontsize=SMALL + 1)
+    if top is not ax:  # one legend for both
+        for line in top.get_lines():
+            ax.plot([], [], color=line.get_color(), linestyle=line.get_linestyle(),
+                    marker=line.get_marker(), label=line.get_label())  # fmt: skip
+    legend_below(ax, 4)
+    return ax
+
+
+def _has(result: SweepResult, fixed: Mapping[str, float] | None, name: str) -> bool:
+    try:
+        result.curve(fixed, name)
+    except UnknownNameError:
+        raise
+    except OptionError:
+        return False
+    return True
+
+
+def _held(arm: ArmSummary, name: str, value: float) -> str:
+    index = arm.joints.index(name)
+    slides = bool(arm.prismatic[index])
+    return f"{joint_symbol(index, slides)} = {value_label(value, slides)}"
+
+
+def _singular(
+    curve: SweepCurve, arm: ArmSummary, place: int, findings: Iterable[Finding]
+) -> np.ndarray:
+    """Values of the moving joint at which the curve is singular, sampled or refined."""
+    if curve.forced:
+        return np.zeros(0)  # the whole curve is
+    found = list(curve.x[curve.sigma_ratio <= SINGULAR_RTOL])
+    name = arm.joints[curve.moving]
+    for finding in findings:
+        if place not in finding.curves or finding.status != "singular":
+            continue
+        value = finding.condition.fixed.get(name)
+        if value is None:
+            continue
+        copies = [value] if arm.prismatic[curve.moving] else value + 2 * np.pi * np.arange(-2, 3)
+        found += [x for x in copies if curve.x[0] - 1e-9 <= x <= curve.x[-1] + 1e-9]
+    return np.unique(np.round(found, 9))

@@ -1,0 +1,88 @@
+"""Velocity ellipsoids in three dimensions, as in the paper's Figures 12 to 16."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from pinsing.errors import OptionError
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.plot.style import COLORS, SMALL, legend_below, new_axes
+from pinsing.state import State, VelocityEllipsoid
+
+KINDS = ("translational", "rotational")
+_COLOR = {"translational": COLORS[0], "rotational": COLORS[4]}
+_LOST = "#C4187C"
+
+
+def ellipsoids(state: State, ax: Any = None, *, kind: str = "both") -> Any:
+    """Draw the velocity ellipsoids of a configuration, at unit joint speed.
+
+    An ellipsoid of zero thickness is drawn as the plate that it is, with its flat direction
+    as a dashed line.
+
+    Parameters
+    ----------
+    state : State
+        From ``at(arm, q)``.
+    ax : 3D axes, optional
+        Where to draw.
+    kind : str
+        "translational" (m/s), "rotational" (rad/s) or "both".
+
+    Returns
+    -------
+    Axes3D
+        One surface for each ellipsoid; equal scale along all axes.
+
+    Raises
+    ------
+    OptionError
+        If ``kind`` is another word, or ``ax`` is not three-dimensional.
+    """
+    if kind not in (*KINDS, "both"):
+        raise OptionError(f"unknown kind {kind!r}: translational, rotational or both")
+    kinds = KINDS if kind == "both" else (kind,)
+    if ax is None:
+        ax = new_axes(3.3, projection="3d")
+    if getattr(ax, "name", "") != "3d":
+        raise OptionError("ellipsoids needs axes with projection='3d'")
+    found: dict[str, VelocityEllipsoid] = {k: getattr(state, k) for k in kinds}
+    size = max(max(float(e.radii[0]) for e in found.values()), 1e-9)
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 41), np.linspace(0, np.pi, 21))
+    sphere = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)], axis=-1)
+    for name, e in found.items():
+        surface = sphere * e.radii @ e.axes.T
+        ax.plot_surface(
+            *np.moveaxis(surface, -1, 0),
+            color=_COLOR[name],
+            alpha=0.32,
+            linewidth=0.25,
+            edgecolor=_COLOR[name],
+            shade=False,
+        )
+        radii = ", ".join(f"{r:.3g}" for r in np.where(e.radii > 1e-9 * size, e.radii, 0.0))
+        ax.plot([], [], [], color=_COLOR[name], linewidth=5, alpha=0.6,
+                label=f"{name}: {radii} {e.unit}")  # fmt: skip
+        if state.status != "regular" and e.radii[2] <= SINGULAR_RTOL * e.radii[0]:
+            tip = 0.8 * size * e.axes[:, 2]
+            ax.plot(*np.stack([-tip, tip], axis=1), color=_LOST, linestyle="--", linewidth=1.4,
+                    label=f"{name}: lost direction")  # fmt: skip
+    for letter in "xyz":
+        getattr(ax, f"set_{letter}lim")(-1.05 * size, 1.05 * size)
+        getattr(ax, f"set_{letter}label")(_axis_label(letter, kinds), fontsize=SMALL, labelpad=-3)
+    ax.tick_params(labelsize=SMALL - 1.5, pad=-1)
+    ax.locator_params(nbins=5)
+    ax.set_box_aspect((1, 1, 1))
+    ax.set_title(f"{state.arm.name}: {state.status}", fontsize=SMALL + 1)
+    legend_below(ax, 1)
+    legend = ax.get_legend()
+    if legend is not None:
+        legend.set_bbox_to_anchor((0.5, -0.02))
+    return ax
+
+
+def _axis_label(letter: str, kinds: tuple[str, ...]) -> str:
+    parts = {"translational": f"$v_{letter}$ [m/s]", "rotational": rf"$\omega_{letter}$ [rad/s]"}
+    return ", ".join(parts[k] for k in kinds)

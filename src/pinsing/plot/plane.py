@@ -1,0 +1,243 @@
+"""Map of sigma_min over two joints, with the closed-form loci on top."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from itertools import cycle
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing.closed_form import Branch, Equation, Family
+from pinsing.errors import OptionError, UnknownNameError
+from pinsing.kinematics import singular_values
+from pinsing.plot.style import (
+    DASHES,
+    SMALL,
+    joint_label,
+    joint_symbol,
+    legend_below,
+    new_axes,
+    short,
+    ticks,
+    value_label,
+)
+from pinsing.robot.arm import Arm, Array
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SAMPLES = 161
+"""Points to each side of the map."""
+
+# On top of the blue to yellow of the map.
+_LINES = ("#FFFFFF", "#FF9DA7", "#A6F0C6", "#F4C7FF", "#FFFFFF", "#FF9DA7", "#A6F0C6")
+_HERE = 1e-6
+
+
+def sigma_map(
+    arm: Arm,
+    joint_a: str,
+    joint_b: str,
+    ax: Axes | None = None,
+    *,
+    q: npt.ArrayLike | None = None,
+    families: Iterable[Family] | None = None,
+    samples: int = SAMPLES,
+    ignore_limits: bool = False,
+) -> Axes:
+    """Draw sigma_min over two joints, the others at ``q``.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    joint_a, joint_b : str
+        Names of the joints along x and y.
+    ax : Axes, optional
+        Where to draw.
+    q : (n,) array_like
+        Values of the other joints, radians and metres; by default a regular configuration
+        within the limits.
+    families : iterable of Family, optional
+        Drawn where they meet this plane; ``closed_form(arm).families`` by default.
+    samples : int
+        Points to each side.
+    ignore_limits : bool
+        Draw whole circles of revolute joints.
+
+    Returns
+    -------
+    Axes
+        The map is its first collection; each locus is a line, contour or marker, with the
+        family's name in the legend.
+
+    Raises
+    ------
+    UnknownNameError
+        If a joint does not exist.
+    OptionError
+        If both joints are the same.
+    ConfigurationError
+        If q has the wrong length or is not finite.
+    """
+    for name in (joint_a, joint_b):
+        if name not in arm.joints:
+            raise UnknownNameError("joint", name, arm.joints)
+    a, b = arm.joints.index(joint_a), arm.joints.index(joint_b)
+    if a == b:
+        raise OptionError("a map needs two different joints")
+    if samples < 2:
+        raise OptionError(f"samples must be at least 2, got {samples}")
+    if families is None:
+        from pinsing.closed_form import closed_form
+
+        families = closed_form(arm).families
+    base = regular_configuration(arm) if q is None else arm.check(q)
+    lower, upper = arm.span
+    if ignore_limits:
+        lower = np.where(arm.prismatic, lower, -np.pi)
+        upper = np.where(arm.prismatic, upper, np.pi)
+    x, y = (np.linspace(lower[j], upper[j], samples) for j in (a, b))
+    Q = np.tile(base, (samples, samples, 1))
+    Q[..., a], Q[..., b] = x[None, :], y[:, None]
+    sigma = singular_values(arm, Q.reshape(-1, arm.n))[:, -1].reshape(samples, samples)
+
+    ax = new_axes(3.2) if ax is None else ax
+    mesh = ax.pcolormesh(x, y, sigma, cmap="cividis", shading="nearest", rasterized=True, vmin=0)
+    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+    bar.set_label(r"$\sigma_{\min}$", fontsize=SMALL + 1)
+    bar.ax.tick_params(labelsize=SMALL)
+    styles = cycle(zip(_LINES, DASHES, strict=True))
+    for family in families:
+        color, dash = next(styles)
+        _draw_family(ax, family, Q, (a, b), {"colors": color, "linestyles": dash})
+    ax.set_xlim(x[0], x[-1])
+    ax.set_ylim(y[0], y[-1])
+    for axis, j in ((ax.xaxis, a), (ax.yaxis, b)):
+        ticks(axis, lower[j], upper[j], bool(arm.prismatic[j]))
+    ax.set_xlabel(joint_label(a, bool(arm.prismatic[a])), fontsize=SMALL + 1)
+    ax.set_ylabel(joint_label(b, bool(arm.prismatic[b])), fontsize=SMALL + 1)
+    rest = ", ".join(
+        f"{joint_symbol(j, bool(arm.prismatic[j]))} = "
+        f"{value_label(float(base[j]), bool(arm.prismatic[j]))}"
+        for j in range(arm.n)
+        if j not in (a, b)
+    )
+    ax.set_title(f"{arm.name}, {rest}" if arm.n > 2 else arm.name, fontsize=SMALL - 0.5)
+    legend_below(ax, 1)
+    legend = ax.get_legend()
+    if legend is not None:  # light lines need a dark ground, as they have on the map
+        legend.set_frame_on(True)
+        legend.get_frame().set(facecolor="#3b4a63", edgecolor="none")
+        for text in legend.get_texts():
+            text.set_color("white")
+    return ax
+
+
+def regular_configuration(arm: Arm) -> Array:
+    """The most regular of some configurations within the limits; the same every time."""
+    rng = np.random.default_rng(3)
+    Q = rng.uniform(*arm.span, (256, arm.n))
+    sigma = singular_values(arm, Q)
+    chosen = Q[int(np.argmax(sigma[:, -1]))]
+    # Round numbers are easier to read in a title, and as good.
+    return np.asarray(np.clip(np.round(chosen, 2), *arm.span))
+
+
+def _draw_family(
+    ax: Axes, family: Family, Q: Array, plane: tuple[int, int], style: dict[str, Any]
+) -> None:
+    """Draw the part of a family that lies in the plane, under one name in the legend."""
+    a, b = plane
+    x, y = Q[0, :, a], Q[:, 0, b]
+    line = {"color": style["colors"], "linestyle": style["linestyles"], "linewidth": 1.3}
+    drawn = False
+    for branch in family.branches:
+        free = _values_in_plane(branch, Q[0, 0], plane, family.prismatic)
+        if free is None:
+            continue
+        equations = _in_plane(branch.equations, Q, plane)
+        if equations is None:
+            continue
+        xs, ys = (
+            _copies(free.get(j), axis, bool(family.prismatic[j])) for j, axis in ((a, x), (b, y))
+        )
+        if xs is None and ys is None:
+            if len(equations) != 1:
+                continue  # everything, or points: nothing that a line could show
+            ax.contour(x, y, equations[0](Q), levels=[0.0], linewidths=1.3, **style)
+            drawn = True
+            continue
+        if xs is not None and ys is not None:
+            if not equations:
+                grid = np.array([(u, v) for u in xs for v in ys]).reshape(-1, 2)
+                ax.plot(*grid.T, "o", color=line["color"], markersize=4)
+                drawn = drawn or bool(len(grid))
+            continue
+        fixed, other = (a, y) if xs is not None else (b, x)
+        for value in xs if xs is not None else ys or ():
+            if not equations:
+                (ax.axvline if fixed == a else ax.axhline)(value, **line)
+                drawn = True
+            else:
+                points = _zeros(equations[0], Q[0, 0], fixed, value, b if fixed == a else a, other)
+                held = np.full(len(points), value)
+                pair = (held, points) if fixed == a else (points, held)
+                ax.plot(*pair, "o", color=line["color"], markersize=4)
+                drawn = drawn or bool(len(points))
+    if drawn:
+        ax.plot([], [], label=f"{family.name}: {short(family.text)}", **line)
+
+
+def _values_in_plane(
+    branch: Branch, q: Array, plane: tuple[int, int], prismatic: npt.NDArray[np.bool_]
+) -> dict[int, float] | None:
+    """Values that a branch gives the two joints, None if the other joints rule it out."""
+    free = {}
+    for v in branch.values:
+        if v.joint in plane:
+            free[v.joint] = v.value
+            continue
+        gap = q[v.joint] - v.value
+        if not prismatic[v.joint]:
+            gap -= 2 * np.pi * np.round(gap / (2 * np.pi))
+        if abs(gap) > _HERE:
+            return None
+    return free
+
+
+def _in_plane(
+    equations: Iterable[Equation], Q: Array, plane: tuple[int, int]
+) -> list[Equation] | None:
+    """Equations that speak of the two joints; None if another one is not fulfilled."""
+    out = []
+    for e in equations:
+        if set(e.involved) & set(plane):
+            out.append(e)
+        elif abs(float(e(Q[0, 0]))) > _HERE * e.size:
+            return None
+    return out
+
+
+def _copies(value: float | None, axis: Array, slides: bool) -> list[float] | None:
+    """A value and its copies a whole turn away, within the axis; None if there is no value."""
+    if value is None:
+        return None
+    turns = [0.0] if slides else (2 * np.pi * np.arange(-2, 3)).tolist()
+    return [value + t for t in turns if axis[0] - 1e-9 <= value + t <= axis[-1] + 1e-9]
+
+
+def _zeros(
+    equation: Equation, q: Array, fixed: int, value: float, moving: int, axis: Array
+) -> Array:
+    """Places on a line of the plane where an equation changes sign."""
+    fine = np.linspace(axis[0], axis[-1], 2001)
+    Q = np.tile(q, (len(fine), 1))
+    Q[:, fixed], Q[:, moving] = value, fine
+    f = equation(Q)
+    k = np.flatnonzero(f[:-1] * f[1:] <= 0)
+    slope = f[k + 1] - f[k]
+    part = np.divide(-f[k], slope, out=np.zeros(len(k)), where=slope != 0)
+    return np.asarray(fine[k] + part * (fine[1] - fine[0]))

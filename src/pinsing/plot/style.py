@@ -1,0 +1,104 @@
+"""What the plots have in common: size, colours, ticks in multiples of pi, legends outside."""
+
+from __future__ import annotations
+
+import math
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.axis import Axis
+
+COLUMN = 3.5
+"""Width of a figure, inches: one column of a paper."""
+
+# Okabe and Ito, "Color universal design" (2008), the dark ones first.
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8, 2)), (0, (1, 1)))
+
+SINGULAR = "#000000"
+SMALL = 8
+"""Size of the letters, points."""
+
+
+def new_axes(height: float = 2.7, **projection: Any) -> Axes:
+    """Axes of a new figure, one column wide."""
+    from matplotlib import pyplot as plt
+
+    figure = plt.figure(figsize=(COLUMN, height), layout="constrained")
+    axes: Axes = figure.add_subplot(**projection)
+    return axes
+
+
+def joint_symbol(index: int, slides: bool) -> str:
+    """``$q_5$`` or ``$d_3$`` of a joint counted from 0."""
+    return f"${'d' if slides else 'q'}_{{{index + 1}}}$"
+
+
+def joint_label(index: int, slides: bool) -> str:
+    """Axis label with its unit."""
+    return f"{joint_symbol(index, slides)} [{'m' if slides else 'rad'}]"
+
+
+def value_label(value: float, slides: bool) -> str:
+    r"""``0``, ``$-\pi/2$``, ``0.52`` or ``0.1 m``."""
+    if slides:
+        return f"{value:g} m"
+    return pi_text(value) or f"{value:.3g}"
+
+
+def pi_text(value: float, *, limit: int = 12) -> str:
+    """A multiple of pi in LaTeX, empty if the value is no simple one."""
+    part = Fraction(value / math.pi).limit_denominator(limit)
+    if abs(float(part) * math.pi - value) > 1e-9 * max(1.0, abs(value)):
+        return ""
+    if part == 0:
+        return "0"
+    sign = "-" if part < 0 else ""
+    top, bottom = abs(part.numerator), part.denominator
+    pi = r"\pi" if top == 1 else rf"{top}\pi"
+    return f"${sign}{pi}$" if bottom == 1 else f"${sign}{pi}/{bottom}$"
+
+
+def pi_ticks(axis: Axis, low: float, high: float) -> None:
+    """Ticks at multiples of pi, at most nine of them."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter
+
+    for part in (1 / 12, 1 / 6, 1 / 4, 1 / 2, 1, 2, 4, 8):
+        step = part * math.pi
+        first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
+        if last - first < 7:
+            break
+    axis.set_major_locator(FixedLocator((step * np.arange(first, last + 1)).tolist()))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: pi_text(value, limit=24)))
+
+
+def ticks(axis: Axis, low: float, high: float, slides: bool) -> None:
+    """Ticks of a joint: pi for angles, plain for sliders; small letters."""
+    if not slides and high - low > 0.5:
+        pi_ticks(axis, low, high)
+    axis.set_tick_params(labelsize=SMALL)
+
+
+def legend_below(ax: Axes, columns: int = 2) -> None:
+    """Legend under the data, where it hides none of it."""
+    handles, labels = ax.get_legend_handles_labels()
+    if handles:
+        ax.legend(
+            handles,
+            labels,
+            loc="upper center",
+            bbox_to_anchor=(0.5, -0.24),
+            ncols=min(columns, len(handles)),
+            fontsize=SMALL - 0.5,
+            frameon=False,
+            handlelength=2.6,
+        )
+
+
+def short(text: str, longest: int = 46) -> str:
+    """A text for a legend."""
+    return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"

@@ -1,0 +1,460 @@
+"""Closed forms: agreement with the known ones, and arms made to be awkward."""
+
+from __future__ import annotations
+
+import itertools
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from singular_sets import (
+    RIGHT,
+    Array,
+    Joint,
+    arm_of,
+    build,
+    check_families,
+    check_search,
+    closed,
+    drop,
+    random_arm,
+    random_singular,
+)
+
+from pinsing.closed_form import ClosedForm, Equation, Family, closed_form
+from pinsing.errors import OptionError, PinsingError, ResultError
+from pinsing.robot.nominal import nominal
+
+ZERO = (0.0, np.pi)
+SIDE = (-RIGHT, RIGHT)
+Values = dict[int, tuple[float, ...]]
+
+
+def value_sets(family: Family) -> set[tuple[tuple[int, float], ...]]:
+    """Fixed joints (counted from 1) and values of all branches, angles modulo half of noise."""
+    return {tuple((j + 1, round(v, 9) + 0.0) for j, v in b.items()) for b in family.values}
+
+
+def product(values: Values) -> set[tuple[tuple[int, float], ...]]:
+    choices = [[(j, round(float(v), 9) + 0.0) for v in vs] for j, vs in sorted(values.items())]
+    return set(itertools.product(*choices))
+
+
+def proportional(equation: Equation, known: Callable[[Array], Array], n: int) -> bool:
+    q = np.random.default_rng(1).uniform(-3, 3, (50, n))
+    ours, theirs = equation(q), known(q)
+    return bool(np.linalg.matrix_rank(np.stack([ours, theirs]), tol=1e-9) == 1)
+
+
+def by_values(form: ClosedForm, *known: Values) -> list[Family]:
+    """Check that the families of joint values are exactly these; return the others."""
+    left = list(form.families)
+    for values in known:
+        match = [f for f in left if not f.equations and value_sets(f) == product(values)]
+        assert len(match) == 1, f"{values} is not among {[str(f) for f in left]}"
+        left.remove(match[0])
+    return left
+
+
+# The known forms ------------------------------------------------------------------------
+
+
+def test_stanford() -> None:
+    assert not by_values(closed("stanford"), {2: ZERO}, {3: (0.0,)}, {5: ZERO})
+
+
+def test_puma560() -> None:
+    a2, a3, d4 = 0.4318, 0.0203, 0.4318
+    q3 = np.arctan2(-d4, a3)
+    (shoulder,) = by_values(closed("puma560"), {5: ZERO}, {3: (q3, q3 + np.pi)})
+    assert proportional(
+        shoulder.equations[0],
+        lambda q: (
+            a2 * np.cos(q[:, 1]) + a3 * np.cos(q[:, 1] + q[:, 2]) - d4 * np.sin(q[:, 1] + q[:, 2])
+        ),
+        6,
+    )
+    assert shoulder.text == "0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0"
+
+
+def test_irb1400() -> None:
+    a1, a2, a3, d4 = 0.15, 0.6, 0.12, 0.72
+    q3 = np.arctan2(-d4, a3)
+    (shoulder,) = by_values(closed("irb1400"), {5: ZERO}, {3: (q3, q3 + np.pi)})
+    assert proportional(
+        shoulder.equations[0],
+        lambda q: (
+            a1
+            + a2 * np.sin(q[:, 1])
+            + a3 * np.sin(q[:, 1] + q[:, 2])
+            + d4 * np.cos(q[:, 1] + q[:, 2])
+        ),
+        6,
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "a2", "a3", "d5"),
+    [("ur5", 0.425, 0.39225, -0.09465), ("ur10", 0.612, 0.5723, -0.1157)],
+)
+def test_universal_robots(name: str, a2: float, a3: float, d5: float) -> None:
+    (shoulder,) = by_values(closed(name), {3: ZERO}, {5: ZERO})
+    assert proportional(
+        shoulder.equations[0],
+        lambda q: (
+            a2 * np.cos(q[:, 1])
+            + a3 * np.cos(q[:, 1] + q[:, 2])
+            + d5 * np.sin(q[:, 1] + q[:, 2] + q[:, 3])
+        ),
+        6,
+    )
+
+
+def test_iiwa14() -> None:
+    form = closed("iiwa14")
+    assert not by_values(
+        form, {4: ZERO}, {2: ZERO, 3: SIDE}, {6: ZERO, 5: SIDE}, {2: ZERO, 6: ZERO}
+    )
+    rng = np.random.default_rng(3)
+    for zero in ([1], [5], [2, 4], [1, 2]):  # well known not to be singular
+        q = rng.uniform(-2.5, 2.5, (40, 7))
+        q[:, zero] = 0.0
+        for family in form.families:
+            assert not family.contains(q, 1e-3).any()
+            assert family.distance(q[0]).value > 1e-3
+
+
+def test_surgical7() -> None:
+    form = closed("surgical7")
+    q6 = np.arcsin(-0.2)
+    (relation,) = by_values(
+        form, {4: ZERO}, {2: ZERO, 3: ZERO}, {5: SIDE, 6: (q6, -np.pi - q6 + 2 * np.pi - 2 * np.pi)}
+    )
+    assert {v for b in relation.values for v in b.values()} == {0.0, np.pi}
+    assert {b.involved for b in relation.branches} == {(1, 3, 4, 5)}
+    rng = np.random.default_rng(2)
+    q = rng.uniform(-3, 3, (60, 7))
+    q[:, 1], q[:, 4] = rng.choice(ZERO, 60), rng.choice(SIDE, 60)
+    q[:, 3] = rng.choice([-np.pi / 6, -5 * np.pi / 6], 60)
+    assert relation.contains(q).all()
+    # What the paper found is singular, but none of it is a family of its own.
+    for zero, side in (([1, 2, 3], []), ([1, 2], [4]), ([3, 4], [])):
+        q = rng.uniform(-3, 3, (20, 7))
+        q[:, zero] = 0.0
+        q[:, side] = RIGHT
+        assert all(form.family_of(x) is not None for x in q)
+
+
+def test_planar_and_scara() -> None:
+    assert not by_values(closed("planar3r"), {2: ZERO, 3: ZERO})
+    assert not by_values(closed("scara"), {2: ZERO})
+
+
+def test_position_depends_on_the_tip() -> None:
+    links = [Joint(), Joint(a=0.4), Joint(a=0.3)]
+    straight = build(links, (0.2, 0.0, 0.0), "position")
+    sideways = build(links, (0.2, 0.1, 0.0), "position")
+    q = np.array([0.7, 0.0, 0.0])
+    assert closed_form(straight).family_of(q) is not None
+    form = closed_form(sideways)
+    assert form.complete
+    assert form.family_of(q) is None
+    bend = -np.arctan2(0.1, 0.2)
+    assert form.family_of(np.array([0.7, 0.0, bend])) is not None
+
+
+# What a closed form says ----------------------------------------------------------------
+
+
+def test_text_and_legend() -> None:
+    form = closed("ur5")
+    text = str(form)
+    assert "3 families" in text
+    assert "complete" in text
+    assert "NOT" not in text
+    assert all(f.text in text for f in form.families)
+    assert form.legend[2] == ("q3", "elbow_joint")
+    assert "q3 = elbow_joint" in text
+    assert closed("stanford").symbols == ("q1", "q2", "d3", "q4", "q5", "q6")
+
+
+@pytest.mark.parametrize("name", ["stanford", "xarm7", "so101", "baxter", "surgical7"])
+def test_json_round_trip(name: str) -> None:
+    form = closed(name)
+    again = ClosedForm.from_json(form.to_json())
+    assert again.to_json() == form.to_json()
+    assert str(again) == str(form)
+    q = random_singular(nominal(arm_of(name)).arm, 12, 5)
+    near = q + 1e-3
+    for ours, theirs in zip(form.families, again.families, strict=True):
+        for Q in (q, near):
+            np.testing.assert_array_equal(ours.contains(Q), theirs.contains(Q))
+        assert ours.distance(near[0])[0] == theirs.distance(near[0])[0]
+        first = ours.sample(3, np.random.default_rng(1))
+        np.testing.assert_array_equal(first, theirs.sample(3, np.random.default_rng(1)))
+
+
+def test_damaged_json_is_refused() -> None:
+    data = json.loads(closed("ur5").to_json())
+    with pytest.raises(ResultError, match="schema"):
+        ClosedForm.from_dict({**data, "schema": "pinsing/other/1"})
+    del data["families"][0]["branches"]
+    with pytest.raises(ResultError, match="branches"):
+        ClosedForm.from_dict(data)
+
+
+def test_reproducible() -> None:
+    first, second = (closed_form(arm_of("xarm7")).to_dict() for _ in range(2))
+    for data in (first, second):
+        del data["seconds"]
+    assert first == second
+
+
+@pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan")])
+def test_a_budget_must_be_positive(seconds: float) -> None:
+    with pytest.raises(OptionError, match="seconds"):
+        closed_form(arm_of("ur5"), seconds=seconds)
+
+
+def test_latex_names_every_family() -> None:
+    form = closed("surgical7")
+    for family in form.families:
+        assert family.latex.count("{") == family.latex.count("}")
+        assert "°" not in family.latex
+    assert r"\sin q_{6}" in form.families[2].latex
+
+
+# Arms made to be awkward ----------------------------------------------------------------
+
+PI = np.pi
+R = RIGHT
+AWKWARD = {
+    "one joint": build([Joint()]),
+    "two parallel joints": build([Joint(), Joint(a=0.3)], (0.2, 0.0, 0.0)),
+    "two joints, position": build([Joint(), Joint(a=0.3)], (0.2, 0.0, 0.0), "position"),
+    "sliders only": build([Joint(slides=True), Joint(R, slides=True), Joint(R, slides=True)]),
+    "slider twice": build([Joint(slides=True), Joint(slides=True, d=0.2), Joint(R)]),
+    "wrist alone": build([Joint(), Joint(R), Joint(-R)]),
+    "wrist, orientation": build([Joint(), Joint(R), Joint(-R)], task="orientation"),
+    "four parallel joints": build([Joint(a=0.3)] * 4, (0.2, 0.0, 0.0)),
+    "the same axis twice": build([Joint(), Joint(d=0.1), Joint(R, 0.2), Joint(R, 0.3)]),
+    "five in two parallel groups": build(
+        [Joint(), Joint(a=0.3), Joint(a=0.2), Joint(R, 0.1), Joint(a=0.25)], (0.1, 0.0, 0.0)
+    ),
+    "links turned by 45 degrees": build(
+        [
+            Joint(theta=PI / 4),
+            Joint(R, 0.1, theta=PI / 4),
+            Joint(a=0.4, theta=-PI / 4),
+            Joint(R, 0.02, 0.4, theta=PI / 4),
+            Joint(-R, theta=PI / 4),
+            Joint(R),
+        ]
+    ),
+    "no elbow singularity": build(  # the reach of the second link exceeds what the first has
+        [Joint(), Joint(R, 0.1), Joint(R, 0.5, 0.1)], (0.1, 0.02, 0.3), "position"
+    ),
+    # Where a row of the Jacobian, or all of it, vanishes.
+    "all of the task lost": build([Joint(-R, 0.02), Joint(-R, d=-0.18)], task="vx,vy,wz"),
+    "a column vanishes": build(
+        [Joint(PI), Joint(R), Joint(R, 0.32)], (-0.16, -0.09, -0.2), "vx,vy"
+    ),
+    "one minor entry": build(
+        [Joint(-R), Joint(-R), Joint(PI, 0.2, 0.1, slides=True), Joint(-R, -0.29, 0.39)],
+        (0.09, -0.11, 0.18),
+        "position",
+    ),
+    "RPR, position": build(
+        [Joint(), Joint(R, slides=True), Joint(-R, 0.3)], (0.5, 0.1, 0), "vx,vy"
+    ),
+    "columns vanish, seven joints": build(
+        [
+            Joint(-R, d=0.4),
+            Joint(R),
+            Joint(R, -0.35, -0.17),
+            Joint(-R),
+            Joint(-R, d=-0.02),
+            Joint(R, slides=True),
+            Joint(-R, 0.35, -0.15),
+        ]
+    ),
+    "rows used up": build(
+        [
+            Joint(R, -0.09, -0.28),
+            Joint(0, -0.14, -0.42),
+            Joint(-R, d=-0.09),
+            Joint(R, 0.3),
+            Joint(R, -0.35, -0.46),
+            Joint(),
+        ]
+    ),
+    # Where roots are double, or three equations meet in points.
+    "double roots": build(
+        [
+            Joint(R, d=0.01),
+            Joint(PI, -0.47, 0.13, slides=True),
+            Joint(R, d=-0.4),
+            Joint(-R, d=-0.21),
+            Joint(-R, d=0.35),
+            Joint(R),
+            Joint(R, d=0.48),
+        ],
+        (-0.04, -0.21, 0.19),
+    ),
+    "three equations in two joints": build(
+        [
+            Joint(-R, 0.42, -0.06),
+            Joint(R, 0.26, 0.08),
+            Joint(R, -0.44, -0.07),
+            Joint(-R, -0.37, slides=True),
+            Joint(),
+            Joint(R, 0.2),
+        ]
+    ),
+}
+OPEN = {"five in two parallel groups", "rows used up"}
+"""Arms for which an honest "not complete" will do."""
+
+
+@pytest.mark.parametrize("name", AWKWARD)
+def test_awkward_arms(name: str) -> None:
+    arm = AWKWARD[name]
+    form = closed_form(arm)
+    check_families(arm, form, 120)
+    if name not in OPEN:
+        assert form.complete, form.gaps
+    if form.complete:
+        check_search(arm, form, 60)
+
+
+def test_no_singularity_at_all() -> None:
+    for name in ("one joint", "two parallel joints", "sliders only", "slider twice"):
+        form = closed_form(AWKWARD[name])
+        assert form.complete, name
+        assert not form.families, name
+        assert "0 families" in str(form)
+
+
+def test_wrist_and_parallel_joints_alone() -> None:
+    assert not by_values(closed_form(AWKWARD["wrist alone"]), {2: ZERO})
+    assert not by_values(closed_form(AWKWARD["four parallel joints"]), {2: ZERO, 3: ZERO})
+    assert not by_values(closed_form(AWKWARD["two joints, position"]), {2: ZERO})
+
+
+def cylindrical(low: float, high: float) -> ClosedForm:
+    """Turntable, radial slider, and a link of 0.3 m that swings up: d2 + 0.3 cos q3 = 0."""
+    return closed_form(
+        build(
+            [
+                Joint(),
+                Joint(R, theta=R, slides=True, limits=(low, high)),
+                Joint(-R, theta=R),
+            ],
+            (0.3, 0.0, 0.0),
+            "position",
+        )
+    )
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "word"),
+    [
+        (-1.0, 1.0, "reachable"),
+        (0.1, 0.2, "reachable"),
+        (2.0, 3.0, "not reachable"),
+        (-np.inf, np.inf, "reachable"),
+        (0.5, np.inf, "none found"),
+        (-np.inf, 0.25, "reachable"),
+    ],
+)
+def test_limits_of_a_slider_hide_no_family(low: float, high: float, word: str) -> None:
+    form = cylindrical(low, high)
+    assert form.complete
+    assert form.dropped == 0
+    (mixed,) = (f for f in form.families if f.equations)
+    assert mixed.reachability == word
+    Q = mixed.points(20, np.random.default_rng(1))
+    assert len(Q) == 20
+    inside = mixed.sample(20, np.random.default_rng(1))
+    assert len(inside) == (20 if word == "reachable" else 0)
+    assert (inside[:, 1] >= low - 1e-9).all()
+    assert (inside[:, 1] <= high + 1e-9).all()
+
+
+def test_components_without_real_points_are_dropped() -> None:
+    form = closed("panda")
+    assert form.dropped == 1
+    assert form.complete
+    arm = build(  # the tip cannot come back to the first axis: 0.5 + 0.2 cos q2 > 0
+        [Joint(), Joint(R, 0.5)], (0.2, 0.0, 0.0), "position"
+    )
+    assert not closed_form(arm).families
+    near = build([Joint(), Joint(R, 0.2)], (0.5, 0.0, 0.0), "position")
+    (family,) = closed_form(near).families
+    np.testing.assert_allclose(
+        sorted(abs(v) for b in family.values for v in b.values()), [np.arccos(-0.4)] * 2
+    )
+
+
+def test_lengths_snapped_away_may_lower_the_rank() -> None:
+    arm = build([Joint(), Joint(a=0.001), Joint(R, 0.3)], (0.3, 0.0, 0.0))
+    assert closed_form(arm).generic_rank == 3
+    form = closed_form(arm, snap_length=0.01)
+    assert form.generic_rank == 2
+    assert form.snaps
+    assert form.complete
+    assert not form.families
+
+
+TASKS = ("position", "orientation", "vx,vy", "vx,vy,wz", "vz", "vx,vy,vz,wx")
+
+
+def check_random(seed: int, kind: str, task: str = "pose", joints: int | None = None) -> None:
+    """Whatever is said about an arm drawn at random is true."""
+    arm = random_arm(seed, kind, task, joints)
+    if not drop(arm, np.zeros((1, arm.n)), 1).size:
+        return
+    form = closed_form(arm, seconds=5.0)
+    # Surfaces that touch each other tell their common points to half of the digits.
+    check_families(arm, form, 60, tol=1e-9 if task == "pose" else 1e-5)
+    if form.complete:
+        check_search(arm, form, 40)
+    if task == "pose" and form.generic_rank == 6:
+        assert form.complete, form.gaps
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_random_arms(seed: int) -> None:
+    check_random(500 + seed, ("right", "tilted", "turned", "right")[seed % 4])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_random_tasks(seed: int) -> None:
+    check_random(700 + seed, "right", TASKS[seed % len(TASKS)], joints=2 + seed % 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["right", "tilted", "turned"])
+@pytest.mark.parametrize("block", range(8))
+def test_many_random_arms(block: int, kind: str) -> None:
+    for seed in range(1000 + 20 * block, 1020 + 20 * block):
+        check_random(seed, kind)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", TASKS)
+def test_many_random_tasks(task: str) -> None:
+    for seed in range(2000, 2024):
+        check_random(seed, "right", task)
+
+
+def test_regular_configurations_are_on_no_family() -> None:
+    rng = np.random.default_rng(8)
+    for name in ("stanford", "puma560", "panda", "surgical7"):
+        arm, form = arm_of(name), closed(name)
+        q = rng.uniform(-3, 3, (60, arm.n))
+        q = q[drop(arm, q) > 1e-3]
+        assert len(q) > 20
+        for family in form.families:
+            assert not family.contains(q).any()
