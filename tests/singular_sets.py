@@ -134,6 +134,12 @@ def random_arm(seed: int, kind: str, task: str = "pose", joints: int | None = No
     return build(rows, tip, task)
 
 
+def moves(arm: Arm) -> bool:
+    """Whether the joints move the tip in any row of the task, at random configurations."""
+    q = np.random.default_rng(5).uniform(-1, 1, (4, arm.n))
+    return bool(np.abs(task_jacobians(arm, q)).max() > 1e-9)
+
+
 def drop(arm: Arm, Q: Array, rank: int | None = None) -> Array:
     """sigma_r at Q (N, n) over the largest singular value that random configurations have."""
     rank = generic_rank(arm) if rank is None else rank

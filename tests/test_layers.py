@@ -26,6 +26,8 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"robot"}),
     frozenset({"_batch"}),
     frozenset({"engine", "kinematics"}),
+    frozenset({"evaluate"}),  # singular values on a fixed engine
+    frozenset({"chunks", "durable"}),  # where work in chunks is done, and where it is kept
     frozenset(
         {
             "axes",
@@ -34,6 +36,7 @@ LAYERS: tuple[frozenset[str], ...] = (
             "generalize",
             "loops",
             "lost",
+            "maps",
             "rank_drop",
             "refine",
             "second_order",
@@ -66,11 +69,15 @@ PEERS = frozenset(
         ("sweep", "refine"),
         ("sweep", "second_order"),
         ("sweep", "state"),
+        ("maps", "refine"),
+        ("maps", "sweep"),
+        ("chunks", "durable"),
         ("closed_form", "generalize"),
         ("closed_form", "refine"),
         ("closed_form", "second_order"),
         ("closed_form", "state"),
         ("cli", "__init__"),  # the version
+        ("evaluate", "__init__"),
         ("report", "__init__"),
     }
 )

@@ -63,15 +63,15 @@ class Search:
         How many.
     nearest : tuple of Reading
         Those nearest to both printed values.
-    by_kind : tuple of (str, Reading)
-        The nearest among those that change one thing only.
+    single : tuple of Reading
+        Plain σ_min where one thing only is changed.
     within : int
         Readings that come within 1 % of both.
     """
 
     count: int
     nearest: tuple[Reading, ...]
-    by_kind: tuple[tuple[str, Reading], ...]
+    single: tuple[Reading, ...]
     within: int
 
 
@@ -162,10 +162,10 @@ def search(third: float, half: float, offsets: bool = True) -> Search:
             found.append(_reading(changes, turns[i], a, b, error, int(i), int(j)))
             if len(changes) <= 1:
                 kind = changes[0] if changes else "as printed"
-                k = int(error[0].argmin())
-                single[kind] = _reading(changes, turns[0], a, b, error, 0, k)
+                if "," not in kind:
+                    single[kind] = _reading(changes, turns[0], a, b, error, 0, 0)
     found.sort(key=lambda r: r.error)
-    return Search(count, tuple(found[:6]), tuple(single.items()), within)
+    return Search(count, tuple(found[:4]), tuple(single.values()), within)
 
 
 def _changes(

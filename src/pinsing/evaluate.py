@@ -54,7 +54,8 @@ class Evaluator:
         if self.engine == PINOCCHIO:
             J = pinocchio_jacobians(arm, Q)
             J = J if arm.coupling is None else J @ arm.coupling.matrix
-            return np.linalg.svd(scale_rows(arm, J), compute_uv=False)[:, : self.rank]
+            sigma = np.linalg.svd(scale_rows(arm, J), compute_uv=False)
+            return np.asarray(sigma[:, : self.rank], dtype=np.float64)
         chain = batch_chain(arm, "batch")
         assert chain is not None  # "batch" raises where there is none
         here = kernel.isa_names()

@@ -15,6 +15,7 @@ import click
 
 from pinsing import __version__
 from pinsing.cli.at import at_command
+from pinsing.cli.map import map_command
 from pinsing.cli.output import STOPPED, complain, say
 from pinsing.cli.robots import dh_command, info_command, list_command
 from pinsing.cli.singularities import analyze_command, families_command, sweep_command
@@ -88,6 +89,7 @@ for _part in (
     analyze_command,
     at_command,
     sweep_command,
+    map_command,
     families_command,
     dh_command,
     list_command,

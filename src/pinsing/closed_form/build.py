@@ -19,12 +19,11 @@ from pinsing.closed_form.points import gradients, proven_empty
 from pinsing.closed_form.ring import make_ring
 from pinsing.errors import OptionError
 from pinsing.kinematics import generic_rank
-from pinsing.measures import SINGULAR_RTOL
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.robot.summary import ArmSummary, summarize
-from pinsing.second_order import classify
+from pinsing.second_order import second_order
 from pinsing.state import State, at
 
 _SEED = 20
@@ -249,8 +248,6 @@ def _described(
     exact = geometry.arm
     generic = points[0]
     state = at(exact, generic, rtol=1e-8)
-    singular = maker.ratios(generic[None])[0] <= SINGULAR_RTOL
-    kind = classify(exact, generic) if singular else "undecided"
     branch = next((b for b in draft.branches if _on(draft, b, generic)), draft.branches[0])
     raw = None
     if not geometry.exact:
@@ -263,7 +260,7 @@ def _described(
         generic=generic,
         rank=state.rank,
         lost=(*(str(x) for x in state.lost), *_everywhere(state)),
-        kind=kind,
+        kind=second_order(exact, generic).kind,
         reason="; ".join(str(d) for d in state.dependences),
         raw_ratio=raw,
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -92,7 +92,12 @@ def sigma_curves(
             )
             x = _singular(curve, arm, places[id(curve)], findings)
             if len(x):
-                mark = {"marker": "o", "color": SINGULAR, "markersize": 3.5, "linestyle": "none"}
+                mark: dict[str, Any] = {
+                    "marker": "o",
+                    "color": SINGULAR,
+                    "markersize": 3.5,
+                    "linestyle": "none",
+                }
                 label = "" if marked else "singular"
                 axes.plot(x, np.zeros(len(x)), clip_on=False, zorder=5, label=label, **mark)
                 marked = True

@@ -58,7 +58,7 @@ def ellipsoids(state: State, ax: Any = None, *, kind: str = "both") -> Any:
             *np.moveaxis(surface, -1, 0),
             color=_COLOR[name],
             alpha=0.32,
-            linewidth=0.25,
+            linewidth=0.12,
             edgecolor=_COLOR[name],
             shade=False,
         )
@@ -71,18 +71,16 @@ def ellipsoids(state: State, ax: Any = None, *, kind: str = "both") -> Any:
                     label=f"{name}: lost direction")  # fmt: skip
     for letter in "xyz":
         getattr(ax, f"set_{letter}lim")(-1.05 * size, 1.05 * size)
-        getattr(ax, f"set_{letter}label")(_axis_label(letter, kinds), fontsize=SMALL, labelpad=-3)
+        getattr(ax, f"set_{letter}label")(_axis_label(letter, kinds), fontsize=SMALL, labelpad=-4)
     ax.tick_params(labelsize=SMALL - 1.5, pad=-1)
     ax.locator_params(nbins=5)
     ax.set_box_aspect((1, 1, 1))
     ax.set_title(f"{state.arm.name}: {state.status}", fontsize=SMALL + 1)
-    legend_below(ax, 1)
-    legend = ax.get_legend()
-    if legend is not None:
-        legend.set_bbox_to_anchor((0.5, -0.02))
+    legend_below(ax, 1, at=(0.5, -0.08))
     return ax
 
 
 def _axis_label(letter: str, kinds: tuple[str, ...]) -> str:
-    parts = {"translational": f"$v_{letter}$ [m/s]", "rotational": rf"$\omega_{letter}$ [rad/s]"}
-    return ", ".join(parts[k] for k in kinds)
+    if len(kinds) > 1:  # the units are in the legend
+        return f"${letter}$"
+    return f"$v_{letter}$ [m/s]" if "translational" in kinds else rf"$\omega_{letter}$ [rad/s]"

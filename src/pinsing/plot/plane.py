@@ -125,8 +125,8 @@ def sigma_map(
         for j in range(arm.n)
         if j not in (a, b)
     )
-    ax.set_title(f"{arm.name}, {rest}" if arm.n > 2 else arm.name, fontsize=SMALL - 0.5)
-    legend_below(ax, 1)
+    ax.set_title(f"{arm.name}, {rest}" if arm.n > 2 else arm.name, fontsize=SMALL - 1)
+    legend_below(ax, 1, at=(-0.2, -0.2), left=True)
     legend = ax.get_legend()
     if legend is not None:  # light lines need a dark ground, as they have on the map
         legend.set_frame_on(True)

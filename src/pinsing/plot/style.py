@@ -64,13 +64,13 @@ def pi_text(value: float, *, limit: int = 12) -> str:
 
 
 def pi_ticks(axis: Axis, low: float, high: float) -> None:
-    """Ticks at multiples of pi, at most nine of them."""
+    """Ticks at multiples of pi, at most seven of them."""
     from matplotlib.ticker import FixedLocator, FuncFormatter
 
     for part in (1 / 12, 1 / 6, 1 / 4, 1 / 2, 1, 2, 4, 8):
         step = part * math.pi
         first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
-        if last - first < 7:
+        if last - first < 6:
             break
     axis.set_major_locator(FixedLocator((step * np.arange(first, last + 1)).tolist()))
     axis.set_major_formatter(FuncFormatter(lambda value, _: pi_text(value, limit=24)))
@@ -83,22 +83,24 @@ def ticks(axis: Axis, low: float, high: float, slides: bool) -> None:
     axis.set_tick_params(labelsize=SMALL)
 
 
-def legend_below(ax: Axes, columns: int = 2) -> None:
-    """Legend under the data, where it hides none of it."""
+def legend_below(
+    ax: Axes, columns: int = 2, *, at: tuple[float, float] = (0.5, -0.24), left: bool = False
+) -> None:
+    """Legend under the data, where it hides none of it; ``at`` in shares of the axes."""
     handles, labels = ax.get_legend_handles_labels()
     if handles:
         ax.legend(
             handles,
             labels,
-            loc="upper center",
-            bbox_to_anchor=(0.5, -0.24),
+            loc="upper left" if left else "upper center",
+            bbox_to_anchor=at,
             ncols=min(columns, len(handles)),
-            fontsize=SMALL - 0.5,
+            fontsize=SMALL - 1,
             frameon=False,
-            handlelength=2.6,
+            handlelength=2.4,
         )
 
 
-def short(text: str, longest: int = 46) -> str:
+def short(text: str, longest: int = 50) -> str:
     """A text for a legend."""
     return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"

@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 
+from pinsing.engine import engine_name
 from pinsing.kinematics import generic_rank
 from pinsing.report.text import Table, fields, safe
 from pinsing.result import JsonResult
@@ -38,6 +39,8 @@ class ArmInfo(JsonResult):
         Numbers that the nominal geometry moves.
     jacobian_change : float
         Bound of what that changes in any column of the scaled task Jacobian.
+    engine : str
+        What computes batches of Jacobians for this arm on this machine.
     """
 
     schema: ClassVar[str] = "pinsing/info/1"
@@ -49,6 +52,7 @@ class ArmInfo(JsonResult):
     task_rows: int
     snaps: tuple[Snap, ...]
     jacobian_change: float
+    engine: str
 
     def head(self) -> str:
         """Lines above the table of joints."""
@@ -62,12 +66,13 @@ class ArmInfo(JsonResult):
         if self.file:
             rows.append(("file", self.file))
         rows += [
-            ("base", f"{arm.base} (the root)" if arm.base == "universe" else arm.base),
+            ("base", arm.base),
             ("tip", arm.tip),
             ("task", arm.task),
             ("length scale", f"{arm.length_scale:g} m"),
             ("generic rank", rank),
             ("geometry", self.geometry()),
+            ("engine", self.engine),
         ]
         return safe(fields(rows))
 
@@ -125,4 +130,5 @@ def describe(arm: Arm) -> ArmInfo:
         task_rows=len(arm.task.rows),
         snaps=exact.snaps,
         jacobian_change=exact.jacobian_change,
+        engine=engine_name(arm),
     )

@@ -1,0 +1,174 @@
+"""``pinsing map``: how near to singular an arm is, over all of its joints."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    fail_option,
+    joint_vector,
+    json_option,
+    parse_numbers,
+)
+from pinsing.cli.output import STOPPED, emit, emit_json, say
+from pinsing.cli.running import Place, place_options, run_progress, say_stopped
+from pinsing.errors import OptionError
+from pinsing.report.text import Table
+
+if TYPE_CHECKING:
+    from pinsing.maps import MapResult
+    from pinsing.robot.arm import Arm
+
+
+@click.command("map", short_help="Singular values over a grid or sample of any size.")
+@arm_options
+@click.option(
+    "--sampling",
+    default="sobol",
+    show_default=True,
+    metavar="NAME",
+    help="sobol, random or grid.",
+)
+@click.option("--count", metavar="N", help="Configurations, such as 1e8.  [default: 2**20]")
+@click.option("--steps", metavar="N|A=N,...", help="Values of each joint in a grid.")
+@click.option("--map-joints", metavar="A,B,...", help="Joints to map.  [default: all that matter]")
+@click.option(
+    "--range",
+    "ranges",
+    metavar="JOINT=LOW,HIGH",
+    multiple=True,
+    help="Range of a joint in place of its limits; repeatable.",
+)
+@click.option("--q", "q", metavar="Q1,Q2,...", help="Where joints that are not mapped stay.")
+@click.option("--ignore-limits", is_flag=True, help="Map whole circles.")
+@click.option("--worst", type=click.IntRange(min=1), metavar="K", help="Worst ones to keep.")
+@click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    metavar="DIR",
+    help="Keep each finished chunk; the same command goes on after any stop.",
+)
+@click.option("--keep-values", is_flag=True, help="Keep all singular values in --out too.")
+@click.option("--chunk", metavar="N", help="Configurations of a chunk.")
+@place_options
+@deg_option
+@json_option
+@fail_option
+def map_command(
+    request: RobotRequest,
+    sampling: str,
+    count: str | None,
+    steps: str | None,
+    map_joints: str | None,
+    ranges: tuple[str, ...],
+    q: str | None,
+    ignore_limits: bool,
+    worst: int | None,
+    seed: int,
+    out: Path | None,
+    keep_values: bool,
+    chunk: str | None,
+    place: Place,
+    deg: bool,
+    json_target: str | Path | None,
+    fail_if_singular: bool,
+) -> int:
+    """How sigma_r of ROBOT is distributed over its joints, and where it is smallest.
+
+    Takes any number of configurations in bounded memory. With --out DIR, a run that was
+    stopped or killed goes on where it was, to the same result. With --fail-if-singular, exits
+    with 1 if a configuration is singular.
+    """
+    # All that can be wrong without the robot is found before it is read.
+    chosen: dict[str, Any] = {"ignore_limits": ignore_limits, "seed": seed, "out": out}
+    chosen["keep_values"] = keep_values
+    for name, text in (("count", count), ("chunk", chunk)):
+        if text is not None:
+            chosen[name] = _whole(text, f"--{name}")
+    if worst is not None:
+        chosen["worst"] = worst
+    if steps is not None:
+        chosen["steps"] = _steps(steps)
+    if map_joints is not None:
+        chosen["joints"] = tuple(s.strip() for s in map_joints.split(",") if s.strip())
+    pairs = [_range(text, deg) for text in ranges]
+    if q is not None:
+        parse_numbers(q, "--q", deg)
+    if keep_values and out is None:
+        raise OptionError("--keep-values needs a folder to keep them in: give --out DIR")
+    arm = request.load()
+    if q is not None:
+        chosen["q"] = joint_vector(arm, q, "--q", deg)
+    if pairs:
+        chosen["ranges"] = {n: _in_radians(arm, n, low, high, deg) for n, low, high in pairs}
+    from pinsing.maps import sigma_map
+
+    try:
+        with place.options() as where, run_progress() as progress:
+            result = sigma_map(arm, sampling, **chosen, **where, progress=progress, tell=say)
+    except KeyboardInterrupt:
+        say_stopped(out)
+        return STOPPED
+    if not emit_json(result, json_target):
+        _show(result, deg)
+    if not result.complete:
+        say_stopped(out)
+        return STOPPED
+    return int(fail_if_singular and result.singular > 0)
+
+
+def _show(result: MapResult, deg: bool) -> None:
+    emit(result.head() + "\n")
+    Table(("share", "sigma_min", "ratio"), result.quantile_rows(), frozenset({0, 1, 2})).show()
+    emit("\n" + result.tail(deg))
+
+
+def _whole(text: str, what: str) -> int:
+    """``100000``, ``1e8``, ``2**20``."""
+    base, power, exponent = text.replace("_", "").partition("**")
+    try:
+        if power:
+            if int(exponent) > 64:
+                raise ValueError
+            return int(int(base) ** int(exponent))
+        value = float(base)
+        if not value.is_integer():
+            raise ValueError
+        return int(value)
+    except (ValueError, OverflowError):
+        raise OptionError(f"{what} {text!r} is not a whole number such as 1e8 or 2**20") from None
+
+
+def _steps(text: str) -> int | dict[str, int]:
+    if "=" not in text:
+        return _whole(text, "--steps")
+    found = {}
+    for part in text.split(","):
+        name, equals, number = part.partition("=")
+        if not equals or not name.strip():
+            raise OptionError(f"--steps {text!r} is not of the form 9 or A=9,B=5")
+        found[name.strip()] = _whole(number, "--steps")
+    return found
+
+
+def _range(text: str, deg: bool) -> tuple[str, float, float]:
+    name, equals, values = text.rpartition("=")
+    if not equals or not name.strip():
+        raise OptionError(f"--range {text!r} is not of the form JOINT=LOW,HIGH")
+    numbers = parse_numbers(values, "--range", deg)
+    if len(numbers) != 2:
+        raise OptionError(f"--range {text!r} needs two values: JOINT=LOW,HIGH")
+    return name.strip(), numbers[0], numbers[1]
+
+
+def _in_radians(arm: Arm, name: str, low: float, high: float, deg: bool) -> tuple[float, float]:
+    slides = name in arm.joints and bool(arm.prismatic[arm.joints.index(name)])
+    factor = 3.141592653589793 / 180 if deg and not slides else 1.0
+    return low * factor, high * factor

@@ -1,0 +1,189 @@
+"""Long runs on the command line: where they run, how far they are, how they stop."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from pinsing.cli.output import say
+from pinsing.errors import OptionError
+from pinsing.report.text import is_rich
+
+if TYPE_CHECKING:
+    from concurrent.futures import Executor
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a run takes place.
+
+    Attributes
+    ----------
+    engine : str
+        As of `sigma_map`.
+    threads, workers : int or None
+        Threads of this process, or processes of this machine.
+    dask : str or None
+        Address of a dask scheduler.
+    """
+
+    engine: str
+    threads: int | None
+    workers: int | None
+    dask: str | None
+
+    @contextlib.contextmanager
+    def options(self) -> Iterator[dict[str, Any]]:
+        """Keyword arguments of a run; the executor ends with the block."""
+        chosen: dict[str, Any] = {"engine": self.engine}
+        with contextlib.ExitStack() as stack:
+            pool = self._pool(stack)
+            if pool is None:
+                chosen["threads"] = self.threads
+            else:
+                chosen["executor"], chosen["parallel"] = pool
+            yield chosen
+
+    def _pool(self, stack: contextlib.ExitStack) -> tuple[Executor, int] | None:
+        if self.dask is not None:
+            from pinsing.chunks import dask_cluster
+
+            executor, count = stack.enter_context(dask_cluster(self.dask))
+            say(f"{count} dask worker threads at {self.dask}")
+            return executor, count
+        if self.workers is not None:
+            from pinsing.chunks import local_processes
+
+            return stack.enter_context(local_processes(self.workers))
+        return None
+
+
+def place_options(command: F) -> F:
+    """Add ``--engine``, ``--threads``, ``--workers``, ``--dask``; passed as ``place``."""
+
+    @click.option(
+        "--engine",
+        default="auto",
+        show_default=True,
+        metavar="NAME",
+        help="auto, batch, pinocchio, or an instruction set: baseline, avx2, avx512.",
+    )
+    @click.option(
+        "--threads",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="Threads.  [default: all processors]",
+    )
+    @click.option(
+        "--workers", type=click.IntRange(min=1), metavar="N", help="Processes instead of threads."
+    )
+    @click.option(
+        "--dask", metavar="ADDRESS", help="Run on a dask.distributed cluster: tcp://HOST:PORT."
+    )
+    @functools.wraps(command)
+    def wrapper(
+        *args: Any,
+        engine: str,
+        threads: int | None,
+        workers: int | None,
+        dask: str | None,
+        **rest: Any,
+    ) -> Any:
+        given = [n for n, v in (("threads", threads), ("workers", workers), ("dask", dask)) if v]
+        if len(given) > 1:
+            raise OptionError(f"--{given[0]} and --{given[1]} exclude each other")
+        return command(*args, place=Place(engine, threads, workers, dask), **rest)
+
+    return wrapper  # type: ignore[return-value]
+
+
+class Meter:
+    """Rate and remaining time of a run, from what was done since it began to count."""
+
+    def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
+        self._began: tuple[float, int] | None = None
+
+    def text(self, done: int, total: int) -> str:
+        """Such as ``12.5 M of 100 M, 4.21 M/s, 21 s left``."""
+        now = self._clock()
+        if self._began is None:  # what a folder had already tells nothing about the rate
+            self._began = now, done
+        since, before = self._began
+        parts = [f"{short(done)} of {short(total)}"]
+        if done > before and now > since:
+            rate = (done - before) / (now - since)
+            parts += [f"{short(rate)}/s", f"{duration((total - done) / rate)} left"]
+        return ", ".join(parts)
+
+
+def short(number: float) -> str:
+    """Three digits and k, M, G or T."""
+    for unit, size in (("T", 1e12), ("G", 1e9), ("M", 1e6), ("k", 1e3)):
+        if number >= size:
+            return f"{number / size:.3g} {unit}"
+    return f"{number:.3g}"
+
+
+def duration(seconds: float) -> str:
+    """``45 s``, ``3 min 20 s``, ``5 h 10 min``, ``2 d 4 h``."""
+    s = round(seconds)
+    for size, unit, less, lesser in (
+        (86400, "d", 3600, "h"),
+        (3600, "h", 60, "min"),
+        (60, "min", 1, "s"),
+    ):
+        if s >= size:
+            return f"{s // size} {unit} {s % size // less} {lesser}"
+    return f"{s} s"
+
+
+@contextlib.contextmanager
+def run_progress() -> Iterator[Callable[[int, int], None]]:
+    """Callback ``(done, total)``: a bar on a terminal, else a line on stderr now and then."""
+    meter = Meter()
+    if not is_rich(sys.stderr):
+        yield _lines(meter)
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    columns = (BarColumn(), TextColumn("{task.percentage:.0f}%"), TextColumn("{task.fields[text]}"))
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("", total=None, text="")
+        yield lambda done, total: bar.update(
+            task, completed=done, total=total, text=meter.text(done, total)
+        )
+
+
+def _lines(meter: Meter) -> Callable[[int, int], None]:
+    said = time.monotonic()
+
+    def show(done: int, total: int) -> None:
+        nonlocal said
+        text = meter.text(done, total)
+        if time.monotonic() - said >= _QUIET_SECONDS:
+            said = time.monotonic()
+            say(text)
+
+    return show
+
+
+def say_stopped(out: Path | None) -> None:
+    """Tell how to go on after Ctrl-C."""
+    if out is None:
+        say("stopped; with --out DIR a run can be gone on with")
+    else:
+        say(f"stopped; what is done is in {out}: run the same command to go on")

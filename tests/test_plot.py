@@ -1,0 +1,341 @@
+"""Plots, by what is in them: artists, their data, labels; and files that come out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+
+mpl.use("agg")
+
+import numpy as np
+import pytest
+from arms import textbook, ur5
+from click.testing import CliRunner
+from matplotlib import pyplot as plt
+from matplotlib.axes import Axes
+from matplotlib.contour import ContourSet
+from mpl_toolkits.mplot3d import Axes3D
+
+from pinsing import plot
+from pinsing.closed_form import closed_form
+from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
+from pinsing.find import singular_configurations
+from pinsing.kinematics import frame_jacobian, singular_values
+from pinsing.plot.style import pi_text, pi_ticks
+from pinsing.state import at
+from pinsing.sweep import SweepResult, sweep
+
+
+@pytest.fixture(autouse=True)
+def _close_figures() -> Iterator[None]:
+    yield
+    plt.close("all")
+
+
+@pytest.fixture(scope="module")
+def stanford_sweep() -> SweepResult:
+    return sweep(textbook("stanford"), levels=1, samples=61, prune=False)
+
+
+def labels(ax: Axes) -> list[str]:
+    legend = ax.get_legend()
+    return [] if legend is None else [t.get_text() for t in legend.get_texts()]
+
+
+def is_outside(ax: Axes) -> bool:
+    """Whether the legend keeps off the data."""
+    ax.figure.canvas.draw()
+    legend = ax.get_legend()
+    assert legend is not None
+    return not legend.get_window_extent().overlaps(ax.get_window_extent())
+
+
+# Curves -----------------------------------------------------------------------------
+
+
+def test_curves_carry_the_data_of_the_sweep(stanford_sweep: SweepResult) -> None:
+    ax = plot.sigma_curves(stanford_sweep)
+    q5 = next(line for line in ax.get_lines() if line.get_label() == "$q_{5}$")
+    curve = stanford_sweep.curve(None, "q5")
+    np.testing.assert_array_equal(q5.get_xdata(), curve.x)
+    np.testing.assert_array_equal(q5.get_ydata(), curve.sigma_min)
+    assert ax.get_xlabel() == "joint angle [rad]"
+    assert ax.get_ylabel() == r"$\sigma_{\min}$"
+    assert is_outside(ax)
+    assert ax.figure.get_size_inches()[0] == pytest.approx(3.5)
+
+
+def test_a_slider_has_an_axis_of_its_own_in_metres(stanford_sweep: SweepResult) -> None:
+    ax = plot.sigma_curves(stanford_sweep)
+    (top,) = (other for other in ax.figure.axes if other is not ax)
+    assert top.get_xlabel() == "joint position [m]"
+    assert top.get_xlim() == pytest.approx((-0.5, 0.5))
+    assert any("d_{3}" in text for text in labels(ax))
+    alone = plot.sigma_curves(stanford_sweep, moving=["d3"])
+    assert alone.get_xlabel() == "joint position [m]"
+    assert len(alone.figure.axes) == 1
+
+
+def test_singular_points_are_marked(stanford_sweep: SweepResult) -> None:
+    ax = plot.sigma_curves(stanford_sweep, moving=["q5"])
+    (mark,) = (line for line in ax.get_lines() if line.get_marker() == "o")
+    np.testing.assert_allclose(np.asarray(mark.get_xdata()), [-np.pi, 0, np.pi], atol=1e-8)
+    np.testing.assert_array_equal(np.asarray(mark.get_ydata()), 0)
+
+
+def test_refined_points_between_samples_are_marked() -> None:
+    arm = textbook("puma560")
+    result = sweep(arm, levels=1, samples=61)
+    found = singular_configurations(arm, result)
+    ax = plot.sigma_curves(result, moving=["q3"], findings=found)
+    (mark,) = (line for line in ax.get_lines() if line.get_marker() == "o")
+    # PUMA 560, elbow: tan q3 = -d4 / a3, which no sample hits.
+    elbow = np.arctan2(-0.4318, 0.0203)
+    assert np.abs(np.asarray(mark.get_xdata()) - elbow).min() < 1e-6
+
+
+def test_curves_with_a_joint_held(stanford_sweep: SweepResult) -> None:
+    ax = plot.sigma_curves(stanford_sweep, fixed={"q4": 0.0})
+    assert "$q_{4}$ = 0" in ax.get_title()
+    assert len([t for t in labels(ax) if "q_" in t or "d_" in t]) >= 2
+    with pytest.raises(UnknownNameError):
+        plot.sigma_curves(stanford_sweep, moving=["q9"])
+    with pytest.raises(OptionError):
+        plot.sigma_curves(stanford_sweep, fixed={"q4": 0.123})
+
+
+def test_curves_go_where_they_are_told(stanford_sweep: SweepResult) -> None:
+    figure, (left, right) = plt.subplots(1, 2)
+    assert plot.sigma_curves(stanford_sweep, right, moving=["q5"]) is right
+    assert right.get_lines()
+    assert not left.get_lines()
+    assert len(plt.get_fignums()) == 1
+
+
+# Map --------------------------------------------------------------------------------
+
+
+def contours(ax: Axes) -> np.ndarray:
+    """All vertices of all contour lines (N, 2)."""
+    paths = [p for c in ax.collections if isinstance(c, ContourSet) for p in c.get_paths()]
+    return np.concatenate([p.vertices for p in paths if len(p.vertices)])
+
+
+def test_the_curve_of_the_puma_lies_in_the_valley() -> None:
+    arm = textbook("puma560")
+    q = np.array([0.0, 0.0, 0.0, 0.4, 1.0, 0.0])
+    ax = plot.sigma_map(arm, "q2", "q3", q=q, samples=81)
+    points = contours(ax)
+    assert len(points) > 40
+    Q = np.tile(q, (len(points), 1))
+    Q[:, 1:3] = points
+    sigma = singular_values(arm, Q)
+    on_it = sigma[:, -1] / sigma[:, 0]
+    beside = np.concatenate([Q + [0, s, 0, 0, 0, 0] for s in (-0.2, 0.2)])
+    off = singular_values(arm, beside)
+    assert on_it.max() < 2e-3
+    assert np.median(off[:, -1] / off[:, 0]) > 0.02
+    # The elbow is a straight line: q3 alone.
+    levels = [line.get_ydata()[0] for line in ax.get_lines() if len(line.get_ydata()) == 2]
+    assert any(abs(y - np.arctan2(-0.4318, 0.0203)) < 1e-9 for y in levels)
+    assert {text.split(":")[0] for text in labels(ax)} == {"F1", "F3"}
+    assert is_outside(ax)
+
+
+def test_the_map_shows_sigma_min_and_its_axes() -> None:
+    arm = textbook("stanford")
+    q = np.array([0.1, 0.9, 0.3, 0.4, 0.5, 0.2])
+    ax = plot.sigma_map(arm, "q5", "d3", q=q, samples=31)
+    mesh = ax.collections[0]
+    x, y = np.linspace(-np.pi, np.pi, 31), np.linspace(-0.5, 0.5, 31)
+    values = np.asarray(mesh.get_array()).reshape(31, 31)
+    probe = q.copy()
+    probe[4], probe[2] = x[7], y[20]
+    assert values[20, 7] == pytest.approx(singular_values(arm, probe[None])[0, -1], abs=1e-12)
+    assert ax.get_xlabel() == "$q_{5}$ [rad]"
+    assert ax.get_ylabel() == "$d_{3}$ [m]"
+    verticals = sorted(
+        line.get_xdata()[0]
+        for line in ax.get_lines()
+        if len(line.get_xdata()) == 2 and line.get_xdata()[0] == line.get_xdata()[1]
+    )
+    np.testing.assert_allclose(verticals, [-np.pi, 0, np.pi])
+    bar = ax.figure.axes[-1]
+    assert bar.get_ylabel() == r"$\sigma_{\min}$"
+
+
+def test_a_family_of_two_values_is_a_set_of_points() -> None:
+    arm = textbook("iiwa14")
+    q = np.array([0.3, 0.5, 0.4, 1.0, 0.6, 0.7, 0.2])
+    families = [f for f in closed_form(arm).families if set(f.joints) == {"q2", "q6"}]
+    assert len(families) == 1
+    ax = plot.sigma_map(arm, "q2", "q6", q=q, samples=21, families=families, ignore_limits=True)
+    points = np.concatenate(
+        [np.column_stack(line.get_data()) for line in ax.get_lines() if line.get_marker() == "o"]
+    )
+    assert len(points) == 9
+    for point in points:
+        probe = q.copy()
+        probe[[1, 5]] = point
+        assert singular_values(arm, probe[None])[0, -1] < 1e-9
+
+
+def test_what_does_not_meet_the_plane_is_not_drawn() -> None:
+    arm = textbook("iiwa14")
+    q = np.array([0.3, 0.5, 0.4, 1.0, 0.6, 0.7, 0.2])
+    ax = plot.sigma_map(arm, "q1", "q7", q=q, samples=11)
+    assert labels(ax) == []
+    assert not ax.get_lines()
+
+
+def test_a_map_refuses_what_makes_no_sense() -> None:
+    arm = textbook("stanford")
+    with pytest.raises(UnknownNameError, match="q7"):
+        plot.sigma_map(arm, "q1", "q7")
+    with pytest.raises(OptionError, match="different"):
+        plot.sigma_map(arm, "q1", "q1")
+    with pytest.raises(ConfigurationError):
+        plot.sigma_map(arm, "q1", "q2", q=[0, 1])
+
+
+# Ellipsoids -------------------------------------------------------------------------
+
+
+def test_an_ellipsoid_has_the_radii_of_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
+    arm = textbook("puma560")
+    q = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
+    drawn = []
+    original = Axes3D.plot_surface
+
+    def record(self: Axes3D, X: Any, Y: Any, Z: Any, **style: Any) -> Any:
+        drawn.append(np.stack([X, Y, Z], axis=-1).reshape(-1, 3))
+        return original(self, X, Y, Z, **style)
+
+    monkeypatch.setattr(Axes3D, "plot_surface", record)
+    ax = plot.ellipsoids(at(arm, q), kind="translational")
+    (points,) = drawn
+    J = frame_jacobian(arm, q)[:3]
+    inverse = np.linalg.inv(J @ J.T)
+    on_it = np.einsum("ni,ij,nj->n", points, inverse, points)
+    np.testing.assert_allclose(on_it, 1.0, atol=1e-9)
+    assert ax.get_xlabel() == "$v_x$ [m/s]"
+    assert len(ax.collections) == 1
+    assert is_outside(ax)
+
+
+def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
+    state = at(textbook("planar3r", task="position"), [0.3, 0.0, 0.0])
+    ax = plot.ellipsoids(state)
+    assert len(ax.collections) == 2
+    ax.figure.canvas.draw()  # a warning about a plate would be an error here
+    stretched = at(textbook("stanford", task="position"), [0.4, 0.0, 0.3, 0.2, 0.5, 0.1])
+    flat = at(textbook("stanford", task="position"), [0.4, 0.0, 0.3, 0.2, 0.0, 0.1])
+    assert not any("lost" in text for text in labels(plot.ellipsoids(stretched)))
+    assert flat.translational.radii[2] < 1e-12
+    assert "translational: lost direction" in labels(plot.ellipsoids(flat))
+
+
+def test_ellipsoids_refuse_what_they_cannot_draw() -> None:
+    state = at(textbook("scara"), [0, 1, 0.1, 0])
+    with pytest.raises(OptionError, match="kind"):
+        plot.ellipsoids(state, kind="angular")
+    with pytest.raises(OptionError, match="3d"):
+        plot.ellipsoids(state, plt.figure().add_subplot())
+
+
+# Along ------------------------------------------------------------------------------
+
+
+def test_singular_values_along_a_way() -> None:
+    arm = ur5()
+    way = np.zeros((41, 6))
+    way[:] = [0.1, -1.0, 1.2, 0.3, 0.0, 0.2]
+    way[:, 4] = np.linspace(-0.5, 0.5, 41)
+    ax = plot.sigma_along(arm, way, times=np.linspace(0, 2, 41))
+    (line,) = (one for one in ax.get_lines() if one.get_label() == r"$\sigma_{\min}$")
+    sigma = singular_values(arm, way)
+    np.testing.assert_allclose(line.get_ydata(), np.maximum(sigma[:, -1], 1e-12))
+    assert ax.get_yscale() == "log"
+    assert ax.get_xlabel() == "time [s]"
+    (mark,) = (one for one in ax.get_lines() if one.get_marker() == "o")
+    np.testing.assert_allclose(np.asarray(mark.get_xdata()), [1.0])
+    assert "near-singular" in labels(ax)
+    assert is_outside(ax)
+
+
+def test_a_way_must_be_one() -> None:
+    arm = ur5()
+    with pytest.raises(ConfigurationError, match="two"):
+        plot.sigma_along(arm, np.zeros(6))
+    with pytest.raises(ConfigurationError, match="times"):
+        plot.sigma_along(arm, np.zeros((3, 6)), times=[0, 2, 1])
+
+
+# Ticks, and the command -------------------------------------------------------------
+
+
+def test_multiples_of_pi() -> None:
+    assert [pi_text(k * np.pi / 4) for k in (-4, -1, 0, 2, 6)] == [
+        r"$-\pi$",
+        r"$-\pi/4$",
+        "0",
+        r"$\pi/2$",
+        r"$3\pi/2$",
+    ]
+    assert pi_text(1.0) == ""
+    ax = plt.figure().add_subplot()
+    ax.set_xlim(-np.pi, np.pi)
+    pi_ticks(ax.xaxis, -np.pi, np.pi)
+    np.testing.assert_allclose(ax.get_xticks(), np.pi * np.arange(-2, 3) / 2)
+    ax.figure.canvas.draw()
+    assert ax.get_xticklabels()[0].get_text() == r"$-\pi$"
+
+
+@pytest.mark.parametrize(
+    ("words", "suffix"),
+    [
+        ("map puma560 --over q2,q3", "png"),
+        ("map scara --over q1,q2 --q 0,90,0.1,0 --deg", "svg"),
+        ("curves scara", "pdf"),
+        ("curves stanford --fixed q4=0 --over q2,d3", "svg"),
+        ("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png"),
+        ("along scara --q 0,1,0.1,0 --q 0,-1,0.1,0", "svg"),
+    ],
+)
+def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> None:
+    from pinsing.cli.plot import plot_command
+
+    first, second = tmp_path / f"a.{suffix}", tmp_path / f"b.{suffix}"
+    for file in (first, second):
+        result = CliRunner().invoke(plot_command, [*words.split(), "-o", str(file)])
+        assert result.exit_code == 0, result.output + repr(result.exception)
+    heads = {"png": b"\x89PNG", "svg": b"<?xml", "pdf": b"%PDF"}
+    assert first.read_bytes().startswith(heads[suffix])
+    assert first.stat().st_size > 3000
+    assert first.read_bytes() == second.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "match"),
+    [
+        ("map puma560 -o a.png", OptionError, "--over"),
+        ("map puma560 --over q2,q9 -o a.png", UnknownNameError, "q9"),
+        ("along puma560 --q 0,0,0,0,0,0 -o a.png", OptionError, "twice"),
+        ("ellipsoids puma560 -o a.txt", OutputError, "png"),
+        ("curves stanford --fixed q4 -o a.png", OptionError, "JOINT=VALUE"),
+        ("curves stanford --fixed q9=0 -o a.png", UnknownNameError, "q9"),
+    ],
+)
+def test_the_command_says_what_is_wrong(
+    words: str, kind: type[Exception], match: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pinsing.cli.plot import plot_command
+
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(plot_command, words.split())
+    assert isinstance(result.exception, kind)
+    assert match in str(result.exception)
+    assert not list(tmp_path.iterdir())
