@@ -17,8 +17,10 @@ from pinsing import __version__
 from pinsing.cli.at import at_command
 from pinsing.cli.map import map_command
 from pinsing.cli.output import STOPPED, complain, say
+from pinsing.cli.plot import plot_command
 from pinsing.cli.robots import dh_command, info_command, list_command
 from pinsing.cli.singularities import analyze_command, families_command, sweep_command
+from pinsing.cli.view import view_command
 from pinsing.errors import PinsingError, UnknownNameError
 
 BAD_INPUT = 2
@@ -71,7 +73,7 @@ def _usage(error: click.UsageError) -> int:
 @click.group(cls=PinsingGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, message="pinsing %(version)s")
 def command() -> None:
-    r"""Find, state, prove and show the singular configurations of robot arms.
+    """Find, state, prove and show the singular configurations of robot arms.
 
     ROBOT is a URDF or xacro file, or a name out of `pinsing list`. Results go to stdout,
     messages to stderr.
@@ -81,7 +83,7 @@ def command() -> None:
                  1  done and singular (only with --fail-if-singular)
                  2  bad input
                130  stopped with Ctrl-C
-    """
+    """  # noqa: D301
 
 
 for _part in (
@@ -91,6 +93,8 @@ for _part in (
     sweep_command,
     map_command,
     families_command,
+    view_command,
+    plot_command,
     dh_command,
     list_command,
 ):

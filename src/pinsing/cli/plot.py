@@ -53,7 +53,7 @@ def plot_command(
     dpi: int,
     deg: bool,
 ) -> None:
-    r"""Draw a figure of ROBOT.
+    """Draw a figure of ROBOT.
 
     \b
     curves      sigma_min along each joint, from a nominal configuration
@@ -62,7 +62,7 @@ def plot_command(
     along       singular values on the straight way between configurations
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
-    """
+    """  # noqa: D301
     if out == STDOUT or Path(out).suffix.lower() not in FORMATS:
         raise OutputError(f"cannot write {out}: name a file that ends in .png, .svg or .pdf")
     for text in configurations:
