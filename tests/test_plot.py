@@ -108,7 +108,7 @@ def test_curves_with_a_joint_held(stanford_sweep: SweepResult) -> None:
 
 
 def test_curves_go_where_they_are_told(stanford_sweep: SweepResult) -> None:
-    figure, (left, right) = plt.subplots(1, 2)
+    _, (left, right) = plt.subplots(1, 2)
     assert plot.sigma_curves(stanford_sweep, right, moving=["q5"]) is right
     assert right.get_lines()
     assert not left.get_lines()
@@ -134,7 +134,7 @@ def test_the_curve_of_the_puma_lies_in_the_valley() -> None:
     Q[:, 1:3] = points
     sigma = singular_values(arm, Q)
     on_it = sigma[:, -1] / sigma[:, 0]
-    beside = np.concatenate([Q + [0, s, 0, 0, 0, 0] for s in (-0.2, 0.2)])
+    beside = np.concatenate([Q + s * np.eye(6)[1] for s in (-0.2, 0.2)])
     off = singular_values(arm, beside)
     assert on_it.max() < 2e-3
     assert np.median(off[:, -1] / off[:, 0]) > 0.02
@@ -164,7 +164,7 @@ def test_the_map_shows_sigma_min_and_its_axes() -> None:
     )
     np.testing.assert_allclose(verticals, [-np.pi, 0, np.pi])
     bar = ax.figure.axes[-1]
-    assert bar.get_ylabel() == r"$\sigma_{\min}$"
+    assert bar.get_xlabel() == r"$\sigma_{\min}$"
 
 
 def test_a_family_of_two_values_is_a_set_of_points() -> None:
@@ -231,11 +231,16 @@ def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
     ax = plot.ellipsoids(state)
     assert len(ax.collections) == 2
     ax.figure.canvas.draw()  # a warning about a plate would be an error here
-    stretched = at(textbook("stanford", task="position"), [0.4, 0.0, 0.3, 0.2, 0.5, 0.1])
-    flat = at(textbook("stanford", task="position"), [0.4, 0.0, 0.3, 0.2, 0.0, 0.1])
-    assert not any("lost" in text for text in labels(plot.ellipsoids(stretched)))
-    assert flat.translational.radii[2] < 1e-12
-    assert "translational: lost direction" in labels(plot.ellipsoids(flat))
+    arm = textbook("iiwa14", task="position")
+    bent, stretched = at(arm, [0.1, 0.5, 0.2, 1.0, 0.3, 0.4, 0.0]), at(arm, 0.5 * np.eye(7)[1])
+    assert not any("lost" in text for text in labels(plot.ellipsoids(bent)))
+    ax = plot.ellipsoids(stretched, kind="translational")
+    (line,) = (one for one in ax.get_lines() if "lost" in str(one.get_label()))
+    x, y, z = line.get_data_3d()
+    ends = np.array([x, y, z])
+    along = (ends[:, 1] - ends[:, 0]) / np.linalg.norm(ends[:, 1] - ends[:, 0])
+    assert abs(along @ [np.sin(0.5), 0, np.cos(0.5)]) == pytest.approx(1)  # it gets no longer
+    assert "translational: lost direction" in labels(ax)
 
 
 def test_ellipsoids_refuse_what_they_cannot_draw() -> None:

@@ -387,8 +387,8 @@ def test_next_to_a_users_own_visualizer() -> None:
     assert moved["/pinsing/ellipsoid/translation"]["type"] == "set_transform"
     tip = np.reshape(moved["/pinsing/tip"]["matrix"], (4, 4)).T[:3, 3]
     np.testing.assert_allclose(tip, viewer._stage.frame(viewer.q)["tip"], atol=1e-6)
-    np.testing.assert_allclose(visualizer.data.oMi[6].translation,
-                               viewer._stage.frame(viewer.q)["links"][5][:3], atol=1e-4)  # fmt: skip
+    last_link = viewer._stage.frame(viewer.q)["links"][5][:3]
+    np.testing.assert_allclose(visualizer.data.oMi[6].translation, last_link, atol=1e-4)
     assert viewer._server is None
     with pytest.raises(OptionError, match="initViewer"):
         Viewer(arm, visualizer=object())

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -21,8 +19,8 @@ from pinsing.cli.options import (
     parse_numbers,
 )
 from pinsing.cli.output import STOPPED, OutputFile, emit, emit_json, emit_json_data, say
+from pinsing.cli.running import Place, place_options, run_progress, say_stopped
 from pinsing.errors import OptionError
-from pinsing.report.text import is_rich
 
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
@@ -31,6 +29,25 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 RAW_ANGLE_TOL = 1e-10
 """Radians: with --raw, only float noise is taken out of the angles that tests are run on."""
+
+
+CURVES = "sweep.npz"
+"""File of the folder of a complete sweep that holds its curves."""
+
+
+class SweepOutput(OutputFile):
+    """``FILE.npz`` to write, or a folder to work in."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Check a file; a folder is checked when it is opened."""
+        if is_npz(value):
+            return super().convert(value, param, ctx)
+        return Path(value)
+
+
+def is_npz(path: str | Path) -> bool:
+    """Whether ``--out`` names a file and not a folder."""
+    return str(path).endswith(".npz")
 
 
 def geometry_options(command: F) -> F:
@@ -164,30 +181,18 @@ def _levels(text: str) -> tuple[int, ...]:
     return tuple(sorted(found))
 
 
-@contextlib.contextmanager
-def _progress_bar() -> Iterator[Callable[[int, int], None] | None]:
-    """Callback ``(done, total)`` that draws a bar on stderr, or None where nobody looks."""
-    if not is_rich(sys.stderr):
-        yield None
-        return
-    from rich.console import Console
-    from rich.progress import Progress
-
-    with Progress(console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("Jacobians", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
-
-
 @click.command("sweep", short_help="The joint-angle parameterization method.")
 @arm_options
 @sweep_options()
 @geometry_options
 @click.option(
     "--out",
-    type=OutputFile(dash=False),
-    metavar="FILE.npz",
-    help="Keep the curves of sigma_min, as NumPy arrays.",
+    type=SweepOutput(),
+    metavar="FILE.npz|DIR",
+    help="Keep the curves of sigma_min, as NumPy arrays; in a folder each as soon as it is done, "
+    "and the same command goes on after any stop.",
 )
+@place_options
 @deg_option
 @json_option
 @fail_option
@@ -197,6 +202,7 @@ def sweep_command(
     geometry: str,
     deg: bool,
     out: Path | None,
+    place: Place,
     json_target: str | Path | None,
     fail_if_singular: bool,
 ) -> int:
@@ -217,10 +223,13 @@ def sweep_command(
     swept = tests if geometry == "nominal" else arm
     plan = plan_sweep(swept, **chosen, geometry=tests)
     say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
-    with _progress_bar() as progress:
-        result = run_sweep(swept, plan, progress)
-    if out is not None:
+    folder = out if out is not None and not is_npz(out) else None
+    with place.options() as where, run_progress() as progress:
+        result = run_sweep(swept, plan, progress, out=folder, tell=say, **where)
+    if out is not None and folder is None:
         say(f"wrote {save_npz(result, out)}")
+    elif folder is not None and result.complete:
+        say(f"wrote {save_npz(result, folder / CURVES)}")
     findings = singular_configurations(swept, result, geometry=tests)
     data = {**result.to_dict(), "findings": encode(findings)}
     if not emit_json_data(data, json_target):
@@ -229,6 +238,7 @@ def sweep_command(
         for finding in findings:
             emit(f"  {finding}")
     if not result.complete:
+        say_stopped(folder)
         return STOPPED
     met = any(f.status == "singular" and f.reachable is True for f in findings)
     return int(fail_if_singular and met)
@@ -266,7 +276,7 @@ def analyze_command(
 
     if random_starts is not None:
         chosen["random_starts"] = random_starts
-    with _progress_bar() as progress:
+    with run_progress() as progress:
         analysis = analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
     if not emit_json(analysis, json_target):
         emit(str(analysis))

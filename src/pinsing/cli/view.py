@@ -94,6 +94,7 @@ def view_command(
         if family is not None:
             viewer.show_family(family)
         if html is not None:
+            say("computing poses and paths for the page")
             viewer.save_html(html)
             say(f"wrote {html}")
         if png is not None:

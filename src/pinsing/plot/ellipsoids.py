@@ -9,7 +9,7 @@ import numpy as np
 from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.plot.style import COLORS, SMALL, legend_below, new_axes
-from pinsing.state import State, VelocityEllipsoid
+from pinsing.state import REGULAR, State, VelocityEllipsoid
 
 KINDS = ("translational", "rotational")
 _COLOR = {"translational": COLORS[0], "rotational": COLORS[4]}
@@ -65,10 +65,11 @@ def ellipsoids(state: State, ax: Any = None, *, kind: str = "both") -> Any:
         radii = ", ".join(f"{r:.3g}" for r in np.where(e.radii > 1e-9 * size, e.radii, 0.0))
         ax.plot([], [], [], color=_COLOR[name], linewidth=5, alpha=0.6,
                 label=f"{name}: {radii} {e.unit}")  # fmt: skip
-        if state.status != "regular" and e.radii[2] <= SINGULAR_RTOL * e.radii[0]:
-            tip = 0.8 * size * e.axes[:, 2]
-            ax.plot(*np.stack([-tip, tip], axis=1), color=_LOST, linestyle="--", linewidth=1.4,
-                    label=f"{name}: lost direction")  # fmt: skip
+        flat = e.radii <= SINGULAR_RTOL * e.radii[0]
+        for number, axis in enumerate(e.axes.T[flat] if state.status != REGULAR else ()):
+            ends = 0.8 * size * np.stack([-axis, axis], axis=1)
+            label = "" if number else f"{name}: lost direction"
+            ax.plot(*ends, color=_LOST, linestyle="--", linewidth=1.4, label=label)
     for letter in "xyz":
         getattr(ax, f"set_{letter}lim")(-1.05 * size, 1.05 * size)
         getattr(ax, f"set_{letter}label")(_axis_label(letter, kinds), fontsize=SMALL, labelpad=-4)

@@ -104,9 +104,10 @@ def sigma_map(
     Q[..., a], Q[..., b] = x[None, :], y[:, None]
     sigma = singular_values(arm, Q.reshape(-1, arm.n))[:, -1].reshape(samples, samples)
 
-    ax = new_axes(3.2) if ax is None else ax
+    ax = new_axes(3.6) if ax is None else ax
     mesh = ax.pcolormesh(x, y, sigma, cmap="cividis", shading="nearest", rasterized=True, vmin=0)
-    bar = ax.figure.colorbar(mesh, ax=ax, pad=0.02)
+    # Above, where it leaves the map and the legend the whole width.
+    bar = ax.figure.colorbar(mesh, ax=ax, location="top", pad=0.02, aspect=34, shrink=0.96)
     bar.set_label(r"$\sigma_{\min}$", fontsize=SMALL + 1)
     bar.ax.tick_params(labelsize=SMALL)
     styles = cycle(zip(_LINES, DASHES, strict=True))
@@ -126,7 +127,7 @@ def sigma_map(
         if j not in (a, b)
     )
     ax.set_title(f"{arm.name}, {rest}" if arm.n > 2 else arm.name, fontsize=SMALL - 1)
-    legend_below(ax, 1, at=(-0.2, -0.2), left=True)
+    legend_below(ax, 1, at=(-0.17, -0.17), left=True)
     legend = ax.get_legend()
     if legend is not None:  # light lines need a dark ground, as they have on the map
         legend.set_frame_on(True)

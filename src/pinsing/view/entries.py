@@ -16,6 +16,7 @@ from pinsing.robot.arm import Arm, Array
 
 _SEED = 4
 _SAMPLES = 80
+_LONGEST = 72
 
 
 class FamilyLike(Protocol):
@@ -93,14 +94,19 @@ class Entry:
     def where(self, q: Array) -> str:
         """The part of the condition that holds at q: ``q5 = 180°`` out of ``q5 = 0 or 180°``."""
         for values in self.family.values if self.family is not None else ():
-            if set(values) == set(self.moved) and all(
+            if not values or not all(
                 _same(q[j], value, bool(self.prismatic[j])) for j, value in values.items()
             ):
-                return " and ".join(
-                    f"{self.symbols[j]} = {_value(v, bool(self.prismatic[j]))}"
-                    for j, v in values.items()
-                )
-        return self.text
+                continue
+            words = " and ".join(
+                f"{self.symbols[j]} = {_value(v, bool(self.prismatic[j]))}"
+                for j, v in values.items()
+            )
+            # The rest is an equation, which the list has in full.
+            return words if set(values) == set(self.moved) else f"{words} and …"
+        return (
+            self.text if len(self.text) <= _LONGEST else f"{self.text[: _LONGEST - 2].rstrip()} …"
+        )
 
 
 def _same(a: float, b: float, slides: bool) -> bool:

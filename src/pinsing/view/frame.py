@@ -75,6 +75,7 @@ def make_frame(
         "condition": _digit(state.condition_number) if state.sigma_ratio > 1e-13 else "inf",
         "manipulability": _digit(state.manipulability),
         "outside": list(state.outside),
+        "notes": list(state.notes),
         "verdict": None
         if found is None
         else {"text": found.text, "entry": index, "value": _digit(found.value), "on": found.on},

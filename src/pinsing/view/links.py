@@ -11,6 +11,7 @@ import pinocchio as pin
 from pinocchio.visualize import MeshcatVisualizer
 
 from pinsing.robot.arm import Arm, Array
+from pinsing.robot.reduce import make_names_unique
 from pinsing.robot.tip import frame_index
 
 
@@ -48,15 +49,15 @@ def read_links(arm: Arm) -> Links:
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         return Links(None, (f"its meshes cannot be read, so a skeleton stands for it: {reason}",))
-    _, geometry = pin.buildReducedModel(
-        source.full_model, whole, list(source.locked), source.reference
-    )
+    full = source.full_model.copy()
+    original = make_names_unique(full)  # as `lock_joints` does
+    reduced, geometry = pin.buildReducedModel(full, whole, list(source.locked), source.reference)
     back = base_placement(arm).inverse()
-    # Joints are found again by name: the arm's own model gave its joint frames other names.
-    reduced = pin.buildReducedModel(source.full_model, list(source.locked), source.reference)
     for g in geometry.geometryObjects:
         joint = int(g.parentJoint)
-        g.parentJoint = arm.model.getJointId(reduced.names[joint]) if joint else 0
+        name = reduced.names[joint]
+        # Joints are found again by name: the arm has them in an order of its own.
+        g.parentJoint = arm.model.getJointId(original.get(name, name)) if joint else 0
         if not joint:
             g.placement = back * g.placement
     return Links(geometry)

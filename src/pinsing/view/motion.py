@@ -12,8 +12,8 @@ from pinsing.kinematics import singular_values
 from pinsing.robot.arm import Arm, Array
 from pinsing.view.entries import Entry, FamilyLike
 
-ALONG_FRAMES = 72
-INTO_FRAMES = 36
+ALONG_FRAMES = 54
+INTO_FRAMES = 30
 
 _SWING = 0.6  # radians to each side
 _LONGEST_STEP = 0.35

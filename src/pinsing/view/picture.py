@@ -203,4 +203,5 @@ async def _capture(address: str, url: str, size: tuple[int, int]) -> bytes:
     await socket.write_message(json.dumps({"id": 0, "method": "Browser.close"}))
     while await socket.read_message() is not None:
         pass
+    socket.close()
     return base64.b64decode(shot["data"])

@@ -250,8 +250,9 @@ class Viewer:
 
     def _iframe(self, height: int) -> str:
         return (
-            f'<div><iframe src="{html.escape(self.url)}" style="width: 100%; height: {int(height)}px; '
-            'border: 1px solid #dfe4ea; border-radius: 6px"></iframe></div>'
+            f'<div><iframe src="{html.escape(self.url)}" style="width: 100%; '
+            f'height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
+            "</iframe></div>"
         )
 
     def __enter__(self) -> Self:

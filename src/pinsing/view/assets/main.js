@@ -31,7 +31,7 @@ class App {
     $("fit").addEventListener("click", () => { this.view.touched = false; this.view.fit([this.view.frame]); });
     $("reset").addEventListener("click", () => this.entry !== null && this.choose(this.entry, this.pose));
     $("scrub").addEventListener("input", () => { this.pause(); this.at(Number($("scrub").value)); });
-    for (const option of ["translation", "rotation", "axis", "visual", "bone", "floor"]) {
+    for (const option of ["translation", "rotation", "lost", "axis", "visual", "bone", "floor"]) {
       const box = $(`show-${option}`);
       box.checked = this.view.options[option];
       box.addEventListener("change", () => this.view.set(option, box.checked));
@@ -63,7 +63,7 @@ class App {
 
   async start() {
     const { frame, entry, pose } = await this.source.start();
-    this.select(entry, pose);
+    this.select(entry, pose, false);
     this.frame(frame);
     this.view.fit([frame]);
   }
@@ -73,12 +73,12 @@ class App {
     this.panel.show(frame, dragged);
   }
 
-  select(entry, pose) {
+  select(entry, pose, scroll = true) {
     this.pause();
     this.entry = entry;
     this.pose = pose;
     this.path = null;
-    this.panel.choose(entry, pose);
+    this.panel.choose(entry, pose, scroll);
     this.panel.playing(null);
     this.scrub(0, 0);
     const found = entry === null ? null : this.page.entries[entry];
@@ -114,6 +114,7 @@ class App {
     $("playing").textContent = frames.length ? `${kind} ${entry.name}` : `no path ${kind} ${entry.name} was found here`;
     if (!frames.length) return;
     this.path = { frames, kind };
+    this.drawn = -1;
     this.panel.playing(kind);
     this.scrub(0, frames.length - 1);
     if (!this.view.touched) this.view.fit(frames);
@@ -156,10 +157,11 @@ class App {
     this.running = true;
     this.icon("M4 3h3v10H4zM9 3h3v10H9z");
     const path = this.path;
-    const started = performance.now() - (begin / 22) * 1000;
+    const rate = frames.length / (kind === "into" ? 2.0 : 4.0); // frames a second
+    const started = performance.now() - (begin / rate) * 1000;
     const tick = (now) => {
       if (!this.running || this.path !== path) return;
-      const place = Math.max(0, ((now - started) / 1000) * 22);
+      const place = Math.max(0, ((now - started) / 1000) * rate);
       if (kind === "into" && place >= last) { this.at(last); this.pause(); return; }
       this.at(kind === "into" ? place : place % frames.length);
       requestAnimationFrame(tick);

@@ -37,7 +37,7 @@ class Panel {
     $("robot").textContent = page.robot.name;
     $("chain").title = "base, tip, task, and the length scale L that translations are divided by";
     $("chain").textContent = `${page.robot.base} \u2192 ${page.robot.tip} \u00b7 ${page.joints.length} joints \u00b7 ` +
-      `${page.robot.task} task \u00b7 L = ${page.robot.lengthScale} m`;
+      `${page.robot.task} task \u00b7 L\u00a0=\u00a0${page.robot.lengthScale}\u00a0m`;
     this.keys();
     $("scale").textContent = `Ellipsoids at unit joint speed: 1 m/s is drawn ${number(page.settings.translation)} m long, ` +
       `1 rad/s ${number(page.settings.rotation)} m. Flat ones are drawn ${100 * page.settings.floor}% thick.`;
@@ -132,6 +132,7 @@ class Panel {
     $("lost").replaceChildren(...(frame.lost.length ? frame.lost.map((m) => make("li", "", m.words))
       : [make("li", "", "nothing")]));
     $("why").textContent = frame.why.length ? `because ${frame.why.join("; ")}` : "";
+    $("remarks").textContent = frame.notes.join("; ");
     $("outside").hidden = !frame.outside.length;
     $("outside").textContent = `outside the limits: ${frame.outside.join(", ")}`;
     this.rows.forEach(({ row, slider, value }, i) => {
@@ -143,13 +144,13 @@ class Panel {
     });
   }
 
-  choose(entry, pose) {
+  choose(entry, pose, scroll = true) {
     this.items.forEach((item, i) => {
       item.classList.toggle("chosen", i === entry);
       item.querySelector(".actions").hidden = i !== entry;
       item.querySelectorAll(".pose").forEach((b, k) => b.classList.toggle("on", i === entry && k === pose));
     });
-    if (entry !== null) this.items[entry].scrollIntoView({ block: "nearest" });
+    if (entry !== null && scroll) this.items[entry].scrollIntoView({ block: "nearest" });
   }
 
   playing(kind) {

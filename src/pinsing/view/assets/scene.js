@@ -6,7 +6,7 @@ class SceneView {
     this.element = element;
     this.settings = settings;
     this.options = { mode: settings.mode, translation: true, rotation: true,
-                     axis: true, visual: settings.shapes, bone: !settings.shapes, floor: true };
+                     axis: true, lost: true, visual: settings.shapes, bone: !settings.shapes, floor: true };
     const V = this.viewer = new MeshCat.Viewer(element);
     const fullSize = V.set_3d_pane_size.bind(V);
     V.set_3d_pane_size = () => fullSize(element.clientWidth || 1, element.clientHeight || 1);
@@ -81,7 +81,7 @@ class SceneView {
       const seen = s[kind] && e.drawn[0] > 0;
       this.node(`ellipsoid/${kind}`).visible = seen;
       if (seen) this.place(`ellipsoid/${kind}`, frame.tip, e.turn, e.drawn);
-      const lost = s[kind] && e.flat !== null;
+      const lost = s.lost && s[kind] && e.flat !== null;
       this.node(`lost/${kind}`).visible = lost;
       if (lost) this.place(`lost/${kind}`, frame.tip, e.flat);
       if (lost && (kind === "translation" || !this.lostAt)) {
@@ -92,7 +92,7 @@ class SceneView {
     }
     for (let k = 0; k < this.settings.lines; k++) {
       const m = frame.lost[k];
-      const seen = Boolean(m) && m.close && (m.kind === "line" || m.kind === "screw");
+      const seen = s.lost && Boolean(m) && m.close && (m.kind === "line" || m.kind === "screw");
       this.node(`line/${k}`).visible = seen;
       if (seen) this.place(`line/${k}`, m.at, m.turn);
     }
@@ -105,39 +105,61 @@ class SceneView {
     if (this.frame) this.show(this.frame);
   }
 
-  // Box, in the axes of three.js (y up), of the moving links, the base and the ellipsoids.
-  box(frame) {
-    const { Box3, Vector3 } = MeshCat.THREE;
-    const box = new Box3();
+  // Points, in the axes of three.js (y up), that a picture of a frame should have in it.
+  outline(frame) {
+    const { Vector3, Quaternion } = MeshCat.THREE;
+    const yUp = (v) => new Vector3(v.x, v.z, -v.y);
+    const tip = new Vector3(...frame.tip);
     this.show(frame);
     this.viewer.scene.updateMatrixWorld(true);
-    const yUp = ([x, y, z]) => new Vector3(x, z, -y);
-    box.expandByPoint(new Vector3(0, 0, 0));
-    for (const p of frame.links) box.expandByPoint(yUp(p));
-    const dressed = this.options.visual;
-    for (let j = 1; j <= frame.links.length; j++) {
-      box.expandByObject(this.node(`arm/${j}/${dressed ? "visual" : "bone"}`));
+    const out = [new Vector3(), yUp(tip), ...frame.links.map((p) => yUp(new Vector3(...p.slice(0, 3))))];
+    const part = this.options.visual ? "visual" : "bone";
+    for (let j = 1; j <= frame.links.length; j++) this.node(`arm/${j}/${part}`).traverse((o) => {
+      if (!o.isMesh) return;
+      if (!o.geometry.boundingBox) o.geometry.computeBoundingBox();
+      const { min, max } = o.geometry.boundingBox;
+      for (const x of [min.x, max.x]) for (const y of [min.y, max.y]) for (const z of [min.z, max.z]) {
+        out.push(new Vector3(x, y, z).applyMatrix4(o.matrixWorld));
+      }
+    });
+    const along = (turn, k, length) => {
+      const v = new Vector3().setComponent(k, length).applyQuaternion(new Quaternion(...turn));
+      out.push(yUp(tip.clone().add(v)), yUp(tip.clone().sub(v)));
+    };
+    for (const kind of ["translation", "rotation"]) {
+      const e = frame.ellipsoids[this.options.mode][kind];
+      e.drawn.forEach((length, k) => along(e.turn, k, length));
+      if (e.flat !== null) along(e.flat, 2, 0.27 * this.settings.reach);
     }
-    const size = Math.max((this.lostAt ? 0.28 : 0.15) * this.settings.reach,
-      ...Object.values(frame.ellipsoids[this.options.mode]).map((e) => 0.8 * e.drawn[0]));
-    return box.union(new Box3().setFromCenterAndSize(yUp(frame.tip), new Vector3(2, 2, 2).multiplyScalar(size)));
+    return out;
   }
 
   fit(frames) {
     const shown = this.frame;
     const some = frames.filter((_, i) => i % Math.ceil(frames.length / 8) === 0);
-    const box = some.map((f) => this.box(f)).reduce((a, b) => a.union(b));
+    const points = some.flatMap((f) => this.outline(f));
     if (shown) this.show(shown);
-    const centre = box.getCenter(new MeshCat.THREE.Vector3());
-    const radius = box.getSize(new MeshCat.THREE.Vector3()).length() / 2 || 1;
+    const { Vector3 } = MeshCat.THREE;
     const { camera, controls } = this.viewer;
+    const side = new Vector3(0.74, 0.36, 0.57).normalize();
+    const right = new Vector3(0, 1, 0).cross(side).normalize();
+    const up = side.clone().cross(right);
+    const centre = new Vector3();
+    for (const axis of [right, up, side]) {
+      const places = points.map((p) => p.dot(axis));
+      centre.addScaledVector(axis, (Math.min(...places) + Math.max(...places)) / 2);
+    }
+    // The player covers the lower edge of the page.
+    const picture = document.body.classList.contains("picture");
+    const slope = Math.tan((camera.fov * Math.PI) / 360) * (picture ? 0.9 : 0.82);
     const aspect = Math.max(0.2, this.element.clientWidth / Math.max(1, this.element.clientHeight));
-    const half = (camera.fov * Math.PI) / 360;
-    const distance = radius / Math.sin(Math.min(half, Math.atan(Math.tan(half) * aspect)));
-    const side = new MeshCat.THREE.Vector3(0.74, 0.36, 0.57);
-    // A little down: the player covers the lower edge.
-    controls.target.set(centre.x, centre.y - 0.07 * radius, centre.z);
-    camera.position.copy(centre).addScaledVector(side, 0.96 * distance);
+    const distance = Math.max(0.5 * this.settings.reach, ...points.map((p) => {
+      const v = p.clone().sub(centre);
+      return Math.max(Math.abs(v.dot(right)) / aspect, Math.abs(v.dot(up))) / slope + v.dot(side);
+    }));
+    if (!picture) centre.addScaledVector(up, -0.05 * distance * slope);
+    controls.target.copy(centre);
+    camera.position.copy(centre).addScaledVector(side, distance);
     camera.updateProjectionMatrix();
     controls.update();
     this.viewer.set_dirty();

@@ -1,0 +1,216 @@
+"""``--loops``: what ``analyze``, ``plot`` and ``view`` do with a mechanism."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from pinsing.cli.options import parse_numbers
+from pinsing.cli.output import STDOUT, emit, emit_json, say
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.files import replacing
+
+if TYPE_CHECKING:
+    from pinsing.robot.arm import Array
+    from pinsing.robot.loops import Mechanism
+
+F = TypeVar("F", bound=Callable[..., Any])
+Run = Callable[..., Any]
+
+_MODE_FRAMES = 3
+"""Of the points of a curve, every so many is a frame of the animation."""
+
+
+def loops_option(run: Run) -> Callable[[F], F]:
+    """Add ``--loops FILE.yaml`` to a command of an arm; with it, ``run`` is called instead.
+
+    To be put above ``arm_options``: ``run`` gets the file and all options of the command as they
+    were typed.
+    """
+
+    def decorate(command: F) -> F:
+        @click.option(
+            "--loops",
+            type=click.Path(dir_okay=False, path_type=Path),
+            metavar="FILE.yaml",
+            help="Loops that close ROBOT: it is the spanning tree of a mechanism.",
+        )
+        @functools.wraps(command)
+        def wrapper(*args: Any, loops: Path | None = None, **options: Any) -> Any:
+            if loops is None:
+                return command(*args, **options)
+            return run(loops, **options)
+
+        return wrapper  # type: ignore[return-value]
+
+    return decorate
+
+
+def analyze_loops(
+    loops: Path,
+    json_target: str | Path | None = None,
+    fail_if_singular: bool = False,
+    **options: Any,
+) -> int:
+    """``analyze --loops``: modes, ranges, singular points and loci of a mechanism."""
+    from pinsing.loops import analyze_mechanism
+
+    mechanism = read(loops, options)
+    analysis = analyze_mechanism(mechanism)
+    if not emit_json(analysis, json_target):
+        emit(str(analysis))
+    for check in analysis.checks:
+        if not check.passed:
+            say(f"WARNING: {check.words}")
+    return int(fail_if_singular and bool(analysis.points))
+
+
+def plot_loops(
+    loops: Path,
+    kind: str,
+    out: str | Path,
+    configurations: Sequence[str] = (),
+    dpi: int = 200,
+    deg: bool = False,
+    **options: Any,
+) -> None:
+    """``plot --loops``: the map over the inputs, measures along them, or the linkage itself.
+
+    ``map`` shows both assembly modes, ``curves`` each input in turn, ``ellipsoids`` the linkage
+    with its velocity ellipse in every assembly mode.
+    """
+    if out == STDOUT:
+        raise OptionError("a figure needs the name of a file")
+    mechanism = read(loops, options)
+    inputs = _inputs(mechanism, configurations, deg)
+    import matplotlib
+
+    matplotlib.use("agg")
+    import matplotlib.pyplot as plt
+
+    from pinsing.loops import assemblies, curves, find_singular
+    from pinsing.plot_loops import draw_linkage, input_map, map_legend, measure_curves
+
+    if kind == "map":
+        figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))
+        for ax, sign in zip(axes, "+-", strict=True):
+            input_map(mechanism, sign, ax)
+            map_legend(ax)
+    elif kind == "curves":
+        count = len(mechanism.inputs)
+        figure, grid = plt.subplots(1, count, figsize=(5.2 * count, 4), squeeze=False)
+        for k, ax in enumerate(grid[0]):
+            found = curves(mechanism, inputs, k)
+            measure_curves(mechanism, found, find_singular(mechanism, found), ax)
+    elif kind == "ellipsoids":
+        modes = assemblies(mechanism, inputs)
+        figure, grid = plt.subplots(1, len(modes), figsize=(4.8 * len(modes), 4.8), squeeze=False)
+        for ax, mode in zip(grid[0], modes, strict=True):
+            draw_linkage(mechanism, mode.q, ax)
+            ax.set_title(mode.mode)
+    else:
+        raise OptionError(f"{kind} is not drawn of mechanisms: map, curves and ellipsoids are")
+    figure.tight_layout()
+    with replacing(Path(out)) as temporary:
+        figure.savefig(temporary, format=Path(out).suffix[1:] or "png", dpi=dpi)
+    plt.close(figure)
+    say(f"wrote {out}")
+
+
+def view_loops(
+    loops: Path,
+    poses: Sequence[str] = (),
+    html: str | Path | None = None,
+    png: str | Path | None = None,
+    size: str = "1200x900",
+    deg: bool = False,
+    **options: Any,
+) -> None:
+    """``view --loops``: a page on which the first input moves through all it can reach."""
+    from pinsing.loops import curves
+    from pinsing.view_loops import save_mechanism_page
+
+    if html is None and png is None:
+        raise OptionError("a mechanism is shown on a page of its own: give --html FILE or --png")
+    if STDOUT in (html, png):
+        raise OptionError("--html and --png need the name of a file")
+    mechanism = read(loops, options)
+    inputs = _inputs(mechanism, poses, deg)
+    if html is not None:
+        found = curves(mechanism, inputs, 0)
+        name = mechanism.inputs[0]
+        words = f"{mechanism}\n{name} moves over all it can reach, through every assembly mode"
+        save_mechanism_page(mechanism, found[0].q[::_MODE_FRAMES], html, words)
+        say(f"wrote {html}")
+    if png is not None:
+        _picture(mechanism, inputs, png, size)
+        say(f"wrote {png}")
+
+
+def _picture(mechanism: Mechanism, inputs: Array, png: str | Path, size: str) -> None:
+    import tempfile
+
+    from pinsing.loops import assemblies
+    from pinsing.view.picture import take_picture
+    from pinsing.view_loops import save_mechanism_page
+
+    width, _, height = size.lower().partition("x")
+    if not (width.isdigit() and height.isdigit()):
+        raise OptionError(f"--size {size!r} is not of the form 1200x900")
+    with tempfile.TemporaryDirectory(prefix="pinsing-") as folder:
+        page = Path(folder) / "page.html"
+        save_mechanism_page(mechanism, assemblies(mechanism, inputs)[0].q, page)
+        take_picture(page.as_uri(), png, (int(width), int(height)))
+
+
+def read(loops: Path, options: dict[str, Any]) -> Mechanism:
+    """The mechanism that the options of a command mean.
+
+    Raises
+    ------
+    OptionError
+        If an option of serial arms is given.
+    """
+    from pinsing.robot.loops import load_mechanism
+
+    wrong = [f"--{name}" for name in ("tip", "base", "joints") if options.get(name) is not None]
+    if options.get("task", "pose") != "pose":
+        wrong.append("--task")
+    if wrong:
+        raise OptionError(
+            f"{' and '.join(wrong)} does not go with --loops: the loop file names the output, "
+            "its rows and the actuated joints"
+        )
+    mechanism = load_mechanism(
+        options["robot"],
+        loops,
+        dict(options.get("packages", ())),
+        length_scale=options.get("length_scale", 1.0),
+    )
+    for note in mechanism.notes:
+        say(f"note: {note}")
+    return mechanism
+
+
+def _inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array:
+    """Inputs that were typed, or those of home."""
+    import numpy as np
+
+    from pinsing.loops import home
+
+    if not texts:
+        return home(mechanism)[list(mechanism.actuated)]
+    if len(texts) > 1:
+        raise OptionError("give --q once: the values of the actuated joints")
+    values = np.array(parse_numbers(texts[0], "--q", False), dtype=float)
+    if values.shape != (len(mechanism.inputs),):
+        raise ConfigurationError(
+            f"--q needs {len(mechanism.inputs)} values for the actuated joints "
+            f"{', '.join(mechanism.inputs)}; got {len(values)}"
+        )
+    sliding = mechanism.prismatic[list(mechanism.actuated)]
+    return np.where(sliding | (not deg), values, np.radians(values))

@@ -1,0 +1,342 @@
+"""The page in a real browser: it draws, it answers clicks, it opens from a file.
+
+Needs Chromium (or Chrome) and Playwright for Python; without them the tests are skipped.
+"""
+
+from __future__ import annotations
+
+import base64
+import http.server
+import io
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from arms import textbook
+
+from pinsing.robot.load import load
+from pinsing.view import Viewer
+from pinsing.view.picture import find_browser
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
+if find_browser() is None:
+    pytest.skip("needs Chromium or Chrome", allow_module_level=True)
+
+FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+SIZE = {"width": 1000, "height": 700}
+BLUE, ORANGE, PINK = (0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00), (0xC4, 0x18, 0x7C)
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=find_browser(), args=FLAGS)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    """A tab; the test fails if the page says a word of error, or fetches from elsewhere."""
+    tab = browser.new_page(viewport=SIZE)
+    said: list[str] = []
+    tab.on("console", lambda m: said.append(m.text) if m.type in ("error", "warning") else None)
+    tab.on("pageerror", lambda e: said.append(str(e)))
+    asked: list[str] = []
+    tab.on("request", lambda r: asked.append(r.url))
+    yield tab
+    tab.close()
+    # Drivers of headless browsers talk about speed; that is no fault of the page.
+    assert [s for s in said if "GPU stall" not in s and "GL Driver Message" not in s] == []
+    assert [
+        a for a in asked if not a.startswith(("http://127.0.0.1:", "file:", "data:", "blob:"))
+    ] == []
+
+
+@pytest.fixture(scope="module")
+def stanford() -> Iterator[Viewer]:
+    with Viewer(load("stanford")) as viewer:
+        yield viewer
+
+
+@pytest.fixture(scope="module")
+def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("page") / "scara.html"
+    with Viewer(load("scara")) as viewer:
+        viewer.save_html(file)
+    return file
+
+
+def open_page(page: Any, url: str) -> None:
+    page.goto(url)
+    page.wait_for_selector("body[data-ready=yes]", timeout=30_000)
+
+
+def picture(page: Any) -> np.ndarray:
+    """The view as pixels (height, width, 3), drawn afresh."""
+    from PIL import Image
+
+    shot = page.evaluate("() => window.pinsing.view.viewer.capture_image()")
+    data = base64.b64decode(shot.split(",")[1])
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
+
+
+PARTS = ("translation", "rotation", "lost", "axis", "visual", "bone", "floor")
+
+
+def show_only(page: Any, *parts: str) -> None:
+    for part in PARTS:
+        page.evaluate("([o, v]) => window.pinsing.view.set(o, v)", [part, part in parts])
+
+
+def near(pixels: np.ndarray, color: tuple[int, int, int]) -> int:
+    """Pixels whose hue is that of a colour, whatever it is mixed with."""
+    centred = pixels - pixels.mean(axis=-1, keepdims=True)
+    aim = np.array(color) - np.mean(color)
+    length = np.linalg.norm(centred, axis=-1)
+    cosine = centred @ (aim / np.linalg.norm(aim)) / np.maximum(length, 1e-9)
+    return int(((cosine > 0.93) & (length > 25)).sum())
+
+
+def text(page: Any, selector: str) -> str:
+    return str(page.locator(selector).inner_text())
+
+
+def test_the_page_loads_and_shows_numbers(page: Any, stanford: Viewer) -> None:
+    open_page(page, stanford.url)
+    assert text(page, "#robot") == "stanford"
+    assert text(page, "#status") == "Singular"
+    assert "rank 5 of 6" in text(page, "#rank")
+    assert text(page, "#nearest").replace("\n", "") == "on F1: q2 = 0°"
+    assert text(page, "#condition") == "∞"
+    assert page.locator("#entries > li").count() == len(stanford.entries) == 3
+    assert page.locator(".joint").count() == 6
+    assert "wrist centre" in text(page, "#why")
+    pixels = picture(page)
+    assert pixels.std() > 10  # something is drawn
+
+
+def test_clicking_a_family_moves_the_arm_and_changes_the_numbers(
+    page: Any, stanford: Viewer
+) -> None:
+    open_page(page, stanford.url)
+    before, numbers = picture(page), text(page, "#numbers")
+    values = page.locator(".joint .value").all_inner_texts()
+    page.locator(".entry").nth(2).click()
+    page.wait_for_function(
+        "() => document.getElementById('nearest').textContent.startsWith('on F3')"
+    )
+    assert page.locator(".joint .value").all_inner_texts() != values
+    assert text(page, "#numbers") != numbers
+    assert np.abs(picture(page) - before).mean() > 2
+    # The links of the scene stand where Pinocchio has them.
+    frame = page.evaluate("() => window.pinsing.view.frame")
+    expected = stanford._stage.pose(2, 0)
+    np.testing.assert_allclose(frame["links"], expected["links"], atol=1e-9)
+    where = page.evaluate("() => window.pinsing.view.node('arm/6').position.toArray()")
+    np.testing.assert_allclose(where, expected["links"][5][:3], atol=1e-6)
+
+
+def test_next_and_previous_by_button_and_key(page: Any, stanford: Viewer) -> None:
+    open_page(page, stanford.url)
+
+    def playing(words: str) -> None:
+        page.wait_for_function(
+            "(w) => document.getElementById('playing').textContent === w", arg=words
+        )
+
+    playing("F1, pose 1 of 3")
+    page.keyboard.press("ArrowRight")
+    playing("F1, pose 2 of 3")
+    page.locator("#next").click()
+    playing("F1, pose 3 of 3")
+    page.keyboard.press("n")
+    playing("F2, pose 1 of 3")
+    page.keyboard.press("ArrowLeft")
+    playing("F1, pose 3 of 3")
+    page.locator("#prev").click()
+    page.keyboard.press("p")
+    page.keyboard.press("p")
+    playing("F3, pose 3 of 3")
+
+
+def test_a_flat_ellipsoid_is_seen(page: Any, stanford: Viewer) -> None:
+    open_page(page, stanford.url)
+    frame = page.evaluate("() => window.pinsing.view.frame")
+    assert frame["ellipsoids"]["pure"]["translation"]["radii"][2] < 1e-9
+    show_only(page, "translation", "lost")
+    assert near(picture(page), BLUE) > 400
+    assert near(picture(page), PINK) > 60  # and the arrow of what is lost
+    show_only(page, "rotation")
+    assert near(picture(page), BLUE) == 0
+    show_only(page)
+    assert near(picture(page), ORANGE) == near(picture(page), PINK) == 0
+    # Its thinnest direction has a size: without one, nothing would be drawn.
+    scale = page.evaluate("() => window.pinsing.view.node('ellipsoid/translation').scale.toArray()")
+    assert min(scale) > 0.01 * max(scale)
+
+
+def test_the_ellipsoid_collapses_on_the_way_into_a_singularity(page: Any, stanford: Viewer) -> None:
+    open_page(page, stanford.url)
+    page.locator(".chosen .into").click()
+    page.wait_for_function("() => window.pinsing.path !== null")
+    page.evaluate("() => { window.pinsing.pause(); window.pinsing.at(0); }")
+    show_only(page, "translation")
+    assert text(page, "#status") == "Regular"
+    thick = page.evaluate("() => window.pinsing.view.node('ellipsoid/translation').scale.z")
+    page.evaluate("() => window.pinsing.at(1e9)")
+    assert text(page, "#status") == "Singular"
+    thin = page.evaluate("() => window.pinsing.view.node('ellipsoid/translation').scale.z")
+    assert thin < 0.3 * thick
+
+
+def test_along_a_family_the_arm_moves_and_stays_singular(page: Any, stanford: Viewer) -> None:
+    open_page(page, stanford.url)
+    page.locator(".chosen .along").click()
+    page.wait_for_function("() => window.pinsing.path !== null && window.pinsing.drawn > 4")
+    states = page.evaluate(
+        """() => window.pinsing.path.frames.map((f) => [f.status, f.links[5][0], f.verdict.on])"""
+    )
+    assert {s[0] for s in states} == {"singular"}
+    assert all(s[2] for s in states)
+    assert np.ptp([s[1] for s in states]) > 0.02
+    page.keyboard.press("Space")
+    page.wait_for_function("() => !window.pinsing.running")
+
+
+def test_sliders_move_the_arm_live(page: Any, stanford: Viewer) -> None:
+    open_page(page, stanford.url)
+    page.evaluate(
+        """() => { const s = document.querySelectorAll(".joint input");
+             for (const [i, v] of [[1, 1.0], [2, 0.4], [3, 0.5], [4, 0.0139626]]) {
+               s[i].value = v; s[i].dispatchEvent(new Event("input")); } }"""
+    )
+    page.wait_for_function(
+        "() => document.getElementById('nearest').textContent === '0.8° from F3: q5 = 0°'"
+    )
+    assert text(page, "#status") in ("Near-singular", "Regular")
+    assert page.locator(".joint .value").nth(1).inner_text() == "57.30°"
+
+
+def test_python_leads_the_page(page: Any, stanford: Viewer) -> None:
+    open_page(page, stanford.url)
+    stanford.show([0.2, 1.1, 0.35, 0.4, 0.9, 0.1])
+    page.wait_for_function("() => document.getElementById('status').textContent === 'Regular'")
+    assert page.locator(".chosen").count() == 0
+    stanford.show_family("F2", pose=1)
+    page.wait_for_function(
+        "() => document.getElementById('playing').textContent === 'F2, pose 2 of 3'"
+    )
+
+
+def test_names_are_text_and_never_markup(page: Any) -> None:
+    from dataclasses import replace
+
+    evil = '<img src=x onerror="window.hacked=1">'
+    arm = replace(textbook("scara"), name=evil)
+    with Viewer(arm, skeleton=True) as viewer:
+        open_page(page, viewer.url)
+        assert text(page, "#robot") == evil
+        assert page.evaluate("() => window.hacked") is None
+
+
+def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
+    open_page(page, static.as_uri())
+    assert text(page, "#robot") == "scara"
+    assert text(page, "#status") == "Singular"
+    assert picture(page).std() > 10
+    page.locator(".pose").nth(1).click()
+    page.wait_for_function(
+        "() => document.getElementById('playing').textContent.includes('pose 2')"
+    )
+    stations = [("into", 0, "Regular"), ("into", 1e9, "Singular"), ("along", 9, "Singular")]
+    for kind, place, status in stations:
+        page.locator(f".chosen .{kind}").click()
+        page.wait_for_function("(k) => window.pinsing.path?.kind === k", arg=kind)
+        page.evaluate("(p) => { window.pinsing.pause(); window.pinsing.at(p); }", place)
+        assert text(page, "#status") == status
+    assert page.locator(".joint input").first.is_disabled()
+
+
+def test_meshes_are_drawn_whole(page: Any) -> None:
+    with Viewer(load("ur5"), poses=[[0, -1.2, 1.4, 0.3, 0.8, 0]]) as viewer:
+        open_page(page, viewer.url)
+        show_only(page, "visual")
+        meshes = page.evaluate(
+            """() => { const materials = [];
+                 const keep = (o) => { if (o.isMesh) materials.push(o.material); };
+                 window.pinsing.view.node("arm").traverse(keep);
+                 const nested = materials.flat().filter((m) => Array.isArray(m));
+                 return [nested.length, materials.length]; }"""
+        )
+        assert meshes[0] == 0
+        assert meshes[1] > 7
+        with_meshes = picture(page)
+        show_only(page)
+        assert (np.abs(picture(page) - with_meshes).sum(axis=-1) > 30).mean() > 0.02
+
+
+def test_a_robot_whose_meshes_are_missing_still_shows(page: Any, tmp_path: Path) -> None:
+    source = load("ur5").source
+    assert source.path is not None
+    lost = tmp_path / "lost.urdf"
+    lost.write_text(source.path.read_text().replace("package://", "package://not_here_"))
+    arm = load(lost, tip="tool0")
+    assert any("mesh" in note for note in arm.notes)
+    with Viewer(arm, poses=[[0, -1.2, 1.4, 0.3, 0.8, 0]]) as viewer:
+        open_page(page, viewer.url)
+        show_only(page, "visual")
+        bones = picture(page)
+        show_only(page)
+        assert (np.abs(picture(page) - bones).sum(axis=-1) > 30).mean() > 0.01
+
+
+def test_the_page_tells_when_the_program_has_ended(page: Any) -> None:
+    viewer = Viewer(load("scara"), skeleton=True)
+    open_page(page, viewer.url)
+    viewer.close()
+    page.wait_for_function("() => document.getElementById('nearest').textContent.includes('ended')")
+    assert page.locator("#next").is_disabled()
+
+
+def test_another_site_cannot_reach_the_link(page: Any, stanford: Viewer) -> None:
+    class Quiet(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            self.send_response(200)
+            self.send_header("Content-Type", "text/html")
+            self.end_headers()
+            self.wfile.write(b"<!DOCTYPE html><link rel=icon href='data:,'>another site")
+
+        def log_message(self, *args: Any) -> None:
+            pass
+
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Quiet) as other:
+        threading.Thread(target=other.serve_forever, daemon=True).start()
+        tab = page.context.browser.new_page()
+        tab.goto(f"http://127.0.0.1:{other.server_port}/")
+        host = stanford.url.split("//")[1]
+        outcome = tab.evaluate(
+            """(host) => new Promise((done) => { const s = new WebSocket(`ws://${host}live`);
+                 s.onopen = () => done("open"); s.onerror = () => done("refused"); })""",
+            host,
+        )
+        tab.close()
+        other.shutdown()
+    assert outcome == "refused"
+
+
+def test_a_picture_is_taken(tmp_path: Path) -> None:
+    from PIL import Image
+
+    file = tmp_path / "scara.png"
+    with Viewer(load("scara")) as viewer:
+        viewer.save_png(file, size=(480, 360))
+    image = Image.open(file)
+    assert image.size == (480, 360)
+    pixels = np.asarray(image.convert("RGB"), dtype=float)
+    assert pixels.std() > 10
+    assert near(pixels, BLUE) > 50
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["scara.png"]
