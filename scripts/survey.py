@@ -16,7 +16,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
@@ -27,6 +27,14 @@ ROOT = Path(__file__).resolve().parent.parent
 SECONDS = 30.0
 ALGEBRA_SECONDS = 15.0
 MEMORY = 4 * 2**30
+
+
+AGAIN: dict[str, Callable[[dict[str, Any]], bool]] = {
+    "none": lambda entry: False,
+    "bad": lambda entry: entry["outcome"] in ("killed", "crashed") or not entry.get("agree", True),
+    "incomplete": lambda entry: AGAIN["bad"](entry) or not entry.get("complete", True),
+    "all": lambda entry: True,
+}
 
 
 @dataclass(frozen=True)
@@ -113,7 +121,11 @@ def run_apart(job: Job, seconds: float) -> dict[str, Any]:
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     try:
         child = subprocess.run(
-            command, capture_output=True, timeout=seconds, check=False, env={**os.environ, **threads}
+            command,
+            capture_output=True,
+            timeout=seconds,
+            check=False,
+            env={**os.environ, **threads},
         )
     except subprocess.TimeoutExpired:
         return {"outcome": "killed", "reason": f"not done after {seconds:g} s"}
@@ -123,9 +135,9 @@ def run_apart(job: Job, seconds: float) -> dict[str, Any]:
     return {**json.loads(child.stdout), "wall": round(time.monotonic() - started, 2)}
 
 
-def survey(store: Path, seconds: float, workers: int, only: str) -> None:
-    """Run what is not in the store yet."""
-    done = {entry["key"] for entry in read(store)}
+def survey(store: Path, seconds: float, workers: int, only: str, again: str) -> None:
+    """Run what is not in the store yet, and again what ended badly where that is asked for."""
+    done = {entry["key"] for entry in read(store) if not AGAIN[again](entry)}
     chains, _ = jobs()
     todo = [job for job in chains if job.key not in done and only in job.key]
     print(f"{len(chains)} chains, {len(todo)} to do")
@@ -155,18 +167,21 @@ def _short(answer: dict[str, Any]) -> str:
 
 
 def main(argv: Iterable[str] | None = None) -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
     parser.add_argument("--store", type=Path, default=ROOT / "build" / "survey.jsonl")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="for each chain")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--only", default="", help="chains whose file, tip or base has this text")
+    parser.add_argument("--again", choices=AGAIN, default="none", help="what to run once more")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     arguments = parser.parse_args(None if argv is None else list(argv))
     if arguments.one:
         json.dump(run(Job(**json.loads(arguments.one))), sys.stdout)
         return 0
     arguments.store.parent.mkdir(parents=True, exist_ok=True)
-    survey(arguments.store, arguments.seconds, arguments.workers, arguments.only)
+    survey(arguments.store, arguments.seconds, arguments.workers, arguments.only, arguments.again)
     return 0
 
 

@@ -226,17 +226,12 @@ class TestSweep:
         assert run(*words, "--fail-if-singular").exit_code == 1
 
     def test_ctrl_c_keeps_what_is_done(self, monkeypatch, tmp_path):
-        import pinsing.sweep as module
+        import pinsing.sweep_job as module
 
-        whole, calls = module.singular_values, []
+        def interrupted(*_):
+            raise KeyboardInterrupt
 
-        def interrupted(arm, Q):
-            calls.append(len(Q))
-            if len(calls) == 2:  # the first is for all joints at one special value
-                raise KeyboardInterrupt
-            return whole(arm, Q)
-
-        monkeypatch.setattr(module, "singular_values", interrupted)
+        monkeypatch.setattr(module, "compute_curves", interrupted)
         out = tmp_path / "part.npz"
         done = run("sweep", "planar3r", "--out", str(out))
         assert done.exit_code == 130

@@ -170,7 +170,8 @@ def test_random_starts_add_nothing_that_the_sweep_has_missed():
 
 def test_interrupted_sweep_still_says_what_it_has():
     def stop(done, total):
-        raise KeyboardInterrupt
+        if done > total / 2:  # chunks may be done in any order, but the first is among them
+            raise KeyboardInterrupt
 
     arm = arms.textbook("surgical7")
     result = sweep(arm, progress=stop)

@@ -73,6 +73,7 @@ PEERS = frozenset(
         ("maps", "sweep"),
         ("chunks", "durable"),
         ("closed_form", "generalize"),
+        ("loops", "closed_form"),
         ("closed_form", "refine"),
         ("closed_form", "second_order"),
         ("closed_form", "state"),

@@ -51,8 +51,8 @@ from pinsing.loops import (
 )
 from pinsing.loops.closure import Loops, gauss_newton, random_closed
 from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.loci import roots
 from pinsing.loops.modes import elbow_sines, passive_determinant
+from pinsing.loops.roots import roots
 from pinsing.robot.loops import Loop, Mechanism, load_mechanism
 
 MODELS = ("five_bar", "four_bar", "planar_3rrr")
@@ -472,7 +472,7 @@ def test_solve_stops_at_the_type_2_singularity_where_the_mode_ends():
 
 def test_infeasible_inputs_say_what_is_feasible():
     mechanism = shipped("five_bar")
-    with pytest.raises(InfeasibleError, match="do not close at q1 = 1.0472, q2 = 0.1") as caught:
+    with pytest.raises(InfeasibleError, match=r"do not close at q1 = 1\.0472, q2 = 0\.1") as caught:
         assemblies(mechanism, [THIRD, 0.1])
     (interval,) = caught.value.feasible["q2"]
     assert interval.lower == pytest.approx(0.6270392383, abs=1e-9)

@@ -236,7 +236,7 @@ def test_special_values_by_joint_and_subsets():
 def test_same_seed_same_bits_whatever_the_chunk(monkeypatch):
     arm = arms.textbook("puma560")
     one = sweep(arm, seed=3, samples=31)
-    monkeypatch.setattr("pinsing.sweep._CHUNK", 100)
+    monkeypatch.setattr("pinsing.sweep._CHUNK", 5000)
     two = sweep(arm, seed=3, samples=31)
     assert one.to_json() == two.to_json()
     assert sweep(arm, seed=4, samples=31).plan.nominal.tolist() != one.plan.nominal.tolist()
@@ -257,8 +257,9 @@ def test_progress_and_interruption():
     assert not part.complete
     assert 0 < len(part.curves) < plan.n_curves
     assert f"stopped after {len(part.curves)} of {plan.n_curves} curves" in part.notes
-    for a, b in zip(part.curves, whole.curves, strict=False):
-        np.testing.assert_array_equal(a.sigma_min, b.sigma_min)
+    for curve in part.curves:  # chunks may be done in any order
+        same = whole.curve(curve.fixed, curve.moving)
+        np.testing.assert_array_equal(curve.sigma_min, same.sigma_min)
 
 
 def test_levels_one_and_two_of_a_ur5_take_no_time():

@@ -109,9 +109,7 @@ def ellipsoid_pairs(states: Mapping[str, State], arm: Arm, folder: Path, name: s
     save(figure, folder, name)
 
 
-def _ellipsoid(
-    ax: plt.Axes, axes: np.ndarray, radii: np.ndarray, color: str, unit: str
-) -> None:
+def _ellipsoid(ax: plt.Axes, axes: np.ndarray, radii: np.ndarray, color: str, unit: str) -> None:
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 48), np.linspace(0, np.pi, 24))
     sphere = np.stack([np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)])
     points = np.einsum("ij,jab->iab", axes * radii, sphere)
@@ -123,6 +121,7 @@ def _ellipsoid(
     ax.set_ylabel("y", fontsize=7)
     ax.set_zlabel("z", fontsize=7)
     ax.tick_params(labelsize=6)
+    ax.locator_params(nbins=3)
     ax.set_box_aspect((1, 1, 1))
     # Across the thinnest axis, so that a flat ellipsoid is seen as flat.
     thin, long = axes[:, 2], axes[:, 0]

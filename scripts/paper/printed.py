@@ -35,6 +35,16 @@ SURGICAL_D1 = 0.3
 SURGICAL_D1_RANGE = (-0.1, 0.1)
 SURGICAL_THIRD, SURGICAL_HALF = "0.000472", "0.000442"
 
+
+def surgical_configuration(angle: float = np.pi / 3, **joints: float) -> np.ndarray:
+    """Section 3.2.2: d1 at 0.3 m, all joints at pi/3 but those named."""
+    q = np.full(7, angle)
+    q[0] = SURGICAL_D1
+    for name, value in joints.items():
+        q[int(name[1:]) - 1] = value
+    return q
+
+
 FIVE_BAR_CONFIGURATION, FIVE_BAR_MECHANISM = "0.4714", "0.8485"
 
 
@@ -75,7 +85,7 @@ TABLE_3 = (
     Table3Row(("q3", "q4"), {"q2": (1.7279, -1.7279)}, "0.0000002081", "0.000456", "705496"),
 )
 
-# Table 4: (q1, q2); the printed determinant and manipulability are 0, the condition number infinite.
+# Table 4: (q1, q2); det and omega are printed as 0, K as infinite.
 TABLE_4 = (("pi/3", "1.40924"), ("pi/3", "2.70535"), ("pi/3", "1.96856"), ("0.86476", "pi/3"))
 
 # Tables 5 and 6: kind of manipulator, complexity, solves det(J) = 0, obtains the configurations.
@@ -120,6 +130,40 @@ def appendix_J(q: np.ndarray, d2: float) -> np.ndarray:
         [c2, s2 * s4, -s2 * c4 * s5 + c2 * c5],
     ]
     return np.block([[np.array(J11), np.zeros((3, 3))], [np.array(J21), np.array(J22)]])
+
+
+R1, R2, R3 = 1.2, 1.0, 0.8
+
+
+def five_bar_point(q1: float, q2: float) -> tuple[float, float]:
+    """Section 3.2.3: P of the 5R, with the paper's root y."""
+    den = 2 * R3 + R1 * np.cos(q2) - R1 * np.cos(q1)
+    e = R1 * (np.sin(q1) - np.sin(q2)) / den
+    f = R1 * R3 * (np.cos(q1) + np.cos(q2)) / den
+    d = 1 + e**2
+    g = 2 * (e * f - e * R1 * np.cos(q1) + e * R3 - R1 * np.sin(q1))
+    h = f**2 - 2 * f * (R1 * np.cos(q1) - R3) - 2 * R1 * R3 * np.cos(q1)
+    h += R3**2 + R1**2 - R2**2
+    y = (np.sqrt(g**2 - 4 * d * h) - g) / (2 * d)
+    return float(e * y + f), float(y)
+
+
+def five_bar_matrices(q1: float, q2: float) -> tuple[np.ndarray, np.ndarray]:
+    """Equation (13): the matrices printed as J_x and J_q."""
+    x, y = five_bar_point(q1, q2)
+    J_x = R1 * np.diag(
+        [
+            y * np.cos(q1) - (x + R3) * np.sin(q1),
+            y * np.cos(q2) + (-x + R3) * np.sin(q2),
+        ]
+    )
+    J_q = np.array(
+        [
+            [x + R3 - R1 * np.cos(q1), y - R1 * np.sin(q1)],
+            [x - R3 - R1 * np.cos(q2), y - R1 * np.sin(q2)],
+        ]
+    )
+    return J_x, J_q
 
 
 def dh_placement(

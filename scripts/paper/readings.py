@@ -1,4 +1,4 @@
-"""Other readings of Table 2: under which of them might the printed values come out?
+"""Other readings of Table 2, under which the printed values might come out.
 
 Every reading is a DH convention, signs of the twists, quarter-turn offsets of the joints, a
 reference point, a unit of length, the first joint kept or dropped, a normalisation, and a measure.
@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+
 from paper.printed import SURGICAL_D1, TABLE_2
 
 ALPHA, A, D = (np.array([row[k] for row in TABLE_2], dtype=float) for k in range(3))
@@ -199,9 +200,7 @@ def _reading(
 ) -> Reading:
     words = list(changes)
     if np.abs(turns).max() > 0:
-        shown = ", ".join(
-            f"q{k} + {np.degrees(t):.0f}°" for k, t in enumerate(turns, 3) if t > 0
-        )
+        shown = ", ".join(f"q{k} + {np.degrees(t):.0f}°" for k, t in enumerate(turns, 3) if t > 0)
         words.append(shown)
     return Reading(
         "; ".join(words) or "as printed",

@@ -103,6 +103,11 @@ def judged(what: str, printed: str, computed: float, reason: str = "", digits: i
     return Row(what, printed, shown, AGREES if agrees else DIFFERS, reason)
 
 
+def tiny(value: float, below: float = 1e-12) -> str:
+    """A number that should be zero: rounding differs between machines, so it is not printed."""
+    return f"below {below:.0e}" if abs(value) < below else f"{value:.2g}"
+
+
 def count(sections: Sequence[Section]) -> dict[str, int]:
     """Number of rows of each verdict."""
     rows = [row for s in sections for row in s.rows]

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from paper import printed
-from paper.charts import Panel, sigma_panels
-from paper.rows import AGREES, DIFFERS, Figure, Row, Section, judged
 from scipy.optimize import brentq
 
+from paper import printed
+from paper.charts import Panel, sigma_panels
+from paper.rows import AGREES, DIFFERS, Figure, Row, Section, judged, tiny
 from pinsing.closed_form import closed_form
 from pinsing.kinematics import frame_jacobian, singular_values, tip_placement
 from pinsing.robot.load import load
@@ -40,7 +40,7 @@ def make(folder: Path) -> list[Section]:
         Row(
             "Table 1: placement of the last frame",
             "standard DH table",
-            f"URDF equals its product to {off:.0e}",
+            f"URDF equals its product, difference {tiny(off)}",
             AGREES if off < 1e-12 else DIFFERS,
             "urdf/stanford.urdf is made from urdf/stanford.dh.yaml; 50 random configurations.",
         ),
@@ -62,7 +62,7 @@ def make(folder: Path) -> list[Section]:
         Row(
             "Figure 2: σ_min over q1 and over q6",
             "constant",
-            ", ".join(f"{n}: changes by {s:.0e} of itself" for n, s in spread.items()),
+            ", ".join(f"{n}: change {tiny(s, 1e-9)} of itself" for n, s in spread.items()),
             AGREES if max(spread.values()) < 1e-9 else DIFFERS,
             "q1 turns the whole arm, q6 turns about an axis through the tip.",
         )
@@ -79,7 +79,9 @@ def make(folder: Path) -> list[Section]:
             "Closed form of the pose Jacobian over the rationals: these families and no others.",
         )
     )
-    sigma_panels(result, [Panel("nominal: all at 60°, d3 = 0.3 m", (), ("q1", "q6"))], folder, "fig02")
+    sigma_panels(
+        result, [Panel("nominal: all at 60°, d3 = 0.3 m", (), ("q1", "q6"))], folder, "fig02"
+    )
     sigma_panels(
         result,
         [
@@ -136,7 +138,7 @@ def _analytic(wrist, Q: np.ndarray) -> list[Row]:
         Row(
             "Appendix A: J at the wrist centre",
             "J11, J21, J22",
-            f"largest difference of an entry {differ:.0e}",
+            f"largest difference of an entry {tiny(differ)}",
             AGREES if differ < 1e-12 else DIFFERS,
             "50 random configurations. It is the Jacobian of the wrist centre, without d6.",
         )
@@ -148,7 +150,7 @@ def _analytic(wrist, Q: np.ndarray) -> list[Row]:
         sign = float(np.sign((value * formula).sum()))
         error = float(np.abs(value - sign * formula).max())
         body = "d3² sin q2" if what == "|J11|" else "sin q5"
-        shown = f"{'-' if sign < 0 else ''}{body} (to {error:.0e})"
+        shown = f"{'-' if sign < 0 else ''}{body}, difference {tiny(error)}"
         out.append(
             Row(
                 f"Section 3.1: {what}",
@@ -163,7 +165,7 @@ def _analytic(wrist, Q: np.ndarray) -> list[Row]:
         Row(
             "Section 3.1: |J|",
             "|J11| |J22|",
-            f"equal to {error:.0e}",
+            f"difference {tiny(error)}",
             AGREES if error < 1e-12 else DIFFERS,
             "pinsing's own determinant at the wrist centre.",
         )
@@ -197,7 +199,7 @@ def _sigma(arm, wrist) -> list[Row]:
         Row(
             "σ_min, all revolute 0 or ±π, d3 = 0.3 m",
             "0",
-            f"{zero:.0e}",
+            tiny(zero),
             AGREES if zero < 1e-12 else DIFFERS,
         ),
     ]

@@ -6,13 +6,14 @@ import itertools
 from pathlib import Path
 
 import numpy as np
-from paper import printed
-from paper.charts import Panel, ellipsoid_pairs, sigma_panels
-from paper.readings import search
-from paper.rows import AGREES, DIFFERS, INCOMPLETE, Figure, Row, Section, Table, judged
 
+from paper import printed, table3
+from paper.charts import Panel, ellipsoid_pairs, sigma_panels
+from paper.printed import surgical_configuration as configuration
+from paper.readings import search
+from paper.rows import AGREES, DIFFERS, INCOMPLETE, Figure, Row, Section, Table, judged, tiny
 from pinsing.closed_form import closed_form
-from pinsing.kinematics import singular_values, tip_placement
+from pinsing.kinematics import frame_jacobian, singular_values, tip_placement
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.load import load
 from pinsing.state import State, at
@@ -20,14 +21,6 @@ from pinsing.sweep import SweepResult, sweep
 
 SAMPLES = 361
 _FLAT = 1e-9
-
-
-def configuration(angle: float = np.pi / 3, **joints: float) -> np.ndarray:
-    q = np.full(7, angle)
-    q[0] = printed.SURGICAL_D1
-    for name, value in joints.items():
-        q[int(name[1:]) - 1] = value
-    return q
 
 
 def make(folder: Path, readings: bool = True) -> list[Section]:
@@ -52,7 +45,7 @@ def make(folder: Path, readings: bool = True) -> list[Section]:
             rows=(*_sigma(arm, result), *_families(arm)),
             figures=_figures(result, folder),
         ),
-        _table3(arm),
+        table3.make(arm),
         _ellipsoids(arm, folder),
     ]
     if readings:
@@ -75,15 +68,13 @@ def _sigma(arm, result: SweepResult) -> list[Row]:
     sigma = [float(singular_values(arm, configuration(x))[0, -1]) for x in (np.pi / 3, np.pi / 2)]
     zero = max(float(singular_values(arm, configuration(x))[0, -1]) for x in (0.0, np.pi, -np.pi))
     low, high = printed.SURGICAL_D1_RANGE
-    spread = {
-        name: float(np.ptp(result.curve({}, name).sigma_min)) for name in ("d1", "q6", "q7")
-    }
+    spread = {name: float(np.ptp(result.curve({}, name).sigma_min)) for name in ("d1", "q6", "q7")}
     flat = max(spread["d1"], spread["q7"])
     return [
         Row(
             "Table 2: placement of the last frame",
             "modified DH table",
-            f"URDF equals its product to {off:.0e}",
+            f"URDF equals its product, difference {tiny(off)}",
             AGREES if off < 1e-12 else DIFFERS,
             "urdf/surgical7.urdf is made from urdf/surgical7.dh.yaml; 50 random configurations.",
         ),
@@ -92,7 +83,7 @@ def _sigma(arm, result: SweepResult) -> list[Row]:
             f"range [{low}, {high}] m (Table 2)",
             f"{printed.SURGICAL_D1} m is outside",
             DIFFERS,
-            f"Harmless: σ_min changes by {spread['d1']:.0e} over d1, which only slides the arm.",
+            f"Harmless: it only slides the arm, and σ_min changes by {tiny(spread['d1'])} over it.",
         ),
         judged(
             "σ_min, all revolute π/3",
@@ -110,13 +101,13 @@ def _sigma(arm, result: SweepResult) -> list[Row]:
         Row(
             "σ_min, all revolute 0 or ±π",
             "0",
-            f"{zero:.0e}",
+            tiny(zero),
             AGREES if zero < 1e-12 else DIFFERS,
         ),
         Row(
             "Figure 6: σ_min over d1 and over q7",
             "constant",
-            f"changes by {flat:.0e}",
+            f"change {tiny(flat)}",
             AGREES if flat < 1e-12 else DIFFERS,
         ),
         Row(
@@ -158,7 +149,7 @@ def _families(arm) -> list[Row]:
             Row(
                 f"Singular configuration {text}",
                 "singular",
-                f"singular (σ ratio ≤ {worst:.0e}), but so is {minimal} (≤ {less_worst:.0e})",
+                f"singular (σ ratio {tiny(worst)}), but so is {minimal} ({tiny(less_worst)})",
                 INCOMPLETE if holds and less else DIFFERS,
                 "Not minimal: 300 random values of the other joints.",
             )
@@ -182,7 +173,7 @@ def _families(arm) -> list[Row]:
         Row(
             "q5 = ±π/2 and sin q6 = -1/5; q2 = 0, ±π, q5 = ±π/2 and sin q4 = -1/2",
             "(not found)",
-            f"singular: σ ratio {ratio:.0e} and {other:.0e}",
+            f"singular: σ ratio {tiny(ratio)} and {tiny(other)}",
             INCOMPLETE if max(ratio, other) < SINGULAR_RTOL else DIFFERS,
             "Checked at configurations with the other joints at 0.7 rad.",
         )
@@ -197,9 +188,7 @@ def _ratio(arm, q: np.ndarray) -> float:
 
 def _readings() -> Section:
     found = search(float(printed.SURGICAL_THIRD), float(printed.SURGICAL_HALF))
-    rows = tuple(
-        (r.words, f"{r.third:.6f}", f"{r.half:.6f}") for r in found.single
-    )
+    rows = tuple((r.words, f"{r.third:.6f}", f"{r.half:.6f}") for r in found.single)
     nearest = tuple(
         (r.words, r.measure, f"{r.third:.6f}", f"{r.half:.6f}", f"{100 * r.error:.1f} %")
         for r in found.nearest
@@ -243,7 +232,8 @@ def _figures(result: SweepResult, folder: Path) -> tuple[Figure, ...]:
     words = {
         1: "with one joint at 0 (solid) or ±180° (dashed). With q4 there σ_min is zero whatever "
         "moves: q4 alone is a singular configuration, which the paper does not say.",
-        2: "with two joints there: zero throughout for q2 and q3, and wherever q4 takes part.",
+        2: "with two joints there: zero throughout for q2 and q3, and wherever q4 takes part. "
+        "The curve of q4 in (c) also vanishes between the special angles: the fourth family.",
         3: "with three joints there: zero throughout, since q2 and q3 already are enough.",
     }
     for size, name in ((1, "fig07"), (2, "fig08"), (3, "fig09")):
@@ -263,129 +253,24 @@ def _figures(result: SweepResult, folder: Path) -> tuple[Figure, ...]:
     return tuple(out)
 
 
-def _all(row: printed.Table3Row) -> list[np.ndarray]:
-    """Every configuration that a row of Table 3 stands for."""
-    out = []
-    for values in itertools.product((0.0, np.pi), repeat=len(row.special)):
-        for fixed in itertools.product(*row.fixed.values()):
-            joints = dict(zip(row.special, values, strict=True))
-            joints.update(zip(row.fixed, fixed, strict=True))
-            out.append(configuration(**joints))
-    return out
-
-
-def _range(values: list[float], digits: int = 4) -> str:
-    low, high = min(values), max(values)
-    if np.isinf(low):
-        return "∞"
-    if high < 1e-12:
-        return "0"
-    if np.isinf(high) or high > low * (1 + 1e-6):
-        top = "∞" if np.isinf(high) else f"{high:.{digits}g}"
-        return f"{low:.{digits}g} to {top}"
-    return f"{low:.{digits}g}"
-
-
-def _bound(arm) -> float:
-    """Largest σ1² σ2 σ3 σ4 σ5 that any Jacobian of the arm can have, from its Frobenius norm.
-
-    The norm is at most that of one sliding column and six turning ones as far off as all lengths
-    together. Lagrange: of squares with a given sum, the product with the first counted twice is
-    largest when it has two sixths of it and each of the other four one sixth.
-    """
-    reach = sum(abs(a) + abs(d) for _, a, d, slides in printed.TABLE_2 if not slides)
-    total = 1 + (arm.n - 1) * (1 + reach**2)
-    return total / 3 * (total / 6) ** 2
-
-
-def _table3(arm) -> Section:
-    rows, products = [], []
-    for k, row in enumerate(printed.TABLE_3, 1):
-        states = [at(arm, q) for q in _all(row)]
-        det = _range([s.determinant for s in states])
-        omega = _range([s.manipulability for s in states])
-        K = _range([s.condition_number for s in states])
-        singular = all(s.singular for s in states)
-        said = row.K == "inf"
-        if said:
-            verdict, reason = (AGREES if singular else DIFFERS), "Exactly singular."
-        elif singular:
-            verdict = DIFFERS
-            reason = "Exactly singular, not nearly: q4 = 0, ±π alone is a family."
-        else:
-            verdict = DIFFERS
-            worst = max(s.condition_number for s in states)
-            reason = f"Well away from singular: K at most {worst:.3g}."
-        if not said:
-            products.append((k, float(row.omega) * float(row.K)))
-        special = " = ".join(row.special) + " = 0 (±π)"
-        fixed = ", ".join(
-            f"{n} = {'±' if len(v) > 1 else ''}{v[0]:.4f}" for n, v in row.fixed.items()
-        )
-        shown = "∞" if said else f"{int(row.K):,}"
-        rows.append(
-            Row(
-                f"Row {k}: {special}" + (f", {fixed}" if fixed else ""),
-                f"det {row.det}, ω {row.omega}, K {shown}",
-                f"det {det}, ω {omega}, K {K}",
-                verdict,
-                reason,
-            )
-        )
-    bound = _bound(arm)
-    least = min(p for _, p in products)
-    squared = [float(r.omega) * float(r.K) ** 0.5 for r in printed.TABLE_3 if r.K != "inf"]
-    consistent = max(
-        abs(float(r.omega) ** 2 / float(r.det) - 1)
-        for r in printed.TABLE_3
-        if r.K != "inf" and len(r.det.rstrip("0")) > 12
-    )
-    rows.append(
-        Row(
-            "Rows 4 to 13: ω times K",
-            f"{least:.0f} to {max(p for _, p in products):.0f}",
-            f"at most {bound:.2f} for any Jacobian of this arm",
-            DIFFERS,
-            "ω K = σ1² σ2 σ3 σ4 σ5 is bounded by the Frobenius norm, in metres: the printed ω and "
-            "K exclude each other, whatever the configuration. With K read as the condition "
-            f"number of J Jᵀ (its square) they do not (ω √K is {min(squared):.2f} to "
-            f"{max(squared):.2f}); the values are still not those of Table 2.",
-        )
-    )
-    rows.append(
-        Row(
-            "det = ω²",
-            "in every row",
-            f"det and ω² agree to {100 * consistent:.0f} % in the rows with three digits",
-            AGREES if consistent < 0.05 else DIFFERS,
-            "By definition, Equations (5) and (14).",
-        )
-    )
-    return Section(
-        "Table 3: determinant, manipulability and condition number of the 7-DOF arm",
-        text=(
-            "d1 = 0.3 m, other joints at π/3. Each row stands for several configurations (0, π, "
-            "and both signs); where they differ, the range is given. det is that of J Jᵀ.",
-        ),
-        rows=tuple(rows),
-    )
-
-
 def _ellipsoids(arm, folder: Path) -> Section:
     cases = {
         "Figure 13": ("q2 = q3 = q4 = 0", configuration(q2=0, q3=0, q4=0)),
         "Figure 14": ("q4 = q5 = 0", configuration(q4=0, q5=0)),
         "Figure 15": ("q2 = q3 = 0, q5 = 90°", configuration(q2=0, q3=0, q5=np.pi / 2)),
-        "Figure 16": ("all at 60°", configuration()),
+        "Figure 16": ("all revolute joints at 60°", configuration()),
     }
     rows, figures = [], []
     for name, (words, q) in cases.items():
         state = at(arm, q)
         stem = f"fig{name[-2:]}"
         ellipsoid_pairs({f"{name}: {words}": state}, arm, folder, stem)
-        rows.append(_ellipsoid_row(name, words, state))
+        rows.append(_ellipsoid_row(arm, name, words, state))
         figures.append(
-            Figure(stem, f"{name}. {words}, the other revolute joints at 60°. {_shape(state)}")
+            Figure(
+                stem,
+                f"{name}. {words}{', the others at 60°' if '=' in words else ''}. {_shape(state)}",
+            )
         )
     return Section(
         "Velocity ellipsoids of the 7-DOF arm: Figures 13 to 16",
@@ -404,6 +289,13 @@ def _flat(state: State) -> tuple[bool, bool]:
     return bool(t[-1] <= _FLAT * t[0]), bool(r[-1] <= _FLAT * r[0])
 
 
+def _held(arm, q: np.ndarray) -> np.ndarray:
+    """Semi-axes (3,) of the translations that leave the orientation at rest."""
+    J = frame_jacobian(arm, q)
+    still = np.linalg.svd(J[3:])[2][3:].T
+    return np.linalg.svd(J[:3] @ still, compute_uv=False)
+
+
 def _shape(state: State) -> str:
     moving, turning = _flat(state)
     words = []
@@ -411,25 +303,30 @@ def _shape(state: State) -> str:
         (moving, "translational", state.translational.radii),
         (turning, "rotational", state.rotational.radii),
     ):
-        shown = f"{radii[-1] / radii[0]:.2g} of the longest"
-        words.append(f"The {kind} ellipsoid is " + ("flat" if flat else f"full ({shown})"))
-    return "; ".join(words).replace("; The", "; the") + "."
+        shown = f"its shortest semi-axis is {radii[-1] / radii[0]:.1%} of the longest"
+        words.append(f"the {kind} ellipsoid is flat" if flat else f"of the {kind} one {shown}")
+    text = "; ".join(words)
+    return text[0].upper() + text[1:] + "."
 
 
-def _ellipsoid_row(name: str, words: str, state: State) -> Row:
+def _ellipsoid_row(arm, name: str, words: str, state: State) -> Row:
     moving, turning = _flat(state)
     regular = name == "Figure 16"
-    said = (
-        "both ellipsoids full" if regular else "translational ellipsoid a plate, thickness zero"
-    )
+    said = "both ellipsoids full" if regular else "translational ellipsoid a plate, thickness zero"
     agrees = (not moving and not turning) if regular else moving
     t, r = state.translational.radii, state.rotational.radii
-    lost = "; ".join(x.words for x in state.lost) or "nothing"
+    lost = "; ".join(x.words for x in state.lost)
+    held = _held(arm, state.q)
+    thin = (
+        f"Thin, but not of zero thickness ({t[-1] / t[0]:.1%} of the longest): the lost motion "
+        f"mixes translation and rotation ({lost}). With the orientation held it is a plate: "
+        f"{held[0]:.3g}, {held[1]:.3g}, {'0' if held[2] < _FLAT else f'{held[2]:.3g}'} m/s."
+    )
     return Row(
         f"{name}: {words}",
         said,
         f"semi-axes {', '.join(f'{x:.4g}' for x in t)} m/s; {', '.join(f'{x:.4g}' for x in r)} "
         "rad/s",
         AGREES if agrees else DIFFERS,
-        f"{state.status}; lost: {lost}.",
+        f"{state.status.capitalize()}." if regular else thin,
     )

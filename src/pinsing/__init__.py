@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+import sys
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -19,13 +21,16 @@ if TYPE_CHECKING:
         task_jacobian,
         task_jacobians,
     )
+    from pinsing.loops import MechanismAnalysis, analyze_mechanism
     from pinsing.refine import SingularConfiguration, refine, refine_many
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
+    from pinsing.robot.loops import Mechanism, load_mechanism
     from pinsing.robot.nominal import Nominal, nominal
     from pinsing.state import State, at
     from pinsing.sweep import SweepResult, sweep
     from pinsing.sweep_plan import SweepPlan, plan_sweep
+    from pinsing.view.viewer import Viewer
 
 __version__ = "0.1.0"
 
@@ -37,13 +42,17 @@ _HOME = {
     "ClosedForm": "pinsing.closed_form",
     "Family": "pinsing.closed_form",
     "Finding": "pinsing.find",
+    "Mechanism": "pinsing.robot.loops",
+    "MechanismAnalysis": "pinsing.loops",
     "Nominal": "pinsing.robot.nominal",
     "PinsingError": "pinsing.errors",
     "SingularConfiguration": "pinsing.refine",
     "State": "pinsing.state",
     "SweepPlan": "pinsing.sweep_plan",
     "SweepResult": "pinsing.sweep",
+    "Viewer": "pinsing.view.viewer",
     "analyze": "pinsing.analysis",
+    "analyze_mechanism": "pinsing.loops",
     "at": "pinsing.state",
     "closed_form": "pinsing.closed_form",
     "frame_jacobian": "pinsing.kinematics",
@@ -51,6 +60,7 @@ _HOME = {
     "generalize": "pinsing.generalize",
     "generic_rank": "pinsing.kinematics",
     "load": "pinsing.robot.load",
+    "load_mechanism": "pinsing.robot.loops",
     "nominal": "pinsing.robot.nominal",
     "plan_sweep": "pinsing.sweep_plan",
     "refine": "pinsing.refine",
@@ -68,13 +78,17 @@ __all__ = [
     "ClosedForm",
     "Family",
     "Finding",
+    "Mechanism",
+    "MechanismAnalysis",
     "Nominal",
     "PinsingError",
     "SingularConfiguration",
     "State",
     "SweepPlan",
     "SweepResult",
+    "Viewer",
     "analyze",
+    "analyze_mechanism",
     "at",
     "closed_form",
     "frame_jacobian",
@@ -82,6 +96,7 @@ __all__ = [
     "generalize",
     "generic_rank",
     "load",
+    "load_mechanism",
     "nominal",
     "plan_sweep",
     "refine",
@@ -104,3 +119,17 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
+
+
+class _Package(ModuleType):
+    """Keeps a module from shadowing the public function that it is named after.
+
+    Importing ``pinsing.sweep`` would make the module the attribute ``sweep`` of the package.
+    """
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if not (name in _HOME and isinstance(value, ModuleType)):
+            super().__setattr__(name, value)
+
+
+sys.modules[__name__].__class__ = _Package

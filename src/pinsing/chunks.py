@@ -23,6 +23,7 @@ from concurrent.futures import (
     ThreadPoolExecutor,
     wait,
 )
+from multiprocessing import resource_tracker
 from typing import Any, Protocol
 
 from pinsing._batch.engine import cpu_count
@@ -33,7 +34,7 @@ _PER_WORKER = 2  # chunks handed out at a time: one to work on, one waiting
 
 
 class Job(Protocol):
-    """Work that falls into chunks; small, and able to be pickled."""
+    """Work that falls into chunks."""
 
     @property
     def chunks(self) -> int:
@@ -42,8 +43,8 @@ class Job(Protocol):
     def identity(self) -> Mapping[str, Any]:
         """What decides the numbers, as plain JSON values."""
 
-    def __call__(self, index: int) -> Record:
-        """Compute one chunk; the same wherever and whenever."""
+    def part(self, index: int) -> Callable[[], Record]:
+        """Return what computes one chunk: small, able to be pickled, the same anywhere."""
 
 
 def finished_chunks(
@@ -75,21 +76,21 @@ def finished_chunks(
     WorkerError
         If a worker died, or failed in a way that is no error of pinsing.
     """
-    todo = set(range(job.chunks))
+    have: set[int] = set()
     if folder is not None:
         kept = folder.kept()
         for index in kept:
             record = folder.load(index)
             if record is not None:
-                todo.remove(index)
+                have.add(index)
                 yield index, record
         if tell is not None and kept:
-            tell(f"{job.chunks - len(todo)} of {job.chunks} chunks were done before")
-            damaged = todo.intersection(kept)
+            tell(f"{len(have)} of {job.chunks} chunks were done before")
+            damaged = sorted(have.symmetric_difference(kept))
             if damaged:
-                tell(f"damaged and done again: chunks {', '.join(map(str, sorted(damaged)))}")
+                tell(f"damaged and done again: chunks {', '.join(map(str, damaged))}")
     pending: dict[Future[Record], int] = {}
-    waiting = iter(sorted(todo))
+    waiting = (index for index in range(job.chunks) if index not in have)
     limit = _PER_WORKER * (cpu_count() if parallel is None else parallel)
     try:
         while True:
@@ -112,10 +113,15 @@ def finished_chunks(
 
 
 def _submit(executor: Executor, job: Job, index: int) -> Future[Record]:
+    part = job.part(index)
+    # Processes that the executor starts now inherit that Ctrl-C is blocked: it is for this one.
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
-        return executor.submit(job, index)
+        return executor.submit(part)
     except BrokenExecutor as error:
         raise _died(error) from error
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _outcome(future: Future[Record], index: int) -> Record:
@@ -160,6 +166,7 @@ def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]
     They leave Ctrl-C to this process, and end when it does, however that is.
     """
     count = _count(workers, "workers")
+    resource_tracker.ensure_running()  # else the first worker starts it, which unblocks Ctrl-C
     executor = ProcessPoolExecutor(
         count, mp_context=multiprocessing.get_context("spawn"), initializer=_follow_parent
     )

@@ -202,8 +202,8 @@ def _velocity(
         for sign in (1, -1):
             ax.annotate(
                 "",
-                P + sign * free,
-                P,
+                tuple(P + sign * free),
+                tuple(P),
                 arrowprops={"arrowstyle": "-|>", "color": TYPE_2, "lw": 2},
                 zorder=6,
             )

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
+import numpy.typing as npt
 
 from pinsing.errors import PinsingError, ResultError
 
@@ -113,8 +114,8 @@ def _decode(kind: Any, value: Any) -> Any:
         return tuple(_decode(a, v) for a, v in zip(args, items, strict=True))
     if origin in (dict, Mapping) or getattr(origin, "__name__", "") == "Mapping":
         return {_key(args[0], k): _decode(args[1], v) for k, v in _expect(dict, value).items()}
-    if origin is np.ndarray:
-        scalar = typing.get_args(args[1])[0]
+    if origin in (np.ndarray, npt.NDArray):  # the latter is an alias with a name from NumPy 2.5 on
+        scalar = args[0] if origin is npt.NDArray else typing.get_args(args[1])[0]
         return _array(scalar if isinstance(scalar, type) else np.float64, value)
     if kind is float:
         if isinstance(value, bool):

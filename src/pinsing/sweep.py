@@ -6,28 +6,34 @@ and the rest stay at the nominal configuration (paper, Section 3.2, steps (1) to
 
 from __future__ import annotations
 
+import contextlib
+import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing.chunks import finished_chunks, local_threads
 from pinsing.condition import value_text
+from pinsing.durable import Record, open_run, recorded
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.kinematics import singular_values
+from pinsing.evaluate import Evaluator, evaluator, recorded_engine
 from pinsing.measures import sigma_ratio
 from pinsing.refine import Status, status_of
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm, Array
 from pinsing.robot.summary import ArmSummary
-from pinsing.sweep_plan import NOT_ASKED, SAMPLES, SweepPlan, plan_sweep
+from pinsing.sweep_job import SweepJob, curve_axes, curve_specs, curves_per_chunk
+from pinsing.sweep_plan import SAMPLES, SweepPlan, plan_sweep
 from pinsing.sweep_values import SPECIAL_ANGLES, Special
 
 Progress = Callable[[int, int], object]
 """Called with the number of Jacobians done, and of all, after each chunk."""
 
-_CHUNK = 16_384  # configurations a batch: some 10 MB
+_CHUNK, _CHUNK_ON_DISK = 16_384, 65_536  # configurations: some ms of work, 1 MB of file
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,67 +243,105 @@ def sweep(
     return run_sweep(arm, plan, progress)
 
 
-def run_sweep(arm: Arm, plan: SweepPlan, progress: Progress | None = None) -> SweepResult:
-    """Run a plan that was made for ``arm``."""
-    uniform = _uniform(arm, plan)
-    jobs = _jobs(plan)
-    x = {i: np.linspace(e.range[0], e.range[1], plan.samples) for i, e in enumerate(plan.effects)}
-    size = max(1, _CHUNK // plan.samples)
-    curves: list[SweepCurve] = []
+def run_sweep(
+    arm: Arm,
+    plan: SweepPlan,
+    progress: Progress | None = None,
+    *,
+    out: str | os.PathLike[str] | None = None,
+    engine: str = "auto",
+    threads: int | None = None,
+    executor: Executor | None = None,
+    parallel: int | None = None,
+    tell: Callable[[str], object] | None = None,
+) -> SweepResult:
+    """Run a plan that was made for ``arm``.
+
+    The result does not depend on threads or executor, to the last bit.
+
+    Parameters
+    ----------
+    arm, plan
+        What to do.
+    progress : callable, optional
+        As for `sweep`.
+    out : path-like, optional
+        Folder that finished curves are put in. A run that was stopped, or killed, goes on when
+        called again.
+    engine : str
+        ``auto``, ``batch``, ``pinocchio``, or an instruction set (``baseline``, ``avx2``,
+        ``avx512``). A run that goes on keeps the one it began with.
+    threads : int, optional
+        As many as the process may use by default.
+    executor : Executor, optional
+        Takes the curves instead of threads: any ``concurrent.futures.Executor``.
+    parallel : int, optional
+        How many chunks it works on at once; the number of processors here by default.
+    tell : callable, optional
+        Called with sentences for people: how much was there already, what was damaged.
+
+    Raises
+    ------
+    EngineError, OutputError, WorkerError
+        As `pinsing.maps.sigma_map`.
+    """
+    if executor is not None and threads is not None:
+        raise OptionError("give either threads or an executor, not both")
+    known = None if out is None else recorded(out)
+    size = curves_per_chunk(plan.samples, _CHUNK if out is None else _CHUNK_ON_DISK)
+    fixed = evaluator(arm, recorded_engine(known, engine))
+    job = SweepJob(plan, fixed, curve_specs(plan), size)
+    uniform = _uniform(fixed, plan)
+    found: dict[int, Record] = {}
     notes = list(plan.notes)
-    try:
-        for start in range(0, len(jobs), size):
-            chunk = jobs[start : start + size]
-            Q = np.tile(plan.nominal, (len(chunk), plan.samples, 1))
-            for row, job in zip(Q, chunk, strict=True):
-                row[:, list(job.joints)] = job.values
-                row[:, job.moving] = x[job.moving]
-            sigma = singular_values(arm, Q.reshape(-1, arm.n))
-            sigma = sigma.reshape(len(chunk), plan.samples, -1)
-            ratio = sigma_ratio(sigma)
-            curves += [
+    done = 0
+    with contextlib.ExitStack() as stack:
+        folder = None
+        if out is not None:
+            folder = stack.enter_context(open_run(out, job.identity(), job.chunks))
+        if executor is None:
+            executor, parallel = stack.enter_context(local_threads(threads))
+        chunks = stack.enter_context(
+            contextlib.closing(finished_chunks(job, executor, folder, parallel, tell))
+        )
+        try:
+            for index, record in chunks:
+                found[index] = record
+                done += len(job.span(index))
+                if progress is not None:
+                    progress(len(uniform) + done * plan.samples, plan.n_jacobians)
+        except KeyboardInterrupt:
+            notes.append(f"stopped after {done} of {len(job.specs)} curves")
+    complete = done == len(job.specs)
+    return SweepResult(plan, uniform, _curves(arm, job, found), complete, tuple(notes))
+
+
+def _curves(arm: Arm, job: SweepJob, found: Mapping[int, Record]) -> tuple[SweepCurve, ...]:
+    """Curves of the chunks that are done, in the order of the plan."""
+    x = curve_axes(job.plan)
+    curves = []
+    for index in sorted(found):
+        record = found[index]
+        for k, number in enumerate(job.span(index)):
+            spec = job.specs[number]
+            curves.append(
                 SweepCurve(
-                    level=len(job.joints),
-                    fixed={arm.joints[j]: v for j, v in zip(job.joints, job.values, strict=True)},
-                    forced=job.forced,
-                    moving=job.moving,
-                    x=x[job.moving],
-                    sigma_min=sigma[k, :, -1],
-                    sigma_ratio=ratio[k],
+                    level=len(spec.joints),
+                    fixed={arm.joints[j]: v for j, v in zip(spec.joints, spec.values, strict=True)},
+                    forced=spec.forced,
+                    moving=spec.moving,
+                    x=x[spec.moving],
+                    sigma_min=record["sigma_min"][k].astype(np.float64),
+                    sigma_ratio=record["sigma_ratio"][k].astype(np.float64),
                 )
-                for k, job in enumerate(chunk)
-            ]
-            if progress is not None:
-                progress(len(uniform) + len(curves) * plan.samples, plan.n_jacobians)
-    except KeyboardInterrupt:
-        notes.append(f"stopped after {len(curves)} of {len(jobs)} curves")
-    return SweepResult(plan, uniform, tuple(curves), len(curves) == len(jobs), tuple(notes))
+            )
+    return tuple(curves)
 
 
-@dataclass(frozen=True)
-class _Job:
-    joints: tuple[int, ...]
-    values: tuple[float, ...]
-    forced: bool
-    moving: int
-
-
-def _jobs(plan: SweepPlan) -> list[_Job]:
-    """All curves of a plan: first each joint from the nominal configuration, then by level."""
-    jobs = [_Job((), (), False, i) for i, e in enumerate(plan.effects) if e.reason != NOT_ASKED]
-    for level in plan.levels:
-        if not level.swept:
-            continue
-        rows = zip(level.joints.tolist(), level.values.tolist(), level.forced.tolist(), strict=True)
-        for joints, values, forced in rows:
-            jobs += [_Job(tuple(joints), tuple(values), forced, m) for m in plan.moving(joints)]
-    return jobs
-
-
-def _uniform(arm: Arm, plan: SweepPlan) -> tuple[UniformRow, ...]:
+def _uniform(evaluator: Evaluator, plan: SweepPlan) -> tuple[UniformRow, ...]:
     if not len(plan.uniform):
         return ()
-    sigma = singular_values(arm, plan.uniform)
+    sigma = evaluator.sigma(plan.uniform)
     return tuple(
         UniformRow(float(value), float(last), float(ratio), status_of(float(ratio)))
         for value, last, ratio in zip(

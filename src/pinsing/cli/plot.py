@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pinsing.cli.mechanism import loops_option, plot_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, say
 from pinsing.errors import OptionError, OutputError
@@ -22,6 +23,7 @@ _STEPS = 400
 
 @click.command("plot", short_help="Curves, maps and ellipsoids as PNG, SVG or PDF.")
 @click.argument("kind", type=click.Choice(KINDS))
+@loops_option(plot_loops)
 @arm_options
 @click.option("-o", "--out", type=OutputFile(), required=True, metavar="FILE.png|svg|pdf")
 @click.option(

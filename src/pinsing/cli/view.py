@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pinsing.cli.mechanism import loops_option, view_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, say
 from pinsing.errors import OptionError, ResultError
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 
 @click.command("view", short_help="See singular poses and velocity ellipsoids in a browser.")
+@loops_option(view_loops)
 @arm_options
 @click.option(
     "--q",

@@ -138,7 +138,7 @@ class Equation:
                 continue
             for coefficient, name in ((self.cos[t], style.cos), (self.sin[t], style.sin)):
                 if abs(coefficient) > _DROP * self.size:
-                    body = f"{name}{angle}" if angle.startswith("(") else f"{name} {angle}"
+                    body = f"{name}{angle}" if angle.startswith("(") else f"{name.strip()} {angle}"
                     pieces.append((float(coefficient), f"{power} {body}".strip()))
         return pieces
 

@@ -14,7 +14,7 @@ from pinsing.closed_form.points import nearest, project, search
 from pinsing.errors import ConfigurationError
 from pinsing.result import JsonResult
 
-_STARTS = 24
+_STARTS = 64
 _PASSES = 4
 
 

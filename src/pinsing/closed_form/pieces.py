@@ -16,11 +16,14 @@ from pinsing.closed_form.points import fix_joint, never_zero, proven_empty, root
 from pinsing.closed_form.ring import Poly, Ring
 from pinsing.closed_form.slices import univariate_roots
 from pinsing.kinematics import task_jacobians
-from pinsing.measures import SINGULAR_RTOL, singular_values
+from pinsing.measures import singular_values
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
 
 _TRIALS = 4
+_DECIDES = 1e-5
+"""sigma_r / sigma_1 that tells singular from regular: a point where surfaces touch each other
+is known to half of the digits only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +173,7 @@ class PieceMaker:
         points = self.find(branch, _TRIALS, rounds=2)
         if not len(points):
             return True  # nothing known against it
-        return bool((self.ratios(points) <= 10 * SINGULAR_RTOL).all())
+        return bool((self.ratios(points) <= _DECIDES).all())
 
     def ratios(self, points: Array, arm: Arm | None = None) -> Array:
         """sigma_r / sigma_1 of the nominal arm (or ``arm``) at points (N, n).

@@ -120,20 +120,29 @@ def nearest(
     Newton's method on the constraint, with the tangential pull back towards q: the
     iteration x <- q + A^+ (A (x - q) - f) in weighted coordinates, whose fixed points are
     the stationary points of the distance; each result is projected onto the set at last.
+    Where the set bends away from q the pull overshoots: it is relaxed as long as it
+    changes its direction.
     """
     x = starts.copy()
     scale = np.where(free, 1.0 / weight, 0.0)
+    moving = np.arange(len(x))
+    relax, before = np.ones(len(x)), np.zeros_like(x)
     for _ in range(iterations):
-        f = residuals(equations, x)
-        A = gradients(equations, x) * scale
+        here = x[moving]
+        f = residuals(equations, here)
+        A = gradients(equations, here) * scale
         pinv = np.linalg.pinv(A, rcond=1e-9)
-        delta = (x - q) * weight * free
-        wanted = np.einsum("nij,nj->ni", pinv, np.einsum("nij,nj->ni", A, delta) - f)
-        step = wanted - delta
+        delta = (here - q) * weight * free
+        pull = np.einsum("nij,nj->ni", pinv, np.einsum("nij,nj->ni", A, delta)) - delta
+        turned = (pull * before[moving]).sum(axis=-1) < 0
+        relax[moving] = np.where(turned, relax[moving] / 2, np.minimum(1.0, relax[moving] * 1.1))
+        before[moving] = pull
+        step = relax[moving, None] * pull - np.einsum("nij,nj->ni", pinv, f)
         size = np.linalg.norm(step, axis=-1, keepdims=True)
         step *= np.minimum(1.0, 0.5 / np.maximum(size, 1e-300))
-        x = x + step * scale
-        if size.max() < 1e-13:
+        x[moving] += step * scale
+        moving = moving[size[:, 0] >= 1e-13]
+        if not len(moving):
             break
     x, ok = project(equations, x, free)
     if not ok.any():

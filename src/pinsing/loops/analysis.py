@@ -11,9 +11,10 @@ import numpy.typing as npt
 from pinsing.loops.closure import ranks
 from pinsing.loops.dyad import planar_dyad
 from pinsing.loops.feasible import Interval, curves, intervals
-from pinsing.loops.loci import LoopForms, loop_forms, roots
+from pinsing.loops.loci import LoopForms, loop_forms
 from pinsing.loops.modes import home, mode_of
 from pinsing.loops.motion import MechanismState, mechanism_at
+from pinsing.loops.roots import roots
 from pinsing.loops.singular import SingularPoint, find_singular
 from pinsing.loops.solve import Solution, assemblies
 from pinsing.result import JsonResult

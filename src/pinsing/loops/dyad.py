@@ -125,7 +125,7 @@ class Dyad:
         return _unit(turned + this.crank_angle), _unit(rod)
 
     def elbow_sine(self, q: npt.ArrayLike, side: int) -> Array:
-        """Sine (...) of the angle from crank to rod at q (..., n): zero where the leg is straight."""
+        """Sine (...) of the angle from crank to rod at q (..., n), zero if straight."""
         crank, rod = self.link_directions(q, side)
         return np.asarray(crank[..., 0] * rod[..., 1] - crank[..., 1] * rod[..., 0])
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
@@ -59,26 +60,31 @@ class MapJob:
         values = {"keep_values": self.keep_values}
         return run_identity("map", self.evaluator) | self.plan.identity() | values
 
-    def __call__(self, index: int) -> Record:
-        """Tally of one chunk as arrays, with ``sigma`` (N, r) if values are kept.
+    def part(self, index: int) -> Callable[[], Record]:
+        """Return what computes one chunk."""
+        return functools.partial(compute_map_chunk, self, index)
 
-        Blocks begin at multiples of BLOCK whatever the chunks, so that each array operation
-        has the same operands and gives the same bits.
-        """
-        start = index * self.plan.chunk
-        stop = min(self.plan.count, start + self.plan.chunk)
-        tally = Tally(self.plan.worst)
-        kept = []
-        for first in range(start, stop, BLOCK):
-            Q = self.plan.configurations(first, min(stop, first + BLOCK))
-            sigma = self.evaluator.sigma(Q)
-            tally.add(first, sigma)
-            if self.keep_values:
-                kept.append(sigma)
-        record = tally.record()
-        if self.keep_values:
-            record["sigma"] = np.concatenate(kept)
-        return record
+
+def compute_map_chunk(job: MapJob, index: int) -> Record:
+    """Tally of one chunk as arrays, with ``sigma`` (N, r) if values are kept.
+
+    Blocks begin at multiples of BLOCK whatever the chunks, so that each array operation has
+    the same operands and gives the same bits.
+    """
+    plan = job.plan
+    start = index * plan.chunk
+    stop = min(plan.count, start + plan.chunk)
+    tally = Tally(plan.worst)
+    kept = []
+    for first in range(start, stop, BLOCK):
+        sigma = job.evaluator.sigma(plan.configurations(first, min(stop, first + BLOCK)))
+        tally.add(first, sigma)
+        if job.keep_values:
+            kept.append(sigma)
+    record = tally.record()
+    if job.keep_values:
+        record["sigma"] = np.concatenate(kept)
+    return record
 
 
 def sigma_map(

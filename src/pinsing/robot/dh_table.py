@@ -154,7 +154,7 @@ def _read_units(node: Node) -> _Units:
 def _read_name(node: Node) -> str:
     name = node.text()
     if not _NAME.fullmatch(name):
-        raise node.error(f"{name!r} is no name: use letters, digits, '_', '-' and '.'")
+        raise node.error(f"{name[:60]!r} is no name: use letters, digits, '_', '-' and '.'")
     return name
 
 

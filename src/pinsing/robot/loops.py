@@ -331,7 +331,7 @@ def _frame(node: Node, model: pin.Model) -> str:
     name = node.text()
     names = [frame.name for frame in model.frames if frame.name != "universe"]
     if name not in names:
-        raise node.error(f"unknown frame {name!r}: {suggestion(name, names)}")
+        raise node.error(f"unknown frame {name[:60]!r}: {suggestion(name, names)}")
     return name
 
 
@@ -342,7 +342,7 @@ def _loops(pairs: Node, kinds: Node, model: pin.Model) -> tuple[Loop, ...]:
     for kind in kinds.items("type"):
         word = kind.text().lower()
         if word not in names:
-            raise kind.error(f"unknown value {kind.text()!r}: {suggestion(word, names)}")
+            raise kind.error(f"unknown value {kind.text()[:60]!r}: {suggestion(word, names)}")
         words.append(word)
     if len(words) != len(frames):
         raise kinds.error(f"{len(frames)} loops need {len(frames)} types, found {len(words)}")
@@ -361,7 +361,7 @@ def _actuated(node: Node, joints: tuple[str, ...]) -> tuple[int, ...]:
     for entry in node.items("joint"):
         name = entry.text()
         if name not in joints:
-            raise entry.error(f"unknown joint {name!r}: {suggestion(name, joints)}")
+            raise entry.error(f"unknown joint {name[:60]!r}: {suggestion(name, joints)}")
         if joints.index(name) in found:
             raise entry.error(f"joint {name!r} is given twice: remove one")
         found.append(joints.index(name))

@@ -161,6 +161,24 @@ class PackageIndex:
             raise MeshProblem("cannot be read", refused=False) from error
         return path
 
+    def image(self, path: Path) -> None:
+        """Refuse an image that a mesh refers to, unless it is one within the robot's folders.
+
+        Raises
+        ------
+        MeshProblem
+            If it lies elsewhere, or is no image. One that does not exist is nobody's secret.
+        """
+        try:
+            real = path.resolve()
+            inside = any(real.is_relative_to(r.resolve()) for r in self._roots())
+        except (OSError, RuntimeError, ValueError) as error:
+            raise MeshProblem("refers to a file that cannot be read", refused=True) from error
+        if not inside:
+            raise MeshProblem("refers to a file outside the robot's folders", refused=True)
+        if real.suffix.lower() not in _IMAGE_SUFFIXES:
+            raise MeshProblem("refers to a file that is no image", refused=True)
+
     def _locate(self, uri: str) -> Path:
         scheme, separator, rest = uri.partition("://")
         if not separator:

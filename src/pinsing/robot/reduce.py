@@ -23,7 +23,7 @@ def lock_joints(model: pin.Model, lock: Sequence[int], reference: Array) -> pin.
     if not lock:
         return model
     _add_missing_joint_frames(model)
-    original = _make_names_unique(model)
+    original = make_names_unique(model)
     reduced = pin.buildReducedModel(model, list(lock), reference)
     for joint in range(1, reduced.njoints):
         reduced.names[joint] = original.get(reduced.names[joint], reduced.names[joint])
@@ -60,8 +60,14 @@ def _add_missing_joint_frames(model: pin.Model) -> None:
         model.frames[index] = frame
 
 
-def _make_names_unique(model: pin.Model) -> dict[str, str]:
-    """Rename frames that share a name, and the joints that are theirs; the old name of each new."""
+def make_names_unique(model: pin.Model) -> dict[str, str]:
+    """Give frames that share a name, and the joints that are theirs, a name of their own.
+
+    Returns
+    -------
+    dict of str to str
+        The old name of each new one.
+    """
     count = Counter(frame.name for frame in model.frames)
     original: dict[str, str] = {}
     for index, frame in enumerate(model.frames):

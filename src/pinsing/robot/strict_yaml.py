@@ -19,6 +19,9 @@ import yaml
 
 from pinsing.errors import RobotFileError
 
+MAX_BYTES = 64 * 1024
+"""The YAML reader takes up to 3 s for this much, and no table comes near it."""
+
 _NUMBER = re.compile(r"(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d{1,3})?")
 _OPERATOR = re.compile(r"\s*([*/])\s*")
 _PI = Fraction(math.pi)
@@ -69,10 +72,16 @@ def parse_number(text: str) -> Number | None:
     return Number(value, pi)
 
 
+def _show(text: str) -> str:
+    """Return text of the file as a quoted literal, cut where it is long."""
+    return repr(text if len(text) <= 60 else text[:57] + "...")
+
+
 def suggestion(name: str, known: Iterable[str]) -> str:
     """Say which of the known names was probably meant, or list them all."""
     known = tuple(known)
-    close = difflib.get_close_matches(name, known, n=2, cutoff=0.5)
+    # A name of thousands of characters resembles none, and takes minutes to compare.
+    close = difflib.get_close_matches(name[:200], known, n=2, cutoff=0.5)
     if close:
         return "did you mean " + " or ".join(repr(c) for c in close) + "?"
     return "known: " + ", ".join(known)
@@ -110,13 +119,13 @@ class Node:
     def _child(self, node: yaml.Node, label: str) -> Node:
         child = Node(node, self.path, f"{self.label}: {label}" if self.label else label)
         if not node.tag.startswith("tag:yaml.org,2002:"):
-            raise child.error(f"the YAML tag {node.tag} is not understood: write the plain value")
+            raise child.error(f"the YAML tag {node.tag[:60]} is not understood: write the plain value")
         return child
 
     @property
     def _found(self) -> str:
         if isinstance(self.node, yaml.ScalarNode):
-            return repr(self.node.value) if self.node.value else "nothing"
+            return _show(self.node.value) if self.node.value else "nothing"
         return "a list" if isinstance(self.node, yaml.SequenceNode) else "keys and values"
 
     def mapping(self, required: Iterable[str], optional: Iterable[str] = ()) -> dict[str, Node]:
@@ -135,9 +144,9 @@ class Node:
             key = key_node.value if isinstance(key_node, yaml.ScalarNode) else "?"
             here = Node(key_node, self.path, self.label)
             if key not in known:
-                raise here.error(f"unknown key {key!r}: {suggestion(key, known)}")
+                raise here.error(f"unknown key {_show(key)}: {suggestion(key, known)}")
             if key in values:
-                raise here.error(f"key {key!r} is given twice: remove one")
+                raise here.error(f"key {_show(key)} is given twice: remove one")
             values[key] = self._child(value_node, key)
         missing = [key for key in required if key not in values]
         if missing:
@@ -189,7 +198,7 @@ class Node:
         """
         text, options = self.text(), tuple(options)
         if text not in options:
-            raise self.error(f"unknown value {text!r}: {suggestion(text, options)}")
+            raise self.error(f"unknown value {_show(text)}: {suggestion(text, options)}")
         return text
 
     def number(self, factor: Fraction | int = 1, pi: int | None = None) -> float:
@@ -217,13 +226,13 @@ class Node:
             raise self.error(f"expected a number{hint}, found {self._found}")
         if number.pi and pi != 0:
             raise self.error(
-                f"{text!r} holds pi, which only an angle in radians may: "
+                f"{_show(text or '')} holds pi, which only an angle in radians may: "
                 "write a plain number in the unit of the table"
             )
         try:
             return Number(number.value, number.pi or pi == 1).times(factor)
         except OverflowError:
-            raise self.error(f"{text} is not a finite number") from None
+            raise self.error(f"{_show(text or '')} is not a finite number") from None
 
 
 def compose(path: str | Path) -> Node:
@@ -232,11 +241,19 @@ def compose(path: str | Path) -> Node:
     Raises
     ------
     RobotFileError
-        If the file is missing, unreadable, empty or no YAML.
+        If the file is missing, unreadable, empty, larger than 64 KiB or no YAML.
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        if path.exists() and not path.is_dir() and not path.is_file():
+            raise RobotFileError("is not a plain file: give a YAML file", path)
+        with path.open("rb") as stream:
+            data = stream.read(MAX_BYTES + 1)
+        if len(data) > MAX_BYTES:
+            raise RobotFileError(
+                f"is larger than {MAX_BYTES // 1024} KiB: no table of a robot is", path
+            )
+        text = data.decode("utf-8-sig")
     except IsADirectoryError:
         raise RobotFileError("is a folder: give a file", path) from None
     except FileNotFoundError:
@@ -245,6 +262,10 @@ def compose(path: str | Path) -> Node:
         raise RobotFileError("is not UTF-8 text: give a YAML file", path) from None
     except OSError as error:
         raise RobotFileError(f"cannot be read: {error.strerror}", path) from None
+    except ValueError as error:  # a null character in the name
+        if isinstance(error, RobotFileError):
+            raise
+        raise RobotFileError(f"cannot be read: {error}", path) from None
     try:
         node = yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.MarkedYAMLError as error:

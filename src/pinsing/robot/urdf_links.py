@@ -7,8 +7,10 @@ to the file that was found, so that no later reader looks for them elsewhere.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from pinsing.errors import RobotFileError
+from pinsing.robot.collada import ColladaProblem, image_references
 from pinsing.robot.packages import MeshProblem, PackageIndex
 from pinsing.robot.urdf_source import LARGEST_INERTIA, Source, show
 from pinsing.robot.xml_tree import Node
@@ -29,11 +31,24 @@ class Meshes:
         """Return the file:// address of a mesh, None if it cannot be had."""
         if uri not in self._paths:
             try:
-                self._paths[uri] = f"file://{self.index.mesh(uri)}"
+                path = self.index.mesh(uri)
+                self._check_images(path)
+                self._paths[uri] = f"file://{path}"
             except MeshProblem as problem:
                 self._paths[uri] = None
                 self.missing[uri] = problem
         return self._paths[uri]
+
+    def _check_images(self, path: Path) -> None:
+        """Refuse a Collada mesh that would have the viewer embed a file from elsewhere."""
+        if path.suffix.lower() != ".dae":
+            return
+        try:
+            for name in image_references(path):
+                # As the viewer finds it.
+                self.index.image(path.parent / name)
+        except (ColladaProblem, OSError) as error:
+            raise MeshProblem(str(error), refused=True) from error
 
     def notes(self) -> list[str]:
         """Return what to say about meshes that are not drawn, in at most two notes."""

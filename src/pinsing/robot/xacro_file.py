@@ -29,7 +29,7 @@ from pinsing.errors import RobotFileError
 from pinsing.robot import packages as packages_module
 from pinsing.robot.xml_tree import MAX_BYTES, Node
 
-TIMEOUT_SECONDS = 8
+TIMEOUT_SECONDS = 6
 _MEMORY = 2 * 2**30
 _WORKER = Path(__file__).with_name("xacro_worker.py")
 

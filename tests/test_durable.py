@@ -1,0 +1,468 @@
+"""Runs in a folder: whatever happens to the process, the disk or the files, nothing is lost."""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import json
+import os
+import random
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import arms
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from pinsing import durable, singular_values
+from pinsing._batch import engine as kernel
+from pinsing.cli.app import command
+from pinsing.durable import RunFolder, open_run, recorded
+from pinsing.errors import EngineError, OutputError
+from pinsing.maps import plan_map, sigma_map
+from pinsing.maps.plan import BLOCK
+from pinsing.robot.load import load
+from pinsing.sweep import SweepResult, run_sweep
+from pinsing.sweep_file import load_npz
+from pinsing.sweep_plan import plan_sweep
+
+IDENTITY = {"kind": "test", "size": 3}
+RECORD = {"a": np.arange(5.0), "b": np.array([1, 2])}
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(command, list(words), catch_exceptions=False)
+
+
+def same(one: dict, two: dict | None) -> bool:
+    return two is not None and all(np.array_equal(one[k], two[k]) for k in one.keys() | two.keys())
+
+
+class Crash(BaseException):
+    """What a process does not survive: no handler in the code under test may catch it."""
+
+
+# ---- one folder
+
+
+def test_chunks_come_back_as_they_were(tmp_path: Path) -> None:
+    with open_run(tmp_path / "run", IDENTITY, 3) as folder:
+        assert folder.kept() == ()
+        assert folder.load(1) is None
+        folder.save(1, RECORD)
+        folder.save(2, {"a": np.zeros(0)})
+    with open_run(tmp_path / "run", IDENTITY, 3) as folder:
+        assert folder.kept() == (1, 2)
+        assert same(RECORD, folder.load(1))
+        with np.load(folder.chunk_path(1)) as archive:  # NumPy alone reads them too
+            np.testing.assert_array_equal(archive["a"], RECORD["a"])
+    assert recorded(tmp_path / "run") == IDENTITY
+    assert recorded(tmp_path / "nowhere") is None
+
+
+def test_any_damage_is_found(tmp_path: Path) -> None:
+    with open_run(tmp_path, IDENTITY, 3) as folder:
+        folder.save(0, RECORD)
+        path = folder.chunk_path(0)
+        whole = path.read_bytes()
+        for position in [*range(0, len(whole), 7), *range(len(whole) - 90, len(whole))]:
+            path.write_bytes(whole[:position])  # torn
+            assert folder.load(0) is None
+            changed = bytearray(whole)
+            changed[position] ^= 1 << (position % 8)
+            path.write_bytes(changed)
+            assert folder.load(0) is None
+        path.write_bytes(whole + b"\0")
+        assert folder.load(0) is None
+        path.write_bytes(whole)
+        assert same(RECORD, folder.load(0))
+        shutil.copy(path, folder.chunk_path(2))  # whole, but not what its name says
+        assert folder.load(2) is None
+    other = RunFolder(tmp_path, IDENTITY | {"size": 4}, 3)
+    assert other.load(0) is None
+
+
+@pytest.mark.parametrize("step", ["write", "fsync", "replace", "sync_folder"])
+def test_a_crash_at_any_step_of_a_write_leaves_the_old_or_the_new(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    new = {"a": np.ones(3)}
+    with open_run(tmp_path, IDENTITY, 3) as folder:
+        folder.save(0, RECORD)
+
+        def crash(*_: object) -> None:
+            raise Crash
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "unlink", lambda *_, **__: None)  # the dead clean nothing up
+            if step == "write":
+                half = durable._packed(new, folder.digest, 0)[:50]
+                (tmp_path / "chunks" / "000000.npz.part").write_bytes(half)
+            else:
+                name = {"fsync": "os.fsync", "replace": "os.replace"}.get(
+                    step, "pinsing.durable._sync_folder"
+                )
+                patch.setattr(name, crash)
+                with pytest.raises(Crash):
+                    folder.save(0, new)
+        expected = new if step == "sync_folder" else RECORD
+    with open_run(tmp_path, IDENTITY, 3) as folder:
+        assert folder.kept() == (0,)
+        assert same(expected, folder.load(0))
+        assert [p.name for p in (tmp_path / "chunks").iterdir()] == ["000000.npz"]
+
+
+def test_a_crash_while_a_run_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def crash(*_: object) -> None:
+        raise Crash
+
+    for name in ("os.fsync", "os.replace"):
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "unlink", lambda *_, **__: None)
+            patch.setattr(name, crash)
+            with pytest.raises(Crash), open_run(tmp_path, IDENTITY, 3):
+                pass
+        assert recorded(tmp_path) is None
+    with open_run(tmp_path, IDENTITY, 3) as folder:
+        folder.save(0, RECORD)
+    assert recorded(tmp_path) == IDENTITY
+
+
+def test_folders_that_cannot_be_used(tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.write_text("x")
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "thesis.tex").write_text("x")
+    cases = {
+        file: "it is a file",
+        full: "is not empty and holds no run",
+        tmp_path / "no" / "where": "there is no folder",
+        file / "below": "cannot",
+        tmp_path / "nul\0l": "cannot",
+    }
+    for path, text in cases.items():
+        with pytest.raises(OutputError, match=text), open_run(path, IDENTITY, 3):
+            pass
+    assert (full / "thesis.tex").exists()
+    assert len(list(full.iterdir())) == 1
+
+
+def test_another_run_is_refused(tmp_path: Path) -> None:
+    robot = IDENTITY | {"robot": "a", "size": 3}
+    with open_run(tmp_path, robot, 3) as folder:
+        folder.save(0, RECORD)
+    with pytest.raises(OutputError, match="size is 3 there and 4 here"):
+        open_run(tmp_path, robot | {"size": 4}, 3).__enter__()
+    with pytest.raises(OutputError, match="the robot's geometry, task or length scale has changed"):
+        open_run(tmp_path, robot | {"robot": "b"}, 3).__enter__()
+    with pytest.raises(OutputError, match="x is null there and 1 here"):
+        open_run(tmp_path, robot | {"x": 1}, 3).__enter__()
+    with open_run(tmp_path, robot, 3) as folder:
+        assert folder.kept() == (0,)
+
+
+@pytest.mark.parametrize("text", ["", "{", "[]", '{"schema": "pinsing/run/1"}', '"x"', "\ud800"])
+def test_a_damaged_plan_is_refused(tmp_path: Path, text: str) -> None:
+    with open_run(tmp_path, IDENTITY, 3):
+        pass
+    plan = tmp_path / "plan.json"
+    good = json.loads(plan.read_text())
+    plan.write_bytes(text.encode("utf-8", "surrogatepass"))
+    with pytest.raises(OutputError, match=r"plan\.json"):
+        recorded(tmp_path)
+    good["identity"]["size"] = 4
+    plan.write_text(json.dumps(good))
+    with pytest.raises(OutputError, match="damaged"):
+        recorded(tmp_path)
+
+
+def test_two_at_once(tmp_path: Path) -> None:
+    code = (
+        "import sys, time; from pinsing.durable import open_run\n"
+        f"with open_run({str(tmp_path)!r}, {IDENTITY!r}, 3):\n"
+        "    print('in', flush=True); time.sleep(60)"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE) as child:
+        assert child.stdout is not None
+        assert child.stdout.readline() == b"in\n"
+        with pytest.raises(OutputError, match="another process is at work"):
+            open_run(tmp_path, IDENTITY, 3).__enter__()
+        child.kill()
+    with open_run(tmp_path, IDENTITY, 3) as folder:  # the lock has died with its holder
+        folder.save(0, RECORD)
+
+
+# ---- a full disk
+
+
+def test_a_full_disk_is_an_error_and_loses_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm, out = arms.ur5(), tmp_path / "run"
+    real, count = os.fsync, 0
+
+    def full(handle: int) -> None:
+        nonlocal count
+        count += 1
+        if count > 8:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        real(handle)
+
+    monkeypatch.setattr("os.fsync", full)
+    with pytest.raises(OutputError, match=r"No space left on device; the 3 of 6 chunks .* safe"):
+        sigma_map(arm, count=6 * BLOCK, chunk=1, out=out)
+    monkeypatch.undo()
+    assert len(list((out / "chunks").iterdir())) == 3
+    told: list[str] = []
+    again = sigma_map(arm, count=6 * BLOCK, chunk=1, out=out, tell=told.append)
+    assert told == ["3 of 6 chunks were done before"]
+    assert again.to_json() == sigma_map(arm, count=6 * BLOCK, chunk=1).to_json()
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=96k", "tmpfs", str(disk)]
+    if shutil.which("mount") is None or subprocess.run(mount, capture_output=True).returncode:
+        pytest.skip("no file system can be mounted here")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_a_disk_that_is_really_full(small_disk: Path, tmp_path: Path) -> None:
+    words = ["map", "ur5", "--count", "100000", "--chunk", "1", "--out", str(small_disk / "run")]
+    done = run(*words)
+    assert done.exit_code == 2
+    assert "No space left on device" in done.stderr
+    kept = len(list((small_disk / "run" / "chunks").iterdir()))
+    assert 3 < kept < 25
+    subprocess.run(["mount", "-o", "remount,size=8m", str(small_disk)], check=True)
+    done = run(*words, "--json", str(tmp_path / "a.json"))
+    assert done.exit_code == 0
+    assert f"{kept} of 25 chunks were done before" in done.stderr
+    run("map", "ur5", "--count", "100000", "--chunk", "1", "--json", str(tmp_path / "b.json"))
+    assert (tmp_path / "a.json").read_text() == (tmp_path / "b.json").read_text()
+
+
+# ---- killed
+
+
+def kill_until_done(words: list[str], out: Path, seed: int, wait: float, most: int) -> int:
+    """Run a command, kill it at random moments once it works; how often that was."""
+    rng = random.Random(seed)
+    kills = 0
+    while True:
+        before = len(list((out / "chunks").glob("*.npz"))) if (out / "chunks").is_dir() else 0
+        child = subprocess.Popen(
+            [sys.executable, "-m", "pinsing", *words, "--out", str(out)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        )
+        if kills < most:
+            while child.poll() is None:
+                now = len(list((out / "chunks").glob("*.npz"))) if (out / "chunks").is_dir() else 0
+                if now > before:  # each life does something
+                    break
+                time.sleep(0.002)
+            time.sleep(rng.uniform(0, wait))
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(child.pid, signal.SIGKILL)
+        error = child.communicate()[1].decode()
+        if child.returncode == 0:
+            return kills
+        assert child.returncode == -signal.SIGKILL, error
+        kills += 1
+
+
+@pytest.mark.parametrize(("where", "most"), [("--threads", 3), ("--workers", 1)])
+def test_killed_again_and_again(tmp_path: Path, where: str, most: int) -> None:
+    words = ["map", "panda", "--count", "4000000", "--chunk", "65536", "--seed", "3"]
+    out = tmp_path / "run"
+    assert kill_until_done([*words, where, "2"], out, seed=1, wait=0.1, most=most) >= 1
+    result = sigma_map(load("panda"), count=4_000_000, chunk=65536, seed=3)
+    assert (out / "result.json").read_text() == result.to_json() + "\n"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(10))
+def test_killed_at_many_moments(tmp_path: Path, seed: int) -> None:
+    words = ["map", "ur5", "--count", "3000000", "--chunk", "8192", "--sampling", "random"]
+    assert kill_until_done(words, tmp_path / "run", seed, wait=0.5, most=5) >= 2
+    result = sigma_map(load("ur5"), "random", count=3_000_000, chunk=8192)
+    assert (tmp_path / "run" / "result.json").read_text() == result.to_json() + "\n"
+
+
+@pytest.mark.parametrize("where", ["--threads", "--workers"])
+def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
+    out = tmp_path / "run"
+    words = ["map", "ur5", "--count", "1e9", "--out", str(out), "--chunk", "65536", where, "2"]
+    with subprocess.Popen(
+        [sys.executable, "-m", "pinsing", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    ) as child:
+        deadline = time.monotonic() + 60
+        while not (out / "plan.json").exists():  # workers are about to start
+            assert time.monotonic() < deadline
+            time.sleep(0.002)
+        time.sleep(0.15)
+        os.killpg(child.pid, signal.SIGINT)  # a terminal sends it to all of them
+        error = child.communicate(timeout=60)[1]
+    assert child.returncode == 130
+    assert "run the same command to go on" in error
+    assert "Traceback" not in error
+
+
+def test_workers_do_not_outlive_a_killed_parent(tmp_path: Path) -> None:
+    code = (
+        "import os, time\n"
+        "from pinsing.chunks import local_processes\n"
+        "if __name__ == '__main__':\n"
+        "    with local_processes(2) as (executor, _):\n"
+        "        print(*{executor.submit(os.getpid).result() for _ in range(9)}, flush=True)\n"
+        "        time.sleep(60)\n"
+    )
+    script = tmp_path / "parent.py"
+    script.write_text(code)
+    with subprocess.Popen([sys.executable, str(script)], stdout=subprocess.PIPE) as parent:
+        assert parent.stdout is not None
+        workers = [int(word) for word in parent.stdout.readline().split()]
+        assert workers
+        parent.kill()
+    deadline = time.monotonic() + 10
+    while any(alive(pid) for pid in workers):
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
+
+
+def alive(pid: int) -> bool:
+    try:
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except OSError:
+        return False
+    return state != "Z"
+
+
+# ---- what a map and a sweep keep
+
+
+def test_a_damaged_chunk_is_done_again(tmp_path: Path) -> None:
+    arm, out = arms.ur5(), tmp_path / "run"
+    whole = sigma_map(arm, count=5 * BLOCK, chunk=1, out=out).to_json()
+    paths = sorted((out / "chunks").iterdir())
+    data = bytearray(paths[1].read_bytes())
+    data[200] ^= 4
+    paths[1].write_bytes(data)
+    paths[3].unlink()
+    told: list[str] = []
+    assert sigma_map(arm, count=5 * BLOCK, chunk=1, out=out, tell=told.append).to_json() == whole
+    assert told == ["3 of 5 chunks were done before", "damaged and done again: chunks 1"]
+    assert sigma_map(arm, count=5 * BLOCK, chunk=1, out=out, tell=told.append).to_json() == whole
+    assert told[-1] == "5 of 5 chunks were done before"
+
+
+def test_a_changed_robot_or_plan_or_engine_is_refused(tmp_path: Path) -> None:
+    arm = arms.ur5()
+    sigma_map(arm, count=BLOCK, out=tmp_path / "run")
+    with pytest.raises(OutputError, match="geometry, task or length scale has changed"):
+        sigma_map(arm.with_task(length_scale=0.5), count=BLOCK, out=tmp_path / "run")
+    with pytest.raises(OutputError, match="count is 4096 there and 4097 here"):
+        sigma_map(arm, count=BLOCK + 1, out=tmp_path / "run")
+    with pytest.raises(OutputError, match="seed is 0 there and 1 here"):
+        sigma_map(arm, count=BLOCK, seed=1, out=tmp_path / "run")
+    with pytest.raises(OutputError, match="kind is"):
+        run_sweep(arm, plan_sweep(arm, levels=1), out=tmp_path / "run")
+
+
+@pytest.mark.skipif(len(kernel.isa_names()) < 2, reason="one instruction set only")
+def test_a_run_keeps_the_instruction_set_it_began_with(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm = arms.ur5()
+    first = sigma_map(arm, count=BLOCK, engine="baseline", out=tmp_path / "run")
+    again = sigma_map(arm, count=BLOCK, out=tmp_path / "run")
+    assert again.engine == "baseline"
+    assert again.to_json() == first.to_json()
+    with pytest.raises(OutputError, match="engine is"):
+        sigma_map(arm, count=BLOCK, engine=kernel.isa_names()[-1], out=tmp_path / "run")
+    best = kernel.isa_names()[-1]
+    sigma_map(arm, count=BLOCK, out=tmp_path / "best")
+    monkeypatch.setattr(kernel, "isa_names", lambda: ("baseline",))
+    with pytest.raises(EngineError, match=f"engine {best} does not run on this machine"):
+        sigma_map(arm, count=BLOCK, out=tmp_path / "best")
+
+
+def test_all_values_are_kept_on_request(tmp_path: Path) -> None:
+    arm, out = arms.textbook("surgical7"), tmp_path / "run"
+    count = 2 * BLOCK + 5
+    options = {"count": count, "chunk": 1, "keep_values": True, "out": out}
+    result = sigma_map(arm, **options)
+    parts = []
+    for path in sorted((out / "chunks").iterdir()):
+        with np.load(path) as archive:
+            parts.append(archive["sigma"])
+    Q = plan_map(arm, count=count).configurations(0, count)
+    np.testing.assert_array_equal(np.concatenate(parts), singular_values(arm, Q))
+    with pytest.raises(OutputError, match="keep_values is true there and false here"):
+        sigma_map(arm, count=count, chunk=1, out=out)
+    assert result.plan.chunk == BLOCK
+
+
+def test_a_sweep_in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("pinsing.sweep._CHUNK_ON_DISK", 5000)
+    arm = arms.textbook("puma560")
+    plan = plan_sweep(arm, samples=61)
+    whole = run_sweep(arm, plan)
+    out = tmp_path / "run"
+
+    def stop(done: int, total: int) -> None:
+        signal.raise_signal(signal.SIGINT)
+
+    part = run_sweep(arm, plan, stop, out=out)
+    assert not part.complete
+    assert 0 < len(part.curves) < len(whole.curves)
+    told: list[str] = []
+    rest = run_sweep(arm, plan, out=out, tell=told.append, threads=1)
+    assert told[0].startswith("1 of ")
+    assert rest.to_json() == whole.to_json()
+    damaged = out / "chunks" / "000001.npz"
+    damaged.write_bytes(damaged.read_bytes()[:-9])
+    assert run_sweep(arm, plan, out=out, engine="batch").to_json() == whole.to_json()
+    with pytest.raises(OutputError, match="samples is 61 there and 62 here"):
+        run_sweep(arm, plan_sweep(arm, samples=62), out=out)
+
+
+def test_sweep_on_any_engine_and_threads() -> None:
+    arm = arms.textbook("stanford")
+    plan = plan_sweep(arm, levels=1, samples=41)
+    one = run_sweep(arm, plan, threads=1)
+    assert run_sweep(arm, plan, threads=5).to_json() == one.to_json()
+    slow = run_sweep(arm, plan, engine="pinocchio")
+    for a, b in zip(one.curves, slow.curves, strict=True):
+        np.testing.assert_allclose(a.sigma_min, b.sigma_min, rtol=0, atol=1e-14)
+
+
+def test_sweep_command_in_a_folder(tmp_path: Path) -> None:
+    words = ["sweep", "planar3r", "--levels", "1", "--samples", "21"]
+    done = run(*words, "--out", str(tmp_path / "run"), "--threads", "2")
+    assert done.exit_code == 0
+    kept = load_npz(tmp_path / "run" / "sweep.npz")
+    assert isinstance(kept, SweepResult)
+    assert kept.complete
+    again = run(*words, "--out", str(tmp_path / "run"))
+    assert "1 of 1 chunks were done before" in again.stderr
+    assert again.stdout == done.stdout
+    other = run("sweep", "planar3r", "--samples", "22", "--out", str(tmp_path / "run"))
+    assert other.exit_code == 2
+    assert "holds another run" in other.stderr

@@ -1,0 +1,347 @@
+"""Equations: values, gradients, and that the printed text says the same as the numbers."""
+
+from __future__ import annotations
+
+import re
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from singular_sets import RIGHT, Array, Joint, arm_of, build, closed
+
+from pinsing.closed_form import Equation, closed_form
+from pinsing.closed_form.expression import equation, format_angle
+from pinsing.closed_form.points import fix_joint, never_zero, proven_empty, roots_of
+from pinsing.closed_form.ring import Poly, Ring, make_ring
+
+NAMES = ("puma560", "irb1400", "ur5", "surgical7", "panda", "xarm7", "z1", "kinova", "so101")
+
+
+def equations(name: str) -> list[Equation]:
+    return [e for f in closed(name).families for e in f.equations]
+
+
+def random_poly(ring: Ring, rng: np.random.Generator, degrees: list[int], terms: int) -> Poly:
+    """Form of given degrees in each revolute joint's pair, of mixed ones in sliders."""
+    gens = ring.context.gens()
+    total = ring.zero
+    for _ in range(terms):
+        term = ring.one * int(rng.integers(1, 9) * rng.choice([-1, 1]))
+        for j, degree in enumerate(degrees):
+            v = ring.variables(j)
+            if ring.prismatic[j]:
+                term = term * gens[v[0]] ** int(rng.integers(0, degree + 1))
+            else:
+                k = int(rng.integers(0, degree + 1))
+                term = term * gens[v[0]] ** (degree - k) * gens[v[1]] ** k
+        total = total + term
+    return total
+
+
+def by_polynomial(poly: Poly, ring: Ring, q: Array, shift: Array) -> Array:
+    """Value of a polynomial in half-angle coordinates, straight from its terms."""
+    values = np.zeros(len(q))
+    half = (q + shift) / 2
+    for monomial, c in poly.to_dict().items():
+        term = np.full(len(q), float(Fraction(int(c.p), int(c.q))))
+        for j in range(len(ring.prismatic)):
+            v = ring.variables(j)
+            if ring.prismatic[j]:
+                term = term * q[:, j] ** int(monomial[v[0]])
+            else:
+                term = term * np.cos(half[:, j]) ** int(monomial[v[0]])
+                term = term * np.sin(half[:, j]) ** int(monomial[v[1]])
+        values += term
+    return values
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_numbers_equal_the_polynomial(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ring = make_ring([False, seed % 3 == 0, False, seed % 4 == 1])
+    degrees = [int(d) for d in rng.integers(0, 4, 4)]
+    poly = random_poly(ring, rng, degrees, 9)
+    if poly == 0 or poly.is_constant():
+        poly = poly + random_poly(ring, rng, degrees, 9)
+    prismatic = np.array(ring.prismatic)
+    offset = np.where(prismatic, 0.0, rng.choice([0.0, RIGHT, -np.pi, np.pi / 4, 0.3], 4))
+    made = equation(poly, ring, ("q1", "q2", "q3", "q4"), offset)
+    q = rng.uniform(-4, 4, (40, 4))
+    ours, theirs = made(q), by_polynomial(poly, ring, q, offset)
+    scale = ours @ theirs / (theirs @ theirs)
+    assert scale != 0
+    np.testing.assert_allclose(ours, scale * theirs, atol=1e-11 * np.abs(ours).max())
+
+
+@pytest.mark.parametrize("name", [*NAMES, "baxter", "g1"])
+def test_gradient_is_the_difference_quotient(name: str) -> None:
+    rng = np.random.default_rng(2)
+    for e in equations(name):
+        n = len(e.joints)
+        q = rng.uniform(-3, 3, (5, n))
+        h = 1e-5
+        numeric = np.stack([(e(q + h * d) - e(q - h * d)) / (2 * h) for d in np.eye(n)], axis=-1)
+        np.testing.assert_allclose(e.gradient(q), numeric, atol=1e-8 * e.size)
+        idle = [j for j in range(n) if j not in e.involved]
+        assert not e.gradient(q)[:, idle].any()
+
+
+def test_gradient_with_sliders() -> None:
+    rng = np.random.default_rng(3)
+    ring = make_ring([True, False, True])
+    poly = random_poly(ring, rng, [3, 2, 2], 12)
+    e = equation(poly, ring, ("d1", "q2", "d3"), np.array([0.0, 0.4, 0.0]))
+    q = rng.uniform(-2, 2, (2, 6, 3))
+    h = 1e-5
+    numeric = np.stack([(e(q + h * d) - e(q - h * d)) / (2 * h) for d in np.eye(3)], axis=-1)
+    np.testing.assert_allclose(e.gradient(q), numeric, atol=1e-7 * np.abs(numeric).max())
+    assert e(q).shape == (2, 6)
+    assert e(q[0, 0]).shape == ()
+    at_zero = np.zeros((1, 3))
+    assert np.isfinite(e.gradient(at_zero)).all()
+
+
+# The text says what the numbers say -----------------------------------------------------
+
+_TOKEN = re.compile(
+    r"\s*(?:(?P<number>\d+\.?\d*(?:e[-+]?\d+)?)|(?P<name>[a-z]+\d*)|(?P<other>[-+^()/°]))"
+)
+
+
+class Parser:
+    """Values of the left-hand sides that equations print: sums of products, juxtaposed."""
+
+    def __init__(self, text: str, q: dict[str, float]) -> None:
+        self.q = q
+        self.tokens: list[str] = []
+        position = 0
+        while position < len(text):
+            match = _TOKEN.match(text, position)
+            assert match, f"cannot read {text[position:]!r}"
+            self.tokens.append(match.group().strip())
+            position = match.end()
+
+    def peek(self) -> str:
+        return self.tokens[0] if self.tokens else ""
+
+    def take(self) -> str:
+        return self.tokens.pop(0)
+
+    def sum(self) -> float:
+        sign = -1.0 if self.peek() == "-" else 1.0
+        if self.peek() in "+-" and self.peek():
+            self.take()
+        total = sign * self.product()
+        while self.peek() in ("+", "-"):
+            sign = 1.0 if self.take() == "+" else -1.0
+            total += sign * self.product()
+        return total
+
+    def product(self) -> float:
+        value = self.power()
+        while self.peek() and self.peek() not in "+-)":
+            if self.peek() == "/":
+                self.take()
+                value /= self.power()
+            else:
+                value *= self.power()
+        return value
+
+    def power(self) -> float:
+        value = self.atom()
+        if self.peek() == "^":
+            self.take()
+            value **= float(self.take())
+        return value
+
+    def atom(self) -> float:
+        token = self.take()
+        if token == "(":
+            value = self.sum()
+            assert self.take() == ")"
+        elif token in ("sin", "cos"):
+            value = float({"sin": np.sin, "cos": np.cos}[token](self.power()))
+        elif token in self.q:
+            value = self.q[token]
+        else:
+            value = float(token)
+            if self.peek() == "°":
+                self.take()
+                value = float(np.radians(value))
+        return value
+
+
+def read(text: str, q: dict[str, float]) -> float:
+    left, right = text.split(" = ")
+    assert right == "0"
+    parser = Parser(left, q)
+    value = parser.sum()
+    assert not parser.tokens
+    return value
+
+
+def says_the_same(e: Equation, seed: int = 1) -> None:
+    rng = np.random.default_rng(seed)
+    Q = rng.uniform(-3, 3, (6, len(e.joints)))
+    for q in Q:
+        printed = read(e.text(), dict(zip(e.joints, q, strict=True)))
+        # Six digits of each coefficient, four decimals of a degree in each angle.
+        assert printed == pytest.approx(float(e(q)), abs=2e-5 * e.size * 3.0 ** e.powers.max())
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_text_can_be_read_back(name: str) -> None:
+    for e in equations(name):
+        if not e.text().endswith("(mod 360°)"):
+            says_the_same(e)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_text_of_any_equation_can_be_read_back(seed: int) -> None:
+    rng = np.random.default_rng(100 + seed)
+    ring = make_ring([False, seed % 2 == 0, False])
+    poly = random_poly(ring, rng, [int(d) for d in rng.integers(1, 4, 3)], 8)
+    offset = np.where(ring.prismatic, 0.0, rng.choice([0.0, RIGHT, 0.3], 3))
+    says_the_same(equation(poly, ring, ("q1", "d2" if seed % 2 == 0 else "q2", "q3"), offset))
+
+
+def test_a_sum_of_angles_is_solved() -> None:
+    """so101: its half-angle equation is printed as what the sum of three angles is."""
+    halves = [e for e in equations("so101") if e.half_angle]
+    assert {e.text() for e in halves} == {
+        "q2+q3+q4 = -90° (mod 360°)",
+        "q2+q3+q4 = 90° (mod 360°)",
+    }
+    rng = np.random.default_rng(5)
+    for e in halves:
+        q = rng.uniform(-3, 3, (20, 5))
+        target = -RIGHT if "-90" in e.text() else RIGHT
+        q[:, 3] = target - q[:, 1] - q[:, 2] + 2 * np.pi * rng.integers(-1, 2, 20)
+        np.testing.assert_allclose(e(q), 0.0, atol=1e-12)
+
+
+def test_a_turned_link_shows_as_a_shift() -> None:
+    turned = build(
+        [Joint(theta=0.3), Joint(RIGHT, 0.15, theta=0.3), Joint(a=0.6, theta=0.2)],
+        (0.5, 0.0, 0.0),
+        "position",
+    )
+    (e,) = (e for f in closed_form(turned).families for e in f.equations)
+    assert "°" in e.text()
+    says_the_same(e)
+    assert r"^\circ" in e.latex()
+
+
+def test_lengths_are_metres() -> None:
+    (e,) = equations("irb1400")
+    assert e.text() == "0.6 sin q2 + 0.72 cos(q2+q3) + 0.12 sin(q2+q3) + 0.15 = 0"
+    assert e.latex() == (
+        r"0.6 \sin q_{2} + 0.72 \cos (q_{2}+q_{3}) + 0.12 \sin (q_{2}+q_{3}) + 0.15 = 0"
+    )
+
+
+@pytest.mark.parametrize(
+    ("radians", "text"),
+    [(0.0, "0°"), (-0.0, "0°"), (RIGHT, "90°"), (np.pi, "180°"), (-1e-9, "0°"), (0.1, "5.7296°")],
+)
+def test_angles_in_print(radians: float, text: str) -> None:
+    assert format_angle(radians) == text
+    assert format_angle(radians, latex=True) == text.replace("°", r"^\circ")
+
+
+# One joint at a time --------------------------------------------------------------------
+
+
+def in_one(cos: list[float], sin: list[float], frequencies: list[int]) -> Equation:
+    """Equation in q2 of three joints; frequencies are doubled, as in an Equation."""
+    count = len(cos)
+    table = np.zeros((count, 3), dtype=np.int64)
+    table[:, 1] = frequencies
+    return Equation(
+        ("q1", "q2", "q3"),
+        table,
+        np.zeros((count, 3), dtype=np.int64),
+        np.array(cos),
+        np.array(sin),
+        np.zeros(3),
+    )
+
+
+def test_roots_of_one_joint() -> None:
+    simple = in_one([0.0, 0.25], [1.0, 0.0], [2, 0])  # sin q + 1/4
+    np.testing.assert_allclose(np.sin(roots_of(simple)), -0.25, atol=1e-14)
+    assert len(roots_of(simple)) == 2
+    half = in_one([1.0], [0.0], [1])  # cos(q / 2)
+    np.testing.assert_allclose(roots_of(half), [np.pi])
+    assert not len(roots_of(in_one([0.0, 2.0], [1.0, 0.0], [2, 0])))
+
+
+@pytest.mark.parametrize("angle", [0.7417777599619590, -2.4, 3.0, 0.1])
+def test_double_roots_keep_all_digits(angle: float) -> None:
+    # 1 - cos(q - angle) touches zero and does not cross it.
+    touching = in_one([-np.cos(angle), 1.0], [-np.sin(angle), 0.0], [2, 0])
+    np.testing.assert_allclose(roots_of(touching), [angle], atol=1e-12)
+
+
+def test_two_near_roots_stay_two() -> None:
+    gap = 1e-3
+    near = in_one([-1.0, np.cos(gap)], [0.0, 0.0], [2, 0])  # cos q = cos(gap)
+    np.testing.assert_allclose(roots_of(near), [-gap, gap], rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_fixing_a_joint_is_substitution(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    ring = make_ring([False, False, seed % 2 == 0])
+    poly = random_poly(ring, rng, [2, 3, 2], 10)
+    offset = np.where(ring.prismatic, 0.0, rng.choice([0.0, 0.4], 3))
+    e = equation(poly, ring, ("q1", "q2", "q3"), offset)
+    q = rng.uniform(-3, 3, (10, 3))
+    for joint in range(3):
+        value = float(rng.uniform(-3, 3))
+        fixed = fix_joint(e, joint, value)
+        assert fixed is not None
+        assert joint not in fixed.involved
+        put = q.copy()
+        put[:, joint] = value
+        np.testing.assert_allclose(fixed(q), e(put), atol=1e-12 * e.size * 10)
+
+
+def test_fixing_at_a_root_leaves_nothing() -> None:
+    """Also where terms cancel by sine and cosine at a time."""
+    e = in_one([-0.223185, 0.0], [-0.153705, 0.0], [2, 0])
+    e = in_one(
+        [-0.223185, 0.223185 * np.cos(0.6) + 0.153705 * np.sin(0.6)], [-0.153705, 0.0], [2, 0]
+    )
+    assert fix_joint(e, 1, 0.6) is None
+    left = fix_joint(e, 1, 0.7)
+    assert left is not None
+    assert left.involved == ()
+    assert float(left(np.zeros(3))) == pytest.approx(float(e(np.array([0.0, 0.7, 0.0]))))
+
+
+def test_proofs_that_there_is_no_zero() -> None:
+    away = in_one([1.0, 1.5], [0.0, 0.0], [2, 0])  # cos q + 1.5
+    touching = in_one([1.0, 1.0], [0.0, 0.0], [2, 0])  # cos q + 1
+    mixed = in_one([1.0, 0.2, 1.05], [0.0, 0.0, 0.0], [2, 4, 0])  # cos q + .2 cos 2q + 1.05
+    low, high = np.full(3, -np.pi), np.full(3, np.pi)
+    assert never_zero(away)
+    assert not never_zero(touching)
+    assert not never_zero(mixed)
+    assert proven_empty([away], low, high)
+    assert proven_empty([mixed], low, high)
+    assert not proven_empty([touching], low, high)
+    assert proven_empty([touching], np.full(3, -2.0), np.full(3, 2.0))
+    zero_in_both = [in_one([1.0], [0.0], [2]), in_one([0.0], [1.0], [2])]  # cos q = sin q = 0
+    assert not any(proven_empty([e], low, high) for e in zero_in_both)
+    assert proven_empty(zero_in_both, low, high)
+    assert not proven_empty([away], low, np.full(3, np.inf))
+
+
+def test_involved_joints_and_size() -> None:
+    (e,) = equations("ur5")
+    assert e.involved == (1, 2, 3)
+    assert e.size == pytest.approx(0.425 + 0.39225 + 0.09465)
+    q = np.random.default_rng(1).uniform(-9, 9, (100, arm_of("ur5").n))
+    assert np.abs(e(q)).max() <= e.size
+    np.testing.assert_allclose(e.scaled(2.0)(q), 2 * e(q))

@@ -1,0 +1,308 @@
+"""Families: membership, distance, samples, limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy.optimize import minimize
+from singular_sets import RIGHT, Array, Joint, arm_of, build, closed
+
+from pinsing.closed_form import Branch, ClosedForm, Family, closed_form
+from pinsing.errors import ConfigurationError
+
+EQUATIONS = [("puma560", 2), ("ur5", 2), ("surgical7", 3), ("xarm7", 2), ("so101", 1)]
+
+
+def offset(family: Family, a: Array, b: Array) -> Array:
+    """Differences of joint vectors as ``distance`` counts them."""
+    d = a - b
+    wrapped = d - 2 * np.pi * np.round(d / (2 * np.pi))
+    return np.where(family.prismatic, d / family.length_scale, wrapped)
+
+
+def by_scipy(family: Family, q: Array, rng: np.random.Generator) -> float:
+    """Shortest distance by a general constrained minimiser, the best of many starts."""
+    best = np.inf
+    for branch in family.branches:
+        target = q.copy()
+        for v in branch.values:
+            target[v.joint] = v.value
+        off = float(np.linalg.norm(offset(family, q, target)))
+        best = min(best, *(nearest_by_scipy(branch, q, target, off, rng) for _ in range(12)))
+    return best
+
+
+def nearest_by_scipy(
+    branch: Branch, q: Array, target: Array, off: float, rng: np.random.Generator
+) -> float:
+    """Distance from q to where one start ends; infinite if that is not on the branch."""
+    free = sorted({j for e in branch.equations for j in e.involved})
+
+    def full(x: Array) -> Array:
+        out = target.copy()
+        out[free] = x
+        return out
+
+    result = minimize(
+        lambda x: float(np.sum((x - q[free]) ** 2)),
+        q[free] + rng.normal(size=len(free)),
+        jac=lambda x: 2 * (x - q[free]),
+        constraints=[
+            {
+                "type": "eq",
+                "fun": lambda x, e=e: float(e(full(x))),
+                "jac": lambda x, e=e: e.gradient(full(x))[free],
+            }
+            for e in branch.equations
+        ],
+        method="SLSQP",
+        options={"maxiter": 300, "ftol": 1e-15},
+    )
+    missed = max(abs(float(e(full(result.x)))) for e in branch.equations)
+    return float(np.hypot(np.sqrt(result.fun), off)) if missed < 1e-9 else np.inf
+
+
+# Distance -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("name", "index"), EQUATIONS)
+def test_distance_agrees_with_a_minimiser(name: str, index: int) -> None:
+    family = closed(name).families[index]
+    assert family.equations
+    rng = np.random.default_rng(11)
+    for _ in range(4):
+        q = rng.uniform(-3, 3, family.n)
+        found = family.distance(q)
+        assert not found.exact
+        assert found.value == pytest.approx(by_scipy(family, q, rng), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", ["stanford", "iiwa14", "pr2", "surgical7", "xarm7", "so101"])
+def test_nearest_configuration_is_on_the_family(name: str) -> None:
+    rng = np.random.default_rng(12)
+    for family in closed(name).families:
+        for _ in range(5):
+            q = rng.uniform(-3, 3, family.n)
+            found = family.distance(q)
+            assert family.contains(found.q, 1e-7)
+            assert np.linalg.norm(offset(family, q, found.q)) == pytest.approx(found.value)
+            # No point of the family that a sample knows is nearer.
+            others = offset(family, family.points(40, rng), q)
+            assert found.value <= np.linalg.norm(others, axis=1).min() + 1e-9
+
+
+@pytest.mark.parametrize("name", ["stanford", "iiwa14", "icub_left", "talos_arm"])
+def test_distance_to_joint_values_is_exact(name: str) -> None:
+    rng = np.random.default_rng(13)
+    for family in closed(name).families:
+        if family.equations:
+            continue
+        q = rng.uniform(-3, 3, family.n)
+        found = family.distance(q)
+        assert found.exact
+        best = min(
+            np.sqrt(
+                sum(
+                    (q[j] - v) ** 2
+                    if family.prismatic[j]
+                    else math.remainder(q[j] - v, 2 * np.pi) ** 2
+                    for j, v in values.items()
+                )
+            )
+            for values in family.values
+        )
+        assert found.value == pytest.approx(best, abs=1e-12)
+
+
+@pytest.mark.parametrize(("name", "index"), EQUATIONS)
+def test_whole_turns_do_not_matter(name: str, index: int) -> None:
+    family = closed(name).families[index]
+    rng = np.random.default_rng(14)
+    on = family.points(10, rng)
+    turns = np.where(family.prismatic, 0.0, 2 * np.pi * rng.integers(-2, 3, on.shape))
+    assert family.contains(on + turns).all()
+    q = rng.uniform(-3, 3, family.n)
+    # The starts of the iteration turn along, so that the same minimum is found.
+    assert family.distance(q + turns[0]).value == pytest.approx(family.distance(q).value, abs=1e-9)
+
+
+def test_distance_of_a_slider_is_over_the_length_scale() -> None:
+    long = closed_form(arm_of("stanford").with_task(length_scale=0.25))
+    slide = next(f for f in long.families if f.prismatic[2] and f.values[0].keys() == {2})
+    q = np.full(6, 0.7)
+    found = slide.distance(q)
+    assert found.value == pytest.approx(0.7 / 0.25)
+    assert found.q[2] == 0.0
+    np.testing.assert_array_equal(np.delete(found.q, 2), np.delete(q, 2))
+    assert slide.contains(q * [1, 1, 1e-7, 1, 1, 1], tol=1e-6)
+    assert not slide.contains(q * [1, 1, 1e-6, 1, 1, 1], tol=1e-6)
+
+
+def test_distance_zero_on_the_family() -> None:
+    rng = np.random.default_rng(15)
+    for family in closed("xarm7").families:
+        for q in family.points(5, rng):
+            assert family.distance(q).value < 1e-9
+
+
+# Membership -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", ["ur5", "iiwa14", "surgical7", "xarm7", "so101"])
+def test_tolerance_of_contains_is_a_distance(name: str) -> None:
+    rng = np.random.default_rng(16)
+    for family in closed(name).families:
+        base = family.points(12, rng)
+        moved = base + rng.normal(size=base.shape) * 1e-3
+        gaps = np.array([family.distance(q).value for q in moved])
+        inside = np.array([bool(family.contains(q, 1e-3)) for q in moved])
+        clear = np.abs(gaps - 1e-3) > 1e-4
+        np.testing.assert_array_equal(inside[clear], (gaps < 1e-3)[clear])
+
+
+def test_contains_takes_stacks() -> None:
+    family = closed("ur5").families[0]
+    q = np.zeros((2, 3, 6))
+    q[1, 2, 2] = 0.5
+    found = family.contains(q)
+    assert found.shape == (2, 3)
+    assert found.sum() == 5
+    assert family.contains(np.zeros((0, 6))).shape == (0,)
+    assert bool(family.contains([0.0] * 6))
+
+
+@pytest.mark.parametrize("bad", [[0.0] * 5, 0.0, [np.nan] * 6, [[np.inf] * 6]])
+def test_bad_configurations_are_refused(bad: object) -> None:
+    family = closed("ur5").families[2]
+    with pytest.raises(ConfigurationError):
+        family.contains(bad)
+    with pytest.raises(ConfigurationError):
+        family.distance(bad)
+
+
+def test_distance_takes_one_configuration() -> None:
+    with pytest.raises(ConfigurationError, match="one configuration"):
+        closed("ur5").families[0].distance(np.zeros((2, 6)))
+
+
+# Samples and limits ---------------------------------------------------------------------
+
+
+def elbow(low: float, high: float) -> ClosedForm:
+    links = [Joint(), Joint(a=0.4, limits=(low, high))]
+    return closed_form(build(links, (0.3, 0.0, 0.0), "position"))
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "reachable"),
+    [
+        (-1.0, 1.0, True),
+        (0.1, 3.0, False),
+        (0.1, 3.2, True),
+        (6.0, 6.5, True),
+        (15.0, 16.0, True),
+        (-15.5, -13.0, False),
+        (0.0, 0.0, True),
+        (-20.0, 20.0, True),
+    ],
+)
+def test_joint_values_within_limits(low: float, high: float, reachable: bool) -> None:
+    (family,) = elbow(low, high).families
+    assert family.is_reachable is reachable
+    assert family.reachability == ("reachable" if reachable else "not reachable")
+    inside = family.sample(9, np.random.default_rng(1))
+    assert len(inside) == (9 if reachable else 0)
+    assert (family.witness is not None) is reachable
+    assert ((inside[:, 1] >= low - 1e-9) & (inside[:, 1] <= high + 1e-9)).all()
+    np.testing.assert_allclose(np.sin(inside[:, 1]), 0.0, atol=1e-12)
+    assert len(family.points(9, np.random.default_rng(1))) == 9
+
+
+def test_continuous_joints_reach_everything() -> None:
+    (family,) = elbow(-np.inf, np.inf).families
+    inside = family.sample(8, np.random.default_rng(1))
+    assert family.is_reachable
+    assert len(inside) == 8
+    assert (np.abs(inside) <= np.pi + 1e-9).all()
+
+
+def shoulder(limits: tuple[float, float]) -> Family:
+    """The locus 0.15 + 0.6 cos q2 + 0.5 cos(q2+q3) = 0 of an arm whose shoulder is offset."""
+    arm = build(
+        [Joint(), Joint(RIGHT, 0.15, limits=limits), Joint(a=0.6, limits=limits)],
+        (0.5, 0.0, 0.0),
+        "position",
+    )
+    return next(f for f in closed_form(arm).families if f.equations)
+
+
+def test_an_equation_within_limits() -> None:
+    reached = shoulder((-3.0, 3.0))
+    assert reached.is_reachable
+    assert reached.witness is not None
+    inside = reached.sample(50, np.random.default_rng(1))
+    assert len(inside) == 50
+    assert np.abs(inside[:, 1:]).max() <= 3.0 + 1e-9
+    value = 0.15 + 0.6 * np.cos(inside[:, 1]) + 0.5 * np.cos(inside[:, 1] + inside[:, 2])
+    np.testing.assert_allclose(value, 0.0, atol=1e-9)
+    # Both links point away from the axis: proven to be out of reach.
+    held = shoulder((-0.5, 0.5))
+    assert held.reachability == "not reachable"
+    assert held.is_reachable is False
+    assert held.witness is None
+    assert held.sample(5, np.random.default_rng(1)).shape == (0, 3)
+    assert len(held.points(5, np.random.default_rng(1))) == 5
+
+
+def test_samples_spread_over_branches_and_repeat() -> None:
+    family = closed("iiwa14").families[1]
+    points = family.points(40, np.random.default_rng(3))
+    assert len({tuple(np.round(q[[1, 2]], 6)) for q in points}) == len(family.branches) == 4
+    np.testing.assert_array_equal(points, family.points(40, np.random.default_rng(3)))
+    assert family.points(0, np.random.default_rng(3)).shape == (0, 7)
+    assert family.points(2, np.random.default_rng(3)).shape == (2, 7)
+
+
+def test_codimension_counts_real_dimensions() -> None:
+    by_name = {name: [f.codimension for f in closed(name).families] for name in ("ur5", "iiwa14")}
+    assert by_name == {"ur5": [1, 1, 1], "iiwa14": [1, 2, 2, 2]}
+    assert {f.codimension for f in closed("so101").families} == {1, 2}
+    assert {f.codimension for f in closed("baxter").families} == {2}
+
+
+def test_names_joints_and_text() -> None:
+    families = closed("ur5").families
+    assert [f.name for f in families] == ["F1", "F2", "F3"]
+    assert families[2].joints == ("shoulder_lift_joint", "elbow_joint", "wrist_1_joint")
+    assert str(families[0]) == "F1: q3 = 0° or 180°"
+    assert families[0].reason == "axes 2, 3 and 4 are parallel and lie in one plane"
+    assert [f.kind for f in families] == ["boundary", "interior", "boundary"]
+
+
+def test_json_round_trip_of_one_family() -> None:
+    family = closed("xarm7").families[3]
+    again = Family.from_json(family.to_json())
+    rng = np.random.default_rng(4)
+    Q = np.concatenate([family.points(5, rng), rng.uniform(-3, 3, (5, 7))])
+    np.testing.assert_array_equal(family.contains(Q), again.contains(Q))
+    np.testing.assert_array_equal(family.distance(Q[-1]).q, again.distance(Q[-1]).q)
+    assert again.text == family.text
+    assert again.latex == family.latex
+
+
+def test_a_family_without_real_points_says_so() -> None:
+    family = shoulder((-3.0, 3.0))
+    (branch,) = family.branches
+    (equation,) = branch.equations
+    lifted = dataclasses.replace(equation, cos=np.where(equation.cos == 0.15, 5.0, equation.cos))
+    assert not np.array_equal(lifted.cos, equation.cos)
+    empty = dataclasses.replace(
+        family, branches=(dataclasses.replace(branch, equations=(lifted,)),)
+    )
+    with pytest.raises(ConfigurationError, match="no real point"):
+        empty.distance(np.zeros(3))
+    assert not empty.contains(np.zeros((4, 3)), 1.0).any()
+    assert len(empty.points(3, np.random.default_rng(1))) == 0

@@ -1,0 +1,216 @@
+"""Mechanisms in figures, on pages and at the command line."""
+
+from __future__ import annotations
+
+import base64
+import re
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from mechanisms import URDF, shipped
+
+mpl.use("agg")
+import click
+import matplotlib.pyplot as plt
+import umsgpack
+from click.testing import CliRunner
+
+from pinsing.cli.mechanism import (
+    analyze_loops,
+    loops_option,
+    plot_loops,
+    read,
+    view_loops,
+)
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.loops import assemblies, curves, find_singular, home, loop_forms
+from pinsing.plot_loops import draw_linkage, input_map, measure_curves
+from pinsing.view_loops import mechanism_page
+
+FIVE_BAR = {"robot": str(URDF / "five_bar.urdf")}
+LOOPS = URDF / "five_bar.loops.yaml"
+
+
+@pytest.fixture(autouse=True)
+def _close_figures():
+    yield
+    plt.close("all")
+
+
+def paths(ax, color: str) -> list[np.ndarray]:
+    """Points of the contour lines of a colour, degrees."""
+    wanted = mpl.colors.to_rgb(color)
+    out = []
+    for c in ax.collections:
+        edge = c.get_edgecolor()
+        if len(edge) and np.allclose(edge[0][:3], wanted) and c.get_array() is not None:
+            out += [p.vertices for p in c.get_paths() if len(p.vertices)]
+    return out
+
+
+@pytest.mark.parametrize("sign", ["+", "-"])
+def test_lines_of_the_map_lie_on_the_closed_forms(sign):
+    from pinsing.plot_loops import TYPE_1, TYPE_2
+
+    mechanism = shipped("five_bar")
+    forms = loop_forms(mechanism)
+    ax = input_map(mechanism, sign, samples=241)
+    for kind, color in (("type 1", TYPE_1), ("type 2", TYPE_2)):
+        lines = np.radians(np.concatenate(paths(ax, color)))
+        assert len(lines) > 200
+        values = np.min(
+            [np.abs(x.equation(lines)) / x.equation.size for x in forms.loci if x.kind == kind],
+            axis=0,
+        )
+        assert np.quantile(values, 0.9) < 1e-2
+
+
+def test_maps_of_the_two_modes_differ_and_are_mirror_images():
+    mechanism = shipped("five_bar")
+    found = []
+    for sign in "+-":
+        ax = input_map(mechanism, sign, samples=121)
+        found.append(np.concatenate(paths(ax, "#c0392b")))
+    # The mechanism upside down is the other mode: both inputs change sign.
+    one, two = found[0], -found[1]
+    near = np.array([np.abs(two - p).sum(axis=1).min() for p in one[::10]])
+    assert np.quantile(near, 0.9) < 3
+    assert np.quantile([np.abs(found[1] - p).sum(axis=1).min() for p in one[::10]], 0.5) > 5
+
+
+def test_map_refuses_what_has_none():
+    with pytest.raises(OptionError, match="two cranks"):
+        input_map(shipped("planar_3rrr"))
+    with pytest.raises(OptionError, match=r"must be \+ or -"):
+        input_map(shipped("five_bar"), "left")
+
+
+def test_linkage_is_drawn_closed():
+    mechanism = shipped("five_bar")
+    q = home(mechanism)
+    ax = draw_linkage(mechanism, q)
+    points = np.array([line.get_xydata()[0] for line in ax.lines if len(line.get_xydata()) == 1])
+    for expected in ((-0.8, 0), (0.8, 0), (-0.2, 1.2 * np.sin(np.pi / 3)), (0.6, 1.6392304845)):
+        assert np.abs(points - expected).sum(axis=1).min() < 1e-9
+
+
+def test_measures_touch_zero_at_the_points():
+    mechanism = shipped("five_bar")
+    found = curves(mechanism, [np.pi / 3] * 2, 1)
+    points = find_singular(mechanism, found)
+    ax = measure_curves(mechanism, found, points)
+    dots = np.array([line.get_xydata()[0] for line in ax.lines if len(line.get_xydata()) == 1])
+    assert len(dots) == len(points)
+    assert (dots[:, 1] == 0).all()
+    low, high = ax.get_xlim()
+    assert ((dots[:, 0] >= low) & (dots[:, 0] <= high)).all()
+
+
+def commands(page: str) -> list[Any]:
+    data = base64.b64decode(re.search(r'atob\("([^"]+)"\)', page)[1])
+    out, at = [], 0
+    while at < len(data):
+        size = int.from_bytes(data[at : at + 4], "little")
+        out.append(umsgpack.unpackb(data[at + 4 : at + 4 + size]))
+        at += 4 + size
+    return out
+
+
+def test_page_moves_every_link_and_shows_the_ellipse():
+    mechanism = shipped("five_bar")
+    path = curves(mechanism, [np.pi / 3] * 2, 1)[0].q[::40]
+    page = mechanism_page(mechanism, path, words="<b> & more")
+    assert "&lt;b&gt; &amp; more" in page
+    sent = commands(page)
+    kinds = [c["type"] for c in sent]
+    assert kinds.count("set_animation") == 1
+    animated = {a["path"] for c in sent if c["type"] == "set_animation" for a in c["animations"]}
+    drawn = {c["path"] for c in sent if c["type"] == "set_object"}
+    assert {p.replace("/meshcat", "") for p in drawn} <= {
+        p.replace("/meshcat", "") for p in animated
+    }
+    ellipse = next(
+        a
+        for c in sent
+        if c["type"] == "set_animation"
+        for a in c["animations"]
+        if a["path"].endswith("pinsing/ellipse")
+    )
+    tracks = {t["name"]: t["keys"] for t in ellipse["clip"]["tracks"]}
+    assert len(tracks[".scale"]) == len(path)
+    for key in tracks[".scale"]:
+        assert all(np.isfinite(key["value"]))
+        assert min(key["value"]) > 0
+
+
+def test_page_shows_the_uncontrolled_motion_at_type_2():
+    mechanism = shipped("five_bar")
+    points = find_singular(mechanism, curves(mechanism, [np.pi / 3] * 2, 1))
+    point = next(p for p in points if p.kind == "type 2")
+
+    def bar(q) -> list[float]:
+        sent = commands(mechanism_page(mechanism, q))
+        return next(
+            c["value"]
+            for c in sent
+            if c["type"] == "set_property"
+            and c["property"] == "scale"
+            and c["path"].endswith("uncontrolled")
+        )
+
+    assert max(bar(point.q)) > 0.3
+    assert max(bar(home(mechanism))) < 0.01
+
+
+def test_analyze_prints_json_and_tells_by_its_exit_code(capsys):
+    assert analyze_loops(LOOPS, **FIVE_BAR) == 0
+    assert "type 2: B1, P, B2 in line" in capsys.readouterr().out
+    assert analyze_loops(LOOPS, json_target="-", fail_if_singular=True, **FIVE_BAR) == 1
+    assert '"schema": "pinsing/mechanism-analysis/1"' in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("kind", ["map", "curves", "ellipsoids"])
+def test_plots_are_written(kind, tmp_path):
+    out = tmp_path / f"{kind}.png"
+    plot_loops(LOOPS, kind=kind, out=out, configurations=["60,60"], deg=True, dpi=50, **FIVE_BAR)
+    assert out.stat().st_size > 5_000
+
+
+def test_page_is_written(tmp_path):
+    out = tmp_path / "page.html"
+    view_loops(LOOPS, html=out, **FIVE_BAR)
+    assert "q1 moves over all it can reach" in out.read_text(encoding="utf-8")
+
+
+def test_options_of_arms_are_refused(tmp_path):
+    with pytest.raises(OptionError, match="--tip and --task does not go with --loops"):
+        read(LOOPS, {**FIVE_BAR, "tip": "P", "task": "position"})
+    with pytest.raises(OptionError, match="is not drawn of mechanisms"):
+        plot_loops(LOOPS, kind="along", out=tmp_path / "x.png", **FIVE_BAR)
+    with pytest.raises(ConfigurationError, match="--q needs 2 values"):
+        view_loops(LOOPS, html=tmp_path / "x.html", poses=["1,2,3"], **FIVE_BAR)
+    with pytest.raises(OptionError, match="--html FILE"):
+        view_loops(LOOPS, **FIVE_BAR)
+
+
+def test_loops_option_turns_a_command_over():
+    @click.command()
+    @loops_option(lambda loops, **options: click.echo(f"{loops} {options['robot']}"))
+    @click.argument("robot")
+    def command(robot: str) -> None:
+        click.echo(f"arm {robot}")
+
+    runner = CliRunner()
+    assert runner.invoke(command, ["x.urdf"]).output == "arm x.urdf\n"
+    assert runner.invoke(command, ["x.urdf", "--loops", "y.yaml"]).output == "y.yaml x.urdf\n"
+
+
+def test_modes_are_drawn_apart():
+    mechanism = shipped("five_bar")
+    ends = []
+    for mode in assemblies(mechanism, [np.pi / 3] * 2):
+        ax = draw_linkage(mechanism, mode.q, plt.subplots()[1], ellipse=0)
+        ends.append(ax.lines[-1].get_xydata()[0])
+    assert np.linalg.norm(ends[0] - ends[1]) > 0.5

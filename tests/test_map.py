@@ -1,0 +1,560 @@
+"""Maps: where the configurations are, what is kept of them, and that nothing else decides it."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import json
+import math
+import pickle
+import signal
+import subprocess
+import sys
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import arms
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import qmc
+
+from pinsing import singular_values
+from pinsing._batch import engine as kernel
+from pinsing.chunks import local_processes
+from pinsing.cli.app import command
+from pinsing.cli.running import Meter, duration, short
+from pinsing.errors import (
+    ConfigurationError,
+    EngineError,
+    OptionError,
+    ResultError,
+    UnknownNameError,
+    WorkerError,
+)
+from pinsing.evaluate import evaluator, fingerprint, fixed_engine
+from pinsing.maps import MapResult, plan_map, sigma_map, sobol
+from pinsing.maps.plan import BLOCK
+from pinsing.maps.sample import grid_axis, grid_points, unit_points
+from pinsing.maps.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers
+from pinsing.measures import sigma_ratio
+from pinsing.robot.arm import Coupling
+from pinsing.robot.load import load
+
+N = 5 * BLOCK + 77
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(command, list(words), catch_exceptions=False)
+
+
+# ---- where the configurations are
+
+
+@pytest.mark.filterwarnings("ignore:The balance properties")
+@pytest.mark.parametrize("dimension", range(1, sobol.MAX_DIMENSION + 1))
+def test_sobol_points_are_those_of_scipy(dimension: int) -> None:
+    expected = qmc.Sobol(dimension, scramble=False, bits=sobol.BITS).random(5000)
+    words = sobol.words(0, 5000, dimension)
+    np.testing.assert_array_equal(words * 2.0**-sobol.BITS, expected)
+
+
+@given(start=st.integers(0, 10**15), length=st.integers(0, 9000))
+def test_any_stretch_of_the_sobol_sequence(start: int, length: int) -> None:
+    found = sobol.words(start, start + length, 3)
+    v = sobol.directions(3)
+    for i in {0, length // 2, length - 1} - {-1}:
+        if i < length:
+            gray = (start + i) ^ ((start + i) >> 1)
+            digits = [j for j in range(sobol.BITS) if gray >> j & 1]
+            np.testing.assert_array_equal(found[i], np.bitwise_xor.reduce(v[digits], axis=0))
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "random"])
+@pytest.mark.parametrize("dimension", [1, 2, 5, 7])
+def test_a_sample_is_the_same_in_any_stretches(sampling: str, dimension: int) -> None:
+    whole = unit_points(sampling, 0, 3000, dimension, seed=4)
+    assert whole.shape == (3000, dimension)
+    assert ((whole >= 0) & (whole < 1)).all()
+    cuts = [0, 1, 2, 7, 1000, 1003, 2999, 3000]
+    parts = [unit_points(sampling, a, b, dimension, 4) for a, b in itertools.pairwise(cuts)]
+    np.testing.assert_array_equal(np.concatenate(parts), whole)
+    assert not np.array_equal(unit_points(sampling, 0, 3000, dimension, 5), whole)
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "random"])
+def test_a_sample_fills_the_cube(sampling: str) -> None:
+    u = unit_points(sampling, 0, 1 << 14, 6, seed=1)
+    # Every box of a grid of 4 x 4 in every pair of coordinates, within 6 standard deviations.
+    for a, b in itertools.combinations(range(6), 2):
+        box = np.bincount((u[:, a] * 4).astype(int) * 4 + (u[:, b] * 4).astype(int), minlength=16)
+        assert np.abs(box - 1024).max() < (2 if sampling == "sobol" else 6 * 32)
+
+
+@pytest.mark.parametrize("sizes", [(3,), (4, 3, 5), (2, 1, 7, 300, 3), (300, 400), (2, 70_000)])
+def test_a_grid_has_its_last_joint_fastest(sizes: tuple[int, ...]) -> None:
+    axes = [grid_axis(-1.0, 2.0 + k, size, True) for k, size in enumerate(sizes)]
+    count = math.prod(sizes)
+    rows = np.random.default_rng(0).integers(0, count, 200)
+    expected = np.stack([a[i] for a, i in zip(axes, np.unravel_index(rows, sizes), strict=True)], 1)
+    found = np.concatenate([grid_points(axes, i, i + 1) for i in rows.tolist()])
+    np.testing.assert_array_equal(found, expected)
+    whole = grid_points(axes, 0, count)
+    np.testing.assert_array_equal(whole[rows], expected)
+    third = count // 3
+    pieces = [grid_points(axes, 0, third), grid_points(axes, third, count)]
+    np.testing.assert_array_equal(np.concatenate(pieces), whole)
+
+
+def test_the_axis_of_a_grid() -> None:
+    np.testing.assert_array_equal(grid_axis(-1, 2, 4, False), [-1, 0, 1, 2])
+    np.testing.assert_array_equal(grid_axis(-1, 2, 1, False), [0.5])
+    turn = grid_axis(-math.pi, math.pi, 4, False)  # its end is its beginning
+    np.testing.assert_allclose(turn, [-math.pi, -math.pi / 2, 0, math.pi / 2], atol=1e-15)
+    assert grid_axis(-math.pi, math.pi, 4, True)[-1] == pytest.approx(math.pi)
+
+
+def test_joints_that_change_nothing_are_left_out() -> None:
+    plan = plan_map(arms.ur5())
+    assert [plan.arm.joints[i] for i in plan.moving] == [
+        "shoulder_lift_joint",
+        "elbow_joint",
+        "wrist_1_joint",
+        "wrist_2_joint",
+    ]
+    assert "shoulder_pan_joint, wrist_3_joint" in plan.notes[0]
+    named = plan_map(arms.ur5(), ranges={"shoulder_pan_joint": (-1.0, 1.0)})
+    assert named.moving == (0, 1, 2, 3, 4)
+    rows = plan_map(arms.ur5().with_task("vx,vz"))
+    assert 0 in rows.moving  # rows alone are not the same seen from another side
+
+
+def test_configurations_are_within_their_ranges() -> None:
+    arm = arms.textbook("stanford")
+    q = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+    for sampling in ("sobol", "random", "grid"):
+        plan = plan_map(arm, sampling, count=3000, joints=("q5", "d3"), q=q, ranges={"q5": (1, 2)})
+        Q = plan.configurations(0, plan.count)
+        assert Q.shape == (plan.count, 6)
+        np.testing.assert_array_equal(
+            Q[:, [0, 1, 3, 5]], np.tile([0.1, 0.2, 0.4, 0.6], (len(Q), 1))
+        )
+        assert ((Q[:, 4] >= 1) & (Q[:, 4] <= 2)).all()
+        assert ((Q[:, 2] >= arm.lower[2]) & (Q[:, 2] <= arm.upper[2])).all()
+        assert np.ptp(Q[:, 4]) > 0.9
+        assert np.ptp(Q[:, 2]) > 0.9 * (arm.upper[2] - arm.lower[2])
+    assert plan.steps == (54, 54)
+    np.testing.assert_allclose(Q[1] - Q[0], [0, 0, Q[1, 2] - Q[0, 2], 0, 0, 0])  # d3, named last
+    assert "54 x 54 = 2,916" in str(plan)
+
+
+def test_a_permuted_map_of_all_joints() -> None:
+    arm = arms.textbook("stanford")
+    names = arm.joints[::-1]
+    plan = plan_map(arm, "grid", steps={name: i + 1 for i, name in enumerate(names)}, joints=names)
+    Q = plan.configurations(0, plan.count)
+    assert [len(np.unique(Q[:, i])) for i in range(6)] == [6, 5, 4, 3, 2, 1]
+    assert plan.count == math.factorial(6)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "text"),
+    [
+        ({"sampling": "sobel"}, UnknownNameError, "sobol"),
+        ({"joints": ["q1", "q9"]}, UnknownNameError, "q9"),
+        ({"joints": []}, OptionError, "at least one"),
+        ({"joints": ["q1", "q1"]}, OptionError, "twice"),
+        ({"joints": ["q1"], "ranges": {"q2": (0, 1)}}, OptionError, "q2 has a range"),
+        ({"ranges": {"q2": (1, 1)}}, ConfigurationError, "empty"),
+        ({"ranges": {"q2": (0, math.nan)}}, ConfigurationError, "not finite"),
+        ({"ranges": {"d3": (0, 99)}}, ConfigurationError, "ignore_limits"),
+        ({"joints": ["q1"], "q": [0, 0, 99, 0, 0, 0]}, ConfigurationError, "limits of d3"),
+        ({"q": [0, 0]}, ConfigurationError, "6 values"),
+        ({"q": np.zeros((2, 6))}, ConfigurationError, "one joint vector"),
+        ({"count": 0}, OptionError, "between 1"),
+        ({"count": 10**16}, OptionError, "between 1"),
+        ({"steps": 3}, OptionError, "belong to a grid"),
+        ({"sampling": "grid", "steps": 3, "count": 5}, OptionError, "not both"),
+        ({"sampling": "grid", "steps": 0}, OptionError, "steps of a joint"),
+        ({"sampling": "grid", "steps": 10**6}, OptionError, "between 1"),
+        ({"sampling": "grid", "steps": {"q2": 3}}, OptionError, "steps of d3"),
+        ({"worst": 0}, OptionError, "worst"),
+        ({"seed": -1}, OptionError, "seed"),
+        ({"chunk": 0}, OptionError, "chunk"),
+        ({"keep_values": True}, OptionError, "give out"),
+        ({"threads": 0}, OptionError, "threads"),
+        ({"engine": "fast"}, OptionError, "unknown engine"),
+    ],
+)
+def test_wrong_options_are_refused(options: dict, error: type[Exception], text: str) -> None:
+    with pytest.raises(error, match=text):
+        sigma_map(arms.textbook("stanford"), **{"count": 10, **options} if "steps" not in options
+                  else options)  # fmt: skip
+
+
+def test_numbers_outside_the_plan_are_refused() -> None:
+    plan = plan_map(arms.ur5(), count=10)
+    for start, stop in ((0, 11), (-1, 3), (5, 4)):
+        with pytest.raises(OptionError, match="outside 0 to 10"):
+            plan.configurations(start, stop)
+
+
+# ---- what is kept of them
+
+
+def test_bins_hold_what_their_edges_say() -> None:
+    edges = bin_edges()
+    assert len(edges) == BINS + 1
+    assert (np.diff(edges) > 0).all()
+    rng = np.random.default_rng(0)
+    values = np.concatenate(
+        [
+            10.0 ** rng.uniform(-25, 12, 20_000),
+            edges[:-1],
+            np.nextafter(edges[1:-1], 0),
+            [0.0, 5e-324, 1e300],
+        ]
+    )
+    bins = bin_numbers(values)
+    assert ((edges[bins] <= values) & (values < edges[bins + 1])).all()
+    inner = edges[1:-1]  # without the bins that end at zero and at infinity
+    assert (np.diff(inner) / inner[:-1] <= 2 * QUANTILE_ERROR).all()
+
+
+def brute_force(sigma: np.ndarray, worst: int) -> dict[str, object]:
+    ratio = sigma_ratio(sigma)
+    order = np.lexsort((np.arange(len(ratio)), ratio))[:worst]
+    return {
+        "singular": int((ratio <= 1e-9).sum()),
+        "near": int(((ratio > 1e-9) & (ratio <= 1e-2)).sum()),
+        "worst": order.tolist(),
+        "index": [[int(x.argmin()), int(x.argmax())] for x in (sigma[:, -1], ratio)],
+    }
+
+
+@given(
+    data=st.lists(
+        st.sampled_from([0.0, 1e-12, 1e-5, 0.25, 0.5, 1.0, 3.0]), min_size=1, max_size=60
+    ),
+    worst=st.integers(1, 9),
+    cuts=st.sets(st.integers(1, 59)),
+    seed=st.integers(0, 99),
+)
+def test_tallies_join_in_any_order(
+    data: list[float], worst: int, cuts: set[int], seed: int
+) -> None:
+    sigma = np.stack([np.full(len(data), 4.0), np.array(data)], axis=1)
+    ends = [0, *sorted(c for c in cuts if c < len(data)), len(data)]
+    parts = []
+    for a, b in itertools.pairwise(ends):
+        tally = Tally(worst)
+        tally.add(a, sigma[a:b])
+        parts.append(Tally.from_record(tally.record(), worst))
+    np.random.default_rng(seed).shuffle(parts)
+    whole = Tally(worst)
+    for part in parts:
+        whole.join(part)
+    expected = brute_force(sigma, worst)
+    assert whole.done == len(data)
+    assert (whole.singular, whole.near) == (expected["singular"], expected["near"])
+    assert whole.worst_index.tolist() == expected["worst"]
+    assert whole.index.tolist() == expected["index"]
+    assert whole.histogram.sum(axis=1).tolist() == [len(data)] * 2
+    serial = Tally(worst)
+    for a, b in itertools.pairwise(ends):
+        serial.add(a, sigma[a:b])
+    for name, array in serial.record().items():
+        np.testing.assert_array_equal(array, whole.record()[name])
+
+
+@pytest.mark.parametrize("sampling", ["sobol", "random", "grid"])
+def test_a_map_is_what_all_its_values_say(sampling: str) -> None:
+    arm = arms.textbook("puma560")
+    result = sigma_map(arm, sampling, count=N, worst=30)
+    plan = result.plan
+    Q = plan.configurations(0, plan.count)
+    sigma = singular_values(arm, Q)
+    ratio = sigma_ratio(sigma)
+    expected = brute_force(sigma, 30)
+    assert result.done == plan.count
+    assert result.complete
+    assert result.singular == expected["singular"]
+    assert result.near_singular == expected["near"]
+    assert [p.index for p in result.worst] == expected["worst"]
+    for point in result.worst:
+        np.testing.assert_array_equal(point.q, Q[point.index])
+        assert point.ratio == ratio[point.index]
+        assert point.sigma_min == sigma[point.index, -1]
+    for values, found in ((sigma[:, -1], result.sigma_min), (ratio, result.ratio)):
+        assert found.smallest.value == values.min()
+        assert found.largest.value == values.max()
+        np.testing.assert_array_equal(found.largest.q, Q[found.largest.index])
+        assert found.counts.sum() == plan.count
+        for p in (0.0, 1e-9, 0.001, 0.1, 0.5, 0.77, 0.999, 1.0):
+            exact = np.sort(values)[max(0, math.ceil(p * len(values)) - 1)]
+            assert found.quantile(p) == pytest.approx(exact, rel=QUANTILE_ERROR, abs=2.0**-64)
+    with pytest.raises(OptionError, match="between 0 and 1"):
+        result.ratio.quantile(1.5)
+
+
+def test_ties_go_to_the_lower_number() -> None:
+    arm = arms.planar((1.0, 1.0))
+    result = sigma_map(arm, "grid", steps={"q1": 3, "q2": 2 * BLOCK}, joints=("q1", "q2"), worst=4)
+    sigma = singular_values(arm, result.plan.configurations(0, result.plan.count))
+    expected = brute_force(sigma, 4)
+    assert [p.index for p in result.worst] == expected["worst"]
+    assert result.singular == 6  # q2 = -pi and 0, at three q1
+    assert result.sigma_min.largest.index == expected["index"][0][1]
+
+
+def test_result_goes_through_json() -> None:
+    result = sigma_map(arms.ur5(), "grid", steps=5, worst=3)
+    again = MapResult.from_json(result.to_json())
+    assert again.to_json() == result.to_json()
+    assert str(again) == str(result)
+    assert "5 x 5 x 5 x 5 = 625" in str(result)
+    assert "smallest" in str(result)
+    with pytest.raises(ResultError):
+        MapResult.from_json('{"schema": "pinsing/state/1"}')
+
+
+# ---- nothing else decides it
+
+
+def coupled() -> object:
+    """A UR5 whose joints all follow four others, as mimic joints do."""
+    arm = arms.ur5()
+    matrix = np.random.default_rng(5).uniform(-1, 1, (6, 4))
+    names, cut = arm.joints[:4], slice(0, 4)
+    return dataclasses.replace(
+        arm,
+        joints=names,
+        prismatic=arm.prismatic[cut].copy(),
+        lower=arm.lower[cut].copy(),
+        upper=arm.upper[cut].copy(),
+        coupling=Coupling(matrix, np.full(6, 0.1)),
+    )
+
+
+class Backwards(Executor):
+    """Does the work at once, and hands it over in the wrong order."""
+
+    def submit(self, fn, /, *args, **kwargs):
+        future: Future = Future()
+        future.set_result(fn(*args, **kwargs))
+        return future
+
+
+@pytest.mark.parametrize("engine", [*kernel.isa_names(), "pinocchio"])
+@pytest.mark.parametrize("robot", ["ur5", "coupled", "position"])
+def test_chunks_and_threads_do_not_change_a_bit(engine: str, robot: str) -> None:
+    if robot == "coupled":
+        arm = coupled()
+    else:
+        arm = arms.ur5() if robot == "ur5" else arms.ur5().with_task("position", 0.3)
+    count = N if engine != "pinocchio" else 2 * BLOCK + 9
+
+    def text(**options) -> str:
+        result = sigma_map(arm, count=count, engine=engine, **options)
+        assert result.engine == engine
+        same = dataclasses.replace(result.plan, chunk=0)
+        return dataclasses.replace(result, plan=same).to_json()
+
+    one = text(threads=1)
+    assert text(threads=2, chunk=1) == one
+    assert text(threads=7, chunk=2 * BLOCK) == one
+    with ThreadPoolExecutor(3) as executor:
+        assert text(executor=executor, chunk=BLOCK) == one
+    assert text(executor=Backwards(), chunk=BLOCK, parallel=3) == one
+
+
+def test_processes_do_not_change_a_bit() -> None:
+    arm = arms.textbook("stanford")
+    one = sigma_map(arm, "random", count=N, chunk=BLOCK)
+    with local_processes(2) as (executor, parallel):
+        two = sigma_map(arm, "random", count=N, chunk=BLOCK, executor=executor, parallel=parallel)
+    assert one.to_json() == two.to_json()
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as executor:
+        three = sigma_map(arm, "random", count=N, chunk=BLOCK, executor=executor)
+    assert one.to_json() == three.to_json()
+
+
+def test_a_worker_that_dies_is_an_error_that_says_so(tmp_path) -> None:
+    with local_processes(1) as (executor, _):
+        victim = executor.submit(signal.raise_signal, signal.SIGKILL)
+        assert victim.exception() is not None
+        with pytest.raises(WorkerError, match="a worker process died"):
+            sigma_map(arms.ur5(), count=100, executor=executor)
+
+
+def test_a_worker_without_the_instruction_set_says_so(monkeypatch) -> None:
+    work = evaluator(arms.ur5(), "auto")
+    monkeypatch.setattr(kernel, "isa_names", lambda: ("baseline",))
+    if work.engine in ("baseline", "pinocchio"):
+        pytest.skip("only one instruction set here")
+    with pytest.raises(EngineError, match=f"planned for {work.engine}.*runs baseline"):
+        work.sigma(np.zeros((1, 6)))
+    with pytest.raises(EngineError, match="does not run on this machine"):
+        fixed_engine(arms.ur5(), work.engine)
+
+
+def test_engines_agree_to_rounding() -> None:
+    arm = arms.textbook("surgical7")
+    found = [
+        sigma_map(arm, count=BLOCK, engine=engine) for engine in ("pinocchio", *kernel.isa_names())
+    ]
+    for result in found[1:]:
+        assert result.ratio.smallest.index == found[0].ratio.smallest.index
+        assert result.ratio.smallest.value == pytest.approx(
+            found[0].ratio.smallest.value, abs=1e-14
+        )
+
+
+def test_what_is_sent_to_workers_is_small() -> None:
+    work = evaluator(load("panda"))
+    assert len(pickle.dumps(work)) < 40_000
+    Q = np.random.default_rng(0).uniform(-1, 1, (9, 7))
+    np.testing.assert_array_equal(pickle.loads(pickle.dumps(work)).sigma(Q), work.sigma(Q))
+
+
+def test_fingerprints_are_of_numbers_and_not_of_names() -> None:
+    arm = arms.ur5()
+    one = fingerprint(arm)
+    assert fingerprint(dataclasses.replace(arm, name="other", notes=("x",))) == one
+    assert fingerprint(arm.with_task("position")) != one
+    assert fingerprint(arm.with_task(length_scale=0.5)) != one
+    moved = dataclasses.replace(arm, model=arm.model.copy())
+    moved.model.jointPlacements[3].translation += np.array([0, 0, 1e-15])
+    assert fingerprint(moved) != one
+
+
+# ---- memory
+
+
+def peak_mebibytes(count: str, *words: str) -> float:
+    """Peak resident memory of a child process that maps a Panda."""
+    code = (
+        "import resource, sys, json\n"
+        "from pinsing.maps import sigma_map\n"
+        "from pinsing.robot.load import load\n"
+        f"result = sigma_map(load('panda'), count={count}, threads=2)\n"
+        "assert result.complete\n"
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    return float(done.stdout)
+
+
+def test_memory_does_not_grow_with_the_map() -> None:
+    small, large = peak_mebibytes("10**4"), peak_mebibytes("10**7")
+    # All sigma_r of 10**7 configurations alone would be 76 MiB.
+    assert large - small < 40
+    assert large < 400
+
+
+@pytest.mark.slow
+def test_a_hundred_million_configurations_in_a_gibibyte() -> None:
+    assert peak_mebibytes("10**8") < 400
+
+
+# ---- the command line
+
+
+class TestCommand:
+    def test_a_map(self, tmp_path) -> None:
+        path = tmp_path / "map.json"
+        done = run("map", "ur5", "--count", "2**14", "--worst", "3", "--json", str(path))
+        assert done.exit_code == 0
+        assert "16,384 configurations" in done.stdout
+        assert "near-singular" in done.stdout
+        result = MapResult.from_json(path.read_text())
+        assert len(result.worst) == 3
+        expected = sigma_map(load("ur5"), count=2**14, worst=3)
+        assert result.to_json() == expected.to_json()
+
+    def test_options_of_a_grid(self) -> None:
+        words = "map stanford --sampling grid --steps q5=5,d3=3 --map-joints d3,q5 --deg"
+        ranges = ["--range", "q5=-90,90", "--q", "0,60,0.1,0,0,0", "--json", "-"]
+        done = run(*words.split(), *ranges)
+        data = json.loads(done.stdout)
+        assert data["plan"]["steps"] == [3, 5]
+        assert data["plan"]["ranges"][1] == pytest.approx([-math.pi / 2, math.pi / 2])
+        assert data["plan"]["base"][1] == pytest.approx(math.pi / 3)
+        assert data["singular"] == 7  # q5 = 0 at three d3, d3 = 0 at five q5
+
+    def test_exit_code(self) -> None:
+        words = ["map", "ur5", "--sampling", "grid", "--steps", "4"]
+        assert run(*words).exit_code == 0
+        assert run(*words, "--fail-if-singular").exit_code == 1
+
+    def test_threads_workers_engine(self) -> None:
+        words = ["map", "puma560", "--count", "20000", "--json", "-"]
+        one = run(*words, "--threads", "1")
+        assert json.loads(one.stdout)["done"] == 20000
+        assert run(*words, "--threads", "2", "--chunk", "4096").stdout != one.stdout  # the plan
+        assert json.loads(run(*words, "--engine", "pinocchio").stdout)["engine"] == "pinocchio"
+
+    @pytest.mark.parametrize(
+        ("words", "text"),
+        [
+            ("--count 1.5", "--count '1.5' is not a whole number"),
+            ("--count many", "not a whole number"),
+            ("--count 2**99", "not a whole number"),
+            ("--sampling grid --steps a=1,2", "not of the form 9 or A=9,B=5"),
+            ("--range 1,2", "not of the form JOINT=LOW,HIGH"),
+            ("--range elbow_joint=1", "needs two values"),
+            ("--keep-values", "give --out DIR"),
+            ("--threads 2 --workers 2", "exclude each other"),
+            ("--map-joints elbow", "unknown joint 'elbow'"),
+            ("--engine turbo", "unknown engine 'turbo'"),
+        ],
+    )
+    def test_bad_input_is_one_line(self, words: str, text: str) -> None:
+        done = run("map", "ur5", *words.split())
+        assert done.exit_code == 2
+        assert text in done.stderr
+        assert "Traceback" not in done.output
+
+    def test_ctrl_c(self, tmp_path, monkeypatch) -> None:
+        seen = []
+
+        def progress(self, done: int, total: int) -> str:
+            seen.append(done)
+            if len(seen) == 2:
+                signal.raise_signal(signal.SIGINT)
+            return ""
+
+        monkeypatch.setattr(Meter, "text", progress)
+        words = ["map", "ur5", "--count", str(N), "--chunk", "1"]
+        done = run(*words)
+        assert done.exit_code == 130
+        assert "stopped after" in done.stdout
+        assert "with --out DIR" in done.stderr
+        seen.clear()
+        out = str(tmp_path / "run")
+        done = run(*words, "--out", out)
+        assert done.exit_code == 130
+        assert f"what is done is in {out}: run the same command to go on" in done.stderr
+        monkeypatch.undo()
+        done = run(*words, "--out", out, "--json", str(tmp_path / "a.json"))
+        assert done.exit_code == 0
+        assert "2 of 6 chunks were done before" in done.stderr
+        run(*words, "--json", str(tmp_path / "b.json"))
+        assert (tmp_path / "a.json").read_text() == (tmp_path / "b.json").read_text()
+
+
+def test_rate_and_remaining_time() -> None:
+    times = iter([100.0, 104.0, 105.0])
+    meter = Meter(lambda: next(times))
+    assert meter.text(40_000_000, 100_000_000) == "40 M of 100 M"  # that a folder had already
+    assert meter.text(60_000_000, 100_000_000) == "60 M of 100 M, 5 M/s, 8 s left"
+    assert meter.text(100_000_000, 100_000_000) == "100 M of 100 M, 12 M/s, 0 s left"
+    assert [short(x) for x in (7, 12_345, 3.2e9, 1e12)] == ["7", "12.3 k", "3.2 G", "1 T"]
+    assert [duration(s) for s in (59, 200, 18_600, 187_200)] == [
+        "59 s",
+        "3 min 20 s",
+        "5 h 10 min",
+        "2 d 4 h",
+    ]
