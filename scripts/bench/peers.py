@@ -106,9 +106,11 @@ def toolbox_row(name: str, chain: Chain, urdf: str, tip: str, values: bool) -> R
 
 
 def torch_row(name: str, chain: Chain, urdf: str, tip: str, values: bool) -> Row:
-    """pytorch_kinematics on the CPU, in float64."""
+    """pytorch_kinematics on one thread (several get in each other's way), in float64."""
     import pytorch_kinematics as pk
     import torch
+
+    torch.set_num_threads(1)
 
     with open(urdf, "rb") as file:
         serial = pk.build_serial_chain_from_urdf(file.read(), tip).to(dtype=torch.float64)
@@ -127,4 +129,4 @@ def torch_row(name: str, chain: Chain, urdf: str, tip: str, values: bool) -> Row
     def many(Q: np.ndarray) -> np.ndarray:
         return np.array(serial.jacobian(tensor(Q)).tolist())
 
-    return f"{name}, torch {torch.__version__}, its own threads", run, many, 5
+    return f"{name}, torch {torch.__version__}, 1 thread", run, many, 5

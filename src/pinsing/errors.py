@@ -11,6 +11,13 @@ from collections.abc import Iterable
 from pathlib import Path
 
 
+_LONGEST_NAME = 100
+
+
+def _cut(name: str) -> str:
+    return name if len(name) <= _LONGEST_NAME else name[: _LONGEST_NAME - 3] + "..."
+
+
 class PinsingError(Exception):
     """Base of every error that pinsing raises on purpose."""
 
@@ -52,14 +59,16 @@ class UnknownNameError(PinsingError, LookupError):
 
     def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = "") -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
-        self.close = tuple(difflib.get_close_matches(name, self.known, n=4, cutoff=0.5))
+        # Nothing of that length was mistyped, and comparing it takes minutes.
+        alike = [k for k in self.known if len(k) <= _LONGEST_NAME]
+        self.close = tuple(difflib.get_close_matches(name[:_LONGEST_NAME], alike, n=4, cutoff=0.5))
         if self.close:
             help_ = "did you mean " + " or ".join(repr(c) for c in self.close) + "?"
         elif len(self.known) <= 12:
-            help_ = "known: " + (", ".join(self.known) or "none")
+            help_ = "known: " + (", ".join(_cut(k) for k in self.known) or "none")
         else:
             help_ = f"{len(self.known)} are known"
-        super().__init__(f"unknown {kind} {name!r}: {help_}" + (f" ({hint})" if hint else ""))
+        super().__init__(f"unknown {kind} {_cut(name)!r}: {help_}" + (f" ({hint})" if hint else ""))
 
 
 class ChainError(PinsingError, ValueError):

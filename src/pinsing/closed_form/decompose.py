@@ -170,7 +170,7 @@ class Decomposition:
             reduced, r = reduce_matrix(put, rank, self.ring)
             if r <= 0:
                 continue
-            if min(len(reduced), len(reduced[0])) < r:
+            if not reduced or min(len(reduced), len(reduced[0])) < r:
                 self._emit(inner, (), True)
                 continue
             minors = Minors(reduced, r, self.ring, self.time)
@@ -205,8 +205,7 @@ class Decomposition:
             self._eliminate(p, g, shared[0], matrix, rank, values, test, singular, budget)
         missed = [s for s in singular if not any(self._holds(c, s) for c in self.components)]
         if missed:
-            regular = [s.point for s in points if not s.singular]
-            self._emit(values, self._system(p, g, missed, regular, minors), False)
+            self._emit(values, self._system(p, g, missed, minors), False)
 
     def _eliminate(
         self,
@@ -243,26 +242,20 @@ class Decomposition:
         p: Poly,
         g: Poly,
         singular: list[ComplexArray],
-        regular: list[ComplexArray],
         minors: Minors,
     ) -> tuple[Poly, ...]:
-        """Equations of the singular part of p = g = 0: factors of further minors where needed."""
+        """Equations of the singular part of p = g = 0.
+
+        One factor of every minor, that all of the singular part shares: where these vanish all
+        minors do, so that not even a part of lower dimension is stated that is regular.
+        """
         relations = [p, g]
-        left = list(regular)
         for minor in minors:
-            if not left:
-                break
-            factors = self._factors(minor)
-            if any(f in relations for f in factors):
+            self.time.check()
+            if any(divmod(minor, r)[1] == 0 for r in relations):
                 continue
-            whole = [f for f in factors if all(self._zeros(f, singular))]
-            for f in whole[:1] or [minor]:
-                remaining = list(itertools.compress(left, self._zeros(f, left)))
-                if len(remaining) < len(left):
-                    relations.append(f)
-                    left = remaining
-        if left:
-            self.gaps.append("regular points could not be told from a system of equations")
+            whole = [f for f in self._factors(minor) if all(self._zeros(f, singular))]
+            relations.append(min(whole, key=len) if whole else minor)
         return tuple(sorted(relations, key=len))
 
     def _zeros(self, poly: Poly, points: Sequence[ComplexArray]) -> list[bool]:

@@ -45,23 +45,22 @@ def project(
     q = np.array(start, dtype=float)
     if not equations or not len(q):
         return q, np.ones(len(q), dtype=bool)
-    done = np.zeros(len(q), dtype=bool)
-    for _ in range(iterations):
-        left = np.flatnonzero(~done)
-        if not len(left):
-            break
+    best, least = q.copy(), np.full(len(q), np.inf)
+    left = np.arange(len(q))
+    for iteration in range(iterations + 1):
         f = residuals(equations, q[left])
-        ok = (np.abs(f) <= _ON).all(axis=-1)
-        done[left[ok]] = True
-        left, f = left[~ok], f[~ok]
-        if not len(left):
+        worst = np.abs(f).max(axis=-1)
+        # Where gradients nearly vanish a step may lead away again: the best is kept.
+        better = worst < least[left]
+        best[left[better]], least[left[better]] = q[left[better]], worst[better]
+        left, f = left[worst > _ON], f[worst > _ON]
+        if not len(left) or iteration == iterations:
             break
         A = gradients(equations, q[left]) * free
         step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=1e-10), f)
         size = np.linalg.norm(step, axis=-1, keepdims=True)
         q[left] += step * np.minimum(1.0, 0.7 / np.maximum(size, 1e-300))
-    f = residuals(equations, q)
-    return q, np.asarray((np.abs(f) <= _TOUCHING).all(axis=-1))
+    return best, np.asarray(least <= _TOUCHING)
 
 
 def search(

@@ -10,6 +10,7 @@ meet every component.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from fractions import Fraction
@@ -80,19 +81,25 @@ class RankTest:
         ]
 
     def ratio(self, point: ComplexArray) -> float:
-        """sigma_rank / sigma_1 of the matrix, its rows and columns balanced."""
-        M = np.array(
-            [
-                [np.prod(point[None, :] ** e, axis=1) @ c if len(c) else 0 for e, c in row]
-                for row in self.entries
-            ]
-        )
+        """sigma_rank over the size of the matrix, its rows and columns balanced."""
+        values = np.zeros((len(self.entries), len(self.entries[0])), dtype=complex)
+        sizes = np.zeros(values.shape)
+        for i, row in enumerate(self.entries):
+            for k, (e, c) in enumerate(row):
+                if len(c):
+                    terms = np.prod(point[None, :] ** e, axis=1)
+                    values[i, k] = terms @ c
+                    sizes[i, k] = np.abs(terms) @ np.abs(c)
+        # Balanced by the sizes of the terms: a row or column that vanishes must stay zero.
         for _ in range(2):
             for axis in (1, 0):
-                size = np.linalg.norm(M, axis=axis, keepdims=True)
-                M = M / np.where(size > 0, size, 1.0)
-        sigma = np.linalg.svd(M, compute_uv=False)
-        return float(sigma[self.rank - 1] / sigma[0]) if sigma[0] > 0 else 0.0
+                size = np.linalg.norm(sizes, axis=axis, keepdims=True)
+                size = np.where(size > 0, size, 1.0)
+                values, sizes = values / size, sizes / size
+        sigma = np.linalg.svd(values, compute_uv=False)
+        # Not over sigma_1: where the whole matrix vanishes, that is rounding as well.
+        whole = np.linalg.norm(sizes)
+        return float(sigma[self.rank - 1] / whole) if whole > 0 else 0.0
 
 
 @dataclass(frozen=True)
@@ -242,9 +249,7 @@ def univariate_roots(poly: Poly, variable: int) -> list[complex]:
     coefficients: dict[int, Fraction] = {}
     for monomial, c in poly.to_dict().items():
         coefficients[int(monomial[variable])] = fraction(c)
-    denominator = int(np.lcm.reduce([1], dtype=object))
-    for c in coefficients.values():
-        denominator = denominator * c.denominator // int(np.gcd(denominator, c.denominator))
+    denominator = math.lcm(*(c.denominator for c in coefficients.values()))
     top = max(coefficients)
     integers = [int(coefficients.get(i, Fraction(0)) * denominator) for i in range(top + 1)]
     roots = []

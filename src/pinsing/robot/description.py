@@ -156,6 +156,8 @@ def _describe(root: Node, source: Source, index: PackageIndex) -> Description:
         name = source.path.name.partition(".")[0] or "robot"
         source.note(f"the robot has no name: called {name!r} after its file")
 
+    source.check_name(name, f"robot {show(name)}", root)
+
     source.version = root.attributes.get("version", source.version)
     meshes = Meshes(index)
     checked_links = [check_link(node, source, meshes) for node in link_nodes]

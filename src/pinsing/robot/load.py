@@ -18,9 +18,14 @@ from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
 from pinsing.robot.reduce import lock_joints, reroot
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import candidates, choose_chain, choose_tip, frame_index, joint_path
+from pinsing.robot.urdf_source import has_control
 
 if TYPE_CHECKING:
     from pinsing.robot.description import Description
+
+
+MAX_JOINTS = 64
+"""Joints of an arm; hours and gigabytes, not insight, lie beyond."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +132,11 @@ def _read(
                 "the model has Pinocchio mimic joints: build it with mimic=False, "
                 "or give the URDF file, where pinsing reads the couplings itself"
             )
+        for name in (robot.name, *robot.names, *(frame.name for frame in robot.frames)):
+            if has_control(name):
+                raise PinsingError(
+                    f"the model has the name {name[:60]!r} with a control character: rename it"
+                )
         # A copy: what the caller does to the model later is no business of the arm.
         return _Whole(robot.copy(), robot.name or "model", "pin.Model", {})
     from pinsing.robot.catalog import CatalogEntry, locate_robot
@@ -250,6 +260,11 @@ def _build(
             f"{', '.join(sorted(stuck))}",
         )
     kept = [j for j in free if model.names[j] not in stuck]
+    if len(kept) > MAX_JOINTS:
+        raise ChainError(
+            f"{whole.label}: {len(kept)} joints in a row: at most {MAX_JOINTS} can be analysed; "
+            "choose a base farther out, or name the joints to keep"
+        )
     if not kept:
         raise ChainError(f"{whole.label}: every joint of the chain follows one outside it")
     if whole.description is not None:

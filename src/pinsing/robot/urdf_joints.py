@@ -74,6 +74,7 @@ def check_joint(node: Node, source: Source) -> tuple[JointEntry, Node]:
     if not name.strip():
         raise source.error("a <joint> has no name", node)
     what = f"joint {show(name)}"
+    source.check_name(name, what, node)
     if name == "universe":
         raise source.error(f"{what}: the name is Pinocchio's own: rename the joint", node)
     kind = _kind(node, source, what)

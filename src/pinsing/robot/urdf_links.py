@@ -77,6 +77,7 @@ def check_link(node: Node, source: Source, meshes: Meshes) -> tuple[str, Node]:
     if not name.strip():
         raise source.error("a <link> has no name", node)
     what = f"link {show(name)}"
+    source.check_name(name, what, node)
     clean = Node("link", {"name": name}, node.line)
     clean.children += _inertial(node, source, what, name)
     for tag in ("visual", "collision"):

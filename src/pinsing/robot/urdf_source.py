@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import unicodedata
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -21,6 +22,11 @@ LARGEST_INERTIA = 1e12
 def show(text: str, length: int = 60) -> str:
     """Return text from a file as a quoted literal, cut to a length, control characters escaped."""
     return repr(text if len(text) <= length else text[: length - 3] + "...")
+
+
+def has_control(name: str) -> bool:
+    """Whether a name holds a line break, a tab, an escape or the like."""
+    return any(unicodedata.category(c) == "Cc" for c in name)
 
 
 @dataclass
@@ -62,6 +68,11 @@ class Source:
     def notes(self) -> tuple[str, ...]:
         """Return the notes in the order of their first finding."""
         return tuple(_note(text, places) for text, places in self._findings.items())
+
+    def check_name(self, name: str, what: str, node: Node) -> None:
+        """Refuse control characters, which terminals, LaTeX and tables obey or trip over."""
+        if has_control(name):
+            raise self.error(f"{what}: the name holds a control character: rename it", node)
 
     def attribute(self, node: Node, name: str, what: str) -> str:
         """Return a required attribute that is not blank."""

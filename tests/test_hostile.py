@@ -1,0 +1,339 @@
+"""Files from strangers: what they may not read, write, run, or make a terminal or a page show."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import html
+import json
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from urdf_texts import LIMIT, joint, make_package, robot
+
+from pinsing import analyze, closed_form, load
+from pinsing.errors import PinsingError, RobotFileError
+from pinsing.report.latex import families_latex
+from pinsing.robot.description import read_description
+from pinsing.robot.strict_yaml import MAX_BYTES, compose
+
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
+SECRET = b"the secret that no page may hold, 2f9c61"
+STL = b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+DAE = (
+    '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>'
+    '<library_images><image id="i"><init_from>{}</init_from></image></library_images></COLLADA>'
+)
+
+BOMBS = {
+    "laughs": '[<!ENTITY a "ha"><!ENTITY b "&a;&a;&a;&a;"><!ENTITY c "&b;&b;&b;&b;">]',
+    "external": '[<!ENTITY c SYSTEM "file:///etc/passwd">]',
+    "parameter": '[<!ENTITY % p SYSTEM "http://127.0.0.1:9/x"> %p;]',
+    "outside": 'SYSTEM "http://127.0.0.1:9/x.dtd"',
+}
+
+
+@pytest.mark.parametrize("bomb", BOMBS)
+@pytest.mark.parametrize("where", ["urdf", "xacro", "include"])
+def test_entities_are_refused_everywhere(bomb, where, tmp_path):
+    text = f'<?xml version="1.0"?>\n<!DOCTYPE robot {BOMBS[bomb]}>\n<robot name="&c;"/>'
+    path = tmp_path / ("arm.urdf" if where == "urdf" else "arm.xacro")
+    path.write_text(text)
+    if where == "include":
+        path = tmp_path / "whole.xacro"
+        path.write_text(XACRO.format('<xacro:include filename="arm.xacro"/>'))
+    started = time.monotonic()
+    with pytest.raises(RobotFileError, match="document types and entities are not accepted"):
+        read_description(path)
+    assert time.monotonic() - started < 5
+
+
+def test_yaml_bombs_objects_and_sizes(tmp_path):
+    path = tmp_path / "arm.yaml"
+    laughs = [f"a{i}: &a{i} [{', '.join([f'*a{i - 1}'] * 9)}]" for i in range(1, 25)]
+    cases = {
+        "\n".join(["a0: &a0 [lol]", *laughs]): "unknown key",
+        "&a [*a]": "expected the keys",
+        "name: !!python/object/apply:os.system ['true']": "is not understood",
+        "[" * 50_000: "nested too deeply",
+        "# " + "x" * MAX_BYTES: "is larger than 64 KiB",
+        "k" * 3000 + ": 1": "unknown key 'kkk",
+        "name: \0": "not valid YAML",
+    }
+    for text, expected in cases.items():
+        path.write_text(text)
+        with pytest.raises(RobotFileError, match=re.escape(expected)) as caught:
+            compose(path).mapping(("name",))["name"].text()
+        assert len(str(caught.value)) < 400
+        assert "\n" not in str(caught.value)
+    with pytest.raises(RobotFileError, match="not a plain file"):
+        compose("/dev/zero")
+
+
+# Meshes -----------------------------------------------------------------------------
+
+
+def page_of(arm) -> bytes:
+    """All that a static page of an arm holds, unpacked."""
+    from pinsing.view import Viewer
+
+    viewer = Viewer(arm, families=())
+    text = viewer.html()
+    viewer.close()
+    parts = [text.encode()]
+    for packed in re.findall(r'type="application/octet-stream">([^<]*)<', text):
+        parts.append(gzip.decompress(base64.b64decode(packed)))
+    assert len(parts) == 3
+    return b"\n".join(parts)
+
+
+def holds_secret(page: bytes) -> bool:
+    return any(base64.b64encode(SECRET)[:40] in page or SECRET[:n] in page for n in (30,))
+
+
+@pytest.fixture
+def package(tmp_path) -> Path:
+    folder = make_package(tmp_path)
+    (tmp_path / "secret.stl").write_bytes(STL + SECRET)
+    (tmp_path / "secret.png").write_bytes(SECRET)
+    (tmp_path / "secret.txt").write_bytes(SECRET)
+    (folder / "meshes" / "link.stl").symlink_to(tmp_path / "secret.stl")
+    return folder
+
+
+def drawn(package: Path, mesh: str, texture: str = "") -> Path:
+    material = f'<material name="m"><texture filename="{texture}"/></material>' if texture else ""
+    visual = f'<visual><geometry><mesh filename="{mesh}"/></geometry>{material}</visual>'
+    path = package / "urdf" / "arm.urdf"
+    path.write_text(robot(links="ab", extra=f'<link name="c">{visual}</link>'))
+    return path
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "package://../../secret.stl",
+        "package://arm_description/../../secret.stl",
+        "package://arm_description/meshes/../../../secret.stl",
+        "package://arm_description/meshes/link.stl",
+        "../../../secret.stl",
+        "../meshes/link.stl",
+        "{}/secret.stl",
+        "file://{}/secret.stl",
+        "file://{}/ws/arm_description/../../secret.stl",
+        "file:///etc/passwd",
+        "/dev/zero",
+        "http://127.0.0.1:9/a.stl",
+        "\\\\server\\share\\a.stl",
+    ],
+)
+def test_meshes_from_elsewhere_are_in_no_page(address, package, tmp_path):
+    arm = load(drawn(package, address.format(tmp_path)))
+    assert "mesh filename" not in arm.source.xml
+    assert any("not opened" in note or "not found" in note for note in arm.notes)
+    assert not holds_secret(page_of(arm))
+
+
+def test_a_good_mesh_is_in_the_page(package):
+    arm = load(drawn(package, "package://arm_description/meshes/a.stl"))
+    assert "mesh filename" in arm.source.xml
+    assert len(page_of(arm)) > len(page_of(load(drawn(package, "nope.stl"))))
+
+
+@pytest.mark.parametrize(
+    ("image", "taken"),
+    [
+        ("{}/secret.txt", False),
+        ("{}/secret.png", False),
+        ("../../../secret.png", False),
+        ("/etc/passwd", False),
+        ("../secret.txt", False),
+        ("&#x2e;&#x2e;/../../secret.png", False),
+        ("<b>{}/secret.png</b>", False),
+        ("image.png", True),
+        ("../meshes/image.png", True),
+        ("not_there.png", True),
+    ],
+)
+def test_images_that_a_mesh_refers_to_are_judged_as_well(image, taken, package, tmp_path):
+    """The viewer embeds them: a Collada file may not reach for what the URDF may not."""
+    (package / "meshes" / "image.png").write_bytes(b"\x89PNG an image of the robot's own")
+    (package / "meshes" / "a.dae").write_text(DAE.format(image.format(tmp_path)))
+    found = read_description(drawn(package, "package://arm_description/meshes/a.dae"))
+    assert ("mesh filename" in found.xml) == taken
+    if not taken:
+        assert any("not opened" in note and "refers to a file" in note for note in found.notes)
+        assert not holds_secret(page_of(load(found.path)))
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        DAE.format("a.png").replace("<COLLADA", '<!DOCTYPE x [<!ENTITY e "y">]><COLLADA'),
+        DAE.format("a.png")[:-10],
+    ],
+    ids=["entities", "malformed"],
+)
+def test_a_mesh_that_cannot_be_judged_is_not_opened(text, package):
+    (package / "meshes" / "a.dae").write_text(text)
+    found = read_description(drawn(package, "package://arm_description/meshes/a.dae"))
+    assert "mesh filename" not in found.xml
+    (package / "meshes" / "a.dae").write_bytes(DAE.format("/etc/passwd").encode("utf-16"))
+    assert "mesh filename" not in read_description(found.path).xml
+
+
+def test_textures_from_elsewhere_are_not_opened(package, tmp_path):
+    path = drawn(package, "package://arm_description/meshes/a.stl", f"{tmp_path}/secret.png")
+    assert "secret" not in read_description(path).xml
+
+
+# Names ------------------------------------------------------------------------------
+
+HTML = '<img src=x onerror="alert(1)">&amp;'
+QUOTES = "a\"b'c`d"
+LINES = "one\ntwo\r\tthree"
+ESCAPES = "\x1b[31mred\x1b]0;title\x07\x9b"
+MARKS = "\u202eevil\u200b"
+LATEX = "\\input{/etc/passwd}%$#_{}"
+NAMES = {
+    "html": HTML,
+    "quotes": QUOTES,
+    "lines": LINES,
+    "escapes": "".join(c for c in ESCAPES if c not in "\x1b\x07"),
+    "marks": MARKS,
+    "latex": LATEX,
+}
+
+
+@pytest.fixture(params=NAMES)
+def named(request, tmp_path) -> tuple[str, Path]:
+    """A robot all of whose names are hostile."""
+    from xml.sax.saxutils import quoteattr
+
+    name = NAMES[request.param]
+    said = quoteattr(name, {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;", '"': "&quot;"})[1:-1]
+    pose = '<origin xyz="0 0 0.5" rpy="1.5707963267948966 0 0"/><axis xyz="0 0 1"/>' + LIMIT
+    links = [f"{said} link {i}" for i in range(4)]
+    body = "".join(f'<link name="{link}"/>' for link in links)
+    joints = "".join(
+        joint(f"{said} {i}", links[i], links[i + 1], inner=pose) for i in range(len(links) - 1)
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="{said}">{body}{joints}</robot>', encoding="utf-8")
+    return name, path
+
+
+def run(*words: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "pinsing", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_names_are_text_in_the_terminal_and_in_json(named):
+    name, path = named
+    for words in (["info", str(path)], ["families", str(path)], ["info", str(path), "--tip", name]):
+        ended = run(*words)
+        assert ended.returncode in (0, 2), ended.stderr
+        for line in (ended.stdout + ended.stderr).split("\n"):
+            assert all(c.isprintable() or c == "\t" for c in line), line
+        if ended.returncode == 2:  # there is no such frame, said in one line
+            assert len(ended.stderr.strip().splitlines()) == 1
+    data = run("info", str(path), "--json", "-")
+    assert json.loads(data.stdout)["arm"]["joints"] == [f"{name} {i}" for i in range(3)]
+
+
+def test_names_are_text_in_pages_and_in_latex(named):
+    name, path = named
+    arm = load(path)
+    form = closed_form(arm, seconds=5)
+    latex = families_latex(form)
+    for line in latex.splitlines():
+        legend = line.startswith("% q")
+        # What a name says stands behind the sign of a comment, or nowhere.
+        assert legend or "input" not in line
+        assert legend or "two" not in line
+    from pinsing.view import Viewer
+
+    viewer = Viewer(arm, families=())
+    page = viewer.html()
+    viewer.close()
+    title = re.search(r"<title>(.*?)</title>", page, re.DOTALL)
+    assert title is not None
+    assert html.escape(name) in title.group(1)
+    assert "<img src=x" not in page
+
+
+# Programs and files -------------------------------------------------------------------
+
+ATTACKS = {
+    "builtins": "${{__import__('os').system('touch {0}')}}",
+    "lambda": "${{(lambda: __import__('os').system('touch {0}'))()}}",
+    "classes": "${{[c for c in ().__class__.__base__.__subclasses__()]}}",
+    "getattr": "${{getattr((), '__cl' + 'ass__')}}",
+    "format": "${{'{{0.__class__}}'.format(1)}}",
+    "open": "${{open('{0}', 'w').write('x')}}",
+    "comprehension": "${{[open('{0}', 'w') for x in [1]][0]}}",
+    "eval argument": "$(eval __import__('os').system('touch {0}'))",
+    "exec": "${{exec('import os')}}",
+    "frames": "${{(x for x in [1]).gi_frame.f_builtins}}",
+    "yaml object": "${{xacro.load_yaml('{1}')}}",
+}
+
+
+@pytest.mark.parametrize("attack", ATTACKS)
+def test_expressions_of_xacro_run_no_programs(attack, tmp_path):
+    mark, table = tmp_path / "mark", tmp_path / "table.yaml"
+    table.write_text(f"a: !!python/object/apply:os.system ['touch {mark}']")
+    path = tmp_path / "arm.xacro"
+    expression = ATTACKS[attack].format(mark, table).replace("&", "&amp;").replace('"', "&quot;")
+    body = robot().replace("<robot", '<robot xmlns:xacro="http://www.ros.org/wiki/xacro"')
+    path.write_text(body.replace("</robot>", f'<link name="{expression}"/></robot>'))
+    with pytest.raises(RobotFileError) as caught:
+        read_description(path)
+    assert not mark.exists()
+    assert "\n" not in str(caught.value)
+
+
+def test_nothing_is_written_but_the_named_output(tmp_path, monkeypatch):
+    (tmp_path / "in").mkdir()
+    path = tmp_path / "in" / "arm.xacro"
+    path.write_text(XACRO.format(robot().split("\n", 1)[1].rsplit("</robot>", 1)[0]))
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "tmp"))
+    monkeypatch.setenv("MPLCONFIGDIR", str(tmp_path / "tmp"))
+    monkeypatch.chdir(tmp_path / "in")
+    (tmp_path / "tmp").mkdir()
+    (tmp_path / "out").mkdir()
+    ended = run("analyze", str(path), "--json", str(tmp_path / "out" / "a.json"))
+    assert ended.returncode == 0, ended.stderr
+    files = sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file())
+    assert files == ["in/arm.xacro", "out/a.json"]
+
+
+def test_a_hostile_result_file_is_refused(tmp_path):
+    from pinsing import Analysis
+    from pinsing.errors import ResultError
+
+    with pytest.raises(ResultError):
+        Analysis.from_json("[" * 100_000)
+    with pytest.raises(ResultError):
+        Analysis.from_json('{"schema": "pinsing/analysis/1", "arm": {"__class__": "os"}}')
+
+
+def test_a_long_name_makes_no_long_message(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot(joint(name="n" * 50_000, kind="ball")))
+    with pytest.raises(RobotFileError) as caught:
+        read_description(path)
+    assert len(str(caught.value)) < 400
+    path.write_text(robot(joint(name="n" * 50_000, parent="a"), joint("j3", "a", "d"), links="abcd"))
+    with pytest.raises(PinsingError) as chosen:
+        load(path, tip="x" * 50_000)
+    assert len(str(chosen.value)) < 400
+
+
+def test_an_arm_of_a_stranger_is_still_analysed(named):
+    analysis = analyze(load(named[1]), random_starts=10, seconds=5)
+    assert analysis.agree
