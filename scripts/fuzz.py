@@ -202,7 +202,7 @@ class Worker:
             return Outcome(kind, seed, outcome, said, seconds)
         if ready:
             code = process.wait()
-            self._process = None
+            self.stop()
             return Outcome(kind, seed, "crash", f"exit code {code}", seconds)
         self.stop()
         return Outcome(kind, seed, "hang", f"no answer after {seconds:.0f} s", seconds)

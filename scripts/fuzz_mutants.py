@@ -101,7 +101,7 @@ def _xml(rng: random.Random, kind: str, text: str) -> bytes:
     acts = [_drop_attribute, _set_number, _set_number, _set_word, _remove, _duplicate, _move]
     acts += [_exchange, _loop, _rename, _copy_name]
     if kind == "xacro":
-        acts += [_expression] * 5
+        acts += [_expression] * 3
     for _ in range(rng.choice([1, 1, 1, 2, 3])):
         act = rng.choice(acts)
         chosen = [e for e in root.iter() if isinstance(e.tag, str) and e.tag in tags]

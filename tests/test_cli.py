@@ -19,8 +19,8 @@ from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
 from pinsing.closed_form import ClosedForm
 from pinsing.errors import ConfigurationError, OutputError
-from pinsing.kinematics import task_jacobian
 from pinsing.files import check_writable, replacing, write_text
+from pinsing.kinematics import task_jacobian
 from pinsing.report.info import ArmInfo
 from pinsing.report.text import Table, fields, joined, safe
 from pinsing.robot.load import load

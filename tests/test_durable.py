@@ -420,7 +420,7 @@ def test_all_values_are_kept_on_request(tmp_path: Path) -> None:
 
 
 def test_a_sweep_in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("pinsing.sweep._CHUNK_ON_DISK", 5000)
+    monkeypatch.setattr(sys.modules[run_sweep.__module__], "_CHUNK_ON_DISK", 5000)
     arm = arms.textbook("puma560")
     plan = plan_sweep(arm, samples=61)
     whole = run_sweep(arm, plan)

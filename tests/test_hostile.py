@@ -58,10 +58,10 @@ def test_yaml_bombs_objects_and_sizes(tmp_path):
     cases = {
         "\n".join(["a0: &a0 [lol]", *laughs]): "unknown key",
         "&a [*a]": "expected the keys",
-        "name: !!python/object/apply:os.system ['true']": "is not understood",
+        "name: !!python/object/apply:os.system ['true']": "expected text",
         "[" * 50_000: "nested too deeply",
         "# " + "x" * MAX_BYTES: "is larger than 64 KiB",
-        "k" * 3000 + ": 1": "unknown key 'kkk",
+        "k" * 300 + ": 1": "unknown key 'kkk",
         "name: \0": "not valid YAML",
     }
     for text, expected in cases.items():
@@ -92,7 +92,7 @@ def page_of(arm) -> bytes:
 
 
 def holds_secret(page: bytes) -> bool:
-    return any(base64.b64encode(SECRET)[:40] in page or SECRET[:n] in page for n in (30,))
+    return base64.b64encode(SECRET)[:40] in page or SECRET in page
 
 
 @pytest.fixture
@@ -195,15 +195,11 @@ def test_textures_from_elsewhere_are_not_opened(package, tmp_path):
 
 HTML = '<img src=x onerror="alert(1)">&amp;'
 QUOTES = "a\"b'c`d"
-LINES = "one\ntwo\r\tthree"
-ESCAPES = "\x1b[31mred\x1b]0;title\x07\x9b"
 MARKS = "\u202eevil\u200b"
 LATEX = "\\input{/etc/passwd}%$#_{}"
 NAMES = {
     "html": HTML,
     "quotes": QUOTES,
-    "lines": LINES,
-    "escapes": "".join(c for c in ESCAPES if c not in "\x1b\x07"),
     "marks": MARKS,
     "latex": LATEX,
 }
@@ -215,7 +211,7 @@ def named(request, tmp_path) -> tuple[str, Path]:
     from xml.sax.saxutils import quoteattr
 
     name = NAMES[request.param]
-    said = quoteattr(name, {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;", '"': "&quot;"})[1:-1]
+    said = quoteattr(name, {'"': "&quot;"})[1:-1]
     pose = '<origin xyz="0 0 0.5" rpy="1.5707963267948966 0 0"/><axis xyz="0 0 1"/>' + LIMIT
     links = [f"{said} link {i}" for i in range(4)]
     body = "".join(f'<link name="{link}"/>' for link in links)
@@ -253,8 +249,8 @@ def test_names_are_text_in_pages_and_in_latex(named):
     for line in latex.splitlines():
         legend = line.startswith("% q")
         # What a name says stands behind the sign of a comment, or nowhere.
+        assert legend or name not in line
         assert legend or "input" not in line
-        assert legend or "two" not in line
     from pinsing.view import Viewer
 
     viewer = Viewer(arm, families=())
@@ -264,6 +260,17 @@ def test_names_are_text_in_pages_and_in_latex(named):
     assert title is not None
     assert html.escape(name) in title.group(1)
     assert "<img src=x" not in page
+
+
+@pytest.mark.parametrize("name", ["one\ntwo", "a\tb", "\x1b[31mred", "\x1b]0;title\x07", "\x9b31m"])
+def test_control_characters_of_a_model_are_refused(name, make_model):
+    import pinocchio as pin
+
+    model = make_model([(pin.JointModelRZ(), pin.SE3.Random())])
+    model.names[1] = name
+    with pytest.raises(PinsingError, match="control character") as caught:
+        load(model)
+    assert all(c.isprintable() for c in str(caught.value))
 
 
 # Programs and files -------------------------------------------------------------------

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import signal
+import sys
 import time
 
 import arms
@@ -236,7 +237,7 @@ def test_special_values_by_joint_and_subsets():
 def test_same_seed_same_bits_whatever_the_chunk(monkeypatch):
     arm = arms.textbook("puma560")
     one = sweep(arm, seed=3, samples=31)
-    monkeypatch.setattr("pinsing.sweep._CHUNK", 5000)
+    monkeypatch.setattr(sys.modules[run_sweep.__module__], "_CHUNK", 5000)
     two = sweep(arm, seed=3, samples=31)
     assert one.to_json() == two.to_json()
     assert sweep(arm, seed=4, samples=31).plan.nominal.tolist() != one.plan.nominal.tolist()

@@ -13,8 +13,8 @@ import numpy.typing as npt
 from pinsing.closed_form import ClosedForm, Family, closed_form
 from pinsing.errors import OptionError
 from pinsing.find import Finding, singular_configurations
-from pinsing.kinematics import singular_values
-from pinsing.measures import SINGULAR_RTOL, sigma_ratio
+from pinsing.kinematics import sigma_ratios, singular_values
+from pinsing.measures import SINGULAR_RTOL
 from pinsing.refine import walk
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm, Array
@@ -254,7 +254,7 @@ def _random_search(exact: Arm, forms: ClosedForm, starts: int, seed: int) -> Ran
         return RandomSearch(0, 0, 0, ())
     rng = np.random.default_rng(seed)
     ends = walk(exact, rng.uniform(*exact.span, (starts, exact.n)))
-    found = ends.q[sigma_ratio(ends.sigma, forms.generic_rank) <= SINGULAR_RTOL]
+    found = ends.q[ends.ratio <= SINGULAR_RTOL]
     on = np.zeros(len(found), dtype=bool)
     for family in forms.families:
         if on.all():
@@ -279,8 +279,8 @@ def _check_families(
             FamilyCheck(
                 family=family.name,
                 samples=len(points),
-                nominal_ratio=float(sigma_ratio(there, r).max()),
-                raw_ratio=float(sigma_ratio(here, r).max()),
+                nominal_ratio=float(sigma_ratios(exact, there).max()),
+                raw_ratio=float(sigma_ratios(swept, here).max()),
                 raw_sigma_min=float(here[:, r - 1].max()),
             )
         )

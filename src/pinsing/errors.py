@@ -10,7 +10,6 @@ import difflib
 from collections.abc import Iterable
 from pathlib import Path
 
-
 _LONGEST_NAME = 100
 
 

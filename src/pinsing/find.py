@@ -17,8 +17,8 @@ import numpy.typing as npt
 
 from pinsing.condition import JointCondition
 from pinsing.generalize import SAMPLES, ConditionTester, random_configurations
-from pinsing.kinematics import singular_values
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, sigma_ratio
+from pinsing.kinematics import sigma_ratios, singular_values
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.rank_drop import approach
 from pinsing.refine import SingularConfiguration, Status, describe, walk
 from pinsing.result import JsonResult
@@ -381,4 +381,4 @@ def _order(arm: Arm, finding: Finding) -> tuple[object, ...]:
 
 
 def _ratios(arm: Arm, Q: Array) -> Array:
-    return sigma_ratio(singular_values(arm, Q)) if len(Q) else np.zeros(0)
+    return sigma_ratios(arm, singular_values(arm, Q)) if len(Q) else np.zeros(0)

@@ -18,8 +18,8 @@ import numpy.typing as npt
 
 from pinsing.condition import JointCondition, tidy
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.kinematics import singular_values
-from pinsing.measures import SINGULAR_RTOL, sigma_ratio
+from pinsing.kinematics import sigma_ratios, singular_values
+from pinsing.measures import SINGULAR_RTOL
 from pinsing.rank_drop import approach
 from pinsing.refine import SingularConfiguration
 from pinsing.result import JsonResult
@@ -194,7 +194,8 @@ class ConditionTester:
         Q = np.repeat(others[None], len(subsets), axis=0)
         for i, subset in enumerate(subsets):
             Q[i][:, list(subset)] = values[i, list(subset)]
-        ratio = sigma_ratio(singular_values(self.arm, Q.reshape(-1, self.arm.n)))
+        sigma = singular_values(self.arm, Q.reshape(-1, self.arm.n))
+        ratio = sigma_ratios(self.arm, sigma)
         return np.asarray(ratio.reshape(len(subsets), count).max(axis=1))
 
     def forces(self, subset: tuple[int, ...], values: Array) -> bool:
@@ -346,4 +347,4 @@ def special_nearby(arm: Arm, q: Array) -> Array:
 
 
 def _ratio(arm: Arm, q: Array) -> float:
-    return float(sigma_ratio(singular_values(arm, q[None]))[0])
+    return float(sigma_ratios(arm, singular_values(arm, q[None]))[0])

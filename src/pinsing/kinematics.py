@@ -14,7 +14,7 @@ import pinocchio as pin
 from pinsing._batch import engine as kernel
 from pinsing.engine import batch_chain, check_threads, model_values, pinocchio_jacobians
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.measures import SINGULAR_RTOL, sigma_ratio
 from pinsing.robot.arm import Arm, Array
 from pinsing.robot.nominal import nominal
 
@@ -149,6 +149,32 @@ def generic_rank(arm: Arm) -> int:
         found = int((sigma > SINGULAR_RTOL * sigma[:, :1]).sum(axis=1).max())
         arm.__dict__["_generic_rank"] = found  # follows from the frozen fields: kept with them
     return int(found)
+
+
+def task_size(arm: Arm) -> float:
+    """What sigma_1 is compared with where the whole task Jacobian can vanish.
+
+    Zero for ``pose``, whose columns are never zero; else the median of sigma_1 at random
+    configurations.
+    """
+    if arm.task.name == "pose":
+        return 0.0
+    found = arm.__dict__.get("_task_size")
+    if found is None:
+        rng = np.random.default_rng(_RANK_SEED)
+        reach = np.where(arm.prismatic, arm.length_scale, np.pi)
+        J = task_jacobians(arm, rng.uniform(-1, 1, (15, arm.n)) * reach, engine="pinocchio")
+        found = float(np.median(np.linalg.norm(J, ord=2, axis=(1, 2))))
+        arm.__dict__["_task_size"] = found  # follows from the frozen fields: kept with them
+    return float(found)
+
+
+def sigma_ratios(arm: Arm, sigma: npt.ArrayLike) -> Array:
+    """sigma_r / sigma_1 of an arm from singular values (..., k >= r), largest first.
+
+    The measure that "singular" is judged by; see ``measures.sigma_ratio`` and ``task_size``.
+    """
+    return sigma_ratio(sigma, generic_rank(arm), task_size(arm))
 
 
 def jacobian_derivative(J: npt.ArrayLike) -> Array:

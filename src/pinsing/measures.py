@@ -46,11 +46,15 @@ def rank(J: npt.ArrayLike, rtol: float = SINGULAR_RTOL) -> npt.NDArray[np.intp]:
     return np.asarray((sigma > rtol * sigma[..., :1]).sum(axis=-1))
 
 
-def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None) -> Array:
-    """sigma_r / sigma_1 from singular values (..., k), largest first; 0 for a zero Jacobian."""
+def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None, size: float = 0.0) -> Array:
+    """sigma_r / sigma_1 from singular values (..., k), largest first; 0 for a zero Jacobian.
+
+    Where all of J can vanish, sigma_1 says nothing of how small sigma_r is: it then counts
+    as no smaller than ``size``, a typical sigma_1 (see ``pinsing.kinematics.task_size``).
+    """
     sigma = np.asarray(sigma, dtype=float)
     r = sigma.shape[-1] if generic_rank is None else generic_rank
-    first = sigma[..., 0]
+    first = np.maximum(sigma[..., 0], size)
     return np.asarray(
         np.divide(sigma[..., r - 1], first, out=np.zeros_like(first), where=first > 0)
     )

@@ -25,8 +25,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.kinematics import generic_rank, singular_values, task_jacobians_and_derivatives
-from pinsing.measures import SINGULAR_RTOL, sigma_ratio
+from pinsing.kinematics import (
+    generic_rank,
+    sigma_ratios,
+    singular_values,
+    task_jacobians_and_derivatives,
+)
+from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm, Array
 
 Bool = npt.NDArray[np.bool_]
@@ -50,6 +55,8 @@ class RankDrops:
         Radians or metres.
     sigma : (N, r) array
         Singular values of the task Jacobian there, largest first.
+    ratio : (N,) array
+        sigma_r / sigma_1 (``kinematics.sigma_ratios``).
     iterations : (N,) array of int
         Jacobian derivatives evaluated.
     converged : (N,) array of bool
@@ -58,13 +65,9 @@ class RankDrops:
 
     q: Array
     sigma: Array
+    ratio: Array
     iterations: npt.NDArray[np.intp]
     converged: Bool
-
-    @property
-    def ratio(self) -> Array:
-        """sigma_r / sigma_1, (N,)."""
-        return sigma_ratio(self.sigma)
 
     @property
     def singular(self) -> Bool:
@@ -107,7 +110,7 @@ def approach(
     damping = np.ones(N)
     iterations = np.zeros(N, dtype=np.intp)
     stationary = np.zeros(N, dtype=bool)
-    active = np.flatnonzero((sigma_ratio(sigma) > _FLOOR) & mask.any(axis=1))
+    active = np.flatnonzero((sigma_ratios(arm, sigma) > _FLOOR) & mask.any(axis=1))
     for _ in range(max_iterations):
         if not len(active):
             break
@@ -119,13 +122,14 @@ def approach(
         Q[moved], sigma[moved] = trial[improved], trial_sigma[improved]
         damping[active] *= np.where(improved, 0.25, 16.0)
         damping[active] = np.maximum(damping[active], 1.0)
-        ratio = sigma_ratio(sigma[active])
+        ratio = sigma_ratios(arm, sigma[active])
         stationary[active] = flat | (damping[active] > _MAX_DAMPING)
         done = (ratio <= _FLOOR) | stationary[active]
         done |= (ratio <= _GOOD) & ~improved
         active = active[~done]
-    converged = (sigma_ratio(sigma) <= SINGULAR_RTOL) | stationary
-    return RankDrops(Q, sigma, iterations, converged)
+    ratio = sigma_ratios(arm, sigma)
+    converged = (ratio <= SINGULAR_RTOL) | stationary
+    return RankDrops(Q, sigma, ratio, iterations, converged)
 
 
 def constraint_gradient(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:

@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.kinematics import generic_rank, singular_values
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, sigma_ratio
+from pinsing.kinematics import generic_rank, sigma_ratios, singular_values
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.rank_drop import RankDrops, approach
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm, Array
@@ -183,23 +183,23 @@ def walk(
             kept = rows[take]
             q[kept], sigma[kept] = got.q[take], got.sigma[take]
             converged[kept] = got.converged[take]
-        rows = np.flatnonzero(~inside | (sigma_ratio(sigma) > SINGULAR_RTOL))
-    return RankDrops(arm.fold(q), sigma, iterations, converged)
+        rows = np.flatnonzero(~inside | (sigma_ratios(arm, sigma) > SINGULAR_RTOL))
+    return RankDrops(arm.fold(q), sigma, sigma_ratios(arm, sigma), iterations, converged)
 
 
 def describe(arm: Arm, q: npt.ArrayLike) -> SingularConfiguration:
     """All that is known of the configuration q (n,) as it is, without moving it."""
     q = arm.check(q).reshape(1, arm.n)
-    return _describe(
-        arm, RankDrops(q, singular_values(arm, q), np.zeros(1, int), np.ones(1, bool))
-    )[0]
+    sigma = singular_values(arm, q)
+    here = RankDrops(q, sigma, sigma_ratios(arm, sigma), np.zeros(1, int), np.ones(1, bool))
+    return _describe(arm, here)[0]
 
 
 def _describe(arm: Arm, drops: RankDrops) -> tuple[SingularConfiguration, ...]:
     r, inside = generic_rank(arm), arm.within_limits(drops.q)
     found = []
     for i, second in enumerate(second_order_many(arm, drops.q)):
-        ratio = float(sigma_ratio(second.sigma))
+        ratio = float(sigma_ratios(arm, second.sigma))
         found.append(
             SingularConfiguration(
                 joints=arm.joints,

@@ -16,6 +16,7 @@ from pinsing.kinematics import (
     frame_jacobian,
     generic_rank,
     scale_rows,
+    sigma_ratios,
     task_jacobian,
     task_jacobians,
     tip_placement,
@@ -194,7 +195,7 @@ def at(
     Js = scale_rows(arm, J)
     r = generic_rank(arm)
     U, sigma, Vt = np.linalg.svd(Js)
-    ratio = float(measures.sigma_ratio(sigma, r))
+    ratio = float(sigma_ratios(arm, sigma))
     status = SINGULAR if ratio <= rtol else NEAR_SINGULAR if ratio <= near_rtol else REGULAR
     # Nearly lost is what is not better than sigma_r, give or take a factor.
     zero = {SINGULAR: rtol, NEAR_SINGULAR: min(3 * ratio, near_rtol), REGULAR: rtol}[status]
@@ -319,7 +320,7 @@ def _notes(arm: Arm, q: Array, r: int, ratio: float, rtol: float) -> Iterator[st
     if exact.exact or ratio <= rtol:
         return
     sigma = np.linalg.svd(task_jacobian(exact.arm, q), compute_uv=False)
-    there = float(measures.sigma_ratio(sigma, r))
+    there = float(sigma_ratios(exact.arm, sigma))
     if there <= rtol:
         yield (
             "singular if the rounded numbers of the file are made exact (nominal geometry, which "

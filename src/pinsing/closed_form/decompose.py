@@ -193,12 +193,12 @@ class Decomposition:
         if any(not s.certain for s in points):
             self.gaps.append("a slice could not be told singular from regular")
         singular = [s.point for s in points if s.singular]
+        if len(singular) < len(points) and budget > 1:
+            self.gaps.append(
+                f"sets of codimension {len(values) + 3} or more inside two simultaneous "
+                "equations were not searched"
+            )
         if not singular:
-            if budget > 1:
-                self.gaps.append(
-                    "sets of codimension "
-                    f"{len(values) + 3} or more inside two simultaneous equations were not searched"
-                )
             return
         shared = self._common_joints(p, g)
         if shared and len(p) * len(g) <= _RESULTANT_TERMS:
@@ -233,7 +233,9 @@ class Decomposition:
             elif len(h) <= len(p) + len(g) and any(self._zeros(h, singular)):
                 for other in sorted((p, g), key=len):
                     points = list(slice_points(h, other, test, self.ring, self._rng, values))
-                    if points and all(s.singular for s in points):
+                    if not points or not all(s.singular for s in points):
+                        continue
+                    if all(self._transversal(h, other, s.point) for s in points):
                         self._emit(values, tuple(sorted((h, other), key=len)), False)
                         break
 
@@ -262,6 +264,16 @@ class Decomposition:
         """At which of some complex points a polynomial is zero, to rounding."""
         evaluate = numeric(poly, self.ring.context.nvars())
         return [abs(evaluate(s)) <= 1e-7 * evaluate.size(s) for s in points]
+
+    def _transversal(self, p: Poly, g: Poly, point: ComplexArray) -> bool:
+        """Whether the zero sets of two polynomials cross at a point, rather than touch."""
+        nvars = self.ring.context.nvars()
+        slopes = np.array([numeric(f, nvars).gradient(point) for f in (p, g)])
+        size = np.linalg.norm(slopes, axis=1)
+        if not size.all():
+            return False
+        sigma = np.linalg.svd(slopes / size[:, None], compute_uv=False)
+        return bool(sigma[1] > 1e-4)
 
     def _holds(self, component: Component, point: ComplexArray) -> bool:
         """Whether a complex point lies on a component."""

@@ -15,8 +15,7 @@ from pinsing.closed_form.family import Branch, JointValue
 from pinsing.closed_form.points import fix_joint, never_zero, proven_empty, roots_of, search
 from pinsing.closed_form.ring import Poly, Ring
 from pinsing.closed_form.slices import univariate_roots
-from pinsing.kinematics import task_jacobians
-from pinsing.measures import singular_values
+from pinsing.kinematics import sigma_ratios, singular_values
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
 
@@ -67,15 +66,8 @@ class PieceMaker:
         size = arm.length_scale + sum(self.lengths)
         reach = np.where(arm.prismatic, size, np.pi)
         slides = [arm.prismatic & np.isfinite(limit) for limit in (arm.lower, arm.upper)]
-        # No column of the full pose ever vanishes, so that sigma_1 does not either.
-        self.size = 0.0 if arm.task.name == "pose" else self._typical_size(reach)
         self.lower = np.where(slides[0], np.minimum(arm.lower, -reach), -reach)
         self.upper = np.where(slides[1], np.maximum(arm.upper, reach), reach)
-
-    def _typical_size(self, reach: Array) -> float:
-        points = self.rng.uniform(-1, 1, (9, len(reach))) * reach
-        sigma = singular_values(task_jacobians(self.geometry.arm, points))
-        return float(np.median(sigma[:, 0]))
 
     def make(self, component: Component) -> Piece | None:
         """The piece of a component; None if it is proven to have no real point."""
@@ -176,13 +168,9 @@ class PieceMaker:
         return bool((self.ratios(points) <= _DECIDES).all())
 
     def ratios(self, points: Array, arm: Arm | None = None) -> Array:
-        """sigma_r / sigma_1 of the nominal arm (or ``arm``) at points (N, n).
-
-        Where the whole task Jacobian vanishes, sigma_1 is no measure: it counts as no
-        smaller than it is at random configurations.
-        """
-        sigma = singular_values(task_jacobians(arm or self.geometry.arm, points))
-        return np.asarray(sigma[:, self.rank - 1] / np.maximum(sigma[:, 0], self.size))
+        """sigma_r / sigma_1 of the nominal arm (or ``arm``) at points (N, n)."""
+        judged = arm or self.geometry.arm
+        return sigma_ratios(judged, singular_values(judged, points))
 
     def _empty(self, branch: Branch) -> bool:
         if any(never_zero(e) for e in branch.equations):

@@ -40,6 +40,16 @@ class NumericPoly:
             return 0j
         return complex(np.prod(point[None, :] ** self.exponents, axis=1) @ self.coefficients)
 
+    def gradient(self, point: ComplexArray) -> ComplexArray:
+        """Derivatives by all variables at a point: (V,)."""
+        out = np.zeros(len(point), dtype=complex)
+        for v in np.flatnonzero(self.exponents.any(axis=0)):
+            lowered = self.exponents.copy()
+            factor = lowered[:, v] * self.coefficients
+            lowered[:, v] = np.maximum(lowered[:, v] - 1, 0)
+            out[v] = np.prod(point[None, :] ** lowered, axis=1) @ factor
+        return out
+
     def size(self, point: ComplexArray) -> float:
         """Sum of the absolute values of the terms at a point: what rounding is relative to."""
         if not len(self.coefficients):

@@ -6,6 +6,7 @@ the base are locked, and so are grippers beyond the tip.
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 
@@ -101,22 +102,43 @@ def arm_chains(
     return tuple(found)
 
 
-def chains_text(chains: Sequence[Chain], robot: str, longest: int = LONGEST) -> str:
+def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = LONGEST) -> str:
+    """What to say of a chain of more than ``longest`` joints: why, and which shorter ones exist.
+
+    Empty if the chain from joint ``start`` to joint ``end`` is not that long.
+    """
+    count = len(_moving(model, joint_path(model, end, start)))
+    if count <= longest:
+        return ""
+    shorter = []
+    for joint in _branchings(model, _children(model), end):
+        beyond = joint_path(model, end, joint)
+        left = len(_moving(model, beyond))
+        if SHORTEST <= left < count and joint in joint_path(model, end, start):
+            shorter.append(f"--base {_link_of(model, joint)} ({left} joints)")
+    offer = f"; without joints shared with other chains: {', '.join(shorter)}" if shorter else ""
+    return (
+        f"{count} joints are many: its singular sets have so many conditions that closed forms "
+        f"may not end in time{offer}"
+    )
+
+
+def chains_text(chains: Sequence[Chain], words: Sequence[str], longest: int = LONGEST) -> str:
     """Chains as a tree, shared joints once, with the command that analyses each.
 
     Parameters
     ----------
     chains : sequence of Chain
         As ``arm_chains`` returns them.
-    robot : str
-        The robot as the user named it.
+    words : sequence of str
+        The robot as the user named it, and options that every command needs (packages).
     longest : int
         Chains of more joints are marked, with the shorter one beside them.
     """
     whole = [c for c in chains if c.base is None]
     parts = {c.tip: c for c in chains if c.base is not None}
     lines = ["(root)"]
-    _branches(whole, parts, 0, "", _quoted(robot), longest, lines)
+    _branches(whole, parts, 0, "", " ".join(map(shlex.quote, words)), longest, lines)
     return "\n".join(lines)
 
 
@@ -132,7 +154,9 @@ def _branches(
     """Append what hangs below the first ``depth`` joints, which the chains share."""
     groups: dict[str, list[Chain]] = {}
     for chain in chains:
-        groups.setdefault(chain.joints[depth] if depth < len(chain.joints) else "", []).append(chain)
+        groups.setdefault(chain.joints[depth] if depth < len(chain.joints) else "", []).append(
+            chain
+        )
     ordered = list(groups.values())
     for number, group in enumerate(ordered):
         last = number == len(ordered) - 1
@@ -141,11 +165,11 @@ def _branches(
             chain = group[0]
             lines.append(f"{indent}{bar}{_run(chain.joints[depth:])} -> {chain.tip}")
             deeper = indent + below
-            lines.append(deeper + _offer(chain, robot, chain.base is None and len(chain.joints)))
+            lines.append(deeper + _offer(chain, robot, len(chain.joints)))
             if len(chain.joints) > longest:
                 lines[-1] += (
-                    f"  (more than {longest} joints: closed forms may not end in time; "
-                    "rather without the shared ones)"
+                    f"  (more than {longest}: closed forms may not end in time; "
+                    "rather without the shared joints)"
                 )
             part = parts.get(chain.tip)
             if part is not None:
@@ -163,8 +187,8 @@ def _branches(
 
 
 def _offer(chain: Chain, robot: str, count: int) -> str:
-    words = " ".join(_quoted(w) for w in chain.options)
-    return f"{count} joint{'s' if count != 1 else ''}: pinsing analyze {robot} {words}"
+    options = " ".join(map(shlex.quote, chain.options))
+    return f"{count} joint{'s' if count != 1 else ''}: pinsing analyze {robot} {options}"
 
 
 def _run(names: Sequence[str]) -> str:
@@ -174,12 +198,6 @@ def _run(names: Sequence[str]) -> str:
     if len(names) <= 2:
         return ", ".join(names)
     return f"{names[0]} ... {names[-1]} ({len(names)})"
-
-
-def _quoted(word: str) -> str:
-    import shlex
-
-    return shlex.quote(word)
 
 
 def _children(model: pin.Model) -> list[list[int]]:

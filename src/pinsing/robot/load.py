@@ -14,6 +14,7 @@ import pinocchio as pin
 from pinsing.errors import ChainError, JointError, OptionError, PinsingError, UnknownNameError
 from pinsing.robot.arm import Arm, Array, Source
 from pinsing.robot.chain import joint_axis
+from pinsing.robot.chains import long_chain_note
 from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
 from pinsing.robot.reduce import lock_joints, reroot
 from pinsing.robot.task import Task, parse_task
@@ -118,6 +119,8 @@ def load(
     if before:
         notes.append(f"joints before the base are locked: {_names(model, before)}")
     free = _free_joints(whole, path, joints, notes)
+    many = long_chain_note(model, last, base_joint) if joints is None else ""
+    notes += [many] if many else []
     return _build(whole, tip, base_frame, path, free, parsed_task, scale, tuple(notes))
 
 

@@ -32,6 +32,7 @@ Matrix = tuple[Row, Row, Row]
 _QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _FLOAT_NOISE = 1e-13
 _TWIST_DENOMINATOR = 10**6
+_STEEP = 0.2  # sine of a twist from which on origins are slid along their axes
 _WRITTEN_DIGITS = 8
 
 
@@ -204,6 +205,7 @@ class _Maker:
                 offset[i] += b
         if not np.array_equal(carried, np.eye(3)):
             t[n], tip_turn = carried @ t[n], carried @ tip_turn
+        self._slide_to_common_normals(R, t, twist)
         rotation = [
             self._rational_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)
         ]
@@ -214,6 +216,24 @@ class _Maker:
         R[n] = np.eye(3)
         turned = Chain(np.array(R), np.array(t), raw.prismatic)
         return self._finish(turned, rotation, lengths, offset, tip_turn)
+
+    def _slide_to_common_normals(
+        self, R: list[Array], t: list[Array], twist: list[Matrix | None]
+    ) -> None:
+        """Move the origins of tilted axes along them, to where the axes come closest.
+
+        An origin may sit anywhere on its axis. With R = Rx(alpha), the translation is
+        (a, 0, d) plus d' along the new axis, which commutes with the joint's motion and goes
+        into the next placement; axes that meet then have a = 0 and not a rounding of it.
+        """
+        for i in range(1, self.raw.n):
+            axis = R[i][:, 2]  # (0, -sin alpha, cos alpha), up to what will be snapped
+            if twist[i] is not None or abs(axis[1]) < _STEEP:
+                continue  # nearly parallel axes come closest far away, if at all
+            beyond = t[i][1] / axis[1]
+            t[i] = t[i] - beyond * axis
+            t[i][1] = 0.0
+            t[i + 1] = t[i + 1] + np.array([0.0, 0.0, beyond])
 
     def _tilted(self, R: Array) -> bool:
         return bool(np.hypot(R[0, 2], R[1, 2]) > self.angle_tol)

@@ -119,7 +119,9 @@ class Node:
     def _child(self, node: yaml.Node, label: str) -> Node:
         child = Node(node, self.path, f"{self.label}: {label}" if self.label else label)
         if not node.tag.startswith("tag:yaml.org,2002:"):
-            raise child.error(f"the YAML tag {node.tag[:60]} is not understood: write the plain value")
+            raise child.error(
+                f"the YAML tag {node.tag[:60]} is not understood: write the plain value"
+            )
         return child
 
     @property

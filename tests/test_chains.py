@@ -1,0 +1,148 @@
+"""Which chains a robot offers, and what is locked, followed or said of them."""
+
+from __future__ import annotations
+
+import shlex
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from urdf_texts import LIMIT, joint
+
+from pinsing import load
+from pinsing.errors import ChainError
+from pinsing.robot.catalog import find_robot
+from pinsing.robot.chains import all_chains, arm_chains, chains_text, long_chain_note
+from pinsing.robot.description import read_description
+from pinsing.robot.model import build_model
+
+
+def model_of(robot: str) -> tuple[pin.Model, list[str]]:
+    description = read_description(find_robot(robot).path)
+    return build_model(description), [j.name for j in description.joints if j.mimic is not None]
+
+
+def write(tmp_path, joints: list[str], links: list[str], extra: str = ""):
+    path = tmp_path / "arm.urdf"
+    body = "".join(f'<link name="{link}"/>' for link in links)
+    path.write_text(f'<robot name="r">{body}{"".join(joints)}{extra}</robot>')
+    return path
+
+
+def test_every_leaf_of_a_humanoid_is_a_chain():
+    chains = all_chains(*model_of("talos"))
+    ends = {(c.tip, c.base): len(c.joints) for c in chains}
+    assert ends["left_sole_link", None] == 6
+    assert ends["wrist_left_ft_tool_link", None] == 9
+    assert ends["wrist_left_ft_tool_link", "torso_2_link"] == 7
+    assert ends["rgbd_depth_frame", "torso_2_link"] == 2
+    assert all(2 <= n <= 9 for n in ends.values())
+
+
+def test_a_chain_that_is_too_long_is_taken_from_each_branching():
+    model, mimics = model_of("human")
+    hands = [c for c in all_chains(model, mimics) if c.tip == "left_hand"]
+    assert [(c.base, len(c.joints)) for c in hands] == [("middle_thorax", 8)]
+    assert max(len(c.joints) for c in arm_chains(model, mimics)) == 13
+
+
+@pytest.mark.parametrize(
+    "robot", ["talos", "tiago_dual", "baxter", "anymal_kinova", "human", "icub", "panda"]
+)
+def test_every_offer_loads_as_it_says(robot):
+    model, mimics = model_of(robot)
+    text = chains_text(arm_chains(model, mimics), [robot])
+    offers = [line.split(": pinsing analyze ") for line in text.splitlines() if "pinsing" in line]
+    assert offers
+    for count, command in offers:
+        name, *options = shlex.split(command.partition("  (")[0])
+        assert name == robot
+        arm = load(robot, **dict(zip([o[2:] for o in options[::2]], options[1::2], strict=True)))
+        assert arm.n == int(count.split()[-2])
+
+
+def test_the_tree_shows_shared_joints_once_and_locked_ones():
+    text = chains_text(arm_chains(*model_of("tiago_dual")), ["tiago_dual", "--package", "a=b c"])
+    assert text.count("torso_lift_joint\n") == 1
+    assert "--tip wrist_left_ft_tool_link --base torso_lift_link" in text
+    assert "pinsing analyze tiago_dual --package 'a=b c' --tip" in text
+    assert "locked beyond it: hand_left_" in text
+
+
+def test_a_long_chain_says_why_it_is_better_cut():
+    arm = load("human", tip="left_hand")
+    assert arm.n == 13
+    note = next(n for n in arm.notes if "13 joints are many" in n)
+    assert "--base middle_thorax (8 joints)" in note
+    assert not any("are many" in n for n in load("human", tip="left_hand", base="middle_thorax").notes)
+    assert long_chain_note(*[model_of("ur5")[0], 6]) == ""
+
+
+def test_too_many_joints_in_a_row_are_refused(tmp_path):
+    links = [f"l{i}" for i in range(101)]
+    joints = [joint(f"j{i}", f"l{i}", f"l{i + 1}") for i in range(100)]
+    path = write(tmp_path, joints, links)
+    with pytest.raises(ChainError, match="100 joints in a row: at most 64"):
+        load(path)
+    assert load(path, base="l60").n == 40
+
+
+def test_many_chains_side_by_side_are_looked_through_quickly(tmp_path):
+    """It took minutes: every leaf looked at every frame."""
+    links = ["a", *(f"l{i}" for i in range(3000))]
+    joints = [joint(f"j{i}", "a", f"l{i}") for i in range(3000)]
+    with pytest.raises(ChainError, match="3000 chains could be the arm"):
+        load(write(tmp_path, joints, links))
+
+
+def test_fixed_joints_and_links_of_one_name(tmp_path, rng):
+    """Pinocchio cannot reduce such a model by itself."""
+    pose = '<origin xyz="0.1 0 0.3" rpy="0 0.4 0"/><axis xyz="0 1 0"/>' + LIMIT
+    fixed = joint("flange", "c", "flange", "fixed", '<origin xyz="0 0 0.2" rpy="1 0 0"/>')
+    joints = [joint("j1", "a", "b", inner=pose), joint("j2", "b", "c", inner=pose), fixed]
+    joints.append(joint("side", "a", "s", inner=pose))
+    path = write(tmp_path, joints, ["a", "b", "c", "flange", "s"])
+    arm = load(path, tip="flange")
+    whole = pin.buildModelFromUrdf(str(path))
+    data = whole.createData()
+    q = rng.uniform(-1, 1, 2)
+    full = pin.neutral(whole)
+    for name, value in zip(arm.joints, q, strict=True):
+        full[whole.joints[whole.getJointId(name)].idx_q] = value
+    pin.framesForwardKinematics(whole, data, full)
+    expected = data.oMf[whole.getFrameId("flange", pin.FrameType.BODY)]
+    ours = arm.model.createData()
+    pin.framesForwardKinematics(arm.model, ours, arm.model_q(q))
+    assert expected.isApprox(ours.oMf[arm.tip_id], 1e-12)
+    assert [f.name for f in arm.model.frames].count("flange") == 2
+
+
+@pytest.mark.parametrize("lower", [0.0, 0.5, -1.0])
+def test_a_joint_of_no_width_is_analysed_where_it_stands(lower, tmp_path):
+    limit = f'<limit lower="{lower}" upper="{lower}" effort="1" velocity="1"/>'
+    stuck = f'<origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>{limit}'
+    free = '<origin xyz="0.3 0 0"/><axis xyz="0 1 0"/>' + LIMIT
+    joints = [joint("j1", "a", "b", inner=free), joint("j2", "b", "c", inner=stuck)]
+    joints.append(joint("j3", "c", "d", inner=free))
+    arm = load(write(tmp_path, joints, list("abcd")))
+    assert any("cannot move" in n.lower() for n in arm.notes)
+    assert arm.span[0][1] == arm.span[1][1] == lower
+
+
+def test_endless_prismatic_and_continuous_joints(tmp_path):
+    slide = '<axis xyz="1 0 0"/><limit lower="-1e30" upper="1e30" effort="1" velocity="1"/>'
+    turn = '<origin xyz="0 0 0.4"/><axis xyz="0 1 0"/>'
+    joints = [
+        joint("j1", "a", "b", "continuous", turn),
+        joint("j2", "b", "c", "continuous", turn),
+        joint("j3", "c", "d", "continuous", turn),
+    ]
+    arm = load(write(tmp_path, joints, list("abcd")))
+    assert np.isinf(arm.lower).all()
+    assert arm.span[1].tolist() == [np.pi] * 3
+    path = write(tmp_path, [*joints, joint("j4", "d", "e", "prismatic", slide)], list("abcde"))
+    from pinsing.errors import RobotFileError
+
+    with pytest.raises(RobotFileError, match="'j4'.*which are none: give it lower and upper"):
+        load(path)
+    assert load(path, joints=["j1", "j2", "j3"], tip="d").n == 3

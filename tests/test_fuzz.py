@@ -1,0 +1,71 @@
+"""A short, seeded run of scripts/fuzz.py, and proof that it would notice."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from collections import Counter
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+SCRIPTS = Path(__file__).parent.parent / "scripts"
+
+
+@pytest.fixture(scope="module")
+def fuzz() -> ModuleType:
+    sys.path.insert(0, str(SCRIPTS))
+    try:
+        return importlib.import_module("fuzz")
+    finally:
+        sys.path.remove(str(SCRIPTS))
+
+
+def test_broken_files_end_in_a_result_or_in_one_clear_line(fuzz):
+    share = {"urdf": 70, "xacro": 25, "dh": 40, "loops": 45}
+    cases = [(kind, 70_000 + i) for kind, count in share.items() for i in range(count)]
+    outcomes = list(fuzz.fuzz(cases, workers=2))
+    assert Counter((o.kind, o.seed) for o in outcomes) == Counter(cases)
+    assert [o for o in outcomes if o.outcome not in fuzz.GOOD] == []
+    for kind in share:  # it reaches past the readers, and it does break files
+        ended = Counter(o.outcome for o in outcomes if o.kind == kind)
+        assert ended["result"] > 0, kind
+        assert ended["refused"] > ended["result"] // 4, kind
+
+
+def test_the_same_seed_makes_the_same_file(fuzz):
+    files = fuzz.sources()
+    for kind in fuzz.KINDS:
+        made = [fuzz.mutant(seed, kind, files[kind][0]) for seed in range(30)]
+        assert made == [fuzz.mutant(seed, kind, files[kind][0]) for seed in range(30)]
+        assert len(set(made)) > 15
+
+
+@pytest.mark.parametrize(
+    ("code", "out", "err", "outcome"),
+    [
+        (0, "families\n", "pinsing: note: x\n", "result"),
+        (2, "", "pinsing: note: x\npinsing: error: arm.urdf:3: no axis\n", "refused"),
+        (0, "", "", "unclear"),
+        (0, "ok\n", "pinsing: error: no\n", "unclear"),
+        (1, "", "pinsing: error: no\n", "unclear"),
+        (2, "", "", "unclear"),
+        (2, "", "pinsing: error: a\npinsing: error: b\n", "unclear"),
+        (2, "", "pinsing: error: a\nand more\n", "unclear"),
+        (2, "", "pinsing: error: " + "x" * 3000 + "\n", "unclear"),
+        (2, "", "pinsing: error: \x1b[31m\n", "unclear"),
+        (1, "", "Traceback (most recent call last):\n  KeyError\n", "traceback"),
+    ],
+)
+def test_the_judge(fuzz, code, out, err, outcome):
+    assert fuzz.judge(code, out, err)[0] == outcome
+
+
+def test_a_worker_that_dies_is_told_and_replaced(fuzz):
+    worker = fuzz.Worker()
+    try:
+        assert worker.run("no such kind", 1).outcome == "crash"
+        assert worker.run("loops", 70_000).outcome in fuzz.GOOD
+    finally:
+        worker.stop()

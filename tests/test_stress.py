@@ -1,0 +1,210 @@
+"""The interface under stress: threads, processes, pickles, inputs that must stay as they are."""
+
+from __future__ import annotations
+
+import copy
+import multiprocessing
+import os
+import pickle
+import subprocess
+import sys
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinsing
+from pinsing import Arm, analyze, at, closed_form, load, refine, singular_values, sweep
+from pinsing.result import JsonResult
+
+ROBOTS = ("ur5", "panda", "stanford")
+
+
+def points(arm: Arm, count: int, seed: int = 3) -> np.ndarray:
+    return np.random.default_rng(seed).uniform(*arm.span, (count, arm.n))
+
+
+def same(a: Any, b: Any) -> bool:
+    """Whether two results hold the same numbers, to the last bit; times aside."""
+    if isinstance(a, JsonResult):
+        return same(a.to_dict(), b.to_dict())
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a if k != "seconds")
+    if isinstance(a, list | tuple):
+        return len(a) == len(b) and all(map(same, a, b))
+    return bool(a == b)
+
+
+def work(arm: Arm) -> dict[str, Any]:
+    """Some of everything."""
+    Q = points(arm, 40)
+    return {
+        "sigma": singular_values(arm, Q).tolist(),
+        "state": [at(arm, q).to_dict() for q in Q[:4]],
+        "refined": refine(arm, Q[0]).to_dict(),
+        "families": closed_form(arm, seconds=60).to_dict(),
+    }
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_threads_share_an_arm(robot):
+    arm = load(robot)
+    alone = work(arm)
+    with ThreadPoolExecutor(8) as pool:
+        for together in pool.map(work, [arm] * 16):
+            assert same(alone, together)
+
+
+@pytest.mark.parametrize("method", ["spawn", "fork"])
+def test_processes_share_an_arm(method):
+    arm = load("panda")
+    alone = work(arm)
+    if method == "fork" and sys.version_info >= (3, 12):
+        pytest.skip("Python 3.12 warns of forks beside threads, which BLAS has")
+    with ProcessPoolExecutor(2, multiprocessing.get_context(method)) as pool:
+        for together in pool.map(work, [arm] * 4, timeout=120):
+            assert same(alone, together)
+
+
+def test_threads_load_robots_side_by_side(capfd):
+    """Loading catches what C++ prints to file descriptor 2, which all threads share."""
+    with ThreadPoolExecutor(8) as pool:
+        arms = list(pool.map(load, ROBOTS * 8))
+    assert [a.name for a in arms] == list(ROBOTS) * 8
+    os.write(2, b"still here\n")
+    assert capfd.readouterr().err == "still here\n"
+
+
+def test_results_do_not_change_with_the_number_of_threads():
+    code = (
+        "import sys; from pinsing import load, singular_values, analyze; import numpy as np\n"
+        "arm = load('ur5'); Q = np.random.default_rng(1).uniform(*arm.span, (3000, arm.n))\n"
+        "a = analyze(arm, samples=31, random_starts=60, seconds=60)\n"
+        "sys.stdout.write(singular_values(arm, Q).tobytes().hex())\n"
+        "sys.stdout.write(''.join(s.configuration.q.tobytes().hex() for s in a.findings))\n"
+        "sys.stdout.write(str(a.closed_form))\n"
+    )
+    found = set()
+    for count in ("1", "2", "5"):
+        names = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+        names += ("PINSING_NUM_THREADS",)
+        env = {**os.environ, **dict.fromkeys(names, count)}
+        run = subprocess.run(
+            [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=env
+        )
+        found.add(run.stdout)
+    assert len(found) == 1
+    assert len(found.pop()) > 1000
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_pickles(robot):
+    arm = load(robot)
+    again = pickle.loads(pickle.dumps(arm))
+    Q = points(arm, 20)
+    np.testing.assert_array_equal(singular_values(arm, Q), singular_values(again, Q))
+    assert (again.joints, again.tip, again.task) == (arm.joints, arm.tip, arm.task)
+    with pytest.raises(ValueError, match="read-only"):
+        again.lower[0] = 0.0
+    results = [
+        at(arm, Q[0]),
+        refine(arm, Q[0]),
+        closed_form(arm),
+        analyze(arm, samples=9, levels=1, random_starts=5),
+    ]
+    for result in results:
+        assert same(result, pickle.loads(pickle.dumps(result)))
+        assert same(result, copy.deepcopy(result))
+
+
+def test_inputs_are_never_modified():
+    model = pin.buildSampleModelManipulator()
+    before = model.copy()
+    arm = load(model)
+    assert model == before
+    Q = points(arm, 8)
+    kept, original = Q.copy(), model.copy()
+    Q.setflags(write=False)  # any attempt would raise
+    work(arm)
+    singular_values(arm, Q)
+    at(arm, Q[0])
+    refine(arm, Q[0])
+    form = closed_form(arm)
+    for family in form.families:
+        family.contains(Q)
+        family.distance(Q[0])
+    analyze(arm, nominal=Q[0], samples=9, levels=1, random_starts=5)
+    np.testing.assert_array_equal(Q, kept)
+    assert model == original
+    options = {"joints": list(arm.joints[:3]), "packages": {}, "xacro_args": {}}
+    given = copy.deepcopy(options)
+    load(model, joints=options["joints"], packages=options["packages"])
+    assert options == given
+
+
+def test_a_change_of_the_model_does_not_reach_the_arm():
+    model = pin.buildSampleModelManipulator()
+    arm = load(model)
+    Q = points(arm, 8)
+    before = singular_values(arm, Q)
+    for joint in range(1, model.njoints):
+        model.jointPlacements[joint] = pin.SE3.Random()
+    model.lowerPositionLimit[:] = 0
+    np.testing.assert_array_equal(singular_values(arm, Q), before)
+
+
+def test_the_same_seed_gives_the_same_analysis():
+    arm = load("stanford")
+    first, second = (analyze(arm, random_starts=40, seed=5) for _ in range(2))
+    assert same(first, second)
+    state = np.random.get_state()[1].copy()  # noqa: NPY002: the global one is nobody's business
+    analyze(arm, random_starts=10, samples=9, levels=1)
+    np.testing.assert_array_equal(np.random.get_state()[1], state)  # noqa: NPY002
+
+
+BLOCKED = ("matplotlib", "meshcat", "yourdfpy", "xacro", "rich", "click", "tornado", "zmq")
+
+
+def test_the_core_needs_neither_plots_nor_viewers():
+    code = f"""
+import sys
+
+class Block:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {BLOCKED!r}:
+            raise ImportError(f"{{name}} is blocked")
+
+sys.meta_path.insert(0, Block())
+import pinsing
+arm = pinsing.load("ur5")
+analysis = pinsing.analyze(arm, samples=9, levels=1, random_starts=5)
+print(len(analysis.families), pinsing.at(arm, [0.1] * 6).rank)
+str(analysis), analysis.to_json(), pinsing.sweep(arm, samples=9, levels=1)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "3 6\n"
+
+
+def test_import_alone_is_light():
+    code = (
+        "import sys, pinsing\n"
+        "print([m for m in ('numpy', 'pinocchio', 'scipy', 'matplotlib', 'meshcat', 'flint')"
+        " if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
+    assert set(pinsing.__all__) <= set(dir(pinsing))
+
+
+def test_sweeps_of_many_threads_are_equal():
+    arm = load("stanford")
+    alone = sweep(arm, samples=21, levels=(1, 2)).curves
+    with ThreadPoolExecutor(4) as pool:
+        for result in pool.map(lambda _: sweep(arm, samples=21, levels=(1, 2)), range(6)):
+            assert len(result.curves) == len(alone)
+            for a, b in zip(alone, result.curves, strict=True):
+                np.testing.assert_array_equal(a.x, b.x)
+                np.testing.assert_array_equal(a.sigma_min, b.sigma_min)
