@@ -321,3 +321,12 @@ def test_nice_basis_prefers_tool_axes_and_spans(k):
     span = rotation[:, :k] @ np.linalg.qr(rng.normal(size=(k, k)))[0]
     basis = np.array(nice_basis(span, rotation)).T
     np.testing.assert_allclose(np.abs(rotation[:, :k].T @ basis), np.eye(k), atol=1e-9)
+
+
+def test_a_task_that_vanishes_altogether_is_singular():
+    """One row: sigma_1 is sigma_r, and only the typical size says that it is zero."""
+    arm = load("planar3r", task="vx")
+    still = at(arm, [0.0, np.pi, 0.0])
+    assert still.status == "singular"
+    assert still.rank == 0
+    assert at(arm, [0.3, 0.2, 0.1]).status == "regular"

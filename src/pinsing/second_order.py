@@ -22,6 +22,7 @@ from pinsing.kinematics import (
     generic_rank,
     task_jacobians,
     task_jacobians_and_derivatives,
+    task_size,
     tip_placement,
 )
 from pinsing.measures import SINGULAR_RTOL
@@ -115,7 +116,7 @@ def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
 def _examine(arm: Arm, q: Array, J: Array, H: Array) -> SecondOrder:
     U, sigma, Vt = np.linalg.svd(J)
     r = generic_rank(arm)
-    rank = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
+    rank = int((sigma > SINGULAR_RTOL * max(float(sigma[0]), task_size(arm))).sum())
     N = Vt[rank:].T
     if rank >= r:
         lost, residual, kind = np.zeros((len(J), 0)), float(sigma[r - 1]), _UNDECIDED

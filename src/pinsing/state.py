@@ -19,6 +19,7 @@ from pinsing.kinematics import (
     sigma_ratios,
     task_jacobian,
     task_jacobians,
+    task_size,
     tip_placement,
 )
 from pinsing.lost import EXACT_TOL, LostMotion, Tool, lost_motions
@@ -199,7 +200,8 @@ def at(
     status = SINGULAR if ratio <= rtol else NEAR_SINGULAR if ratio <= near_rtol else REGULAR
     # Nearly lost is what is not better than sigma_r, give or take a factor.
     zero = {SINGULAR: rtol, NEAR_SINGULAR: min(3 * ratio, near_rtol), REGULAR: rtol}[status]
-    rank = int((sigma > zero * sigma[0]).sum())
+    largest = max(float(sigma[0]), task_size(arm))
+    rank = int((sigma > zero * largest).sum())
     place = tip_placement(arm, q)
     position, rotation = np.array(place.translation), np.array(place.rotation)
     lost: tuple[LostMotion, ...] = ()
@@ -224,7 +226,7 @@ def at(
         tip_rotation=rotation,
         J=J,
         sigma=sigma,
-        rank=int((sigma > rtol * sigma[0]).sum()),
+        rank=int((sigma > rtol * largest).sum()),
         generic_rank=r,
         sigma_ratio=ratio,
         rtol=rtol,

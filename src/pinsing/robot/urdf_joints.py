@@ -259,10 +259,16 @@ def _check_leader(
     leader = by_name.get(entry.mimic.joint)
     if leader is not None and leader.kind in ("revolute", "continuous", "prismatic"):
         return entry
+    names = list(by_name) if len(by_name) <= 500 else []
+    close = difflib.get_close_matches(entry.mimic.joint[:60], names, n=1)
     reason = (
         f"mimics joint {show(entry.mimic.joint)}, which "
         + ("does not exist" if leader is None else f"is {leader.kind}")
-        + ": correct the name"
+        + (
+            f": did you mean {show(close[0])}?"
+            if close and leader is None
+            else ": correct the name"
+        )
     )
     source.note("mimics a joint that does not exist or move: joint", show(entry.name))
     element.children[:] = [c for c in element.children if c.tag != "mimic"]
