@@ -43,13 +43,36 @@ WORDS = (
     "..|/|a/b|package://x/y.stl|package://../../etc/passwd|file:///etc/passwd|"
     "http://example.org/a.stl|model://x|\\|'|\"|%s|{0}|\n|\t|" + "a" * 5000
 ).split("|")
-EXPRESSIONS = (
-    "${1/0}|${nothing}|${length|$(arg scale|${[0] * 10**10}|${'a' * 10**11}|${2**10**8}|${pi.real}|"
-    "${().__class__}|${open('/etc/passwd')}|${__import__('os').system('true')}|$(env HOME)|"
-    "$(optenv NO_SUCH 1)|$(find nothing)|$(eval 1/0)|$(cwd)|${xacro.load_yaml('/etc/passwd')}|"
-    "${xacro.load_yaml('nothing.yaml')}|${limits}|${{}|${''}|${None}|${float('nan')}|${1e308*10}|"
-    "${sum(range(10**12))}|${list(map(lambda f: f(f), [lambda f: f(f)]))}|${length * n}|$$(arg x)"
-).split("|")
+EXPRESSIONS = [
+    "${1/0}",
+    "${nothing}",
+    "${length",
+    "$(arg scale",
+    "${[0] * 10**10}",
+    "${'a' * 10**11}",
+    "${2**10**8}",
+    "${pi.real}",
+    "${().__class__}",
+    "${open('/etc/passwd')}",
+    "${__import__('os').system('true')}",
+    "$(env HOME)",
+    "$(optenv NO_SUCH 1)",
+    "$(find nothing)",
+    "$(eval 1/0)",
+    "$(cwd)",
+    "${xacro.load_yaml('/etc/passwd')}",
+    "${xacro.load_yaml('nothing.yaml')}",
+    "${limits}",
+    "${{}",
+    "${''}",
+    "${None}",
+    "${float('nan')}",
+    "${1e308*10}",
+    "${sum(range(10**12))}",
+    "${list(map(lambda f: f(f), [lambda f: f(f)]))}",
+    "${length * n}",
+    "$$(arg x)",
+]
 URDF_TAGS = ["joint", "link", "axis", "origin", "limit", "parent", "child", "mimic", "robot"]
 X = "{http://www.ros.org/wiki/xacro}"
 XACRO_TAGS = [

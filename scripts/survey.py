@@ -15,11 +15,9 @@ import resource
 import subprocess
 import sys
 import time
-from collections import Counter
 from collections.abc import Callable, Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -47,6 +45,7 @@ class Job:
 
     @property
     def key(self) -> str:
+        """What tells it from the others."""
         return f"{self.file} {self.tip} {self.base or ''}".strip()
 
 
@@ -175,8 +174,21 @@ def main(argv: Iterable[str] | None = None) -> int:
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--only", default="", help="chains whose file, tip or base has this text")
     parser.add_argument("--again", choices=AGAIN, default="none", help="what to run once more")
+    parser.add_argument("--report", type=Path, help="write the table there, and run nothing")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     arguments = parser.parse_args(None if argv is None else list(argv))
+    if arguments.report:
+        sys.path.insert(0, str(Path(__file__).parent))
+        from survey_report import report
+
+        chains, without = jobs()
+        order = {job.key: number for number, job in enumerate(chains)}
+        entries = sorted(
+            (e for e in read(arguments.store) if e["key"] in order), key=lambda e: order[e["key"]]
+        )
+        text = report(entries, without, arguments.seconds, ALGEBRA_SECONDS)
+        arguments.report.write_text(text, encoding="utf-8")
+        return 0
     if arguments.one:
         json.dump(run(Job(**json.loads(arguments.one))), sys.stdout)
         return 0

@@ -74,7 +74,9 @@ def test_a_long_chain_says_why_it_is_better_cut():
     assert arm.n == 13
     note = next(n for n in arm.notes if "13 joints are many" in n)
     assert "--base middle_thorax (8 joints)" in note
-    assert not any("are many" in n for n in load("human", tip="left_hand", base="middle_thorax").notes)
+    assert not any(
+        "are many" in n for n in load("human", tip="left_hand", base="middle_thorax").notes
+    )
     assert long_chain_note(*[model_of("ur5")[0], 6]) == ""
 
 
@@ -143,6 +145,6 @@ def test_endless_prismatic_and_continuous_joints(tmp_path):
     path = write(tmp_path, [*joints, joint("j4", "d", "e", "prismatic", slide)], list("abcde"))
     from pinsing.errors import RobotFileError
 
-    with pytest.raises(RobotFileError, match="'j4'.*which are none: give it lower and upper"):
+    with pytest.raises(RobotFileError, match=r"'j4'.*which are none: give it lower and upper"):
         load(path)
     assert load(path, joints=["j1", "j2", "j3"], tip="d").n == 3

@@ -23,7 +23,9 @@ from pinsing.robot.strict_yaml import MAX_BYTES, compose
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
 SECRET = b"the secret that no page may hold, 2f9c61"
-STL = b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+STL = (
+    b"solid x\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\n"
+)
 DAE = (
     '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1"><asset/>'
     '<library_images><image id="i"><init_from>{}</init_from></image></library_images></COLLADA>'
@@ -335,7 +337,9 @@ def test_a_long_name_makes_no_long_message(tmp_path):
     with pytest.raises(RobotFileError) as caught:
         read_description(path)
     assert len(str(caught.value)) < 400
-    path.write_text(robot(joint(name="n" * 50_000, parent="a"), joint("j3", "a", "d"), links="abcd"))
+    path.write_text(
+        robot(joint(name="n" * 50_000, parent="a"), joint("j3", "a", "d"), links="abcd")
+    )
     with pytest.raises(PinsingError) as chosen:
         load(path, tip="x" * 50_000)
     assert len(str(chosen.value)) < 400

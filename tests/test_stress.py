@@ -159,7 +159,8 @@ def test_the_same_seed_gives_the_same_analysis():
     arm = load("stanford")
     first, second = (analyze(arm, random_starts=40, seed=5) for _ in range(2))
     assert same(first, second)
-    state = np.random.get_state()[1].copy()  # noqa: NPY002: the global one is nobody's business
+    # The global generator is nobody's business.
+    state = np.random.get_state()[1].copy()  # noqa: NPY002
     analyze(arm, random_starts=10, samples=9, levels=1)
     np.testing.assert_array_equal(np.random.get_state()[1], state)  # noqa: NPY002
 

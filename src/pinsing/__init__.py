@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         task_jacobians,
     )
     from pinsing.loops import MechanismAnalysis, analyze_mechanism
+    from pinsing.maps import MapPlan, MapResult, plan_map, sigma_map
     from pinsing.refine import SingularConfiguration, refine, refine_many
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
@@ -42,6 +43,8 @@ _HOME = {
     "ClosedForm": "pinsing.closed_form",
     "Family": "pinsing.closed_form",
     "Finding": "pinsing.find",
+    "MapPlan": "pinsing.maps",
+    "MapResult": "pinsing.maps",
     "Mechanism": "pinsing.robot.loops",
     "MechanismAnalysis": "pinsing.loops",
     "Nominal": "pinsing.robot.nominal",
@@ -62,9 +65,11 @@ _HOME = {
     "load": "pinsing.robot.load",
     "load_mechanism": "pinsing.robot.loops",
     "nominal": "pinsing.robot.nominal",
+    "plan_map": "pinsing.maps",
     "plan_sweep": "pinsing.sweep_plan",
     "refine": "pinsing.refine",
     "refine_many": "pinsing.refine",
+    "sigma_map": "pinsing.maps",
     "singular_configurations": "pinsing.find",
     "singular_values": "pinsing.kinematics",
     "sweep": "pinsing.sweep",
@@ -78,6 +83,8 @@ __all__ = [
     "ClosedForm",
     "Family",
     "Finding",
+    "MapPlan",
+    "MapResult",
     "Mechanism",
     "MechanismAnalysis",
     "Nominal",
@@ -98,9 +105,11 @@ __all__ = [
     "load",
     "load_mechanism",
     "nominal",
+    "plan_map",
     "plan_sweep",
     "refine",
     "refine_many",
+    "sigma_map",
     "singular_configurations",
     "singular_values",
     "sweep",

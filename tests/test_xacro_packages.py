@@ -1,0 +1,116 @@
+"""xacro files as they come: parts in packages, found in every way that ROS users know."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from urdf_texts import LIMIT, joint, make_package
+
+from pinsing import load
+from pinsing.errors import RobotFileError
+from pinsing.robot.description import read_description
+
+XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
+PART = XACRO.format(
+    '<xacro:macro name="arm" params="length:=0.2">\n'
+    + "".join(f'<link name="{link}"/>' for link in "abc")
+    + joint("j1", "a", "b")
+    + joint("j2", "b", "c", inner='<origin xyz="0 0 ${length}"/><axis xyz="0 1 0"/>' + LIMIT)
+    + "\n</xacro:macro>"
+)
+WHOLE = XACRO.format(
+    '<xacro:arg name="length" default="0.3"/>\n'
+    '<xacro:include filename="$(find arm_description)/urdf/arm.macro.xacro"/>\n'
+    '<xacro:arm length="$(arg length)"/>'
+)
+
+
+@pytest.fixture(autouse=True)
+def _no_environment(monkeypatch):
+    monkeypatch.delenv("ROS_PACKAGE_PATH", raising=False)
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+
+
+@pytest.fixture
+def package(tmp_path) -> Path:
+    folder = make_package(tmp_path)
+    (folder / "urdf" / "arm.macro.xacro").write_text(PART)
+    return folder
+
+
+@pytest.fixture
+def elsewhere(tmp_path) -> Path:
+    path = tmp_path / "far" / "away" / "robot.urdf.xacro"
+    path.parent.mkdir(parents=True)
+    path.write_text(WHOLE)
+    return path
+
+
+def test_package_by_option(package, elsewhere):
+    arm = load(elsewhere, packages={"arm_description": package}, xacro_args={"length": "0.5"})
+    assert arm.model.jointPlacements[2].translation[2] == 0.5
+    with pytest.raises(RobotFileError, match="give its folder with --package arm_description=DIR"):
+        load(elsewhere)
+
+
+@pytest.mark.parametrize("which", ["workspace", "package", "several"])
+def test_package_by_ros_package_path(which, package, elsewhere, monkeypatch):
+    value = {
+        "workspace": str(package.parent),
+        "package": str(package),
+        "several": f"/no/such/folder:{package.parent}:",
+    }[which]
+    monkeypatch.setenv("ROS_PACKAGE_PATH", value)
+    assert load(elsewhere).n == 2
+
+
+def test_package_by_ament_prefix_path(package, elsewhere, tmp_path, monkeypatch):
+    share = tmp_path / "install" / "share"
+    share.mkdir(parents=True)
+    package.rename(share / "arm_description")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", f"/no/such/folder:{tmp_path / 'install'}")
+    assert load(elsewhere).n == 2
+
+
+def test_package_by_a_search_upward(package):
+    inside = package / "urdf" / "deep" / "robot.xacro"
+    inside.parent.mkdir()
+    inside.write_text(WHOLE)
+    assert load(inside).n == 2
+    sibling = package.parent / "other_package" / "robot.xacro"
+    sibling.parent.mkdir()
+    sibling.write_text(WHOLE)
+    assert load(sibling).n == 2
+
+
+def test_the_option_wins(package, elsewhere, tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(package.parent))
+    mine = tmp_path / "mine"
+    (mine / "urdf").mkdir(parents=True)
+    (mine / "urdf" / "arm.macro.xacro").write_text(PART.replace("${length}", "0.9"))
+    arm = load(elsewhere, packages={"arm_description": mine})
+    assert arm.model.jointPlacements[2].translation[2] == 0.9
+
+
+def test_errors_name_the_file_and_the_line_they_are_in(package, elsewhere):
+    part = package / "urdf" / "arm.macro.xacro"
+    part.write_text(PART.replace("${length}", "${lenght}"))
+    with pytest.raises(RobotFileError, match="name 'lenght' is not defined") as caught:
+        load(elsewhere, packages={"arm_description": package})
+    assert (caught.value.path, caught.value.line) == (part, 3)
+    part.write_text(PART)
+    elsewhere.write_text(WHOLE.replace("<xacro:arm ", "<xacro:arms "))
+    with pytest.raises(RobotFileError, match="unknown macro name") as caught:
+        load(elsewhere, packages={"arm_description": package})
+    assert (caught.value.path, caught.value.line) == (elsewhere, 4)
+
+
+@pytest.mark.parametrize("name", ["../arm_description", "/etc", "a/b", "..", "arm description"])
+def test_a_package_is_a_name_and_no_path(name, tmp_path):
+    path = tmp_path / "robot.xacro"
+    path.write_text(XACRO.format(f'<xacro:include filename="$(find {name})/x.xacro"/>'))
+    with pytest.raises(RobotFileError) as caught:
+        read_description(path)
+    assert "\n" not in str(caught.value)
+    assert "not found" in str(caught.value) or "find" in str(caught.value)
