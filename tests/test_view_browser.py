@@ -340,3 +340,17 @@ def test_a_picture_is_taken(tmp_path: Path) -> None:
     assert pixels.std() > 10
     assert near(pixels, BLUE) > 50
     assert sorted(p.name for p in tmp_path.iterdir()) == ["scara.png"]
+
+
+def test_a_mechanism_s_picture_is_taken(tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    from pinsing.cli.app import command
+    from pinsing.robot.dh import urdf_folder
+
+    robot = urdf_folder() / "five_bar.urdf"
+    out = tmp_path / "five_bar.png"
+    loops = str(robot.with_suffix("")) + ".loops.yaml"
+    done = CliRunner().invoke(command, ["view", str(robot), "--loops", loops, "--png", str(out)])
+    assert done.exit_code == 0, done.output
+    assert out.read_bytes()[:4] == b"\x89PNG"

@@ -50,6 +50,7 @@ for (let at = 0; at < bytes.length;) {{
   viewer.handle_command_bytearray(bytes.subarray(at + 4, at + 4 + size));
   at += 4 + size;
 }}
+document.body.dataset.ready = "yes";
 </script></body></html>
 """
 
