@@ -315,7 +315,7 @@ class TestInfo:
     def test_several_arms_are_listed_with_the_command_for_each(self):
         done = run("info", "baxter")
         assert done.exit_code == 2
-        assert "pinsing info baxter --tip left_" in done.stdout
+        assert "pinsing analyze baxter --tip left_" in done.stdout
         assert "pinsing info baxter --tip right_" in done.stdout
         assert "choose one" in done.stderr
         asked = next(w for w in done.stdout.split() if w.startswith("left_"))

@@ -30,6 +30,7 @@ ON_FAMILY_TOL = 1e-5
 
 _RAW_ANGLE_TOL = 1e-10
 _FAMILY_SAMPLES = 60
+_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -274,6 +275,7 @@ def _check_families(
             checks.append(FamilyCheck(family.name, 0, 0.0, 0.0, 0.0))
             continue
         r = forms.generic_rank
+        points = _polished(exact, points)
         there, here = singular_values(exact, points), singular_values(swept, points)
         checks.append(
             FamilyCheck(
@@ -285,6 +287,22 @@ def _check_families(
             )
         )
     return tuple(checks)
+
+
+def _polished(exact: Arm, points: Array) -> Array:
+    """Samples (N, n), those that rounding keeps off the singular set put onto it.
+
+    Where the equations of a family touch, or a family meets another one, they give a point to
+    fewer digits than they are solved to. One that has to move farther stays: it is regular.
+    """
+    points = points.copy()
+    off = np.flatnonzero(sigma_ratios(exact, singular_values(exact, points)) > SINGULAR_RTOL)
+    if len(off):
+        ends = walk(exact, points[off], ignore_limits=True)
+        moved = np.linalg.norm(ends.q - exact.fold(points[off]), axis=1)
+        near = (ends.ratio <= SINGULAR_RTOL) & (moved <= _ROUNDING)
+        points[off[near]] = ends.q[near]
+    return points
 
 
 def _problems(

@@ -44,20 +44,19 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
 def _show_chains(request: RobotRequest) -> None:
     """List the chains that could be the arm, with the command for each."""
     from pinsing.robot.catalog import CatalogEntry, locate_robot
+    from pinsing.robot.chains import arm_chains, chains_text
     from pinsing.robot.description import read_description
     from pinsing.robot.model import build_model
-    from pinsing.robot.tip import candidates
 
     found = locate_robot(request.robot)
     path = found.path if isinstance(found, CatalogEntry) else found
     description = read_description(path, packages=request.packages, xacro_args=request.xacro_args)
     mimics = [j.name for j in description.joints if j.mimic is not None]
-    chains = candidates(build_model(description), mimics)
+    chains = arm_chains(build_model(description), mimics)
     if len(chains) > 1:
-        rows = tuple(
-            (c.tip, str(len(c.path)), f"pinsing info {request.robot} --tip {c.tip}") for c in chains
-        )
-        Table(("tip", "joints", "command"), rows, frozenset({1})).show()
+        packages = [f"--package {name}={folder}" for name, folder in request.packages.items()]
+        arguments = [f"--xacro-arg {name}:={value}" for name, value in request.xacro_args.items()]
+        emit(chains_text(chains, [request.robot, *packages, *arguments]))
 
 
 @click.command("list", short_help="Robots known by name.")

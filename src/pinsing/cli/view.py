@@ -113,12 +113,13 @@ def view_command(
 
 def _serve(viewer: Viewer, no_open: bool) -> None:
     """Stay until the user has seen enough."""
-    click.echo(viewer.url)
-    sys.stdout.flush()
-    if not no_open and not (_has_desktop() and viewer.open()):
-        say("no browser could be opened; open the address above in one")
-    say("press Ctrl-C to end")
+    url = viewer.url
     try:
+        click.echo(url)
+        sys.stdout.flush()
+        if not no_open and not (_has_desktop() and viewer.open()):
+            say("no browser could be opened; open the address above in one")
+        say("press Ctrl-C to end")
         while True:
             time.sleep(3600)
     except KeyboardInterrupt:
