@@ -316,7 +316,7 @@ class TestInfo:
         done = run("info", "baxter")
         assert done.exit_code == 2
         assert "pinsing analyze baxter --tip left_" in done.stdout
-        assert "pinsing info baxter --tip right_" in done.stdout
+        assert "pinsing analyze baxter --tip right_" in done.stdout
         assert "choose one" in done.stderr
         asked = next(w for w in done.stdout.split() if w.startswith("left_"))
         assert run("info", "baxter", "--tip", asked).exit_code == 0
