@@ -16,6 +16,7 @@ from pinsing.kinematics import frame_jacobian, frame_jacobians, singular_values,
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
+from pinsing.robot.surd import Surd, cosine, sine
 
 ARMS = [
     ("stanford", None),
@@ -96,7 +97,7 @@ def check(arm: Arm, exact: Nominal, Q: np.ndarray) -> float:
     assert exact.offset.shape == (k,)
     assert exact.rotation[-1] == IDENTITY
     for R in exact.rotation:
-        assert all(isinstance(x, Fraction) for row in R for x in row)
+        assert all(isinstance(x, Fraction | Surd) for row in R for x in row)
         for a in range(3):
             for b in range(3):
                 assert sum(R[c][a] * R[c][b] for c in range(3)) == (a == b)
@@ -303,8 +304,8 @@ def test_wrist_behind_a_slide(make_model, rng):
     check(arm, exact, draw(arm, rng, 30))
 
 
-def test_a_real_twist_behind_a_slide_is_stated(make_model, rng):
-    """45 degrees about a slide between tilted axes is geometry: approximated, with its error."""
+def test_a_real_twist_behind_a_slide(make_model, rng):
+    """45 degrees about a slide between tilted axes is geometry: exact, or stated."""
     joints = [
         (pin.JointModelRZ(), place((0, 0, 0.4))),
         (pin.JointModelPZ(), place((0.1, 0, 0), rotation("x", 90))),
@@ -313,7 +314,44 @@ def test_a_real_twist_behind_a_slide_is_stated(make_model, rng):
     ]
     arm = load(make_model(joints, place((0.3, 0, 0.08))), tip="tip")
     exact = nominal(arm)
-    assert exact.jacobian_change < 1e-10
+    assert exact.exact
+    assert not exact.snaps
+    check(arm, exact, draw(arm, rng, 30))
+    near = nominal(arm, rational=True)
+    (twist,) = near.snaps
+    assert twist.what == "twist"
+    assert 0 < twist.size < 1e-11
+    assert all(isinstance(x, Fraction) for R in near.rotation for row in R for x in row)
+    check(arm, near, draw(arm, rng, 30))
+
+
+@pytest.mark.parametrize("degrees", [15, -30, 45, 60, -75, 105, 135, 150, -165])
+@pytest.mark.parametrize("digits", [4, 16])
+def test_twists_of_fifteen_degrees_are_exact(make_model, rng, degrees, digits):
+    """Between axes; written with four digits they are moved, which is stated."""
+    R = pin.utils.rotate("x", round(math.radians(degrees), digits))
+    joints = [
+        (pin.JointModelRZ(), place((0, 0, 0.4))),
+        (pin.JointModelRZ(), place((0.1, 0, 0), R)),
+        (pin.JointModelRZ(), place((0.2, 0, 0), rotation("x", -90))),
+    ]
+    arm = load(make_model(joints, place((0.3, 0, 0.08))), tip="tip")
+    exact = nominal(arm)
+    c, s = cosine(degrees // 15), sine(abs(degrees) // 15)  # a half turn flips the sine
+    assert exact.rotation[1] == ((1, 0, 0), (0, c, -s), (0, s, c))
+    assert [s.what for s in exact.snaps] == ["angle"] * (digits == 4)
+    check(arm, exact, draw(arm, rng, 30))
+
+
+def test_a_twist_near_fifteen_degrees_stays(make_model, rng):
+    R = rotation("x", 60.01)
+    joints = [
+        (pin.JointModelRZ(), place((0, 0, 0.4))),
+        (pin.JointModelRZ(), place((0.1, 0, 0), R)),
+    ]
+    arm = load(make_model(joints, place((0.3, 0, 0.08))), tip="tip")
+    exact = nominal(arm)
+    assert [s.what for s in exact.snaps] == ["twist"]
     check(arm, exact, draw(arm, rng, 30))
 
 

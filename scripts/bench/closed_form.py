@@ -137,7 +137,7 @@ def polynomial(geometry: Nominal, rows: Sequence[int]) -> object:
     from sympy.polys.matrices import DomainMatrix
 
     own = make_ring(geometry.prismatic)
-    matrix = independent_rows(jacobian_matrix(geometry, own, geometry.arm.task))
+    matrix = independent_rows(jacobian_matrix(geometry, own, geometry.arm.task), own)
     domain, *_ = ring(own.context.names(), QQ)
     size = min(len(matrix), len(matrix[0]))
 

@@ -9,20 +9,23 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing.closed_form.columns import jacobian_matrix
+from pinsing.closed_form.budget import Budget
+from pinsing.closed_form.columns import constants, jacobian_matrix
 from pinsing.closed_form.decompose import Decomposition
 from pinsing.closed_form.expression import Array, Equation
 from pinsing.closed_form.family import Branch, Family
 from pinsing.closed_form.join import mirror_key, statement
 from pinsing.closed_form.pieces import Piece, PieceMaker
 from pinsing.closed_form.points import gradients, proven_empty
-from pinsing.closed_form.ring import make_ring
+from pinsing.closed_form.ring import Ring
+from pinsing.closed_form.surd_ring import ring_of
 from pinsing.errors import OptionError
 from pinsing.kinematics import generic_rank
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.robot.summary import ArmSummary, summarize
+from pinsing.robot.surd import Surd
 from pinsing.second_order import second_order
 from pinsing.state import State, at
 
@@ -153,9 +156,12 @@ def closed_form(
             "choose a shorter one with another base, or fewer joints"
         )
     elif arm.n > 0 and rank > 0:
-        ring = make_ring(geometry.prismatic)
-        matrix = jacobian_matrix(geometry, ring, arm.task)
-        search = Decomposition(matrix, rank, ring, seconds)
+        ring, search = _search(geometry, arm, rank, seconds)
+        if search.stopped and not ring.rational:
+            # Square roots were too much: with rational twists close by, and that is stated.
+            geometry = nominal(arm, angle_tol, snap_length, rational=True)
+            left = max(seconds - (time.monotonic() - started), 0.1 * seconds)
+            ring, search = _search(geometry, arm, rank, left)
         gaps += list(dict.fromkeys(search.gaps))
         maker = PieceMaker(geometry, ring, rank, symbols, _SEED)
         pieces = [maker.make(c) for c in search.components]
@@ -181,6 +187,16 @@ def closed_form(
         jacobian_change=geometry.jacobian_change,
         seconds=time.monotonic() - started,
     )
+
+
+def _search(geometry: Nominal, arm: Arm, rank: int, seconds: float) -> tuple[Ring, Decomposition]:
+    """Components of the singular set, in the ring that the geometry's numbers need."""
+    numbers = constants(geometry, arm.task)
+    # With square roots only half of the time, so that some is left to do without.
+    time_left = Budget(seconds / 2 if any(isinstance(x, Surd) for x in numbers) else seconds)
+    ring = ring_of(geometry.prismatic, numbers, time_left)
+    matrix = jacobian_matrix(geometry, ring, arm.task)
+    return ring, Decomposition(matrix, rank, ring, time_left)
 
 
 def _too_large(family: Family, maker: PieceMaker) -> bool:

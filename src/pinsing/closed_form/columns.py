@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from pinsing.closed_form.budget import Budget
-from pinsing.closed_form.ring import Poly, Ring, rational
+from pinsing.closed_form.ring import Monomial, Poly, Ring
 from pinsing.robot.nominal import Nominal
+from pinsing.robot.surd import Exact
 from pinsing.robot.task import Task
 
 Matrix = list[list[Poly]]
-_Place = tuple[int, tuple[int, ...]]  # column and monomial
+_Place = tuple[int, Monomial]  # column and monomial
 
 
 @dataclass(frozen=True)
@@ -30,17 +31,17 @@ class Pose:
     d: Poly
 
 
-def _multiply(A: Matrix, B: Matrix, zero: Poly) -> Matrix:
+def _multiply(A: Matrix, B: Matrix, ring: Ring) -> Matrix:
     columns = list(zip(*B, strict=True))
-    return [[_dot(row, column, zero) for column in columns] for row in A]
+    return [[_dot(row, column, ring) for column in columns] for row in A]
 
 
-def _dot(a: Sequence[Poly], b: Sequence[Poly], zero: Poly) -> Poly:
-    total = zero
+def _dot(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> Poly:
+    total = ring.zero
     for x, y in zip(a, b, strict=True):
         if x != 0 and y != 0:
             total = total + x * y
-    return total
+    return ring.reduce(total)
 
 
 class _Chain:
@@ -52,9 +53,9 @@ class _Chain:
 
     def placed(self, i: int) -> Pose:
         """Constant placement C_i."""
-        one = self.ring.one
-        R = [[one * rational(x) for x in row] for row in self.geometry.rotation[i]]
-        return Pose(R, [one * rational(x) for x in self.geometry.translation[i]], one)
+        number = self.ring.number
+        R = [[number(x) for x in row] for row in self.geometry.rotation[i]]
+        return Pose(R, [number(x) for x in self.geometry.translation[i]], self.ring.one)
 
     def moved(self, j: int) -> Pose:
         """Motion M_j of joint j."""
@@ -69,15 +70,14 @@ class _Chain:
         return Pose([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
 
     def compose(self, a: Pose, b: Pose) -> Pose:
-        zero = self.ring.zero
-        p = [_dot(row, b.p, zero) + x * b.d for row, x in zip(a.R, a.p, strict=True)]
-        return Pose(_multiply(a.R, b.R, zero), p, a.d * b.d)
+        ring = self.ring
+        p = [_dot(row, b.p, ring) + ring.reduce(x * b.d) for row, x in zip(a.R, a.p, strict=True)]
+        return Pose(_multiply(a.R, b.R, ring), p, a.d * b.d)
 
     def inverse(self, a: Pose) -> Pose:
-        zero = self.ring.zero
         Rt = [list(column) for column in zip(*a.R, strict=True)]
         R = [[x * a.d for x in row] for row in Rt]
-        return Pose(R, [-_dot(row, a.p, zero) for row in Rt], a.d * a.d)
+        return Pose(R, [-_dot(row, a.p, self.ring) for row in Rt], a.d * a.d)
 
     def identity(self) -> Pose:
         one, zero = self.ring.one, self.ring.zero
@@ -85,8 +85,8 @@ class _Chain:
             [[one if a == b else zero for b in range(3)] for a in range(3)], [zero] * 3, one
         )
 
-    def joint_frames(self, middle: int) -> tuple[list[Pose], Pose, Pose]:
-        """Frames of all joints, the base and the tip, seen from joint frame ``middle``."""
+    def joint_frames(self, middle: int, with_base: bool) -> tuple[list[Pose], Pose | None, Pose]:
+        """Frames of all joints, the base if asked for, and the tip, from joint ``middle``."""
         frames: list[Pose] = [self.identity()] * self.n
         here = self.identity()
         for j in range(middle, self.n):
@@ -97,8 +97,19 @@ class _Chain:
         for j in range(middle - 1, -1, -1):
             back = self.compose(self.compose(self.moved(j), self.placed(j + 1)), back)
             frames[j] = self.inverse(back)
-        base = self.inverse(self.compose(self.placed(0), back))
+        base = self.inverse(self.compose(self.placed(0), back)) if with_base else None
         return frames, base, tip
+
+
+def _in_base(task: Task) -> bool:
+    """Whether the rank of the task rows depends on the axes that they are written in."""
+    return task.name not in ("pose", "position", "orientation")
+
+
+def constants(geometry: Nominal, task: Task) -> list[Exact]:
+    """The numbers of the geometry that the task Jacobian has in it, up to its rank."""
+    first = 0 if _in_base(task) else 1
+    return [x for R in geometry.rotation[first:] for row in R for x in row]
 
 
 def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
@@ -108,9 +119,8 @@ def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
     for the full pose, position and orientation: elsewhere the rank depends on them.
     """
     chain = _Chain(geometry, ring)
-    frames, base, tip = chain.joint_frames(chain.n // 2)
+    frames, base, tip = chain.joint_frames(chain.n // 2, _in_base(task))
     at_tip = task.name != "pose" and any(r < 3 for r in task.rows)
-    in_base = task.name not in ("pose", "position", "orientation")
     zero = ring.zero
     columns = []
     for j, frame in enumerate(frames):
@@ -124,21 +134,21 @@ def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
             else:
                 lever = [-p for p in frame.p]
                 w = [x * frame.d for x in z]
-            v = _cross(z, lever)
-        if in_base:
+            v = _cross(z, lever, ring)
+        if base is not None:
             Rt = [list(column) for column in zip(*base.R, strict=True)]
-            v = [_dot(row, v, zero) for row in Rt]
-            w = [_dot(row, w, zero) for row in Rt]
+            v = [_dot(row, v, ring) for row in Rt]
+            w = [_dot(row, w, ring) for row in Rt]
         six = v + w
         columns.append(_primitive([six[r] for r in task.rows], ring))
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _cross(a: Sequence[Poly], b: Sequence[Poly]) -> list[Poly]:
+def _cross(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> list[Poly]:
     return [
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
+        ring.reduce(a[1] * b[2] - a[2] * b[1]),
+        ring.reduce(a[2] * b[0] - a[0] * b[2]),
+        ring.reduce(a[0] * b[1] - a[1] * b[0]),
     ]
 
 
@@ -157,24 +167,20 @@ def _primitive(line: list[Poly], ring: Ring) -> list[Poly]:
     return line
 
 
-def independent_rows(matrix: Matrix) -> Matrix:
-    """Drop rows that are rational combinations of others: no rank is lost anywhere."""
-    basis: list[
-        tuple[tuple[int, tuple[int, ...]], dict[tuple[int, tuple[int, ...]], Fraction]]
-    ] = []
+def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
+    """Drop rows that are combinations of others with constant factors: no rank is lost."""
+    basis: list[tuple[_Place, dict[_Place, Exact]]] = []
     kept = []
     for row in matrix:
-        vector = {
-            (j, m): Fraction(int(c.p), int(c.q))
-            for j, x in enumerate(row)
-            for m, c in x.to_dict().items()
+        vector: dict[_Place, Exact] = {
+            (j, m): c for j, x in enumerate(row) for m, c in ring.terms(x).items()
         }
         for lead, other in basis:
             if lead in vector:
                 ratio = vector[lead] / other[lead]
                 for key, value in other.items():
                     vector[key] = vector.get(key, Fraction(0)) - ratio * value
-                vector = {k: v for k, v in vector.items() if v}
+                vector = {k: v for k, v in vector.items() if v != 0}
         if vector:
             basis.append((next(iter(vector)), vector))
             kept.append(row)
@@ -197,7 +203,7 @@ def reduce_matrix(matrix: Matrix, rank: int, ring: Ring) -> tuple[Matrix, int]:
         A smaller matrix that is below the smaller rank exactly where the given one is
         below the given one.
     """
-    rows = independent_rows(matrix)
+    rows = independent_rows(matrix, ring)
     while rows and rank > 0:
         pivot = _unit(rows, ring)
         if pivot is None:
@@ -211,10 +217,12 @@ def reduce_matrix(matrix: Matrix, rank: int, ring: Ring) -> tuple[Matrix, int]:
             if row[j] == 0:
                 rest.append([x for c, x in enumerate(row) if c != j])
             else:
-                rest.append([x * p - row[j] * rows[i][c] for c, x in enumerate(row) if c != j])
+                rest.append(
+                    [ring.reduce(x * p - row[j] * rows[i][c]) for c, x in enumerate(row) if c != j]
+                )
         rank -= 1
         rows = [_primitive(row, ring) for row in rest]
-        rows = independent_rows([row for row in rows if any(x != 0 for x in row)])
+        rows = independent_rows([row for row in rows if any(x != 0 for x in row)], ring)
         if rows:
             columns = [list(c) for c in zip(*rows, strict=True)]
             columns = [_primitive(c, ring) for c in columns if any(x != 0 for x in c)]
@@ -228,10 +236,11 @@ def _unit(rows: Matrix, ring: Ring) -> tuple[int, int] | None:
     for i, row in enumerate(rows):
         in_row = sum(len(x) for x in row if x != 0)
         for j, x in enumerate(row):
-            if x == 0 or not (x.is_constant() or ring.strip(x).is_constant()):
+            plain = x != 0 and ring.is_constant(x)
+            if x == 0 or not (plain or ring.is_constant(ring.strip(x))):
                 continue
             column = [other[j] for k, other in enumerate(rows) if k != i and other[j] != 0]
-            cost = sum(len(c) for c in column) * in_row + (0 if x.is_constant() else 1000)
+            cost = sum(len(c) for c in column) * in_row + (0 if plain else 1000)
             if best is None or cost < best[0]:
                 best = (cost, i, j)
     return None if best is None else (best[1], best[2])
@@ -239,6 +248,8 @@ def _unit(rows: Matrix, ring: Ring) -> tuple[int, int] | None:
 
 def determinant(matrix: Matrix, ring: Ring, budget: Budget) -> Poly:
     """Determinant by Bareiss' fraction-free elimination, sparsest rows first.
+
+    Square roots are variables like others here, so that all divisions go without a remainder.
 
     Raises
     ------
@@ -269,4 +280,4 @@ def determinant(matrix: Matrix, ring: Ring, budget: Budget) -> Poly:
                     value = value - head * rows[k][j]
                 rows[i][j] = value / previous if k else value
         previous = pivot
-    return rows[-1][-1] * sign
+    return ring.reduce(rows[-1][-1] * sign)

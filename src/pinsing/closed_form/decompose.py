@@ -10,7 +10,7 @@ of larger dimension, which another branch finds.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from pinsing.closed_form.budget import Budget, BudgetExceeded
 from pinsing.closed_form.columns import Matrix, reduce_matrix
 from pinsing.closed_form.minors import Minors
 from pinsing.closed_form.ring import Poly, Ring, Value
-from pinsing.closed_form.slices import ComplexArray, RankTest, numeric, slice_points
+from pinsing.closed_form.slices import Residues, SlicePoint, UndecidedSlice, slice_points
 
 _SEED = 7
 _LOOKED_AT = 12
@@ -30,16 +30,17 @@ _RESULTANT_TERMS = 2_000
 
 @dataclass(frozen=True)
 class Component:
-    """Where rank drops: joints at rational values, and polynomials that vanish.
+    """Where rank drops: joints at exact values, and polynomials that vanish.
 
     Attributes
     ----------
     values : mapping of joint to Value
-        Rational joint values.
+        Exact joint values.
     relations : tuple of Poly
         Polynomials in the other joints; one, or a system of several.
     proven : bool
-        Whether every minor was shown to vanish there by algebra (else at sampled points).
+        Whether every minor was shown to vanish there by division (else at random points, in
+        exact arithmetic modulo a prime).
     codimension : int
         Complex codimension.
     """
@@ -53,12 +54,14 @@ class Component:
 class Decomposition:
     """Runs the search and collects components, and what stopped it where it did not finish."""
 
-    def __init__(self, matrix: Matrix, rank: int, ring: Ring, seconds: float) -> None:
+    def __init__(self, matrix: Matrix, rank: int, ring: Ring, time: Budget) -> None:
         self.ring = ring
-        self.time = Budget(seconds)
+        self.time = time
         self.components: list[Component] = []
         self.gaps: list[str] = []
+        self.stopped = False
         self._rng = np.random.default_rng(_SEED)
+        self._residues = Residues(ring)
         self._seen: set[object] = set()
         rows, reduced = reduce_matrix(matrix, rank, ring)
         if reduced > 0 and rows:
@@ -69,6 +72,7 @@ class Decomposition:
         try:
             self._matrix(rows, reduced, {}, bound)
         except BudgetExceeded as reason:
+            self.stopped = True
             self.gaps.append(str(reason))
         self.components = self._irredundant(self.components)
 
@@ -127,7 +131,7 @@ class Decomposition:
         self._seen.add(key)
         others = []
         for minor in minors:
-            if divmod(minor, p)[1] != 0:
+            if not self.ring.divides(p, minor):
                 factors = self._factors(minor)
                 if not factors:
                     return
@@ -140,14 +144,13 @@ class Decomposition:
         if budget <= 0:
             return
         best = min(others, key=_cost)
-        test = RankTest(matrix, rank, self.ring)
         for g in best:
             fixed = self.ring.joint_value(g)
             if fixed is not None:
                 j, value = fixed
                 self._split(p, {j: value}, matrix, rank, values, budget - 1)
             else:
-                self._pair(p, g, matrix, rank, values, minors, test, budget)
+                self._pair(p, g, matrix, rank, values, minors, budget)
 
     def _split(
         self,
@@ -184,15 +187,16 @@ class Decomposition:
         rank: int,
         values: dict[int, Value],
         minors: Minors,
-        test: RankTest,
         budget: int,
     ) -> None:
         """Components inside p = g = 0: none, or stated by as few joints as can be found."""
         self.time.check()
-        points = list(slice_points(p, g, test, self.ring, self._rng, values))
-        if any(not s.certain for s in points):
-            self.gaps.append("a slice could not be told singular from regular")
-        singular = [s.point for s in points if s.singular]
+        try:
+            points = list(slice_points(p, g, self._residues, self._rng, values))
+        except UndecidedSlice:
+            self.gaps.append("the common points of two equations were not told apart")
+            return
+        singular = [s for s in points if s.rank(matrix) < rank]
         if len(singular) < len(points) and budget > 1:
             self.gaps.append(
                 f"sets of codimension {len(values) + 3} or more inside two simultaneous "
@@ -202,7 +206,7 @@ class Decomposition:
             return
         shared = self._common_joints(p, g)
         if shared and len(p) * len(g) <= _RESULTANT_TERMS:
-            self._eliminate(p, g, shared[0], matrix, rank, values, test, singular, budget)
+            self._eliminate(p, g, shared[0], matrix, rank, values, singular, budget)
         missed = [s for s in singular if not any(self._holds(c, s) for c in self.components)]
         if missed:
             self._emit(values, self._system(p, g, missed, minors), False)
@@ -215,8 +219,7 @@ class Decomposition:
         matrix: Matrix,
         rank: int,
         values: dict[int, Value],
-        test: RankTest,
-        singular: list[ComplexArray],
+        singular: list[SlicePoint],
         budget: int,
     ) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
@@ -226,16 +229,16 @@ class Decomposition:
             if fixed is not None:
                 j, value = fixed
                 at = {j: value}
-                common = self.ring.substitute(p, at).gcd(self.ring.substitute(g, at))
+                common = self.ring.gcd(self.ring.substitute(p, at), self.ring.substitute(g, at))
                 put = self._put(matrix, at)
                 for e in self._factors(self.ring.strip(common)):
                     self._split(e, {}, put, rank, {**values, **at}, budget - 1)
-            elif len(h) <= len(p) + len(g) and any(self._zeros(h, singular)):
+            elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
                 for other in sorted((p, g), key=len):
-                    points = list(slice_points(h, other, test, self.ring, self._rng, values))
-                    if not points or not all(s.singular for s in points):
+                    points = list(slice_points(h, other, self._residues, self._rng, values))
+                    if not points or not all(s.rank(matrix) < rank for s in points):
                         continue
-                    if all(self._transversal(h, other, s.point) for s in points):
+                    if all(s.transversal((h, other)) for s in points):
                         self._emit(values, tuple(sorted((h, other), key=len)), False)
                         break
 
@@ -243,7 +246,7 @@ class Decomposition:
         self,
         p: Poly,
         g: Poly,
-        singular: list[ComplexArray],
+        singular: list[SlicePoint],
         minors: Minors,
     ) -> tuple[Poly, ...]:
         """Equations of the singular part of p = g = 0.
@@ -254,40 +257,17 @@ class Decomposition:
         relations = [p, g]
         for minor in minors:
             self.time.check()
-            if any(divmod(minor, r)[1] == 0 for r in relations):
+            if any(self.ring.divides(r, minor) for r in relations):
                 continue
-            whole = [f for f in self._factors(minor) if all(self._zeros(f, singular))]
+            whole = [f for f in self._factors(minor) if all(s.is_zero(f) for s in singular)]
             relations.append(min(whole, key=len) if whole else minor)
         return tuple(sorted(relations, key=len))
 
-    def _zeros(self, poly: Poly, points: Sequence[ComplexArray]) -> list[bool]:
-        """At which of some complex points a polynomial is zero, to rounding."""
-        evaluate = numeric(poly, self.ring.context.nvars())
-        return [abs(evaluate(s)) <= 1e-7 * evaluate.size(s) for s in points]
-
-    def _transversal(self, p: Poly, g: Poly, point: ComplexArray) -> bool:
-        """Whether the zero sets of two polynomials cross at a point, rather than touch."""
-        nvars = self.ring.context.nvars()
-        slopes = np.array([numeric(f, nvars).gradient(point) for f in (p, g)])
-        size = np.linalg.norm(slopes, axis=1)
-        if not size.all():
-            return False
-        sigma = np.linalg.svd(slopes / size[:, None], compute_uv=False)
-        return bool(sigma[1] > 1e-4)
-
-    def _holds(self, component: Component, point: ComplexArray) -> bool:
-        """Whether a complex point lies on a component."""
-        for j, value in component.values.items():
-            v = self.ring.variables(j)
-            if self.ring.prismatic[j]:
-                if abs(point[v[0]] - float(value[0])) > 1e-7:
-                    return False
-                continue
-            x, y = (float(c) for c in value)
-            size = np.hypot(x, y) * (abs(point[v[0]]) + abs(point[v[1]]))
-            if abs(point[v[0]] * y - point[v[1]] * x) > 1e-7 * size:
-                return False
-        return all(self._zeros(r, [point])[0] for r in component.relations)
+    def _holds(self, component: Component, point: SlicePoint) -> bool:
+        """Whether a point lies on a component."""
+        return all(point.has(j, value) for j, value in component.values.items()) and all(
+            point.is_zero(r) for r in component.relations
+        )
 
     # Pieces -------------------------------------------------------------------------
 
@@ -307,8 +287,8 @@ class Decomposition:
         common = None
         for minor in minors:
             self.time.check_factor(len(minor))
-            common = minor if common is None else common.gcd(minor)
-            if common.is_constant():
+            common = minor if common is None else self.ring.gcd(common, minor)
+            if self.ring.is_constant(common):
                 break
         return common
 
@@ -316,7 +296,7 @@ class Decomposition:
         """Factors of the minor, over the common factor, that branches into the least work."""
         best: list[Poly] | None = None
         for minor in itertools.islice(minors, _LOOKED_AT):
-            factors = self._factors(minor / common)
+            factors = self._factors(self.ring.quotient(minor, common))
             if not factors:
                 return []
             if best is None or _cost(factors) < _cost(best):
@@ -335,11 +315,10 @@ class Decomposition:
     def _resultant(self, p: Poly, g: Poly, joint: int) -> Poly:
         """Resultant of two forms in the variables of one joint."""
         variables = self.ring.variables(joint)
-        names = self.ring.context.names()
         if len(variables) == 2:
-            put = {names[variables[0]]: 1}
+            put = {self.ring.context.names()[variables[0]]: 1}
             p, g = p.subs(put), g.subs(put)
-        return p.resultant(g, names[variables[-1]])
+        return self.ring.resultant(p, g, variables[-1])
 
     def _put(self, matrix: Matrix, values: Mapping[int, Value]) -> Matrix:
         if not values:
@@ -362,7 +341,7 @@ class Decomposition:
             rest = self.ring.substitute(r, a.values)
             if rest == 0:
                 continue
-            if not any(divmod(rest, p)[1] == 0 for p in a.relations):
+            if not any(self.ring.divides(p, rest) for p in a.relations):
                 return False
         return True
 

@@ -15,7 +15,8 @@ from math import comb
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.closed_form.ring import Poly, Ring, fraction
+from pinsing.closed_form.ring import Poly, Ring
+from pinsing.robot.surd import parts_of
 
 Array = npt.NDArray[np.float64]
 _DROP = 1e-12
@@ -240,8 +241,8 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
     """
     n = len(ring.prismatic)
     degrees = poly.degrees()
-    terms = list(poly.to_dict().items())
-    largest = max(abs(fraction(c)) for _, c in terms)
+    terms = list(ring.terms(poly).items())
+    largest = max(abs(part) for _, c in terms for part in parts_of(c))
     shape, kinds = [], []
     for j in range(n):
         v = ring.variables(j)
@@ -253,7 +254,7 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
         kinds.append(v)
     tensor = np.zeros(shape, dtype=complex)
     for monomial, c in terms:
-        tensor[tuple(int(monomial[v[-1]]) for v in kinds)] += float(fraction(c) / largest)
+        tensor[tuple(int(monomial[v[-1]]) for v in kinds)] += float(c / largest)
     for j in range(n):
         if not ring.prismatic[j] and shape[j] > 1:
             tensor = np.moveaxis(

@@ -13,8 +13,8 @@ from pinsing.closed_form.decompose import Component
 from pinsing.closed_form.expression import Array, Equation, equation, scale_to_lengths
 from pinsing.closed_form.family import Branch, JointValue
 from pinsing.closed_form.points import fix_joint, never_zero, proven_empty, roots_of, search
-from pinsing.closed_form.ring import Poly, Ring
-from pinsing.closed_form.slices import univariate_roots
+from pinsing.closed_form.ring import Poly, Ring, Value
+from pinsing.closed_form.roots import real_roots
 from pinsing.kinematics import sigma_ratios, singular_values
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
@@ -110,10 +110,10 @@ class PieceMaker:
             branch.equations, self.lower, self.upper, free, fixed, count, self.rng, rounds
         )
 
-    def _value(self, joint: int, value: Sequence[object]) -> JointValue:
+    def _value(self, joint: int, value: Value) -> JointValue:
         if self.ring.prismatic[joint]:
-            return JointValue(joint, float(value[0]), True)  # type: ignore[arg-type]
-        x, y = (float(v) for v in value)  # type: ignore[arg-type]
+            return JointValue(joint, float(value[0]), True)
+        x, y = (float(v) for v in value)
         angle = 2 * math.atan2(y, x) - float(self.geometry.offset[joint])
         return JointValue(joint, wrap(angle), True)
 
@@ -123,7 +123,7 @@ class PieceMaker:
         variables = self.ring.variables(joint)
         if not self.ring.prismatic[joint]:  # irreducible of degree >= 2: x = 0 is no root
             poly = poly.subs({self.ring.context.names()[variables[0]]: 1})
-        real = [r.real for r in univariate_roots(poly, variables[-1]) if r.imag == 0]
+        real = real_roots(poly, variables[-1], self.ring)
         if self.ring.prismatic[joint]:
             return [JointValue(joint, t, False) for t in real]
         offset = float(self.geometry.offset[joint])

@@ -1,5 +1,8 @@
 """The polynomial ring of an arm: homogeneous half-angle coordinates over the rationals.
 
+Where the arm has twists of 15 degrees or its multiples, the coefficients have square roots:
+``surd_ring`` extends the ring by these.
+
 A revolute joint has two variables x, y with ``cos = (x^2 - y^2) / w``, ``sin = 2 x y / w``,
 ``w = x^2 + y^2``, so that its angle is 2 atan2(y, x) and pi is as good a point as any other.
 A prismatic joint has one variable, its value in metres.
@@ -14,9 +17,12 @@ from typing import Any
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
+from pinsing.robot.surd import Exact, Surd
+
 Poly = Any  # fmpq_mpoly; python-flint ships no types
-Value = tuple[Fraction, ...]
-"""Rational value of a joint: (x, y) of a revolute one, (metres,) of a prismatic one."""
+Monomial = tuple[int, ...]
+Value = tuple[Exact, ...]
+"""Exact value of a joint: (x, y) of a revolute one, (metres,) of a prismatic one."""
 
 
 def rational(value: Fraction | int) -> Any:
@@ -62,6 +68,26 @@ class Ring:
         """The constant 0."""
         return self.context.constant(0)
 
+    @property
+    def rational(self) -> bool:
+        """Whether all coefficients are rational."""
+        return True
+
+    @property
+    def nvars(self) -> int:
+        """Number of the joints' variables."""
+        return sum(1 if slides else 2 for slides in self.prismatic)
+
+    def number(self, value: Exact | int) -> Poly:
+        """A constant of the ring."""
+        if isinstance(value, Surd):
+            raise TypeError("a square root is no constant of a ring over the rationals")
+        return self.context.constant(rational(value))
+
+    def reduce(self, poly: Poly) -> Poly:
+        """The unique form of an element that products came to; the same over the rationals."""
+        return poly
+
     def variables(self, joint: int) -> tuple[int, ...]:
         """Indices of a joint's variables."""
         first = self.start[joint]
@@ -74,15 +100,39 @@ class Ring:
             j for j in range(len(self.prismatic)) if any(degrees[v] > 0 for v in self.variables(j))
         )
 
+    def terms(self, poly: Poly) -> dict[Monomial, Exact]:
+        """Exponents of the joints' variables, and coefficients."""
+        return {tuple(int(e) for e in m): fraction(c) for m, c in poly.to_dict().items()}
+
+    def is_constant(self, poly: Poly) -> bool:
+        """Whether no joint occurs."""
+        return bool(poly.is_constant())
+
     def substitute(self, poly: Poly, values: Mapping[int, Value]) -> Poly:
-        """Put rational joint values into ``poly``."""
+        """Put exact joint values into ``poly``."""
         names = self.context.names()
         found = {
-            names[v]: rational(x)
+            names[v]: rational(x)  # type: ignore[arg-type]
             for j, value in values.items()
             for v, x in zip(self.variables(j), value, strict=True)
         }
         return poly.subs(found)
+
+    def divides(self, p: Poly, poly: Poly) -> bool:
+        """Whether ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""
+        return bool(divmod(poly, p)[1] == 0)
+
+    def quotient(self, poly: Poly, p: Poly) -> Poly:
+        """``poly`` over ``p``, which divides it and came from ``factors`` or ``gcd``."""
+        return poly / p
+
+    def gcd(self, p: Poly, g: Poly) -> Poly:
+        """Greatest common divisor."""
+        return p.gcd(g)
+
+    def resultant(self, p: Poly, g: Poly, variable: int) -> Poly:
+        """Resultant with respect to a variable."""
+        return p.resultant(g, self.context.names()[variable])
 
     def strip(self, poly: Poly) -> Poly:
         """Divide out every x^2 + y^2, which no real angle makes zero."""
@@ -106,18 +156,21 @@ class Ring:
         return [f for f, _ in found if not any(w is not None and f == w for w in self.w)]
 
     def joint_value(self, poly: Poly) -> tuple[int, Value] | None:
-        """The rational value that ``poly`` = 0 fixes one joint at, if it does just that."""
+        """The exact value that ``poly`` = 0 fixes one joint at, if it does just that."""
         joints = self.joints_of(poly)
-        if len(joints) != 1 or poly.total_degree() != 1:
+        if len(joints) != 1:
             return None
         j = joints[0]
         variables = self.variables(j)
-        terms = poly.to_dict()
-        nvars = self.context.nvars()
+        if sum(int(poly.degrees()[v]) for v in variables) > len(variables):
+            return None
+        terms = self.terms(poly)
+        if max(sum(m) for m in terms) != 1:
+            return None
 
-        def coefficient(v: int | None) -> Fraction:
-            key = tuple(int(v == k) for k in range(nvars))
-            return fraction(terms.get(key, 0))
+        def coefficient(v: int | None) -> Exact:
+            key = tuple(int(v == k) for k in range(self.nvars))
+            return terms.get(key, Fraction(0))
 
         if self.prismatic[j]:
             return j, (-coefficient(None) / coefficient(variables[0]),)
@@ -128,16 +181,27 @@ class Ring:
 
 
 def make_ring(prismatic: Sequence[bool]) -> Ring:
-    """Ring of a chain with these joints."""
+    """Ring of a chain with these joints, over the rationals."""
+    names, start = variable_names(prismatic)
+    context = fmpq_mpoly_ctx.get(names, Ordering.degrevlex)
+    return Ring(context, tuple(bool(p) for p in prismatic), start, norms(context, prismatic))
+
+
+def variable_names(prismatic: Sequence[bool]) -> tuple[list[str], tuple[int, ...]]:
+    """Names of the variables, and the index of each joint's first."""
     names: list[str] = []
     start = []
     for j, slides in enumerate(prismatic, 1):
         start.append(len(names))
         names += [f"z{j}"] if slides else [f"x{j}", f"y{j}"]
-    context = fmpq_mpoly_ctx.get(names, Ordering.degrevlex)
+    return names, tuple(start)
+
+
+def norms(context: Any, prismatic: Sequence[bool]) -> tuple[Poly | None, ...]:
+    """x^2 + y^2 of each revolute joint, None for the others."""
     gens = context.gens()
-    w = tuple(
+    start = variable_names(prismatic)[1]
+    return tuple(
         None if slides else gens[s] ** 2 + gens[s + 1] ** 2
         for s, slides in zip(start, prismatic, strict=True)
     )
-    return Ring(context, tuple(bool(p) for p in prismatic), tuple(start), w)

@@ -1,138 +1,127 @@
 """Generic points of the common zeros of two polynomials, on random slices.
 
-To know whether some component of V(p, g) is singular it is enough to look at points on
-it: all joints but two are put at random rational values, the two that remain are solved
-for exactly enough, and the rank of the Jacobian is taken there. A component of
-codimension two meets such a slice for some pair of joints, so that all pairs together
-meet every component.
+To know whether some component of V(p, g) is singular it is enough to look at generic points
+of it: all joints but two are put at random values, the two that remain are solved for, and
+the rank of the Jacobian is taken there. A component of codimension two meets such a slice for
+some pair of joints, so that all pairs together meet every component.
+
+All of this is done modulo a prime of 62 bits, where it is exact: the points have coordinates
+in finite fields, and a rank is a rank. A verdict is wrong only if a random value happens to
+be a root of one of the polynomials involved, which for degrees in the thousands has a chance
+of about 1e-15 (Schwartz, 1980; Zippel, 1979).
 """
 
 from __future__ import annotations
 
 import itertools
-import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from flint import fmpz_poly
+from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_poly
 
 from pinsing.closed_form.columns import Matrix
-from pinsing.closed_form.ring import Poly, Ring, Value, fraction, rational
+from pinsing.closed_form.prime_field import (
+    WORD_PRIME,
+    image,
+    modular_context,
+    rank_over,
+    residue,
+)
+from pinsing.closed_form.ring import Poly, Ring, Value
 
-ComplexArray = npt.NDArray[np.complex128]
-_SINGULAR = 1e-7
-_REGULAR = 1e-5
-
-
-@dataclass(frozen=True)
-class NumericPoly:
-    """Polynomial for evaluation at float points: exponents (T, V), coefficients (T,)."""
-
-    exponents: npt.NDArray[np.int64]
-    coefficients: npt.NDArray[np.float64]
-
-    def __call__(self, point: ComplexArray) -> complex:
-        """Value at a point (V,)."""
-        if not len(self.coefficients):
-            return 0j
-        return complex(np.prod(point[None, :] ** self.exponents, axis=1) @ self.coefficients)
-
-    def gradient(self, point: ComplexArray) -> ComplexArray:
-        """Derivatives by all variables at a point: (V,)."""
-        out = np.zeros(len(point), dtype=complex)
-        for v in np.flatnonzero(self.exponents.any(axis=0)):
-            lowered = self.exponents.copy()
-            factor = lowered[:, v] * self.coefficients
-            lowered[:, v] = np.maximum(lowered[:, v] - 1, 0)
-            out[v] = np.prod(point[None, :] ** lowered, axis=1) @ factor
-        return out
-
-    def size(self, point: ComplexArray) -> float:
-        """Sum of the absolute values of the terms at a point: what rounding is relative to."""
-        if not len(self.coefficients):
-            return 0.0
-        terms = np.prod(np.abs(point)[None, :] ** self.exponents, axis=1)
-        return float(terms @ np.abs(self.coefficients))
+_ATTEMPTS = 4
 
 
-def numeric(poly: Poly, nvars: int) -> NumericPoly:
-    """Prepare ``poly`` for float evaluation, its largest coefficient scaled to 1."""
-    terms = list(poly.to_dict().items())
-    if not terms:
-        return NumericPoly(np.zeros((0, nvars), dtype=np.int64), np.zeros(0))
-    coefficients = [fraction(c) for _, c in terms]
-    largest = max(abs(c) for c in coefficients)
-    return NumericPoly(
-        np.array([m for m, _ in terms], dtype=np.int64),
-        np.array([float(c / largest) for c in coefficients]),
-    )
+class UndecidedSlice(Exception):
+    """The points of a slice were not told apart."""
 
 
-class RankTest:
-    """Rank of a polynomial matrix at complex points."""
+class Residues:
+    """Images of a ring's polynomials modulo a prime, made once each."""
 
-    def __init__(self, matrix: Matrix, rank: int, ring: Ring) -> None:
-        self.rank = rank
+    def __init__(self, ring: Ring) -> None:
         self.ring = ring
-        nvars = ring.context.nvars()
-        # Exact scale of each entry matters here: no scaling of coefficients one by one.
-        self.entries = [
-            [
-                (
-                    np.array(list(x.to_dict()), dtype=np.int64).reshape(-1, nvars),
-                    np.array([float(fraction(c)) for c in x.to_dict().values()]),
-                )
-                for x in row
-            ]
-            for row in matrix
-        ]
+        self._images: dict[int, tuple[Poly, Any]] = {}
 
-    def ratio(self, point: ComplexArray) -> float:
-        """sigma_rank over the size of the matrix, its rows and columns balanced."""
-        values = np.zeros((len(self.entries), len(self.entries[0])), dtype=complex)
-        sizes = np.zeros(values.shape)
-        for i, row in enumerate(self.entries):
-            for k, (e, c) in enumerate(row):
-                if len(c):
-                    terms = np.prod(point[None, :] ** e, axis=1)
-                    values[i, k] = terms @ c
-                    sizes[i, k] = np.abs(terms) @ np.abs(c)
-        # Balanced by the sizes of the terms: a row or column that vanishes must stay zero.
-        for _ in range(2):
-            for axis in (1, 0):
-                size = np.linalg.norm(sizes, axis=axis, keepdims=True)
-                size = np.where(size > 0, size, 1.0)
-                values, sizes = values / size, sizes / size
-        sigma = np.linalg.svd(values, compute_uv=False)
-        # Not over sigma_1: where the whole matrix vanishes, that is rounding as well.
-        whole = np.linalg.norm(sizes)
-        return float(sigma[self.rank - 1] / whole) if whole > 0 else 0.0
+    def of(self, poly: Poly) -> Any:
+        """The image of a polynomial."""
+        if id(poly) not in self._images:  # the polynomial is kept, so that its id stays its own
+            self._images[id(poly)] = (poly, image(poly, self.ring, WORD_PRIME))
+        return self._images[id(poly)][1]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class SlicePoint:
-    """One common zero on a slice, with its verdict."""
+    """One common zero on a slice (and all its conjugates).
 
-    point: ComplexArray
-    singular: bool
-    certain: bool
+    Attributes
+    ----------
+    residues : Residues
+        Images of polynomials.
+    fixed : mapping of str to int
+        Variables at random values.
+    field : fq_default_ctx
+        The finite field of the coordinates.
+    free : mapping of int to fq_default
+        The variables that were solved for, by index.
+    """
 
+    residues: Residues
+    fixed: Mapping[str, int]
+    field: Any
+    free: Mapping[int, Any]
 
-def random_value(rng: np.random.Generator, ring: Ring, joint: int) -> Value:
-    """Small random rational value of a joint."""
-    if ring.prismatic[joint]:
-        return (Fraction(int(rng.integers(-97, 98)), 101),)
-    return Fraction(int(rng.integers(3, 60))), Fraction(int(rng.integers(-60, 61)) or 7)
+    def value(self, poly: Poly) -> Any:
+        """Value of a polynomial of the ring."""
+        total = self.field.zero()
+        if poly == 0:
+            return total
+        powers: dict[tuple[int, int], Any] = {}
+        for monomial, c in self.residues.of(poly).subs(self.fixed).to_dict().items():
+            term = self.field(int(c))
+            for v, exponent in enumerate(monomial):
+                if exponent:
+                    key = v, int(exponent)
+                    if key not in powers:
+                        powers[key] = self.free[v] ** int(exponent)
+                    term = term * powers[key]
+            total = total + term
+        return total
+
+    def is_zero(self, poly: Poly) -> bool:
+        """Whether a polynomial vanishes there."""
+        return bool(self.value(poly).is_zero())
+
+    def rank(self, matrix: Matrix) -> int:
+        """Rank of a matrix of polynomials there."""
+        return rank_over([[self.value(x) for x in row] for row in matrix])
+
+    def transversal(self, polys: Sequence[Poly]) -> bool:
+        """Whether zero sets cross there, rather than touch: their gradients are independent."""
+        nvars = self.residues.ring.nvars
+        slopes = [[self.value(p.derivative(v)) for v in range(nvars)] for p in polys]
+        return rank_over(slopes) == len(polys)
+
+    def has(self, joint: int, value: Value) -> bool:
+        """Whether a joint is at a value there."""
+        x, *y = (self._at(v) for v in self.residues.ring.variables(joint))
+        wanted = [self.field(residue(c, WORD_PRIME)) for c in value]
+        if not y:
+            return bool(x == wanted[0])
+        return bool((x * wanted[1] - y[0] * wanted[0]).is_zero())
+
+    def _at(self, variable: int) -> Any:
+        if variable in self.free:
+            return self.free[variable]
+        return self.field(self.fixed[self.residues.ring.context.names()[variable]])
 
 
 def slice_points(
     p: Poly,
     g: Poly,
-    test: RankTest,
-    ring: Ring,
+    residues: Residues,
     rng: np.random.Generator,
     values: Mapping[int, Value],
 ) -> Iterator[SlicePoint]:
@@ -142,151 +131,137 @@ def slice_points(
     ----------
     values : mapping of joint to Value
         Joints that are at fixed values already (and occur in neither polynomial).
+
+    Raises
+    ------
+    UndecidedSlice
+        If the points of a slice cannot be told apart, whatever the slice.
     """
-    joints = [j for j in range(len(ring.prismatic)) if j not in values]
+    ring = residues.ring
     of_p, of_g = set(ring.joints_of(p)), set(ring.joints_of(g))
-    for k, other in itertools.combinations(sorted(of_p | of_g), 2):
-        if not ({k, other} & of_p and {k, other} & of_g):
+    for pair in itertools.combinations(sorted(of_p | of_g), 2):
+        if not (of_p.intersection(pair) and of_g.intersection(pair)):
             continue  # one of the two is a constant on this slice
-        fixed = {j: random_value(rng, ring, j) for j in joints if j not in (k, other)}
-        fixed.update(values)
-        yield from _points_on(p, g, k, other, fixed, test, ring, rng)
+        for _ in range(_ATTEMPTS):
+            points = _points_on(p, g, pair, residues, rng, values)
+            if points is not None:
+                yield from points
+                break
+        else:
+            raise UndecidedSlice
 
 
 def _points_on(
     p: Poly,
     g: Poly,
-    first: int,
-    second: int,
-    fixed: Mapping[int, Value],
-    test: RankTest,
-    ring: Ring,
+    pair: tuple[int, int],
+    residues: Residues,
     rng: np.random.Generator,
-) -> Iterator[SlicePoint]:
-    """Common zeros of p and g in two joints, the others ``fixed``, with their verdicts."""
-    turn = {j: _turn(ring, j, rng) for j in (first, second)}
-    P = _chart(ring.substitute(p, fixed), ring, turn)
-    G = _chart(ring.substitute(g, fixed), ring, turn)
-    base = np.zeros(ring.context.nvars(), dtype=complex)
-    for j, value in fixed.items():
-        base[list(ring.variables(j))] = [float(x) for x in value]
-    for t, s in _common_zeros(P, G, ring.variables(first)[-1], ring.variables(second)[-1], ring):
-        point = base.copy()
-        for j, chart_value in ((first, t), (second, s)):
-            point[list(ring.variables(j))] = turn[j].values_at(chart_value)
-        if _norms_vanish(point, ring):
-            continue
-        ratio = test.ratio(point)
-        yield SlicePoint(point, ratio < _SINGULAR, not _SINGULAR <= ratio < _REGULAR)
+    values: Mapping[int, Value],
+) -> list[SlicePoint] | None:
+    """Common zeros in two joints, the others at random values; None if that went wrong.
 
-
-def _common_zeros(
-    P: Poly, G: Poly, first: int, second: int, ring: Ring
-) -> Iterator[tuple[complex, complex]]:
-    """Common zeros of two polynomials in two variables.
-
-    Both coordinates come from resultants, whose roots are accurate even where zeros are
-    multiple; solving one polynomial at the roots of the other only tells which go together.
+    The first joint's chart is sheared by the second's, so that no two points have the same
+    first coordinate; its values are the roots of a resultant.
     """
-    without_first, without_second = _eliminate(P, G, first, ring), _eliminate(P, G, second, ring)
-    if without_first.is_constant() or without_second.is_constant():
-        return
-    ts = np.array(univariate_roots(without_second, first))
-    nvars = ring.context.nvars()
-    polys = [numeric(P, nvars), numeric(G, nvars)]
-    solve_in = polys[0] if P.degrees()[first] > 0 else polys[1]
-    for s in univariate_roots(without_first, second):
-        at = np.zeros(nvars, dtype=complex)
-        at[second] = s
-        near: set[int] = set()
-        row = _univariate(solve_in, at, first)
-        for rough in np.roots(row) if len(row) > 1 else []:
-            gaps = np.abs(ts - rough) / (1.0 + np.abs(ts))
-            if gaps.min() < 1e-3:
-                near.add(int(np.argmin(gaps)))
-        for i in sorted(near):
-            at[first] = ts[i]
-            if all(abs(f(at)) <= 1e-6 * f.size(at) for f in polys):
-                yield complex(ts[i]), complex(s)
+    ring = residues.ring
+    names = ring.context.names()
+    fixed: dict[str, int] = {}
+    for j in range(len(ring.prismatic)):
+        if j not in pair:
+            known = values.get(j)
+            for k, v in enumerate(ring.variables(j)):
+                fixed[names[v]] = residue(known[k], WORD_PRIME) if known else _random(rng)
+    plane = modular_context(("t", "u"), WORD_PRIME)
+    t, u = plane.gens()
+    shear = _random(rng)
+    charts = {pair[0]: t + shear * u, pair[1]: u}
+    turn = {j: (_random(rng), _random(rng)) for j in pair}
+
+    def coordinates(j: int, chart: Any) -> list[Any]:
+        a, b = turn[j]
+        return [chart] if ring.prismatic[j] else [a - b * chart, b + a * chart]
+
+    images = [plane.constant(fixed.get(name, 0)) for name in names[: ring.nvars]]
+    for j in pair:
+        for v, x in zip(ring.variables(j), coordinates(j, charts[j]), strict=True):
+            images[v] = x
+    P, G = (residues.of(f).compose(*images, ctx=plane) for f in (p, g))
+    eliminant = P.resultant(G, "u")
+    if eliminant == 0:
+        return None
+    points = []
+    for factor in _univariate(eliminant).factor()[1]:
+        found = _solve(P, G, factor[0])
+        if found is None:
+            return None
+        field, first, second = found
+        at = {pair[0]: first + field(shear) * second, pair[1]: second}
+        free = {
+            v: x
+            for j in pair
+            for v, x in zip(ring.variables(j), coordinates(j, at[j]), strict=True)
+        }
+        squares = [
+            free[ring.variables(j)[0]] ** 2 + free[ring.variables(j)[1]] ** 2
+            for j in pair
+            if not ring.prismatic[j]
+        ]
+        if not any(s.is_zero() for s in squares):  # else no angle is meant
+            points.append(SlicePoint(residues, fixed, field, free))
+    return points
 
 
-def _eliminate(P: Poly, G: Poly, variable: int, ring: Ring) -> Poly:
-    """A polynomial without ``variable`` that vanishes where both do."""
-    in_p, in_g = P.degrees()[variable] > 0, G.degrees()[variable] > 0
-    if in_p and in_g:
-        return P.resultant(G, ring.context.names()[variable])
-    return G if in_p else P
+def _solve(P: Any, G: Any, factor: Any) -> tuple[Any, Any, Any] | None:
+    """Field of the roots of an irreducible factor of the resultant, and (t, u) in it."""
+    modulus = _POLYNOMIALS([int(c) for c in factor.coeffs()])
+    field = fq_default_ctx(
+        modulus=modulus, fq_type="FQ_NMOD", check_prime=False, check_modulus=False
+    )
+    if factor.degree() == 1:
+        root = field(int(-factor[0] / factor[1]))
+    else:
+        root = field([0, 1])
+    over = fq_default_poly_ctx(field)
+    rows = []
+    for poly in (P, G):
+        columns: dict[int, list[tuple[int, int]]] = {}
+        for (i, k), c in poly.to_dict().items():
+            columns.setdefault(int(k), []).append((int(i), int(c)))
+        top = max(columns, default=0)
+        powers = _powers(root, max((i for c in columns.values() for i, _ in c), default=0))
+        rows.append(
+            over(
+                [
+                    sum((field(c) * powers[i] for i, c in columns.get(k, [])), field.zero())
+                    for k in range(top + 1)
+                ]
+            )
+        )
+    common = rows[0].gcd(rows[1])
+    common = common.radical() if common.degree() > 0 else common
+    if common.degree() != 1:
+        return None
+    second = -common[0] * common[1].inverse()
+    return field, root, second
 
 
-@dataclass(frozen=True)
-class _Turn:
-    """Chart of a joint: (x, y) = (a - b t, b + a t), or t itself for a prismatic one."""
-
-    a: Fraction
-    b: Fraction
-    prismatic: bool
-
-    def values_at(self, t: complex) -> list[complex]:
-        if self.prismatic:
-            return [t]
-        a, b = float(self.a), float(self.b)
-        x, y = a - b * t, b + a * t
-        size = max(abs(x), abs(y))
-        return [x / size, y / size]
+def _powers(x: Any, top: int) -> list[Any]:
+    out = [x**0]
+    for _ in range(top):
+        out.append(out[-1] * x)
+    return out
 
 
-def _turn(ring: Ring, joint: int, rng: np.random.Generator) -> _Turn:
-    a, b = (Fraction(int(v)) for v in rng.integers(2, 12, 2))
-    return _Turn(a, b, ring.prismatic[joint])
+def _univariate(poly: Any) -> Any:
+    """A polynomial in t alone, as flint's univariate kind."""
+    coefficients = {int(m[0]): int(c) for m, c in poly.to_dict().items()}
+    dense = [coefficients.get(i, 0) for i in range(max(coefficients) + 1)]
+    return nmod_poly(dense, WORD_PRIME)
 
 
-def _chart(poly: Poly, ring: Ring, turn: Mapping[int, _Turn]) -> Poly:
-    """Rewrite ``poly`` in the charts of the joints: each keeps its last variable."""
-    gens = list(ring.context.gens())
-    images = list(gens)
-    for j, chart in turn.items():
-        if chart.prismatic:
-            continue
-        x, y = ring.variables(j)
-        t = gens[y]
-        images[x] = rational(chart.a) - rational(chart.b) * t
-        images[y] = rational(chart.b) + rational(chart.a) * t
-    return poly.compose(*images, ctx=ring.context)
+def _random(rng: np.random.Generator) -> int:
+    return int(rng.integers(1, WORD_PRIME))
 
 
-def univariate_roots(poly: Poly, variable: int) -> list[complex]:
-    """Distinct complex roots of a polynomial in one variable, accurate to double precision."""
-    coefficients: dict[int, Fraction] = {}
-    for monomial, c in poly.to_dict().items():
-        coefficients[int(monomial[variable])] = fraction(c)
-    denominator = math.lcm(*(c.denominator for c in coefficients.values()))
-    top = max(coefficients)
-    integers = [int(coefficients.get(i, Fraction(0)) * denominator) for i in range(top + 1)]
-    roots = []
-    for factor, _ in fmpz_poly(integers).factor()[1]:
-        roots += [complex(r) for r, _ in factor.complex_roots()]
-    return roots
-
-
-def _univariate(poly: NumericPoly, point: ComplexArray, variable: int) -> ComplexArray:
-    """Coefficients (highest first) of ``poly`` in one variable, the others at ``point``."""
-    rest = point.copy()
-    rest[variable] = 1.0
-    values = np.prod(rest[None, :] ** poly.exponents, axis=1) * poly.coefficients
-    degree = int(poly.exponents[:, variable].max(initial=0))
-    out = np.zeros(degree + 1, dtype=complex)
-    np.add.at(out, degree - poly.exponents[:, variable], values)
-    large = np.flatnonzero(np.abs(out) > 1e-13 * np.abs(out).max(initial=0.0))
-    return out[large[0] :] if len(large) else out[:0]
-
-
-def _norms_vanish(point: ComplexArray, ring: Ring) -> bool:
-    """Whether some x^2 + y^2 is zero at a complex point: no angle is meant there."""
-    for j, w in enumerate(ring.w):
-        if w is None:
-            continue
-        x, y = ring.variables(j)
-        size = abs(point[x]) ** 2 + abs(point[y]) ** 2
-        if size > 0 and abs(point[x] ** 2 + point[y] ** 2) < 1e-6 * size:
-            return True
-    return False
+_POLYNOMIALS = fmpz_mod_poly_ctx(WORD_PRIME)

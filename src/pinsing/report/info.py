@@ -12,7 +12,8 @@ from pinsing.kinematics import generic_rank
 from pinsing.report.text import Table, fields, safe
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm
-from pinsing.robot.nominal import Snap, nominal
+from pinsing.robot.nominal import nominal
+from pinsing.robot.snap import Snap
 from pinsing.robot.summary import ArmSummary, summarize
 
 ROUNDING = 1e-9

@@ -1,9 +1,10 @@
-"""Nominal geometry: the chain of an arm with exact rational numbers, and what that changed.
+"""Nominal geometry: the chain of an arm with exact numbers, and what that changed.
 
 Model files carry rounded angles (``rpy="1.5708"``) and the float noise of composed
 placements. The nominal chain puts angles near multiples of 90 degrees exactly there,
-gives lengths their shortest decimal value, and replaces any other twist by a rational
-point of the unit circle. Everything that was moved is listed with its size.
+keeps multiples of 15 degrees as the square roots that they are made of, gives lengths
+their shortest decimal value, and replaces any other twist by a rational point of the unit
+circle. Everything that was moved is listed with its size.
 
 A turn about a joint's own axis is no geometry at all: it only shifts where the joint's
 zero is. Such turns are taken out of the placements and kept as joint offsets, so that a
@@ -23,12 +24,18 @@ from pinsing.errors import OptionError
 from pinsing.robot.arm import Arm, Array
 from pinsing.robot.bound import jacobian_change, rotation_angle
 from pinsing.robot.chain import Chain, chain_model, flatten
+from pinsing.robot.snap import Snap
+from pinsing.robot.surd import Exact, cosine, sine
 
 ANGLE_TOL = 2e-3
 """Default tolerance, radians, for moving an angle to a multiple of 90 degrees (1.57, 3.14)."""
+_FINE = 1e-2
+"""Fraction of the tolerance within which an angle goes to a multiple of 15 degrees."""
 
-Row = tuple[Fraction, Fraction, Fraction]
+Length3 = tuple[Fraction, Fraction, Fraction]
+Row = tuple[Exact, Exact, Exact]
 Matrix = tuple[Row, Row, Row]
+_FIFTEEN = math.pi / 12
 _QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _FLOAT_NOISE = 1e-13
 _TWIST_DENOMINATOR = 10**6
@@ -36,41 +43,9 @@ _STEEP = 0.2  # sine of a twist from which on origins are slid along their axes
 _WRITTEN_DIGITS = 8
 
 
-@dataclass(frozen=True)
-class Snap:
-    """One number of the geometry that was moved.
-
-    Attributes
-    ----------
-    where : str
-        Between which joints.
-    what : str
-        ``angle``, ``length``, or ``twist`` (a rational rotation near the given one).
-    raw, nominal : float
-        Value before and after, radians or metres.
-    """
-
-    where: str
-    what: str
-    raw: float
-    nominal: float
-
-    @property
-    def size(self) -> float:
-        """Distance moved, radians or metres."""
-        return abs(self.nominal - self.raw)
-
-    def __str__(self) -> str:
-        unit = "m" if self.what == "length" else "rad"
-        return (
-            f"{self.where}: {self.what} {self.raw:.10g} -> {self.nominal:.10g} {unit} "
-            f"(moved {self.size:.1e})"
-        )
-
-
 @dataclass(frozen=True, eq=False)
 class Nominal:
-    """Rational geometry of an arm.
+    """Exact geometry of an arm.
 
     The tip placement is C_0 M_0(q_0 + offset_0) C_1 ... C_n up to the orientation of
     the tip frame itself, which no Jacobian row depends on.
@@ -79,8 +54,9 @@ class Nominal:
     ----------
     arm : Arm
         The same arm on the nominal geometry: same joint vectors, tip, task and limits.
-    rotation : tuple of n + 1 rational 3x3 matrices
-        Rotation of each C_i; the last is the identity.
+    rotation : tuple of n + 1 exact 3x3 matrices
+        Rotation of each C_i, of Fractions and, for twists of 15 degrees and its multiples,
+        of Surds; the last is the identity.
     translation : tuple of n + 1 rational triples
         Translation of each C_i, metres.
     prismatic : tuple of bool
@@ -98,7 +74,7 @@ class Nominal:
 
     arm: Arm
     rotation: tuple[Matrix, ...]
-    translation: tuple[Row, ...]
+    translation: tuple[Length3, ...]
     prismatic: tuple[bool, ...]
     offset: Array
     snaps: tuple[Snap, ...]
@@ -110,7 +86,13 @@ class Nominal:
         return self.jacobian_change <= 1e-12
 
 
-def nominal(arm: Arm, angle_tol: float = ANGLE_TOL, snap_length: float = 0.0) -> Nominal:
+def nominal(
+    arm: Arm,
+    angle_tol: float = ANGLE_TOL,
+    snap_length: float = 0.0,
+    *,
+    rational: bool = False,
+) -> Nominal:
     """Make the geometry of ``arm`` exact.
 
     Parameters
@@ -121,11 +103,13 @@ def nominal(arm: Arm, angle_tol: float = ANGLE_TOL, snap_length: float = 0.0) ->
         Radians; an angle closer than this to a multiple of 90 degrees is put there.
     snap_length : float
         Metres; a coordinate of a placement shorter than this is put to zero. Off by default.
+    rational : bool
+        Replace twists of 15, 30, 45, 60, 75 degrees by rational ones nearby, like any other.
 
     Returns
     -------
     Nominal
-        The rational chain, the arm on it, and what was moved.
+        The exact chain, the arm on it, and what was moved.
 
     Raises
     ------
@@ -137,18 +121,20 @@ def nominal(arm: Arm, angle_tol: float = ANGLE_TOL, snap_length: float = 0.0) ->
     if not 0 <= snap_length < math.inf:
         raise OptionError(f"snap_length must be zero or a positive length, got {snap_length!r}")
     # Follows from the frozen fields, and is asked for by every part: kept with them.
-    kept: dict[tuple[float, float], Nominal] = arm.__dict__.setdefault("_nominal", {})
-    key = (float(angle_tol), float(snap_length))
+    kept: dict[tuple[float, float, bool], Nominal] = arm.__dict__.setdefault("_nominal", {})
+    key = (float(angle_tol), float(snap_length), bool(rational))
     if key not in kept:
-        kept[key] = _Maker(arm, flatten(arm), angle_tol, snap_length).make()
+        kept[key] = _Maker(arm, flatten(arm), *key).make()
     return kept[key]
 
 
 class _Maker:
     """Carries the lists that the passes over one chain fill."""
 
-    def __init__(self, arm: Arm, raw: Chain, angle_tol: float, snap_length: float) -> None:
-        self.arm, self.raw = arm, raw
+    def __init__(
+        self, arm: Arm, raw: Chain, angle_tol: float, snap_length: float, rational: bool
+    ) -> None:
+        self.arm, self.raw, self.rational = arm, raw, rational
         self.angle_tol, self.snap_length = angle_tol, snap_length
         self.snaps: list[Snap] = []
         names = list(arm.model.names)[1:]
@@ -258,18 +244,18 @@ class _Maker:
     def _snap_angle(self, i: int, angle: float) -> float:
         """Put ``angle`` on a multiple of 90 degrees, or (a hundred times closer) of 15 degrees."""
         quarter = round(angle / (math.pi / 2)) * (math.pi / 2)
-        fine = round(angle / (math.pi / 12)) * (math.pi / 12)
+        fine = round(angle / _FIFTEEN) * _FIFTEEN
         nominal_angle = angle
         if abs(angle - quarter) <= self.angle_tol:
             nominal_angle = quarter
-        elif abs(angle - fine) <= self.angle_tol * 1e-2:
+        elif abs(angle - fine) <= self.angle_tol * _FINE:
             nominal_angle = fine
         if abs(nominal_angle - angle) > _FLOAT_NOISE:
             self._replace_snap(Snap(self.places[i], "angle", angle, nominal_angle))
         return nominal_angle
 
     def _rational_rotation(self, i: int, R: Array) -> Matrix:
-        """Rz(a) Rx(alpha) near R, its half-angle tangents rational, and so all its entries."""
+        """Rz(a) Rx(alpha) near R, in exact numbers."""
         alpha = math.atan2(math.hypot(R[0, 2], R[1, 2]), R[2, 2])
         yaw = math.atan2(R[1, 0], R[0, 0])
         # After both passes R = Rx(alpha), but for the first, which has no joint before it.
@@ -282,8 +268,15 @@ class _Maker:
             (Fraction(0), sin_tilt, cos_tilt),
         )
 
-    def _circle(self, i: int, angle: float) -> tuple[Fraction, Fraction]:
-        """Rational (cos, sin) near ``angle``, quarter turns exact."""
+    def _circle(self, i: int, angle: float) -> tuple[Exact, Exact]:
+        """Exact (cos, sin) near ``angle``, rational but at multiples of 15 degrees."""
+        fine = round(angle / _FIFTEEN)
+        if not self.rational and fine % 6:
+            moved = abs(fine * _FIFTEEN - angle)
+            if moved <= self.angle_tol * _FINE:
+                if moved > _FLOAT_NOISE:
+                    self._replace_snap(Snap(self.places[i], "angle", angle, fine * _FIFTEEN))
+                return cosine(fine), sine(fine)
         quarter = round(angle / (math.pi / 2))
         rest = angle - quarter * math.pi / 2
         if abs(rest) <= self.angle_tol:
@@ -299,12 +292,12 @@ class _Maker:
         qc, qs = _QUARTER[quarter % 4]
         return c * qc - s * qs, s * qc + c * qs
 
-    def _lengths(self, t: list[Array]) -> list[Row]:
+    def _lengths(self, t: list[Array]) -> list[Length3]:
         """Shortest decimals, within what the moved angles leave uncertain anyway."""
         reach = float(sum(np.linalg.norm(v) for v in t)) or 1.0
         moved = max((s.size for s in self.snaps if s.what == "angle"), default=0.0)
         slack = moved * reach
-        rows: list[Row] = []
+        rows: list[Length3] = []
         for i, vector in enumerate(t):
             row = []
             for value in vector:
@@ -323,7 +316,7 @@ class _Maker:
         self,
         turned: Chain,
         rotation: list[Matrix],
-        lengths: list[Row],
+        lengths: list[Length3],
         offset: Array,
         tip_turn: Array,
     ) -> Nominal:

@@ -1,0 +1,121 @@
+"""Exact numbers a + b sqrt(2) + c sqrt(3) + d sqrt(6): what sines of 15 degrees are made of."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import TypeAlias
+
+SQUARES = (1, 2, 3, 6)
+_PRODUCT = {
+    (i, j): (SQUARES.index(a * b // math.gcd(a, b) ** 2), math.gcd(a, b))
+    for i, a in enumerate(SQUARES)
+    for j, b in enumerate(SQUARES)
+}
+"""sqrt(a) sqrt(b) = gcd(a, b) sqrt(a b / gcd(a, b)^2), by position among SQUARES."""
+_BITS = 512
+_ROOTS = tuple(Fraction(math.isqrt(s << (2 * _BITS)), 1 << _BITS) for s in SQUARES)
+
+
+@dataclass(frozen=True)
+class Surd:
+    """An irrational number of the field Q(sqrt 2, sqrt 3).
+
+    Sums, products and quotients of Surds, Fractions and ints are exact, and come out as
+    Fractions where they are rational; make one by ``surd``, so that this holds from the start.
+
+    Attributes
+    ----------
+    parts : tuple of four Fractions
+        Coefficients of 1, sqrt(2), sqrt(3), sqrt(6).
+    """
+
+    parts: tuple[Fraction, Fraction, Fraction, Fraction]
+
+    def __add__(self, other: Exact | int) -> Exact:
+        return surd(*(a + b for a, b in zip(self.parts, parts_of(other), strict=True)))
+
+    __radd__ = __add__
+
+    def __neg__(self) -> Exact:
+        return surd(*(-a for a in self.parts))
+
+    def __sub__(self, other: Exact | int) -> Exact:
+        return self + (-other)
+
+    def __rsub__(self, other: Exact | int) -> Exact:
+        return -self + other
+
+    def __mul__(self, other: Exact | int) -> Exact:
+        out = [Fraction(0)] * 4
+        for i, a in enumerate(self.parts):
+            for j, b in enumerate(parts_of(other)):
+                if a and b:
+                    k, factor = _PRODUCT[i, j]
+                    out[k] += a * b * factor
+        return surd(*out)
+
+    __rmul__ = __mul__
+
+    def __truediv__(self, other: Exact | int) -> Exact:
+        return self * (other.inverse() if isinstance(other, Surd) else 1 / Fraction(other))
+
+    def __rtruediv__(self, other: Exact | int) -> Exact:
+        return self.inverse() * other
+
+    def inverse(self) -> Exact:
+        """One over the number."""
+        a, b, c, d = self.parts
+        # Times its image under sqrt 3 -> -sqrt 3 it is in Q(sqrt 2); times that one's, in Q.
+        half = surd(a, b, -c, -d)
+        lower = parts_of(self * half)
+        other = surd(lower[0], -lower[1], Fraction(0), Fraction(0))
+        norm = lower[0] ** 2 - 2 * lower[1] ** 2
+        return half * other * (1 / norm)
+
+    def __float__(self) -> float:
+        return float(sum((a * r for a, r in zip(self.parts, _ROOTS, strict=True)), Fraction(0)))
+
+
+Exact: TypeAlias = Fraction | Surd
+"""A number of the field: rational ones are Fractions."""
+
+
+def surd(one: Fraction, two: Fraction, three: Fraction, six: Fraction) -> Exact:
+    """The number one + two sqrt(2) + three sqrt(3) + six sqrt(6)."""
+    if not (two or three or six):
+        return one
+    return Surd((one, two, three, six))
+
+
+def parts_of(value: Exact | int) -> tuple[Fraction, Fraction, Fraction, Fraction]:
+    """Coefficients of 1, sqrt(2), sqrt(3), sqrt(6)."""
+    if isinstance(value, Surd):
+        return value.parts
+    zero = Fraction(0)
+    return Fraction(value), zero, zero, zero
+
+
+def cosine(steps: int) -> Exact:
+    """Cosine of a multiple of 15 degrees."""
+    steps %= 24
+    if steps > 12:
+        steps = 24 - steps
+    if steps > 6:
+        return -cosine(12 - steps)
+    half, quarter, zero = Fraction(1, 2), Fraction(1, 4), Fraction(0)
+    return (
+        Fraction(1),
+        surd(zero, quarter, zero, quarter),
+        surd(zero, zero, half, zero),
+        surd(zero, half, zero, zero),
+        half,
+        surd(zero, -quarter, zero, quarter),
+        zero,
+    )[steps]
+
+
+def sine(steps: int) -> Exact:
+    """Sine of a multiple of 15 degrees."""
+    return cosine(steps - 6)

@@ -1,0 +1,123 @@
+"""Random slices modulo a prime: the points that they must meet, and their ranks."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+
+import numpy as np
+import pytest
+
+from pinsing.closed_form.budget import Budget
+from pinsing.closed_form.prime_field import rank_over
+from pinsing.closed_form.ring import make_ring
+from pinsing.closed_form.slices import Residues, slice_points
+from pinsing.closed_form.surd_ring import ring_of
+from pinsing.robot.surd import cosine, sine
+
+
+@pytest.fixture
+def ring():
+    return make_ring((False, False, False, True))
+
+
+def points(p, g, ring, values=None):
+    return list(slice_points(p, g, Residues(ring), np.random.default_rng(1), values or {}))
+
+
+def degrees(found):
+    """Number of points, conjugates counted one by one."""
+    return sum(s.field.degree() for s in found)
+
+
+def test_the_common_zeros_are_met(ring):
+    x1, y1, x2, y2, x3, y3, z = ring.context.gens()
+    p, g = x1 * y2 - 3 * x2 * y1, z * x1 - 2 * y1
+    found = points(p, g, ring)
+    # (q1, q2): z fixed gives one q1 and with it one q2; (q1, z): one; (q2, z): one.
+    assert degrees(found) == 3
+    for s in found:
+        assert s.is_zero(p)
+        assert s.is_zero(g)
+        assert s.is_zero(p * x3 + g * y3)
+        assert not s.is_zero(x1 * y2 - 2 * x2 * y1)
+        assert s.rank([[p, x1], [g, y1]]) == 1
+        assert s.rank([[p, x1], [y1, g]]) == 2
+        assert s.transversal((p, g))
+
+
+def test_as_many_points_as_there_are(ring):
+    """Bezout: forms of bidegree (2, 1) and (1, 2) meet in 2 * 2 + 1 * 1 points."""
+    x1, y1, x2, y2, *_ = ring.context.gens()
+    p = x1**2 * y2 + 3 * y1**2 * x2 + 5 * x1 * y1 * x2 - 7 * x1**2 * x2
+    g = x1 * x2**2 + 11 * y1 * y2**2 - 2 * x1 * y2 * x2 + 13 * y1 * x2**2
+    assert degrees(points(p, g, ring)) == 5
+
+
+def test_mirror_points_are_told_apart(ring):
+    """Two points over one value of the first joint."""
+    x1, y1, x2, y2, *_ = ring.context.gens()
+    found = points(x1 * 5 - y1 * 2, x2**2 - 3 * y2**2 + x1**2 * 0, ring)
+    assert degrees(found) == 2
+    assert all(s.has(0, (Fraction(2), Fraction(5))) for s in found)
+    assert not any(s.has(0, (Fraction(2), Fraction(-5))) for s in found)
+
+
+def test_zero_sets_that_touch_do_not_cross(ring):
+    x1, y1, x2, y2, *_ = ring.context.gens()
+    line, parabola = y2, y2 * x1**2 - y1**2 * x2  # u = 0 and u = t^2
+    found = points(line, parabola, ring)
+    assert degrees(found) == 1
+    assert not found[0].transversal((line, parabola))
+    assert found[0].has(0, (Fraction(1), Fraction(0)))
+
+
+def test_angles_that_do_not_exist_are_left_out(ring):
+    x1, y1, x2, y2, *_ = ring.context.gens()
+    # x1^2 + y1^2 vanishes where p and g do
+    p = x1 * x2 + y1 * y2
+    g = x1 * y2 - y1 * x2
+    assert points(p, g, ring) == []
+
+
+def test_no_common_zero_where_one_is_constant(ring):
+    x1, y1, x2, y2, x3, y3, _ = ring.context.gens()
+    found = points(x1 - 2 * y1, x2 * y3 - x3 * y2, ring)  # never both in (q2, q3) alone
+    assert degrees(found) == 2  # (q1, q2) and (q1, q3)
+
+
+def test_values_that_are_fixed_already(ring):
+    x1, y1, x2, y2, x3, y3, z = ring.context.gens()
+    found = points(x1 * y2 - y1 * x2, x1 - 3 * y1, ring, {2: (Fraction(1), Fraction(7))})
+    assert degrees(found) == 1
+    assert found[0].has(2, (Fraction(1), Fraction(7)))
+    assert found[0].is_zero(7 * x3 - y3)
+    assert not found[0].is_zero(z)
+
+
+def test_square_roots():
+    c, s = cosine(2), sine(2)
+    ring = ring_of((False, False), [c, s], Budget(60))
+    x1, y1, x2, y2 = ring.context.gens()[:4]
+    p = ring.monic(x1 * ring.number(s) - y1 * ring.number(c))
+    found = points(p, x1 * y2 - x2 * y1, ring)
+    assert degrees(found) == 1
+    assert found[0].has(1, (c, s))
+    assert not found[0].has(1, (c, -s))
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_rank_over_a_field(seed):
+    import flint
+
+    field = flint.fq_default_ctx(10007, 2)
+    rng = np.random.default_rng(seed)
+    a, b = rng.integers(1, 10007, (5, 3)), rng.integers(1, 10007, (3, 6))
+    rows = [[field([int(x), int(x) % 5]) for x in row] for row in a]
+    columns = [[field(int(x)) for x in row] for row in b]
+    product = [
+        [sum((x * columns[k][j] for k, x in enumerate(row)), field.zero()) for j in range(6)]
+        for row in rows
+    ]
+    assert rank_over(product) == 3
+    assert rank_over([[field.zero()] * 3] * 2) == 0
+    assert rank_over([]) == 0

@@ -1,0 +1,185 @@
+"""Factors and common divisors of polynomials with square roots in them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from fractions import Fraction
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pinsing.closed_form.budget import Budget, BudgetExceeded
+from pinsing.closed_form.prime_field import WORD_PRIME, residue, root_modulo
+from pinsing.closed_form.ring import make_ring
+from pinsing.closed_form.roots import real_roots
+from pinsing.closed_form.surd_ring import _EXPONENTS, SurdRing, ring_of
+from pinsing.robot.surd import cosine, surd
+
+ROOT2, ROOT3, ROOT6 = (surd(*(Fraction(int(i == k)) for i in range(4))) for k in (1, 2, 3))
+
+
+def ring(*numbers, prismatic=(False, False, True)) -> SurdRing:
+    made = ring_of(prismatic, numbers, Budget(60))
+    assert isinstance(made, SurdRing)
+    return made
+
+
+def gens(r: SurdRing):
+    return r.context.gens()[: r.nvars]
+
+
+def product(r, polys):
+    out = r.one
+    for p in polys:
+        out = r.reduce(out * p)
+    return out
+
+
+def test_the_ring_has_the_roots_that_are_needed():
+    assert ring_of((False,), [Fraction(1, 3), Fraction(2)], Budget(1)) == make_ring((False,))
+    assert ring(cosine(3)).roots == (2,)
+    assert ring(cosine(2), Fraction(1, 2)).roots == (3,)
+    assert ring(ROOT2, ROOT3).roots == (2, 3)
+    assert ring(cosine(1)).roots == (2, 3)
+    with pytest.raises(ValueError, match="square root of 3"):
+        ring(ROOT2).number(ROOT3)
+    with pytest.raises(TypeError, match="rationals"):
+        make_ring((False,)).number(ROOT2)
+
+
+@pytest.mark.parametrize("exponent", _EXPONENTS)
+def test_the_primes(exponent):
+    """3 * 2^k + 1 = N is prime if a^((N-1)/2) = -1 for some a (Proth, 1878)."""
+    prime = 3 * 2**exponent + 1
+    assert any(pow(a, (prime - 1) // 2, prime) == prime - 1 for a in (5, 7, 11, 13, 17, 19))
+    for square in (2, 3, 6):
+        assert pow(root_modulo(square, prime), 2, prime) == square
+
+
+def test_numbers_modulo_a_prime():
+    for a, b in itertools.product((cosine(1), cosine(2) + 1, ROOT6 / 7), repeat=2):
+        assert residue(a * b, WORD_PRIME) == (
+            residue(a, WORD_PRIME) * residue(b, WORD_PRIME) % WORD_PRIME
+        )
+        assert residue(a + b, WORD_PRIME) == (
+            (residue(a, WORD_PRIME) + residue(b, WORD_PRIME)) % WORD_PRIME
+        )
+
+
+def test_a_rational_polynomial_falls_apart_only_over_the_right_root():
+    r = ring(ROOT2)
+    x, y, *_ = gens(r)
+    two = r.factors(x**2 - 2 * y**2)
+    assert set(map(str, two)) == {str(x - r.number(ROOT2) * y), str(x + r.number(ROOT2) * y)}
+    assert len(r.factors(x**2 - 3 * y**2)) == 1
+    assert len(r.factors(x**2 - 5 * y**2)) == 1
+    assert len(r.factors(x**4 - 10 * x**2 * y**2 + y**4)) == 2  # roots +-sqrt 2 +-sqrt 3
+    r = ring(ROOT2, ROOT3)
+    x, y, *_ = gens(r)
+    assert len(r.factors(x**4 - 10 * x**2 * y**2 + y**4)) == 4
+    assert len(r.factors(x**4 - 2 * y**4)) == 2
+    assert r.factors(x**2 + y**2) == []  # no angle
+
+
+small = st.integers(-4, 4)
+coefficients = st.tuples(small, small)
+
+
+@st.composite
+def factors_of(draw, r):
+    """One to three polynomials, each with some sqrt in it or none."""
+    x, y, u, v, z = gens(r)
+    monomials = [x * u, x * v, y * u, y * v, x * u * z, y * v * z, z * x * v, r.one * y * u]
+    root = ROOT2 if 2 in r.roots else ROOT3
+    out = []
+    for _ in range(draw(st.integers(1, 3))):
+        total = r.zero
+        for m in draw(st.permutations(monomials))[: draw(st.integers(2, 4))]:
+            a, b = draw(coefficients)
+            total = total + m * r.number(root * b + a)
+        total = r.reduce(total)
+        if not r.is_constant(total):
+            out.append(total)
+    return out
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data(), st.sampled_from([(ROOT2,), (ROOT3,), (ROOT2, ROOT3)]))
+def test_factors_divide_and_multiply_up(data, numbers):
+    r = ring(*numbers)
+    given_factors = data.draw(factors_of(r))
+    if not given_factors:
+        return
+    poly = product(r, given_factors)
+    found = r.factors(poly)
+    assert all(r.divides(f, poly) for f in found)
+    assert all(f == r.monic(f) for f in found)
+    # Every given factor is made up of found ones, and nothing is left of the product.
+    for g in [*given_factors, poly]:
+        rest = r.strip(g)
+        for f in found:
+            while not r.is_constant(rest) and r.divides(f, rest):
+                rest = r.quotient(rest, f)
+        assert r.is_constant(rest)
+    # And none of them falls apart any more.
+    assert all(r.factors(f) == [f] for f in found)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.data())
+def test_common_divisors(data):
+    r = ring(ROOT2)
+    shared, one, other = (product(r, data.draw(factors_of(r))) for _ in range(3))
+    a, b = r.reduce(shared * one), r.reduce(shared * other)
+    common = r.gcd(a, b)
+    assert r.divides(common, a)
+    assert r.divides(common, b)
+    assert r.is_constant(shared) or r.divides(common, common)
+    assert r.divides(r.monic(shared), common)
+    left = r.gcd(r.quotient(a, common), r.quotient(b, common))
+    assert r.is_constant(left)
+    assert r.gcd(a, r.zero) == r.monic(a)
+
+
+def test_joint_values_with_square_roots():
+    r = ring(ROOT2)
+    x, y, u, v, z = gens(r)
+    tan = ROOT2 - 1  # of 22.5 degrees
+    assert r.joint_value(r.monic(y - x * r.number(tan))) == (0, (Fraction(1), tan))
+    assert r.joint_value(r.monic(z * r.number(ROOT2) - r.one)) == (2, (ROOT2 / 2,))
+    assert r.joint_value(x * u - y * v) is None
+    assert r.joint_value(x**2 - 3 * y**2) is None
+    put = r.substitute(x * v - y * u * r.number(ROOT2), {0: (Fraction(1), tan)})
+    assert put == v - u * r.number(ROOT2 * tan)
+
+
+def test_too_long_coefficients_are_no_hang():
+    r = ring(ROOT2)
+    x, y, u, v, _ = gens(r)
+    big = Fraction(10**400 + 7, 3**300)
+    f = x * u * r.number(ROOT2 + big) + y * v * r.number(big * big)
+    g = x * v - y * u * r.number(ROOT2 * big)
+    with pytest.raises(BudgetExceeded, match="too long"):
+        r.factors(r.reduce(f * g))
+
+
+def test_real_roots_with_square_roots():
+    r = ring(ROOT2, ROOT3)
+    x, _, *_ = gens(r)
+    wanted = [math.sqrt(2), 1 - math.sqrt(3), math.sqrt(6) / 5]
+    poly = product(
+        r,
+        [
+            x - r.number(ROOT2),
+            x - r.number(1 - ROOT3),
+            x - r.number(ROOT6 / 5),
+            x**2 + r.number(ROOT3),
+        ],
+    )
+    assert sorted(real_roots(poly, 0, r)) == pytest.approx(sorted(wanted), rel=1e-15)
+    plain = make_ring((True,))
+    t = plain.context.gens()[0]
+    found = real_roots((t**2 - 2) * (t - 3) ** 2 * (t**2 + 1), 0, plain)
+    assert sorted(found) == pytest.approx([-math.sqrt(2), math.sqrt(2), 3], rel=1e-15)
