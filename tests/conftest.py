@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -80,3 +81,37 @@ def make_model() -> MakeModel:
         return model
 
     return make
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    """A headless Chromium; the tests that ask for one check first that there is one."""
+    from chromium import FLAGS
+
+    from pinsing.view.picture import find_browser
+
+    sync_api = pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
+    with sync_api.sync_playwright() as playwright:
+        opened = playwright.chromium.launch(executable_path=find_browser(), args=FLAGS)
+        yield opened
+        opened.close()
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    """A tab; the test fails if the page says a word of error, or fetches from elsewhere."""
+    from chromium import SIZE
+
+    tab = browser.new_page(viewport=SIZE)
+    said: list[str] = []
+    tab.on("console", lambda m: said.append(m.text) if m.type in ("error", "warning") else None)
+    tab.on("pageerror", lambda e: said.append(str(e)))
+    asked: list[str] = []
+    tab.on("request", lambda r: asked.append(r.url))
+    yield tab
+    tab.close()
+    # Drivers of headless browsers talk about speed; that is no fault of the page.
+    assert [s for s in said if "GPU stall" not in s and "GL Driver Message" not in s] == []
+    assert [
+        a for a in asked if not a.startswith(("http://127.0.0.1:", "file:", "data:", "blob:"))
+    ] == []

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
+from pinsing.loops import MechanismAnalysis, analyze_mechanism
 from pinsing.robot.loops import Loop, Mechanism, load_mechanism
 
 URDF = Path(__file__).parent.parent / "urdf"
@@ -18,6 +19,12 @@ R1, R2, R3 = 1.2, 1.0, 0.8
 def shipped(name: str) -> Mechanism:
     """One of the mechanisms in ``urdf/``."""
     return load_mechanism(URDF / f"{name}.urdf")
+
+
+@functools.cache
+def analyzed(name: str) -> MechanismAnalysis:
+    """Its analysis at home."""
+    return analyze_mechanism(shipped(name))
 
 
 def planar_tree(

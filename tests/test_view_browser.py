@@ -5,9 +5,7 @@ Needs Chromium (or Chrome) and Playwright for Python; without them the tests are
 
 from __future__ import annotations
 
-import base64
 import http.server
-import io
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -16,44 +14,15 @@ from typing import Any
 import numpy as np
 import pytest
 from arms import textbook
+from chromium import BLUE, ORANGE, PINK, near, open_page, picture, show_only, text
 
 from pinsing.robot.load import load
 from pinsing.view import Viewer
 from pinsing.view.picture import find_browser
 
-sync_api = pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
+pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
 if find_browser() is None:
     pytest.skip("needs Chromium or Chrome", allow_module_level=True)
-
-FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-SIZE = {"width": 1000, "height": 700}
-BLUE, ORANGE, PINK = (0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00), (0xC4, 0x18, 0x7C)
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    with sync_api.sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=find_browser(), args=FLAGS)
-        yield opened
-        opened.close()
-
-
-@pytest.fixture
-def page(browser: Any) -> Iterator[Any]:
-    """A tab; the test fails if the page says a word of error, or fetches from elsewhere."""
-    tab = browser.new_page(viewport=SIZE)
-    said: list[str] = []
-    tab.on("console", lambda m: said.append(m.text) if m.type in ("error", "warning") else None)
-    tab.on("pageerror", lambda e: said.append(str(e)))
-    asked: list[str] = []
-    tab.on("request", lambda r: asked.append(r.url))
-    yield tab
-    tab.close()
-    # Drivers of headless browsers talk about speed; that is no fault of the page.
-    assert [s for s in said if "GPU stall" not in s and "GL Driver Message" not in s] == []
-    assert [
-        a for a in asked if not a.startswith(("http://127.0.0.1:", "file:", "data:", "blob:"))
-    ] == []
 
 
 @pytest.fixture(scope="module")
@@ -68,41 +37,6 @@ def static(tmp_path_factory: pytest.TempPathFactory) -> Path:
     with Viewer(load("scara")) as viewer:
         viewer.save_html(file)
     return file
-
-
-def open_page(page: Any, url: str) -> None:
-    page.goto(url)
-    page.wait_for_selector("body[data-ready=yes]", timeout=30_000)
-
-
-def picture(page: Any) -> np.ndarray:
-    """The view as pixels (height, width, 3), drawn afresh."""
-    from PIL import Image
-
-    shot = page.evaluate("() => window.pinsing.view.viewer.capture_image()")
-    data = base64.b64decode(shot.split(",")[1])
-    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
-
-
-PARTS = ("translation", "rotation", "lost", "axis", "visual", "bone", "floor")
-
-
-def show_only(page: Any, *parts: str) -> None:
-    for part in PARTS:
-        page.evaluate("([o, v]) => window.pinsing.view.set(o, v)", [part, part in parts])
-
-
-def near(pixels: np.ndarray, color: tuple[int, int, int]) -> int:
-    """Pixels whose hue is that of a colour, whatever it is mixed with."""
-    centred = pixels - pixels.mean(axis=-1, keepdims=True)
-    aim = np.array(color) - np.mean(color)
-    length = np.linalg.norm(centred, axis=-1)
-    cosine = centred @ (aim / np.linalg.norm(aim)) / np.maximum(length, 1e-9)
-    return int(((cosine > 0.93) & (length > 25)).sum())
-
-
-def text(page: Any, selector: str) -> str:
-    return str(page.locator(selector).inner_text())
 
 
 def test_the_page_loads_and_shows_numbers(page: Any, stanford: Viewer) -> None:

@@ -9,12 +9,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from pinsing.cli.figure import check_figure, save_figure
 from pinsing.cli.options import parse_numbers
 from pinsing.cli.output import STDOUT, emit, emit_json, say
-from pinsing.errors import ConfigurationError, OptionError
-from pinsing.files import replacing
+from pinsing.errors import ConfigurationError, OptionError, ResultError
 
 if TYPE_CHECKING:
+    from pinsing.loops import MechanismAnalysis
     from pinsing.robot.arm import Array
     from pinsing.robot.loops import Mechanism
 
@@ -83,8 +84,7 @@ def plot_loops(
     ``map`` shows both assembly modes, ``curves`` each input in turn, ``ellipsoids`` the linkage
     with its velocity ellipse in every assembly mode.
     """
-    if out == STDOUT:
-        raise OptionError("a figure needs the name of a file")
+    path = check_figure(out)
     mechanism = read(loops, options)
     inputs = _inputs(mechanism, configurations, deg)
     import matplotlib
@@ -115,56 +115,110 @@ def plot_loops(
     else:
         raise OptionError(f"{kind} is not drawn of mechanisms: map, curves and ellipsoids are")
     figure.tight_layout()
-    with replacing(Path(out)) as temporary:
-        figure.savefig(temporary, format=Path(out).suffix[1:] or "png", dpi=dpi)
+    save_figure(figure, path, dpi=dpi)
     plt.close(figure)
-    say(f"wrote {out}")
 
 
 def view_loops(
     loops: Path,
     poses: Sequence[str] = (),
+    analysis: Path | None = None,
+    family: str | None = None,
     html: str | Path | None = None,
     png: str | Path | None = None,
     size: str = "1200x900",
+    panel: bool = False,
+    scale: float = 1.0,
+    skeleton: bool = False,
+    no_open: bool = False,
+    host: str = "127.0.0.1",
+    port: int | None = None,
     deg: bool = False,
     **options: Any,
 ) -> None:
-    """``view --loops``: a page on which the first input moves through all it can reach."""
-    from pinsing.loops import curves
-    from pinsing.view_loops import save_mechanism_page
+    """``view --loops``: a tab in which the inputs are dragged; with ``--html``, an animation.
 
-    if html is None and png is None:
-        raise OptionError("a mechanism is shown on a page of its own: give --html FILE or --png")
+    On the page that ``--html`` writes the first input moves through all it can reach; ``--png``
+    is a picture of the linkage, with ``--panel`` one of the tab.
+    """
+    from pinsing.cli.serving import picture_size, serve
+
     if STDOUT in (html, png):
         raise OptionError("--html and --png need the name of a file")
+    picture = picture_size(size)
     mechanism = read(loops, options)
     inputs = _inputs(mechanism, poses, deg)
     if html is not None:
-        found = curves(mechanism, inputs, 0)
-        name = mechanism.inputs[0]
-        words = f"{mechanism}\n{name} moves over all it can reach, through every assembly mode"
-        save_mechanism_page(mechanism, found[0].q[::_MODE_FRAMES], html, words)
+        _page(mechanism, inputs, html)
         say(f"wrote {html}")
-    if png is not None:
-        _picture(mechanism, inputs, png, size)
+    if png is not None and not panel:
+        _picture(mechanism, inputs, png, picture)
         say(f"wrote {png}")
+    if (html is not None or png is not None) and not (png is not None and panel):
+        return
+    from pinsing.loops import analyze_mechanism
+    from pinsing.view.mechanism import MechanismViewer
+
+    found = (
+        analyze_mechanism(mechanism, inputs if poses else None)
+        if analysis is None
+        else _saved(analysis, mechanism)
+    )
+    with MechanismViewer(
+        mechanism, found, scale=scale, skeleton=skeleton, host=host, port=port
+    ) as viewer:
+        for note in viewer.notes:
+            say(f"note: {note}")
+        if poses:
+            viewer.show_inputs(inputs)
+        if family is not None:
+            viewer.show_group(family)
+        if png is not None:
+            viewer.save_png(png, picture, panel)
+            say(f"wrote {png}")
+        else:
+            serve(viewer, host, no_open)
 
 
-def _picture(mechanism: Mechanism, inputs: Array, png: str | Path, size: str) -> None:
+def _page(mechanism: Mechanism, inputs: Array, html: str | Path) -> None:
+    from pinsing.loops import curves
+    from pinsing.view_loops import save_mechanism_page
+
+    found = curves(mechanism, inputs, 0)
+    name = mechanism.inputs[0]
+    words = f"{mechanism}\n{name} moves over all it can reach, through every assembly mode"
+    save_mechanism_page(mechanism, found[0].q[::_MODE_FRAMES], html, words)
+
+
+def _picture(mechanism: Mechanism, inputs: Array, png: str | Path, size: tuple[int, int]) -> None:
     import tempfile
 
     from pinsing.loops import assemblies
     from pinsing.view.picture import take_picture
     from pinsing.view_loops import save_mechanism_page
 
-    width, _, height = size.lower().partition("x")
-    if not (width.isdigit() and height.isdigit()):
-        raise OptionError(f"--size {size!r} is not of the form 1200x900")
     with tempfile.TemporaryDirectory(prefix="pinsing-") as folder:
         page = Path(folder) / "page.html"
         save_mechanism_page(mechanism, assemblies(mechanism, inputs)[0].q, page)
-        take_picture(page.as_uri(), png, (int(width), int(height)))
+        take_picture(page.as_uri(), png, size)
+
+
+def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
+    """What ``analyze --loops --json`` wrote, of the same mechanism."""
+    from pinsing.cli.serving import read_json
+    from pinsing.loops import MechanismAnalysis
+
+    data = read_json(path)
+    try:
+        saved = MechanismAnalysis.from_dict(data)
+    except ResultError as error:
+        raise ResultError(f"{path}: {error}") from None
+    if saved.joints != mechanism.joints or saved.inputs != mechanism.inputs:
+        raise ResultError(
+            f"{path}: is of {saved.name} with joints {', '.join(saved.joints)} driven by "
+            f"{', '.join(saved.inputs)}, not of this mechanism"
+        )
+    return saved
 
 
 def read(loops: Path, options: dict[str, Any]) -> Mechanism:

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,6 +10,7 @@ import click
 from pinsing.cli.mechanism import loops_option, view_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, say
+from pinsing.cli.serving import picture_size, read_json, serve
 from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:
@@ -20,7 +18,6 @@ if TYPE_CHECKING:
     from pinsing.closed_form import Family
     from pinsing.find import Finding
     from pinsing.robot.arm import Arm
-    from pinsing.view.viewer import Viewer
 
 
 @click.command("view", short_help="See singular poses and velocity ellipsoids in a browser.")
@@ -75,15 +72,17 @@ def view_command(
     Opens a browser tab and serves it until Ctrl-C. With --html or --png, writes the file and
     ends. What is served can be reached from this computer only, unless --host says otherwise.
 
+    With --loops the tab drives a mechanism: sliders for the actuated joints, the others follow;
+    a menu of its modes; singular poses of type 1, 2 and 3. --q then gives the actuated joints.
+
     Example: pinsing view ur5 --q 0,-90,90,0,0,0 --deg
     """
     for text in poses:
         parse_numbers(text, "--q", deg)
-    picture = _size(size)
+    picture = picture_size(size)
     if STDOUT in (html, png):
         raise OptionError("--html and --png need the name of a file")
     arm = request.load()
-    from pinsing.view.server import is_loopback
     from pinsing.view.viewer import Viewer
 
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
@@ -103,41 +102,7 @@ def view_command(
             viewer.save_png(png, picture, panel)
             say(f"wrote {png}")
         if html is None and png is None:
-            if not is_loopback(host):
-                say(
-                    f"warning: listening on {host}: whoever can reach this computer over the "
-                    "network can see the arm and move it on the page"
-                )
-            _serve(viewer, no_open)
-
-
-def _serve(viewer: Viewer, no_open: bool) -> None:
-    """Stay until the user has seen enough."""
-    url = viewer.url
-    try:
-        click.echo(url)
-        sys.stdout.flush()
-        if not no_open and not (_has_desktop() and viewer.open()):
-            say("no browser could be opened; open the address above in one")
-        say("press Ctrl-C to end")
-        while True:
-            time.sleep(3600)
-    except KeyboardInterrupt:
-        say("ended")
-
-
-def _has_desktop() -> bool:
-    # Without one, Python would start a text browser in this very terminal.
-    if sys.platform.startswith("linux"):
-        return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
-    return True
-
-
-def _size(text: str) -> tuple[int, int]:
-    width, cross, height = text.lower().partition("x")
-    if not (cross and width.isdigit() and height.isdigit()):
-        raise OptionError(f"--size {text!r} is not of the form 1200x900")
-    return int(width), int(height)
+            serve(viewer, host, no_open)
 
 
 def _find(arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
@@ -156,23 +121,16 @@ def _find(arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
 
 def _read(path: Path, arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
-    import json
-
     from pinsing.analysis import Analysis
     from pinsing.closed_form import ClosedForm
 
+    data = read_json(path)
+    schema = data.get("schema") if isinstance(data, dict) else None
+    saved: Analysis | ClosedForm
     try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-        schema = data.get("schema") if isinstance(data, dict) else None
-        saved: Analysis | ClosedForm
-        if schema == ClosedForm.schema:
-            saved = ClosedForm.from_dict(data)
-        else:
-            saved = Analysis.from_dict(data)
+        saved = (ClosedForm if schema == ClosedForm.schema else Analysis).from_dict(data)
     except ResultError as error:
         raise ResultError(f"{path}: {error}") from None
-    except (OSError, ValueError, RecursionError) as error:
-        raise ResultError(f"{path}: not JSON: {' '.join(str(error).split())}") from None
     if saved.arm.joints != arm.joints:
         raise ResultError(
             f"{path}: is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "

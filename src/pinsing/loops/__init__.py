@@ -2,6 +2,7 @@
 
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.closure import constraint_jacobian, output_jacobian, ranks, residual, split
+from pinsing.loops.drive import Stretch, drive, stretch
 from pinsing.loops.feasible import curves, feasible
 from pinsing.loops.loci import Locus, LoopForms, loop_forms
 from pinsing.loops.modes import home, mode_of
@@ -18,11 +19,13 @@ __all__ = [
     "MechanismState",
     "SingularPoint",
     "Solution",
+    "Stretch",
     "Trace",
     "analyze_mechanism",
     "assemblies",
     "constraint_jacobian",
     "curves",
+    "drive",
     "feasible",
     "find_singular",
     "follow",
@@ -39,5 +42,6 @@ __all__ = [
     "residual",
     "solve",
     "split",
+    "stretch",
     "trace",
 ]

@@ -138,8 +138,8 @@ def _walk(
         ahead = min(1.0, part + step)
         guess = _predict(loops, q, (ahead - part) * (target - origin) / units, actuated, free)
         guess[actuated] = origin + ahead * (target - origin)
-        # A corrector that runs off is about to jump to another assembly mode.
-        new, error = gauss_newton(loops, guess, free, steps=12, reach=4 * _STEP)
+        # A corrector that runs off is about to jump to another assembly mode, or over a fold.
+        new, error = gauss_newton(loops, guess, free, steps=12, reach=_STEP)
         if error <= CLOSED:
             q, part = new, ahead
             step = min(2 * step, _STEP / distance)

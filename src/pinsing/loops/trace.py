@@ -66,10 +66,20 @@ def trace(mechanism: Mechanism, start: Array, moving: int, step: float = STEP) -
 
     The curve ends where it closes, or at a limit of the moving input (continuous joints and
     those of a full turn have none); then it is followed to the other side as well.
+
+    Raises
+    ------
+    PinsingError
+        If the loops do not close at ``start``, or the curve has no end.
     """
     path = _Curve(mechanism, moving, step)
-    q, tangent = path.correct(start), None
-    ahead, closed = path.run(q, tangent)
+    try:
+        q = path.correct(start)
+    except _LostError:
+        raise PinsingError(
+            f"{mechanism.name}: no curve begins here: the loops do not close at the start"
+        ) from None
+    ahead, closed = path.run(q, None)
     points = ahead
     if not closed:
         behind, _ = path.run(q, -ahead[0][1])

@@ -51,15 +51,15 @@ def make_frame(
     if found is not None:
         index = found.entry if near is None else entries.index(near[found.entry])
     frame: dict[str, Any] = {
-        "q": _round(state.q, 9),
-        "links": link_placements(arm, state.q),
-        "tip": _round(state.tip_position),
+        "q": rounded(state.q, 9),
+        "links": link_placements(arm.model, arm.model_q(state.q)),
+        "tip": rounded(state.tip_position),
         "ellipsoids": _ellipsoids(state, sizes),
         "lost": [
             {
                 "kind": m.kind,
-                "turn": _round(turn_z_to(m.direction)),
-                "at": _round(m.point),
+                "turn": rounded(turn_z_to(m.direction)),
+                "at": rounded(m.point),
                 "close": bool(np.linalg.norm(m.point - state.tip_position) <= 1.5 * sizes.reach),
                 "words": m.words,
             }
@@ -70,24 +70,24 @@ def make_frame(
         "status": state.status,
         "rank": state.rank,
         "genericRank": state.generic_rank,
-        "sigma": _digits(state.sigma),
-        "ratio": _digit(state.sigma_ratio),
-        "condition": _digit(state.condition_number) if state.sigma_ratio > 1e-13 else "inf",
-        "manipulability": _digit(state.manipulability),
+        "sigma": digits(state.sigma),
+        "ratio": digit(state.sigma_ratio),
+        "condition": digit(state.condition_number) if state.sigma_ratio > 1e-13 else "inf",
+        "manipulability": digit(state.manipulability),
         "outside": list(state.outside),
         "notes": list(state.notes),
         "verdict": None
         if found is None
-        else {"text": found.text, "entry": index, "value": _digit(found.value), "on": found.on},
+        else {"text": found.text, "entry": index, "value": digit(found.value), "on": found.on},
     }
     return frame
 
 
-def link_placements(arm: Arm, q: Array) -> list[list[float]]:
-    """Position and quaternion of each joint of the model, base to tip, in the base."""
-    data = arm.model.createData()
-    pin.forwardKinematics(arm.model, data, arm.model_q(q))
-    return [_round(pin.SE3ToXYZQUAT(data.oMi[j])) for j in range(1, arm.model.njoints)]
+def link_placements(model: pin.Model, q: Array) -> list[list[float]]:
+    """Position and quaternion of each joint of a model, base to tip, at q (nq,), in the base."""
+    data = model.createData()
+    pin.forwardKinematics(model, data, q)
+    return [rounded(pin.SE3ToXYZQUAT(data.oMi[j])) for j in range(1, model.njoints)]
 
 
 def _ellipsoids(state: State, sizes: Sizes) -> dict[str, dict[str, Any]]:
@@ -108,20 +108,23 @@ def _ellipsoids(state: State, sizes: Sizes) -> dict[str, dict[str, Any]]:
 def _ellipsoid(ellipsoid: Ellipsoid, scale: float, lost: bool) -> dict[str, Any]:
     flat = flat_direction(ellipsoid) if lost else None
     return {
-        "turn": _round(quaternion(ellipsoid.axes)),
-        "drawn": _round(drawn_radii(ellipsoid.radii, scale), 6),
-        "radii": _digits(ellipsoid.radii),
-        "flat": None if flat is None else _round(turn_z_to(flat)),
+        "turn": rounded(quaternion(ellipsoid.axes)),
+        "drawn": rounded(drawn_radii(ellipsoid.radii, scale), 6),
+        "radii": digits(ellipsoid.radii),
+        "flat": None if flat is None else rounded(turn_z_to(flat)),
     }
 
 
-def _round(values: Any, digits: int = 5) -> list[float]:
-    return [float(x) + 0.0 for x in np.round(np.asarray(values, dtype=float), digits)]
+def rounded(values: Any, places: int = 5) -> list[float]:
+    """Numbers of a drawing, to so many places."""
+    return [float(x) + 0.0 for x in np.round(np.asarray(values, dtype=float), places)]
 
 
-def _digit(value: float) -> Any:
+def digit(value: float) -> Any:
+    """A number to be read, as JSON has it."""
     return encode(float(f"{value:.5g}"))
 
 
-def _digits(values: Array) -> list[Any]:
-    return [_digit(float(x)) for x in values]
+def digits(values: Array) -> list[Any]:
+    """Numbers to be read, as JSON has them."""
+    return [digit(float(x)) for x in values]

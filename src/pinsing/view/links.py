@@ -10,9 +10,10 @@ import numpy as np
 import pinocchio as pin
 from pinocchio.visualize import MeshcatVisualizer
 
-from pinsing.robot.arm import Arm, Array
+from pinsing.robot.arm import Array
 from pinsing.robot.reduce import make_names_unique
 from pinsing.robot.tip import frame_index
+from pinsing.view.body import Body
 
 
 @dataclass(frozen=True)
@@ -31,7 +32,7 @@ class Links:
     geometry: pin.GeometryModel | None
     notes: tuple[str, ...] = ()
 
-    def bare(self, arm: Arm) -> tuple[int, ...]:
+    def bare(self, arm: Body) -> tuple[int, ...]:
         """Joints of the model that nothing is attached to."""
         if self.geometry is None:
             return tuple(range(1, arm.model.njoints))
@@ -39,7 +40,7 @@ class Links:
         return tuple(j for j in range(1, arm.model.njoints) if j not in dressed)
 
 
-def read_links(arm: Arm) -> Links:
+def read_links(arm: Body) -> Links:
     """Visual geometry of the robot that an arm was taken from; never fails for its sake."""
     source = arm.source
     if source.xml is None:
@@ -63,7 +64,7 @@ def read_links(arm: Arm) -> Links:
     return Links(geometry)
 
 
-def base_placement(arm: Arm) -> pin.SE3:
+def base_placement(arm: Body) -> pin.SE3:
     """Placement of the arm's base in the world of the full model."""
     if arm.base == "universe":
         return pin.SE3.Identity()

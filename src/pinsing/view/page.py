@@ -12,7 +12,7 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-SCRIPTS = ("scene.js", "panel.js", "source.js", "main.js")
+SCRIPTS = ("scene.js", "panel.js", "source.js", "main.js", "mechanism.js", "start.js")
 
 # Nothing is ever fetched from elsewhere; meshcat adds styles, and textures as data.
 _LIVE_POLICY = (

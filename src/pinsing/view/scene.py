@@ -7,14 +7,16 @@ Paths: ``pinsing/arm/<joint of the model>/{visual,bone,axis,hot}``, ``pinsing/ti
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import meshcat.geometry as mg
 import numpy as np
 import pinocchio as pin
 
-from pinsing.robot.arm import Arm, Array
+from pinsing.robot.arm import Array
 from pinsing.robot.chain import joint_axis
+from pinsing.view.body import Body
 from pinsing.view.ellipsoids import Sizes, turn_z_to
 from pinsing.view.frame import ARROWS
 from pinsing.view.links import Links, base_placement, draw_links
@@ -48,16 +50,21 @@ class _Rod(mg.Cylinder):  # type: ignore[misc]
         return np.array([[1.0, 0, 0, 0], [0, 0, 1.0, 0], [0, -1.0, 0, 0], [0, 0, 0, 1.0]])
 
 
-def draw_scene(root: Any, arm: Arm, links: Links, size: Sizes) -> tuple[str, ...]:
-    """Draw everything below the meshcat node ``root``; return notes on what could not be."""
+def draw_scene(
+    root: Any, arm: Body, links: Links, size: Sizes, ends: Sequence[int] | None = None
+) -> tuple[str, ...]:
+    """Draw everything below the meshcat node ``root``; return notes on what could not be.
+
+    Bones lead to the frames ``ends`` as well (indices in the model); by default to the tip.
+    """
     node = root["pinsing"]
     notes = draw_links(node["arm"], links)
-    _skeleton(node["arm"], arm, size.reach)
+    _skeleton(node["arm"], arm, size.reach, [arm.tip_id] if ends is None else ends)
     _axes(node["arm"], arm, size.reach)
     _ellipsoid(node["ellipsoid/translation"], TRANSLATION)
     _ellipsoid(node["ellipsoid/rotation"], ROTATION)
-    _straight_arrow(node["lost/translation"], size.reach)
-    _ring_arrow(node["lost/rotation"], size.reach)
+    straight_arrow(node["lost/translation"], size.reach)
+    ring_arrow(node["lost/rotation"], size.reach)
     for k in range(ARROWS):
         line = _Rod(4 * size.reach, 0.0016 * size.reach)
         node[f"line/{k}"].set_object(line, mg.MeshBasicMaterial(color=LOST, opacity=0.5))
@@ -84,9 +91,9 @@ def _darker(color: int) -> int:
     return r << 16 | g << 8 | b
 
 
-def _straight_arrow(node: Any, reach: float) -> None:
-    """Double arrow along z: translations both ways are lost."""
-    material = mg.MeshPhongMaterial(color=LOST)
+def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
+    """Double arrow along z: translations both ways."""
+    material = mg.MeshPhongMaterial(color=color)
     half, head = 0.22 * reach, 0.045 * reach
     node["shaft"].set_object(_Rod(2 * half, 0.0045 * reach), material)
     for name, sign in (("up", 1.0), ("down", -1.0)):
@@ -94,11 +101,11 @@ def _straight_arrow(node: Any, reach: float) -> None:
         node[name].set_transform(_shift([0, 0, sign * (half + head / 2)]))
 
 
-def _ring_arrow(node: Any, reach: float) -> None:
-    """Axis along z with a ring around it: rotations about it are lost."""
-    material = mg.MeshPhongMaterial(color=LOST)
+def ring_arrow(node: Any, reach: float, color: int = LOST) -> None:
+    """Axis along z with a ring around it: rotations about it."""
+    material = mg.MeshPhongMaterial(color=color)
     node["shaft"].set_object(_Rod(0.34 * reach, 0.0035 * reach), material)
-    ring = _torus(0.085 * reach, 0.0045 * reach)
+    ring = torus(0.085 * reach, 0.0045 * reach)
     node["ring"].set_object(ring, material)
     for k in range(2):
         angle = np.pi * k
@@ -113,7 +120,8 @@ def _cone(height: float, radius: float, sign: float) -> _Rod:
     return _Rod(height, radiusTop=top, radiusBottom=bottom)
 
 
-def _torus(radius: float, thickness: float, around: int = 64, across: int = 12) -> Any:
+def torus(radius: float, thickness: float, around: int = 64, across: int = 12) -> Any:
+    """A ring about z, metres."""
     u = np.linspace(0, 2 * np.pi, around, endpoint=False)
     v = np.linspace(0, 2 * np.pi, across, endpoint=False)
     u, v = (x.ravel() for x in np.meshgrid(u, v, indexing="ij"))
@@ -126,7 +134,7 @@ def _torus(radius: float, thickness: float, around: int = 64, across: int = 12) 
     return mg.TriangularMeshGeometry(vertices.astype(np.float32), faces.astype(np.uint32))
 
 
-def _axes(node: Any, arm: Arm, reach: float) -> None:
+def _axes(node: Any, arm: Body, reach: float) -> None:
     """Each joint axis twice: plain, and highlighted for when it is dependent."""
     for j in range(1, arm.model.njoints):
         axis, slides = joint_axis(arm.model.joints[j], arm.model.names[j])
@@ -146,14 +154,14 @@ def _axes(node: Any, arm: Arm, reach: float) -> None:
                     here[side].set_transform(_shift([0, 0, sign * length * reach / 2]))
 
 
-def _skeleton(node: Any, arm: Arm, reach: float) -> None:
-    """Drums at the joints, and bones from each to the next and to the tip."""
+def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None:
+    """Drums at the joints, and bones from each to the next and to the frames."""
     model = arm.model
     bone = mg.MeshPhongMaterial(color=BONE)
     drum = mg.MeshPhongMaterial(color=DRUM)
     ends = [(int(model.parents[j]), model.jointPlacements[j]) for j in range(1, model.njoints)]
-    tip = model.frames[arm.tip_id]
-    ends.append((int(tip.parentJoint), tip.placement))
+    last = [model.frames[i] for i in frames]
+    ends += [(int(frame.parentJoint), frame.placement) for frame in last]
     for number, (parent, place) in enumerate(ends):
         length = float(np.linalg.norm(place.translation))
         if length > 1e-3 * reach:
@@ -178,7 +186,7 @@ def _skeleton(node: Any, arm: Arm, reach: float) -> None:
             rail.set_transform((start * middle).homogeneous @ _turn(axis))
 
 
-def _range(arm: Arm, joint: int) -> tuple[float, float]:
+def _range(arm: Body, joint: int) -> tuple[float, float]:
     lower, upper = arm.span
     name = arm.model.names[joint]
     if name in arm.joints:
@@ -187,7 +195,7 @@ def _range(arm: Arm, joint: int) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-def _floor(node: Any, arm: Arm, reach: float) -> None:
+def _floor(node: Any, arm: Body, reach: float) -> None:
     """A square grid under the base, or under the feet of the robot that carries the arm."""
     half = 10
     step = float(f"{2.4 * reach / half:.1g}")
@@ -200,7 +208,7 @@ def _floor(node: Any, arm: Arm, reach: float) -> None:
     node.set_transform(floor_placement(arm))
 
 
-def floor_placement(arm: Arm) -> Array:
+def floor_placement(arm: Body) -> Array:
     """Where the ground is, (4, 4) in the base: the world's z = 0, or lower where links are."""
     model, back = arm.source.full_model, base_placement(arm).inverse()
     data = model.createData()

@@ -9,8 +9,8 @@ import json
 import os
 import socket
 import threading
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping
+from typing import Any, Protocol
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
@@ -19,7 +19,6 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from pinsing.errors import OptionError, PinsingError
 from pinsing.view.page import asset, live_html, meshcat_script, script
-from pinsing.view.stage import Stage
 
 FIRST_PORT = 7000
 _TRIED_PORTS = 100
@@ -27,12 +26,32 @@ _LONGEST_MESSAGE = 64 * 1024
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
+class Served(Protocol):
+    """What a server needs to know of what it serves."""
+
+    @property
+    def name(self) -> str:
+        """Name of the robot, for the title of the page."""
+
+    def page(self, live: bool) -> dict[str, Any]:
+        """The fixed part of a page, ready for JSON."""
+
+    def answer(self, request: Mapping[str, Any]) -> Any:
+        """Answer a question of a page, its ``want``, ready for JSON.
+
+        Raises
+        ------
+        PinsingError
+            If it cannot be answered; the page is told why.
+        """
+
+
 class Server:
     """Serves one stage from a daemon thread.
 
     Parameters
     ----------
-    stage : Stage
+    stage : Served
         What is shown.
     scene : bytes
         Drawing commands of the scene.
@@ -48,7 +67,7 @@ class Server:
     """
 
     def __init__(
-        self, stage: Stage, scene: bytes, host: str = "127.0.0.1", port: int | None = None
+        self, stage: Served, scene: bytes, host: str = "127.0.0.1", port: int | None = None
     ) -> None:
         self.host = host
         self._sockets = _bind(host, port)
@@ -185,11 +204,11 @@ def _listen(host: str, port: int) -> list[socket.socket]:
 
 
 def _application(
-    stage: Stage, scene: bytes, clients: set[_Live], is_ours: Callable[[str], bool]
+    stage: Served, scene: bytes, clients: set[_Live], is_ours: Callable[[str], bool]
 ) -> Application:
     page = json.dumps(stage.page(live=True), allow_nan=False)
     texts = {
-        "": ("text/html", live_html(f"pinsing: {stage.arm.name}")),
+        "": ("text/html", live_html(f"pinsing: {stage.name}")),
         "page.css": ("text/css", asset("page.css")),
         "page.js": ("text/javascript", script()),
         "meshcat.js": ("text/javascript", meshcat_script()),
@@ -237,7 +256,9 @@ class _Part(RequestHandler):  # type: ignore[misc,unused-ignore]
 class _Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
     """Answers the questions of one page."""
 
-    def initialize(self, is_ours: Callable[[str], bool], stage: Stage, clients: set[_Live]) -> None:
+    def initialize(
+        self, is_ours: Callable[[str], bool], stage: Served, clients: set[_Live]
+    ) -> None:
         self.is_ours, self.stage, self.clients = is_ours, stage, clients
 
     def check_origin(self, origin: str) -> bool:
@@ -256,28 +277,18 @@ class _Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
     def tell(self, text: str) -> None:
         """Send a text, if the page is still there."""
         with contextlib.suppress(WebSocketClosedError):
-            self.write_message(text)
+            # It may still close while the text is on its way: asked for, the failure is no news.
+            sent = self.write_message(text)
+            sent.add_done_callback(lambda done: done.cancelled() or done.exception())
 
     def on_message(self, message: str | bytes) -> None:
         number: Any = None
         try:
             request = json.loads(message)
             number = request["id"]
-            answer: dict[str, Any] = {"id": number, "answer": self._answer(request)}
+            answer: dict[str, Any] = {"id": number, "answer": self.stage.answer(request)}
         except PinsingError as error:
             answer = {"id": number, "error": str(error)}
         except (ValueError, KeyError, TypeError, RecursionError):
             answer = {"id": number, "error": "this request is not understood"}
         self.tell(json.dumps(answer, allow_nan=False))
-
-    def _answer(self, request: dict[str, Any]) -> Any:
-        want = request["want"]
-        if want == "frame":
-            return self.stage.frame(request["q"])
-        if want == "pose":
-            return self.stage.pose(request["entry"], request["pose"])
-        if want == "path":
-            return self.stage.path(request["entry"], request["pose"], request["kind"])
-        if want == "start":
-            return self.stage.start()
-        raise OptionError(f"unknown request {want!r}")

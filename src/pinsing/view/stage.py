@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -20,6 +20,9 @@ from pinsing.view.links import Links
 from pinsing.view.motion import along, into
 
 KINDS = ("into", "along")
+
+SIDE = (0.74, 0.36, 0.57)
+"""Where the camera looks from: three.js axes, y up."""
 
 
 @dataclass
@@ -62,6 +65,32 @@ class Stage:
         else:
             lower, upper = self.arm.span
             self.q = (lower + upper) / 2
+
+    @property
+    def name(self) -> str:
+        """Name of the robot."""
+        return self.arm.name
+
+    def answer(self, request: Mapping[str, Any]) -> Any:
+        """Answer a question of a page: a frame, a pose or a path of the list, or the start.
+
+        Raises
+        ------
+        OptionError
+            If the question is not known, or the list has no such pose.
+        ConfigurationError
+            If a configuration makes no sense.
+        """
+        want = request["want"]
+        if want == "frame":
+            return self.frame(request["q"])
+        if want == "pose":
+            return self.pose(request["entry"], request["pose"])
+        if want == "path":
+            return self.path(request["entry"], request["pose"], request["kind"])
+        if want == "start":
+            return self.start()
+        raise OptionError(f"unknown request {want!r}")
 
     def frame(self, q: npt.ArrayLike) -> dict[str, Any]:
         """Everything at q (n,)."""
@@ -120,6 +149,7 @@ class Stage:
                 "bare": list(self.links.bare(arm)),
                 "jointOf": [arm.joints.index(n) if n in arm.joints else -1 for n in names],
                 "lines": ARROWS,
+                "side": list(SIDE),
             },
             "entries": [_entry(e, self.arm.n) for e in self.entries],
             "notes": list(self.notes),
@@ -139,11 +169,7 @@ class Stage:
         return {**page, "frames": frames, "start": self.start()}
 
     def _pose(self, entry: int, pose: int) -> Array:
-        for value, what in ((entry, "entry"), (pose, "pose")):
-            if isinstance(value, bool) or not isinstance(value, int):
-                raise OptionError(f"{what} is not a number of the list: {value!r}")
-        if not 0 <= entry < len(self.entries) or not 0 <= pose < len(self.entries[entry].poses):
-            raise OptionError(f"there is no pose {pose} of entry {entry}")
+        check_place(entry, pose, [len(e.poses) for e in self.entries])
         return self.entries[entry].poses[pose]
 
     def _symbols(self) -> Sequence[str]:
@@ -167,16 +193,41 @@ class Stage:
         return "all"
 
 
+def _more(entry: Entry) -> Iterator[str]:
+    if entry.kind:
+        yield entry.kind
+    if entry.codimension:
+        yield f"codimension {entry.codimension}"
+    if entry.reachable is False:
+        yield "out of reach of the limits"
+    if entry.reachable is None:
+        yield "no configuration found within the limits"
+
+
+def check_place(entry: object, pose: object, counts: Sequence[int]) -> None:
+    """Refuse what is not the number of an entry and of one of its poses (``counts`` of each).
+
+    Raises
+    ------
+    OptionError
+        If it is not.
+    """
+    for value, what in ((entry, "entry"), (pose, "pose")):
+        if isinstance(value, bool) or not isinstance(value, int):
+            raise OptionError(f"{what} is not a number of the list: {value!r}")
+    if not (isinstance(entry, int) and isinstance(pose, int)):
+        raise OptionError("a place in the list is two numbers")
+    if not 0 <= entry < len(counts) or not 0 <= pose < counts[entry]:
+        raise OptionError(f"there is no pose {pose} of entry {entry}")
+
+
 def _entry(entry: Entry, n: int) -> dict[str, Any]:
     moves = bool(entry.poses) and not entry.name.startswith("P")
     return {
         "name": entry.name,
         "text": entry.text,
-        "kind": entry.kind,
-        "codimension": entry.codimension,
+        "more": [*_more(entry)],
         "reason": entry.reason,
-        "lost": list(entry.lost),
-        "reachable": entry.reachable,
         "poses": len(entry.poses),
         "into": moves,
         "along": moves

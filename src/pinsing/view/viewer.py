@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import html
-import webbrowser
 from collections.abc import Iterable
 from pathlib import Path
-from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.errors import OptionError, UnknownNameError
+from pinsing.errors import OptionError
 from pinsing.files import write_text
 from pinsing.robot.arm import Arm, Array
 from pinsing.view.ellipsoids import sizes
@@ -23,16 +20,14 @@ from pinsing.view.overlay import Overlay
 from pinsing.view.page import static_html
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
-from pinsing.view.server import Server
-from pinsing.view.stage import Stage
+from pinsing.view.stage import KINDS, Stage
+from pinsing.view.tab import Tab, place_in_list
 
 if TYPE_CHECKING:
-    from typing_extensions import Self
-
     from pinsing.find import Finding
 
 
-class Viewer:
+class Viewer(Tab):
     """Shows an arm at singular configurations.
 
     The page lists the families, plays motions, and has sliders; `show` and `show_family`
@@ -98,11 +93,9 @@ class Viewer:
         links = Links(None) if skeleton else read_links(arm)
         recorder = Recorder()
         notes = draw_scene(recorder.visualizer(), arm, links, size)
-        self._scene = recorder.packed()
         self._stage = Stage(arm, entries, links, size, skeleton, notes)
         self._overlay = None if visualizer is None else Overlay(visualizer, arm, size)
-        self._host, self._port = host, port
-        self._server: Server | None = None
+        super().__init__(self._stage, recorder.packed(), host, port)
         if self._overlay is not None:
             self._overlay.show(self._stage.frame(self._stage.q), self._stage.q, self._stage.mode)
 
@@ -154,47 +147,20 @@ class Viewer:
     def play(self, family: FamilyLike | str | int, kind: str = "into", pose: int = 0) -> None:
         """Play a motion in every open tab: ``into`` the singular pose, or ``along`` the family."""
         index = self._index(family, pose)
-        if kind not in ("into", "along"):
+        if kind not in KINDS:
             raise OptionError(f"unknown kind of path {kind!r}: into or along")
-        if self._server is not None:
-            self._server.send({"play": kind, "entry": index, "pose": pose})
+        self._send({"play": kind, "entry": index, "pose": pose})
 
     def _show(self, q: Array, chosen: tuple[int, int] | None) -> None:
         self._stage.q, self._stage.chosen = q, chosen
         start = self._stage.start()
-        if self._server is not None:
-            self._server.send(start)
+        self._send(start)
         if self._overlay is not None:
             self._overlay.show(start["frame"], q, self._stage.mode)
 
     def _index(self, family: FamilyLike | str | int, pose: int) -> int:
-        names = [e.name for e in self.entries]
-        if isinstance(family, int):
-            if not 0 <= family < len(names):
-                raise UnknownNameError("family", str(family), names)
-            index = family
-        else:
-            name = family if isinstance(family, str) else family.name
-            if name not in names:
-                raise UnknownNameError("family", name, names)
-            index = names.index(name)
-        if not 0 <= pose < len(self.entries[index].poses):
-            raise OptionError(
-                f"{names[index]} has {len(self.entries[index].poses)} poses within the limits; "
-                f"there is no pose {pose}"
-            )
-        return index
-
-    @property
-    def url(self) -> str:
-        """Address of the page; starts the server."""
-        if self._server is None:
-            self._server = Server(self._stage, self._scene, self._host, self._port)
-        return self._server.url
-
-    def open(self) -> bool:
-        """Open the page in the user's browser; tell whether there is one."""
-        return webbrowser.open(self.url, new=2)
+        wanted = family if isinstance(family, (int, str)) else family.name
+        return place_in_list([(e.name, len(e.poses)) for e in self.entries], wanted, pose)
 
     def html(self) -> str:
         """The page in one file, poses and paths inside, that needs no program behind it."""
@@ -209,59 +175,3 @@ class Viewer:
             If it cannot be written.
         """
         write_text(path, self.html())
-
-    def save_png(
-        self, path: str | Path, size: tuple[int, int] = (1200, 900), panel: bool = False
-    ) -> None:
-        """Write a picture of what is shown; needs Chromium or Chrome.
-
-        Parameters
-        ----------
-        path : path-like
-            The file.
-        size : (int, int)
-            Width and height, pixels.
-        panel : bool
-            The page with its panel, in place of the arm alone.
-
-        Raises
-        ------
-        OutputError
-            If there is no Chromium, it fails, or the file cannot be written.
-        """
-        from pinsing.view.picture import take_picture
-
-        take_picture(self.url + ("" if panel else "#picture"), path, size)
-
-    def close(self) -> None:
-        """Stop the server."""
-        if self._server is not None:
-            self._server.close()
-            self._server = None
-
-    def jupyter_cell(self, height: int = 600) -> Any:
-        """The page as a notebook cell."""
-        from IPython.display import HTML
-
-        return HTML(self._iframe(height))  # type: ignore[no-untyped-call]
-
-    def _repr_html_(self) -> str:
-        return self._iframe(600)
-
-    def _iframe(self, height: int) -> str:
-        return (
-            f'<div><iframe src="{html.escape(self.url)}" style="width: 100%; '
-            f'height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
-            "</iframe></div>"
-        )
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.close()

@@ -6,7 +6,7 @@ class App {
     this.page = page;
     this.view = new SceneView($("view"), page.settings);
     this.view.load(scene);
-    this.panel = new Panel(page, {
+    this.panel = this.makePanel({
       choose: (entry, pose) => this.choose(entry, pose),
       play: (kind) => this.play(kind),
       move: (joint, value) => this.move(joint, value),
@@ -24,12 +24,14 @@ class App {
     this.controls();
   }
 
+  makePanel(actions) { return new Panel(this.page, actions); }
+
   controls() {
     $("prev").addEventListener("click", () => this.step(-1));
     $("next").addEventListener("click", () => this.step(1));
     $("play").addEventListener("click", () => this.toggle());
     $("fit").addEventListener("click", () => { this.view.touched = false; this.view.fit([this.view.frame]); });
-    $("reset").addEventListener("click", () => this.entry !== null && this.choose(this.entry, this.pose));
+    $("reset").addEventListener("click", () => this.reset());
     $("scrub").addEventListener("input", () => { this.pause(); this.at(Number($("scrub").value)); });
     for (const option of ["translation", "rotation", "lost", "axis", "visual", "bone", "floor"]) {
       const box = $(`show-${option}`);
@@ -93,6 +95,8 @@ class App {
     this.frame(frame);
     if (!this.view.touched) this.view.fit([frame]);
   }
+
+  reset() { if (this.entry !== null) this.choose(this.entry, this.pose); }
 
   step(by) {
     if (!this.places.length) return;
@@ -174,7 +178,7 @@ class App {
     this.pause();
     if (this.path) { this.path = null; this.panel.playing(null); this.scrub(0, 0); }
     $("playing").textContent = "";
-    const q = (this.wanted ? this.wanted.q : this.view.frame.q).slice();
+    const q = this.wanted ? this.wanted.q.slice() : this.panel.values(this.view.frame);
     q[joint] = value;
     const idle = this.wanted === null;
     this.wanted = { q, joint };
@@ -183,12 +187,14 @@ class App {
     let sent = null;
     while (sent !== this.wanted) {
       sent = this.wanted;
-      const frame = await this.source.frame(sent.q);
+      const frame = await this.moved(sent.q);
       if (turn !== this.turn) break;
       this.frame(frame, sent.joint);
     }
     this.wanted = null;
   }
+
+  moved(q) { return this.source.frame(q); }
 
   async pushed(message) {
     if (message.play) {
@@ -205,35 +211,6 @@ class App {
   gone() {
     this.pause();
     $("nearest").textContent = "The program behind this page has ended.";
-    document.querySelectorAll("button, input").forEach((control) => { control.disabled = true; });
+    document.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
   }
 }
-
-async function unpack(element) {
-  const packed = Uint8Array.from(atob(element.textContent.trim()), (c) => c.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"));
-  return new Uint8Array(await new Response(stream).arrayBuffer());
-}
-
-(async () => {
-  $("busy").hidden = false;
-  if (location.hash === "#picture") document.body.classList.add("picture");
-  try {
-    let page, scene;
-    if ($("baked-page")) {
-      page = JSON.parse(new TextDecoder().decode(await unpack($("baked-page"))));
-      scene = await unpack($("baked-scene"));
-    } else {
-      page = await (await fetch("page.json")).json();
-      scene = new Uint8Array(await (await fetch("scene")).arrayBuffer());
-    }
-    window.pinsing = new App(page, scene);
-    await window.pinsing.start();
-    window.pinsing.view.viewer.render();
-    document.body.dataset.ready = "yes";
-    $("busy").hidden = true;
-  } catch (error) {
-    $("busy").textContent = `The page cannot be shown: ${error.message}`;
-    throw error;
-  }
-})();

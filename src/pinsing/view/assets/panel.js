@@ -13,9 +13,9 @@ function make(tag, className, text) {
 // "q5 = 0" with the 5 set low.
 function formula(node, text) {
   node.replaceChildren();
-  for (const part of text.split(/(\b[qd]\d+\b)/)) {
-    if (/^[qd]\d+$/.test(part)) node.append(part[0], make("sub", "", part.slice(1)));
-    else node.append(part.replace(/(^|[\s(])-(?=[\s\d(q])/g, "$1\u2212"));
+  for (const part of text.split(/(\b[a-z]\d+\b)/)) {
+    if (/^[a-z]\d+$/.test(part)) node.append(part[0], make("sub", "", part.slice(1)));
+    else node.append(part.replace(/(^|[\s(])-(?=[\s\d(a-z])/g, "$1\u2212"));
   }
   return node;
 }
@@ -30,17 +30,31 @@ function number(value) {
 
 const WORDS = { singular: "Singular", "near-singular": "Near-singular", regular: "Regular" };
 
+// What is read at an arm: label, title, and where it goes.
+const ARM_NUMBERS = [
+  ["ratio", "\u03c3 ratio", "Smallest singular value over the largest"],
+  ["sigma-min", "\u03c3 min", "Smallest singular value that is not zero everywhere"],
+  ["condition", "condition", "Largest singular value over the smallest"],
+  ["manipulability", "manipulability", "Product of the singular values (Yoshikawa)"],
+];
+
 class Panel {
   constructor(page, actions) {
     this.page = page;
     this.actions = actions;
     $("robot").textContent = page.robot.name;
-    $("chain").title = "base, tip, task, and the length scale L that translations are divided by";
-    $("chain").textContent = `${page.robot.base} \u2192 ${page.robot.tip} \u00b7 ${page.joints.length} joints \u00b7 ` +
-      `${page.robot.task} task \u00b7 L\u00a0=\u00a0${page.robot.lengthScale}\u00a0m`;
+    this.head();
     this.keys();
-    $("scale").textContent = `Ellipsoids at unit joint speed: 1 m/s is drawn ${number(page.settings.translation)} m long, ` +
-      `1 rad/s ${number(page.settings.rotation)} m. Flat ones are drawn ${100 * page.settings.floor}% thick.`;
+    $("numbers").replaceChildren(...this.numbers().map(([id, label, title]) => {
+      const box = make("div");
+      const name = make("dt", "", label);
+      name.title = title;
+      const value = make("dd");
+      value.id = id;
+      box.append(name, value);
+      return box;
+    }));
+    $("scale").textContent = this.scale();
     $("count").textContent = page.entries.length ? `(${page.entries.length})` : "";
     if (page.notes.length) {
       $("notes-box").hidden = false;
@@ -48,6 +62,21 @@ class Panel {
     }
     this.entries();
     this.joints();
+  }
+
+  head() {
+    const { page } = this;
+    $("chain").title = "base, tip, task, and the length scale L that translations are divided by";
+    $("chain").textContent = `${page.robot.base} \u2192 ${page.robot.tip} \u00b7 ${page.joints.length} joints \u00b7 ` +
+      `${page.robot.task} task \u00b7 L\u00a0=\u00a0${page.robot.lengthScale}\u00a0m`;
+  }
+
+  numbers() { return ARM_NUMBERS; }
+
+  scale() {
+    const { translation, rotation, floor } = this.page.settings;
+    return `Ellipsoids at unit joint speed: 1 m/s is drawn ${number(translation)} m long, ` +
+      `1 rad/s ${number(rotation)} m. Flat ones are drawn ${100 * floor}% thick.`;
   }
 
   keys() {
@@ -63,12 +92,7 @@ class Panel {
       button.disabled = !entry.poses;
       const text = make("span", "text");
       text.append(make("b", "", entry.name), formula(make("span"), entry.text));
-      const more = [];
-      if (entry.kind) more.push(entry.kind);
-      if (entry.codimension) more.push(`codimension ${entry.codimension}`);
-      if (entry.reachable === false) more.push("out of reach of the limits");
-      if (entry.reachable === null) more.push("no configuration found within the limits");
-      button.append(text, make("span", "more", more.join(" \u00b7 ")));
+      button.append(text, formula(make("span", "more"), entry.more.join(" \u00b7 ")));
       if (entry.reason) button.title = entry.reason;
       button.addEventListener("click", () => this.actions.choose(index, 0));
       const row = make("div", "actions");
@@ -76,7 +100,7 @@ class Panel {
       for (let k = 0; k < entry.poses; k++) {
         if (entry.poses === 1) break;
         const pose = make("button", "pose", k ? String(k + 1) : "pose 1");
-        pose.title = `Pose ${k + 1} of ${entry.name}`;
+        pose.title = entry.titles ? entry.titles[k] : `Pose ${k + 1} of ${entry.name}`;
         pose.addEventListener("click", () => this.actions.choose(index, k));
         row.append(pose);
       }
@@ -95,29 +119,59 @@ class Panel {
 
   joints() {
     this.rows = this.page.joints.map((joint, index) => {
-      const row = make("label", "joint");
-      row.title = joint.name;
-      const slider = make("input");
-      Object.assign(slider, { type: "range", min: joint.lower, max: joint.upper, step: "any" });
-      slider.disabled = !this.page.live;
-      slider.setAttribute("aria-label", joint.name);
-      slider.addEventListener("input", () => this.actions.move(index, Number(slider.value)));
-      const value = make("span", "value");
-      row.append(formula(make("span", "name"), joint.symbol), slider, value);
-      $("joints").append(row);
-      return { row, slider, value };
+      const found = this.row(joint, index, this.page.live);
+      $("joints").append(found.row);
+      return found;
     });
     $("reset").hidden = !this.page.live;
     $("joints-note").textContent = this.page.live ? "" :
       "This page has no server behind it, so the sliders only follow. Run \u201cpinsing view\u201d to drag them.";
   }
 
+  // A slider with the joint's name and value; a fixed one only follows.
+  row(joint, index, moves) {
+    const row = make("label", "joint");
+    row.title = joint.name;
+    const slider = make("input");
+    Object.assign(slider, { type: "range", min: joint.lower, max: joint.upper, step: "any" });
+    slider.disabled = !moves;
+    slider.setAttribute("aria-label", joint.name);
+    slider.addEventListener("input", () => this.actions.move(index, Number(slider.value)));
+    const value = make("span", "value");
+    row.append(formula(make("span", "name"), joint.symbol), slider, value);
+    return { row, slider, value };
+  }
+
   show(frame, dragged = -1) {
+    this.verdict(frame);
+    this.readings(frame);
+    $("why").textContent = frame.why.length ? `because ${frame.why.join("; ")}` : "";
+    $("remarks").textContent = frame.notes.join("; ");
+    $("outside").hidden = !frame.outside.length;
+    $("outside").textContent = `outside the limits: ${frame.outside.join(", ")}`;
+    this.rows.forEach(({ row, slider, value }, i) => {
+      const joint = this.page.joints[i];
+      const shown = this.value(frame, i);
+      row.classList.toggle("hot", frame.hot.includes(i));
+      if (i !== dragged) slider.value = shown;
+      value.textContent = joint.prismatic ? `${(1000 * shown).toFixed(1)} mm`
+        : `${((shown * 180) / Math.PI).toFixed(2).replace(/^-0\.00$/, "0.00")}\u00b0`;
+    });
+  }
+
+  value(frame, joint) { return frame.q[joint]; }
+
+  values(frame) { return frame.q.map((_, i) => this.value(frame, i)); }
+
+  verdict(frame) {
     $("verdict").className = frame.status;
     $("status").textContent = WORDS[frame.status];
     $("rank").textContent = `\u00b7 rank ${frame.rank} of ${frame.genericRank}`;
     if (frame.verdict) formula($("nearest"), frame.verdict.text);
     else $("nearest").textContent = "";
+  }
+
+  readings(frame) {
     $("ratio").textContent = number(frame.ratio);
     $("sigma-min").textContent = number(frame.sigma[frame.genericRank - 1]);
     $("condition").textContent = number(frame.condition);
@@ -129,19 +183,11 @@ class Panel {
       bar.append(make("span", "", zero && i >= frame.rank ? "0" : number(Number(s.toPrecision(2)))));
       return bar;
     }));
-    $("lost").replaceChildren(...(frame.lost.length ? frame.lost.map((m) => make("li", "", m.words))
-      : [make("li", "", "nothing")]));
-    $("why").textContent = frame.why.length ? `because ${frame.why.join("; ")}` : "";
-    $("remarks").textContent = frame.notes.join("; ");
-    $("outside").hidden = !frame.outside.length;
-    $("outside").textContent = `outside the limits: ${frame.outside.join(", ")}`;
-    this.rows.forEach(({ row, slider, value }, i) => {
-      const joint = this.page.joints[i];
-      row.classList.toggle("hot", frame.hot.includes(i));
-      if (i !== dragged) slider.value = frame.q[i];
-      value.textContent = joint.prismatic ? `${(1000 * frame.q[i]).toFixed(1)} mm`
-        : `${((frame.q[i] * 180) / Math.PI).toFixed(2).replace(/^-0\.00$/, "0.00")}\u00b0`;
-    });
+    this.losses(frame.lost.map((m) => m.words));
+  }
+
+  losses(words) {
+    $("lost").replaceChildren(...(words.length ? words : ["nothing"]).map((w) => make("li", "", w)));
   }
 
   choose(entry, pose, scroll = true) {

@@ -90,6 +90,7 @@ class SceneView {
         this.lostAt = [frame.tip[0] + up.x, frame.tip[1] + up.y, frame.tip[2] + up.z];
       }
     }
+    if (frame.free) this.showFree(frame);
     for (let k = 0; k < this.settings.lines; k++) {
       const m = frame.lost[k];
       const seen = s.lost && Boolean(m) && m.close && (m.kind === "line" || m.kind === "screw");
@@ -98,6 +99,23 @@ class SceneView {
     }
     this.node("floor").visible = s.floor;
     this.viewer.set_dirty();
+  }
+
+  // Motions of a mechanism that its actuators do not hold.
+  showFree(frame) {
+    this.label.textContent = this.lostAt ? "lost" : "not held";
+    this.label.classList.toggle("free", !this.lostAt);
+    for (const [kind, length] of [["translation", 0.27], ["rotation", 0.18]]) {
+      const arrow = frame.free[kind];
+      const seen = this.options.lost && arrow !== null;
+      this.node(`free/${kind}`).visible = seen;
+      if (!seen) continue;
+      this.place(`free/${kind}`, arrow.at, arrow.turn);
+      if (this.lostAt) continue;
+      const end = new MeshCat.THREE.Vector3(0, 0, length * this.settings.reach);
+      end.applyQuaternion(new MeshCat.THREE.Quaternion(...arrow.turn));
+      this.lostAt = [arrow.at[0] + end.x, arrow.at[1] + end.y, arrow.at[2] + end.z];
+    }
   }
 
   set(option, value) {
@@ -141,7 +159,7 @@ class SceneView {
     if (shown) this.show(shown);
     const { Vector3 } = MeshCat.THREE;
     const { camera, controls } = this.viewer;
-    const side = new Vector3(0.74, 0.36, 0.57).normalize();
+    const side = new Vector3(...this.settings.side).normalize();
     const right = new Vector3(0, 1, 0).cross(side).normalize();
     const up = side.clone().cross(right);
     const centre = new Vector3();

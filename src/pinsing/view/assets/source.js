@@ -43,4 +43,8 @@ class LiveSource {
   path(entry, k, kind) { return this.ask({ want: "path", entry, pose: k, kind }); }
   frame(q) { return this.ask({ want: "frame", q }); }
   start() { return this.ask({ want: "start" }); }
+
+  // Of a mechanism: from a closed configuration to other inputs, and what surrounds it.
+  drive(q, inputs) { return this.ask({ want: "frame", q, inputs }); }
+  around(q) { return this.ask({ want: "around", q }); }
 }

@@ -1,0 +1,75 @@
+"""What ``view`` does for arms and mechanisms alike: serve a tab, read a file, size a picture."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from pinsing.cli.output import say
+from pinsing.errors import OptionError, ResultError
+
+if TYPE_CHECKING:
+    from pinsing.view.tab import Tab
+
+
+def serve(tab: Tab, host: str, no_open: bool) -> None:
+    """Stay until the user has seen enough; warn first where others can reach the page."""
+    from pinsing.view.server import is_loopback
+
+    if not is_loopback(host):
+        say(
+            f"warning: listening on {host}: whoever can reach this computer over the "
+            "network can see the robot and move it on the page"
+        )
+    url = tab.url
+    try:
+        click.echo(url)
+        sys.stdout.flush()
+        if not no_open and not (_has_desktop() and tab.open()):
+            say("no browser could be opened; open the address above in one")
+        say("press Ctrl-C to end")
+        while True:
+            time.sleep(3600)
+    except KeyboardInterrupt:
+        say("ended")
+
+
+def _has_desktop() -> bool:
+    # Without one, Python would start a text browser in this very terminal.
+    if sys.platform.startswith("linux"):
+        return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    return True
+
+
+def picture_size(text: str) -> tuple[int, int]:
+    """Width and height out of ``1200x900``.
+
+    Raises
+    ------
+    OptionError
+        If it is not of that form.
+    """
+    width, cross, height = text.lower().partition("x")
+    if not (cross and width.isdigit() and height.isdigit()):
+        raise OptionError(f"--size {text!r} is not of the form 1200x900")
+    return int(width), int(height)
+
+
+def read_json(path: Path) -> Any:
+    """Content of a JSON file that was written earlier.
+
+    Raises
+    ------
+    ResultError
+        If it cannot be read, or is not JSON.
+    """
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ResultError(f"{path}: not JSON: {' '.join(str(error).split())}") from None

@@ -1,0 +1,207 @@
+"""Mechanism: a spanning tree with closed loops, actuated and passive joints, and an output."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.robot.arm import Array, Source
+from pinsing.robot.task import Task
+from pinsing.robot.tip import frame_index
+
+LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}
+"""Kinds of closure and how many equations each has."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """Two frames of the spanning tree that the mechanism holds together.
+
+    Attributes
+    ----------
+    frame_a, frame_b : str
+        Their names.
+    kind : str
+        ``3d``: the origins coincide; ``6d``: the frames do; ``planar``: the origins coincide
+        in the x-y plane of the first frame.
+    """
+
+    frame_a: str
+    frame_b: str
+    kind: str
+
+    @property
+    def rows(self) -> int:
+        """Number of its closure equations."""
+        return LOOP_KINDS[self.kind]
+
+    def __str__(self) -> str:
+        return f"{self.frame_a} = {self.frame_b} ({self.kind})"
+
+
+@dataclass(frozen=True, eq=False)
+class Mechanism:
+    """A spanning tree with closed loops, actuated and passive joints, and an output.
+
+    Configurations are joint vectors ``q`` (n,) of *all* joints of the tree, radians and
+    metres; inputs are the values of the actuated joints, in the order of ``inputs``.
+
+    Attributes
+    ----------
+    name : str
+        Name of the robot.
+    model : pin.Model
+        The spanning tree.
+    joints : tuple of str
+        Names of all joints, in the model's order.
+    prismatic : (n,) array of bool
+        Which of them slide.
+    lower, upper : (n,) arrays
+        Limits, radians or metres; infinite for continuous joints.
+    actuated : tuple of int
+        Indices of the actuated joints, in the order of the loop file.
+    loops : tuple of Loop
+        What holds together.
+    output : str
+        Name of the frame whose motion counts.
+    task : Task
+        Rows of its motion that count (LOCAL_WORLD_ALIGNED, axes of the root).
+    length_scale : float
+        Metres; lengths are divided by it before singular values are taken.
+    home : (n,) array
+        A configuration near which the loops close.
+    notes : tuple of str
+        What was assumed while loading.
+    source : Source
+        Where the tree comes from.
+    loop_file : Path or None
+        Where the loops come from.
+    """
+
+    name: str
+    model: pin.Model
+    joints: tuple[str, ...]
+    prismatic: npt.NDArray[np.bool_]
+    lower: Array
+    upper: Array
+    actuated: tuple[int, ...]
+    loops: tuple[Loop, ...]
+    output: str
+    task: Task
+    length_scale: float
+    home: Array
+    notes: tuple[str, ...]
+    source: Source = field(repr=False)
+    loop_file: Path | None = None
+
+    def __post_init__(self) -> None:
+        scale = self.length_scale
+        if not (np.isfinite(scale) and scale > 0):
+            raise OptionError(f"length_scale must be a positive number of metres, got {scale!r}")
+        for array in (self.lower, self.upper, self.prismatic, self.home):
+            array.setflags(write=False)
+
+    @property
+    def n(self) -> int:
+        """Number of joints of the tree."""
+        return len(self.joints)
+
+    @property
+    def passive(self) -> tuple[int, ...]:
+        """Indices of the joints that are not actuated."""
+        return tuple(i for i in range(self.n) if i not in self.actuated)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Names of the actuated joints."""
+        return tuple(self.joints[i] for i in self.actuated)
+
+    @property
+    def rows(self) -> int:
+        """Number of closure equations of all loops."""
+        return sum(loop.rows for loop in self.loops)
+
+    @property
+    def output_id(self) -> int:
+        """Index of the output frame in ``model.frames``."""
+        return frame_index(self.model, self.output)
+
+    def with_actuated(self, names: tuple[str, ...] | list[str]) -> Mechanism:
+        """Return the same mechanism driven by other joints.
+
+        Raises
+        ------
+        UnknownNameError
+            If a joint does not exist.
+        """
+        for name in names:
+            if name not in self.joints:
+                raise UnknownNameError("joint", name, self.joints)
+        return replace(self, actuated=tuple(self.joints.index(name) for name in names))
+
+    def check(self, q: npt.ArrayLike) -> Array:
+        """Return ``q`` as a float array of shape (..., n), or say what is wrong with it.
+
+        Raises
+        ------
+        ConfigurationError
+            If the last axis is not n long, or a number is not finite.
+        """
+        return _numbers(q, self.joints, "q")
+
+    def check_inputs(self, inputs: npt.ArrayLike) -> Array:
+        """Return values of the actuated joints as a float array (..., n_a).
+
+        Raises
+        ------
+        ConfigurationError
+            If the last axis is not n_a long, or a number is not finite.
+        """
+        return _numbers(inputs, self.inputs, "the input")
+
+    def model_q(self, q: npt.ArrayLike) -> Array:
+        """Pinocchio's configuration(s) for joint vector(s) q: (..., n) -> (..., model.nq)."""
+        q = self.check(q)
+        if self.model.nq == self.model.nv:
+            return q
+        out = np.empty((*q.shape[:-1], self.model.nq))
+        for joint in self.model.joints[1:]:
+            value = q[..., joint.idx_v]
+            if joint.nq == 2:
+                out[..., joint.idx_q], out[..., joint.idx_q + 1] = np.cos(value), np.sin(value)
+            else:
+                out[..., joint.idx_q] = value
+        return out
+
+    def fold(self, q: npt.ArrayLike) -> Array:
+        """Move revolute values of q (..., n) by whole turns to within half a turn of zero."""
+        q = np.array(q, dtype=float)
+        turned = np.mod(q + np.pi, 2 * np.pi) - np.pi
+        return np.where(self.prismatic, q, turned)
+
+    def __str__(self) -> str:
+        loops = ", ".join(str(loop) for loop in self.loops)
+        return (
+            f"{self.name}: {self.n} joints, driven by {', '.join(self.inputs)}; "
+            f"output {self.output} ({self.task}); loops: {loops}"
+        )
+
+
+def _numbers(values: npt.ArrayLike, names: tuple[str, ...], what: str) -> Array:
+    try:
+        array = np.array(values, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"{what} is not an array of numbers: {error}") from None
+    if array.ndim == 0 or array.shape[-1] != len(names):
+        got = "a single number" if array.ndim == 0 else f"{array.shape[-1]}"
+        raise ConfigurationError(
+            f"{what} needs {len(names)} values for {', '.join(names)}; got {got}"
+        )
+    if not np.isfinite(array).all():
+        raise ConfigurationError(f"{what} holds a value that is not finite")
+    return array

@@ -1,0 +1,144 @@
+"""A mechanism as something to draw: its tree, how large it is, and where it is seen from."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing.loops.closure import random_closed
+from pinsing.loops.modes import home
+from pinsing.loops.motion import mechanism_at
+from pinsing.robot.arm import Array, Source
+from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.tip import frame_index
+from pinsing.view.ellipsoids import Sizes
+from pinsing.view.stage import SIDE
+
+_SAMPLES = 16
+_SEED = 377
+_TILT = 0.42
+_PARALLEL = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Linkage:
+    """The spanning tree of a mechanism, as a `Body`.
+
+    Attributes
+    ----------
+    mechanism : Mechanism
+        The whole.
+    """
+
+    mechanism: Mechanism
+
+    @property
+    def model(self) -> pin.Model:
+        """The spanning tree."""
+        return self.mechanism.model
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of all joints."""
+        return self.mechanism.joints
+
+    @property
+    def tip_id(self) -> int:
+        """Index of the output frame."""
+        return self.mechanism.output_id
+
+    @property
+    def span(self) -> tuple[Array, Array]:
+        """The limits; a full turn, or a length scale to both sides, where there are none."""
+        m = self.mechanism
+        reach = np.where(m.prismatic, m.length_scale, np.pi)
+        free = ~(np.isfinite(m.lower) & np.isfinite(m.upper))
+        return np.where(free, -reach, m.lower), np.where(free, reach, m.upper)
+
+    @property
+    def source(self) -> Source:
+        """Where the tree comes from."""
+        return self.mechanism.source
+
+    @property
+    def base(self) -> str:
+        """The root."""
+        return "universe"
+
+    @property
+    def ends(self) -> tuple[int, ...]:
+        """Frames that links end in: those that close the loops, and the output."""
+        m = self.mechanism
+        names = [name for loop in m.loops for name in (loop.frame_a, loop.frame_b)]
+        return tuple(dict.fromkeys([*(frame_index(m.model, n) for n in names), m.output_id]))
+
+
+def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
+    """Sizes that suit a mechanism: the ellipsoids about a quarter of its extent, by ``scale``.
+
+    Velocities are those at unit input speed, at regular configurations drawn at random.
+    """
+    rng = np.random.default_rng(_SEED)
+    samples = [home(mechanism), *random_closed(mechanism, _SAMPLES, rng)]
+    states = [mechanism_at(mechanism, q) for q in samples]
+    fast: dict[bool, list[float]] = {True: [], False: []}
+    rows = np.array(mechanism.task.rows)
+    for state in states:
+        for turns in (False, True):
+            part = (rows >= 3) == turns
+            if state.velocity is not None and part.any():
+                fast[turns].append(float(np.linalg.norm(state.velocity[part], 2)))
+    reach = _extent(mechanism, samples[0])
+    fastest, turning = (float(np.median(fast[k])) if fast[k] else 1.0 for k in (False, True))
+    return Sizes(
+        reach=reach,
+        translation=scale * 0.2 * reach / max(fastest, 1e-9),
+        rotation=scale * 0.2 * reach / max(turning, 1e-9),
+    )
+
+
+def _extent(mechanism: Mechanism, q: Array) -> float:
+    """Largest distance between points of the linkage at q (n,), metres."""
+    points = _points(mechanism, q)
+    gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
+    return max(float(gaps.max()), 1e-3)
+
+
+def _points(mechanism: Mechanism, q: Array) -> Array:
+    """Origins of the joints and of the frames that links end in, (N, 3)."""
+    model = mechanism.model
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, mechanism.model_q(q))
+    ends = Linkage(mechanism).ends
+    places = [data.oMi[j] for j in range(1, model.njoints)] + [data.oMf[i] for i in ends]
+    return np.array([place.translation for place in places])
+
+
+def plane_normal(mechanism: Mechanism) -> Array | None:
+    """Normal (3,) of the plane that a mechanism moves in; None where it moves in space."""
+    model = mechanism.model
+    data = model.createData()
+    J = np.array(pin.computeJointJacobians(model, data, mechanism.model_q(home(mechanism))))
+    turning = ~mechanism.prismatic
+    if not turning.any():
+        return None
+    axes = J[3:, turning] / np.linalg.norm(J[3:, turning], axis=0)
+    normal = axes[:, 0]
+    slides = J[:3, mechanism.prismatic]
+    flat = np.abs(np.cross(normal, axes.T)).max() <= _PARALLEL
+    if not flat or np.abs(normal @ slides).max(initial=0.0) > _PARALLEL:
+        return None
+    return np.asarray(normal * (1 if normal[int(np.argmax(np.abs(normal)))] > 0 else -1))
+
+
+def side(normal: Array | None) -> tuple[float, ...]:
+    """Where the camera looks from (three.js axes, y up): across the plane, if there is one."""
+    if normal is None:
+        return SIDE
+    x, y, z = normal
+    across = np.array([x, z, -y])
+    # A little off the normal, so that what stands on the plane is seen as well.
+    tilt = np.array([0.0, 0.0, 1.0]) if abs(z) > 0.7 else np.array([0.0, 1.0, 0.0])
+    return tuple(float(v) for v in across + _TILT * tilt)

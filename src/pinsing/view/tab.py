@@ -1,0 +1,140 @@
+"""A page in a browser tab, and the server behind it: what all viewers have in common."""
+
+from __future__ import annotations
+
+import html
+import webbrowser
+from collections.abc import Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+from pinsing.errors import OptionError, UnknownNameError
+from pinsing.view.server import Served, Server
+
+if TYPE_CHECKING:
+    from typing_extensions import Self
+
+
+class Tab:
+    """A stage in a browser tab.
+
+    The server is started when its address is first asked for, inside this process and on
+    loopback only unless ``host`` says otherwise.
+
+    Parameters
+    ----------
+    stage : Served
+        What is shown.
+    scene : bytes
+        Drawing commands of the scene.
+    host, port : str, int
+        Where to listen; by default loopback, the first free port from 7000 on.
+    """
+
+    def __init__(self, stage: Served, scene: bytes, host: str, port: int | None) -> None:
+        self._served, self._scene = stage, scene
+        self._host, self._port = host, port
+        self._server: Server | None = None
+
+    @property
+    def url(self) -> str:
+        """Address of the page; starts the server."""
+        if self._server is None:
+            self._server = Server(self._served, self._scene, self._host, self._port)
+        return self._server.url
+
+    def open(self) -> bool:
+        """Open the page in the user's browser; tell whether there is one."""
+        return webbrowser.open(self.url, new=2)
+
+    def _send(self, message: dict[str, Any]) -> None:
+        """Send a message to every open page; none is open before the address was asked for."""
+        if self._server is not None:
+            self._server.send(message)
+
+    def save_png(
+        self, path: str | Path, size: tuple[int, int] = (1200, 900), panel: bool = False
+    ) -> None:
+        """Write a picture of what is shown; needs Chromium or Chrome.
+
+        Parameters
+        ----------
+        path : path-like
+            The file.
+        size : (int, int)
+            Width and height, pixels.
+        panel : bool
+            The page with its panel, in place of the arm alone.
+
+        Raises
+        ------
+        OutputError
+            If there is no Chromium, it fails, or the file cannot be written.
+        """
+        from pinsing.view.picture import take_picture
+
+        take_picture(self.url + ("" if panel else "#picture"), path, size)
+
+    def close(self) -> None:
+        """Stop the server."""
+        if self._server is not None:
+            self._server.close()
+            self._server = None
+
+    def jupyter_cell(self, height: int = 600) -> Any:
+        """The page as a notebook cell."""
+        from IPython.display import HTML
+
+        return HTML(self._iframe(height))  # type: ignore[no-untyped-call]
+
+    def _repr_html_(self) -> str:
+        return self._iframe(600)
+
+    def _iframe(self, height: int) -> str:
+        return (
+            f'<div><iframe src="{html.escape(self.url)}" style="width: 100%; '
+            f'height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
+            "</iframe></div>"
+        )
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def place_in_list(entries: Sequence[tuple[str, int]], wanted: str | int, pose: int) -> int:
+    """Place of an entry, given by its name or by that place, in the list of a page.
+
+    Parameters
+    ----------
+    entries : sequence of (str, int)
+        Name and number of poses of each.
+    wanted : str or int
+        The entry.
+    pose : int
+        One of its poses, counted from 0.
+
+    Raises
+    ------
+    UnknownNameError
+        If the list has no such entry.
+    OptionError
+        If the entry has no such pose.
+    """
+    names = [name for name, _ in entries]
+    known = 0 <= wanted < len(names) if isinstance(wanted, int) else wanted in names
+    if not known:
+        raise UnknownNameError("family", str(wanted), names)
+    index = wanted if isinstance(wanted, int) else names.index(wanted)
+    name, count = entries[index]
+    if not 0 <= pose < count:
+        raise OptionError(f"{name} has {count} poses within the limits; there is no pose {pose}")
+    return index

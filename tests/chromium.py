@@ -1,0 +1,49 @@
+"""Eyes for the pages that tests open in Chromium: what is drawn, and what is said."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import Any
+
+import numpy as np
+
+FLAGS = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
+SIZE = {"width": 1000, "height": 700}
+BLUE, ORANGE, PINK = (0x00, 0x72, 0xB2), (0xE6, 0x9F, 0x00), (0xC4, 0x18, 0x7C)
+HOT = (0xD5, 0x5E, 0x00)
+
+
+def open_page(page: Any, url: str) -> None:
+    page.goto(url)
+    page.wait_for_selector("body[data-ready=yes]", timeout=30_000)
+
+
+def picture(page: Any) -> np.ndarray:
+    """The view as pixels (height, width, 3), drawn afresh."""
+    from PIL import Image
+
+    shot = page.evaluate("() => window.pinsing.view.viewer.capture_image()")
+    data = base64.b64decode(shot.split(",")[1])
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
+
+
+PARTS = ("translation", "rotation", "lost", "axis", "visual", "bone", "floor")
+
+
+def show_only(page: Any, *parts: str) -> None:
+    for part in PARTS:
+        page.evaluate("([o, v]) => window.pinsing.view.set(o, v)", [part, part in parts])
+
+
+def near(pixels: np.ndarray, color: tuple[int, int, int]) -> int:
+    """Pixels whose hue is that of a colour, whatever it is mixed with."""
+    centred = pixels - pixels.mean(axis=-1, keepdims=True)
+    aim = np.array(color) - np.mean(color)
+    length = np.linalg.norm(centred, axis=-1)
+    cosine = centred @ (aim / np.linalg.norm(aim)) / np.maximum(length, 1e-9)
+    return int(((cosine > 0.93) & (length > 25)).sum())
+
+
+def text(page: Any, selector: str) -> str:
+    return str(page.locator(selector).inner_text())

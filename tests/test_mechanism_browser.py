@@ -1,0 +1,334 @@
+"""A mechanism's tab in a real browser: it is dragged, put into modes, led to its singularities.
+
+Needs Chromium (or Chrome) and Playwright for Python; without them the tests are skipped.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from chromium import BLUE, HOT, PINK, near, open_page, picture, show_only, text
+from mechanisms import analyzed, shipped
+
+from pinsing.loops import home, residual
+from pinsing.view.mechanism import MechanismViewer
+from pinsing.view.picture import find_browser
+
+pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
+if find_browser() is None:
+    pytest.skip("needs Chromium or Chrome", allow_module_level=True)
+
+NAMES = ["five_bar", "four_bar", "planar_3rrr"]
+
+
+@pytest.fixture(scope="module")
+def viewers() -> Iterator[dict[str, MechanismViewer]]:
+    opened = {name: MechanismViewer(shipped(name), analyzed(name)) for name in NAMES}
+    yield opened
+    for viewer in opened.values():
+        viewer.close()
+
+
+@pytest.fixture
+def five_bar(viewers: dict[str, MechanismViewer]) -> MechanismViewer:
+    return viewers["five_bar"]
+
+
+def settled(page: Any) -> None:
+    """Wait until what surrounds the pose shown is known."""
+    page.wait_for_function("() => window.pinsing.known === window.pinsing.view.frame")
+
+
+def open_at_home(page: Any, viewer: MechanismViewer) -> None:
+    viewer.show(home(viewer.mechanism))
+    open_page(page, viewer.url)
+    settled(page)
+
+
+def drag(page: Any, joint: int, degrees: float) -> None:
+    """Move a slider as a hand does, and let go."""
+    page.evaluate(
+        """([k, v]) => { const { slider } = window.pinsing.panel.rows[k]; slider.value = v;
+             slider.dispatchEvent(new Event("input")); }""",
+        [joint, np.radians(degrees)],
+    )
+    page.wait_for_function("() => window.pinsing.wanted === null")
+    page.evaluate(
+        "(k) => window.pinsing.panel.rows[k].slider.dispatchEvent(new Event('change'))", joint
+    )
+
+
+def shown(page: Any) -> np.ndarray:
+    return np.array(page.evaluate("() => window.pinsing.view.frame.q"))
+
+
+def reached(page: Any, q: np.ndarray) -> None:
+    """Wait until the mechanism is at a configuration, whole turns aside."""
+    page.wait_for_function(
+        """(q) => window.pinsing.view.frame.q.every(
+             (v, i) => Math.abs(Math.sin((v - q[i]) / 2)) < 1e-9)""",
+        arg=q.tolist(),
+    )
+
+
+def slider(page: Any, joint: int) -> float:
+    script = "(k) => Number(window.pinsing.panel.rows[k].slider.value)"
+    return float(np.degrees(page.evaluate(script, joint)))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_page_loads_and_shows_a_mechanism(
+    page: Any, viewers: dict[str, MechanismViewer], name: str
+) -> None:
+    viewer = viewers[name]
+    open_at_home(page, viewer)
+    mechanism = viewer.mechanism
+    assert text(page, "#robot") == name
+    assert text(page, "#status") == "Regular"
+    assert "assembly +" in text(page, "#rank")
+    assert "is nearest" in text(page, "#nearest")
+    assert page.locator("#entries > li").count() == len(viewer.groups)
+    sliders = page.locator(".joint input")
+    assert sliders.count() == mechanism.n
+    enabled = [sliders.nth(i).is_enabled() for i in range(mechanism.n)]
+    assert enabled == [i < len(mechanism.inputs) for i in range(mechanism.n)]
+    assert page.locator(".band .reach").count() == len(mechanism.inputs)
+    assert picture(page).std() > 10
+    # Seen as a whole: no joint is outside of the picture.
+    where = page.evaluate(
+        """() => window.pinsing.view.frame.links.map((l) => new MeshCat.THREE.Vector3(
+             l[0], l[2], -l[1]).project(window.pinsing.view.viewer.camera).toArray())"""
+    )
+    assert np.abs(np.array(where)[:, :2]).max() < 1
+
+
+@pytest.mark.parametrize("name", ["five_bar", "planar_3rrr"])
+def test_a_slider_moves_the_mechanism_and_the_readings(
+    page: Any, viewers: dict[str, MechanismViewer], name: str
+) -> None:
+    viewer = viewers[name]
+    mechanism = viewer.mechanism
+    open_at_home(page, viewer)
+    before, numbers, drawn = shown(page), text(page, "#numbers"), picture(page)
+    joint = mechanism.actuated[1]
+    goal = slider(page, joint) + 15
+    drag(page, joint, goal)
+    after = shown(page)
+    assert np.sin(after[joint] - np.radians(goal)) == pytest.approx(0, abs=1e-9)
+    others = [j for j in mechanism.actuated if j != joint]
+    np.testing.assert_allclose(after[others], before[others], atol=1e-9)
+    assert np.abs(after - before)[list(mechanism.passive)].max() > 0.05
+    assert np.abs(residual(mechanism, after)).max() < 1e-9
+    assert text(page, "#numbers") != numbers
+    assert text(page, "#refused") == ""
+    assert np.abs(picture(page) - drawn).mean() > 0.5
+    # The links of the scene stand where the solution has them.
+    last = page.evaluate("() => window.pinsing.view.frame.links.length")
+    where = page.evaluate("(k) => window.pinsing.view.node(`arm/${k}`).position.toArray()", last)
+    frame = viewer._stage.frame(after)
+    np.testing.assert_allclose(where, frame["links"][-1][:3], atol=1e-5)
+    # What is shown is what an independent look at the solution says.
+    assert text(page, "#two") == f"{frame['two']:.3g}"
+    settled(page)
+    assert "is nearest" in text(page, "#nearest")
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_clicking_a_singular_pose_tells_its_type(
+    page: Any, viewers: dict[str, MechanismViewer], name: str
+) -> None:
+    viewer = viewers[name]
+    open_at_home(page, viewer)
+    for index, group in enumerate(viewer.groups):
+        kind = group.text.partition(":")[0]
+        page.locator(".entry").nth(index).click()
+        reached(page, group.points[0].q)
+        assert text(page, "#status") == f"{kind.capitalize()} singularity"
+        assert page.locator("#verdict").get_attribute("class") == "singular"
+        number = "#one" if kind == "type 1" else "#two"
+        assert float(text(page, number)) < 1e-9
+        assert text(page, "#lost") != "nothing"
+        assert page.locator(".joint.hot").count() > 0
+    if len(group.points) > 1:
+        page.locator(".chosen .pose").nth(1).click()
+        reached(page, group.points[1].q)
+        assert text(page, "#playing") == f"{group.name}, pose 2 of {len(group.points)}"
+
+
+@pytest.mark.parametrize("name", ["five_bar", "planar_3rrr"])
+def test_an_infeasible_input_is_said_and_the_mechanism_stays(
+    page: Any, viewers: dict[str, MechanismViewer], name: str
+) -> None:
+    viewer = viewers[name]
+    mechanism = viewer.mechanism
+    open_at_home(page, viewer)
+    joint = mechanism.actuated[0]
+    reach = "() => window.pinsing.source.around(window.pinsing.view.frame.q)"
+    end = float(np.degrees(page.evaluate(reach)["stretches"][0]["upper"]))
+    start = slider(page, joint)
+    drag(page, joint, end + 15)
+    assert (
+        text(page, "#refused")
+        .replace("\n", "")
+        .startswith(f"infeasible: {mechanism.inputs[0]} = {end + 15:.1f}°")
+    )
+    assert f"{end:.2f}°" in text(page, "#refused")
+    q = shown(page)
+    assert np.degrees(q[joint]) == pytest.approx(end, abs=0.01)
+    assert np.abs(residual(mechanism, q)).max() < 1e-9
+    # Let go, the slider is where the mechanism is.
+    page.wait_for_function(
+        "([k, v]) => Math.abs(window.pinsing.panel.rows[k].slider.value - v) < 1e-3",
+        arg=[joint, np.radians(end)],
+    )
+    assert "assembly +" in text(page, "#rank")
+    drag(page, joint, start)
+    assert text(page, "#refused") == ""
+    assert "assembly +" in text(page, "#rank")
+    np.testing.assert_allclose(mechanism.fold(shown(page) - home(mechanism)), 0, atol=1e-6)
+
+
+def test_modes_are_chosen_from_the_menu(page: Any, five_bar: MechanismViewer) -> None:
+    open_at_home(page, five_bar)
+    menu = page.locator("#mode-menu")
+    groups = page.locator("#mode-menu optgroup")
+    assert [groups.nth(i).locator("option").count() for i in range(groups.count())] == [2, 4]
+    assert menu.locator("option:checked").first.inner_text() == "assembly +, elbows -+"
+    before = shown(page)
+    menu.select_option(label="assembly -, elbows -+")
+    page.wait_for_function(
+        "() => document.getElementById('rank').textContent.includes('assembly -')"
+    )
+    after = shown(page)
+    np.testing.assert_allclose(after[[0, 2]], before[[0, 2]], atol=1e-9)
+    assert np.abs(after - before).max() > 0.5
+    settled(page)
+    # Another working mode: the inputs differ, the output stays.
+    tip = page.evaluate("() => window.pinsing.view.frame.tip")
+    here = menu.locator("option:checked").first.inner_text()
+    other = groups.nth(1).locator("option")
+    labels = [label for label in other.all_inner_texts() if label != here]
+    menu.select_option(label=labels[0])
+    page.wait_for_function(
+        "(w) => document.getElementById('rank').textContent.endsWith(w)", arg=labels[0]
+    )
+    np.testing.assert_allclose(page.evaluate("() => window.pinsing.view.frame.tip"), tip, atol=1e-4)
+    assert np.abs(shown(page) - after)[[0, 2]].max() > 0.1
+
+
+def test_the_ellipse_and_what_is_lost_or_not_held_are_seen(
+    page: Any, five_bar: MechanismViewer
+) -> None:
+    open_at_home(page, five_bar)
+    show_only(page, "translation", "lost")
+    assert near(picture(page), BLUE) > 1000
+    assert near(picture(page), PINK) == 0
+    five_bar.show_group("L3")  # type 1
+    page.wait_for_function("() => window.pinsing.view.frame.kind === 'type 1'")
+    assert 30 < near(picture(page), BLUE) < 1000
+    assert near(picture(page), PINK) > 100
+    assert text(page, "#label-lost") == "lost"
+    five_bar.show_group("L1")  # type 2
+    page.wait_for_function("() => window.pinsing.view.frame.kind === 'type 2'")
+    pixels = picture(page)
+    assert near(pixels, BLUE) == near(pixels, PINK) == 0
+    assert near(pixels, HOT) > 100
+    assert text(page, "#label-lost") == "not held"
+
+
+def test_motions_into_and_along_are_played(page: Any, viewers: dict[str, MechanismViewer]) -> None:
+    viewer = viewers["planar_3rrr"]
+    open_at_home(page, viewer)
+    page.locator(".entry").nth(3).click()
+    page.wait_for_function("() => window.pinsing.view.frame.kind === 'type 2'")
+    page.locator(".chosen .into").click()
+    page.wait_for_function("() => window.pinsing.path?.kind === 'into'")
+    page.evaluate("() => { window.pinsing.pause(); window.pinsing.at(0); }")
+    assert text(page, "#status") == "Regular"
+    page.evaluate("() => window.pinsing.at(1e9)")
+    assert text(page, "#status") == "Type 2 singularity"
+    page.locator(".chosen .along").click()
+    page.wait_for_function("() => window.pinsing.path?.kind === 'along'")
+    kinds = page.evaluate("() => window.pinsing.path.frames.map((f) => f.kind)")
+    assert set(kinds) == {"type 2"}
+    page.wait_for_function("() => window.pinsing.drawn > 3")
+    page.keyboard.press("Space")
+    page.wait_for_function("() => !window.pinsing.running")
+
+
+def test_keys_step_through_the_poses_and_reset_goes_back(
+    page: Any, five_bar: MechanismViewer
+) -> None:
+    open_at_home(page, five_bar)
+
+    first, second = (p.q for p in five_bar.groups[0].points[:2])
+    page.keyboard.press("ArrowRight")
+    reached(page, first)
+    assert text(page, "#playing") == "L1, pose 1 of 4"
+    page.keyboard.press("n")
+    reached(page, second)
+    page.keyboard.press("ArrowLeft")
+    reached(page, first)
+    # Out of the type 2 singularity by its slider, and back.
+    drag(page, 0, slider(page, 0) - 10)
+    assert text(page, "#status") == "Regular"
+    page.locator("#reset").click()
+    reached(page, first)
+    assert text(page, "#status") == "Type 2 singularity"
+
+
+def test_beyond_half_a_turn_the_slider_goes_on(page: Any, five_bar: MechanismViewer) -> None:
+    open_at_home(page, five_bar)
+    joint = five_bar.mechanism.actuated[1]
+    for value in (120, 170, 200, 225):  # feasible up to 231.9 degrees
+        drag(page, joint, value)
+        assert slider(page, joint) == pytest.approx(value, abs=1e-6)
+    assert text(page, "#refused") == ""
+    assert "225.00°" in page.locator(".joint .value").all_inner_texts()
+
+
+def test_two_tabs_do_not_disturb_each_other(
+    page: Any, browser: Any, five_bar: MechanismViewer
+) -> None:
+    open_at_home(page, five_bar)
+    other = browser.new_page()
+    try:
+        open_page(other, five_bar.url)
+        drag(page, 0, 70)
+        assert slider(other, 0) == pytest.approx(60, abs=1e-6)
+        five_bar.show_group("L4")
+        for tab in (page, other):
+            tab.wait_for_function("() => window.pinsing.view.frame.kind === 'type 1'")
+    finally:
+        other.close()
+
+
+def test_the_page_tells_when_the_program_has_ended(page: Any) -> None:
+    viewer = MechanismViewer(shipped("four_bar"), analyzed("four_bar"), skeleton=True)
+    open_page(page, viewer.url)
+    viewer.close()
+    page.wait_for_function("() => document.getElementById('nearest').textContent.includes('ended')")
+    assert page.locator("#mode-menu").is_disabled()
+
+
+def test_a_picture_with_the_panel_is_taken(tmp_path: Any) -> None:
+    from mechanisms import URDF
+    from PIL import Image
+
+    from pinsing.cli.mechanism import view_loops
+
+    out = tmp_path / "panel.png"
+    view_loops(
+        URDF / "four_bar.loops.yaml",
+        png=out,
+        panel=True,
+        family="L1",
+        size="900x600",
+        robot=str(URDF / "four_bar.urdf"),
+    )
+    pixels = np.asarray(Image.open(out).convert("RGB"), dtype=float)
+    assert pixels.shape[:2] == (600, 900)
+    assert near(pixels, HOT) > 100
