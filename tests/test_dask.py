@@ -10,8 +10,10 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import CancelledError
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import arms
 import pytest
@@ -26,7 +28,7 @@ from pinsing.robot.load import load
 from pinsing.sweep import run_sweep
 from pinsing.sweep_plan import plan_sweep
 
-pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
+distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 
 SECONDS = 60
 
@@ -99,6 +101,34 @@ def test_the_command(shared: Cluster, tmp_path: Path) -> None:
     assert f"dask worker threads at {shared.address}" in done.stderr
     assert done.stdout == CliRunner().invoke(command, words).stdout
     assert len(list((tmp_path / "run" / "chunks").iterdir())) == 10
+
+
+def test_a_worker_lost_right_after_its_result_was_fetched(
+    shared: Cluster, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The result is here, though the cluster no longer has it."""
+    fetched = distributed.Future._result
+
+    async def lost(future: Any, raiseit: bool = True) -> Any:
+        result = await fetched(future, raiseit)
+        future._state.lose()
+        return result
+
+    monkeypatch.setattr(distributed.Future, "_result", lost)
+    with dask_cluster(shared.address, timeout=SECONDS) as (executor, _):
+        assert executor.submit(sum, (1, 2, 3, 4)).result(SECONDS) == 10
+
+
+def test_errors_and_ends_reach_who_waits(shared: Cluster) -> None:
+    with dask_cluster(shared.address, timeout=SECONDS) as (executor, _):
+        with pytest.raises(ZeroDivisionError):
+            executor.submit(divmod, 1, 0).result(SECONDS)
+        never, ended = (executor.submit(time.sleep, 2) for _ in range(2))
+        assert never.cancel()
+    with pytest.raises(CancelledError):
+        never.result(SECONDS)
+    with pytest.raises(CancelledError):  # by the end of the connection
+        ended.result(SECONDS)
 
 
 def test_a_worker_killed_in_the_middle(tmp_path: Path) -> None:

@@ -9,12 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinsing.find import Finding, dips, singular_configurations
+from pinsing.find import Finding, singular_configurations
 from pinsing.kinematics import singular_values
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
 from pinsing.sweep import sweep
+from pinsing.sweep_minima import dips
 
 PI = np.pi
 _ENDS = ("0", "180 deg")

@@ -38,10 +38,10 @@ from pinsing.evaluate import evaluator, fingerprint, fixed_engine
 from pinsing.maps import MapResult, plan_map, sigma_map, sobol
 from pinsing.maps.plan import BLOCK
 from pinsing.maps.sample import grid_axis, grid_points, unit_points
-from pinsing.maps.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers
 from pinsing.measures import sigma_ratio
 from pinsing.robot.arm import Coupling
 from pinsing.robot.load import load
+from pinsing.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers
 
 N = 5 * BLOCK + 77
 

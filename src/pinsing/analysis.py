@@ -236,7 +236,7 @@ def analyze(
         family_of=owners,
         checks=checks,
         random_search=search,
-        jacobians=sum(len(c.x) for c in result.curves),
+        jacobians=result.done - len(result.uniform),
         sweep_complete=result.complete,
         notes=result.notes,
         problems=tuple(_problems(forms, findings, owners, checks, search)),

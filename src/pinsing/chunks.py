@@ -27,8 +27,10 @@ from multiprocessing import resource_tracker
 from typing import Any, Protocol
 
 from pinsing._batch.engine import cpu_count
-from pinsing.durable import Record, RunFolder
+from pinsing.durable import Record, RunFolder, open_run, recorded
 from pinsing.errors import OptionError, PinsingError, WorkerError
+from pinsing.evaluate import Evaluator, evaluator, recorded_engine
+from pinsing.robot.arm import Arm
 
 _PER_WORKER = 2  # chunks handed out at a time: one to work on, one waiting
 
@@ -47,13 +49,76 @@ class Job(Protocol):
         """Return what computes one chunk: small, able to be pickled, the same anywhere."""
 
 
+Chunks = Generator[tuple[int, Record], None, None]
+"""Numbers and records of chunks, as they are done."""
+
+Folder = str | os.PathLike[str]
+
+
+def planned_evaluator(arm: Arm, engine: str, out: Folder | None) -> Evaluator:
+    """Fix the engine of a run: that which ``out`` was begun with, if it has been.
+
+    Raises
+    ------
+    EngineError, OptionError
+        As `pinsing.evaluate.evaluator`.
+    OutputError
+        If ``out`` holds a plan that cannot be read.
+    """
+    return evaluator(arm, recorded_engine(None if out is None else recorded(out), engine))
+
+
+@contextlib.contextmanager
+def running(
+    job: Job,
+    *,
+    out: Folder | None = None,
+    threads: int | None = None,
+    executor: Executor | None = None,
+    parallel: int | None = None,
+    tell: Callable[[str], object] | None = None,
+) -> Iterator[tuple[Chunks, RunFolder | None]]:
+    """Run ``job`` for as long as the block lasts: its chunks as they are done, and its folder.
+
+    Parameters
+    ----------
+    job : Job
+        What to do.
+    out : path-like, optional
+        Folder that each finished chunk is put in before it is yielded.
+    threads : int, optional
+        Of this process; as many as it may use by default.
+    executor : Executor, optional
+        Takes the chunks instead of threads.
+    parallel, tell
+        As `finished_chunks`.
+
+    Raises
+    ------
+    OptionError
+        If both threads and an executor are given.
+    OutputError, WorkerError
+        As `pinsing.durable.open_run` and `finished_chunks`.
+    """
+    if executor is not None and threads is not None:
+        raise OptionError("give either threads or an executor, not both")
+    with contextlib.ExitStack() as stack:
+        folder = None
+        if out is not None:
+            folder = stack.enter_context(open_run(out, job.identity(), job.chunks))
+        if executor is None:
+            executor, parallel = stack.enter_context(local_threads(threads))
+        chunks = finished_chunks(job, executor, folder, parallel, tell)
+        yield stack.enter_context(contextlib.closing(chunks)), folder
+
+
 def finished_chunks(
     job: Job,
     executor: Executor,
     folder: RunFolder | None = None,
     parallel: int | None = None,
     tell: Callable[[str], object] | None = None,
-) -> Generator[tuple[int, Record], None, None]:
+) -> Chunks:
     """Run all chunks of ``job``, in any order; those that ``folder`` has come first, as they are.
 
     Parameters
@@ -127,7 +192,9 @@ def _submit(executor: Executor, job: Job, index: int) -> Future[Record]:
 def _outcome(future: Future[Record], index: int) -> Record:
     try:
         error = future.exception()
-    except CancelledError:
+    except CancelledError as cancelled:
+        error = cancelled
+    if isinstance(error, CancelledError):
         raise WorkerError(f"chunk {index} was cancelled by the executor") from None
     if error is None:
         return future.result()
@@ -205,16 +272,44 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
     try:
         try:
             client.wait_for_workers(1, timeout=timeout)
-        except TimeoutError:
+        except (TimeoutError, distributed.TimeoutError):  # one class only from Python 3.11 on
             raise WorkerError(f"the dask scheduler at {address} has no workers") from None
         count = sum(client.nthreads().values())
-        executor = client.get_executor(pure=False)
-        try:
-            yield executor, count
-        finally:
-            executor.shutdown(wait=False)
+        yield _Cluster(client), count
     finally:
         client.close()
+
+
+class _Cluster(Executor):
+    """Calls on a dask cluster.
+
+    As ``Client.get_executor``, which however takes a result for an error if the worker that it
+    was fetched from dies right then: it asks for the state after the result.
+    """
+
+    def __init__(self, client: Any) -> None:
+        self._client = client
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        there = self._client.submit(fn, *args, pure=False, **kwargs)
+        here: Future[Any] = Future()
+
+        async def follow() -> None:
+            result, error = None, None
+            try:
+                result = await there
+            except BaseException as raised:  # whatever it is, who waits has to hear of it
+                error = raised
+            if not here.set_running_or_notify_cancel():
+                return
+            if error is None:
+                here.set_result(result)
+            else:
+                here.set_exception(error)
+
+        here.add_done_callback(lambda done: there.cancel() if done.cancelled() else None)
+        self._client.loop.add_callback(follow)
+        return here
 
 
 def _count(asked: int | None, what: str) -> int:

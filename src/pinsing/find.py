@@ -8,7 +8,7 @@ or the relation between joints, that it is an instance of.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -24,7 +24,8 @@ from pinsing.refine import SingularConfiguration, Status, describe, walk
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm, Array
 from pinsing.robot.nominal import nominal
-from pinsing.sweep import SweepResult
+from pinsing.sweep_curves import CurveTable
+from pinsing.sweep_result import SweepResult
 
 _ON = 1e-6  # radians or metres: a value this near to a fixed one is that one
 _SAME_VALUES = 1e-5  # conditions whose values agree to this are one
@@ -35,6 +36,7 @@ _MEMBER_RATIO = 1e-6  # sigma_r / sigma_1 of a member of a relation, from refine
 _MEMBER_SAMPLES = 6
 _CANDIDATES = 12  # configurations looked at for a representative
 _PATIENCE = 50  # points in a row without a new condition
+_BATCH = 4096  # walks at a time
 _MAX_NEAR = 12  # near-singular valleys that are stated
 
 Bool = npt.NDArray[np.bool_]
@@ -60,7 +62,8 @@ class Finding(JsonResult):
     seen : int
         Number of dips, and of curves that are singular all along, that led here.
     curves : tuple of int
-        Indices of those curves in the sweep.
+        Numbers of those curves in the plan: where all are kept, indices of the curves of the
+        result.
     """
 
     schema: ClassVar[str] = "pinsing/finding/1"
@@ -132,12 +135,12 @@ def singular_configurations(
     points = _refined(exact, result, random_starts)
     sharp = points.ratio <= SINGULAR_RTOL
     collector = _Collector(arm, exact, result, tester, points.where(sharp))
+    table = CurveTable(plan)
     for fixed in plan.forced:
         held = tuple(arm.joints.index(name) for name in fixed)
         values = np.zeros(arm.n)
         values[list(held)] = list(fixed.values())
-        curves = [i for i, c in enumerate(result.curves) if c.forced and dict(c.fixed) == fixed]
-        collector.add(tester.condition(held, values), curves)
+        collector.add(tester.condition(held, values), table.of_set(fixed))
     collector.explain()
     findings = collector.findings()
     blunt = points.where(~sharp & (points.ratio <= NEAR_RTOL))
@@ -145,32 +148,13 @@ def singular_configurations(
     return tuple(findings)
 
 
-def dips(values: Array, floor: float = 1e-9) -> npt.NDArray[np.intp]:
-    """Indices of the local minima of a sampled curve (S,), ends included; none if it is flat."""
-    if values.max() - values.min() <= floor * values.max():
-        return np.zeros(0, dtype=np.intp)
-    left = np.concatenate([[np.inf], values[:-1]])
-    right = np.concatenate([values[1:], [np.inf]])
-    return np.flatnonzero((values < left) & (values <= right))
-
-
 def _refined(exact: Arm, result: SweepResult, random_starts: int) -> _Points:
     """Ends of the walks from all dips, singular rows and random starts."""
     plan = result.plan
     relevant = np.isin(np.arange(exact.n), plan.relevant)
-    known = [set(fixed.items()) for fixed in plan.forced]
-    starts, moving, curve_of = [], [], []
-    for k, curve in enumerate(result.curves):
-        if any(fixed <= set(curve.fixed.items()) for fixed in known):
-            continue  # singular all along: nothing but rounding to refine
-        base = plan.nominal.copy()
-        base[[exact.joints.index(name) for name in curve.fixed]] = list(curve.fixed.values())
-        for i in dips(curve.sigma_min):
-            q = base.copy()
-            q[curve.moving] = curve.x[i]
-            starts.append(q)
-            moving.append(np.arange(exact.n) == curve.moving)
-            curve_of.append(k)
+    table, dips = CurveTable(plan), result.candidates
+    starts = table.configurations(dips.curve, dips.sample)
+    moving = table.rows(dips.curve).moving[:, None] == np.arange(exact.n)
     along = _along(exact, starts, moving, plan.ignore_limits)
     extra = [q for q, row in zip(plan.uniform, result.uniform, strict=True) if row.status]
     rng = np.random.default_rng(plan.seed)
@@ -182,22 +166,26 @@ def _refined(exact: Arm, result: SweepResult, random_starts: int) -> _Points:
     ratio = _ratios(exact, q)
     # What stays blunt along its own curve may still be near a singularity of all joints.
     blunt = np.flatnonzero(ratio > SINGULAR_RTOL)
-    if len(blunt):
-        ends = walk(exact, q[blunt], relevant, plan.ignore_limits)
-        q[blunt], ratio[blunt] = ends.q, ends.ratio
-    curves = np.array([*curve_of, *[-1] * len(extra)], dtype=np.intp)
+    for some in _batches(blunt):
+        ends = walk(exact, q[some], relevant, plan.ignore_limits)
+        q[some], ratio[some] = ends.q, ends.ratio
+    curves = np.concatenate([dips.curve, np.full(len(extra), -1)]).astype(np.intp)
     return _Points(exact.fold(q), ratio, curves)
 
 
-def _along(
-    exact: Arm, starts: list[Array], moving: list[Bool], ignore_limits: bool
-) -> Iterable[Array]:
+def _along(exact: Arm, starts: Array, moving: Bool, ignore_limits: bool) -> Array:
     """Refine each start along its own moving joint: special values stay what they are."""
-    if not starts:
-        return []
-    begin = np.array(starts)
-    ends = approach(exact, begin, np.array(moving), bounded=not ignore_limits)
-    return np.where(ends.singular[:, None], ends.q, begin)
+    found = starts.copy()
+    for some in _batches(np.arange(len(starts))):
+        ends = approach(exact, starts[some], moving[some], bounded=not ignore_limits)
+        found[some] = np.where(ends.singular[:, None], ends.q, starts[some])
+    return found
+
+
+def _batches(rows: npt.NDArray[np.intp]) -> Iterator[npt.NDArray[np.intp]]:
+    """Rows, some at a time: the derivatives of many would fill the memory."""
+    for start in range(0, len(rows), _BATCH):
+        yield rows[start : start + _BATCH]
 
 
 class _Collector:

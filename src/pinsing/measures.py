@@ -6,7 +6,7 @@ All of them work on stacks: J has shape (..., m, n), with rows in one unit
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,8 @@ SINGULAR_RTOL = 1e-9
 
 NEAR_RTOL = 1e-2
 """sigma_r / sigma_1 at or below this, and above SINGULAR_RTOL, is near-singular."""
+
+Status = Literal["singular", "near-singular", "regular"]
 
 
 class Ellipsoid(NamedTuple):
@@ -58,6 +60,13 @@ def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None, size: flo
     return np.asarray(
         np.divide(sigma[..., r - 1], first, out=np.zeros_like(first), where=first > 0)
     )
+
+
+def status_of(ratio: float) -> Status:
+    """Word for a ratio sigma_r / sigma_1, by ``SINGULAR_RTOL`` and ``NEAR_RTOL``."""
+    if ratio <= SINGULAR_RTOL:
+        return "singular"
+    return "near-singular" if ratio <= NEAR_RTOL else "regular"
 
 
 def manipulability(J: npt.ArrayLike, generic_rank: int | None = None) -> Array:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -12,12 +12,13 @@ import numpy.typing as npt
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.kinematics import generic_rank, sigma_ratios, singular_values
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.measures import Status as Status
+from pinsing.measures import status_of as status_of
 from pinsing.rank_drop import RankDrops, approach
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm, Array
 from pinsing.second_order import Kind, second_order_many
 
-Status = Literal["singular", "near-singular", "regular"]
 Bool = npt.NDArray[np.bool_]
 
 
@@ -91,13 +92,6 @@ class SingularConfiguration(JsonResult):
             text += f", rank {self.rank} of {self.generic_rank}"
             text += "" if self.kind == "undecided" else f", {self.kind}"
         return text + ("" if self.within_limits else ", outside the joint limits")
-
-
-def status_of(ratio: float) -> Status:
-    """Word for a ratio sigma_r / sigma_1, by ``SINGULAR_RTOL`` and ``NEAR_RTOL``."""
-    if ratio <= SINGULAR_RTOL:
-        return "singular"
-    return "near-singular" if ratio <= NEAR_RTOL else "regular"
 
 
 def refine(

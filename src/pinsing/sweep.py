@@ -1,4 +1,4 @@
-"""The paper's joint-angle parameterization method: run the plan, keep every distribution.
+"""The paper's joint-angle parameterization method: run the plan, reduce it as it goes.
 
 One, two, three, ... joints at special values while each remaining joint runs over its range
 and the rest stay at the nominal configuration (paper, Section 3.2, steps (1) to (4)).
@@ -6,180 +6,60 @@ and the rest stay at the nominal configuration (paper, Section 3.2, steps (1) to
 
 from __future__ import annotations
 
-import contextlib
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.chunks import finished_chunks, local_threads
-from pinsing.condition import value_text
-from pinsing.durable import Record, open_run, recorded
-from pinsing.errors import OptionError, UnknownNameError
-from pinsing.evaluate import Evaluator, evaluator, recorded_engine
-from pinsing.measures import sigma_ratio
-from pinsing.refine import Status, status_of
-from pinsing.result import JsonResult
-from pinsing.robot.arm import Arm, Array
-from pinsing.robot.summary import ArmSummary
-from pinsing.sweep_job import SweepJob, curve_axes, curve_specs, curves_per_chunk
+from pinsing.chunks import planned_evaluator, running
+from pinsing.durable import Record
+from pinsing.errors import OptionError
+from pinsing.evaluate import Evaluator
+from pinsing.measures import sigma_ratio, status_of
+from pinsing.robot.arm import Arm
+from pinsing.sweep_curves import CurveTable, Ints, axis_values
+from pinsing.sweep_file import CURVES, save_npz
+from pinsing.sweep_job import Kept, SweepJob
+from pinsing.sweep_minima import CANDIDATES, Pool
 from pinsing.sweep_plan import SAMPLES, SweepPlan, plan_sweep
+from pinsing.sweep_result import (
+    HOW_TO_KEEP,
+    SweepCurve,
+    SweepResult,
+    SweepSummary,
+    UniformRow,
+    curves_of,
+)
 from pinsing.sweep_values import SPECIAL_ANGLES, Special
+from pinsing.tally import Tally
+from pinsing.tally_result import distributions, worst_points
+
+__all__ = [
+    "KEEP_BYTES",
+    "SweepCurve",
+    "SweepResult",
+    "SweepSummary",
+    "UniformRow",
+    "run_sweep",
+    "sweep",
+]
 
 Progress = Callable[[int, int], object]
 """Called with the number of Jacobians done, and of all, after each chunk."""
 
-_CHUNK, _CHUNK_ON_DISK = 16_384, 65_536  # configurations: some ms of work, 1 MB of file
+KEEP_BYTES = 64 << 20
+"""Curves are part of the result up to this size: 16 bytes for each Jacobian."""
 
+WORST = 20
 
-@dataclass(frozen=True, eq=False)
-class SweepCurve:
-    """Distribution of sigma_r along one joint.
+_PER_JACOBIAN = 16  # bytes: sigma_r and sigma_r / sigma_1
 
-    Attributes
-    ----------
-    level : int
-        Number of joints at special values; 0 for the curves from the nominal configuration.
-    fixed : mapping of str to float
-        Joints at special values, radians or metres.
-    forced : bool
-        ``fixed`` alone is singular whatever the others, and so is the whole curve.
-    moving : int
-        Index of the joint that moves.
-    x : (samples,) array
-        Its values, radians or metres.
-    sigma_min : (samples,) array
-        sigma_r of the task Jacobian, raw geometry.
-    sigma_ratio : (samples,) array
-        sigma_r / sigma_1.
-    """
-
-    level: int
-    fixed: Mapping[str, float]
-    forced: bool
-    moving: int
-    x: Array
-    sigma_min: Array
-    sigma_ratio: Array
-
-
-@dataclass(frozen=True)
-class UniformRow:
-    """All revolute joints at one special value: step (2).
-
-    Attributes
-    ----------
-    value : float
-        Radians.
-    sigma_min, sigma_ratio : float
-        sigma_r, and sigma_r / sigma_1.
-    status : str
-        ``singular``, ``near-singular`` or ``regular``.
-    """
-
-    value: float
-    sigma_min: float
-    sigma_ratio: float
-    status: Status
-
-
-@dataclass(frozen=True, eq=False)
-class SweepResult(JsonResult):
-    """All that a sweep has computed.
-
-    Attributes
-    ----------
-    plan : SweepPlan
-        What was asked for.
-    uniform : tuple of UniformRow
-        All joints at each special value.
-    curves : tuple of SweepCurve
-        In the order of the plan.
-    complete : bool
-        False if the sweep was stopped.
-    notes : tuple of str
-        The notes of the plan, and what happened on the way.
-    """
-
-    schema: ClassVar[str] = "pinsing/sweep/1"
-
-    plan: SweepPlan
-    uniform: tuple[UniformRow, ...]
-    curves: tuple[SweepCurve, ...]
-    complete: bool
-    notes: tuple[str, ...]
-
-    @property
-    def arm(self) -> ArmSummary:
-        """The arm that was swept."""
-        return self.plan.arm
-
-    def curve(self, fixed: Mapping[str, float] | None, moving: str | int) -> SweepCurve:
-        """Look up the curve of joint ``moving`` with ``fixed`` at special values.
-
-        Parameters
-        ----------
-        fixed : mapping of str to float
-            Radians or metres; values of revolute joints up to whole turns. Empty for level 0.
-        moving : str or int
-            Name or index of the joint.
-
-        Raises
-        ------
-        UnknownNameError
-            If a joint does not exist.
-        OptionError
-            If there is no such curve.
-        """
-        names = self.arm.joints
-        wanted = dict(fixed or {})
-        for name in (*wanted, *([moving] if isinstance(moving, str) else [])):
-            if name not in names:
-                raise UnknownNameError("joint", name, names)
-        index = names.index(moving) if isinstance(moving, str) else int(moving)
-        for curve in self.curves:
-            if curve.moving == index and self._same(curve.fixed, wanted):
-                return curve
-        raise OptionError(
-            f"there is no curve of {names[index]} with {self.set_text(wanted) or 'no joint fixed'}"
-            ": outside the plan, or left out because a part of it is singular already"
-        )
-
-    def set_text(self, fixed: Mapping[str, float]) -> str:
-        """Such as ``q2 = 0, q3 = 90 deg``."""
-        sliding = dict(zip(self.arm.joints, self.arm.prismatic, strict=True))
-        return ", ".join(f"{n} = {value_text(v, bool(sliding[n]))}" for n, v in fixed.items())
-
-    def _same(self, one: Mapping[str, float], other: Mapping[str, float]) -> bool:
-        if set(one) != set(other):
-            return False
-        sliding = dict(zip(self.arm.joints, self.arm.prismatic, strict=True))
-        turns = np.array([0.0 if sliding[n] else one[n] - other[n] for n in one])
-        shifts = np.array([one[n] - other[n] if sliding[n] else 0.0 for n in one])
-        turns -= 2 * np.pi * np.round(turns / (2 * np.pi))
-        return bool((np.abs(turns) < 1e-9).all() and (np.abs(shifts) < 1e-9).all())
-
-    def __str__(self) -> str:
-        plan = self.plan
-        nominal = ", ".join(
-            f"{name} = {x:.6g}" for name, x in zip(self.arm.joints, plan.nominal, strict=True)
-        )
-        lines = [
-            f"sweep of {self.arm.name}: {plan}",
-            f"nominal configuration ({plan.nominal_origin}): {nominal}; "
-            f"sigma_min = {plan.nominal_sigma[-1]:.6g}",
-        ]
-        lines += [
-            f"all joints at {value_text(row.value)}: sigma_min = {row.sigma_min:.3g}, {row.status}"
-            for row in self.uniform
-        ]
-        lines += [f"{self.set_text(fixed)}: singular whatever the others" for fixed in plan.forced]
-        lines += [f"note: {note}" for note in self.notes]
-        return "\n".join(lines)
+# Jacobians of a chunk, if none are asked for: the least, in memory and in a folder, where one
+# is then 1 MB with its curves; and, without curves, the most, in as many chunks as that.
+_CHUNK, _CHUNK_ON_DISK = 16_384, 65_536
+_LARGEST_CHUNK, _CHUNKS = 524_288, 256
 
 
 def sweep(
@@ -194,6 +74,7 @@ def sweep(
     progress: Progress | None = None,
     seed: int = 0,
     geometry: Arm | None = None,
+    keep: bool | None = None,
 ) -> SweepResult:
     """Sweep an arm the paper's way, level by level.
 
@@ -226,6 +107,8 @@ def sweep(
     geometry : Arm, optional
         Geometry for the tests whether a set is singular whatever the others, instead of the
         nominal geometry of ``arm``.
+    keep : bool, optional
+        As for `run_sweep`.
 
     Returns
     -------
@@ -240,7 +123,7 @@ def sweep(
     plan = plan_sweep(
         arm, nominal, special, levels, samples, joints, ignore_limits, prune, seed, geometry
     )
-    return run_sweep(arm, plan, progress)
+    return run_sweep(arm, plan, progress, keep=keep)
 
 
 def run_sweep(
@@ -248,6 +131,10 @@ def run_sweep(
     plan: SweepPlan,
     progress: Progress | None = None,
     *,
+    keep: bool | None = None,
+    worst: int = WORST,
+    candidates: int = CANDIDATES,
+    chunk: int | None = None,
     out: str | os.PathLike[str] | None = None,
     engine: str = "auto",
     threads: int | None = None,
@@ -257,7 +144,10 @@ def run_sweep(
 ) -> SweepResult:
     """Run a plan that was made for ``arm``.
 
-    The result does not depend on threads or executor, to the last bit.
+    The memory taken does not depend on the number of Jacobians: some 3 MB a thread, about 100
+    bytes for each of ``candidates``, and the curves if they are part of the result, which is
+    up to `KEEP_BYTES`. The result does not depend on ``chunk``, threads or executor, to the
+    last bit.
 
     Parameters
     ----------
@@ -265,8 +155,19 @@ def run_sweep(
         What to do.
     progress : callable, optional
         As for `sweep`.
+    keep : bool, optional
+        Keep the curves. By default they are part of the result up to `KEEP_BYTES` (4 million
+        Jacobians), and not kept beyond. Larger ones can be kept in ``out`` alone:
+        `pinsing.sweep_file.kept_curves` reads them from there.
+    worst : int
+        How many of the worst configurations to keep.
+    candidates : int
+        How many dips of the curves to keep for `pinsing.find.singular_configurations`; if
+        there are more, a note says so, and `pinsing.sweep_minima` how they are chosen.
+    chunk : int, optional
+        Jacobians of a chunk, more or less.
     out : path-like, optional
-        Folder that finished curves are put in. A run that was stopped, or killed, goes on when
+        Folder that finished chunks are put in. A run that was stopped, or killed, goes on when
         called again.
     engine : str
         ``auto``, ``batch``, ``pinocchio``, or an instruction set (``baseline``, ``avx2``,
@@ -274,68 +175,146 @@ def run_sweep(
     threads : int, optional
         As many as the process may use by default.
     executor : Executor, optional
-        Takes the curves instead of threads: any ``concurrent.futures.Executor``.
+        Takes the chunks instead of threads: any ``concurrent.futures.Executor``.
     parallel : int, optional
         How many chunks it works on at once; the number of processors here by default.
     tell : callable, optional
         Called with sentences for people: how much was there already, what was damaged.
 
+    Returns
+    -------
+    SweepResult
+        After Ctrl-C, of what was done until then, with ``complete`` False.
+
     Raises
     ------
+    OptionError
+        If curves are to be kept that are too large for the memory, and there is no ``out``.
     EngineError, OutputError, WorkerError
         As `pinsing.maps.sigma_map`.
     """
-    if executor is not None and threads is not None:
-        raise OptionError("give either threads or an executor, not both")
-    known = None if out is None else recorded(out)
-    size = curves_per_chunk(plan.samples, _CHUNK if out is None else _CHUNK_ON_DISK)
-    fixed = evaluator(arm, recorded_engine(known, engine))
-    job = SweepJob(plan, fixed, curve_specs(plan), size)
-    uniform = _uniform(fixed, plan)
-    found: dict[int, Record] = {}
+    for name, number in (("worst", worst), ("candidates", candidates), ("chunk", chunk)):
+        if number is not None and number < 1:
+            raise OptionError(f"{name} must be at least 1, got {number}")
+    inside = check_keep(plan, keep, out is not None)
+    kept = Kept(keep is not False and (inside or keep is True), int(worst), int(candidates))
+    size = _chunk(plan, kept.values, out is not None) if chunk is None else int(chunk)
+    job = SweepJob(plan, planned_evaluator(arm, engine, out), size, kept)
+    uniform = _uniform(job.evaluator, plan)
+    tally, pool = Tally(kept.worst), Pool(kept.candidates)
+    curves = _Curves(job.table) if inside and kept.values else None
     notes = list(plan.notes)
     done = 0
-    with contextlib.ExitStack() as stack:
-        folder = None
-        if out is not None:
-            folder = stack.enter_context(open_run(out, job.identity(), job.chunks))
-        if executor is None:
-            executor, parallel = stack.enter_context(local_threads(threads))
-        chunks = stack.enter_context(
-            contextlib.closing(finished_chunks(job, executor, folder, parallel, tell))
-        )
+    with running(
+        job, out=out, threads=threads, executor=executor, parallel=parallel, tell=tell
+    ) as (chunks, folder):
         try:
             for index, record in chunks:
-                found[index] = record
-                done += len(job.span(index))
+                tally.join(Tally.from_record(record, kept.worst))
+                pool.join(record)
+                if curves is not None:
+                    curves.add(record)
+                start, stop = job.span(index)
+                done += stop - start
                 if progress is not None:
-                    progress(len(uniform) + done * plan.samples, plan.n_jacobians)
+                    progress(len(uniform) + done, plan.n_jacobians)
         except KeyboardInterrupt:
-            notes.append(f"stopped after {done} of {len(job.specs)} curves")
-    complete = done == len(job.specs)
-    return SweepResult(plan, uniform, _curves(arm, job, found), complete, tuple(notes))
-
-
-def _curves(arm: Arm, job: SweepJob, found: Mapping[int, Record]) -> tuple[SweepCurve, ...]:
-    """Curves of the chunks that are done, in the order of the plan."""
-    x = curve_axes(job.plan)
-    curves = []
-    for index in sorted(found):
-        record = found[index]
-        for k, number in enumerate(job.span(index)):
-            spec = job.specs[number]
-            curves.append(
-                SweepCurve(
-                    level=len(spec.joints),
-                    fixed={arm.joints[j]: v for j, v in zip(spec.joints, spec.values, strict=True)},
-                    forced=spec.forced,
-                    moving=spec.moving,
-                    x=x[spec.moving],
-                    sigma_min=record["sigma_min"][k].astype(np.float64),
-                    sigma_ratio=record["sigma_ratio"][k].astype(np.float64),
-                )
+            notes.append(_stopped(done, len(job.table), plan.samples))
+        complete = done == len(job.table) * plan.samples
+        found = pool.candidates(plan.samples)
+        if found.found > len(found):
+            notes.append(
+                f"{found.found:,} dips of sigma_min, of which {len(found):,} are gone on with: "
+                "of each combination of joints, and wherever in their ranges, the smallest"
             )
-    return tuple(curves)
+        if curves is None and keep is not False:
+            need = plan.n_jacobians * _PER_JACOBIAN
+            notes.append(f"the curves are not part of the result: they take {_size(need)}")
+        result = SweepResult(
+            plan=plan,
+            uniform=uniform,
+            curves=() if curves is None else curves.found(),
+            complete=complete,
+            notes=tuple(notes),
+            engine=job.evaluator.engine,
+            kept=curves is not None,
+            done=len(uniform) + done,
+            summary=_summary(tally, job.table),
+            candidates=found,
+        )
+        if folder is not None and complete:
+            save_npz(result, folder.path / CURVES)
+    return result
+
+
+def check_keep(plan: SweepPlan, keep: bool | None, folder: bool) -> bool:
+    """Whether the curves of ``plan`` fit into a result.
+
+    Raises
+    ------
+    OptionError
+        If they do not, are to be kept, and there is no ``folder`` to keep them in.
+    """
+    need = plan.n_jacobians * _PER_JACOBIAN
+    if need > KEEP_BYTES and keep and not folder:
+        raise OptionError(
+            f"the curves of {plan.n_jacobians:,} Jacobians take {_size(need)}, and a result holds "
+            f"at most {_size(KEEP_BYTES)}; {HOW_TO_KEEP}"
+        )
+    return need <= KEEP_BYTES
+
+
+def _chunk(plan: SweepPlan, values: bool, folder: bool) -> int:
+    least = _CHUNK_ON_DISK if folder else _CHUNK
+    most = _CHUNK_ON_DISK if values else _LARGEST_CHUNK
+    return max(least, min(most, plan.n_jacobians // _CHUNKS))
+
+
+class _Curves:
+    """The curves that are part of a result, as their chunks come in."""
+
+    def __init__(self, table: CurveTable) -> None:
+        self.table, samples = table, table.plan.samples
+        self.values = np.empty((2, len(table) * samples))
+        self.seen: Ints = np.zeros(len(table), dtype=np.int64)
+
+    def add(self, record: Record) -> None:
+        """Take the values of one chunk."""
+        start = int(record["first"])
+        stop, samples = start + len(record["sigma_min"]), self.table.plan.samples
+        self.values[0, start:stop] = record["sigma_min"]
+        self.values[1, start:stop] = record["sigma_ratio"]
+        curves = np.arange(start // samples, -(-stop // samples))
+        ends = np.minimum(stop, (curves + 1) * samples) - np.maximum(start, curves * samples)
+        self.seen[curves] += ends
+
+    def found(self) -> tuple[SweepCurve, ...]:
+        """Those that are whole, in the order of the plan."""
+        samples = self.table.plan.samples
+        whole = np.flatnonzero(self.seen == samples)
+        x = axis_values(self.table.ranges, samples, np.arange(samples)[None])
+        last, ratio = self.values.reshape(2, -1, samples)
+        return tuple(
+            curves_of(self.table, whole, x, (last[i] for i in whole), (ratio[i] for i in whole))
+        )
+
+
+def _summary(tally: Tally, table: CurveTable) -> SweepSummary | None:
+    if not tally.done:
+        return None
+    sigma_min, ratio = distributions(tally, table.configuration)
+    worst = worst_points(tally, table.configuration)
+    return SweepSummary(tally.done, tally.singular, tally.near, sigma_min, ratio, worst)
+
+
+def _stopped(done: int, curves: int, samples: int) -> str:
+    if done % samples:
+        return f"stopped after {done:,} of {curves * samples:,} Jacobians of the curves"
+    return f"stopped after {done // samples} of {curves} curves"
+
+
+def _size(need: int) -> str:
+    return f"{need / 2**30:.3g} GiB" if need >= 2**30 else f"{need / 2**20:.3g} MiB"
 
 
 def _uniform(evaluator: Evaluator, plan: SweepPlan) -> tuple[UniformRow, ...]:

@@ -1,10 +1,15 @@
-"""The curves of a sweep as work in chunks, the same to the last bit however they are cut."""
+"""The curves of a sweep as work in chunks, reduced, the same to the last bit however they are cut.
+
+A curve of more than `PIECE` samples is cut into pieces of that many. Each piece is computed
+with one sample more on either side, so that a minimum at its border is seen once and whole.
+Neither pieces nor the blocks that are computed at a time depend on the chunks.
+"""
 
 from __future__ import annotations
 
 import functools
 import hashlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,128 +19,197 @@ from pinsing.durable import Record
 from pinsing.evaluate import Evaluator, run_identity
 from pinsing.measures import sigma_ratio
 from pinsing.robot.arm import Array
-from pinsing.sweep_plan import NOT_ASKED, SweepPlan
+from pinsing.sweep_curves import CurveRows, CurveTable, axis_values
+from pinsing.sweep_minima import Pool, kinds, minima
+from pinsing.sweep_plan import SweepPlan
+from pinsing.tally import Tally
 
-_BLOCK = 4096  # configurations that are treated at a time
+PIECE = 32_768
+"""Samples of a curve that are treated at a time, at most."""
+
+_BLOCK = 4096  # configurations that are treated at a time, of shorter curves
 
 
 @dataclass(frozen=True)
-class CurveSpec:
-    """Which curve: joints at special values, and the one that moves.
+class Kept:
+    """What chunks keep.
 
     Attributes
     ----------
-    joints, values : tuples
-        Indices of the joints at special values, and these, radians or metres.
-    forced : bool
-        The set alone is singular whatever the others.
-    moving : int
-        Index of the joint that moves.
+    values : bool
+        All of sigma_r and sigma_r / sigma_1: 16 bytes for each Jacobian.
+    worst : int
+        How many of the worst configurations.
+    candidates : int
+        How many dips at most.
     """
 
-    joints: tuple[int, ...]
-    values: tuple[float, ...]
-    forced: bool
-    moving: int
-
-
-def curve_specs(plan: SweepPlan) -> list[CurveSpec]:
-    """All curves of a plan: first each joint from the nominal configuration, then by level."""
-    specs = [
-        CurveSpec((), (), False, i) for i, e in enumerate(plan.effects) if e.reason != NOT_ASKED
-    ]
-    for level in plan.levels:
-        if not level.swept:
-            continue
-        rows = zip(level.joints.tolist(), level.values.tolist(), level.forced.tolist(), strict=True)
-        for joints, values, forced in rows:
-            specs += [
-                CurveSpec(tuple(joints), tuple(values), forced, m) for m in plan.moving(joints)
-            ]
-    return specs
-
-
-def curve_axes(plan: SweepPlan) -> Array:
-    """Values (n, samples) that each joint moves over, radians or metres."""
-    ends = np.array([effect.range for effect in plan.effects])
-    return np.array([np.linspace(low, high, plan.samples) for low, high in ends])
+    values: bool
+    worst: int
+    candidates: int
 
 
 @dataclass(frozen=True, eq=False)
+class Work:
+    """What one chunk needs, and no more.
+
+    Attributes
+    ----------
+    evaluator : Evaluator
+        The arm, on a fixed engine.
+    ranges : (n, 2) array
+        Ends of what each joint moves over.
+    samples : int
+        Of a curve.
+    rows : CurveRows
+        The curves that the chunk has a part of.
+    start, stop : int
+        Numbers of its Jacobians.
+    kept : Kept
+        What to keep.
+    """
+
+    evaluator: Evaluator
+    ranges: Array
+    samples: int
+    rows: CurveRows
+    start: int
+    stop: int
+    kept: Kept
+
+
 class SweepJob:
     """The curves of a sweep, some in each chunk.
 
-    Attributes
+    Parameters
     ----------
     plan : SweepPlan
         What to do.
     evaluator : Evaluator
         The arm, on a fixed engine.
-    specs : list of CurveSpec
+    chunk : int
+        Jacobians of a chunk, more or less.
+    kept : Kept
+        What to keep.
+
+    Attributes
+    ----------
+    table : CurveTable
         All curves.
-    size : int
-        Curves of a chunk; see `curves_per_chunk`.
     """
 
-    plan: SweepPlan
-    evaluator: Evaluator
-    specs: list[CurveSpec]
-    size: int
+    def __init__(self, plan: SweepPlan, evaluator: Evaluator, chunk: int, kept: Kept) -> None:
+        self.plan, self.evaluator, self.kept = plan, evaluator, kept
+        self.table = CurveTable(plan)
+        samples = plan.samples
+        self._pieces = -(-samples // PIECE)
+        block = _curves_per_block(samples)
+        if self._pieces == 1:
+            self._size = max(1, chunk // samples // block) * block
+        else:
+            self._size = max(1, chunk // PIECE)
 
     @property
     def chunks(self) -> int:
         """How many chunks there are."""
-        return -(-len(self.specs) // self.size)
+        return -(-len(self.table) * self._pieces // self._size)
 
     def identity(self) -> Mapping[str, Any]:
         """What decides the numbers, as plain JSON values."""
         plan = self.plan
-        digest = hashlib.sha256(curve_axes(plan).tobytes())
-        for spec in self.specs:
-            digest.update(repr((spec.joints, spec.values, spec.forced, spec.moving)).encode())
+        digest = hashlib.sha256(self.table.ranges.tobytes())
+        for level in plan.levels:
+            digest.update(f"{level.level} {level.swept} {level.values.shape};".encode())
+            digest.update(level.joints.astype(np.int64).tobytes())
+            digest.update(level.values.tobytes() + level.forced.tobytes())
+        digest.update(repr([(e.swept, e.reason) for e in plan.effects]).encode())
         return run_identity("sweep", self.evaluator) | {
             "joints": list(plan.arm.joints),
             "nominal": plan.nominal.tolist(),
             "samples": plan.samples,
-            "curves": len(self.specs),
-            "curves_of_a_chunk": self.size,
+            "curves": len(self.table),
+            "chunks": self.chunks,
+            "pieces_of_a_chunk": self._size,
+            "keep": self.kept.values,
+            "worst": self.kept.worst,
+            "candidates": self.kept.candidates,
             "ranges and special values": digest.hexdigest(),
         }
 
-    def span(self, index: int) -> range:
-        """Numbers of the curves of one chunk."""
-        return range(index * self.size, min(len(self.specs), (index + 1) * self.size))
+    def span(self, index: int) -> tuple[int, int]:
+        """Numbers of the Jacobians of one chunk: from, and to before."""
+        return self._number(index * self._size), self._number((index + 1) * self._size)
 
     def part(self, index: int) -> Callable[[], Record]:
         """One chunk, with no more than it needs."""
-        span = self.span(index)
-        specs, axes = self.specs[span.start : span.stop], curve_axes(self.plan)
-        return functools.partial(compute_curves, self.evaluator, self.plan.nominal, axes, specs)
+        start, stop = self.span(index)
+        samples = self.plan.samples
+        rows = self.table.rows(np.arange(start // samples, -(-stop // samples)))
+        ranges = self.table.ranges
+        work = Work(self.evaluator, ranges, samples, rows, start, stop, self.kept)
+        return functools.partial(compute_curves, work)
+
+    def _number(self, piece: int) -> int:
+        """Number of the first Jacobian of a piece."""
+        curve, place = divmod(min(piece, len(self.table) * self._pieces), self._pieces)
+        return curve * self.plan.samples + place * PIECE
 
 
-def curves_per_chunk(samples: int, configurations: int) -> int:
-    """Return how many whole curves make a chunk of about so many configurations."""
-    block = _curves_per_block(samples)
-    return max(1, configurations // samples // block) * block
+def compute_curves(work: Work) -> Record:
+    """Tally and candidates of one chunk as arrays.
+
+    With ``work.kept.values`` also ``sigma_min`` and ``sigma_ratio`` (N,) of its Jacobians, in
+    the order of their numbers, the first of which is ``first``.
+    """
+    samples, rows = work.samples, work.rows
+    tally, pool = Tally(work.kept.worst), Pool(work.kept.candidates)
+    sigma_min: list[Array] = []
+    sigma_ratios: list[Array] = []
+    for some, start, stop in _blocks(work):
+        moving = rows.moving[some]
+        before, after = start > 0, stop < samples
+        places = np.arange(start - before, stop + after)[None]
+        Q = np.repeat(rows.base[some, None], places.size, axis=1)
+        moved = axis_values(work.ranges[moving], samples, places)
+        np.put_along_axis(Q, moving[:, None, None], moved[..., None], axis=2)
+        sigma = work.evaluator.sigma(Q.reshape(-1, Q.shape[2])).reshape(*Q.shape[:2], -1)
+        last = sigma[:, before : before + stop - start, -1]
+        ratio = sigma_ratio(sigma)[:, before : before + stop - start]
+        numbers = rows.numbers[some, None] * samples + np.arange(start, stop)
+        regular = ~rows.singular[some]
+        own = sigma[regular, before : before + stop - start]
+        tally.add(0, own.reshape(-1, sigma.shape[2]), numbers[regular].ravel())
+
+        end = np.full(len(moving), np.inf)
+        beside = sigma[:, 0, -1] if before else end, sigma[:, -1, -1] if after else end
+        dip = minima(last, ratio, *beside) & regular[:, None]
+        row, column = np.nonzero(dip)
+        kind = kinds(rows, samples, row + some.start, column + start)
+        pool.add(numbers[dip], kind, last[dip], ratio[dip])
+        if work.kept.values:
+            sigma_min.append(last.ravel())
+            sigma_ratios.append(ratio.ravel())
+    record = tally.record() | pool.record() | {"first": np.array(work.start)}
+    if work.kept.values:
+        record["sigma_min"] = np.concatenate(sigma_min)
+        record["sigma_ratio"] = np.concatenate(sigma_ratios)
+    return record
 
 
-def compute_curves(
-    evaluator: Evaluator, nominal: Array, axes: Array, specs: list[CurveSpec]
-) -> Record:
-    """``sigma_min`` and ``sigma_ratio``, each (C, samples), of some curves."""
-    samples, n = axes.shape[1], len(nominal)
-    sigma_min, ratio = np.empty((2, len(specs), samples))
-    block = _curves_per_block(samples)
-    for start in range(0, len(specs), block):
-        some = specs[start : start + block]
-        Q = np.tile(nominal, (len(some), samples, 1))
-        for row, spec in zip(Q, some, strict=True):
-            row[:, list(spec.joints)] = spec.values
-            row[:, spec.moving] = axes[spec.moving]
-        sigma = evaluator.sigma(Q.reshape(-1, n)).reshape(len(some), samples, -1)
-        sigma_min[start : start + block] = sigma[..., -1]
-        ratio[start : start + block] = sigma_ratio(sigma)
-    return {"sigma_min": sigma_min, "sigma_ratio": ratio}
+def _blocks(work: Work) -> Iterator[tuple[slice, int, int]]:
+    """Rows of ``work`` that are computed together, and which of their samples."""
+    samples, first = work.samples, int(work.rows.numbers[0])
+    if samples <= PIECE:
+        block, count = _curves_per_block(samples), len(work.rows.numbers)
+        for row in range(0, count, block):
+            yield slice(row, min(count, row + block)), 0, samples
+        return
+    number = work.start
+    while number < work.stop:
+        curve, start = divmod(number, samples)
+        stop = min(samples, start + PIECE)
+        yield slice(curve - first, curve - first + 1), start, stop
+        number = curve * samples + stop
 
 
 def _curves_per_block(samples: int) -> int:

@@ -46,6 +46,7 @@ NOT_CHANGING = "does not change sigma_min"
 _EFFECT_SAMPLES = 33
 _EFFECT_STARTS = 4
 _MAX_SETS = 500_000
+_MAX_SAMPLES = 10_000_000  # finer, neighbours differ by rounding where a curve is level
 _SCREEN_CHUNK = 4096
 
 
@@ -176,8 +177,9 @@ class SweepPlan(JsonResult):
         return tuple(
             {names[j]: float(v) for j, v in zip(joints, values, strict=True)}
             for level in self.levels
-            for joints, values, forced in zip(level.joints, level.values, level.forced, strict=True)
-            if forced
+            for joints, values in zip(
+                level.joints[level.forced], level.values[level.forced], strict=True
+            )
         )
 
     def moving(self, fixed: Iterable[int]) -> tuple[int, ...]:
@@ -214,8 +216,10 @@ def plan_sweep(
     UnknownNameError
         If a joint does not exist.
     """
-    if samples < 3:
-        raise OptionError(f"a curve needs at least 3 samples, got {samples}")
+    if not 3 <= samples <= _MAX_SAMPLES:
+        raise OptionError(
+            f"a curve needs at least 3 samples, and at most {_MAX_SAMPLES:,}; got {samples}"
+        )
     exact = nominal_geometry(arm).arm if geometry is None else geometry
     asked = _levels(levels, arm.n)
     chosen = _joints(arm, joints)

@@ -22,6 +22,7 @@ SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
 Special = Sequence[float] | Mapping[str, Sequence[float]]
 """Special angles of all revolute joints, or the special values of single joints by name."""
 
+_LISTED = 24  # values that a note names one by one
 _NOMINAL_TRIES = 200
 _TURN = 2 * math.pi
 
@@ -65,7 +66,7 @@ def uniform_configurations(
             continue
         found.append((float(value), q if ignore_limits else arm.fold(q)))
     if outside:
-        notes.append(f"all joints at {', '.join(outside)} at once: outside the limits, left out")
+        notes.append(f"all joints at {_some(outside)} at once: outside the limits, left out")
     return tuple(found)
 
 
@@ -184,9 +185,15 @@ def special_values(
         notes.append("special values a whole turn apart are one configuration and swept once")
     if left_out:
         notes.append(
-            f"{len(left_out)} special values outside the limits are left out: {', '.join(left_out)}"
+            f"{len(left_out)} special values outside the limits are left out: {_some(left_out)}"
         )
     return result
+
+
+def _some(words: Sequence[str]) -> str:
+    """All of them, or the first ones if they are many."""
+    more = len(words) - _LISTED
+    return ", ".join(words if more <= 0 else [*words[:_LISTED], f"and {more} more"])
 
 
 def _same(a: float, b: float, prismatic: bool) -> bool:

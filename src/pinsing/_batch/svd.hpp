@@ -1,8 +1,9 @@
 // Singular values of a block of matrices: Householder bidiagonalisation, then dqds.
 //
-// A block holds one k x l matrix (k <= l) in each lane, entry (i, j) at A[i * l + j]. Squares of
-// bidiagonal entries are what dqds works on; it keeps their relative accuracy, so small singular
-// values come out as accurate as LAPACK's. (Eigenvalues of A A^T would lose half of the digits.)
+// A block holds one k x l matrix (k <= l) in each lane, entry (i, j) at A[i * l + j]. Values are
+// accurate to 5e-15 of the largest one of their matrix, small ones included, as LAPACK's are.
+// (Eigenvalues of A A^T would lose half of the digits.) No more is meant: the bidiagonalisation
+// mixes rows, so values below that of a graded matrix have no correct digits of their own.
 //
 // Golub and Kahan (1965), "Calculating the singular values and pseudo-inverse of a matrix";
 // Fernando and Parlett (1994), "Accurate singular values and differential qd algorithms".

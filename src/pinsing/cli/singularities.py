@@ -32,10 +32,6 @@ RAW_ANGLE_TOL = 1e-10
 """Radians: with --raw, only float noise is taken out of the angles that tests are run on."""
 
 
-CURVES = "sweep.npz"
-"""File of the folder of a complete sweep that holds its curves."""
-
-
 class SweepOutput(OutputFile):
     """``FILE.npz`` to write, or a folder to work in."""
 
@@ -190,8 +186,14 @@ def _levels(text: str) -> tuple[int, ...]:
     "--out",
     type=SweepOutput(),
     metavar="FILE.npz|DIR",
-    help="Keep the curves of sigma_min, as NumPy arrays; in a folder each as soon as it is done, "
-    "and the same command goes on after any stop.",
+    help="Keep the result and its curves of sigma_min, as NumPy arrays; in a folder each chunk as "
+    "soon as it is done, and the same command goes on after any stop.",
+)
+@click.option(
+    "--keep/--no-keep",
+    default=None,
+    help="Keep the curves in --out DIR however large they are, 16 bytes a Jacobian, or not at "
+    "all.  [default: up to 64 MiB]",
 )
 @place_options
 @deg_option
@@ -203,6 +205,7 @@ def sweep_command(
     geometry: str,
     deg: bool,
     out: Path | None,
+    keep: bool | None,
     place: Place,
     json_target: str | Path | None,
     fail_if_singular: bool,
@@ -210,30 +213,39 @@ def sweep_command(
     """The joint-angle parameterization method on ROBOT, level by level.
 
     Every dip of sigma_min is refined to machine accuracy and generalised: the joint values
-    that force it, whatever the others. Ctrl-C stops the sweep and keeps what is done. With
-    --fail-if-singular, exits with 1 if any singularity was found within the joint limits.
+    that force it, whatever the others. Takes any number of Jacobians in bounded memory; with
+    --out DIR, a sweep that was stopped or killed goes on where it was, to the same result.
+    Ctrl-C stops the sweep and keeps what is done. With --fail-if-singular, exits with 1 if any
+    singularity was found within the joint limits.
     """
+    folder = out if out is not None and not is_npz(out) else None
+    if keep and out is None:
+        raise OptionError("--keep needs a folder to keep the curves in: give --out DIR")
     from pinsing.find import singular_configurations
     from pinsing.result import encode
     from pinsing.robot.nominal import nominal
-    from pinsing.sweep import run_sweep
-    from pinsing.sweep_file import save_npz
+    from pinsing.sweep import check_keep, run_sweep
+    from pinsing.sweep_file import CURVES, save_npz
     from pinsing.sweep_plan import plan_sweep
 
     tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
     swept = tests if geometry == "nominal" else arm
     plan = plan_sweep(swept, **chosen, geometry=tests)
     say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
-    folder = out if out is not None and not is_npz(out) else None
+    if out is not None and folder is None:  # a file is asked for its curves
+        check_keep(plan, keep is not False, False)
     with place.options() as where, run_progress() as progress:
-        result = run_sweep(swept, plan, progress, out=folder, tell=say, **where)
+        result = run_sweep(swept, plan, progress, keep=keep, out=folder, tell=say, **where)
     if out is not None and folder is None:
         say(f"wrote {save_npz(result, out)}")
     elif folder is not None and result.complete:
-        say(f"wrote {save_npz(result, folder / CURVES)}")
+        say(f"wrote {folder / CURVES}")
+        if keep and not result.kept:
+            say(f"the curves are in {folder}: read them with pinsing.sweep_file.kept_curves")
     findings = singular_configurations(swept, result, geometry=tests)
-    data = {**result.to_dict(), "findings": encode(findings)}
-    if not emit_json_data(data, json_target):
+    if json_target is None or not emit_json_data(
+        {**result.to_dict(), "findings": encode(findings)}, json_target
+    ):
         emit(str(result))
         emit("\nfound, refined and generalised:" if findings else "\nfound nothing singular")
         for finding in findings:

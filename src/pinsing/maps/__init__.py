@@ -1,8 +1,9 @@
 """Maps: singular values over a grid or sample of any size, reduced as they are computed."""
 
 from pinsing.maps.plan import MapPlan, plan_map
-from pinsing.maps.result import Distribution, Extreme, MapPoint, MapResult
+from pinsing.maps.result import MapPoint, MapResult
 from pinsing.maps.run import MapJob, sigma_map
+from pinsing.tally_result import Distribution, Extreme
 
 __all__ = [
     "Distribution",

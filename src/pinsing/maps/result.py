@@ -2,108 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing.errors import OptionError
 from pinsing.maps.plan import MapPlan
-from pinsing.maps.tally import LARGEST, QUANTILE_ERROR, SMALLEST, Tally, bin_edges
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
-from pinsing.refine import Status, status_of
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Array
+from pinsing.tally import QUANTILE_ERROR, Tally
+from pinsing.tally_result import Distribution, Point, distributions, worst_points
 
 _SHOWN_QUANTILES = (0.0, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0)
 _SHOWN_WORST = 5
 
 
-@dataclass(frozen=True, eq=False)
-class Extreme:
-    """Smallest or largest value of a measure.
-
-    Attributes
-    ----------
-    value : float
-        The value.
-    index : int
-        Number of the configuration in the map; the first of equals.
-    q : (n,) array
-        The configuration, radians or metres.
-    """
-
-    value: float
-    index: int
-    q: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Distribution:
-    """Histogram of one measure, in bins of which each octave has 128.
-
-    Attributes
-    ----------
-    smallest, largest : Extreme
-        Exact.
-    lower, upper : (B,) arrays
-        Edges of the bins that are not empty, ascending: lower <= value < upper.
-    counts : (B,) array of int
-        Configurations in them.
-    """
-
-    smallest: Extreme
-    largest: Extreme
-    lower: Array
-    upper: Array
-    counts: npt.NDArray[np.int64]
-
-    def quantile(self, p: float) -> float:
-        """Value that a share ``p`` of the configurations does not exceed.
-
-        That of rank ceil(p N), up to half a bin: a relative error of at most 0.4 % (of
-        values above 2**-64; below, at most 2**-64). Exact for p = 0 and 1.
-
-        Raises
-        ------
-        OptionError
-            If p is not between 0 and 1.
-        """
-        if not 0 <= p <= 1:
-            raise OptionError(f"a quantile lies between 0 and 1, not at {p}")
-        if p in (0, 1):
-            return self.largest.value if p else self.smallest.value
-        cumulated = np.cumsum(self.counts)
-        rank = max(1, math.ceil(p * int(cumulated[-1])))
-        k = int(np.searchsorted(cumulated, rank))
-        low, high = float(self.lower[k]), float(self.upper[k])
-        middle = (low + high) / 2 if math.isfinite(high) and low > 0 else low
-        return min(max(middle, self.smallest.value), self.largest.value)
-
-
-@dataclass(frozen=True, eq=False)
-class MapPoint:
-    """One of the worst configurations.
-
-    Attributes
-    ----------
-    index : int
-        Its number in the map.
-    q : (n,) array
-        Radians or metres.
-    sigma_min, ratio : float
-        sigma_r, and sigma_r / sigma_1.
-    status : str
-        ``singular``, ``near-singular`` or ``regular``.
-    """
-
-    index: int
-    q: Array
-    sigma_min: float
-    ratio: float
-    status: Status
+MapPoint = Point
 
 
 @dataclass(frozen=True, eq=False)
@@ -198,42 +114,20 @@ def result_of(plan: MapPlan, engine: str, tally: Tally, notes: tuple[str, ...] =
     """
     if not tally.done:
         raise OptionError("the map was stopped before its first chunk was done")
-    measures = [_distribution(plan, tally, k) for k in range(2)]
-    points = zip(
-        tally.worst_index.tolist(),
-        tally.worst_sigma.tolist(),
-        tally.worst_ratio.tolist(),
-        strict=True,
-    )
+
+    def locate(index: int) -> Array:
+        return np.asarray(plan.configurations(index, index + 1)[0])
+
+    sigma_min, ratio = distributions(tally, locate)
     return MapResult(
         plan=plan,
         engine=engine,
         done=tally.done,
         singular=tally.singular,
         near_singular=tally.near,
-        sigma_min=measures[0],
-        ratio=measures[1],
-        worst=tuple(
-            MapPoint(i, plan.configurations(i, i + 1)[0], sigma, ratio, status_of(ratio))
-            for i, sigma, ratio in points
-        ),
+        sigma_min=sigma_min,
+        ratio=ratio,
+        worst=worst_points(tally, locate),
         complete=tally.done == plan.count,
         notes=plan.notes + notes,
     )
-
-
-def _distribution(plan: MapPlan, tally: Tally, k: int) -> Distribution:
-    bins, edges = np.flatnonzero(tally.histogram[k]), bin_edges()
-    return Distribution(
-        smallest=_extreme(plan, tally, k, SMALLEST),
-        largest=_extreme(plan, tally, k, LARGEST),
-        lower=edges[bins],
-        upper=edges[bins + 1],
-        counts=tally.histogram[k][bins],
-    )
-
-
-def _extreme(plan: MapPlan, tally: Tally, k: int, column: int) -> Extreme:
-    index = int(tally.index[k, column])
-    q = plan.configurations(index, index + 1)[0]
-    return Extreme(float(tally.value[k, column]), index, q)

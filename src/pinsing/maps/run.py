@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
@@ -13,14 +12,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.chunks import finished_chunks, local_threads
-from pinsing.durable import Record, open_run, recorded
+from pinsing.chunks import planned_evaluator, running
+from pinsing.durable import Record
 from pinsing.errors import OptionError
-from pinsing.evaluate import Evaluator, evaluator, recorded_engine, run_identity
+from pinsing.evaluate import Evaluator, run_identity
 from pinsing.maps.plan import BLOCK, WORST, MapPlan, plan_map
 from pinsing.maps.result import MapResult, result_of
-from pinsing.maps.tally import Tally
 from pinsing.robot.arm import Arm
+from pinsing.tally import Tally
 
 Progress = Callable[[int, int], object]
 """Called with the number of configurations done, and of all, after each chunk."""
@@ -178,8 +177,6 @@ def sigma_map(
     """
     if keep_values and out is None:
         raise OptionError("keep_values needs a folder to keep them in: give out")
-    if executor is not None and threads is not None:
-        raise OptionError("give either threads or an executor, not both")
     plan = plan_map(
         arm,
         sampling,
@@ -194,18 +191,11 @@ def sigma_map(
         chunk=chunk,
         keep_values=keep_values,
     )
-    known = None if out is None else recorded(out)
-    job = MapJob(plan, evaluator(arm, recorded_engine(known, engine)), keep_values)
-    with contextlib.ExitStack() as stack:
-        folder = None
-        if out is not None:
-            folder = stack.enter_context(open_run(out, job.identity(), job.chunks))
-        if executor is None:
-            executor, parallel = stack.enter_context(local_threads(threads))
-        tally, notes = Tally(plan.worst), []
-        chunks = stack.enter_context(
-            contextlib.closing(finished_chunks(job, executor, folder, parallel, tell))
-        )
+    job = MapJob(plan, planned_evaluator(arm, engine, out), keep_values)
+    tally, notes = Tally(plan.worst), []
+    with running(
+        job, out=out, threads=threads, executor=executor, parallel=parallel, tell=tell
+    ) as (chunks, folder):
         try:
             for _, record in chunks:
                 tally.join(Tally.from_record(record, plan.worst))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics import singular_values
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
-from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes
+from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes, plain
 from pinsing.robot.arm import Arm
 
 if TYPE_CHECKING:
@@ -92,6 +92,6 @@ def sigma_along(
     ax.tick_params(labelsize=SMALL)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
-    ax.set_title(arm.name, fontsize=SMALL + 1)
+    ax.set_title(plain(arm.name), fontsize=SMALL + 1)
     legend_below(ax, 4)
     return ax

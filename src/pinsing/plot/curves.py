@@ -19,6 +19,7 @@ from pinsing.plot.style import (
     joint_symbol,
     legend_below,
     new_axes,
+    plain,
     ticks,
     value_label,
 )
@@ -64,7 +65,7 @@ def sigma_curves(
     UnknownNameError
         If a joint does not exist.
     OptionError
-        If the sweep has no such curve.
+        If the sweep has no such curve, or has not kept its curves.
     """
     arm = result.arm
     if moving is None:
@@ -79,7 +80,6 @@ def sigma_curves(
     sliding = [c for c in curves if arm.prismatic[c.moving]]
     top = ax.twiny() if turning and sliding else ax
     styles = cycle(zip(COLORS, DASHES, strict=True))
-    places = {id(c): i for i, c in enumerate(result.curves)}
     marked = False
     for axes, some, slides in ((ax, turning, False), (top, sliding, True)):
         for curve in some:
@@ -90,7 +90,7 @@ def sigma_curves(
             axes.plot(
                 curve.x, curve.sigma_min, color=color, linestyle=dash, linewidth=1.4, label=label
             )
-            x = _singular(curve, arm, places[id(curve)], findings)
+            x = _singular(curve, arm, findings)
             if len(x):
                 mark: dict[str, Any] = {
                     "marker": "o",
@@ -113,7 +113,7 @@ def sigma_curves(
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
     held = ", ".join(_held(arm, name, value) for name, value in (fixed or {}).items())
-    ax.set_title(f"{arm.name}" + (f", {held}" if held else ""), fontsize=SMALL + 1)
+    ax.set_title(plain(arm.name) + (f", {held}" if held else ""), fontsize=SMALL + 1)
     if top is not ax:  # one legend for both
         for line in top.get_lines():
             ax.plot([], [], color=line.get_color(), linestyle=line.get_linestyle(),
@@ -128,6 +128,8 @@ def _has(result: SweepResult, fixed: Mapping[str, float] | None, name: str) -> b
     except UnknownNameError:
         raise
     except OptionError:
+        if not result.kept:
+            raise
         return False
     return True
 
@@ -138,16 +140,14 @@ def _held(arm: ArmSummary, name: str, value: float) -> str:
     return f"{joint_symbol(index, slides)} = {value_label(value, slides)}"
 
 
-def _singular(
-    curve: SweepCurve, arm: ArmSummary, place: int, findings: Iterable[Finding]
-) -> np.ndarray:
+def _singular(curve: SweepCurve, arm: ArmSummary, findings: Iterable[Finding]) -> np.ndarray:
     """Values of the moving joint at which the curve is singular, sampled or refined."""
     if curve.forced:
         return np.zeros(0)  # the whole curve is
     found = list(curve.x[curve.sigma_ratio <= SINGULAR_RTOL])
     name = arm.joints[curve.moving]
     for finding in findings:
-        if place not in finding.curves or finding.status != "singular":
+        if curve.number not in finding.curves or finding.status != "singular":
             continue
         value = finding.condition.fixed.get(name)
         if value is None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
-from pinsing.plot.style import COLORS, SMALL, legend_below, new_axes
+from pinsing.plot.style import COLORS, SMALL, legend_below, new_axes, plain
 from pinsing.state import REGULAR, State, VelocityEllipsoid
 
 KINDS = ("translational", "rotational")
@@ -76,7 +76,7 @@ def ellipsoids(state: State, ax: Any = None, *, kind: str = "both") -> Any:
     ax.tick_params(labelsize=SMALL - 1.5, pad=-1)
     ax.locator_params(nbins=5)
     ax.set_box_aspect((1, 1, 1))
-    ax.set_title(f"{state.arm.name}: {state.status}", fontsize=SMALL + 1)
+    ax.set_title(f"{plain(state.arm.name)}: {state.status}", fontsize=SMALL + 1)
     legend_below(ax, 1, at=(0.5, -0.08))
     return ax
 

@@ -19,6 +19,7 @@ from pinsing.plot.style import (
     joint_symbol,
     legend_below,
     new_axes,
+    plain,
     short,
     ticks,
     value_label,
@@ -126,7 +127,7 @@ def sigma_map(
         for j in range(arm.n)
         if j not in (a, b)
     )
-    ax.set_title(f"{arm.name}, {rest}" if arm.n > 2 else arm.name, fontsize=SMALL - 1)
+    ax.set_title(f"{plain(arm.name)}, {rest}" if arm.n > 2 else plain(arm.name), fontsize=SMALL - 1)
     legend_below(ax, 1, at=(-0.17, -0.17), left=True)
     legend = ax.get_legend()
     if legend is not None:  # light lines need a dark ground, as they have on the map

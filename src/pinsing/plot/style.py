@@ -101,6 +101,11 @@ def legend_below(
         )
 
 
+def plain(name: str) -> str:
+    """A name as it is: matplotlib takes what stands between dollar signs for mathematics."""
+    return short(name).replace("$", r"\$")
+
+
 def short(text: str, longest: int = 50) -> str:
     """A text for a legend."""
     return text if len(text) <= longest else text[: longest - 1].rstrip() + "…"

@@ -1,4 +1,4 @@
-"""What a map keeps of its configurations: counts, extremes, histograms, the worst few.
+"""What a map or sweep keeps of its values: counts, extremes, histograms, the worst few.
 
 Every part can be joined in any order and any grouping with the same outcome to the last bit:
 numbers are counted or compared, never added up as floats, and ties go to the lower index.
@@ -75,8 +75,13 @@ class Tally:
         self.worst_sigma = np.empty(0)
         self.worst_ratio = np.empty(0)
 
-    def add(self, start: int, sigma: Array) -> None:
-        """Count the singular values (N, r), largest first, of configurations from ``start`` on."""
+    def add(self, start: int, sigma: Array, numbers: Counts | None = None) -> None:
+        """Count the singular values (N, r), largest first, of configurations from ``start`` on.
+
+        With ``numbers`` (N,), ascending, of those instead.
+        """
+        if not len(sigma):
+            return
         last, ratio = np.ascontiguousarray(sigma[:, -1]), sigma_ratio(sigma)
         self.done += len(last)
         below = int(np.count_nonzero(ratio <= SINGULAR_RTOL))
@@ -85,14 +90,16 @@ class Tally:
         for k, values in enumerate((last, ratio)):
             self.histogram[k] += np.bincount(bin_numbers(values), minlength=BINS)
             for column, at in ((SMALLEST, values.argmin()), (LARGEST, values.argmax())):
-                self._extreme(k, column, float(values[at]), start + int(at))
+                number = start + int(at) if numbers is None else int(numbers[at])
+                self._extreme(k, column, float(values[at]), number)
         full = len(self.worst_ratio) == self.worst
         rows = np.flatnonzero(ratio <= self.worst_ratio[-1]) if full else np.arange(len(ratio))
         if len(rows) > self.worst:  # no sorting of what cannot be among them
             limit = np.partition(ratio[rows], self.worst - 1)[self.worst - 1]
             rows = rows[ratio[rows] <= limit]
         if len(rows):
-            self._worst(start + rows, last[rows], ratio[rows])
+            places = start + rows if numbers is None else numbers[rows]
+            self._worst(places, last[rows], ratio[rows])
 
     def join(self, other: Tally) -> None:
         """Count what ``other`` has seen."""

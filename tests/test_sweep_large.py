@@ -1,0 +1,466 @@
+"""Sweeps of any size: reduced as they go, cut anywhere, in bounded memory, nothing lost unsaid."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+
+import arms
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from pinsing import sweep_job
+from pinsing.chunks import local_processes
+from pinsing.cli.app import command
+from pinsing.errors import OptionError, OutputError, ResultError
+from pinsing.find import singular_configurations
+from pinsing.kinematics import singular_values
+from pinsing.measures import sigma_ratio
+from pinsing.plot import sigma_curves
+from pinsing.sweep import SweepResult, run_sweep, sweep
+from pinsing.sweep_curves import CurveTable, axis_values
+from pinsing.sweep_file import kept_curves, load_npz
+from pinsing.sweep_minima import Pool, dips, minima
+from pinsing.sweep_plan import plan_sweep
+
+SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name
+
+
+@pytest.fixture
+def small_keep(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Anything at all is too large to be part of a result."""
+    monkeypatch.setattr(SWEEP, "KEEP_BYTES", 1000)
+
+
+@pytest.fixture(scope="module")
+def surgical() -> SweepResult:
+    return sweep(arms.textbook("surgical7"))
+
+
+# ---- curves by number
+
+
+@pytest.mark.parametrize("prune", [True, False])
+def test_curves_by_number_are_those_of_the_plan(prune: bool) -> None:
+    """Against the plain loops: level by level, set by set, joint by joint."""
+    arm = arms.textbook("stanford")
+    plan = plan_sweep(arm, levels=(1, 3), samples=11, joints=arm.joints[:5], prune=prune)
+    expected = [((), (), i) for i in range(5)]
+    for level in plan.levels:
+        if level.swept:
+            for js, vs in zip(level.joints.tolist(), level.values.tolist(), strict=True):
+                expected += [(tuple(js), tuple(vs), m) for m in plan.swept if m not in js]
+    table = CurveTable(plan)
+    assert len(table) == len(expected) == plan.n_curves
+    numbers = np.random.default_rng(0).permutation(len(table))
+    rows = table.rows(numbers)
+    known = [set(f.items()) for f in plan.forced]
+    for k, number in enumerate(numbers.tolist()):
+        joints, values, moving = expected[number]
+        assert np.flatnonzero(rows.fixed[k]).tolist() == list(joints)
+        assert rows.base[k, list(joints)].tolist() == list(values)
+        rest = ~rows.fixed[k]
+        assert (rows.base[k] == plan.nominal)[rest].all()
+        assert rows.moving[k] == moving
+        fixed = table.fixed_values(rows, k)
+        assert rows.singular[k] == any(f <= set(fixed.items()) for f in known)
+        assert rows.forced[k] == (fixed in plan.forced)
+    for fixed in plan.forced:
+        of_set = table.of_set(fixed)
+        assert all(fixed == table.fixed_values(table.rows([c]), 0) for c in of_set)
+        assert len(of_set) == (4 - len(fixed) if len(fixed) in (1, 3) else 0)
+    assert rows.forced.sum() == sum(len(table.of_set(fixed)) for fixed in plan.forced)
+
+
+def test_values_of_a_joint_are_those_of_linspace(rng: np.random.Generator) -> None:
+    for samples in (3, 181, 1000):
+        ranges = np.sort(rng.uniform(-4, 4, (50, 2)), axis=1)
+        whole = np.array([np.linspace(low, high, samples) for low, high in ranges])
+        places = np.arange(samples)
+        np.testing.assert_array_equal(axis_values(ranges, samples, places[None]), whole)
+        part = axis_values(ranges, samples, places[None, samples // 3 :])
+        np.testing.assert_array_equal(part, whole[:, samples // 3 :])
+
+
+# ---- minima
+
+
+def test_minima_are_neither_lost_nor_doubled_at_borders(rng: np.random.Generator) -> None:
+    """Rough curves with plateaus, cut at every place."""
+    for _ in range(40):
+        values = rng.integers(1, 6, 23).astype(float)
+        whole = dips(values).tolist()
+        expected = [
+            i
+            for i in range(23)
+            if (i == 0 or values[i] < values[i - 1]) and (i == 22 or values[i] <= values[i + 1])
+        ]
+        assert whole == expected
+        ratio = np.ones_like(values)
+        for cut in range(4, 20):
+            if np.ptp(values[:cut]) == 0 or np.ptp(values[cut:]) == 0:
+                continue  # flat, by itself
+            end = np.full(1, np.inf)
+            left = minima(values[None, :cut], ratio[None, :cut], end, values[None, cut])
+            right = minima(values[None, cut:], ratio[None, cut:], values[None, cut - 1], end)
+            assert np.flatnonzero(np.concatenate([left, right], axis=1)[0]).tolist() == whole
+
+
+def test_a_singular_stretch_is_one_candidate() -> None:
+    """In it all dips are rounding; a crossing keeps its own."""
+    sigma = np.array([[3, 1, 2, 1e-17, 3e-17, 1e-17, 2e-17, 0, 1e-17, 2, 1e-12, 3, 0.5, 1e-10]])
+    end = np.full(1, np.inf)
+    found = np.flatnonzero(minima(sigma, sigma / 3, end, end)[0])
+    assert found.tolist() == [1, 5, 10, 13]
+    one = np.full((1, 9), 1e-17) * [1, 2, 1, 3, 1, 2, 1, 1, 2]
+    assert np.flatnonzero(minima(one, one, end, end)[0]).tolist() == [3]
+
+
+def pooled(
+    data: tuple[np.ndarray, ...], most: int, order: np.ndarray, cuts: list[int], tree: bool
+) -> dict[str, np.ndarray]:
+    parts = []
+    for rows in np.split(order, cuts):
+        part = Pool(most)
+        part.add(*(column[rows] for column in data))
+        parts.append(part)
+    if tree:
+        whole = Pool(most)
+        for part in parts:
+            whole.join(part.record())
+    else:
+        whole = Pool(most)
+        for rows in np.split(order, cuts):
+            whole.add(*(column[rows] for column in data))
+    return whole.record()
+
+
+def test_candidates_that_are_kept_do_not_depend_on_the_chunks(rng: np.random.Generator) -> None:
+    N = 30_000
+    ratio = np.round(rng.random(N), 3)  # with ties
+    kind = rng.geometric(0.05, N).astype(np.int64)
+    data = (rng.permutation(N).astype(np.int64), kind, 2 * ratio, ratio)
+    for most in (7, 500, N - 1, N, 2 * N):
+        first = pooled(data, most, np.arange(N), [], False)
+        assert int(first["dips_found"]) == N
+        assert len(first["dip_number"]) == min(N, most)
+        assert (np.diff(first["dip_number"]) > 0).all()
+        for tree in (True, False):
+            cuts = np.sort(rng.choice(N, 40, replace=False)).tolist()
+            again = pooled(data, most, rng.permutation(N), cuts, tree)
+            for name in first:
+                np.testing.assert_array_equal(first[name], again[name])
+
+
+def test_candidates_are_shared_out_among_kinds(rng: np.random.Generator) -> None:
+    """By the definition, slowly: whoever is placed best within his kind goes first."""
+    N, most = 2000, 300
+    ratio, kind = rng.random(N), rng.choice([1, 2, 3, 50], N, p=[0.9, 0.08, 0.015, 0.005])
+    number = rng.permutation(N)
+    pool = Pool(most)
+    pool.add(number, kind, ratio, ratio)
+    places: dict[int, int] = {}
+    keys = []
+    for i in np.lexsort((number, ratio)).tolist():
+        place = places.setdefault(int(kind[i]), 0)
+        places[int(kind[i])] += 1
+        keys.append((place, ratio[i], number[i]))
+    expected = sorted(k[2] for k in sorted(keys)[:most])
+    kept = pool.record()
+    assert kept["dip_number"].tolist() == expected
+    counts = {k: int((kept["dip_kind"] == k).sum()) for k in (1, 2, 3, 50)}
+    assert counts[50] == (kind == 50).sum()  # the rare are all there
+    assert counts[3] == (kind == 3).sum()
+    assert abs(counts[1] - counts[2]) <= 1
+
+
+# ---- what a sweep says of its curves
+
+
+def test_summary_and_candidates_are_those_of_the_curves(surgical: SweepResult) -> None:
+    curves = [c for c in surgical.curves if not c.forced]
+    assert len(curves) < len(surgical.curves)
+    sigma = np.array([c.sigma_min for c in curves])
+    ratio = np.array([c.sigma_ratio for c in curves])
+    found = surgical.summary
+    assert found is not None
+    assert found.count == ratio.size
+    assert found.singular == (ratio <= 1e-9).sum()
+    assert found.near_singular == (ratio <= 1e-2).sum() - found.singular
+    assert found.sigma_min.smallest.value == sigma.min()
+    assert found.ratio.largest.value == ratio.max()
+    assert found.ratio.counts.sum() == ratio.size
+    for p in (0.01, 0.1, 0.5, 0.9):
+        exact = np.sort(ratio, axis=None)[int(np.ceil(p * ratio.size)) - 1]
+        assert found.ratio.quantile(p) == pytest.approx(exact, rel=0.004)
+    np.testing.assert_array_equal([w.ratio for w in found.worst], np.sort(ratio, axis=None)[:20])
+    assert "near-singular" in str(found)
+    samples = surgical.plan.samples
+    worst = found.worst[-1]
+    curve = surgical.curves[worst.index // samples]
+    assert curve.sigma_ratio[worst.index % samples] == worst.ratio
+    assert curve.x[worst.index % samples] == worst.q[curve.moving]
+
+    places = zip(surgical.candidates.curve, surgical.candidates.sample, strict=True)
+    expected = [(c.number, i) for c in curves for i in dips(c.sigma_min)]
+    assert list(places) == expected
+    assert surgical.candidates.found == len(expected)
+    assert surgical.done == surgical.plan.n_jacobians
+
+
+def test_candidates_are_where_they_say(surgical: SweepResult) -> None:
+    found = surgical.candidates
+    Q = CurveTable(surgical.plan).configurations(found.curve, found.sample)
+    sigma = singular_values(arms.textbook("surgical7"), Q)
+    np.testing.assert_array_equal(sigma[:, -1], found.sigma_min)
+    np.testing.assert_array_equal(sigma_ratio(sigma), found.sigma_ratio)
+
+
+def test_the_same_however_it_is_cut(tmp_path: Path, surgical: SweepResult) -> None:
+    arm, plan = arms.textbook("surgical7"), surgical.plan
+    one = surgical.to_json()
+    for chunk in (1, 5000, 10**6):
+        assert run_sweep(arm, plan, chunk=chunk).to_json() == one
+    assert run_sweep(arm, plan, chunk=1, threads=1, out=tmp_path / "a").to_json() == one
+    with ThreadPoolExecutor(3) as pool:
+        assert run_sweep(arm, plan, executor=pool, out=tmp_path / "b").to_json() == one
+    with local_processes(2) as (processes, parallel):
+        again = run_sweep(arm, plan, chunk=20_000, executor=processes, parallel=parallel)
+    assert again.to_json() == one
+
+
+def test_few_candidates_are_the_same_however_it_is_cut(tmp_path: Path) -> None:
+    arm = arms.textbook("puma560")
+    plan = plan_sweep(arm, samples=61)
+    options = {"candidates": 40, "worst": 3, "keep": False}
+    one = run_sweep(arm, plan, **options)
+    assert len(one.candidates) == 40 < one.candidates.found
+    assert any("of which 40 are gone on with" in note for note in one.notes)
+    assert len(one.summary.worst) == 3
+    for chunk in (1, 3000, 10**6):
+        again = run_sweep(arm, plan, **options, chunk=chunk, out=tmp_path / str(chunk))
+        assert again.to_json() == one.to_json()
+    whole = {str(f.condition) for f in singular_configurations(arm, run_sweep(arm, plan))}
+    found = {str(f.condition) for f in singular_configurations(arm, one)}
+    assert {"q5 = 0", "a relation between q2 and q3"} <= found <= whole
+
+
+def test_long_curves_in_pieces(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    arm = arms.textbook("stanford")
+    plan = plan_sweep(arm, levels=1, samples=700)
+    whole = run_sweep(arm, plan)
+    monkeypatch.setattr(sweep_job, "PIECE", 64)
+    pieces = run_sweep(arm, plan, chunk=1)
+    np.testing.assert_array_equal(whole.candidates.sample, pieces.candidates.sample)
+    np.testing.assert_array_equal(whole.candidates.curve, pieces.candidates.curve)
+    assert len(whole.candidates) > 20
+    assert pieces.to_json() == whole.to_json()
+    for chunk, out in ((1, tmp_path / "a"), (1000, None), (10**6, None)):
+        again = run_sweep(arm, plan, chunk=chunk, out=out)
+        assert again.to_json() == whole.to_json()
+    assert len(list((tmp_path / "a" / "chunks").iterdir())) == 11 * len(whole.curves)
+
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    part = run_sweep(arm, plan, stop, chunk=192)
+    assert part.curves == ()
+    assert f"stopped after 192 of {700 * plan.n_curves:,} Jacobians of the curves" in part.notes
+
+
+def test_a_flat_curve_in_pieces_has_no_dips(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sweep_job, "PIECE", 64)
+    arm = arms.textbook("stanford")
+    result = run_sweep(arm, plan_sweep(arm, levels=1, samples=700))
+    flat = {c.number for c in result.curves if np.ptp(c.sigma_min) < 1e-12 and not c.forced}
+    assert flat
+    assert flat.isdisjoint(result.candidates.curve.tolist())
+
+
+def test_findings_do_not_need_the_curves(surgical: SweepResult) -> None:
+    arm = arms.textbook("surgical7")
+    bare = run_sweep(arm, surgical.plan, keep=False)
+    assert bare.curves == ()
+    assert not bare.kept
+    one = singular_configurations(arm, surgical)
+    assert [f.to_json() for f in singular_configurations(arm, bare)] == [f.to_json() for f in one]
+    for f in one:
+        for number in f.curves:
+            assert surgical.curves[number].number == number
+    again = SweepResult.from_json(bare.to_json())
+    assert [f.to_json() for f in singular_configurations(arm, again)] == [f.to_json() for f in one]
+
+
+# ---- curves too large for a result
+
+
+@pytest.mark.usefixtures("small_keep")
+def test_curves_that_are_not_kept(tmp_path: Path) -> None:
+    arm = arms.textbook("stanford")
+    result = sweep(arm, levels=1, samples=41)
+    assert result.curves == ()
+    assert result.complete
+    assert "the curves are not part of the result: they take" in " ".join(result.notes)
+    for ask in (lambda: result.curve({}, "q2"), lambda: sigma_curves(result)):
+        with pytest.raises(OptionError, match=r"not kept .*--keep --out DIR.*kept_curves"):
+            ask()
+    plan = result.plan
+    with pytest.raises(OptionError, match=r"take 0\.0282 MiB.*--keep --out DIR"):
+        run_sweep(arm, plan, keep=True)
+    run_sweep(arm, plan, out=tmp_path / "run")
+    assert load_npz(tmp_path / "run" / "sweep.npz").to_json() == result.to_json()
+    with pytest.raises(ResultError, match="were not kept"):
+        list(kept_curves(tmp_path / "run"))
+    with pytest.raises(OutputError, match="keep is false there and true here"):
+        run_sweep(arm, plan, keep=True, out=tmp_path / "run")
+
+
+@pytest.mark.parametrize("piece", [32_768, 16])
+def test_curves_that_are_kept_on_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: int
+) -> None:
+    monkeypatch.setattr(sweep_job, "PIECE", piece)
+    arm, out = arms.textbook("stanford"), tmp_path / "run"
+    plan = plan_sweep(arm, levels=1, samples=41)
+    whole = run_sweep(arm, plan)
+    monkeypatch.setattr(SWEEP, "KEEP_BYTES", 1000)
+    result = run_sweep(arm, plan, keep=True, out=out, chunk=30)
+    assert result.curves == ()
+    curves = list(kept_curves(out))
+    assert len(curves) == len(whole.curves) == plan.n_curves
+    for a, b in zip(curves, whole.curves, strict=True):
+        assert (a.number, a.level, a.fixed, a.forced) == (b.number, b.level, b.fixed, b.forced)
+        np.testing.assert_array_equal(a.x, b.x)
+        np.testing.assert_array_equal(a.sigma_min, b.sigma_min)
+        np.testing.assert_array_equal(a.sigma_ratio, b.sigma_ratio)
+    (out / "chunks" / "000000.npz").write_bytes(b"?")
+    with pytest.raises(ResultError, match="damaged: run the same sweep again"):
+        list(kept_curves(out))
+    run_sweep(arm, plan, keep=True, out=out, chunk=30)
+    assert len(list(kept_curves(out))) == plan.n_curves
+
+
+def test_a_sweep_without_curves_in_a_folder_is_not_there_before_its_end(tmp_path: Path) -> None:
+    arm = arms.textbook("stanford")
+
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    run_sweep(arm, plan_sweep(arm, levels=1), stop, out=tmp_path / "run", chunk=1)
+    with pytest.raises(ResultError, match="cannot read"):
+        list(kept_curves(tmp_path / "run"))
+
+
+@pytest.mark.parametrize("name", ["worst", "candidates", "chunk"])
+def test_numbers_that_make_no_sense(name: str) -> None:
+    arm = arms.textbook("stanford")
+    with pytest.raises(OptionError, match=f"{name} must be at least 1"):
+        run_sweep(arm, plan_sweep(arm, levels=1), **{name: 0})
+    with pytest.raises(OptionError, match="at most 10,000,000"):
+        plan_sweep(arm, samples=10**8)
+
+
+# ---- the command line
+
+
+def run(*words: str):
+    return CliRunner().invoke(command, list(words), catch_exceptions=False)
+
+
+def test_keep_on_the_command_line(tmp_path: Path, small_keep: None) -> None:
+    words = ["sweep", "planar3r", "--levels", "1", "--samples", "41"]
+    refused = run(*words, "--out", str(tmp_path / "curves.npz"))
+    assert refused.exit_code == 2
+    assert "--keep --out DIR" in refused.stderr
+    assert "give --out DIR" in run(*words, "--keep").stderr
+    done = run(*words, "--keep", "--out", str(tmp_path / "run"))
+    assert done.exit_code == 0
+    assert "kept_curves" in done.stderr
+    assert len(list(kept_curves(tmp_path / "run"))) == 3
+    bare = run(*words, "--no-keep", "--out", str(tmp_path / "bare.npz"))
+    assert bare.exit_code == 0
+    assert load_npz(tmp_path / "bare.npz").curves == ()
+
+
+def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> None:
+    """kill -9, then Ctrl-C, then to the end: what a run at one stretch gives."""
+    special = ",".join(str(a) for a in range(-180, 180, 30))
+    words = ["sweep", "panda", f"--special={special}", "--deg", "--levels", "2", "--no-keep"]
+    words += ["--samples", "1201", "--json"]
+    out = tmp_path / "run"
+
+    def chunks() -> int:
+        return len(list((out / "chunks").glob("*.npz"))) if (out / "chunks").is_dir() else 0
+
+    for number, code in ((signal.SIGKILL, -signal.SIGKILL), (signal.SIGINT, 130)):
+        before = chunks()
+        with subprocess.Popen(
+            [sys.executable, "-m", "pinsing", *words, "-", "--out", str(out)],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            start_new_session=True,
+        ) as child:
+            deadline = time.monotonic() + 60
+            while chunks() < before + 3:
+                assert time.monotonic() < deadline
+                assert child.poll() is None
+                time.sleep(0.001)
+            os.kill(child.pid, number)
+            error = child.communicate(timeout=60)[1].decode()
+        assert child.returncode == code, error
+    before = chunks()
+    assert before >= 6
+    files = [tmp_path / "a.json", tmp_path / "b.json"]
+    done = run(*words, str(files[0]), "--out", str(out))
+    assert done.exit_code == 0
+    assert f"{before} of {chunks()} chunks were done before" in done.stderr
+    assert before < chunks()
+    assert run(*words, str(files[1]), "--threads", "1").exit_code == 0
+    assert files[0].read_bytes() == files[1].read_bytes()
+    assert not [p for p in out.iterdir() if p.suffix == ".part"]
+
+
+# ---- memory
+
+
+def count_and_peak(step: int, levels: int, samples: int, find: bool) -> tuple[int, float]:
+    """Jacobians that a child process sweeps a Panda through, and its peak memory in MiB."""
+    code = (
+        "import numpy as np\n"
+        "from pinsing.find import singular_configurations\n"
+        "from pinsing.robot.load import load\n"
+        "from pinsing.sweep import run_sweep\n"
+        "from pinsing.sweep_plan import plan_sweep\n"
+        "arm = load('panda')\n"
+        f"special = tuple(np.deg2rad(np.arange(-180, 180, {step})).tolist())\n"
+        f"plan = plan_sweep(arm, special=special, levels=({levels},), samples={samples})\n"
+        "result = run_sweep(arm, plan, threads=2, keep=False)\n"
+        "assert result.complete\n"
+        f"assert not {find} or singular_configurations(arm, result)\n"
+        "lines = open('/proc/self/status').read().splitlines()\n"
+        "print(result.done, next(int(x.split()[1]) for x in lines if x.startswith('VmHWM')) / 1024)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    count, peak = done.stdout.split()
+    return int(count), float(peak)
+
+
+def test_memory_does_not_grow_with_the_sweep() -> None:
+    _, small = count_and_peak(90, 1, 101, False)
+    count, large = count_and_peak(15, 2, 2401, False)
+    assert count > 10_000_000  # whose curves take 160 MB
+    assert large - small < 60
+    assert large < 400
+
+
+@pytest.mark.slow
+def test_a_hundred_million_jacobians_in_a_gibibyte() -> None:
+    count, peak = count_and_peak(12, 3, 603, True)
+    assert count > 100_000_000
+    assert peak < 500
