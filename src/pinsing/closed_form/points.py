@@ -106,51 +106,6 @@ def search(
     return np.concatenate(found) if found else np.zeros((0, len(lower)))
 
 
-def nearest(
-    equations: Sequence[Equation],
-    q: Array,
-    starts: Array,
-    free: npt.NDArray[np.bool_],
-    weight: Array,
-    iterations: int = 80,
-) -> tuple[Array, float] | None:
-    """Point of the zero set nearest to q (n,), the best from several ``starts`` (N, n).
-
-    Newton's method on the constraint, with the tangential pull back towards q: the
-    iteration x <- q + A^+ (A (x - q) - f) in weighted coordinates, whose fixed points are
-    the stationary points of the distance; each result is projected onto the set at last.
-    Where the set bends away from q the pull overshoots: it is relaxed as long as it
-    changes its direction.
-    """
-    x = starts.copy()
-    scale = np.where(free, 1.0 / weight, 0.0)
-    moving = np.arange(len(x))
-    relax, before = np.ones(len(x)), np.zeros_like(x)
-    for _ in range(iterations):
-        here = x[moving]
-        f = residuals(equations, here)
-        A = gradients(equations, here) * scale
-        pinv = np.linalg.pinv(A, rcond=1e-9)
-        delta = (here - q) * weight * free
-        pull = np.einsum("nij,nj->ni", pinv, np.einsum("nij,nj->ni", A, delta)) - delta
-        turned = (pull * before[moving]).sum(axis=-1) < 0
-        relax[moving] = np.where(turned, relax[moving] / 2, np.minimum(1.0, relax[moving] * 1.1))
-        before[moving] = pull
-        step = relax[moving, None] * pull - np.einsum("nij,nj->ni", pinv, f)
-        size = np.linalg.norm(step, axis=-1, keepdims=True)
-        step *= np.minimum(1.0, 0.5 / np.maximum(size, 1e-300))
-        x[moving] += step * scale
-        moving = moving[size[:, 0] >= 1e-13]
-        if not len(moving):
-            break
-    x, ok = project(equations, x, free)
-    if not ok.any():
-        return None
-    distance = np.linalg.norm((x - q) * weight * free, axis=-1)
-    best = int(np.argmin(np.where(ok, distance, np.inf)))
-    return x[best], float(distance[best])
-
-
 def slopes(equation: Equation, lower: Array, upper: Array) -> Array:
     """Largest possible derivative by each joint within a box: (n,)."""
     size = np.hypot(equation.cos, equation.sin)
