@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import shlex
 import signal
 import stat
 import subprocess
@@ -320,6 +321,44 @@ class TestInfo:
         assert "choose one" in done.stderr
         asked = next(w for w in done.stdout.split() if w.startswith("left_"))
         assert run("info", "baxter", "--tip", asked).exit_code == 0
+
+    def test_the_commands_work_as_they_stand(self, tmp_path):
+        """With the options that the file needs, and names that a shell would take apart."""
+        folder = tmp_path / "my packages" / "two arms"
+        folder.mkdir(parents=True)
+        limit = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
+        one = "".join(
+            f'<link name="${{side}} {i}"/><joint name="${{side}} j{i}" type="revolute">'
+            f'<parent link="{f"${{side}} {i - 1}" if i else "base"}"/><child link="${{side}} {i}"/>'
+            f'<origin xyz="$(arg reach) 0 0"/><axis xyz="0 {i % 2} {1 - i % 2}"/>{limit}</joint>'
+            for i in range(4)
+        )
+        space = 'xmlns:xacro="http://www.ros.org/wiki/xacro"'
+        macro = f'<xacro:macro name="arm" params="side">{one}</xacro:macro>'
+        (folder / "arm.xacro").write_text(f"<robot {space}>{macro}</robot>")
+        path = tmp_path / "both.xacro"
+        path.write_text(
+            f'<robot name="both" {space}><xacro:arg name="reach" default=""/><link name="base"/>'
+            '<xacro:include filename="$(find two_arms)/arm.xacro"/>'
+            '<xacro:arm side="left"/><xacro:arm side="right"/></robot>'
+        )
+        needs = ["--package", f"two_arms={folder}", "--xacro-arg", "reach:=0.3"]
+        done = run("info", str(path), *needs)
+        assert done.exit_code == 2
+        commands = [line.partition(": pinsing ")[2] for line in done.stdout.splitlines()]
+        commands = [shlex.split(command) for command in commands if command]
+        assert [words[-2:] for words in commands] == [["--tip", "left 3"], ["--tip", "right 3"]]
+        for words in commands:
+            assert words[0] == "analyze"
+            arm = json.loads(run("info", *words[1:], "--json", "-").stdout)["arm"]
+            assert arm["joints"] == [f"{words[-1][:-2]} j{i}" for i in range(4)]
+
+    def test_a_base_leaves_what_lies_beyond_it(self):
+        done = run("info", "talos", "--base", "torso_2_link")
+        assert (done.exit_code, done.stdout) == (2, "")
+        assert "2 chains could be the arm" in done.stderr
+        assert "--tip wrist_left_ft_tool_link (7 joints)" in done.stderr
+        assert "no joint lies beyond the base" in run("info", "ur5", "--base", "tool0").stderr
 
     def test_json_goes_back(self):
         text = run("info", "stanford", "--json", "-").stdout

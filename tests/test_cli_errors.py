@@ -9,6 +9,8 @@ from click.testing import CliRunner, Result
 
 from pinsing.cli.app import command
 
+URDF = Path(__file__).parent.parent / "urdf"
+FIVE_BAR = str(URDF / "five_bar.urdf")
 LIMIT = '<limit lower="-1" upper="1" effort="1" velocity="1"/>'
 AXIS = '<axis xyz="0 0 1"/>'
 GOOD = AXIS + LIMIT
@@ -255,6 +257,18 @@ class TestOutput:
         if name == "sweep":
             bad = tmp_path / "none" / "x.npz"
             assert "cannot write" in refused(name, "planar3r", "--out", str(bad))
+        assert list(tmp_path.iterdir()) == []
+
+    @pytest.mark.parametrize("name", ["figure.xyz", "figure", "-"])
+    @pytest.mark.parametrize(
+        "robot",
+        [["ur5"], [str(URDF / "five_bar.urdf"), "--loops", str(URDF / "five_bar.loops.yaml")]],
+        ids=["arm", "mechanism"],
+    )
+    def test_figures_are_png_svg_or_pdf(self, robot, name, tmp_path, monkeypatch):
+        monkeypatch.chdir(tmp_path)
+        said = refused("plot", "ellipsoids", *robot, "-o", name)
+        assert "name a file that ends in .png, .svg or .pdf" in said
         assert list(tmp_path.iterdir()) == []
 
     def test_the_robot_itself_is_not_replaced(self, write_urdf):

@@ -11,6 +11,8 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from xml.etree import ElementTree
+from xml.sax.saxutils import quoteattr
 
 import pytest
 from urdf_texts import LIMIT, joint, make_package, robot
@@ -204,14 +206,14 @@ NAMES = {
     "quotes": QUOTES,
     "marks": MARKS,
     "latex": LATEX,
+    "mathtext": "$x^{$ $\\frac{$",
+    "script": "</script><script>alert(1)</script><!--",
 }
 
 
 @pytest.fixture(params=NAMES)
 def named(request, tmp_path) -> tuple[str, Path]:
     """A robot all of whose names are hostile."""
-    from xml.sax.saxutils import quoteattr
-
     name = NAMES[request.param]
     said = quoteattr(name, {'"': "&quot;"})[1:-1]
     pose = '<origin xyz="0 0 0.5" rpy="1.5707963267948966 0 0"/><axis xyz="0 0 1"/>' + LIMIT
@@ -240,6 +242,7 @@ def test_names_are_text_in_the_terminal_and_in_json(named):
         if ended.returncode == 2:  # there is no such frame, said in one line
             assert len(ended.stderr.strip().splitlines()) == 1
     data = run("info", str(path), "--json", "-")
+    assert all(c.isprintable() or c == "\n" for c in data.stdout)
     assert json.loads(data.stdout)["arm"]["joints"] == [f"{name} {i}" for i in range(3)]
 
 
@@ -262,6 +265,56 @@ def test_names_are_text_in_pages_and_in_latex(named):
     assert title is not None
     assert html.escape(name) in title.group(1)
     assert "<img src=x" not in page
+    assert "<script>alert" not in page
+
+
+def test_names_are_text_in_figures(named, tmp_path):
+    """Dollar signs are no mathematics, angle brackets no elements."""
+    name, path = named
+    out = tmp_path / "figure.svg"
+    for kind in (["curves"], ["map", "--over", f"{name} 1,{name} 2"], ["ellipsoids"]):
+        ended = run("plot", *kind, str(path), "-o", str(out))
+        assert ended.returncode == 0, ended.stderr
+        assert {line.split(":")[0] for line in ended.stderr.splitlines()} == {"pinsing"}
+        tags = {e.tag.rpartition("}")[2] for e in ElementTree.parse(out).iter()}
+        assert "path" in tags
+        assert not tags & {"script", "img", "a", "foreignObject"}
+
+
+def test_names_of_a_mechanism_are_text(tmp_path):
+    hostile = """</script><img src=x onerror='alert(1)'>$x^{$\u202e"""
+    folder = Path(__file__).parent.parent / "urdf"
+    tree, loops = tmp_path / "tree.urdf", tmp_path / "loops.yaml"
+    text = (folder / "five_bar.urdf").read_text(encoding="utf-8")
+    table = (folder / "five_bar.loops.yaml").read_text(encoding="utf-8")
+    text = text.replace('robot name="five_bar"', f"robot name={quoteattr(hostile)}")
+    for name in ("q1", "q2", "b1", "b2", "P2", "P"):
+        text = text.replace(f'"{name}"', quoteattr(f"{hostile} {name}"))
+    body = [line for line in table[table.index("closed_loop:") :].splitlines() if line[0] != "#"]
+    said = re.sub(r"\b([qb][12]|P2?)\b", lambda n: json.dumps(f"{hostile} {n[0]}"), "\n".join(body))
+    tree.write_text(text, encoding="utf-8")
+    loops.write_text(said, encoding="utf-8")
+    words = [str(tree), "--loops", str(loops)]
+    page = tmp_path / "page.html"
+    for command in (
+        ["analyze", *words],
+        ["plot", "map", *words, "-o", str(tmp_path / "figure.svg")],
+        ["plot", "curves", *words, "-o", str(tmp_path / "figure.svg")],
+        ["view", *words, "--html", str(page)],
+    ):
+        ended = run(*command)
+        assert ended.returncode == 0, ended.stderr
+        assert all(c.isprintable() or c == "\n" for c in ended.stdout + ended.stderr)
+    assert "<img src=x" not in page.read_text(encoding="utf-8")
+
+
+def test_letters_that_no_font_here_has_are_one_note(tmp_path):
+    path = tmp_path / "arm.urdf"
+    path.write_text(robot().replace('name="r"', 'name="\U00013000\U00013001"'), encoding="utf-8")
+    ended = run("plot", "ellipsoids", str(path), "-o", str(tmp_path / "figure.png"))
+    assert ended.returncode == 0, ended.stderr
+    assert ended.stderr.count("drawn as boxes") == 1
+    assert "Warning" not in ended.stderr
 
 
 @pytest.mark.parametrize("name", ["one\ntwo", "a\tb", "\x1b[31mred", "\x1b]0;title\x07", "\x9b31m"])

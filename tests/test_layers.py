@@ -27,7 +27,8 @@ LAYERS: tuple[frozenset[str], ...] = (
     frozenset({"_batch"}),
     frozenset({"engine", "kinematics"}),
     frozenset({"evaluate"}),  # singular values on a fixed engine
-    frozenset({"chunks", "durable"}),  # where work in chunks is done, and where it is kept
+    # Where work in chunks is done, where it is kept, and what is kept of it.
+    frozenset({"chunks", "durable", "tally"}),
     frozenset(
         {
             "axes",

@@ -57,12 +57,12 @@ def test_threads_share_an_arm(robot):
             assert same(alone, together)
 
 
+# Python 3.12 warns of any fork beside threads, which BLAS has.
+@pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork.*:DeprecationWarning")
 @pytest.mark.parametrize("method", ["spawn", "fork"])
 def test_processes_share_an_arm(method):
     arm = load("panda")
     alone = work(arm)
-    if method == "fork" and sys.version_info >= (3, 12):
-        pytest.skip("Python 3.12 warns of forks beside threads, which BLAS has")
     with ProcessPoolExecutor(2, multiprocessing.get_context(method)) as pool:
         for together in pool.map(work, [arm] * 4, timeout=120):
             assert same(alone, together)

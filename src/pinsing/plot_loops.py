@@ -16,6 +16,7 @@ from pinsing.loops.modes import assembly_sign, home
 from pinsing.loops.motion import mechanism_at
 from pinsing.loops.singular import SingularPoint
 from pinsing.loops.trace import Trace
+from pinsing.plot.style import plain
 from pinsing.robot.arm import Array
 from pinsing.robot.loops import Mechanism
 
@@ -85,8 +86,8 @@ def input_map(
         for stretched, style in ((True, "-"), (False, "--")):
             value = np.where(closed & (straight == stretched), sine, np.nan)
             _zero(ax, d(x), d(y), value, TYPE_1, style)
-    ax.set_xlabel(f"{mechanism.inputs[0]} (°)")
-    ax.set_ylabel(f"{mechanism.inputs[1]} (°)")
+    ax.set_xlabel(f"{plain(mechanism.inputs[0])} (°)")
+    ax.set_ylabel(f"{plain(mechanism.inputs[1])} (°)")
     ax.set_title(f"assembly {assembly}")
     ax.set_aspect("equal")
     return ax
@@ -124,7 +125,7 @@ def measure_curves(
                 at = np.degrees(p.q[mechanism.actuated[t.moving]])
                 at += 360 * np.round((value.mean() - at) / 360)
                 ax.plot(at, 0, "o", color=TYPE_1 if p.kind == "type 1" else TYPE_2, ms=5)
-        ax.set_xlabel(f"{mechanism.inputs[t.moving]} (°)")
+        ax.set_xlabel(f"{plain(mechanism.inputs[t.moving])} (°)")
     ax.plot([], [], color=TYPE_1, label="type 1 measure")
     ax.plot([], [], color=TYPE_2, label="type 2 measure")
     ax.set_ylim(bottom=0)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,6 +21,7 @@ else:
     ParamType = click.ParamType  # not generic in older releases
 
 STDOUT = "-"
+_NOT_ASCII = re.compile(r"[^\x00-\x7e]")
 
 STOPPED = 130
 """Exit code after Ctrl-C, as shells have it."""
@@ -65,6 +67,8 @@ def emit_json_data(data: Mapping[str, Any], target: str | Path | None) -> bool:
     if target is None:
         return False
     text = json.dumps(data, indent=2, allow_nan=False, ensure_ascii=False)
+    # Marks that turn or hide text have no place in a terminal; JSON has another way to write them.
+    text = _NOT_ASCII.sub(lambda c: c[0] if c[0].isprintable() else json.dumps(c[0])[1:-1], text)
     if target == STDOUT:
         click.echo(text)
         return True

@@ -7,17 +7,16 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pinsing.cli.figure import check_figure, save_figure
 from pinsing.cli.mechanism import loops_option, plot_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
-from pinsing.cli.output import STDOUT, OutputFile, say
-from pinsing.errors import OptionError, OutputError
-from pinsing.files import replacing
+from pinsing.cli.output import OutputFile
+from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm, Array
 
 KINDS = ("curves", "map", "ellipsoids", "along")
-FORMATS = (".png", ".svg", ".pdf")
 _STEPS = 400
 
 
@@ -65,8 +64,7 @@ def plot_command(
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
     """  # noqa: D301
-    if out == STDOUT or Path(out).suffix.lower() not in FORMATS:
-        raise OutputError(f"cannot write {out}: name a file that ends in .png, .svg or .pdf")
+    path = check_figure(out)
     for text in configurations:
         parse_numbers(text, "--q", deg)
     joints = None if over is None else [name.strip() for name in over.split(",")]
@@ -83,19 +81,7 @@ def plot_command(
     vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
     held = dict(_fixed(arm, text, deg) for text in fixed)
     axes = _draw(kind, arm, vectors, joints, held, ignore_limits)
-    figure: Any = axes.figure
-    with replacing(out) as temporary:
-        # No date, and numbered marks: the same figure gives the same bytes.
-        matplotlib.rcParams["svg.hashsalt"] = "pinsing"
-        stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-        figure.savefig(
-            temporary,
-            dpi=dpi,
-            bbox_inches="tight",
-            pad_inches=0.04,
-            metadata=stamp.get(Path(out).suffix.lower()),
-        )
-    say(f"wrote {out}")
+    save_figure(axes.figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
 def _draw(

@@ -25,7 +25,8 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
     try:
         arm = request.load(quiet=True)
     except ChainError:
-        if request.tip is None and request.joints is None and json_target != STDOUT:
+        whole = request.tip is None and request.base is None and request.joints is None
+        if whole and json_target != STDOUT:
             _show_chains(request)
         raise
     from pinsing.report.info import ROUNDING, describe
@@ -54,9 +55,12 @@ def _show_chains(request: RobotRequest) -> None:
     mimics = [j.name for j in description.joints if j.mimic is not None]
     chains = arm_chains(build_model(description), mimics)
     if len(chains) > 1:
-        packages = [f"--package {name}={folder}" for name, folder in request.packages.items()]
-        arguments = [f"--xacro-arg {name}:={value}" for name, value in request.xacro_args.items()]
-        emit(chains_text(chains, [request.robot, *packages, *arguments]))
+        words = [request.robot]
+        for name, folder in request.packages.items():
+            words += ["--package", f"{name}={folder}"]
+        for name, value in request.xacro_args.items():
+            words += ["--xacro-arg", f"{name}:={value}"]
+        emit(chains_text(chains, words))
 
 
 @click.command("list", short_help="Robots known by name.")

@@ -187,7 +187,9 @@ def _choose_tip(
         chosen = choose_tip(model, last)
         return chosen, last, [f"tip {chosen} was chosen on the link of the last joint given"]
     found = candidates(model, whole.mimics)
-    found = [c for c in found if base_joint == 0 or base_joint in c.path[:-1]]
+    found = [c.beyond(base_joint) for c in found if base_joint in (0, *c.path[:-1])]
+    if base_joint and not found:
+        raise ChainError(f"{whole.label}: no joint lies beyond the base; take one nearer the root")
     candidate, notes = choose_chain(found, whole.label, model)
     return candidate.tip, candidate.last, notes
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from shlex import quote
 
 import numpy as np
 import pinocchio as pin
@@ -45,7 +46,7 @@ class Candidate:
     last : int
         Index of the last joint in the model.
     path : tuple of int
-        Indices of the movable joints from the root to it.
+        Indices of the movable joints from the root, or the base asked for, to it.
     tip : str
         The frame that would be chosen on it.
     passed_over : tuple of str
@@ -60,6 +61,10 @@ class Candidate:
     def length(self, model: pin.Model) -> int:
         """Number of its joints that turn or slide: a floating base does not count."""
         return sum(model.joints[j].nv == 1 for j in self.path)
+
+    def beyond(self, base: int) -> Candidate:
+        """Return the part of it that lies beyond a joint of its path; 0 is the root."""
+        return replace(self, path=self.path[self.path.index(base) + 1 :]) if base else self
 
 
 def joint_path(model: pin.Model, joint: int, start: int = 0) -> tuple[int, ...]:
@@ -219,7 +224,7 @@ def choose_chain(
         raise ChainError(f"{label}: the robot has no movable joint, so there is nothing to analyse")
     arms = [c for c in found if c.length(model) >= ARM_JOINTS] or list(found)
     if len(arms) > 1:
-        lines = ", ".join(f"--tip {c.tip} ({c.length(model)} joints)" for c in arms[:8])
+        lines = ", ".join(f"--tip {quote(c.tip)} ({c.length(model)} joints)" for c in arms[:8])
         more = f" and {len(arms) - 8} more" if len(arms) > 8 else ""
         raise ChainError(f"{label}: {len(arms)} chains could be the arm; choose one: {lines}{more}")
     chosen = arms[0]

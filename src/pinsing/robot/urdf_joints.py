@@ -166,8 +166,6 @@ def _limit(
         )
     if max(-lower, upper) > LARGEST:
         return _without_limits(source, entry, f"has limits {lower:g} to {upper:g}, which are none")
-    if lower == upper:
-        source.note("CANNOT MOVE, its limits are equal: joint", show(entry.name))
     clean.attributes.update(lower=repr(lower), upper=repr(upper))
     return replace(entry, lower=lower, upper=upper), [clean]
 

@@ -1,0 +1,59 @@
+"""Figures, into files of the formats that papers take."""
+
+from __future__ import annotations
+
+import warnings
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pinsing.cli.output import STDOUT, say
+from pinsing.errors import OutputError
+from pinsing.files import replacing
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+FORMATS = (".png", ".svg", ".pdf")
+
+
+def check_figure(out: str | Path) -> Path:
+    """Check that the name of a figure tells its format.
+
+    Raises
+    ------
+    OutputError
+        If it does not, or stands for stdout.
+    """
+    if out == STDOUT or Path(out).suffix.lower() not in FORMATS:
+        raise OutputError(f"cannot write {out}: name a file that ends in .png, .svg or .pdf")
+    return Path(out)
+
+
+def save_figure(figure: Figure, out: Path, **options: Any) -> None:
+    """Write a figure; the same one gives the same bytes.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    import matplotlib
+
+    # No date, and numbered marks.
+    stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    metadata = stamp.get(out.suffix.lower())
+    with (
+        replacing(out) as temporary,
+        matplotlib.rc_context({"svg.hashsalt": "pinsing"}),
+        warnings.catch_warnings(record=True) as heard,
+    ):
+        warnings.simplefilter("always")
+        figure.savefig(temporary, metadata=metadata, **options)
+    # A robot may have a name in any script; matplotlib complains of each letter.
+    missing = [w for w in heard if "missing from" in str(w.message)]
+    for other in heard:
+        if other not in missing:
+            warnings.warn_explicit(other.message, other.category, other.filename, other.lineno)
+    if missing:
+        say("note: letters of a name that the figure's font lacks are drawn as boxes")
+    say(f"wrote {out}")
