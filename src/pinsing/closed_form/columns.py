@@ -203,7 +203,7 @@ def reduce_matrix(matrix: Matrix, rank: int, ring: Ring) -> tuple[Matrix, int]:
         A smaller matrix that is below the smaller rank exactly where the given one is
         below the given one.
     """
-    rows = independent_rows(matrix, ring)
+    rows = _without_zeros(independent_rows(matrix, ring))
     while rows and rank > 0:
         pivot = _unit(rows, ring)
         if pivot is None:
@@ -224,10 +224,15 @@ def reduce_matrix(matrix: Matrix, rank: int, ring: Ring) -> tuple[Matrix, int]:
         rows = [_primitive(row, ring) for row in rest]
         rows = independent_rows([row for row in rows if any(x != 0 for x in row)], ring)
         if rows:
-            columns = [list(c) for c in zip(*rows, strict=True)]
-            columns = [_primitive(c, ring) for c in columns if any(x != 0 for x in c)]
+            columns = [_primitive(list(c), ring) for c in zip(*_without_zeros(rows), strict=True)]
             rows = [list(row) for row in zip(*columns, strict=True)]
     return rows, rank
+
+
+def _without_zeros(rows: Matrix) -> Matrix:
+    """Drop columns of zeros: with them a bound on codimensions would be too large."""
+    columns = [c for c in zip(*rows, strict=True) if any(x != 0 for x in c)]
+    return [list(row) for row in zip(*columns, strict=True)]
 
 
 def _unit(rows: Matrix, ring: Ring) -> tuple[int, int] | None:

@@ -19,7 +19,8 @@ from pinsing.closed_form.budget import Budget, BudgetExceeded
 from pinsing.closed_form.columns import Matrix, reduce_matrix
 from pinsing.closed_form.minors import Minors
 from pinsing.closed_form.ring import Poly, Ring, Value
-from pinsing.closed_form.slices import Residues, SlicePoint, UndecidedSlice, slice_points
+from pinsing.closed_form.slices import Residues, SlicePoint, slice_points
+from pinsing.closed_form.zeros import Undecided
 
 _SEED = 7
 _LOOKED_AT = 12
@@ -64,13 +65,9 @@ class Decomposition:
         self._residues = Residues(ring)
         self._seen: set[object] = set()
         rows, reduced = reduce_matrix(matrix, rank, ring)
-        if reduced > 0 and rows:
-            bound = (len(rows) - reduced + 1) * (len(rows[0]) - reduced + 1)
-        else:
-            bound = 1
-        self.bound = bound
+        self.bound = _bound(rows, reduced) if reduced > 0 and rows else 1
         try:
-            self._matrix(rows, reduced, {}, bound)
+            self._matrix(rows, reduced, {}, self.bound)
         except BudgetExceeded as reason:
             self.stopped = True
             self.gaps.append(str(reason))
@@ -78,8 +75,11 @@ class Decomposition:
 
     # Branches -----------------------------------------------------------------------
 
-    def _matrix(self, matrix: Matrix, rank: int, values: dict[int, Value], budget: int) -> None:
-        """All components of codimension up to ``budget`` of where ``matrix`` is below ``rank``."""
+    def _matrix(self, matrix: Matrix, rank: int, values: dict[int, Value], limit: int) -> None:
+        """All components of codimension up to ``limit`` of where ``matrix`` is below ``rank``.
+
+        The codimension counts the joints that have values already.
+        """
         key = frozenset(values.items())
         if key in self._seen or self._covered(values, ()):
             return
@@ -90,8 +90,8 @@ class Decomposition:
         if not matrix or min(len(matrix), len(matrix[0])) < rank:
             self._emit(values, (), True)
             return
-        budget = min(budget, (len(matrix) - rank + 1) * (len(matrix[0]) - rank + 1))
-        if budget <= 0:
+        limit = min(limit, len(values) + _bound(matrix, rank))
+        if limit <= len(values):
             return
         minors = Minors(matrix, rank, self.ring, self.time)
         common = self._common_factor(minors)
@@ -101,7 +101,7 @@ class Decomposition:
         shared = self._factors(common)
         for f in shared:
             self._hypersurface(f, values)
-        if budget < 2:
+        if limit < len(values) + 2:
             return
         simplest = self._simplest_cofactor(minors, common)
         for f in simplest:
@@ -110,10 +110,9 @@ class Decomposition:
             fixed = self.ring.joint_value(f)
             if fixed is not None:
                 j, value = fixed
-                inner = {**values, j: value}
-                self._matrix(self._put(matrix, {j: value}), rank, inner, budget - 1)
+                self._matrix(self._put(matrix, {j: value}), rank, {**values, j: value}, limit)
             else:
-                self._relation(f, matrix, rank, values, minors, budget - 1)
+                self._relation(f, matrix, rank, values, minors, limit)
 
     def _relation(
         self,
@@ -122,9 +121,9 @@ class Decomposition:
         rank: int,
         values: dict[int, Value],
         minors: Minors,
-        budget: int,
+        limit: int,
     ) -> None:
-        """Components inside p = 0, of codimension up to ``budget`` there."""
+        """Components inside p = 0."""
         key = (frozenset(values.items()), str(p))
         if key in self._seen or self._covered(values, (p,)):
             return
@@ -141,89 +140,155 @@ class Decomposition:
         if not others:
             self._emit(values, (p,), True)
             return
-        if budget <= 0:
+        if limit < len(values) + 2:
             return
-        best = min(others, key=_cost)
-        for g in best:
-            fixed = self.ring.joint_value(g)
-            if fixed is not None:
-                j, value = fixed
-                self._split(p, {j: value}, matrix, rank, values, budget - 1)
-            else:
-                self._pair(p, g, matrix, rank, values, minors, budget)
+        for g in min(others, key=_cost):
+            self._and((p,), g, matrix, rank, values, minors, limit)
 
-    def _split(
+    def _and(
         self,
-        p: Poly,
-        new: Mapping[int, Value],
-        matrix: Matrix,
-        rank: int,
-        values: dict[int, Value],
-        budget: int,
-    ) -> None:
-        """Put joint values in, and go on with each factor of what p becomes there."""
-        inner = {**values, **new}
-        put = self._put(matrix, new)
-        for h in self._factors(self.ring.strip(self.ring.substitute(p, new))):
-            fixed = self.ring.joint_value(h)
-            if fixed is not None:
-                j, value = fixed
-                self._matrix(self._put(put, {j: value}), rank, {**inner, j: value}, budget)
-                continue
-            reduced, r = reduce_matrix(put, rank, self.ring)
-            if r <= 0:
-                continue
-            if not reduced or min(len(reduced), len(reduced[0])) < r:
-                self._emit(inner, (), True)
-                continue
-            minors = Minors(reduced, r, self.ring, self.time)
-            self._relation(h, reduced, r, inner, minors, budget)
-
-    def _pair(
-        self,
-        p: Poly,
+        relations: tuple[Poly, ...],
         g: Poly,
         matrix: Matrix,
         rank: int,
         values: dict[int, Value],
         minors: Minors,
-        budget: int,
+        limit: int,
     ) -> None:
-        """Components inside p = g = 0: none, or stated by as few joints as can be found."""
+        """Components inside some equations and one more."""
+        fixed = self.ring.joint_value(g)
+        if fixed is not None:
+            self._within(relations, dict([fixed]), matrix, rank, values, limit)
+        else:
+            self._system((*relations, g), matrix, rank, values, minors, limit)
+
+    def _within(
+        self,
+        relations: tuple[Poly, ...],
+        new: Mapping[int, Value],
+        matrix: Matrix,
+        rank: int,
+        values: dict[int, Value],
+        limit: int,
+    ) -> None:
+        """Put joint values in, and go on with all factors of what the equations become there."""
+        inner = {**values, **new}
+        put = self._put(matrix, new)
+        became = [self.ring.strip(self.ring.substitute(p, new)) for p in relations]
+        factors = [self._factors(p) for p in became if p != 0]
+        for combination in itertools.product(*factors):
+            distinct = tuple({str(h): h for h in combination}.values())
+            fixed = next(((h, f) for h in distinct if (f := self.ring.joint_value(h))), None)
+            if fixed is not None:
+                left = tuple(h for h in distinct if h is not fixed[0])
+                self._within(left, dict([fixed[1]]), put, rank, inner, limit)
+            elif not distinct:
+                self._matrix(put, rank, inner, limit)
+            else:
+                self._fewer(distinct, put, rank, inner, limit)
+
+    def _fewer(
+        self,
+        relations: tuple[Poly, ...],
+        matrix: Matrix,
+        rank: int,
+        values: dict[int, Value],
+        limit: int,
+    ) -> None:
+        """Components inside equations in fewer joints than before."""
+        reduced, r = reduce_matrix(matrix, rank, self.ring)
+        if r <= 0:
+            return
+        if not reduced or min(len(reduced), len(reduced[0])) < r:
+            self._emit(values, (), True)
+            return
+        limit = min(limit, len(values) + _bound(reduced, r))
+        minors = Minors(reduced, r, self.ring, self.time)
+        if len(relations) == 1:
+            self._relation(relations[0], reduced, r, values, minors, limit)
+        else:
+            self._system(relations, reduced, r, values, minors, limit)
+
+    def _system(
+        self,
+        relations: tuple[Poly, ...],
+        matrix: Matrix,
+        rank: int,
+        values: dict[int, Value],
+        minors: Minors,
+        limit: int,
+    ) -> None:
+        """Components inside the common zeros of two equations or more.
+
+        Those that are such common zeros themselves are stated by as few joints as can be found.
+        Where none is, one more minor cuts the rest down by one dimension.
+        """
+        key = (frozenset(values.items()), frozenset(map(str, relations)))
+        room = limit - len(values) - len(relations)
+        if key in self._seen or room < 0:
+            return
+        self._seen.add(key)
         self.time.check()
         try:
-            points = list(slice_points(p, g, self._residues, self._rng, values))
-        except UndecidedSlice:
-            self.gaps.append("the common points of two equations were not told apart")
+            points = self._slices(relations, values)
+        except Undecided:
+            self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
             return
         singular = [s for s in points if s.rank(matrix) < rank]
-        if len(singular) < len(points) and budget > 1:
-            self.gaps.append(
-                f"sets of codimension {len(values) + 3} or more inside two simultaneous "
-                "equations were not searched"
-            )
-        if not singular:
+        if singular:
+            if len(relations) == 2:
+                self._eliminate(*relations, matrix, rank, values, singular, limit)
+            missed = [s for s in singular if not any(self._holds(c, s) for c in self.components)]
+            if missed:
+                known = [s for s in points if s not in missed]
+                stated = self._statement(relations, missed, known, minors)
+                self._emit(values, stated, False, len(values) + len(relations))
+        if len(singular) == len(points) or room == 0:
             return
-        shared = self._common_joints(p, g)
-        if shared and len(p) * len(g) <= _RESULTANT_TERMS:
-            self._eliminate(p, g, shared[0], matrix, rank, values, singular, budget)
-        missed = [s for s in singular if not any(self._holds(c, s) for c in self.components)]
-        if missed:
-            self._emit(values, self._system(p, g, missed, minors), False)
+        if singular:
+            self.gaps.append(
+                f"sets of codimension {len(values) + len(relations) + 1} or more inside the "
+                f"regular part of {len(relations)} equations were not searched"
+            )
+            return
+        cutting = self._cutting(points, minors)
+        if cutting is None:
+            self.gaps.append(
+                f"no single minor cut all of the common zeros of {len(relations)} equations"
+            )
+            return
+        for g in cutting:
+            self._and(relations, g, matrix, rank, values, minors, limit)
+
+    def _cutting(self, regular: list[SlicePoint], minors: Minors) -> list[Poly] | None:
+        """Factors of a minor that vanishes at none of some points, simple if there is a choice."""
+        left = iter(minors)
+        while batch := list(itertools.islice(left, _LOOKED_AT)):
+            for minor in sorted(batch, key=lambda m: self._effort(self._factors(m))):
+                self.time.check()
+                if not any(s.is_zero(minor) for s in regular):
+                    return self._factors(minor)
+        return None
+
+    def _effort(self, factors: list[Poly]) -> tuple[int, int]:
+        """How much work it makes to cut with these factors; joint values make none."""
+        return _cost([f for f in factors if self.ring.joint_value(f) is None])
 
     def _eliminate(
         self,
         p: Poly,
         g: Poly,
-        joint: int,
         matrix: Matrix,
         rank: int,
         values: dict[int, Value],
         singular: list[SlicePoint],
-        budget: int,
+        limit: int,
     ) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
-        resultant = self.ring.strip(self._resultant(p, g, joint))
+        shared = self._common_joints(p, g)
+        if not shared or len(p) * len(g) > _RESULTANT_TERMS:
+            return
+        resultant = self.ring.strip(self._resultant(p, g, shared[0]))
         for h in self._factors(resultant):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
@@ -232,36 +297,45 @@ class Decomposition:
                 common = self.ring.gcd(self.ring.substitute(p, at), self.ring.substitute(g, at))
                 put = self._put(matrix, at)
                 for e in self._factors(self.ring.strip(common)):
-                    self._split(e, {}, put, rank, {**values, **at}, budget - 1)
+                    self._within((e,), {}, put, rank, {**values, **at}, limit)
             elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
                 for other in sorted((p, g), key=len):
-                    points = list(slice_points(h, other, self._residues, self._rng, values))
+                    points = self._slices((h, other), values)
                     if not points or not all(s.rank(matrix) < rank for s in points):
                         continue
                     if all(s.transversal((h, other)) for s in points):
                         self._emit(values, tuple(sorted((h, other), key=len)), False)
                         break
 
-    def _system(
+    def _slices(self, relations: tuple[Poly, ...], values: Mapping[int, Value]) -> list[SlicePoint]:
+        """Generic points of the common zeros of some equations."""
+        return list(slice_points(relations, self._residues, self._rng, values, self.time.check))
+
+    def _statement(
         self,
-        p: Poly,
-        g: Poly,
+        relations: tuple[Poly, ...],
         singular: list[SlicePoint],
+        others: list[SlicePoint],
         minors: Minors,
     ) -> tuple[Poly, ...]:
-        """Equations of the singular part of p = g = 0.
+        """Equations of the singular part of the common zeros of some equations.
 
-        One factor of every minor, that all of the singular part shares: where these vanish all
-        minors do, so that not even a part of lower dimension is stated that is regular.
+        One factor of every minor, that all of the singular part shares, and of the rest as
+        little as can be: where these vanish all minors do, so that not even a part of lower
+        dimension is stated that is regular.
         """
-        relations = [p, g]
+        stated = list(relations)
         for minor in minors:
             self.time.check()
-            if any(self.ring.divides(r, minor) for r in relations):
+            if any(self.ring.divides(r, minor) for r in stated):
                 continue
             whole = [f for f in self._factors(minor) if all(s.is_zero(f) for s in singular)]
-            relations.append(min(whole, key=len) if whole else minor)
-        return tuple(sorted(relations, key=len))
+            stated.append(
+                min(whole, key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
+                if whole
+                else minor
+            )
+        return tuple(sorted(stated, key=len))
 
     def _holds(self, component: Component, point: SlicePoint) -> bool:
         """Whether a point lies on a component."""
@@ -325,8 +399,15 @@ class Decomposition:
             return matrix
         return [[self.ring.substitute(x, values) for x in row] for row in matrix]
 
-    def _emit(self, values: Mapping[int, Value], relations: tuple[Poly, ...], proven: bool) -> None:
-        codimension = len(values) + min(len(relations), 2)
+    def _emit(
+        self,
+        values: Mapping[int, Value],
+        relations: tuple[Poly, ...],
+        proven: bool,
+        codimension: int | None = None,
+    ) -> None:
+        if codimension is None:
+            codimension = len(values) + min(len(relations), 2)
         self.components.append(Component(dict(values), relations, proven, codimension))
 
     def _covered(self, values: Mapping[int, Value], relations: tuple[Poly, ...]) -> bool:
@@ -354,6 +435,11 @@ class Decomposition:
         return kept
 
 
+def _bound(matrix: Matrix, rank: int) -> int:
+    """Largest codimension of a component of where a matrix is below a rank (Eagon, Northcott)."""
+    return (len(matrix) - rank + 1) * (len(matrix[0]) - rank + 1)
+
+
 def _cost(factors: list[Poly]) -> tuple[int, int]:
     """How much work branching on these factors makes."""
-    return max(len(f) for f in factors), len(factors)
+    return max((len(f) for f in factors), default=0), len(factors)

@@ -1,9 +1,10 @@
-"""Generic points of the common zeros of two polynomials, on random slices.
+"""Generic points of the common zeros of several polynomials, on random slices.
 
 To know whether some component of V(p, g) is singular it is enough to look at generic points
 of it: all joints but two are put at random values, the two that remain are solved for, and
 the rank of the Jacobian is taken there. A component of codimension two meets such a slice for
-some pair of joints, so that all pairs together meet every component.
+some pair of joints, so that all pairs together meet every component; and so with three
+polynomials and three joints, and so on.
 
 All of this is done modulo a prime of 62 bits, where it is exact: the points have coordinates
 in finite fields, and a rank is a rank. A verdict is wrong only if a random value happens to
@@ -14,13 +15,11 @@ of about 1e-15 (Schwartz, 1980; Zippel, 1979).
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_poly
-
 from pinsing.closed_form.columns import Matrix
 from pinsing.closed_form.prime_field import (
     WORD_PRIME,
@@ -30,12 +29,9 @@ from pinsing.closed_form.prime_field import (
     residue,
 )
 from pinsing.closed_form.ring import Poly, Ring, Value
+from pinsing.closed_form.zeros import Undecided, zeros
 
 _ATTEMPTS = 4
-
-
-class UndecidedSlice(Exception):
-    """The points of a slice were not told apart."""
 
 
 class Residues:
@@ -119,149 +115,93 @@ class SlicePoint:
 
 
 def slice_points(
-    p: Poly,
-    g: Poly,
+    polys: Sequence[Poly],
     residues: Residues,
     rng: np.random.Generator,
     values: Mapping[int, Value],
+    check: Callable[[float], None],
 ) -> Iterator[SlicePoint]:
-    """Common zeros of p and g on a random slice for every pair of joints.
+    """Common zeros of k polynomials on a random slice for every k joints.
 
     Parameters
     ----------
+    polys : sequence of Poly
+        Polynomials whose common zeros all have codimension k.
+    residues : Residues
+        Their images.
+    rng : Generator
+        For the slices.
     values : mapping of joint to Value
-        Joints that are at fixed values already (and occur in neither polynomial).
+        Joints that are at fixed values already (and occur in no polynomial).
+    check : callable
+        Asked before each long step; ends the search by an exception.
 
     Raises
     ------
-    UndecidedSlice
+    Undecided
         If the points of a slice cannot be told apart, whatever the slice.
     """
     ring = residues.ring
-    of_p, of_g = set(ring.joints_of(p)), set(ring.joints_of(g))
-    for pair in itertools.combinations(sorted(of_p | of_g), 2):
-        if not (of_p.intersection(pair) and of_g.intersection(pair)):
-            continue  # one of the two is a constant on this slice
-        for _ in range(_ATTEMPTS):
-            points = _points_on(p, g, pair, residues, rng, values)
-            if points is not None:
+    having = [set(ring.joints_of(p)) for p in polys]
+    for chosen in itertools.combinations(sorted(set().union(*having)), len(polys)):
+        if not all(joints.intersection(chosen) for joints in having):
+            continue  # one of them is a constant on this slice
+        for attempt in range(_ATTEMPTS):
+            try:
+                points = _points_on(polys, chosen, residues, rng, values, check)
+            except Undecided:
+                if attempt + 1 == _ATTEMPTS:
+                    raise
+            else:
                 yield from points
                 break
-        else:
-            raise UndecidedSlice
 
 
 def _points_on(
-    p: Poly,
-    g: Poly,
-    pair: tuple[int, int],
+    polys: Sequence[Poly],
+    chosen: Sequence[int],
     residues: Residues,
     rng: np.random.Generator,
     values: Mapping[int, Value],
-) -> list[SlicePoint] | None:
-    """Common zeros in two joints, the others at random values; None if that went wrong.
+    check: Callable[[float], None],
+) -> list[SlicePoint]:
+    """Common zeros in the chosen joints, the others at random values.
 
-    The first joint's chart is sheared by the second's, so that no two points have the same
-    first coordinate; its values are the roots of a resultant.
+    Every chosen joint's circle is turned by a random angle, so that no zero is at the infinity
+    of its half-angle tangent.
     """
     ring = residues.ring
     names = ring.context.names()
+    free = modular_context(tuple(f"t{i}" for i in range(len(chosen))), WORD_PRIME)
+    turns = [(_random(rng), _random(rng)) for _ in chosen]
+
+    def coordinates(i: int, t: Any) -> list[Any]:
+        a, b = turns[i]
+        return [t] if ring.prismatic[chosen[i]] else [a - b * t, b + a * t]
+
     fixed: dict[str, int] = {}
+    images: list[Any] = []
     for j in range(len(ring.prismatic)):
-        if j not in pair:
-            known = values.get(j)
-            for k, v in enumerate(ring.variables(j)):
-                fixed[names[v]] = residue(known[k], WORD_PRIME) if known else _random(rng)
-    plane = modular_context(("t", "u"), WORD_PRIME)
-    t, u = plane.gens()
-    shear = _random(rng)
-    charts = {pair[0]: t + shear * u, pair[1]: u}
-    turn = {j: (_random(rng), _random(rng)) for j in pair}
-
-    def coordinates(j: int, chart: Any) -> list[Any]:
-        a, b = turn[j]
-        return [chart] if ring.prismatic[j] else [a - b * chart, b + a * chart]
-
-    images = [plane.constant(fixed.get(name, 0)) for name in names[: ring.nvars]]
-    for j in pair:
-        for v, x in zip(ring.variables(j), coordinates(j, charts[j]), strict=True):
-            images[v] = x
-    P, G = (residues.of(f).compose(*images, ctx=plane) for f in (p, g))
-    eliminant = P.resultant(G, "u")
-    if eliminant == 0:
-        return None
+        if j in chosen:
+            i = chosen.index(j)
+            images += coordinates(i, free.gens()[i])
+            continue
+        known = values.get(j)
+        for k, v in enumerate(ring.variables(j)):
+            fixed[names[v]] = residue(known[k], WORD_PRIME) if known else _random(rng)
+            images.append(free.constant(fixed[names[v]]))
+    on_slice = [residues.of(f).compose(*images, ctx=free) for f in polys]
     points = []
-    for factor in _univariate(eliminant).factor()[1]:
-        found = _solve(P, G, factor[0])
-        if found is None:
-            return None
-        field, first, second = found
-        at = {pair[0]: first + field(shear) * second, pair[1]: second}
-        free = {
-            v: x
-            for j in pair
-            for v, x in zip(ring.variables(j), coordinates(j, at[j]), strict=True)
+    for zero in zeros(on_slice, range(len(chosen)), rng, check):
+        at = [coordinates(i, zero.at[i]) for i in range(len(chosen))]
+        if any(len(c) == 2 and (c[0] ** 2 + c[1] ** 2).is_zero() for c in at):
+            continue  # no angle is meant
+        solved = {
+            v: x for j, c in zip(chosen, at, strict=True) for v, x in zip(ring.variables(j), c)
         }
-        squares = [
-            free[ring.variables(j)[0]] ** 2 + free[ring.variables(j)[1]] ** 2
-            for j in pair
-            if not ring.prismatic[j]
-        ]
-        if not any(s.is_zero() for s in squares):  # else no angle is meant
-            points.append(SlicePoint(residues, fixed, field, free))
+        points.append(SlicePoint(residues, fixed, zero.field, solved))
     return points
-
-
-def _solve(P: Any, G: Any, factor: Any) -> tuple[Any, Any, Any] | None:
-    """Field of the roots of an irreducible factor of the resultant, and (t, u) in it."""
-    modulus = _POLYNOMIALS([int(c) for c in factor.coeffs()])
-    field = fq_default_ctx(
-        modulus=modulus, fq_type="FQ_NMOD", check_prime=False, check_modulus=False
-    )
-    if factor.degree() == 1:
-        root = field(int(-factor[0] / factor[1]))
-    else:
-        root = field([0, 1])
-    over = fq_default_poly_ctx(field)
-    rows = []
-    for poly in (P, G):
-        columns: dict[int, list[tuple[int, int]]] = {}
-        for (i, k), c in poly.to_dict().items():
-            columns.setdefault(int(k), []).append((int(i), int(c)))
-        top = max(columns, default=0)
-        powers = _powers(root, max((i for c in columns.values() for i, _ in c), default=0))
-        rows.append(
-            over(
-                [
-                    sum((field(c) * powers[i] for i, c in columns.get(k, [])), field.zero())
-                    for k in range(top + 1)
-                ]
-            )
-        )
-    common = rows[0].gcd(rows[1])
-    common = common.radical() if common.degree() > 0 else common
-    if common.degree() != 1:
-        return None
-    second = -common[0] * common[1].inverse()
-    return field, root, second
-
-
-def _powers(x: Any, top: int) -> list[Any]:
-    out = [x**0]
-    for _ in range(top):
-        out.append(out[-1] * x)
-    return out
-
-
-def _univariate(poly: Any) -> Any:
-    """A polynomial in t alone, as flint's univariate kind."""
-    coefficients = {int(m[0]): int(c) for m, c in poly.to_dict().items()}
-    dense = [coefficients.get(i, 0) for i in range(max(coefficients) + 1)]
-    return nmod_poly(dense, WORD_PRIME)
 
 
 def _random(rng: np.random.Generator) -> int:
     return int(rng.integers(1, WORD_PRIME))
-
-
-_POLYNOMIALS = fmpz_mod_poly_ctx(WORD_PRIME)
