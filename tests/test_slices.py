@@ -20,8 +20,9 @@ def ring():
     return make_ring((False, False, False, True))
 
 
-def points(p, g, ring, values=None):
-    return list(slice_points(p, g, Residues(ring), np.random.default_rng(1), values or {}))
+def points(*polys, ring, values=None):
+    rng = np.random.default_rng(1)
+    return list(slice_points(polys, Residues(ring), rng, values or {}, lambda products: None))
 
 
 def degrees(found):
@@ -32,7 +33,7 @@ def degrees(found):
 def test_the_common_zeros_are_met(ring):
     x1, y1, x2, y2, x3, y3, z = ring.context.gens()
     p, g = x1 * y2 - 3 * x2 * y1, z * x1 - 2 * y1
-    found = points(p, g, ring)
+    found = points(p, g, ring=ring)
     # (q1, q2): z fixed gives one q1 and with it one q2; (q1, z): one; (q2, z): one.
     assert degrees(found) == 3
     for s in found:
@@ -50,13 +51,13 @@ def test_as_many_points_as_there_are(ring):
     x1, y1, x2, y2, *_ = ring.context.gens()
     p = x1**2 * y2 + 3 * y1**2 * x2 + 5 * x1 * y1 * x2 - 7 * x1**2 * x2
     g = x1 * x2**2 + 11 * y1 * y2**2 - 2 * x1 * y2 * x2 + 13 * y1 * x2**2
-    assert degrees(points(p, g, ring)) == 5
+    assert degrees(points(p, g, ring=ring)) == 5
 
 
 def test_mirror_points_are_told_apart(ring):
     """Two points over one value of the first joint."""
     x1, y1, x2, y2, *_ = ring.context.gens()
-    found = points(x1 * 5 - y1 * 2, x2**2 - 3 * y2**2 + x1**2 * 0, ring)
+    found = points(x1 * 5 - y1 * 2, x2**2 - 3 * y2**2 + x1**2 * 0, ring=ring)
     assert degrees(found) == 2
     assert all(s.has(0, (Fraction(2), Fraction(5))) for s in found)
     assert not any(s.has(0, (Fraction(2), Fraction(-5))) for s in found)
@@ -65,7 +66,7 @@ def test_mirror_points_are_told_apart(ring):
 def test_zero_sets_that_touch_do_not_cross(ring):
     x1, y1, x2, y2, *_ = ring.context.gens()
     line, parabola = y2, y2 * x1**2 - y1**2 * x2  # u = 0 and u = t^2
-    found = points(line, parabola, ring)
+    found = points(line, parabola, ring=ring)
     assert degrees(found) == 1
     assert not found[0].transversal((line, parabola))
     assert found[0].has(0, (Fraction(1), Fraction(0)))
@@ -76,18 +77,20 @@ def test_angles_that_do_not_exist_are_left_out(ring):
     # x1^2 + y1^2 vanishes where p and g do
     p = x1 * x2 + y1 * y2
     g = x1 * y2 - y1 * x2
-    assert points(p, g, ring) == []
+    assert points(p, g, ring=ring) == []
 
 
 def test_no_common_zero_where_one_is_constant(ring):
     x1, y1, x2, y2, x3, y3, _ = ring.context.gens()
-    found = points(x1 - 2 * y1, x2 * y3 - x3 * y2, ring)  # never both in (q2, q3) alone
+    found = points(x1 - 2 * y1, x2 * y3 - x3 * y2, ring=ring)  # never both in (q2, q3) alone
     assert degrees(found) == 2  # (q1, q2) and (q1, q3)
 
 
 def test_values_that_are_fixed_already(ring):
     x1, y1, x2, y2, x3, y3, z = ring.context.gens()
-    found = points(x1 * y2 - y1 * x2, x1 - 3 * y1, ring, {2: (Fraction(1), Fraction(7))})
+    found = points(
+        x1 * y2 - y1 * x2, x1 - 3 * y1, ring=ring, values={2: (Fraction(1), Fraction(7))}
+    )
     assert degrees(found) == 1
     assert found[0].has(2, (Fraction(1), Fraction(7)))
     assert found[0].is_zero(7 * x3 - y3)
@@ -99,7 +102,7 @@ def test_square_roots():
     ring = ring_of((False, False), [c, s], Budget(60))
     x1, y1, x2, y2 = ring.context.gens()[:4]
     p = ring.monic(x1 * ring.number(s) - y1 * ring.number(c))
-    found = points(p, x1 * y2 - x2 * y1, ring)
+    found = points(p, x1 * y2 - x2 * y1, ring=ring)
     assert degrees(found) == 1
     assert found[0].has(1, (c, s))
     assert not found[0].has(1, (c, -s))

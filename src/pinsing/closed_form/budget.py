@@ -26,6 +26,11 @@ class Budget:
         self.seconds = seconds
         self._deadline = time.monotonic() + seconds
 
+    @property
+    def over(self) -> bool:
+        """Whether the time has run out."""
+        return time.monotonic() > self._deadline
+
     def check(self, term_products: float = 0.0) -> None:
         """Raise BudgetExceeded unless a step of about so many term products fits in."""
         expected = term_products / _TERM_PRODUCTS_PER_SECOND

@@ -32,6 +32,8 @@ from pinsing.state import State, at
 _SEED = 20
 _WITNESSES = 6
 _TRIED = 40
+_TO_DESCRIBE = 0.25
+"""Share of the time that there is for describing families, however long finding them took."""
 
 MAX_JOINTS = 12
 """Beyond it the algebra needs more memory than there is before it can be stopped."""
@@ -125,7 +127,8 @@ def closed_form(
         A serial arm.
     seconds : float
         Time after which the algebra is given up; what was found till then is returned,
-        with ``complete`` False and the reason.
+        with ``complete`` False and the reason. Describing that takes a quarter of it more
+        at most, or as long as a short look at each family takes.
     angle_tol, snap_length : float
         As in ``nominal``: radians, metres.
 
@@ -163,7 +166,8 @@ def closed_form(
             left = max(seconds - (time.monotonic() - started), 0.1 * seconds)
             ring, search = _search(geometry, arm, rank, left)
         gaps += list(dict.fromkeys(search.gaps))
-        maker = PieceMaker(geometry, ring, rank, symbols, _SEED)
+        left = max(seconds - (time.monotonic() - started), _TO_DESCRIBE * seconds)
+        maker = PieceMaker(geometry, ring, rank, symbols, _SEED, Budget(left))
         pieces = [maker.make(c) for c in search.components]
         dropped = sum(p is None for p in pieces)
         grouped = _join([p for p in pieces if p is not None])
@@ -203,7 +207,7 @@ def _too_large(family: Family, maker: PieceMaker) -> bool:
     """Whether some point of a family, of many that are tried, is regular."""
     if family.proof == "algebra":
         return False
-    points = family.points(_TRIED, np.random.default_rng(_SEED))
+    points = family.points(_TRIED, np.random.default_rng(_SEED), rounds=maker.rounds())
     return bool(len(points)) and float(maker.ratios(points).max()) > 1e-8
 
 
@@ -249,9 +253,12 @@ def _family(group: list[Piece], maker: PieceMaker, arm: Arm, geometry: Nominal) 
     if not draft.real:
         return draft
     rng = np.random.default_rng(_SEED)
-    inside = draft.sample(_WITNESSES, rng)
-    reachability = "reachable" if len(inside) else _unreachable(draft)
-    points = inside if len(inside) else draft.points(_WITNESSES, rng)
+    inside = draft.points(_WITNESSES, rng, within_limits=True, rounds=maker.rounds())
+    if len(inside):
+        reachability = "reachable"
+    else:
+        reachability = "none found" if maker.time.over else _unreachable(draft)
+    points = inside if len(inside) else draft.points(_WITNESSES, rng, rounds=maker.rounds())
     return _described(draft, reachability, inside, points, arm, geometry, maker)
 
 

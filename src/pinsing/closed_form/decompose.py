@@ -9,8 +9,9 @@ of larger dimension, which another branch finds.
 
 from __future__ import annotations
 
+import functools
 import itertools
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -64,13 +65,22 @@ class Decomposition:
         self._rng = np.random.default_rng(_SEED)
         self._residues = Residues(ring)
         self._seen: set[object] = set()
+        self._points: dict[int, list[SlicePoint]] = {}
+        self._later: list[tuple[int, Callable[[], None]]] = []
         rows, reduced = reduce_matrix(matrix, rank, ring)
         self.bound = _bound(rows, reduced) if reduced > 0 and rows else 1
         try:
             self._matrix(rows, reduced, {}, self.bound)
+            while self._later:
+                first = min(range(len(self._later)), key=lambda i: self._later[i][0])
+                self._later.pop(first)[1]()
         except BudgetExceeded as reason:
             self.stopped = True
-            self.gaps.append(str(reason))
+            self.gaps.append(
+                f"{reason}, among sets inside {self._later[0][0]} simultaneous equations or more"
+                if self._later
+                else str(reason)
+            )
         self.components = self._irredundant(self.components)
 
     # Branches -----------------------------------------------------------------------
@@ -224,10 +234,28 @@ class Decomposition:
         Where none is, one more minor cuts the rest down by one dimension.
         """
         key = (frozenset(values.items()), frozenset(map(str, relations)))
-        room = limit - len(values) - len(relations)
-        if key in self._seen or room < 0:
+        if key in self._seen or limit < len(values) + len(relations):
             return
         self._seen.add(key)
+        if len(relations) > 2:  # what is larger, and found at less cost, first
+            run = functools.partial(
+                self._common_zeros, relations, matrix, rank, values, minors, limit
+            )
+            self._later.append((len(relations), run))
+        else:
+            self._common_zeros(relations, matrix, rank, values, minors, limit)
+
+    def _common_zeros(
+        self,
+        relations: tuple[Poly, ...],
+        matrix: Matrix,
+        rank: int,
+        values: dict[int, Value],
+        minors: Minors,
+        limit: int,
+    ) -> None:
+        """See ``_system``."""
+        room = limit - len(values) - len(relations)
         self.time.check()
         try:
             points = self._slices(relations, values)
@@ -242,7 +270,7 @@ class Decomposition:
             if missed:
                 known = [s for s in points if s not in missed]
                 stated = self._statement(relations, missed, known, minors)
-                self._emit(values, stated, False, len(values) + len(relations))
+                self._emit(values, stated, False, len(values) + len(relations), missed)
         if len(singular) == len(points) or room == 0:
             return
         if singular:
@@ -304,7 +332,7 @@ class Decomposition:
                     if not points or not all(s.rank(matrix) < rank for s in points):
                         continue
                     if all(s.transversal((h, other)) for s in points):
-                        self._emit(values, tuple(sorted((h, other), key=len)), False)
+                        self._emit(values, (h, other), False, len(values) + 2, points)
                         break
 
     def _slices(self, relations: tuple[Poly, ...], values: Mapping[int, Value]) -> list[SlicePoint]:
@@ -405,10 +433,13 @@ class Decomposition:
         relations: tuple[Poly, ...],
         proven: bool,
         codimension: int | None = None,
+        points: Sequence[SlicePoint] = (),
     ) -> None:
         if codimension is None:
-            codimension = len(values) + min(len(relations), 2)
-        self.components.append(Component(dict(values), relations, proven, codimension))
+            codimension = len(values) + len(relations)
+        ordered = tuple(sorted(relations, key=len))
+        self._points[len(self.components)] = list(points)
+        self.components.append(Component(dict(values), ordered, proven, codimension))
 
     def _covered(self, values: Mapping[int, Value], relations: tuple[Poly, ...]) -> bool:
         here = Component(dict(values), relations, True, 0)
@@ -427,11 +458,19 @@ class Decomposition:
         return True
 
     def _irredundant(self, components: list[Component]) -> list[Component]:
-        ordered = sorted(components, key=lambda c: (c.codimension, len(c.relations)))
+        """Components that lie in no other one, by division or by all of their points."""
+        order = sorted(
+            range(len(components)),
+            key=lambda i: (components[i].codimension, len(components[i].relations)),
+        )
         kept: list[Component] = []
-        for c in ordered:
-            if not any(self._inside(c, k) for k in kept):
-                kept.append(c)
+        for i in order:
+            c, points = components[i], self._points[i]
+            if any(self._inside(c, k) for k in kept):
+                continue
+            if points and all(any(self._holds(k, s) for k in kept) for s in points):
+                continue
+            kept.append(c)
         return kept
 
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from pinsing.closed_form.expression import Array, Equation
 from pinsing.closed_form.nearest import nearest
-from pinsing.closed_form.points import project, search
+from pinsing.closed_form.points import ROUNDS, project, search
 from pinsing.errors import ConfigurationError
 from pinsing.result import JsonResult
 
@@ -242,18 +242,29 @@ class Family(JsonResult):
         """
         return self.points(n, rng, within_limits=True)
 
-    def points(self, n: int, rng: np.random.Generator, within_limits: bool = False) -> Array:
-        """Like ``sample``, over whole circles unless ``within_limits``."""
+    def points(
+        self,
+        n: int,
+        rng: np.random.Generator,
+        within_limits: bool = False,
+        rounds: int = ROUNDS,
+    ) -> Array:
+        """Like ``sample``, over whole circles unless ``within_limits``.
+
+        ``rounds`` is the number of batches of random starts after which a branch is given up.
+        """
         if n <= 0 or (within_limits and self.reachability == "not reachable"):
             return np.zeros((0, self.n))
         found = np.zeros((0, self.n))
         for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
-            found = self._spread(n, rng, within_limits, widen * self.length_scale)
+            found = self._spread(n, rng, within_limits, widen * self.length_scale, rounds)
             if len(found) or within_limits or not self.prismatic.any():
                 break
         return found
 
-    def _spread(self, n: int, rng: np.random.Generator, within_limits: bool, widen: float) -> Array:
+    def _spread(
+        self, n: int, rng: np.random.Generator, within_limits: bool, widen: float, rounds: int
+    ) -> Array:
         """Up to n points, shared out among the branches."""
         lower, upper = self.box(within_limits)
         lower = np.where(self.prismatic, lower - widen, lower)
@@ -270,7 +281,7 @@ class Family(JsonResult):
                     continue
                 free = np.ones(self.n, dtype=bool)
                 free[[v.joint for v in branch.values]] = False
-                part = search(branch.equations, lower, upper, free, fixed, int(count), rng)
+                part = search(branch.equations, lower, upper, free, fixed, int(count), rng, rounds)
                 parts.append(part)
                 missing -= len(part)
                 if not len(part):

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing.closed_form.expression import Array, Equation
-from pinsing.closed_form.points import gradients, project, residuals
+from pinsing.closed_form.points import System, project, residuals
 
 _FOLLOWED = 24
 """Starts that are gone on with: the closest ones, once they are near the zero set."""
@@ -69,13 +69,14 @@ def _slide(
 ) -> Array:
     """Move points of the set (N, n) along it towards q, each step one that brings them closer."""
     x = start.copy()
+    system = System(equations)
     scale = np.where(free, 1.0 / weight, 0.0)
     gap = np.linalg.norm((x - q) * weight * free, axis=-1)
     length = np.ones(len(x))
     moving = np.arange(len(x))
     for _ in range(iterations):
         here = x[moving]
-        A = gradients(equations, here) * scale
+        A = system.gradients(here) * scale
         pinv = np.linalg.pinv(A, rcond=1e-7)
         delta = (here - q) * weight * free
         pull = np.einsum("nij,nj->ni", pinv, np.einsum("nij,nj->ni", A, delta)) - delta
@@ -110,13 +111,14 @@ def _newton(
     from q the pull overshoots: it is relaxed as long as it changes its direction.
     """
     x = starts.copy()
+    system = System(equations)
     scale = np.where(free, 1.0 / weight, 0.0)
     moving = np.arange(len(x))
     relax, before = np.ones(len(x)), np.zeros_like(x)
     for _ in range(iterations):
         here = x[moving]
-        f = residuals(equations, here)
-        A = gradients(equations, here) * scale
+        f = system.values(here)
+        A = system.gradients(here) * scale
         pinv = np.linalg.pinv(A, rcond=1e-9)
         delta = (here - q) * weight * free
         pull = np.einsum("nij,nj->ni", pinv, np.einsum("nij,nj->ni", A, delta)) - delta

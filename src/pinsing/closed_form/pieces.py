@@ -9,10 +9,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from pinsing.closed_form.budget import Budget
 from pinsing.closed_form.decompose import Component
 from pinsing.closed_form.expression import Array, Equation, equation, scale_to_lengths
 from pinsing.closed_form.family import Branch, JointValue
-from pinsing.closed_form.points import fix_joint, never_zero, proven_empty, roots_of, search
+from pinsing.closed_form.points import (
+    ROUNDS,
+    fix_joint,
+    never_zero,
+    proven_empty,
+    roots_of,
+    search,
+)
 from pinsing.closed_form.ring import Poly, Ring, Value
 from pinsing.closed_form.roots import real_roots
 from pinsing.kinematics import sigma_ratios, singular_values
@@ -54,9 +62,15 @@ class PieceMaker:
     """Turns components into pieces, for one arm."""
 
     def __init__(
-        self, geometry: Nominal, ring: Ring, rank: int, symbols: Sequence[str], seed: int
+        self,
+        geometry: Nominal,
+        ring: Ring,
+        rank: int,
+        symbols: Sequence[str],
+        seed: int,
+        time: Budget,
     ) -> None:
-        self.geometry, self.ring, self.rank = geometry, ring, rank
+        self.geometry, self.ring, self.rank, self.time = geometry, ring, rank, time
         self.symbols = tuple(symbols)
         self.rng = np.random.default_rng(seed)
         arm = geometry.arm
@@ -99,7 +113,10 @@ class PieceMaker:
         )
 
     def find(self, branch: Branch, count: int, rounds: int = 6) -> Array:
-        """Points (k, n) of a branch over whole circles, k up to ``count``."""
+        """Points (k, n) of a branch over whole circles, k up to ``count``.
+
+        Once the time is over the search is short.
+        """
         n = len(self.symbols)
         free = np.ones(n, dtype=bool)
         fixed = np.zeros(n)
@@ -107,8 +124,19 @@ class PieceMaker:
             free[v.joint] = False
             fixed[v.joint] = v.value
         return search(
-            branch.equations, self.lower, self.upper, free, fixed, count, self.rng, rounds
+            branch.equations,
+            self.lower,
+            self.upper,
+            free,
+            fixed,
+            count,
+            self.rng,
+            self.rounds(rounds),
         )
+
+    def rounds(self, wanted: int = ROUNDS) -> int:
+        """Batches of random starts that there is time for."""
+        return 1 if self.time.over else wanted
 
     def _value(self, joint: int, value: Value) -> JointValue:
         if self.ring.prismatic[joint]:
@@ -144,7 +172,7 @@ class PieceMaker:
         for v in values:
             if not v.rational:
                 put = [fix_joint(e, v.joint, v.value) for e in left]
-                left = [e for e in put if e is not None]
+                left = _distinct([e for e in put if e is not None])
         if any(not e.involved for e in left):
             return []  # a nonzero constant: this root goes with another one
         single = next((e for e in left if len(e.involved) == 1 and not e.powers.any()), None)
@@ -177,9 +205,25 @@ class PieceMaker:
             return True
         if not branch.equations or self.find(branch, 1).size:
             return False
-        if any(e.powers.any() for e in branch.equations):
+        if self.time.over or any(e.powers.any() for e in branch.equations):
             return False  # no box holds all values of a slider
         return proven_empty(branch.equations, self.lower, self.upper)
+
+
+def _distinct(equations: Sequence[Equation]) -> list[Equation]:
+    """Equations, without those that say the same as an earlier one."""
+    kept: dict[tuple[object, ...], Equation] = {}
+    for e in equations:
+        order = sorted(range(len(e.cos)), key=lambda t: (*e.frequencies[t], *e.powers[t]))
+        numbers = np.concatenate([e.cos[order], e.sin[order]])
+        largest = numbers[int(np.argmax(np.abs(numbers) > 0.999 * np.abs(numbers).max()))]
+        key = (
+            *(tuple(e.frequencies[t]) for t in order),
+            *(tuple(e.powers[t]) for t in order),
+            *np.round(numbers / largest, 9) + 0.0,
+        )
+        kept.setdefault(key, e)
+    return list(kept.values())
 
 
 def wrap(angle: float) -> float:

@@ -14,16 +14,65 @@ _ON = 1e-13
 """A residual this small, relative to the sum of an equation's coefficients, is zero."""
 _TOUCHING = 1e-12
 _BOXES = 40_000
+ROUNDS = 12
+"""Batches of random starts before a search gives up."""
+
+
+class System:
+    """Several equations at once, each over the sum of its coefficients.
+
+    Their terms share sines and cosines, which are computed once.
+
+    Parameters
+    ----------
+    equations : sequence of k Equation
+        At least one.
+    """
+
+    def __init__(self, equations: Sequence[Equation]) -> None:
+        self._equations = tuple(equations)
+        self._sliding = any(e.powers.any() for e in equations)
+        if self._sliding:
+            return
+        # Links turned about their axes: each equation may count its angles from elsewhere.
+        angles = np.concatenate([e.frequencies for e in equations])
+        phases = np.concatenate([e.frequencies @ e.shift / 2 for e in equations])
+        cos = np.concatenate([e.cos / e.size for e in equations])
+        sin = np.concatenate([e.sin / e.size for e in equations])
+        of = np.repeat(np.arange(len(equations)), [len(e.cos) for e in equations])
+        unique, index = np.unique(angles, axis=0, return_inverse=True)
+        index = index.reshape(-1)
+        self._rate = unique / 2
+        self._cos = np.zeros((len(unique), len(equations)))
+        self._sin = np.zeros((len(unique), len(equations)))
+        c, s = np.cos(phases), np.sin(phases)
+        np.add.at(self._cos, (index, of), cos * c + sin * s)
+        np.add.at(self._sin, (index, of), sin * c - cos * s)
+
+    def values(self, q: Array) -> Array:
+        """Values at q (N, n): (N, k)."""
+        if self._sliding:
+            return np.stack([e(q) / e.size for e in self._equations], axis=-1)
+        phase = q @ self._rate.T
+        return np.asarray(np.cos(phase) @ self._cos + np.sin(phase) @ self._sin)
+
+    def gradients(self, q: Array) -> Array:
+        """Derivatives at q (N, n): (N, k, n)."""
+        if self._sliding:
+            return np.stack([e.gradient(q) / e.size for e in self._equations], axis=-2)
+        phase = q @ self._rate.T
+        by_phase = np.cos(phase)[:, None, :] * self._sin.T - np.sin(phase)[:, None, :] * self._cos.T
+        return np.asarray(by_phase @ self._rate)
 
 
 def residuals(equations: Sequence[Equation], q: Array) -> Array:
     """Values of the equations at q (N, n), each over the sum of its coefficients: (N, k)."""
-    return np.stack([e(q) / e.size for e in equations], axis=-1)
+    return System(equations).values(q)
 
 
 def gradients(equations: Sequence[Equation], q: Array) -> Array:
     """Gradients of what ``residuals`` returns: (N, k, n)."""
-    return np.stack([e.gradient(q) / e.size for e in equations], axis=-2)
+    return System(equations).gradients(q)
 
 
 def project(
@@ -45,10 +94,11 @@ def project(
     q = np.array(start, dtype=float)
     if not equations or not len(q):
         return q, np.ones(len(q), dtype=bool)
+    system = System(equations)
     best, least = q.copy(), np.full(len(q), np.inf)
     left = np.arange(len(q))
     for iteration in range(iterations + 1):
-        f = residuals(equations, q[left])
+        f = system.values(q[left])
         worst = np.abs(f).max(axis=-1)
         # Where gradients nearly vanish a step may lead away again: the best is kept.
         better = worst < least[left]
@@ -56,7 +106,7 @@ def project(
         left, f = left[worst > _ON], f[worst > _ON]
         if not len(left) or iteration == iterations:
             break
-        A = gradients(equations, q[left]) * free
+        A = system.gradients(q[left]) * free
         step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=1e-10), f)
         size = np.linalg.norm(step, axis=-1, keepdims=True)
         q[left] += step * np.minimum(1.0, 0.7 / np.maximum(size, 1e-300))
@@ -71,7 +121,7 @@ def search(
     fixed: Array,
     count: int,
     rng: np.random.Generator,
-    rounds: int = 12,
+    rounds: int = ROUNDS,
 ) -> Array:
     """Points of the zero set inside a box: (k, n) with k up to ``count``.
 
@@ -91,7 +141,7 @@ def search(
         q, ok = project(equations, q, free)
         for _ in range(12):  # back into the box, and onto the set again
             inside = ((q >= lower - 1e-12) & (q <= upper + 1e-12) | ~free).all(axis=-1)
-            out = np.flatnonzero(~(ok & inside))
+            out = np.flatnonzero(ok & ~inside)
             if not len(out):
                 break
             clipped = np.where(free, np.clip(q[out], lower, upper), q[out])

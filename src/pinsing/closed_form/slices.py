@@ -20,6 +20,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+
 from pinsing.closed_form.columns import Matrix
 from pinsing.closed_form.prime_field import (
     WORD_PRIME,
@@ -191,13 +192,17 @@ def _points_on(
             fixed[names[v]] = residue(known[k], WORD_PRIME) if known else _random(rng)
             images.append(free.constant(fixed[names[v]]))
     on_slice = [residues.of(f).compose(*images, ctx=free) for f in polys]
+    circles = {  # where x^2 + y^2 = 0 no angle is meant
+        i: sum(x * x for x in coordinates(i, free.gens()[i]))
+        for i, j in enumerate(chosen)
+        if not ring.prismatic[j]
+    }
     points = []
-    for zero in zeros(on_slice, range(len(chosen)), rng, check):
-        at = [coordinates(i, zero.at[i]) for i in range(len(chosen))]
-        if any(len(c) == 2 and (c[0] ** 2 + c[1] ** 2).is_zero() for c in at):
-            continue  # no angle is meant
+    for zero in zeros(on_slice, range(len(chosen)), circles, rng, check):
         solved = {
-            v: x for j, c in zip(chosen, at, strict=True) for v, x in zip(ring.variables(j), c)
+            v: x
+            for i, j in enumerate(chosen)
+            for v, x in zip(ring.variables(j), coordinates(i, zero.at[i]), strict=True)
         }
         points.append(SlicePoint(residues, fixed, zero.field, solved))
     return points

@@ -21,6 +21,10 @@ from pinsing.closed_form.prime_field import WORD_PRIME, modular_context
 _ATTEMPTS = 4
 _LARGEST_DEGREE = 3_000
 """Of an eliminant; beyond, its factors take seconds."""
+_MOST_TERMS = 10_000
+"""Of a resultant."""
+_SLOWNESS = 8.0
+"""Term products that one of a resultant costs."""
 
 
 class Undecided(Exception):
@@ -46,6 +50,7 @@ class Zero:
 def zeros(
     polys: Sequence[Any],
     variables: Sequence[int],
+    nonzero: Mapping[int, Any],
     rng: np.random.Generator,
     check: Callable[[float], None],
 ) -> list[Zero]:
@@ -58,6 +63,8 @@ def zeros(
         other variables than ``variables`` occur.
     variables : sequence of int
         Their indices.
+    nonzero : mapping of int to nmod_mpoly
+        Polynomials in one variable each; their zeros are not wanted.
     rng : Generator
         For combinations of the polynomials.
     check : callable
@@ -75,20 +82,22 @@ def zeros(
     if not variables:
         return [Zero(_field(), {})]
     having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
-    if not all(having.values()):
-        raise Undecided  # a variable that nothing holds
     v = min(variables, key=lambda v: (len(having[v]), sum(f.degrees()[v] for f in having[v])))
     rest = [u for u in variables if u != v]
+    if not having[v]:  # none, or as many as there are values of v
+        if zeros(polys, rest, nonzero, rng, check):
+            raise Undecided
+        return []
     if len(variables) == 1:
-        below = zeros([], [], rng, check)
+        below = zeros([], [], nonzero, rng, check)
     elif len(having[v]) == 1:
-        below = zeros([f for f in polys if f is not having[v][0]], rest, rng, check)
+        below = zeros([f for f in polys if f is not having[v][0]], rest, nonzero, rng, check)
     else:
-        below = _eliminated(polys, having[v], v, rest, rng, check)
+        below = _eliminated(polys, having[v], v, rest, nonzero, rng, check)
     found = []
     for zero in below:
         check(0.0)
-        found += _above(zero, having[v], v)
+        found += [z for z in _above(zero, having[v], v) if _wanted(z, nonzero, v)]
     return found
 
 
@@ -97,6 +106,7 @@ def _eliminated(
     having: Sequence[Any],
     v: int,
     rest: Sequence[int],
+    nonzero: Mapping[int, Any],
     rng: np.random.Generator,
     check: Callable[[float], None],
 ) -> list[Zero]:
@@ -104,35 +114,58 @@ def _eliminated(
     free = [f for f in polys if f.degrees()[v] == 0]
     ordered = sorted(having, key=lambda f: (f.degrees()[v], len(f)))
     try:
-        return zeros([*free, *_resultants(ordered, v, check)], rest, rng, check)
+        return zeros([*free, *_resultants(ordered, v, nonzero, check)], rest, nonzero, rng, check)
     except Undecided:
         if len(having) < 3:
             raise
     # Over a whole curve the pivot may share one root with one of the others, and another with
     # the next. Not so where they are mixed.
     mixed = [_mix(having, rng) for _ in having]
-    return zeros([*free, *_resultants(mixed, v, check)], rest, rng, check)
+    return zeros([*free, *_resultants(mixed, v, nonzero, check)], rest, nonzero, rng, check)
 
 
 def _mix(polys: Sequence[Any], rng: np.random.Generator) -> Any:
     return sum(f * int(rng.integers(1, WORD_PRIME)) for f in polys)
 
 
-def _resultants(polys: Sequence[Any], v: int, check: Callable[[float], None]) -> list[Any]:
-    """Resultants with the first, and one more where there are more: it rules out most of the
-    zeros of the resultants' own making."""
+def _resultants(
+    polys: Sequence[Any], v: int, nonzero: Mapping[int, Any], check: Callable[[float], None]
+) -> list[Any]:
+    """Resultants with the first polynomial, and one more where there are three or more.
+
+    It rules out most of the zeros of the resultants' own making.
+    """
     pairs = [(polys[0], f) for f in polys[1:]]
     if len(polys) > 2:
         pairs.append((polys[1], polys[2]))
     out = []
     for pivot, f in pairs:
         a, b = ([int(d) for d in g.degrees()] for g in (pivot, f))
-        into = [a[v] * b[u] + b[v] * a[u] for u in range(len(a)) if u != v]
-        if max(into, default=0) > _LARGEST_DEGREE:
+        into = [1.0 + a[v] * b[u] + b[v] * a[u] for u in range(len(a)) if u != v]
+        terms = float(np.prod(into))
+        if max(into, default=0) > _LARGEST_DEGREE or terms > _MOST_TERMS:
             raise Undecided
-        check(float(np.prod([1.0 + d for d in into if d])) * (a[v] + b[v]) ** 2)
-        out.append(pivot.resultant(f, pivot.context().names()[v]))
+        check(_SLOWNESS * terms * (a[v] + b[v]) ** 2)
+        out.append(_without(pivot.resultant(f, pivot.context().names()[v]), nonzero))
     return out
+
+
+def _without(poly: Any, nonzero: Mapping[int, Any]) -> Any:
+    """A polynomial without the factors whose zeros are not wanted."""
+    for w in nonzero.values():
+        while poly != 0:
+            quotient, rest = divmod(poly, w)
+            if rest != 0:
+                break
+            poly = quotient
+    return poly
+
+
+def _wanted(zero: Zero, nonzero: Mapping[int, Any], v: int) -> bool:
+    if v not in nonzero:
+        return True
+    over = fq_default_poly_ctx(zero.field)
+    return not _at(nonzero[v], Zero(zero.field, {}), v, over)(zero.at[v]).is_zero()
 
 
 def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
