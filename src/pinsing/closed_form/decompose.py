@@ -11,8 +11,8 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -53,6 +53,19 @@ class Component:
     codimension: int
 
 
+_State = Callable[[list[SlicePoint], list[SlicePoint]], tuple[Poly, ...]]
+"""From points that are meant, and points that are not, to equations."""
+
+
+@dataclass(frozen=True)
+class _Backing:
+    """What a system of equations was made of: its points, others near by, and how."""
+
+    points: list[SlicePoint]
+    others: list[SlicePoint]
+    state: _State | None
+
+
 class Decomposition:
     """Runs the search and collects components, and what stopped it where it did not finish."""
 
@@ -65,7 +78,7 @@ class Decomposition:
         self._rng = np.random.default_rng(_SEED)
         self._residues = Residues(ring)
         self._seen: set[object] = set()
-        self._points: dict[int, list[SlicePoint]] = {}
+        self._backing: dict[int, _Backing] = {}
         self._later: list[tuple[int, Callable[[], None]]] = []
         rows, reduced = reduce_matrix(matrix, rank, ring)
         self.bound = _bound(rows, reduced) if reduced > 0 and rows else 1
@@ -269,8 +282,15 @@ class Decomposition:
             missed = [s for s in singular if not any(self._holds(c, s) for c in self.components)]
             if missed:
                 known = [s for s in points if s not in missed]
-                stated = self._statement(relations, missed, known, minors)
-                self._emit(values, stated, False, len(values) + len(relations), missed)
+                state = functools.partial(self._statement, relations, minors=minors)
+                codimension = len(values) + len(relations)
+                self._emit(
+                    values,
+                    state(missed, known),
+                    False,
+                    codimension,
+                    _Backing(missed, known, state),
+                )
         if len(singular) == len(points) or room == 0:
             return
         if singular:
@@ -332,7 +352,7 @@ class Decomposition:
                     if not points or not all(s.rank(matrix) < rank for s in points):
                         continue
                     if all(s.transversal((h, other)) for s in points):
-                        self._emit(values, (h, other), False, len(values) + 2, points)
+                        self._emit(values, (h, other), False, backing=_Backing(points, [], None))
                         break
 
     def _slices(self, relations: tuple[Poly, ...], values: Mapping[int, Value]) -> list[SlicePoint]:
@@ -433,12 +453,13 @@ class Decomposition:
         relations: tuple[Poly, ...],
         proven: bool,
         codimension: int | None = None,
-        points: Sequence[SlicePoint] = (),
+        backing: _Backing | None = None,
     ) -> None:
         if codimension is None:
             codimension = len(values) + len(relations)
         ordered = tuple(sorted(relations, key=len))
-        self._points[len(self.components)] = list(points)
+        if backing is not None:
+            self._backing[len(self.components)] = backing
         self.components.append(Component(dict(values), ordered, proven, codimension))
 
     def _covered(self, values: Mapping[int, Value], relations: tuple[Poly, ...]) -> bool:
@@ -458,20 +479,38 @@ class Decomposition:
         return True
 
     def _irredundant(self, components: list[Component]) -> list[Component]:
-        """Components that lie in no other one, by division or by all of their points."""
+        """Components that lie in no other one, by division or by all of their points.
+
+        Where a system has some of its points in common with others, it is stated again by the
+        rest of them.
+        """
         order = sorted(
             range(len(components)),
             key=lambda i: (components[i].codimension, len(components[i].relations)),
         )
         kept: list[Component] = []
         for i in order:
-            c, points = components[i], self._points[i]
+            c = components[i]
             if any(self._inside(c, k) for k in kept):
                 continue
-            if points and all(any(self._holds(k, s) for k in kept) for s in points):
-                continue
+            backing = self._backing.get(i)
+            if backing is not None:
+                held = [s for s in backing.points if any(self._holds(k, s) for k in kept)]
+                if len(held) == len(backing.points):
+                    continue
+                if held and backing.state is not None:
+                    own = [s for s in backing.points if s not in held]
+                    c = self._again(c, backing.state, own, [*backing.others, *held])
             kept.append(c)
         return kept
+
+    def _again(
+        self, c: Component, state: _State, own: list[SlicePoint], others: list[SlicePoint]
+    ) -> Component:
+        try:
+            return replace(c, relations=state(own, others))
+        except BudgetExceeded:
+            return c
 
 
 def _bound(matrix: Matrix, rank: int) -> int:

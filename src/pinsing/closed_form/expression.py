@@ -202,6 +202,8 @@ def format_angle(radians: float, latex: bool = False) -> str:
     """Degrees with as many digits as tell anything: ``90°``, ``-11.537°``."""
     degrees = math.degrees(radians)
     shown = round(degrees, 4)
+    if shown == 0 and abs(degrees) > 1e-9:  # small, and there
+        shown = float(f"{degrees:.2g}")
     text = f"{shown:.10g}" if shown != 0 else "0"
     return text + (r"^\circ" if latex else "°")
 

@@ -1,0 +1,131 @@
+"""Common zeros modulo a prime: all of them, and nothing else."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import operator
+
+import numpy as np
+import pytest
+
+from pinsing.closed_form.budget import Budget, BudgetExceeded
+from pinsing.closed_form.prime_field import WORD_PRIME, modular_context
+from pinsing.closed_form.zeros import Undecided, Zero, zeros
+
+NAMES = "xyzu"
+
+
+def ring(k):
+    return modular_context(tuple(NAMES[:k]), WORD_PRIME)
+
+
+def random_poly(degrees, rng):
+    """All monomials up to these degrees, with random coefficients."""
+    context = ring(len(degrees))
+    terms = {
+        m: int(rng.integers(1, WORD_PRIME))
+        for m in itertools.product(*(range(d + 1) for d in degrees))
+    }
+    return context.from_dict(terms)
+
+
+def solve(polys, nonzero=None, check=lambda products: None):
+    k = len(polys[0].degrees())
+    return zeros(polys, range(k), nonzero or {}, np.random.default_rng(0), check)
+
+
+def value(poly, zero: Zero):
+    total = zero.field.zero()
+    for monomial, c in poly.to_dict().items():
+        powers = [zero.at[v] ** int(e) for v, e in enumerate(monomial)]
+        total += zero.field(int(c)) * functools.reduce(operator.mul, powers)
+    return total
+
+
+def count(found):
+    return sum(z.field.degree() for z in found)
+
+
+@pytest.mark.parametrize(
+    ("degrees", "expected"),
+    [
+        ([(3,)], 3),
+        ([(2, 2), (2, 2)], 8),
+        ([(1, 3), (2, 1)], 7),
+        ([(2, 2, 2)] * 3, 48),  # mixed volume: 3! times 2 * 2 * 2
+        ([(1, 2, 1), (1, 1, 1), (2, 1, 1)], 11),  # permanent of the degrees
+        ([(2, 0, 0), (2, 2, 0), (2, 2, 2)], 8),
+        ([(1, 1, 1, 1)] * 4, 24),
+        ([(2, 0, 0, 0), (0, 2, 0, 0), (2, 2, 2, 0), (0, 2, 2, 2)], 16),
+    ],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_as_many_as_there_are(degrees, expected, seed):
+    rng = np.random.default_rng(seed)
+    polys = [random_poly(d, rng) for d in degrees]
+    found = solve(polys)
+    assert count(found) == expected
+    assert all(value(p, z).is_zero() for p in polys for z in found)
+    assert not any(value(random_poly(degrees[0], rng), z).is_zero() for z in found)
+
+
+def test_two_values_over_one():
+    """The second variable is not a function of the first: larger fields, or two zeros."""
+    x, y = ring(2).gens()
+    for constant in (2, 3, 5, 7, 11, 13):
+        p, g = x**3 - x - constant, y**2 - constant * x
+        found = solve([p, g])
+        assert count(found) == 6
+        assert all(value(f, z).is_zero() for f in (p, g) for z in found)
+
+
+def test_one_equation_more_than_variables():
+    rng = np.random.default_rng(4)
+    p, g = random_poly((2, 2), rng), random_poly((2, 2), rng)
+    x, y = ring(2).gens()
+    assert solve([p, g, random_poly((1, 1), rng)]) == []
+    assert count(solve([p * x + g, g * y + p, p + g])) == 8
+
+
+def test_unwanted_zeros_are_left_out():
+    x, y, z = ring(3).gens()
+    circle = x * x + 1
+    p = circle * (y - 2) + x * (y - 5)
+    assert count(solve([p, y * z - 3, x * z - 7], {0: circle})) == count(
+        [s for s in solve([p, y * z - 3, x * z - 7]) if not value(circle, s).is_zero()]
+    )
+    # A whole line of unwanted ones does not hide the others.
+    found = solve(
+        [(x - 1) * z - (x * x + 1), (x - 1) * (y - 4) + circle * z, circle * y], {0: circle}
+    )
+    assert all(value(y, s).is_zero() for s in found)
+    assert count(found) > 0
+
+
+def test_none_where_two_equations_contradict_each_other():
+    x, y, z = ring(3).gens()
+    assert solve([z * z - 2, z * z - 3, x * y * z - 1]) == []
+    assert solve([ring(1).constant(5)]) == []
+
+
+def test_infinitely_many_are_said():
+    x, y, z = ring(3).gens()
+    for polys in ([x * y, x * (y - 1), z - 1], [x - y, 2 * x - 2 * y, z], [x, x * y, x * z]):
+        with pytest.raises(Undecided):
+            solve(polys)
+    with pytest.raises(Undecided):
+        solve([x - 1, ring(3).constant(0), y])
+
+
+def test_what_is_too_large_is_said_at_once():
+    rng = np.random.default_rng(5)
+    with pytest.raises(Undecided):
+        solve([random_poly((6, 6, 6), rng) for _ in range(3)])
+
+
+def test_the_time_is_asked():
+    spent = Budget(1e-9)
+    rng = np.random.default_rng(6)
+    with pytest.raises(BudgetExceeded):
+        solve([random_poly((2, 2), rng) for _ in range(2)], check=spent.check)
