@@ -23,16 +23,17 @@ branching before the end (from every branching, where the whole is longer). The 
 """
 
 WHY = {
-    "A": ("sets of codimension", "redundant chains of 8 or 9 joints: sets with three conditions or "
-          "more, inside two polynomials that are not solved together, are not searched"),
-    "B": ("a slice could not be told", "a common zero of two long polynomials is not accurate "
-          "enough to judge the rank there"),
+    "A": ("equations were not told apart", "redundant chains: some common zeros of several "
+          "polynomials are more than can be told apart"),
+    "B": ("were not searched", "sets inside the regular part of equations that have a singular "
+          "part too are not searched"),
     "C": ("equations hold at regular", "a set was found whose equations also hold elsewhere; it is "
           "left out rather than stated wrongly"),
     "D": ("mimic joints inside the chain", "the algebra does not follow mimic joints; sweep, "
           "states and maps do"),
     "E": ("time budget", "the algebra did not end in time"),
     "F": ("too long to factor", "a polynomial was too long"),
+    "G": ("no single minor", "no minor was found that cuts all of several polynomials' zeros"),
 }  # fmt: skip
 
 REFUSED = {

@@ -82,16 +82,18 @@ class Decomposition:
         self._later: list[tuple[int, Callable[[], None]]] = []
         rows, reduced = reduce_matrix(matrix, rank, ring)
         self.bound = _bound(rows, reduced) if reduced > 0 and rows else 1
+        depth = 0
         try:
             self._matrix(rows, reduced, {}, self.bound)
             while self._later:
                 first = min(range(len(self._later)), key=lambda i: self._later[i][0])
-                self._later.pop(first)[1]()
+                depth, run = self._later.pop(first)
+                run()
         except BudgetExceeded as reason:
             self.stopped = True
             self.gaps.append(
-                f"{reason}, among sets inside {self._later[0][0]} simultaneous equations or more"
-                if self._later
+                f"{reason} among sets inside {depth} simultaneous equations or more"
+                if depth
                 else str(reason)
             )
         self.components = self._irredundant(self.components)
@@ -378,11 +380,9 @@ class Decomposition:
             if any(self.ring.divides(r, minor) for r in stated):
                 continue
             whole = [f for f in self._factors(minor) if all(s.is_zero(f) for s in singular)]
-            stated.append(
-                min(whole, key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
-                if whole
-                else minor
-            )
+            if len(whole) > 1:
+                whole.sort(key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
+            stated.append(whole[0] if whole else minor)
         return tuple(sorted(stated, key=len))
 
     def _holds(self, component: Component, point: SlicePoint) -> bool:
