@@ -29,8 +29,8 @@ WHY = {
           "part too are not searched"),
     "C": ("equations hold at regular", "a set was found whose equations also hold elsewhere; it is "
           "left out rather than stated wrongly"),
-    "D": ("mimic joints inside the chain", "the algebra does not follow mimic joints; sweep, "
-          "states and maps do"),
+    "D": ("does not follow a mimic joint", "a mimic joint follows by what is no small integer; "
+          "sweep, states and maps follow it"),
     "E": ("time budget", "the algebra did not end in time"),
     "F": ("too long to factor", "a polynomial was too long"),
     "G": ("no single minor", "no minor was found that cuts all of several polynomials' zeros"),

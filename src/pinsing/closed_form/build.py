@@ -14,6 +14,7 @@ from pinsing.closed_form.columns import constants, jacobian_matrix
 from pinsing.closed_form.decompose import Decomposition
 from pinsing.closed_form.expression import Array, Equation
 from pinsing.closed_form.family import Branch, Family
+from pinsing.closed_form.followers import NotFollowed, drives
 from pinsing.closed_form.join import mirror_key, statement
 from pinsing.closed_form.pieces import Piece, PieceMaker
 from pinsing.closed_form.points import gradients, proven_empty
@@ -24,6 +25,7 @@ from pinsing.kinematics import generic_rank
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
+from pinsing.robot.snap import Snap
 from pinsing.robot.summary import ArmSummary, summarize
 from pinsing.robot.surd import Surd
 from pinsing.second_order import second_order
@@ -151,13 +153,9 @@ def closed_form(
     families: list[Family] = []
     gaps: list[str] = []
     dropped = 0
-    if arm.coupling is not None:
-        gaps.append("mimic joints inside the chain are not covered by the algebra")
-    elif arm.n > MAX_JOINTS:
-        gaps.append(
-            f"the algebra is for at most {MAX_JOINTS} joints and the chain has {arm.n}: "
-            "choose a shorter one with another base, or fewer joints"
-        )
+    obstacle, moved = _obstacle(geometry)
+    if obstacle is not None:
+        gaps.append(obstacle)
     elif arm.n > 0 and rank > 0:
         ring, search = _search(geometry, arm, rank, seconds)
         if search.stopped and not ring.rational:
@@ -187,10 +185,24 @@ def closed_form(
         fully_decomposed=all(len(b.equations) <= 1 for f in families for b in f.branches),
         gaps=tuple(gaps),
         dropped=dropped,
-        snaps=tuple(str(s) for s in geometry.snaps),
+        snaps=tuple(str(s) for s in (*geometry.snaps, *moved)),
         jacobian_change=geometry.jacobian_change,
         seconds=time.monotonic() - started,
     )
+
+
+def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
+    """What keeps the algebra from an arm, and what its mimic joints' offsets were moved by."""
+    try:
+        _, moved = drives(geometry)
+    except NotFollowed as reason:
+        return f"the algebra does not follow a mimic joint in the chain: {reason}", ()
+    if geometry.arm.n > MAX_JOINTS:
+        return (
+            f"the algebra is for at most {MAX_JOINTS} joints and the chain has "
+            f"{geometry.arm.n}: choose a shorter one with another base, or fewer joints"
+        ), ()
+    return None, moved
 
 
 def _search(geometry: Nominal, arm: Arm, rank: int, seconds: float) -> tuple[Ring, Decomposition]:
@@ -198,7 +210,7 @@ def _search(geometry: Nominal, arm: Arm, rank: int, seconds: float) -> tuple[Rin
     numbers = constants(geometry, arm.task)
     # With square roots only half of the time, so that some is left to do without.
     time_left = Budget(seconds / 2 if any(isinstance(x, Surd) for x in numbers) else seconds)
-    ring = ring_of(geometry.prismatic, numbers, time_left)
+    ring = ring_of(tuple(bool(p) for p in arm.prismatic), numbers, time_left)
     matrix = jacobian_matrix(geometry, ring, arm.task)
     return ring, Decomposition(matrix, rank, ring, time_left)
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from pinsing.closed_form.budget import Budget
+from pinsing.closed_form.followers import Drive, drives
 from pinsing.closed_form.ring import Monomial, Poly, Ring
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import Exact
@@ -50,6 +51,7 @@ class _Chain:
     def __init__(self, geometry: Nominal, ring: Ring) -> None:
         self.ring, self.geometry = ring, geometry
         self.n = len(geometry.prismatic)
+        self.drives, _ = drives(geometry)
 
     def placed(self, i: int) -> Pose:
         """Constant placement C_i."""
@@ -58,15 +60,24 @@ class _Chain:
         return Pose(R, [number(x) for x in self.geometry.translation[i]], self.ring.one)
 
     def moved(self, j: int) -> Pose:
-        """Motion M_j of joint j."""
+        """Motion M_j of joint j of the chain."""
         one, zero = self.ring.one, self.ring.zero
-        gens = self.ring.context.gens()
-        v = self.ring.variables(j)
-        if self.ring.prismatic[j]:
+        gens, number = self.ring.context.gens(), self.ring.number
+        drive = self.drives[j]
+        v = self.ring.variables(drive.leader)
+        if self.geometry.prismatic[j]:
             eye = [[one if a == b else zero for b in range(3)] for a in range(3)]
-            return Pose(eye, [zero, zero, gens[v[0]]], one)
-        x, y = gens[v[0]], gens[v[1]]
-        c, s, w = x * x - y * y, 2 * x * y, x * x + y * y
+            along = gens[v[0]] * number(drive.multiple) + number(drive.shift)
+            return Pose(eye, [zero, zero, along], one)
+        c, s, w = one, zero, one
+        if drive.multiple:  # one that stands still may have a leader of any kind
+            x, y = gens[v[0]], gens[v[1]]
+            y = y if drive.multiple > 0 else -y
+            once = x * x - y * y, 2 * x * y, x * x + y * y
+            for _ in range(abs(int(drive.multiple))):
+                c, s, w = c * once[0] - s * once[1], c * once[1] + s * once[0], w * once[2]
+        a, b = (number(value) for value in drive.turn)
+        c, s = self.ring.reduce(c * a - s * b), self.ring.reduce(c * b + s * a)
         return Pose([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
 
     def compose(self, a: Pose, b: Pose) -> Pose:
@@ -107,27 +118,41 @@ def _in_base(task: Task) -> bool:
 
 
 def constants(geometry: Nominal, task: Task) -> list[Exact]:
-    """The numbers of the geometry that the task Jacobian has in it, up to its rank."""
+    """The numbers of the geometry that the task Jacobian has in it, up to its rank.
+
+    Raises
+    ------
+    NotFollowed
+        If a mimic joint in the chain cannot be written in polynomials.
+    """
     first = 0 if _in_base(task) else 1
-    return [x for R in geometry.rotation[first:] for row in R for x in row]
+    placed = [x for R in geometry.rotation[first:] for row in R for x in row]
+    return placed + [x for drive in drives(geometry)[0] for x in drive.turn]
 
 
 def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
     """Task Jacobian as polynomials, up to nonzero row operations and column factors.
 
     The reference point is moved into the chain only for the full pose, and the axes only
-    for the full pose, position and orientation: elsewhere the rank depends on them.
+    for the full pose, position and orientation: elsewhere the rank depends on them. A joint
+    with mimic joints in the chain has the sum of their columns, by the chain rule.
+
+    Raises
+    ------
+    NotFollowed
+        If a mimic joint in the chain cannot be written in polynomials.
     """
     chain = _Chain(geometry, ring)
     frames, base, tip = chain.joint_frames(chain.n // 2, _in_base(task))
     at_tip = task.name != "pose" and any(r < 3 for r in task.rows)
     zero = ring.zero
-    columns = []
+    by_leader: dict[int, list[tuple[Drive, list[Poly], Poly]]] = {}
     for j, frame in enumerate(frames):
         z = [row[2] for row in frame.R]  # over frame.d
-        if ring.prismatic[j]:
-            v, w = [x * ring.one for x in z], [zero] * 3
+        if geometry.prismatic[j]:
+            v, w, scale = [x * ring.one for x in z], [zero] * 3, frame.d
         else:
+            scale = frame.d * frame.d * (tip.d if at_tip else ring.one)
             if at_tip:  # lever from the joint to the tip, over frame.d * tip.d
                 lever = [t * frame.d - p * tip.d for t, p in zip(tip.p, frame.p, strict=True)]
                 w = [x * frame.d * tip.d for x in z]
@@ -140,8 +165,23 @@ def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
             v = [_dot(row, v, ring) for row in Rt]
             w = [_dot(row, w, ring) for row in Rt]
         six = v + w
-        columns.append(_primitive([six[r] for r in task.rows], ring))
+        drive = chain.drives[j]
+        by_leader.setdefault(drive.leader, []).append((drive, [six[r] for r in task.rows], scale))
+    columns = [_primitive(_summed(by_leader[a], ring), ring) for a in sorted(by_leader)]
     return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _summed(parts: Sequence[tuple[Drive, list[Poly], Poly]], ring: Ring) -> list[Poly]:
+    """Column of a joint and its followers, each over a scale of its own, up to a factor."""
+    if len(parts) == 1:
+        return parts[0][1]
+    total = [ring.zero] * len(parts[0][1])
+    for i, (drive, column, _) in enumerate(parts):
+        factor = ring.number(drive.multiple)
+        for k, (_, _, scale) in enumerate(parts):
+            factor = factor * scale if k != i else factor
+        total = [ring.reduce(t + x * factor) for t, x in zip(total, column, strict=True)]
+    return total
 
 
 def _cross(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> list[Poly]:

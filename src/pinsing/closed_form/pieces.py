@@ -13,6 +13,7 @@ from pinsing.closed_form.budget import Budget
 from pinsing.closed_form.decompose import Component
 from pinsing.closed_form.expression import Array, Equation, equation, scale_to_lengths
 from pinsing.closed_form.family import Branch, JointValue
+from pinsing.closed_form.followers import own_offsets
 from pinsing.closed_form.points import (
     ROUNDS,
     fix_joint,
@@ -72,6 +73,7 @@ class PieceMaker:
     ) -> None:
         self.geometry, self.ring, self.rank, self.time = geometry, ring, rank, time
         self.symbols = tuple(symbols)
+        self.offset = own_offsets(geometry)
         self.rng = np.random.default_rng(seed)
         arm = geometry.arm
         flat = [float(x) for row in geometry.translation for x in row]
@@ -142,7 +144,7 @@ class PieceMaker:
         if self.ring.prismatic[joint]:
             return JointValue(joint, float(value[0]), True)
         x, y = (float(v) for v in value)
-        angle = 2 * math.atan2(y, x) - float(self.geometry.offset[joint])
+        angle = 2 * math.atan2(y, x) - float(self.offset[joint])
         return JointValue(joint, wrap(angle), True)
 
     def _roots(self, poly: Poly) -> list[JointValue]:
@@ -154,11 +156,11 @@ class PieceMaker:
         real = real_roots(poly, variables[-1], self.ring)
         if self.ring.prismatic[joint]:
             return [JointValue(joint, t, False) for t in real]
-        offset = float(self.geometry.offset[joint])
+        offset = float(self.offset[joint])
         return [JointValue(joint, wrap(2 * math.atan(t) - offset), False) for t in real]
 
     def _equation(self, poly: Poly) -> Equation:
-        made = equation(poly, self.ring, self.symbols, self.geometry.offset)
+        made = equation(poly, self.ring, self.symbols, self.offset)
         return scale_to_lengths(made, self.lengths)
 
     def _branches(
