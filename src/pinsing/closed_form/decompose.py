@@ -5,6 +5,11 @@ at most (rows - r + 1)(columns - r + 1) (Eagon and Northcott, 1962). So the sear
 on factors of the minors, puts joint values in as soon as a factor fixes one, and leaves a
 branch whose codimension has passed the bound: whatever is left there lies on a component
 of larger dimension, which another branch finds.
+
+Where several equations are left that fix no joint, generic points of their common zeros say
+whether these are singular. If they are, they are a component; if not, a minor that vanishes
+on none of them is one equation more. Such sets are small and take long: they come last, those
+with the fewest equations first.
 """
 
 from __future__ import annotations
@@ -12,12 +17,12 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pinsing.closed_form.budget import Budget, BudgetExceeded
 from pinsing.closed_form.columns import Matrix, reduce_matrix
+from pinsing.closed_form.components import Backing, Component, Found
 from pinsing.closed_form.minors import Minors
 from pinsing.closed_form.ring import Poly, Ring, Value
 from pinsing.closed_form.slices import Residues, SlicePoint, slice_points
@@ -30,55 +35,18 @@ _RESULTANT_TERMS = 2_000
 """Largest product of term counts for which a symbolic resultant is tried."""
 
 
-@dataclass(frozen=True)
-class Component:
-    """Where rank drops: joints at exact values, and polynomials that vanish.
-
-    Attributes
-    ----------
-    values : mapping of joint to Value
-        Exact joint values.
-    relations : tuple of Poly
-        Polynomials in the other joints; one, or a system of several.
-    proven : bool
-        Whether every minor was shown to vanish there by division (else at random points, in
-        exact arithmetic modulo a prime).
-    codimension : int
-        Complex codimension.
-    """
-
-    values: Mapping[int, Value]
-    relations: tuple[Poly, ...]
-    proven: bool
-    codimension: int
-
-
-_State = Callable[[list[SlicePoint], list[SlicePoint]], tuple[Poly, ...]]
-"""From points that are meant, and points that are not, to equations."""
-
-
-@dataclass(frozen=True)
-class _Backing:
-    """What a system of equations was made of: its points, others near by, and how."""
-
-    points: list[SlicePoint]
-    others: list[SlicePoint]
-    state: _State | None
-
-
 class Decomposition:
     """Runs the search and collects components, and what stopped it where it did not finish."""
 
     def __init__(self, matrix: Matrix, rank: int, ring: Ring, time: Budget) -> None:
         self.ring = ring
         self.time = time
-        self.components: list[Component] = []
+        self._found = Found(ring)
         self.gaps: list[str] = []
         self.stopped = False
         self._rng = np.random.default_rng(_SEED)
         self._residues = Residues(ring)
         self._seen: set[object] = set()
-        self._backing: dict[int, _Backing] = {}
         self._later: list[tuple[int, Callable[[], None]]] = []
         rows, reduced = reduce_matrix(matrix, rank, ring)
         self.bound = _bound(rows, reduced) if reduced > 0 and rows else 1
@@ -96,7 +64,7 @@ class Decomposition:
                 if depth
                 else str(reason)
             )
-        self.components = self._irredundant(self.components)
+        self.components: list[Component] = self._found.irredundant()
 
     # Branches -----------------------------------------------------------------------
 
@@ -106,14 +74,14 @@ class Decomposition:
         The codimension counts the joints that have values already.
         """
         key = frozenset(values.items())
-        if key in self._seen or self._covered(values, ()):
+        if key in self._seen or self._found.covers(values):
             return
         self._seen.add(key)
         matrix, rank = reduce_matrix(matrix, rank, self.ring)
         if rank <= 0:
             return
         if not matrix or min(len(matrix), len(matrix[0])) < rank:
-            self._emit(values, (), True)
+            self._found.add(values, (), True)
             return
         limit = min(limit, len(values) + _bound(matrix, rank))
         if limit <= len(values):
@@ -121,7 +89,7 @@ class Decomposition:
         minors = Minors(matrix, rank, self.ring, self.time)
         common = self._common_factor(minors)
         if common is None:
-            self._emit(values, (), True)
+            self._found.add(values, (), True)
             return
         shared = self._factors(common)
         for f in shared:
@@ -150,7 +118,7 @@ class Decomposition:
     ) -> None:
         """Components inside p = 0."""
         key = (frozenset(values.items()), str(p))
-        if key in self._seen or self._covered(values, (p,)):
+        if key in self._seen or self._found.covers(values, (p,)):
             return
         self._seen.add(key)
         others = []
@@ -163,7 +131,7 @@ class Decomposition:
                 if len(others) >= 6:
                     break
         if not others:
-            self._emit(values, (p,), True)
+            self._found.add(values, (p,), True)
             return
         if limit < len(values) + 2:
             return
@@ -225,7 +193,7 @@ class Decomposition:
         if r <= 0:
             return
         if not reduced or min(len(reduced), len(reduced[0])) < r:
-            self._emit(values, (), True)
+            self._found.add(values, (), True)
             return
         limit = min(limit, len(values) + _bound(reduced, r))
         minors = Minors(reduced, r, self.ring, self.time)
@@ -281,17 +249,17 @@ class Decomposition:
         if singular:
             if len(relations) == 2:
                 self._eliminate(*relations, matrix, rank, values, singular, limit)
-            missed = [s for s in singular if not any(self._holds(c, s) for c in self.components)]
+            missed = [s for s in singular if not self._found.holds(s)]
             if missed:
                 known = [s for s in points if s not in missed]
                 state = functools.partial(self._statement, relations, minors=minors)
                 codimension = len(values) + len(relations)
-                self._emit(
+                self._found.add(
                     values,
                     state(missed, known),
                     False,
                     codimension,
-                    _Backing(missed, known, state),
+                    Backing(missed, known, state),
                 )
         if len(singular) == len(points) or room == 0:
             return
@@ -354,7 +322,7 @@ class Decomposition:
                     if not points or not all(s.rank(matrix) < rank for s in points):
                         continue
                     if all(s.transversal((h, other)) for s in points):
-                        self._emit(values, (h, other), False, backing=_Backing(points, [], None))
+                        self._found.add(values, (h, other), False, backing=Backing(points, []))
                         break
 
     def _slices(self, relations: tuple[Poly, ...], values: Mapping[int, Value]) -> list[SlicePoint]:
@@ -385,12 +353,6 @@ class Decomposition:
             stated.append(whole[0] if whole else minor)
         return tuple(sorted(stated, key=len))
 
-    def _holds(self, component: Component, point: SlicePoint) -> bool:
-        """Whether a point lies on a component."""
-        return all(point.has(j, value) for j, value in component.values.items()) and all(
-            point.is_zero(r) for r in component.relations
-        )
-
     # Pieces -------------------------------------------------------------------------
 
     def _factors(self, poly: Poly) -> list[Poly]:
@@ -400,9 +362,9 @@ class Decomposition:
     def _hypersurface(self, f: Poly, values: dict[int, Value]) -> None:
         fixed = self.ring.joint_value(f)
         if fixed is None:
-            self._emit(values, (f,), True)
+            self._found.add(values, (f,), True)
         else:
-            self._emit({**values, fixed[0]: fixed[1]}, (), True)
+            self._found.add({**values, fixed[0]: fixed[1]}, (), True)
 
     def _common_factor(self, minors: Minors) -> Poly | None:
         """Greatest common divisor of all minors; None if all of them are zero."""
@@ -446,71 +408,6 @@ class Decomposition:
         if not values:
             return matrix
         return [[self.ring.substitute(x, values) for x in row] for row in matrix]
-
-    def _emit(
-        self,
-        values: Mapping[int, Value],
-        relations: tuple[Poly, ...],
-        proven: bool,
-        codimension: int | None = None,
-        backing: _Backing | None = None,
-    ) -> None:
-        if codimension is None:
-            codimension = len(values) + len(relations)
-        ordered = tuple(sorted(relations, key=len))
-        if backing is not None:
-            self._backing[len(self.components)] = backing
-        self.components.append(Component(dict(values), ordered, proven, codimension))
-
-    def _covered(self, values: Mapping[int, Value], relations: tuple[Poly, ...]) -> bool:
-        here = Component(dict(values), relations, True, 0)
-        return any(self._inside(here, c) for c in self.components)
-
-    def _inside(self, a: Component, b: Component) -> bool:
-        """Whether a is a subset of b, as far as substitution and division tell."""
-        if any(a.values.get(j) != v for j, v in b.values.items()):
-            return False
-        for r in b.relations:
-            rest = self.ring.substitute(r, a.values)
-            if rest == 0:
-                continue
-            if not any(self.ring.divides(p, rest) for p in a.relations):
-                return False
-        return True
-
-    def _irredundant(self, components: list[Component]) -> list[Component]:
-        """Components that lie in no other one, by division or by all of their points.
-
-        Where a system has some of its points in common with others, it is stated again by the
-        rest of them.
-        """
-        order = sorted(
-            range(len(components)),
-            key=lambda i: (components[i].codimension, len(components[i].relations)),
-        )
-        kept: list[Component] = []
-        for i in order:
-            c = components[i]
-            if any(self._inside(c, k) for k in kept):
-                continue
-            backing = self._backing.get(i)
-            if backing is not None:
-                held = [s for s in backing.points if any(self._holds(k, s) for k in kept)]
-                if len(held) == len(backing.points):
-                    continue
-                if held and backing.state is not None:
-                    own = [s for s in backing.points if s not in held]
-                    c = self._again(c, backing.state, own, [*backing.others, *held])
-            kept.append(c)
-        return kept
-
-    def _again(
-        self, c: Component, state: _State, own: list[SlicePoint], others: list[SlicePoint]
-    ) -> Component:
-        try:
-            return replace(c, relations=state(own, others))
-        except BudgetExceeded:
-            return c
 
 
 def _bound(matrix: Matrix, rank: int) -> int:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinsing.closed_form.budget import Budget
-from pinsing.closed_form.decompose import Component
+from pinsing.closed_form.components import Component
 from pinsing.closed_form.expression import Array, Equation, equation, scale_to_lengths
 from pinsing.closed_form.family import Branch, JointValue
 from pinsing.closed_form.followers import own_offsets

@@ -1,0 +1,110 @@
+"""Singular sets in which three conditions and more meet: positions, and chains of 8 joints."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+import pytest
+from singular_sets import check_families, check_search, drop
+
+from pinsing.closed_form import closed_form
+from pinsing.robot.catalog import data_folder
+from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
+
+POSITIONS = {
+    "ur5": 3,
+    "z1": 3,
+    "irb1400": 3,
+    "so101": 3,
+    "surgical7": 3,
+}
+CHAINS = {
+    "talos and its gripper": ("talos_full_v2", "gripper_left_motor_double_link", "torso_2_link"),
+    "baxter and its finger": ("baxter", "l_gripper_l_finger_tip", None),
+    "panda and its finger": ("panda", "panda_leftfinger", None),
+    "tiago and its lift": ("tiago", "wrist_ft_tool_link", None),
+}
+
+
+@functools.cache
+def position(name):
+    arm = load(name, task="position")
+    return arm, closed_form(arm, seconds=30)
+
+
+@functools.cache
+def chain(name):
+    robot, tip, base = CHAINS[name]
+    arm = load(robot, tip=tip, base=base)
+    return arm, closed_form(arm, seconds=60)
+
+
+@pytest.mark.parametrize("name", POSITIONS)
+def test_positions_are_complete(name):
+    arm, form = position(name)
+    assert form.complete, form.gaps
+    assert max(f.codimension for f in form.families) >= POSITIONS[name]
+    check_families(arm, form, 12 * len(form.families))
+
+
+@pytest.mark.parametrize("name", POSITIONS)
+def test_searches_by_position_find_nothing_else(name):
+    arm, form = position(name)
+    assert check_search(arm, form, 60) >= 50
+
+
+@pytest.mark.parametrize("name", POSITIONS)
+def test_near_misses_by_position_are_regular(name):
+    arm, form = position(name)
+    exact = nominal(arm).arm
+    rng = np.random.default_rng(4)
+    for family in form.families:
+        Q = family.points(10, rng)
+        moved = Q + 0.05 * rng.normal(size=Q.shape)
+        off = np.array([form.family_of(q, 1e-4) is None for q in moved])
+        assert off.mean() >= 0.5, family
+        assert drop(exact, moved[off], form.generic_rank).min() > 1e-8
+
+
+def test_a_position_of_the_ur5_that_only_three_equations_state():
+    """The wrist alone brings the tip to a line that all five axes meet."""
+    _, form = position("ur5")
+    systems = [f for f in form.families if len(f.branches[0].equations) > 1]
+    assert len(systems) == 1
+    assert systems[0].codimension == 3
+    assert not form.fully_decomposed
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", CHAINS)
+def test_chains_of_eight_joints_are_complete(name):
+    arm, form = chain(name)
+    assert arm.n == 8
+    assert form.complete, form.gaps
+    check_families(arm, form, 4 * len(form.families))
+    assert check_search(arm, form, 30, tol=1e-4) >= 20
+
+
+@pytest.mark.slow
+def test_nine_joints_end_in_time_and_say_what_stopped_them():
+    folder = data_folder()
+    assert folder is not None
+    arm = load(folder / "alex_description/urdf/alex_nub_hands.urdf", tip="LeftWristRollLink")
+    assert arm.n == 9
+    form = closed_form(arm, seconds=4)
+    assert form.seconds < 20
+    assert not form.complete
+    assert any("time budget" in g or "told apart" in g for g in form.gaps)
+    for family in form.families:
+        Q = family.points(5, np.random.default_rng(0))
+        assert drop(nominal(arm).arm, Q, form.generic_rank).max(initial=0.0) < 1e-9
+
+
+def test_describing_keeps_to_the_time_as_well():
+    arm = load("talos_full_v2", tip="gripper_left_base_link", base="torso_2_link", task="position")
+    form = closed_form(arm, seconds=1)
+    assert not form.complete
+    assert "simultaneous equations or more" in form.gaps[-1] or "time budget" in form.gaps[-1]
+    assert form.seconds < 15
