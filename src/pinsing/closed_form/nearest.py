@@ -10,9 +10,11 @@ import numpy.typing as npt
 from pinsing.closed_form.expression import Array, Equation
 from pinsing.closed_form.points import System, project, residuals
 
+_LOOK = 8
+"""Steps along the set that every start takes before the closest ones are chosen."""
 _FOLLOWED = 24
-"""Starts that are gone on with: the closest ones, once they are near the zero set."""
-_APART = 1e-3
+"""Starts that are gone on with."""
+_APART = 0.05
 _SHORTEST = 1e-4
 
 
@@ -25,9 +27,9 @@ def nearest(
 ) -> tuple[Array, float] | None:
     """Point of the zero set nearest to q (n,), the best from several ``starts`` (N, n).
 
-    Each start is put on the set; the closest ones then slide along it as long as that brings
-    them closer, and are polished by Newton's method. No point that was seen is closer than
-    the one that is returned; that none is at all is not proven.
+    Each start is put on the set and slides along it a little; the closest ones go on as long
+    as that brings them closer, and are polished by Newton's method. No point that was seen is
+    closer than the one that is returned; that none is at all is not proven.
 
     Returns
     -------
@@ -40,6 +42,8 @@ def nearest(
 
     rough, _ = project(equations, starts, free, iterations=12)
     rough = rough[np.abs(residuals(equations, rough)).max(axis=-1) < 1e-3]
+    # A short way along the set says more about where a start will end than where it begins.
+    rough = _slide(equations, q, rough, free, weight, iterations=_LOOK)
     chosen: list[Array] = []
     for x in rough[np.argsort(distance(rough))]:
         if all(np.abs(x - other).max() > _APART for other in chosen):
