@@ -15,6 +15,7 @@ from pinsing.errors import OptionError
 from pinsing.find import Finding, singular_configurations
 from pinsing.kinematics import sigma_ratios, singular_values
 from pinsing.measures import SINGULAR_RTOL
+from pinsing.rank_drop import approach
 from pinsing.refine import walk
 from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm, Array
@@ -27,6 +28,8 @@ from pinsing.sweep_values import SPECIAL_ANGLES, Special
 
 ON_FAMILY_TOL = 1e-5
 """Distance in joint space (radians; metres over the length scale) that counts as on a family."""
+_VALLEY = 1e-2
+"""How far from a zero of sigma_r it may be below the tolerance."""
 
 _RAW_ANGLE_TOL = 1e-10
 _FAMILY_SAMPLES = 60
@@ -67,7 +70,8 @@ class RandomSearch:
     singular : int
         How many became singular to SINGULAR_RTOL.
     on_family : int
-        How many of those lie on a family.
+        How many of those lie on a family, or in a valley of sigma_r so flat that the zero next
+        to them does.
     off : tuple of (n,) arrays
         The others.
     """
@@ -261,7 +265,15 @@ def _random_search(exact: Arm, forms: ClosedForm, starts: int, seed: int) -> Ran
         if on.all():
             break
         on[~on] = family.contains(found[~on], ON_FAMILY_TOL)
-    return RandomSearch(starts, len(found), int(on.sum()), tuple(found[~on]))
+    off = found[~on]
+    if len(off):
+        # In a flat valley sigma_r is below the tolerance some way off already: the nearest true
+        # zero decides.
+        ends = approach(exact, off)
+        close = ends.singular & (np.abs(ends.q - off).max(axis=1) <= _VALLEY)
+        close &= np.array([forms.family_of(q, ON_FAMILY_TOL) is not None for q in ends.q])
+        off = off[~close]
+    return RandomSearch(starts, len(found), len(found) - len(off), tuple(off))
 
 
 def _check_families(

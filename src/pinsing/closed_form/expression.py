@@ -20,6 +20,7 @@ from pinsing.robot.surd import parts_of
 
 Array = npt.NDArray[np.float64]
 _DROP = 1e-12
+_ROUNDING = 1e-14
 _FEW = 16
 """Coefficients beyond which no common length is looked for."""
 
@@ -44,6 +45,9 @@ class Equation:
         Coefficients; metres where a scale by a length of the arm was found.
     shift : (n,) array
         Radians added to each angle: links turned about their own axis.
+    accuracy : float
+        Of the coefficients, relative to their sum: less than rounding where most of an equation
+        has cancelled at the value of some joint.
     """
 
     joints: tuple[str, ...]
@@ -52,6 +56,7 @@ class Equation:
     cos: Array
     sin: Array
     shift: Array
+    accuracy: float = 1e-15
 
     @property
     def involved(self) -> tuple[int, ...]:
@@ -63,6 +68,11 @@ class Equation:
     def size(self) -> float:
         """Sum of the coefficients' magnitudes: what a residual is relative to."""
         return float(np.hypot(self.cos, self.sin).sum())
+
+    @property
+    def unit(self) -> float:
+        """What a residual is taken relative to: such that 1e-14 of it is rounding."""
+        return self.size * max(1.0, self.accuracy / _ROUNDING)
 
     @property
     def half_angle(self) -> bool:

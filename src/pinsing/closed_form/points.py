@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -13,13 +14,16 @@ from pinsing.closed_form.expression import Array, Equation
 _ON = 1e-13
 """A residual this small, relative to the sum of an equation's coefficients, is zero."""
 _TOUCHING = 1e-12
+_NEARLY = 1e-10
+_STEEP, _FLAT = 1e-6, 1e-10
+"""Smallest slope that a step is divided by, relative to the largest, near the set and else."""
 _BOXES = 40_000
 ROUNDS = 12
 """Batches of random starts before a search gives up."""
 
 
 class System:
-    """Several equations at once, each over the sum of its coefficients.
+    """Several equations at once, each over the sum of its coefficients (more where they are noisy).
 
     Their terms share sines and cosines, which are computed once.
 
@@ -37,8 +41,8 @@ class System:
         # Links turned about their axes: each equation may count its angles from elsewhere.
         angles = np.concatenate([e.frequencies for e in equations])
         phases = np.concatenate([e.frequencies @ e.shift / 2 for e in equations])
-        cos = np.concatenate([e.cos / e.size for e in equations])
-        sin = np.concatenate([e.sin / e.size for e in equations])
+        cos = np.concatenate([e.cos / e.unit for e in equations])
+        sin = np.concatenate([e.sin / e.unit for e in equations])
         of = np.repeat(np.arange(len(equations)), [len(e.cos) for e in equations])
         unique, index = np.unique(angles, axis=0, return_inverse=True)
         index = index.reshape(-1)
@@ -52,14 +56,14 @@ class System:
     def values(self, q: Array) -> Array:
         """Values at q (N, n): (N, k)."""
         if self._sliding:
-            return np.stack([e(q) / e.size for e in self._equations], axis=-1)
+            return np.stack([e(q) / e.unit for e in self._equations], axis=-1)
         phase = q @ self._rate.T
         return np.asarray(np.cos(phase) @ self._cos + np.sin(phase) @ self._sin)
 
     def gradients(self, q: Array) -> Array:
         """Derivatives at q (N, n): (N, k, n)."""
         if self._sliding:
-            return np.stack([e.gradient(q) / e.size for e in self._equations], axis=-2)
+            return np.stack([e.gradient(q) / e.unit for e in self._equations], axis=-2)
         phase = q @ self._rate.T
         by_phase = np.cos(phase)[:, None, :] * self._sin.T - np.sin(phase)[:, None, :] * self._cos.T
         return np.asarray(by_phase @ self._rate)
@@ -107,7 +111,9 @@ def project(
         if not len(left) or iteration == iterations:
             break
         A = system.gradients(q[left]) * free
-        step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=1e-10), f)
+        # All but on the set, what is left of f is rounding: not to be divided by small slopes.
+        rcond = np.where(np.abs(f).max(axis=-1) < _NEARLY, _STEEP, _FLAT)
+        step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=rcond), f)
         size = np.linalg.norm(step, axis=-1, keepdims=True)
         q[left] += step * np.minimum(1.0, 0.7 / np.maximum(size, 1e-300))
     return best, np.asarray(least <= _TOUCHING)
@@ -196,7 +202,7 @@ def proven_empty(equations: Sequence[Equation], lower: Array, upper: Array) -> b
         worst = np.zeros_like(centers)
         for e, slope in zip(equations, steep, strict=True):
             value = np.abs(e(centers))
-            alive &= value <= halves @ slope + 1e-12 * e.size
+            alive &= value <= halves @ slope + max(1e-12, 10 * e.accuracy) * e.size
             worst = np.maximum(worst, halves * slope / e.size)
         centers, halves, worst = centers[alive], halves[alive], worst[alive]
         if not len(centers):
@@ -303,8 +309,10 @@ def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
     if not keep:
         return None
     index = [rows[k] for k in keep]
+    left = sum(math.hypot(*gathered[k]) for k in keep)
     return replace(
         equation,
+        accuracy=equation.accuracy * equation.size / min(left, equation.size),
         frequencies=frequencies[index],
         powers=powers[index],
         cos=np.array([gathered[k][0] for k in keep]),
