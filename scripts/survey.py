@@ -23,7 +23,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 SECONDS = 30.0
-ALGEBRA_SECONDS = 12.0
+ALGEBRA_SECONDS = 10.0
 MEMORY = 4 * 2**30
 
 

@@ -18,6 +18,9 @@ _NEARLY = 1e-10
 _STEEP, _FLAT = 1e-6, 1e-10
 """Smallest slope that a step is divided by, relative to the largest, near the set and else."""
 _BOXES = 40_000
+_LONG_SYSTEM = 4
+_SHARE = 0.2
+"""Of the terms of a long system, in the equations that are solved first."""
 ROUNDS = 12
 """Batches of random starts before a search gives up."""
 
@@ -52,6 +55,9 @@ class System:
         c, s = np.cos(phases), np.sin(phases)
         np.add.at(self._cos, (index, of), cos * c + sin * s)
         np.add.at(self._sin, (index, of), sin * c - cos * s)
+        rate = self._rate[:, None, :]
+        self._slope_cos = (self._sin[:, :, None] * rate).reshape(len(unique), -1)
+        self._slope_sin = (self._cos[:, :, None] * rate).reshape(len(unique), -1)
 
     def values(self, q: Array) -> Array:
         """Values at q (N, n): (N, k)."""
@@ -65,8 +71,8 @@ class System:
         if self._sliding:
             return np.stack([e.gradient(q) / e.unit for e in self._equations], axis=-2)
         phase = q @ self._rate.T
-        by_phase = np.cos(phase)[:, None, :] * self._sin.T - np.sin(phase)[:, None, :] * self._cos.T
-        return np.asarray(by_phase @ self._rate)
+        flat = np.cos(phase) @ self._slope_cos - np.sin(phase) @ self._slope_sin
+        return np.asarray(flat.reshape(len(q), len(self._equations), q.shape[1]))
 
 
 def residuals(equations: Sequence[Equation], q: Array) -> Array:
@@ -140,11 +146,14 @@ def search(
     """
     found: list[Array] = []
     missing = count
+    short = _shortest(equations)
     for _ in range(rounds):
         batch = max(32, 2 * missing)
         q = rng.uniform(lower, upper, (batch, len(lower)))
         q = np.where(free, q, fixed)
-        q, ok = project(equations, q, free)
+        if short:
+            q, _ = project(short, q, free, iterations=20)
+        q, ok = project(equations, q, free, iterations=30)
         for _ in range(12):  # back into the box, and onto the set again
             inside = ((q >= lower - 1e-12) & (q <= upper + 1e-12) | ~free).all(axis=-1)
             out = np.flatnonzero(ok & ~inside)
@@ -160,6 +169,15 @@ def search(
         if missing <= 0:
             break
     return np.concatenate(found) if found else np.zeros((0, len(lower)))
+
+
+def _shortest(equations: Sequence[Equation]) -> list[Equation]:
+    """The short ones of a long system: they bring most points near at little cost."""
+    if len(equations) < _LONG_SYSTEM:
+        return []
+    ordered = sorted(equations, key=lambda e: len(e.cos))
+    terms = np.cumsum([len(e.cos) for e in ordered])
+    return ordered[: max(2, int((terms <= _SHARE * terms[-1]).sum()))]
 
 
 def slopes(equation: Equation, lower: Array, upper: Array) -> Array:

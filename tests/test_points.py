@@ -1,0 +1,71 @@
+"""Systems of equations: values, slopes, and points of their zero sets."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pinsing.closed_form import closed_form
+from pinsing.closed_form.points import System, fix_joint, project, search
+from pinsing.robot.load import load
+
+
+def system(name, **options):
+    form = closed_form(load(name, **options), seconds=30)
+    family = max(form.families, key=lambda f: len(f.branches[0].equations))
+    return family.branches[0].equations
+
+
+CASES = [("g1", {"tip": "left_rubber_hand", "base": "torso_link"}), ("so101", {})]
+
+
+@pytest.mark.parametrize(("name", "options"), CASES)
+def test_values_and_slopes(name, options, rng):
+    """Shared sines and cosines give what the equations give; slopes agree with differences."""
+    equations = system(name, **options)
+    together = System(equations)
+    Q = rng.uniform(-2, 2, (7, equations[0].frequencies.shape[1]))
+    apart = np.stack([e(Q) / e.unit for e in equations], axis=-1)
+    assert np.abs(together.values(Q) - apart).max() < 1e-13
+    slopes = np.stack([e.gradient(Q) / e.unit for e in equations], axis=-2)
+    assert np.abs(together.gradients(Q) - slopes).max() < 1e-12
+    h = 1e-6
+    for j in range(Q.shape[1]):
+        step = np.zeros(Q.shape[1])
+        step[j] = h
+        difference = (together.values(Q + step) - together.values(Q - step)) / (2 * h)
+        assert np.abs(together.gradients(Q)[..., j] - difference).max() < 1e-8
+
+
+def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
+    equations = system("g1", tip="left_rubber_hand", base="torso_link")
+    e = equations[0]
+    joint = e.involved[0]
+    fixed = fix_joint(e, joint, 0.7)
+    assert fixed is not None
+    assert e.accuracy <= fixed.accuracy < 1e-13
+    Q = rng.uniform(-2, 2, (5, e.frequencies.shape[1]))
+    Q[:, joint] = 0.7
+    assert fixed(Q) == pytest.approx(e(Q), abs=1e-12 * e.size)
+    # All but the cosine of one joint cancels.
+    small = e.scaled(1.0)
+    assert small.unit == small.size
+    noisy = type(e)(**{**vars(e), "accuracy": 1e-11})
+    assert noisy.unit == pytest.approx(1e3 * e.size)
+
+
+def test_a_search_stays_in_its_box(rng):
+    equations = system("g1", tip="left_rubber_hand", base="torso_link")
+    n = equations[0].frequencies.shape[1]
+    low, high = np.full(n, -1.5), np.full(n, 1.5)
+    free = np.ones(n, dtype=bool)
+    free[0] = False
+    fixed = np.full(n, 0.25)
+    Q = search(equations, low, high, free, fixed, 20, rng)
+    assert len(Q) == 20
+    assert np.abs(Q[:, 0] - 0.25).max() < 1e-12
+    assert (np.abs(Q) <= 1.5 + 1e-9).all()
+    assert np.abs(System(equations).values(Q)).max() < 1e-12
+    again, ok = project(equations, Q, free)
+    assert ok.all()
+    assert np.abs(again - Q).max() < 1e-9
