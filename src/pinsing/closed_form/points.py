@@ -120,6 +120,7 @@ def project(
         # All but on the set, what is left of f is rounding: not to be divided by small slopes.
         rcond = np.where(np.abs(f).max(axis=-1) < _NEARLY, _STEEP, _FLAT)
         step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=rcond), f)
+        step = np.where(free, step, 0.0)  # rounding moved the others a little
         size = np.linalg.norm(step, axis=-1, keepdims=True)
         q[left] += step * np.minimum(1.0, 0.7 / np.maximum(size, 1e-300))
     return best, np.asarray(least <= _TOUCHING)
