@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from singular_sets import check_families, check_search, drop
 
+from pinsing.analysis import analyze
 from pinsing.closed_form import closed_form
 from pinsing.robot.catalog import data_folder
 from pinsing.robot.load import load
@@ -108,3 +109,22 @@ def test_describing_keeps_to_the_time_as_well():
     assert not form.complete
     assert "simultaneous equations or more" in form.gaps[-1] or "time budget" in form.gaps[-1]
     assert form.seconds < 15
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("file", "tip", "base"),
+    [
+        # Most of an equation cancels at a joint's irrational value: its rounding is no residual.
+        ("talos_data/robots/talos_reduced.urdf", "gripper_left_motor_double_link", "torso_2_link"),
+        # sigma_r is below the tolerance 1e-3 away from where it is zero.
+        ("romeo_description/urdf/romeo_laas_small.urdf", "RWristPitchSphereCollision_shape", None),
+    ],
+)
+def test_what_a_search_finds_close_to_a_family_is_on_it(file, tip, base):
+    folder = data_folder()
+    assert folder is not None
+    result = analyze(load(folder / file, tip=tip, base=base), seconds=60)
+    assert result.complete
+    assert result.agree, result.problems
+    assert result.random_search.singular > 250
