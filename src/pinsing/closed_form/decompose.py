@@ -23,14 +23,12 @@ import numpy as np
 from pinsing.closed_form.budget import Budget, BudgetExceeded
 from pinsing.closed_form.columns import Matrix, reduce_matrix
 from pinsing.closed_form.components import Backing, Component, Found
-from pinsing.closed_form.minors import Minors
+from pinsing.closed_form.minors import Minors, cost
 from pinsing.closed_form.ring import Poly, Ring, Value
 from pinsing.closed_form.slices import Residues, SlicePoint, slice_points
 from pinsing.closed_form.zeros import Undecided
 
 _SEED = 7
-_LOOKED_AT = 12
-"""Minors among which the simplest is looked for."""
 _RESULTANT_TERMS = 2_000
 """Largest product of term counts for which a symbolic resultant is tried."""
 
@@ -96,7 +94,7 @@ class Decomposition:
             self._hypersurface(f, values)
         if limit < len(values) + 2:
             return
-        simplest = self._simplest_cofactor(minors, common)
+        simplest = minors.simplest_cofactor(common)
         for f in simplest:
             if f in shared:
                 continue
@@ -135,7 +133,7 @@ class Decomposition:
             return
         if limit < len(values) + 2:
             return
-        for g in min(others, key=_cost):
+        for g in min(others, key=cost):
             self._and((p,), g, matrix, rank, values, minors, limit)
 
     def _and(
@@ -269,7 +267,7 @@ class Decomposition:
                 f"regular part of {len(relations)} equations were not searched"
             )
             return
-        cutting = self._cutting(points, minors)
+        cutting = minors.cutting(points)
         if cutting is None:
             self.gaps.append(
                 f"no single minor cut all of the common zeros of {len(relations)} equations"
@@ -277,20 +275,6 @@ class Decomposition:
             return
         for g in cutting:
             self._and(relations, g, matrix, rank, values, minors, limit)
-
-    def _cutting(self, regular: list[SlicePoint], minors: Minors) -> list[Poly] | None:
-        """Factors of a minor that vanishes at none of some points, simple if there is a choice."""
-        left = iter(minors)
-        while batch := list(itertools.islice(left, _LOOKED_AT)):
-            for minor in sorted(batch, key=lambda m: self._effort(self._factors(m))):
-                self.time.check()
-                if not any(s.is_zero(minor) for s in regular):
-                    return self._factors(minor)
-        return None
-
-    def _effort(self, factors: list[Poly]) -> tuple[int, int]:
-        """How much work it makes to cut with these factors; joint values make none."""
-        return _cost([f for f in factors if self.ring.joint_value(f) is None])
 
     def _eliminate(
         self,
@@ -376,17 +360,6 @@ class Decomposition:
                 break
         return common
 
-    def _simplest_cofactor(self, minors: Minors, common: Poly) -> list[Poly]:
-        """Factors of the minor, over the common factor, that branches into the least work."""
-        best: list[Poly] | None = None
-        for minor in itertools.islice(minors, _LOOKED_AT):
-            factors = self._factors(self.ring.quotient(minor, common))
-            if not factors:
-                return []
-            if best is None or _cost(factors) < _cost(best):
-                best = factors
-        return best or []
-
     def _common_joints(self, p: Poly, g: Poly) -> list[int]:
         shared = set(self.ring.joints_of(p)) & set(self.ring.joints_of(g))
 
@@ -413,8 +386,3 @@ class Decomposition:
 def _bound(matrix: Matrix, rank: int) -> int:
     """Largest codimension of a component of where a matrix is below a rank (Eagon, Northcott)."""
     return (len(matrix) - rank + 1) * (len(matrix[0]) - rank + 1)
-
-
-def _cost(factors: list[Poly]) -> tuple[int, int]:
-    """How much work branching on these factors makes."""
-    return max((len(f) for f in factors), default=0), len(factors)

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from pinsing.closed_form.budget import Budget
 from pinsing.closed_form.columns import Matrix, determinant
 from pinsing.closed_form.ring import Poly, Ring
+from pinsing.closed_form.slices import SlicePoint
+
+_LOOKED_AT = 12
+"""Minors among which the simplest is looked for."""
 
 
 class Minors:
@@ -21,8 +25,8 @@ class Minors:
             for rows in itertools.combinations(range(len(matrix)), size)
             for columns in itertools.combinations(range(len(matrix[0])), size)
         ]
-        cost = {c: sum(length[i][j] for i in c[0] for j in c[1]) for c in choices}
-        self._left = sorted(choices, key=lambda c: cost[c])
+        terms = {c: sum(length[i][j] for i in c[0] for j in c[1]) for c in choices}
+        self._left = sorted(choices, key=lambda c: terms[c])
         self._done: list[Poly] = []
 
     def __len__(self) -> int:
@@ -46,3 +50,38 @@ class Minors:
         self._left.pop(0)
         if minor != 0:
             self._done.append(self.ring.strip(minor))
+
+    def factors(self, poly: Poly) -> list[Poly]:
+        """Irreducible factors of a polynomial of the ring, if there is time for them."""
+        self.time.check_factor(len(poly))
+        return self.ring.factors(poly)
+
+    def simplest_cofactor(self, common: Poly) -> list[Poly]:
+        """Factors of the minor, over the common factor, that branches into the least work."""
+        best: list[Poly] | None = None
+        for minor in itertools.islice(self, _LOOKED_AT):
+            factors = self.factors(self.ring.quotient(minor, common))
+            if not factors:
+                return []
+            if best is None or cost(factors) < cost(best):
+                best = factors
+        return best or []
+
+    def cutting(self, regular: Sequence[SlicePoint]) -> list[Poly] | None:
+        """Factors of a minor that vanishes at none of some points, simple if there is a choice."""
+        left = iter(self)
+        while batch := list(itertools.islice(left, _LOOKED_AT)):
+            for minor in sorted(batch, key=lambda m: self._effort(self.factors(m))):
+                self.time.check()
+                if not any(s.is_zero(minor) for s in regular):
+                    return self.factors(minor)
+        return None
+
+    def _effort(self, factors: list[Poly]) -> tuple[int, int]:
+        """How much work it makes to cut with these factors; joint values make none."""
+        return cost([f for f in factors if self.ring.joint_value(f) is None])
+
+
+def cost(factors: list[Poly]) -> tuple[int, int]:
+    """How much work branching on these factors makes."""
+    return max((len(f) for f in factors), default=0), len(factors)
