@@ -17,6 +17,7 @@ from __future__ import annotations
 import functools
 import itertools
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -31,6 +32,36 @@ from pinsing.closed_form.zeros import Undecided
 _SEED = 7
 _RESULTANT_TERMS = 2_000
 """Largest product of term counts for which a symbolic resultant is tried."""
+
+
+Relations = tuple[Poly, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where the search is: some joints at values.
+
+    Attributes
+    ----------
+    values : mapping of joint to Value
+        These joints.
+    matrix : Matrix
+        What the matrix becomes there.
+    rank : int
+        Singular means: rank below this.
+    limit : int
+        Largest codimension of what is looked for; the joints at values count.
+    """
+
+    values: Mapping[int, Value]
+    matrix: Matrix
+    rank: int
+    limit: int
+
+    @property
+    def room(self) -> int:
+        """How many equations more there may be."""
+        return max(0, self.limit - len(self.values))
 
 
 class Decomposition:
@@ -50,7 +81,7 @@ class Decomposition:
         self.bound = _bound(rows, reduced) if reduced > 0 and rows else 1
         depth = 0
         try:
-            self._matrix(rows, reduced, {}, self.bound)
+            self._search(_Place({}, rows, reduced, self.bound))
             while self._later:
                 first = min(range(len(self._later)), key=lambda i: self._later[i][0])
                 depth, run = self._later.pop(first)
@@ -66,25 +97,17 @@ class Decomposition:
 
     # Branches -----------------------------------------------------------------------
 
-    def _matrix(self, matrix: Matrix, rank: int, values: dict[int, Value], limit: int) -> None:
-        """All components of codimension up to ``limit`` of where ``matrix`` is below ``rank``.
-
-        The codimension counts the joints that have values already.
-        """
+    def _search(self, place: _Place) -> None:
+        """All components at a place."""
+        values = place.values
         key = frozenset(values.items())
         if key in self._seen or self._found.covers(values):
             return
         self._seen.add(key)
-        matrix, rank = reduce_matrix(matrix, rank, self.ring)
-        if rank <= 0:
+        reduced = self._reduced(place)
+        if reduced is None or reduced.room == 0:
             return
-        if not matrix or min(len(matrix), len(matrix[0])) < rank:
-            self._found.add(values, (), True)
-            return
-        limit = min(limit, len(values) + _bound(matrix, rank))
-        if limit <= len(values):
-            return
-        minors = Minors(matrix, rank, self.ring, self.time)
+        minors = self._minors(reduced)
         common = self._common_factor(minors)
         if common is None:
             self._found.add(values, (), True)
@@ -92,31 +115,21 @@ class Decomposition:
         shared = self._factors(common)
         for f in shared:
             self._hypersurface(f, values)
-        if limit < len(values) + 2:
+        if reduced.room < 2:
             return
-        simplest = minors.simplest_cofactor(common)
-        for f in simplest:
+        for f in minors.simplest_cofactor(common):
             if f in shared:
                 continue
             fixed = self.ring.joint_value(f)
             if fixed is not None:
-                j, value = fixed
-                self._matrix(self._put(matrix, {j: value}), rank, {**values, j: value}, limit)
+                self._search(self._at(reduced, dict([fixed])))
             else:
-                self._relation(f, matrix, rank, values, minors, limit)
+                self._relation(f, reduced, minors)
 
-    def _relation(
-        self,
-        p: Poly,
-        matrix: Matrix,
-        rank: int,
-        values: dict[int, Value],
-        minors: Minors,
-        limit: int,
-    ) -> None:
+    def _relation(self, p: Poly, place: _Place, minors: Minors) -> None:
         """Components inside p = 0."""
-        key = (frozenset(values.items()), str(p))
-        if key in self._seen or self._found.covers(values, (p,)):
+        key = (frozenset(place.values.items()), str(p))
+        if key in self._seen or self._found.covers(place.values, (p,)):
             return
         self._seen.add(key)
         others = []
@@ -129,42 +142,23 @@ class Decomposition:
                 if len(others) >= 6:
                     break
         if not others:
-            self._found.add(values, (p,), True)
+            self._found.add(place.values, (p,), True)
             return
-        if limit < len(values) + 2:
+        if place.room < 2:
             return
         for g in min(others, key=cost):
-            self._and((p,), g, matrix, rank, values, minors, limit)
+            self._and((p,), g, place, minors)
 
-    def _and(
-        self,
-        relations: tuple[Poly, ...],
-        g: Poly,
-        matrix: Matrix,
-        rank: int,
-        values: dict[int, Value],
-        minors: Minors,
-        limit: int,
-    ) -> None:
+    def _and(self, relations: Relations, g: Poly, place: _Place, minors: Minors) -> None:
         """Components inside some equations and one more."""
         fixed = self.ring.joint_value(g)
         if fixed is not None:
-            self._within(relations, dict([fixed]), matrix, rank, values, limit)
+            self._within(relations, self._at(place, dict([fixed])), dict([fixed]))
         else:
-            self._system((*relations, g), matrix, rank, values, minors, limit)
+            self._system((*relations, g), place, minors)
 
-    def _within(
-        self,
-        relations: tuple[Poly, ...],
-        new: Mapping[int, Value],
-        matrix: Matrix,
-        rank: int,
-        values: dict[int, Value],
-        limit: int,
-    ) -> None:
-        """Put joint values in, and go on with all factors of what the equations become there."""
-        inner = {**values, **new}
-        put = self._put(matrix, new)
+    def _within(self, relations: Relations, place: _Place, new: Mapping[int, Value]) -> None:
+        """Go on at a place with all factors of what equations become at its ``new`` values."""
         became = [self.ring.strip(self.ring.substitute(p, new)) for p in relations]
         factors = [self._factors(p) for p in became if p != 0]
         for combination in itertools.product(*factors):
@@ -172,99 +166,58 @@ class Decomposition:
             fixed = next(((h, f) for h in distinct if (f := self.ring.joint_value(h))), None)
             if fixed is not None:
                 left = tuple(h for h in distinct if h is not fixed[0])
-                self._within(left, dict([fixed[1]]), put, rank, inner, limit)
+                at = dict([fixed[1]])
+                self._within(left, self._at(place, at), at)
             elif not distinct:
-                self._matrix(put, rank, inner, limit)
-            else:
-                self._fewer(distinct, put, rank, inner, limit)
+                self._search(place)
+            elif (reduced := self._reduced(place)) is not None:
+                minors = self._minors(reduced)
+                if len(distinct) == 1:
+                    self._relation(distinct[0], reduced, minors)
+                else:
+                    self._system(distinct, reduced, minors)
 
-    def _fewer(
-        self,
-        relations: tuple[Poly, ...],
-        matrix: Matrix,
-        rank: int,
-        values: dict[int, Value],
-        limit: int,
-    ) -> None:
-        """Components inside equations in fewer joints than before."""
-        reduced, r = reduce_matrix(matrix, rank, self.ring)
-        if r <= 0:
-            return
-        if not reduced or min(len(reduced), len(reduced[0])) < r:
-            self._found.add(values, (), True)
-            return
-        limit = min(limit, len(values) + _bound(reduced, r))
-        minors = Minors(reduced, r, self.ring, self.time)
-        if len(relations) == 1:
-            self._relation(relations[0], reduced, r, values, minors, limit)
-        else:
-            self._system(relations, reduced, r, values, minors, limit)
-
-    def _system(
-        self,
-        relations: tuple[Poly, ...],
-        matrix: Matrix,
-        rank: int,
-        values: dict[int, Value],
-        minors: Minors,
-        limit: int,
-    ) -> None:
+    def _system(self, relations: Relations, place: _Place, minors: Minors) -> None:
         """Components inside the common zeros of two equations or more.
 
         Those that are such common zeros themselves are stated by as few joints as can be found.
         Where none is, one more minor cuts the rest down by one dimension.
         """
-        key = (frozenset(values.items()), frozenset(map(str, relations)))
-        if key in self._seen or limit < len(values) + len(relations):
+        key = (frozenset(place.values.items()), frozenset(map(str, relations)))
+        if key in self._seen or place.room < len(relations):
             return
         self._seen.add(key)
         if len(relations) > 2:  # what is larger, and found at less cost, first
-            run = functools.partial(
-                self._common_zeros, relations, matrix, rank, values, minors, limit
-            )
+            run = functools.partial(self._common_zeros, relations, place, minors)
             self._later.append((len(relations), run))
         else:
-            self._common_zeros(relations, matrix, rank, values, minors, limit)
+            self._common_zeros(relations, place, minors)
 
-    def _common_zeros(
-        self,
-        relations: tuple[Poly, ...],
-        matrix: Matrix,
-        rank: int,
-        values: dict[int, Value],
-        minors: Minors,
-        limit: int,
-    ) -> None:
+    def _common_zeros(self, relations: Relations, place: _Place, minors: Minors) -> None:
         """See ``_system``."""
-        room = limit - len(values) - len(relations)
         self.time.check()
         try:
-            points = self._slices(relations, values)
+            points = self._slices(relations, place.values)
         except Undecided:
             self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
             return
-        singular = [s for s in points if s.rank(matrix) < rank]
+        codimension = len(place.values) + len(relations)
+        singular = [s for s in points if s.rank(place.matrix) < place.rank]
         if singular:
             if len(relations) == 2:
-                self._eliminate(*relations, matrix, rank, values, singular, limit)
+                self._eliminate(*relations, place, singular)
             missed = [s for s in singular if not self._found.holds(s)]
             if missed:
                 known = [s for s in points if s not in missed]
                 state = functools.partial(self._statement, relations, minors=minors)
-                codimension = len(values) + len(relations)
-                self._found.add(
-                    values,
-                    state(missed, known),
-                    False,
-                    codimension,
-                    Backing(missed, known, state),
-                )
-        if len(singular) == len(points) or room == 0:
+                backing = Backing(missed, known, state)
+                self._found.add(place.values, state(missed, known), False, codimension, backing)
+        if len(singular) == len(points) or place.room == len(relations):
             return
         if singular:
             self.gaps.append(
-                f"sets of codimension {len(values) + len(relations) + 1} or more inside the "
-                f"regular part of {len(relations)} equations were not searched"
+                f"sets of codimension {codimension + 1} or more inside the regular part of "
+                f"{len(relations)} equations were not searched"
             )
             return
         cutting = minors.cutting(points)
@@ -274,18 +227,9 @@ class Decomposition:
             )
             return
         for g in cutting:
-            self._and(relations, g, matrix, rank, values, minors, limit)
+            self._and(relations, g, place, minors)
 
-    def _eliminate(
-        self,
-        p: Poly,
-        g: Poly,
-        matrix: Matrix,
-        rank: int,
-        values: dict[int, Value],
-        singular: list[SlicePoint],
-        limit: int,
-    ) -> None:
+    def _eliminate(self, p: Poly, g: Poly, place: _Place, singular: list[SlicePoint]) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
         shared = self._common_joints(p, g)
         if not shared or len(p) * len(g) > _RESULTANT_TERMS:
@@ -294,28 +238,28 @@ class Decomposition:
         for h in self._factors(resultant):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
-                j, value = fixed
-                at = {j: value}
+                at = dict([fixed])
                 common = self.ring.gcd(self.ring.substitute(p, at), self.ring.substitute(g, at))
-                put = self._put(matrix, at)
+                there = self._at(place, at)
                 for e in self._factors(self.ring.strip(common)):
-                    self._within((e,), {}, put, rank, {**values, **at}, limit)
+                    self._within((e,), there, {})
             elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
                 for other in sorted((p, g), key=len):
-                    points = self._slices((h, other), values)
-                    if not points or not all(s.rank(matrix) < rank for s in points):
+                    points = self._slices((h, other), place.values)
+                    if not points or not all(s.rank(place.matrix) < place.rank for s in points):
                         continue
                     if all(s.transversal((h, other)) for s in points):
-                        self._found.add(values, (h, other), False, backing=Backing(points, []))
+                        backing = Backing(points, [])
+                        self._found.add(place.values, (h, other), False, backing=backing)
                         break
 
-    def _slices(self, relations: tuple[Poly, ...], values: Mapping[int, Value]) -> list[SlicePoint]:
+    def _slices(self, relations: Relations, values: Mapping[int, Value]) -> list[SlicePoint]:
         """Generic points of the common zeros of some equations."""
         return list(slice_points(relations, self._residues, self._rng, values, self.time.check))
 
     def _statement(
         self,
-        relations: tuple[Poly, ...],
+        relations: Relations,
         singular: list[SlicePoint],
         others: list[SlicePoint],
         minors: Minors,
@@ -343,7 +287,7 @@ class Decomposition:
         self.time.check_factor(len(poly))
         return self.ring.factors(poly)
 
-    def _hypersurface(self, f: Poly, values: dict[int, Value]) -> None:
+    def _hypersurface(self, f: Poly, values: Mapping[int, Value]) -> None:
         fixed = self.ring.joint_value(f)
         if fixed is None:
             self._found.add(values, (f,), True)
@@ -377,10 +321,24 @@ class Decomposition:
             p, g = p.subs(put), g.subs(put)
         return self.ring.resultant(p, g, variables[-1])
 
-    def _put(self, matrix: Matrix, values: Mapping[int, Value]) -> Matrix:
-        if not values:
-            return matrix
-        return [[self.ring.substitute(x, values) for x in row] for row in matrix]
+    def _at(self, place: _Place, new: Mapping[int, Value]) -> _Place:
+        """The place with some more joints at values."""
+        matrix = [[self.ring.substitute(x, new) for x in row] for row in place.matrix]
+        return replace(place, values={**place.values, **new}, matrix=matrix)
+
+    def _reduced(self, place: _Place) -> _Place | None:
+        """The place with a smaller matrix, unless all of it is singular (noted), or none."""
+        matrix, rank = reduce_matrix(place.matrix, place.rank, self.ring)
+        if rank <= 0:
+            return None
+        if not matrix or min(len(matrix), len(matrix[0])) < rank:
+            self._found.add(place.values, (), True)
+            return None
+        limit = min(place.limit, len(place.values) + _bound(matrix, rank))
+        return _Place(place.values, matrix, rank, limit)
+
+    def _minors(self, place: _Place) -> Minors:
+        return Minors(place.matrix, place.rank, self.ring, self.time)
 
 
 def _bound(matrix: Matrix, rank: int) -> int:
