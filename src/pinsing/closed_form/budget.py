@@ -35,7 +35,7 @@ class Budget:
         """Raise BudgetExceeded unless a step of about so many term products fits in."""
         expected = term_products / _TERM_PRODUCTS_PER_SECOND
         if time.monotonic() + expected > self._deadline:
-            raise BudgetExceeded(f"the time budget of {self.seconds:g} s ran out")
+            raise BudgetExceeded(f"the time budget of {self.seconds:.3g} s ran out")
 
     def check_factor(self, terms: int) -> None:
         """Raise BudgetExceeded if a polynomial is too long to factor or to take a gcd of."""

@@ -39,6 +39,8 @@ from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
 
 _EXPONENTS = (276, 534, 2208, 2816)
 """3 * 2^k + 1 is prime for these k, and 2 and 3 are squares modulo it."""
+_SLOWNESS = 3.0
+"""Term products that one with square roots costs."""
 _SPARE_BITS = 40
 
 
@@ -172,6 +174,7 @@ class SurdRing(Ring):
         """Irreducible factors over the rationals with the first ``level`` roots adjoined."""
         if self.is_constant(poly):
             return []
+        self.time.check_factor(len(poly))
         if level == 0:
             return [self.monic(f) for f, _ in poly.factor()[1]]
         if self._surely_irreducible(poly):
@@ -227,10 +230,12 @@ class SurdRing(Ring):
     def _norm(self, poly: Poly, level: int) -> Poly:
         """Product of the two images under a change of the last root's sign."""
         plain, times_root = self._parts(poly, level)
+        self.time.check(_SLOWNESS * (len(plain) ** 2 + len(times_root) ** 2))
         return self.reduce(plain * plain - self.roots[level - 1] * times_root * times_root)
 
     def _shifted(self, poly: Poly, joint: int, k: int, level: int) -> Poly:
         """X + k s y in the place of x (or z + k s in that of z), for the last root s."""
+        self.time.check()
         gens = self.context.gens()
         first, *second = self.variables(joint)
         images = list(gens)
