@@ -78,6 +78,17 @@ def test_a_position_of_the_ur5_that_only_three_equations_state():
     assert not form.fully_decomposed
 
 
+@pytest.mark.parametrize("name", [*POSITIONS, "panda"])
+def test_no_family_lies_in_another(name):
+    _, form = position(name)
+    rng = np.random.default_rng(5)
+    for family in form.families:
+        Q = family.points(20, rng)
+        for other in form.families:
+            if other is not family and len(Q):
+                assert not other.contains(Q, 1e-9).all(), (family, other)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CHAINS)
 def test_chains_of_eight_joints_are_complete(name):

@@ -98,18 +98,25 @@ class Found:
         order = sorted(
             enumerate(self._components), key=lambda ic: (ic[1].codimension, len(ic[1].relations))
         )
-        kept: list[Component] = []
+        kept: list[tuple[Component, list[SlicePoint]]] = []
         for i, c in order:
-            if any(self._inside(c, k) for k in kept):
+            earlier = [k for k, _ in kept]
+            if any(self._inside(c, k) for k in earlier):
                 continue
             backing = self._backing.get(i)
-            if backing is not None:
-                held = [s for s in backing.points if _on_any(kept, s)]
-                if len(held) == len(backing.points):
-                    continue
-                c = _without(c, backing, held)
-            kept.append(c)
-        return kept
+            if backing is None:
+                kept.append((c, []))
+                continue
+            held = [s for s in backing.points if _on_any(earlier, s)]
+            if len(held) < len(backing.points):
+                own = [s for s in backing.points if s not in held]
+                kept.append((_without(c, backing, own, held), own))
+        # What could not be told apart from a part of it may hold one that came earlier.
+        for c, own in tuple(kept):
+            others = [k for k, _ in kept if k is not c]
+            if own and any(all(_on_any([k], s) for s in own) for k in others):
+                kept = [(k, points) for k, points in kept if k is not c]
+        return [c for c, _ in kept]
 
     def _inside(self, a: Component, b: Component) -> bool:
         if any(a.values.get(j) != v for j, v in b.values.items()):
@@ -131,11 +138,12 @@ def _on_any(components: Iterable[Component], point: SlicePoint) -> bool:
     )
 
 
-def _without(c: Component, backing: Backing, held: list[SlicePoint]) -> Component:
+def _without(
+    c: Component, backing: Backing, own: list[SlicePoint], held: list[SlicePoint]
+) -> Component:
     """A system stated by those of its points only that no other component holds."""
     if not held or backing.state is None:
         return c
-    own = [s for s in backing.points if s not in held]
     try:
         return replace(c, relations=backing.state(own, [*backing.others, *held]))
     except BudgetExceeded:
