@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,6 +30,8 @@ from pinsing.closed_form.slices import Residues, SlicePoint, slice_points
 from pinsing.closed_form.zeros import Undecided
 
 _SEED = 7
+_SHORTEST = 5
+"""Equations of a long system among which fewer that say the same are looked for."""
 _RESULTANT_TERMS = 2_000
 """Largest product of term counts for which a symbolic resultant is tried."""
 
@@ -197,7 +199,7 @@ class Decomposition:
         """See ``_system``."""
         self.time.check()
         try:
-            points = self._slices(relations, place.values)
+            points = list(self._points(relations, place.values))
         except Undecided:
             self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
             return
@@ -211,7 +213,11 @@ class Decomposition:
                 known = [s for s in points if s not in missed]
                 state = functools.partial(self._statement, relations, minors=minors)
                 backing = Backing(missed, known, state)
-                self._found.add(place.values, state(missed, known), False, codimension, backing)
+                if known:
+                    stated = self._shortened(state(missed, known), len(relations), place)
+                else:
+                    stated = relations
+                self._found.add(place.values, stated, False, codimension, backing)
         if len(singular) == len(points) or place.room == len(relations):
             return
         if singular:
@@ -245,7 +251,7 @@ class Decomposition:
                     self._within((e,), there, {})
             elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
                 for other in sorted((p, g), key=len):
-                    points = self._slices((h, other), place.values)
+                    points = list(self._points((h, other), place.values))
                     if not points or not all(s.rank(place.matrix) < place.rank for s in points):
                         continue
                     if all(s.transversal((h, other)) for s in points):
@@ -253,9 +259,33 @@ class Decomposition:
                         self._found.add(place.values, (h, other), False, backing=backing)
                         break
 
-    def _slices(self, relations: Relations, values: Mapping[int, Value]) -> list[SlicePoint]:
+    def _points(self, relations: Relations, values: Mapping[int, Value]) -> Iterator[SlicePoint]:
         """Generic points of the common zeros of some equations."""
-        return list(slice_points(relations, self._residues, self._rng, values, self.time.check))
+        return slice_points(relations, self._residues, self._rng, values, self.time.check)
+
+    def _shortened(self, relations: Relations, count: int, place: _Place) -> Relations:
+        """As few equations as the codimension, if some say the same.
+
+        Common zeros of so many equations have no parts of lower dimension: where generic points
+        of all parts are singular, and new, all is.
+        """
+        for few in itertools.combinations(relations[:_SHORTEST], count):
+            if self._states(few, place):
+                return few
+        return relations
+
+    def _states(self, relations: Relations, place: _Place) -> bool:
+        """Whether all common zeros are singular, and none is on a component that is known."""
+        found = False
+        try:
+            for s in self._points(relations, place.values):
+                self.time.check()
+                if s.rank(place.matrix) >= place.rank or self._found.holds(s):
+                    return False
+                found = True
+        except Undecided:
+            return False
+        return found
 
     def _statement(
         self,
