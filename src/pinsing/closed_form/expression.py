@@ -171,7 +171,7 @@ class Equation:
         text = _join(parts, tight=True)
         offset = math.remainder(float(frequency @ self.shift) / (1 if halves else 2), 2 * math.pi)
         if shift and abs(offset) > 1e-12:
-            text += f" {'+' if offset > 0 else '-'} {style.angle(abs(offset))}"
+            text += f" {'+' if offset > 0 else '-'} {style.small_angle(abs(offset))}"
         single = len(parts) == 1 and parts[0][0] == 1 and not (shift and abs(offset) > 1e-12)
         if halves:
             inner = text if single else f"({text})"
@@ -203,6 +203,12 @@ class _Style:
     def angle(self, radians: float) -> str:
         return format_angle(radians, self.latex)
 
+    def small_angle(self, radians: float) -> str:
+        """Like ``angle``, but never zero."""
+        if round(math.degrees(radians), 4) != 0:
+            return self.angle(radians)
+        return f"{math.degrees(radians):.2g}" + (r"^\circ" if self.latex else "°")
+
 
 _PLAIN = _Style("cos", "sin", False)
 _LATEX = _Style(r"\cos ", r"\sin ", True)
@@ -212,8 +218,6 @@ def format_angle(radians: float, latex: bool = False) -> str:
     """Degrees with as many digits as tell anything: ``90°``, ``-11.537°``."""
     degrees = math.degrees(radians)
     shown = round(degrees, 4)
-    if shown == 0 and abs(degrees) > 1e-9:  # small, and there
-        shown = float(f"{degrees:.2g}")
     text = f"{shown:.10g}" if shown != 0 else "0"
     return text + (r"^\circ" if latex else "°")
 

@@ -34,6 +34,7 @@ class LiveSource {
     await this.opened;
     const id = ++this.number;
     return new Promise((resolve, reject) => {
+      if (this.socket.readyState !== WebSocket.OPEN) return; // gone() has told the user
       this.waiting.set(id, { resolve, reject });
       this.socket.send(JSON.stringify({ id, ...request }));
     });
