@@ -47,8 +47,11 @@ class System:
         cos = np.concatenate([e.cos / e.unit for e in equations])
         sin = np.concatenate([e.sin / e.unit for e in equations])
         of = np.repeat(np.arange(len(equations)), [len(e.cos) for e in equations])
-        unique, index = np.unique(angles, axis=0, return_inverse=True)
-        index = index.reshape(-1)
+        if len(equations) == 1:  # its terms have angles of their own
+            unique, index = angles, np.arange(len(angles))
+        else:
+            unique, index = np.unique(angles, axis=0, return_inverse=True)
+            index = index.reshape(-1)
         self._rate = unique / 2
         self._cos = np.zeros((len(unique), len(equations)))
         self._sin = np.zeros((len(unique), len(equations)))
