@@ -111,7 +111,7 @@ def _call(words: list[str]) -> tuple[str, str]:
                 code = _mechanism(words[1], words[2])
     except SystemExit as ended:
         code = ended.code
-    except BaseException:
+    except Exception:
         return "traceback", traceback.format_exc(limit=-4)
     return judge(code, out.getvalue(), err.getvalue())
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -83,7 +84,7 @@ def _slide(
         A = system.gradients(here) * scale
         pinv = np.linalg.pinv(A, rcond=1e-7)
         delta = (here - q) * weight * free
-        pull = np.einsum("nij,nj->ni", pinv, np.einsum("nij,nj->ni", A, delta)) - delta
+        pull = _tangential(A, pinv, delta)
         going = np.linalg.norm(pull, axis=-1) > 1e-9 * np.maximum(1.0, gap[moving])
         going &= length[moving] > _SHORTEST
         moving, here, pull = moving[going], here[going], pull[going]
@@ -125,7 +126,7 @@ def _newton(
         A = system.gradients(here) * scale
         pinv = np.linalg.pinv(A, rcond=1e-9)
         delta = (here - q) * weight * free
-        pull = np.einsum("nij,nj->ni", pinv, np.einsum("nij,nj->ni", A, delta)) - delta
+        pull = _tangential(A, pinv, delta)
         turned = (pull * before[moving]).sum(axis=-1) < 0
         relax[moving] = np.where(turned, relax[moving] / 2, np.minimum(1.0, relax[moving] * 1.1))
         before[moving] = pull
@@ -137,3 +138,8 @@ def _newton(
         if not len(moving):
             break
     return x
+
+
+def _tangential(A: Array, pinv: npt.NDArray[np.floating[Any]], delta: Array) -> Array:
+    """What of -delta (N, n) lies along the set, whose slopes (N, k, n) are A: (N, n)."""
+    return np.asarray(np.einsum("nij,nj->ni", pinv, np.einsum("nij,nj->ni", A, delta)) - delta)

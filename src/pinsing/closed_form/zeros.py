@@ -75,97 +75,95 @@ def zeros(
     Undecided
         If there are infinitely many, or an eliminant is too long.
     """
-    if any(f == 0 for f in polys):
-        raise Undecided
-    if any(f.is_constant() for f in polys):
-        return []
-    if not variables:
-        return [Zero(_field(), {})]
-    having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
-    v = min(variables, key=lambda v: (len(having[v]), sum(f.degrees()[v] for f in having[v])))
-    rest = [u for u in variables if u != v]
-    if not having[v]:  # none, or as many as there are values of v
-        if zeros(polys, rest, nonzero, rng, check):
+    return _Solver(nonzero, rng, check).solve(polys, variables)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solver:
+    """What all steps of an elimination share; the attributes are parameters of ``zeros``."""
+
+    nonzero: Mapping[int, Any]
+    rng: np.random.Generator
+    check: Callable[[float], None]
+
+    def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
+        """See ``zeros``."""
+        if any(f == 0 for f in polys):
             raise Undecided
-        return []
-    if len(variables) == 1:
-        below = zeros([], [], nonzero, rng, check)
-    elif len(having[v]) == 1:
-        below = zeros([f for f in polys if f is not having[v][0]], rest, nonzero, rng, check)
-    else:
-        below = _eliminated(polys, having[v], v, rest, nonzero, rng, check)
-    found = []
-    for zero in below:
-        check(0.0)
-        found += [z for z in _above(zero, having[v], v) if _wanted(z, nonzero, v)]
-    return found
+        if any(f.is_constant() for f in polys):
+            return []
+        if not variables:
+            return [Zero(_field(), {})]
+        having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
+        v = min(variables, key=lambda v: (len(having[v]), sum(f.degrees()[v] for f in having[v])))
+        rest = [u for u in variables if u != v]
+        if not having[v]:  # none, or as many as there are values of v
+            if self.solve(polys, rest):
+                raise Undecided
+            return []
+        if not rest:
+            below = self.solve([], [])
+        elif len(having[v]) == 1:
+            below = self.solve([f for f in polys if f is not having[v][0]], rest)
+        else:
+            below = self._eliminated(polys, having[v], v, rest)
+        found = []
+        for zero in below:
+            self.check(0.0)
+            found += [z for z in _above(zero, having[v], v) if self._wanted(z, v)]
+        return found
 
+    def _eliminated(
+        self, polys: Sequence[Any], having: Sequence[Any], v: int, rest: Sequence[int]
+    ) -> list[Zero]:
+        """Zeros of resultants in place of the polynomials that have variable v."""
+        free = [f for f in polys if f.degrees()[v] == 0]
+        ordered = sorted(having, key=lambda f: (f.degrees()[v], len(f)))
+        try:
+            return self.solve([*free, *self._resultants(ordered, v)], rest)
+        except Undecided:
+            if len(having) < 3:
+                raise
+        # Over a whole curve the pivot may share one root with one of the others, and another
+        # with the next. Not so where they are mixed.
+        mixed = [sum(f * int(self.rng.integers(1, WORD_PRIME)) for f in having) for _ in having]
+        return self.solve([*free, *self._resultants(mixed, v)], rest)
 
-def _eliminated(
-    polys: Sequence[Any],
-    having: Sequence[Any],
-    v: int,
-    rest: Sequence[int],
-    nonzero: Mapping[int, Any],
-    rng: np.random.Generator,
-    check: Callable[[float], None],
-) -> list[Zero]:
-    """Zeros of resultants in place of the polynomials that have variable v."""
-    free = [f for f in polys if f.degrees()[v] == 0]
-    ordered = sorted(having, key=lambda f: (f.degrees()[v], len(f)))
-    try:
-        return zeros([*free, *_resultants(ordered, v, nonzero, check)], rest, nonzero, rng, check)
-    except Undecided:
-        if len(having) < 3:
-            raise
-    # Over a whole curve the pivot may share one root with one of the others, and another with
-    # the next. Not so where they are mixed.
-    mixed = [_mix(having, rng) for _ in having]
-    return zeros([*free, *_resultants(mixed, v, nonzero, check)], rest, nonzero, rng, check)
+    def _resultants(self, polys: Sequence[Any], v: int) -> list[Any]:
+        """Resultants with the first polynomial, and one more where there are three or more.
 
+        It rules out most of the zeros of the resultants' own making.
+        """
+        pairs = [(polys[0], f) for f in polys[1:]]
+        if len(polys) > 2:
+            pairs.append((polys[1], polys[2]))
+        out = []
+        for pivot, f in pairs:
+            a, b = ([int(d) for d in g.degrees()] for g in (pivot, f))
+            into = [1.0 + a[v] * b[u] + b[v] * a[u] for u in range(len(a)) if u != v]
+            terms = float(np.prod(into))
+            if max(into, default=0) > _LARGEST_DEGREE or terms > _MOST_TERMS:
+                raise Undecided
+            self.check(_SLOWNESS * terms * (a[v] + b[v]) ** 2)
+            out.append(self._without(pivot.resultant(f, pivot.context().names()[v])))
+        return out
 
-def _mix(polys: Sequence[Any], rng: np.random.Generator) -> Any:
-    return sum(f * int(rng.integers(1, WORD_PRIME)) for f in polys)
+    def _without(self, poly: Any) -> Any:
+        """A polynomial without the factors whose zeros are not wanted."""
+        for w in self.nonzero.values():
+            while poly != 0:
+                quotient, rest = divmod(poly, w)
+                if rest != 0:
+                    break
+                poly = quotient
+        return poly
 
-
-def _resultants(
-    polys: Sequence[Any], v: int, nonzero: Mapping[int, Any], check: Callable[[float], None]
-) -> list[Any]:
-    """Resultants with the first polynomial, and one more where there are three or more.
-
-    It rules out most of the zeros of the resultants' own making.
-    """
-    pairs = [(polys[0], f) for f in polys[1:]]
-    if len(polys) > 2:
-        pairs.append((polys[1], polys[2]))
-    out = []
-    for pivot, f in pairs:
-        a, b = ([int(d) for d in g.degrees()] for g in (pivot, f))
-        into = [1.0 + a[v] * b[u] + b[v] * a[u] for u in range(len(a)) if u != v]
-        terms = float(np.prod(into))
-        if max(into, default=0) > _LARGEST_DEGREE or terms > _MOST_TERMS:
-            raise Undecided
-        check(_SLOWNESS * terms * (a[v] + b[v]) ** 2)
-        out.append(_without(pivot.resultant(f, pivot.context().names()[v]), nonzero))
-    return out
-
-
-def _without(poly: Any, nonzero: Mapping[int, Any]) -> Any:
-    """A polynomial without the factors whose zeros are not wanted."""
-    for w in nonzero.values():
-        while poly != 0:
-            quotient, rest = divmod(poly, w)
-            if rest != 0:
-                break
-            poly = quotient
-    return poly
-
-
-def _wanted(zero: Zero, nonzero: Mapping[int, Any], v: int) -> bool:
-    if v not in nonzero:
-        return True
-    over = fq_default_poly_ctx(zero.field)
-    return not _at(nonzero[v], Zero(zero.field, {}), v, over)(zero.at[v]).is_zero()
+    def _wanted(self, zero: Zero, v: int) -> bool:
+        """Whether the value of variable v is none of the unwanted ones."""
+        if v not in self.nonzero:
+            return True
+        over = fq_default_poly_ctx(zero.field)
+        return not _at(self.nonzero[v], Zero(zero.field, {}), v, over)(zero.at[v]).is_zero()
 
 
 def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:

@@ -7,13 +7,26 @@ import webbrowser
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from pinsing.errors import OptionError, UnknownNameError
+from pinsing.robot.arm import Array
 from pinsing.view.server import Served, Server
+from pinsing.view.stage import KINDS
 
 if TYPE_CHECKING:
     from typing_extensions import Self
+
+
+class Shown(Served, Protocol):
+    """A stage: what a server serves, at a configuration that can be set."""
+
+    q: Array
+    chosen: tuple[int, int] | None
+    notes: tuple[str, ...]
+
+    def start(self) -> dict[str, Any]:
+        """What a page shows first: the frame at ``q``, and where in the list that is."""
 
 
 class Tab:
@@ -24,7 +37,7 @@ class Tab:
 
     Parameters
     ----------
-    stage : Served
+    stage : Shown
         What is shown.
     scene : bytes
         Drawing commands of the scene.
@@ -32,21 +45,44 @@ class Tab:
         Where to listen; by default loopback, the first free port from 7000 on.
     """
 
-    def __init__(self, stage: Served, scene: bytes, host: str, port: int | None) -> None:
-        self._served, self._scene = stage, scene
+    def __init__(self, stage: Shown, scene: bytes, host: str, port: int | None) -> None:
+        self._shown, self._scene = stage, scene
         self._host, self._port = host, port
         self._server: Server | None = None
+
+    @property
+    def q(self) -> Array:
+        """Configuration (n,) that was shown last, radians and metres."""
+        return self._shown.q.copy()
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What could not be drawn."""
+        return self._shown.notes
 
     @property
     def url(self) -> str:
         """Address of the page; starts the server."""
         if self._server is None:
-            self._server = Server(self._served, self._scene, self._host, self._port)
+            self._server = Server(self._shown, self._scene, self._host, self._port)
         return self._server.url
 
     def open(self) -> bool:
         """Open the page in the user's browser; tell whether there is one."""
         return webbrowser.open(self.url, new=2)
+
+    def _move(self, q: Array, chosen: tuple[int, int] | None) -> dict[str, Any]:
+        """Show a configuration in every open page; what they are told."""
+        self._shown.q, self._shown.chosen = q, chosen
+        start = self._shown.start()
+        self._send(start)
+        return start
+
+    def _play(self, index: int, pose: int, kind: str) -> None:
+        """Play a motion in every open page."""
+        if kind not in KINDS:
+            raise OptionError(f"unknown kind of path {kind!r}: {' or '.join(KINDS)}")
+        self._send({"play": kind, "entry": index, "pose": pose})
 
     def _send(self, message: dict[str, Any]) -> None:
         """Send a message to every open page; none is open before the address was asked for."""

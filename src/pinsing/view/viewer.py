@@ -20,7 +20,7 @@ from pinsing.view.overlay import Overlay
 from pinsing.view.page import static_html
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
-from pinsing.view.stage import KINDS, Stage
+from pinsing.view.stage import Stage
 from pinsing.view.tab import Tab, place_in_list
 
 if TYPE_CHECKING:
@@ -104,16 +104,6 @@ class Viewer(Tab):
         """What the page lists."""
         return self._stage.entries
 
-    @property
-    def q(self) -> Array:
-        """Configuration (n,) that was shown last, radians and metres."""
-        return self._stage.q.copy()
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What could not be drawn."""
-        return self._stage.notes
-
     def show(self, q: npt.ArrayLike) -> None:
         """Move the arm, in every open tab, to q (n,), radians and metres.
 
@@ -146,15 +136,10 @@ class Viewer(Tab):
 
     def play(self, family: FamilyLike | str | int, kind: str = "into", pose: int = 0) -> None:
         """Play a motion in every open tab: ``into`` the singular pose, or ``along`` the family."""
-        index = self._index(family, pose)
-        if kind not in KINDS:
-            raise OptionError(f"unknown kind of path {kind!r}: into or along")
-        self._send({"play": kind, "entry": index, "pose": pose})
+        self._play(self._index(family, pose), pose, kind)
 
     def _show(self, q: Array, chosen: tuple[int, int] | None) -> None:
-        self._stage.q, self._stage.chosen = q, chosen
-        start = self._stage.start()
-        self._send(start)
+        start = self._move(q, chosen)
         if self._overlay is not None:
             self._overlay.show(start["frame"], q, self._stage.mode)
 

@@ -9,7 +9,6 @@ from pinsing.errors import OptionError
 from pinsing.loops.analysis import MechanismAnalysis, analyze_mechanism
 from pinsing.loops.drive import drive
 from pinsing.loops.solve import assemblies
-from pinsing.robot.arm import Array
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.links import Links, read_links
 from pinsing.view.mechanism.groups import Group, groups
@@ -18,7 +17,6 @@ from pinsing.view.mechanism.marks import draw_linkage_marks
 from pinsing.view.mechanism.stage import MechanismStage
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
-from pinsing.view.stage import KINDS
 from pinsing.view.tab import Tab, place_in_list
 
 
@@ -72,16 +70,6 @@ class MechanismViewer(Tab):
         """What the page lists."""
         return self._stage.groups
 
-    @property
-    def q(self) -> Array:
-        """Configuration (n,) that was shown last, radians and metres."""
-        return self._stage.q.copy()
-
-    @property
-    def notes(self) -> tuple[str, ...]:
-        """What could not be drawn."""
-        return self._stage.notes
-
     def show(self, q: npt.ArrayLike) -> None:
         """Move the mechanism, in every open tab, to the closed configuration q (n,).
 
@@ -92,7 +80,7 @@ class MechanismViewer(Tab):
         """
         q = self.mechanism.check(q)
         self._stage.frame(q)
-        self._show(q, None)
+        self._move(q, None)
 
     def show_inputs(self, inputs: npt.ArrayLike) -> None:
         """Drive the mechanism to inputs (n_a,) in its mode, or put it together there in another.
@@ -105,7 +93,7 @@ class MechanismViewer(Tab):
         inputs = self.mechanism.check_inputs(inputs)
         found = drive(self.mechanism, inputs, self.q)
         q = found.q if found.converged else assemblies(self.mechanism, inputs)[0].q
-        self._show(q, None)
+        self._move(q, None)
 
     def show_group(self, group: str | int, pose: int = 0) -> None:
         """Move the mechanism to a pose of the list.
@@ -125,18 +113,11 @@ class MechanismViewer(Tab):
             If it has no such pose.
         """
         index = self._index(group, pose)
-        self._show(self._stage.pose_q(index, pose), (index, pose))
+        self._move(self._stage.pose_q(index, pose), (index, pose))
 
     def play(self, group: str | int, kind: str = "into", pose: int = 0) -> None:
         """Play a motion in every open tab: ``into`` the singular pose, or ``along`` its locus."""
-        index = self._index(group, pose)
-        if kind not in KINDS:
-            raise OptionError(f"unknown kind of path {kind!r}: into or along")
-        self._send({"play": kind, "entry": index, "pose": pose})
-
-    def _show(self, q: Array, chosen: tuple[int, int] | None) -> None:
-        self._stage.q, self._stage.chosen = q, chosen
-        self._send(self._stage.start())
+        self._play(self._index(group, pose), pose, kind)
 
     def _index(self, group: str | int, pose: int) -> int:
         return place_in_list([(g.name, len(g.points)) for g in self.groups], group, pose)
