@@ -314,7 +314,8 @@ def test_the_page_tells_when_the_program_has_ended(page: Any) -> None:
     assert page.locator("#mode-menu").is_disabled()
 
 
-def test_a_picture_with_the_panel_is_taken(tmp_path: Any) -> None:
+@pytest.mark.parametrize("panel", [True, False])
+def test_a_picture_of_a_singular_pose_is_taken(panel: bool, tmp_path: Any) -> None:
     from mechanisms import URDF
     from PIL import Image
 
@@ -324,7 +325,7 @@ def test_a_picture_with_the_panel_is_taken(tmp_path: Any) -> None:
     view_loops(
         URDF / "four_bar.loops.yaml",
         png=out,
-        panel=True,
+        panel=panel,
         family="L1",
         size="900x600",
         robot=str(URDF / "four_bar.urdf"),

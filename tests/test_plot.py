@@ -97,6 +97,17 @@ def test_refined_points_between_samples_are_marked() -> None:
     assert np.abs(np.asarray(mark.get_xdata()) - elbow).min() < 1e-6
 
 
+def test_singular_points_that_need_other_joints_are_not_marked() -> None:
+    """sin q6 = -1/5 of the surgical arm is singular at q5 = ±90° only, off these curves."""
+    arm = textbook("surgical7")
+    result = sweep(arm, levels=1, samples=61)
+    found = singular_configurations(arm, result)
+    ax = plot.sigma_curves(result, moving=["q4", "q6"], findings=found)
+    marks = [line for line in ax.get_lines() if line.get_marker() == "o" and len(line.get_xdata())]
+    x = np.concatenate([np.asarray(line.get_xdata()) for line in marks])
+    np.testing.assert_allclose(np.unique(np.round(x, 6)), [-3.141593, 0, 3.141593], atol=1e-6)
+
+
 def test_curves_with_a_joint_held(stanford_sweep: SweepResult) -> None:
     ax = plot.sigma_curves(stanford_sweep, fixed={"q4": 0.0})
     assert "$q_{4}$ = 0" in ax.get_title()

@@ -22,6 +22,7 @@ their factors comes on top.
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import multiprocessing
 import platform
 import sys
@@ -278,6 +279,8 @@ def main() -> None:
     if not chosen:
         parser.error(f"no arm of that name; there are {', '.join(ARMS)}")
     page = options.write or options.check
+    if not page and not options.no_sympy and importlib.util.find_spec("sympy") is None:
+        parser.error("Sympy is not installed: run scripts/setup dev, or give --no-sympy")
     rounds = 1 if options.check else options.rounds
     rows = []
     for name, spec in chosen.items():

@@ -151,11 +151,8 @@ def view_loops(
     if html is not None:
         _page(mechanism, inputs, html)
         say(f"wrote {html}")
-    if png is not None and not panel:
-        _picture(mechanism, inputs, png, picture)
-        say(f"wrote {png}")
-    if (html is not None or png is not None) and not (png is not None and panel):
-        return
+        if png is None:
+            return
     from pinsing.loops import analyze_mechanism
     from pinsing.view.mechanism import MechanismViewer
 
@@ -188,19 +185,6 @@ def _page(mechanism: Mechanism, inputs: Array, html: str | Path) -> None:
     name = mechanism.inputs[0]
     words = f"{mechanism}\n{name} moves over all it can reach, through every assembly mode"
     save_mechanism_page(mechanism, found[0].q[::_MODE_FRAMES], html, words)
-
-
-def _picture(mechanism: Mechanism, inputs: Array, png: str | Path, size: tuple[int, int]) -> None:
-    import tempfile
-
-    from pinsing.loops import assemblies
-    from pinsing.view.picture import take_picture
-    from pinsing.view_loops import save_mechanism_page
-
-    with tempfile.TemporaryDirectory(prefix="pinsing-") as folder:
-        page = Path(folder) / "page.html"
-        save_mechanism_page(mechanism, assemblies(mechanism, inputs)[0].q, page)
-        take_picture(page.as_uri(), png, size)
 
 
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from pinsing.condition import JointCondition
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.find import Finding
 from pinsing.measures import SINGULAR_RTOL
@@ -150,8 +152,28 @@ def _singular(curve: SweepCurve, arm: ArmSummary, findings: Iterable[Finding]) -
         if curve.number not in finding.curves or finding.status != "singular":
             continue
         value = finding.condition.fixed.get(name)
-        if value is None:
+        if value is None or not _on_curve(finding.condition, curve, name, arm):
             continue
         copies = [value] if arm.prismatic[curve.moving] else value + 2 * np.pi * np.arange(-2, 3)
         found += [x for x in copies if curve.x[0] - 1e-9 <= x <= curve.x[-1] + 1e-9]
     return np.unique(np.round(found, 9))
+
+
+def _on_curve(condition: JointCondition, curve: SweepCurve, moving: str, arm: ArmSummary) -> bool:
+    """Whether a curve holds all but its moving joint where a condition wants them.
+
+    A dip of the curve may lead to a configuration at which other joints have moved too.
+    """
+    if condition.related:
+        return False
+    for name, value in condition.fixed.items():
+        if name == moving:
+            continue
+        if name not in curve.fixed:
+            return False
+        off = value - curve.fixed[name]
+        if not arm.prismatic[arm.joints.index(name)]:
+            off = math.remainder(off, 2 * math.pi)
+        if abs(off) > 1e-9:
+            return False
+    return True

@@ -78,8 +78,12 @@ def pi_ticks(axis: Axis, low: float, high: float) -> None:
 
 def ticks(axis: Axis, low: float, high: float, slides: bool) -> None:
     """Ticks of a joint: pi for angles, plain for sliders; small letters."""
+    from matplotlib.ticker import MaxNLocator
+
     if not slides and high - low > 0.5:
         pi_ticks(axis, low, high)
+    else:
+        axis.set_major_locator(MaxNLocator(5))  # numbers with decimals are wide
     axis.set_tick_params(labelsize=SMALL)
 
 
