@@ -55,8 +55,8 @@ class Outcome:
 
 def sources() -> dict[str, list[str]]:
     """Good files to break."""
-    from pinsing.robot.catalog import data_folder
-    from pinsing.robot.dh import urdf_folder
+    from pinsing.description.catalog import data_folder
+    from pinsing.description.dh_urdf import urdf_folder
 
     data, own = data_folder(), urdf_folder()
     assert data is not None, "example-robot-data is not installed"
@@ -120,10 +120,10 @@ def _mechanism(tree: str, loops: str) -> int:
     """Load a mechanism as the command line would, and close its loops once."""
     import numpy as np
 
+    from pinsing.description.dh_urdf import urdf_folder
     from pinsing.errors import PinsingError
-    from pinsing.loops.closure import Loops
-    from pinsing.robot.dh import urdf_folder
-    from pinsing.robot.loops import load_mechanism
+    from pinsing.mechanism.closure import Loops
+    from pinsing.robot.load_mechanism import load_mechanism
 
     try:
         mechanism = load_mechanism(urdf_folder() / f"{tree}.urdf", loops)

@@ -7,8 +7,8 @@ import argparse
 import sys
 from pathlib import Path
 
+from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.errors import RobotFileError
-from pinsing.robot.dh import dh_to_urdf, read_dh
 
 
 def main() -> int:

@@ -51,11 +51,11 @@ class Job:
 
 def jobs() -> tuple[list[Job], dict[str, str]]:
     """Return every chain, and why a file has none."""
+    from pinsing.description.catalog import data_folder
+    from pinsing.description.urdf import read_description
     from pinsing.errors import PinsingError
-    from pinsing.robot.catalog import data_folder
-    from pinsing.robot.chains import all_chains
-    from pinsing.robot.description import read_description
-    from pinsing.robot.model import build_model
+    from pinsing.robot.build_model import build_model
+    from pinsing.robot.subchains import all_chains
 
     folder = data_folder()
     assert folder is not None, "example-robot-data is not installed"
@@ -79,9 +79,9 @@ def jobs() -> tuple[list[Job], dict[str, str]]:
 
 def run(job: Job) -> dict[str, Any]:
     """Analyse one chain, in this process."""
-    from pinsing.analysis import analyze
+    from pinsing.analysis.analyze import analyze
+    from pinsing.description.catalog import data_folder
     from pinsing.errors import PinsingError
-    from pinsing.robot.catalog import data_folder
     from pinsing.robot.load import load
 
     folder = data_folder()

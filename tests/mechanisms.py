@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from pinsing.loops import MechanismAnalysis, analyze_mechanism
-from pinsing.robot.loops import Loop, Mechanism, load_mechanism
+from pinsing.mechanism import MechanismAnalysis, analyze_mechanism
+from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
 
 URDF = Path(__file__).parent.parent / "urdf"
 R1, R2, R3 = 1.2, 1.0, 0.8

@@ -12,17 +12,16 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing.closed_form import ClosedForm, closed_form
-from pinsing.kinematics import generic_rank, task_jacobians
-from pinsing.refine import walk
+from pinsing._types import Array
+from pinsing.configuration.refine import walk
+from pinsing.families import ClosedForm, closed_form
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
 
-Array = npt.NDArray[np.float64]
 RIGHT = np.pi / 2
 
 # Name of the test, and how to load the arm: the robot, its tip and base where they are chosen.

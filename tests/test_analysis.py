@@ -7,11 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pinsing import analysis as module
-from pinsing.analysis import Analysis, analyze
-from pinsing.closed_form import closed_form
+from pinsing.analysis import analyze as module
+from pinsing.analysis.analyze import Analysis, analyze
 from pinsing.errors import OptionError, ResultError
-from pinsing.kinematics import singular_values
+from pinsing.families import closed_form
+from pinsing.kinematics.jacobian import singular_values
 from pinsing.robot.load import load
 
 ARMS = ("stanford", "surgical7", "puma560", "scara", "planar3r", "iiwa14", "ur5", "so101", "z1")

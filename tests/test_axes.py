@@ -10,12 +10,12 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
-from pinsing.axes import axis_dependences, dependent_axes
+from pinsing.configuration.axis_dependence import axis_dependences, dependent_axes
 from pinsing.errors import ConfigurationError
-from pinsing.kinematics import frame_jacobian, task_jacobian
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian
 from pinsing.robot.arm import Arm, Coupling
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
 
 HALF_PI = np.pi / 2
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
+from pinsing.description import catalog
+from pinsing.description.catalog import data_folder, find_robot, known_robots, locate_robot
 from pinsing.errors import RobotFileError, UnknownNameError
-from pinsing.robot import catalog
-from pinsing.robot.catalog import data_folder, find_robot, known_robots, locate_robot
 
 # name -> file, for the names that the loaders of example-robot-data give
 LOADERS = {
@@ -133,7 +133,7 @@ def test_without_the_data_package(monkeypatch):
 
 def test_listing_needs_no_pinocchio():
     code = (
-        "import sys; from pinsing.robot.catalog import known_robots; known_robots();"
+        "import sys; from pinsing.description.catalog import known_robots; known_robots();"
         "print([m for m in ('pinocchio', 'xacro', 'matplotlib') if m in sys.modules])"
     )
     run = [sys.executable, "-c", code]

@@ -10,11 +10,11 @@ import pytest
 from urdf_texts import LIMIT, joint
 
 from pinsing import load
+from pinsing.description.catalog import find_robot
+from pinsing.description.urdf import read_description
 from pinsing.errors import ChainError
-from pinsing.robot.catalog import find_robot
-from pinsing.robot.chains import all_chains, arm_chains, chains_text, long_chain_note
-from pinsing.robot.description import read_description
-from pinsing.robot.model import build_model
+from pinsing.robot.build_model import build_model
+from pinsing.robot.subchains import all_chains, arm_chains, chains_text, long_chain_note
 
 
 def model_of(robot: str) -> tuple[pin.Model, list[str]]:

@@ -15,19 +15,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from pinsing.analysis import Analysis
+from pinsing.analysis.analyze import Analysis
+from pinsing.atomic_write import check_writable, replacing, write_text
 from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
-from pinsing.closed_form import ClosedForm
+from pinsing.configuration.state import State, at
 from pinsing.errors import ConfigurationError, OutputError
-from pinsing.files import check_writable, replacing, write_text
-from pinsing.kinematics import task_jacobian
+from pinsing.families import ClosedForm
+from pinsing.kinematics.jacobian import task_jacobian
 from pinsing.report.info import ArmInfo
 from pinsing.report.text import Table, fields, joined, safe
 from pinsing.robot.load import load
-from pinsing.state import State, at
-from pinsing.sweep import SweepResult
-from pinsing.sweep_file import load_npz
+from pinsing.sweeps.npz import load_npz
+from pinsing.sweeps.run import SweepResult
 
 URDF = Path(__file__).parent.parent / "urdf"
 
@@ -227,7 +227,7 @@ class TestSweep:
         assert run(*words, "--fail-if-singular").exit_code == 1
 
     def test_ctrl_c_keeps_what_is_done(self, monkeypatch, tmp_path):
-        import pinsing.sweep_job as module
+        import pinsing.sweeps.job as module
 
         def interrupted(*_):
             raise KeyboardInterrupt

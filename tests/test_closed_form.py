@@ -23,9 +23,9 @@ from singular_sets import (
     random_singular,
 )
 
-from pinsing.closed_form import ClosedForm, Equation, Family, closed_form
 from pinsing.errors import OptionError, ResultError
-from pinsing.robot.nominal import nominal
+from pinsing.families import ClosedForm, Equation, Family, closed_form
+from pinsing.geometry.nominal import nominal
 
 ZERO = (0.0, np.pi)
 SIDE = (-RIGHT, RIGHT)

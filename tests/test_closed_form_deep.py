@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from singular_sets import check_families, check_search, drop
 
-from pinsing.analysis import analyze
-from pinsing.closed_form import closed_form
-from pinsing.robot.catalog import data_folder
+from pinsing.analysis.analyze import analyze
+from pinsing.description.catalog import data_folder
+from pinsing.families import closed_form
+from pinsing.geometry.nominal import nominal
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
 
 POSITIONS = {
     "ur5": 3,

@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pinsing.closed_form import closed_form
-from pinsing.closed_form.followers import NotFollowed, drives
-from pinsing.kinematics import sigma_ratios, singular_values
-from pinsing.rank_drop import approach
+from pinsing.algebra.mimic import NotFollowed, drives
+from pinsing.configuration.rank_drop import approach
+from pinsing.families import closed_form
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import sigma_ratios, singular_values
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
 
 LINK = '<link name="{}"/>'
 JOINT = """<joint name="j{i}" type="{kind}"><parent link="l{p}"/><child link="l{i}"/>

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from singular_sets import ROBOTS, arm_of, check_families, check_search, closed, drop
 
-from pinsing.closed_form import closed_form
-from pinsing.robot.nominal import nominal
+from pinsing.families import closed_form
+from pinsing.geometry.nominal import nominal
 
 TEXTBOOK = {"stanford", "puma560", "irb1400", "iiwa14", "surgical7", "planar3r", "scara"}
 SYSTEMS = {"baxter", "g1", "tiago_pro"}

@@ -8,9 +8,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinsing.closed_form import closed_form
-from pinsing.kinematics import sigma_ratios, singular_values
-from pinsing.rank_drop import approach
+from pinsing.configuration.rank_drop import approach
+from pinsing.families import closed_form
+from pinsing.kinematics.jacobian import sigma_ratios, singular_values
 from pinsing.robot.load import load
 
 DHRows = list[tuple[float, float, float]]

@@ -19,14 +19,14 @@ import arms
 import pytest
 from click.testing import CliRunner
 
-from pinsing.chunks import dask_cluster
 from pinsing.cli.app import command
 from pinsing.errors import WorkerError
 from pinsing.maps import sigma_map
 from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
-from pinsing.sweep import run_sweep
-from pinsing.sweep_plan import plan_sweep
+from pinsing.runs.execute import dask_cluster
+from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.run import run_sweep
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")
 

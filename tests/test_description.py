@@ -13,11 +13,11 @@ import pinocchio as pin
 import pytest
 from urdf_texts import LIMIT, joint, robot
 
+from pinsing.description.catalog import data_folder
+from pinsing.description.urdf import Description, read_description
 from pinsing.errors import PinsingError, RobotFileError, UnknownNameError
-from pinsing.robot import model as model_module
-from pinsing.robot.catalog import data_folder
-from pinsing.robot.description import Description, read_description
-from pinsing.robot.model import build_model, diagnose
+from pinsing.robot import build_model as model_module
+from pinsing.robot.build_model import build_model, diagnose
 
 DATA = data_folder()
 assert DATA is not None
@@ -238,7 +238,7 @@ def test_what_is_no_readable_file(tmp_path):
 def test_huge_file(tmp_path, monkeypatch):
     file = tmp_path / "huge.urdf"
     file.write_text(robot())
-    monkeypatch.setattr("pinsing.robot.xml_tree.MAX_BYTES", 100)
+    monkeypatch.setattr("pinsing.description.xml_tree.MAX_BYTES", 100)
     with pytest.raises(RobotFileError, match="larger than"):
         read_description(file)
 
@@ -456,8 +456,8 @@ def test_diagnose_finds_nothing_in_a_good_file(read):
 
 def test_capture_survives_a_process_without_stderr(read):
     code = (
-        "import os, sys; from pinsing.robot.description import read_description as r;"
-        "from pinsing.robot.model import build_model as b; os.close(2);"
+        "import os, sys; from pinsing.description.urdf import read_description as r;"
+        "from pinsing.robot.build_model import build_model as b; os.close(2);"
         "print(b(r(sys.argv[1])).nv)"
     )
     run = [sys.executable, "-c", code, str(read(robot()).path)]

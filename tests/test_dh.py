@@ -15,10 +15,10 @@ import pinocchio as pin
 import pytest
 from numpy import cos, sin
 
+from pinsing.description.dh_table import DHRow
+from pinsing.description.dh_urdf import DHTable, dh_to_urdf, read_dh, urdf_folder
+from pinsing.description.yaml_tree import parse_number
 from pinsing.errors import RobotFileError
-from pinsing.robot.dh import DHTable, dh_to_urdf, read_dh, urdf_folder
-from pinsing.robot.dh_table import DHRow
-from pinsing.robot.strict_yaml import parse_number
 
 ROBOTS = ("stanford", "surgical7", "puma560", "irb1400", "iiwa14", "planar3r", "scara")
 GENERATE = Path(__file__).parents[1] / "scripts" / "generate_urdf.py"

@@ -9,10 +9,10 @@ import pytest
 from mechanisms import analyzed, four_bar, shipped
 
 from pinsing.errors import PinsingError
-from pinsing.loops import feasible, home, motions, residual
-from pinsing.loops.drive import drive, stretch
-from pinsing.loops.modes import assembly_sign
-from pinsing.loops.trace import trace
+from pinsing.mechanism import feasible, home, motions, residual
+from pinsing.mechanism.drive import drive, stretch
+from pinsing.mechanism.modes import assembly_sign
+from pinsing.mechanism.trace import trace
 from pinsing.robot.mechanism import Mechanism
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]

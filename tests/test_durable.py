@@ -20,17 +20,18 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from pinsing import durable, singular_values
+from pinsing import singular_values
 from pinsing._batch import engine as kernel
 from pinsing.cli.app import command
-from pinsing.durable import RunFolder, open_run, recorded
 from pinsing.errors import EngineError, OutputError
 from pinsing.maps import plan_map, sigma_map
 from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
-from pinsing.sweep import SweepResult, run_sweep
-from pinsing.sweep_file import load_npz
-from pinsing.sweep_plan import plan_sweep
+from pinsing.runs import run_folder as durable
+from pinsing.runs.run_folder import RunFolder, open_run, recorded
+from pinsing.sweeps.npz import load_npz
+from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.run import SweepResult, run_sweep
 
 IDENTITY = {"kind": "test", "size": 3}
 RECORD = {"a": np.arange(5.0), "b": np.array([1, 2])}
@@ -106,7 +107,7 @@ def test_a_crash_at_any_step_of_a_write_leaves_the_old_or_the_new(
                 (tmp_path / "chunks" / "000000.npz.part").write_bytes(half)
             else:
                 name = {"fsync": "os.fsync", "replace": "os.replace"}.get(
-                    step, "pinsing.durable._sync_folder"
+                    step, "pinsing.runs.run_folder._sync_folder"
                 )
                 patch.setattr(name, crash)
                 with pytest.raises(Crash):
@@ -185,7 +186,7 @@ def test_a_damaged_plan_is_refused(tmp_path: Path, text: str) -> None:
 
 def test_two_at_once(tmp_path: Path) -> None:
     code = (
-        "import sys, time; from pinsing.durable import open_run\n"
+        "import sys, time; from pinsing.runs.run_folder import open_run\n"
         f"with open_run({str(tmp_path)!r}, {IDENTITY!r}, 3):\n"
         "    print('in', flush=True); time.sleep(60)"
     )
@@ -327,7 +328,7 @@ def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
 def test_workers_do_not_outlive_a_killed_parent(tmp_path: Path) -> None:
     code = (
         "import os, time\n"
-        "from pinsing.chunks import local_processes\n"
+        "from pinsing.runs.execute import local_processes\n"
         "if __name__ == '__main__':\n"
         "    with local_processes(2) as (executor, _):\n"
         "        print(*{executor.submit(os.getpid).result() for _ in range(9)}, flush=True)\n"

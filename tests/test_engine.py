@@ -6,9 +6,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinsing import engine, kinematics
 from pinsing._batch import engine as kernel
 from pinsing.errors import EngineError, OptionError
+from pinsing.kinematics import engine
+from pinsing.kinematics import jacobian as kinematics
 from pinsing.robot.load import load
 
 needs_kernel = pytest.mark.skipif(

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from singular_sets import RIGHT, Array, Joint, arm_of, build, closed
 
-from pinsing.closed_form import Equation, closed_form
-from pinsing.closed_form.expression import equation, format_angle
-from pinsing.closed_form.points import fix_joint, never_zero, proven_empty, roots_of
-from pinsing.closed_form.ring import Poly, Ring, make_ring
+from pinsing.algebra.equation import equation, format_angle
+from pinsing.algebra.ring import Poly, Ring, make_ring
+from pinsing.families import Equation, closed_form
+from pinsing.families.zero_set import fix_joint, never_zero, proven_empty, roots_of
 
 NAMES = ("puma560", "irb1400", "ur5", "surgical7", "panda", "xarm7", "z1", "kinova", "so101")
 

@@ -10,8 +10,8 @@ import pytest
 from scipy.optimize import minimize
 from singular_sets import RIGHT, Array, Joint, arm_of, build, closed
 
-from pinsing.closed_form import Branch, ClosedForm, Family, closed_form
 from pinsing.errors import ConfigurationError
+from pinsing.families import Branch, ClosedForm, Family, closed_form
 
 EQUATIONS = [("puma560", 2), ("ur5", 2), ("surgical7", 3), ("xarm7", 2), ("so101", 1)]
 

@@ -9,13 +9,13 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinsing.find import Finding, singular_configurations
-from pinsing.kinematics import singular_values
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
-from pinsing.sweep import sweep
-from pinsing.sweep_minima import dips
+from pinsing.sweeps.findings import Finding, singular_configurations
+from pinsing.sweeps.minima import dips
+from pinsing.sweeps.run import sweep
 
 PI = np.pi
 _ENDS = ("0", "180 deg")

@@ -6,13 +6,13 @@ import arms
 import numpy as np
 import pytest
 
-from pinsing.condition import value_text
+from pinsing.configuration.refine import refine, refine_many
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.generalize import Generalization, generalize, random_configurations
-from pinsing.kinematics import singular_values
+from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import sigma_ratio
-from pinsing.refine import refine, refine_many
 from pinsing.robot.load import load
+from pinsing.sweeps.generalize import Generalization, generalize, random_configurations
+from pinsing.sweeps.joint_condition import value_text
 
 PI = np.pi
 
@@ -154,7 +154,7 @@ def test_raw_geometry_is_judged_too():
 
 
 def refine_on_nominal(arm, q):
-    from pinsing.robot.nominal import nominal
+    from pinsing.geometry.nominal import nominal
 
     return refine(nominal(arm).arm, q)
 

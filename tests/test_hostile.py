@@ -18,10 +18,10 @@ import pytest
 from urdf_texts import LIMIT, joint, make_package, robot
 
 from pinsing import analyze, closed_form, load
+from pinsing.description.urdf import read_description
+from pinsing.description.yaml_tree import MAX_BYTES, compose
 from pinsing.errors import PinsingError, RobotFileError
 from pinsing.report.latex import families_latex
-from pinsing.robot.description import read_description
-from pinsing.robot.strict_yaml import MAX_BYTES, compose
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
 SECRET = b"the secret that no page may hold, 2f9c61"

@@ -10,11 +10,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinsing import kinematics
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics import jacobian as kinematics
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
 
 ARMS = [
     ("stanford", None),

@@ -1,7 +1,6 @@
 """Imports point down only, and importing pinsing stays cheap.
 
-Rooms of one layer do not import each other, except for the pairs in PEERS. A new module is of
-the room whose name it begins with (``sweep_plan`` of ``sweep``), or is entered in LAYERS.
+A new package is entered in ORDER, above all that it imports.
 """
 
 from __future__ import annotations
@@ -20,69 +19,37 @@ import pinsing
 
 SOURCE = Path(pinsing.__file__).parent
 
-# From the ground up.
-LAYERS: tuple[frozenset[str], ...] = (
-    frozenset({"condition", "errors", "files", "measures", "result"}),
-    frozenset({"robot"}),
-    frozenset({"_batch"}),
-    frozenset({"engine", "kinematics"}),
-    frozenset({"evaluate"}),  # singular values on a fixed engine
-    # Where work in chunks is done, where it is kept, and what is kept of it.
-    frozenset({"chunks", "durable", "tally"}),
-    frozenset(
-        {
-            "axes",
-            "axis_words",
-            "closed_form",
-            "generalize",
-            "loops",
-            "lost",
-            "maps",
-            "rank_drop",
-            "refine",
-            "second_order",
-            "state",
-            "sweep",
-        }
-    ),
-    frozenset({"find"}),
-    frozenset({"analysis"}),
-    frozenset({"plot", "view", "report"}),
-    frozenset({"cli"}),
-    frozenset({"__init__", "__main__"}),  # the public names, and the program
+# From the ground up. A package imports what stands before it, and itself; nothing else.
+ORDER = (
+    "_types",
+    "_version",
+    "errors",
+    "measures",
+    "serialization",
+    "atomic_write",
+    "description",
+    "robot",
+    "_batch",
+    "geometry",
+    "kinematics",
+    "algebra",
+    "configuration",
+    "runs",
+    "families",
+    "sweeps",
+    "mechanism",
+    "maps",
+    "analysis",
+    "report",
+    "plot",
+    "view",
+    "cli",
+    "__init__",
+    "__main__",
 )
 
-# Who may import a peer: importer, imported.
-PEERS = frozenset(
-    {
-        ("result", "errors"),
-        ("files", "errors"),
-        ("kinematics", "engine"),
-        ("axes", "axis_words"),
-        ("state", "axes"),
-        ("state", "lost"),
-        ("refine", "rank_drop"),
-        ("refine", "second_order"),
-        ("generalize", "rank_drop"),
-        ("generalize", "refine"),
-        ("sweep", "generalize"),
-        ("sweep", "rank_drop"),
-        ("sweep", "refine"),
-        ("sweep", "second_order"),
-        ("sweep", "state"),
-        ("maps", "refine"),
-        ("maps", "sweep"),
-        ("chunks", "durable"),
-        ("closed_form", "generalize"),
-        ("loops", "closed_form"),
-        ("closed_form", "refine"),
-        ("closed_form", "second_order"),
-        ("closed_form", "state"),
-        ("cli", "__init__"),  # the version
-        ("evaluate", "__init__"),
-        ("report", "__init__"),
-    }
-)
+# Arrows upward that are allowed, importer and imported; one that nothing uses is an error.
+EXCEPTIONS: frozenset[tuple[str, str]] = frozenset()
 
 # Slow to import, and who may do so when imported itself; all others within a function.
 HEAVY = {
@@ -90,7 +57,7 @@ HEAVY = {
     "matplotlib": {"plot"},
     "meshcat": {"view"},
     "rich": {"cli"},
-    "scipy": {"plot", "refine", "closed_form"},
+    "scipy": set(),
     "sympy": set(),
     "tornado": {"view"},
     "xacro": set(),
@@ -154,22 +121,16 @@ def walk(node: ast.AST, module: str, package: str, at_import: bool) -> Iterator[
 
 
 def room(module: str) -> str:
-    """``pinsing.robot.load`` -> ``robot``; ``pinsing.sweep_plan`` -> ``sweep``."""
-    name = module.partition(".")[2].partition(".")[0] or "__init__"
-    rooms = [r for layer in LAYERS for r in layer]
-    fitting = [r for r in rooms if name == r or name.startswith(f"{r}_")]
-    return max(fitting, key=len, default=name)
-
-
-def height(name: str) -> int | None:
-    return next((i for i, layer in enumerate(LAYERS) if name in layer), None)
+    """``pinsing.robot.load`` -> ``robot``."""
+    return module.partition(".")[2].partition(".")[0] or "__init__"
 
 
 def allowed(importer: str, imported: str) -> bool:
-    if importer == imported or (importer, imported) in PEERS:
+    if importer == imported or (importer, imported) in EXCEPTIONS:
         return True
-    above, below = height(importer), height(imported)
-    return above is not None and below is not None and above > below
+    if importer not in ORDER or imported not in ORDER:
+        return False
+    return ORDER.index(importer) > ORDER.index(imported)
 
 
 ALL = [i for module in MODULES for i in imports_of(module)]
@@ -181,10 +142,10 @@ def test_the_walk_sees_what_it_should(tmp_path):
     code = """
 import pinsing.errors, numpy as np
 from pinsing import measures
-from . import result
+from . import serialization
 from .robot.load import load
 if TYPE_CHECKING:
-    from pinsing.state import State
+    from pinsing.configuration.state import State
 else:
     import scipy
 def f():
@@ -204,27 +165,30 @@ except ImportError:
         ("pinsing.errors", True),
         ("numpy", True),
         ("pinsing.measures", True),
-        ("pinsing.result", True),
+        ("pinsing.serialization", True),
         ("pinsing.robot.load", True),
-        ("pinsing.state", False),
+        ("pinsing.configuration.state", False),
         ("scipy", True),
         ("click", False),
         ("pinsing.robot.arm", True),
         ("zmq.eventloop", True),
     }
-    assert room("pinsing.sweep_plan") == "sweep"
-    assert room("pinsing.axis_words") == "axis_words"
+    assert room("pinsing.sweeps.plan") == "sweeps"
     assert room("pinsing") == "__init__"
     assert not allowed("robot", "kinematics")
-    assert not allowed("sweep", "closed_form")
+    assert not allowed("families", "sweeps")
     assert not allowed("plot", "view")
     assert not allowed("robot", "nowhere")
     assert allowed("cli", "errors")
 
 
-def test_every_module_has_its_place():
-    lost = sorted(m for m in MODULES if height(room(m)) is None)
-    assert not lost, f"enter in LAYERS: {', '.join(lost)}"
+def test_every_package_has_its_place():
+    assert {room(m) for m in MODULES} == set(ORDER)
+
+
+def test_every_exception_is_used():
+    used = {(room(i.importer), room(i.imported)) for i in OWN}
+    assert used >= EXCEPTIONS
 
 
 @pytest.mark.parametrize("module", MODULES)
@@ -272,7 +236,7 @@ def test_heavy_imports_wait_until_they_are_needed(library):
             "click matplotlib meshcat rich sympy tornado xacro yourdfpy zmq flint scipy",
         ),
         ("import pinsing.cli", "matplotlib meshcat pinocchio scipy yourdfpy xacro flint"),
-        ("import pinsing.errors, pinsing.robot.catalog", "pinocchio scipy yourdfpy xacro"),
+        ("import pinsing.errors, pinsing.description.catalog", "pinocchio scipy yourdfpy xacro"),
     ],
 )
 def test_what_an_import_pulls_in(code, heavy):

@@ -15,10 +15,10 @@ from pinsing.errors import (
     RobotFileError,
     UnknownNameError,
 )
-from pinsing.kinematics import frame_jacobian, frame_jacobians, generic_rank, tip_placement
+from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, generic_rank, tip_placement
 from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import summarize
 from pinsing.robot.load import load
-from pinsing.robot.summary import summarize
 from pinsing.robot.task import Task, parse_task
 
 LIMIT = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
@@ -692,7 +692,7 @@ def test_tasks_by_any_name():
 
 
 def test_every_robot_of_the_catalog_loads_or_says_why():
-    from pinsing.robot.catalog import known_robots
+    from pinsing.description.catalog import known_robots
 
     loaded, said = 0, []
     for name, entry in known_robots().items():

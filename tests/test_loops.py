@@ -26,7 +26,7 @@ from pinsing.errors import (
     RobotFileError,
     UnknownNameError,
 )
-from pinsing.loops import (
+from pinsing.mechanism import (
     InfeasibleError,
     MechanismAnalysis,
     analyze_mechanism,
@@ -49,11 +49,11 @@ from pinsing.loops import (
     solve,
     split,
 )
-from pinsing.loops.closure import Loops, gauss_newton, random_closed
-from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.modes import elbow_sines, passive_determinant
-from pinsing.loops.roots import roots
-from pinsing.robot.loops import Loop, Mechanism, load_mechanism
+from pinsing.mechanism.closure import Loops, gauss_newton, random_closed
+from pinsing.mechanism.dyad import planar_dyad
+from pinsing.mechanism.loci_roots import roots
+from pinsing.mechanism.modes import elbow_sines, passive_determinant
+from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
 
 MODELS = ("five_bar", "four_bar", "planar_3rrr")
 THIRD = np.pi / 3

@@ -25,9 +25,9 @@ from pinsing.cli.mechanism import (
     view_loops,
 )
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.loops import assemblies, curves, find_singular, home, loop_forms
-from pinsing.plot_loops import draw_linkage, input_map, measure_curves
-from pinsing.view_loops import mechanism_page
+from pinsing.mechanism import assemblies, curves, find_singular, home, loop_forms
+from pinsing.plot.mechanism import draw_linkage, input_map, measure_curves
+from pinsing.view.mechanism.static_page import mechanism_page
 
 FIVE_BAR = {"robot": str(URDF / "five_bar.urdf")}
 LOOPS = URDF / "five_bar.loops.yaml"
@@ -52,7 +52,7 @@ def paths(ax, color: str) -> list[np.ndarray]:
 
 @pytest.mark.parametrize("sign", ["+", "-"])
 def test_lines_of_the_map_lie_on_the_closed_forms(sign):
-    from pinsing.plot_loops import TYPE_1, TYPE_2
+    from pinsing.plot.mechanism import TYPE_1, TYPE_2
 
     mechanism = shipped("five_bar")
     forms = loop_forms(mechanism)

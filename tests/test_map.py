@@ -23,7 +23,6 @@ from scipy.stats import qmc
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
-from pinsing.chunks import local_processes
 from pinsing.cli.app import command
 from pinsing.cli.running import Meter, duration, short
 from pinsing.errors import (
@@ -34,14 +33,15 @@ from pinsing.errors import (
     UnknownNameError,
     WorkerError,
 )
-from pinsing.evaluate import evaluator, fingerprint, fixed_engine
+from pinsing.kinematics.evaluator import evaluator, fingerprint, fixed_engine
 from pinsing.maps import MapResult, plan_map, sigma_map, sobol
 from pinsing.maps.plan import BLOCK
 from pinsing.maps.sample import grid_axis, grid_points, unit_points
 from pinsing.measures import sigma_ratio
 from pinsing.robot.arm import Coupling
 from pinsing.robot.load import load
-from pinsing.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers
+from pinsing.runs.execute import local_processes
+from pinsing.runs.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers
 
 N = 5 * BLOCK + 77
 

@@ -13,7 +13,7 @@ import pytest
 from chromium import BLUE, HOT, PINK, near, open_page, picture, show_only, text
 from mechanisms import analyzed, shipped
 
-from pinsing.loops import home, residual
+from pinsing.mechanism import home, residual
 from pinsing.view.mechanism import MechanismViewer
 from pinsing.view.picture import find_browser
 

@@ -19,7 +19,8 @@ from test_view import converse, get
 
 from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
-from pinsing.loops import home, mechanism_at, motions
+from pinsing.mechanism import home, mechanism_at, motions
+from pinsing.mechanism.lost_motion import free_motions, lost_motions
 from pinsing.view.links import read_links
 from pinsing.view.mechanism import MechanismViewer
 from pinsing.view.mechanism.around import around
@@ -27,7 +28,6 @@ from pinsing.view.mechanism.frame import mechanism_frame
 from pinsing.view.mechanism.groups import groups
 from pinsing.view.mechanism.linkage import Linkage, linkage_sizes, plane_normal, side
 from pinsing.view.mechanism.paths import along, into
-from pinsing.view.mechanism.words import free_motions, lost_motions
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import SIDE

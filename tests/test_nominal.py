@@ -12,11 +12,16 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pinsing.errors import OptionError
-from pinsing.kinematics import frame_jacobian, frame_jacobians, singular_values, tip_placement
+from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
+from pinsing.geometry.surd import Surd, cosine, sine
+from pinsing.kinematics.jacobian import (
+    frame_jacobian,
+    frame_jacobians,
+    singular_values,
+    tip_placement,
+)
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
-from pinsing.robot.surd import Surd, cosine, sine
 
 ARMS = [
     ("stanford", None),

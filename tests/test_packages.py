@@ -6,9 +6,9 @@ import pinocchio as pin
 import pytest
 from urdf_texts import make_package, robot
 
+from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
-from pinsing.robot.description import read_description
-from pinsing.robot.model import build_model
+from pinsing.robot.build_model import build_model
 
 
 def mesh_robot(*names: str) -> str:

@@ -15,7 +15,7 @@ from paper import claims, parallel, printed, readings, stanford, surgical, table
 from paper.page import to_html, to_markdown  # noqa: E402
 from paper.rows import AGREES, DIFFERS, EXTENDED, INCOMPLETE, Row, Section, judged  # noqa: E402
 
-from pinsing.kinematics import frame_jacobian  # noqa: E402
+from pinsing.kinematics.jacobian import frame_jacobian  # noqa: E402
 from pinsing.robot.load import load  # noqa: E402
 
 

@@ -20,13 +20,13 @@ from matplotlib.contour import ContourSet
 from mpl_toolkits.mplot3d import Axes3D
 
 from pinsing import plot
-from pinsing.closed_form import closed_form
+from pinsing.configuration.state import at
 from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
-from pinsing.find import singular_configurations
-from pinsing.kinematics import frame_jacobian, singular_values
+from pinsing.families import closed_form
+from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.plot.style import pi_text, pi_ticks
-from pinsing.state import at
-from pinsing.sweep import SweepResult, sweep
+from pinsing.sweeps.findings import singular_configurations
+from pinsing.sweeps.run import SweepResult, sweep
 
 
 @pytest.fixture(autouse=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pinsing.closed_form import closed_form
-from pinsing.closed_form.points import System, fix_joint, project, search
+from pinsing.families import closed_form
+from pinsing.families.zero_set import System, fix_joint, project, search
 from pinsing.robot.load import load
 
 

@@ -8,10 +8,16 @@ import arms
 import numpy as np
 import pytest
 
+from pinsing.configuration.rank_drop import approach, constraint_gradient
+from pinsing.configuration.refine import (
+    SingularConfiguration,
+    describe,
+    refine,
+    refine_many,
+    status_of,
+)
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
-from pinsing.kinematics import generic_rank, singular_values
-from pinsing.rank_drop import approach, constraint_gradient
-from pinsing.refine import SingularConfiguration, describe, refine, refine_many, status_of
+from pinsing.kinematics.jacobian import generic_rank, singular_values
 
 ARMS = {
     "stanford": lambda: arms.textbook("stanford"),

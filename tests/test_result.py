@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pinsing.errors import OptionError, ResultError
-from pinsing.result import JsonResult
+from pinsing.serialization import JsonResult
 
 
 @dataclass(frozen=True)

@@ -6,15 +6,15 @@ import arms
 import numpy as np
 import pytest
 
+from pinsing.configuration.refine import refine
+from pinsing.configuration.second_order import classify, second_order, second_order_many
 from pinsing.errors import ConfigurationError
-from pinsing.kinematics import (
+from pinsing.kinematics.jacobian import (
     generic_rank,
     task_jacobian,
     task_jacobians_and_derivatives,
     tip_placement,
 )
-from pinsing.refine import refine
-from pinsing.second_order import classify, second_order, second_order_many
 
 PI = np.pi
 

@@ -7,12 +7,12 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from pinsing.closed_form.budget import Budget
-from pinsing.closed_form.prime_field import rank_over
-from pinsing.closed_form.ring import make_ring
-from pinsing.closed_form.slices import Residues, slice_points
-from pinsing.closed_form.surd_ring import ring_of
-from pinsing.robot.surd import cosine, sine
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.generic_points import Residues, slice_points
+from pinsing.algebra.prime_field import rank_over
+from pinsing.algebra.ring import make_ring
+from pinsing.algebra.surd_ring import ring_of
+from pinsing.geometry.surd import cosine, sine
 
 
 @pytest.fixture

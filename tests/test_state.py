@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pinsing.configuration.lost_motion import Tool, lost_motions, nice_basis
+from pinsing.configuration.state import State, at
+from pinsing.configuration.state_text import state_text
 from pinsing.errors import ConfigurationError, OptionError, ResultError
-from pinsing.lost import Tool, lost_motions, nice_basis
+from pinsing.geometry.nominal import nominal
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.nominal import nominal
-from pinsing.state import State, at
-from pinsing.state_text import state_text
 
 REGULAR_Q = {
     "ur5": [0.1, -1.0, 0.8, 0.3, 0.9, 0.2],
@@ -214,7 +214,7 @@ def test_near_singular_says_how_little_is_left():
 
 
 def test_five_joints_always_miss_one_direction():
-    from pinsing.refine import refine
+    from pinsing.configuration.refine import refine
 
     arm = arm_of("so101")
     found = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1])

@@ -17,7 +17,7 @@ import pytest
 
 import pinsing
 from pinsing import Arm, analyze, at, closed_form, load, refine, singular_values, sweep
-from pinsing.result import JsonResult
+from pinsing.serialization import JsonResult
 
 ROBOTS = ("ur5", "panda", "stanford")
 

@@ -15,19 +15,19 @@ import numpy as np
 import pytest
 from click.testing import CliRunner
 
-from pinsing import sweep_job
-from pinsing.chunks import local_processes
 from pinsing.cli.app import command
 from pinsing.errors import OptionError, OutputError, ResultError
-from pinsing.find import singular_configurations
-from pinsing.kinematics import singular_values
+from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import sigma_ratio
 from pinsing.plot import sigma_curves
-from pinsing.sweep import SweepResult, run_sweep, sweep
-from pinsing.sweep_curves import CurveTable, axis_values
-from pinsing.sweep_file import kept_curves, load_npz
-from pinsing.sweep_minima import Pool, dips, minima
-from pinsing.sweep_plan import plan_sweep
+from pinsing.runs.execute import local_processes
+from pinsing.sweeps import job as sweep_job
+from pinsing.sweeps.curves import CurveTable, axis_values
+from pinsing.sweeps.findings import singular_configurations
+from pinsing.sweeps.minima import Pool, dips, minima
+from pinsing.sweeps.npz import kept_curves, load_npz
+from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.run import SweepResult, run_sweep, sweep
 
 SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name
 
@@ -433,10 +433,10 @@ def count_and_peak(step: int, levels: int, samples: int, find: bool) -> tuple[in
     """Jacobians that a child process sweeps a Panda through, and its peak memory in MiB."""
     code = (
         "import numpy as np\n"
-        "from pinsing.find import singular_configurations\n"
+        "from pinsing.sweeps.findings import singular_configurations\n"
         "from pinsing.robot.load import load\n"
-        "from pinsing.sweep import run_sweep\n"
-        "from pinsing.sweep_plan import plan_sweep\n"
+        "from pinsing.sweeps.run import run_sweep\n"
+        "from pinsing.sweeps.plan import plan_sweep\n"
         "arm = load('panda')\n"
         f"special = tuple(np.deg2rad(np.arange(-180, 180, {step})).tolist())\n"
         f"plan = plan_sweep(arm, special=special, levels=({levels},), samples={samples})\n"

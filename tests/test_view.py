@@ -25,9 +25,10 @@ import pytest
 import umsgpack
 from arms import planar, textbook, ur5
 
-from pinsing.closed_form import closed_form
 from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
-from pinsing.kinematics import frame_jacobian, singular_values
+from pinsing.families import closed_form
+from pinsing.families.paths import along, into
+from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.measures import SINGULAR_RTOL, velocity_ellipsoid
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
@@ -37,7 +38,6 @@ from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import FixedJoints, finding_entries
 from pinsing.view.frame import make_frame
 from pinsing.view.links import base_placement, read_links
-from pinsing.view.motion import along, into
 from pinsing.view.overlay import full_configuration
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
@@ -124,7 +124,7 @@ def test_paths(name: str) -> None:
     arm, entries = entries_of(name)
     for entry in entries:
         for q in entry.poses[:1]:
-            path = into(arm, entry, q)
+            path = into(arm, entry.moved, q)
             sigma = singular_values(arm, path)
             ratio = sigma[:, -1] / sigma[:, 0]
             np.testing.assert_array_equal(path[-1], q)
@@ -132,7 +132,7 @@ def test_paths(name: str) -> None:
             assert ratio[-1] <= SINGULAR_RTOL
             assert (np.diff(ratio) <= 0.02).all()
             assert arm.within_limits(path).all()
-            loop = along(arm, entry, q)
+            loop = along(arm, entry.family, q)
             assert len(loop), entry.name
             sigma = singular_values(arm, loop)
             assert (sigma[:, -1] <= 1e-8 * sigma[:, 0]).all()
@@ -158,8 +158,8 @@ def test_the_verdict_names_the_nearest_family_and_the_distance() -> None:
 
 
 def test_findings_of_a_sweep_are_listed() -> None:
-    from pinsing.find import singular_configurations
-    from pinsing.sweep import sweep
+    from pinsing.sweeps.findings import singular_configurations
+    from pinsing.sweeps.run import sweep
 
     arm = textbook("stanford")
     findings = singular_configurations(arm, sweep(arm, levels=1, samples=24))
@@ -170,7 +170,7 @@ def test_findings_of_a_sweep_are_listed() -> None:
             assert singular_values(arm, q[None])[0, -1] < 1e-9
     wrist = next(e for e in entries if e.text == "q5 = 0")
     assert verdict(arm, np.array([0, 1, 0.3, 0, 0.1, 0]), [wrist]) is not None
-    assert len(along(arm, wrist, wrist.poses[0]))
+    assert len(along(arm, wrist.family, wrist.poses[0]))
 
 
 def test_fixed_joints_wrap_whole_turns() -> None:

@@ -280,7 +280,7 @@ def test_a_mechanism_s_picture_is_taken(tmp_path: Path) -> None:
     from click.testing import CliRunner
 
     from pinsing.cli.app import command
-    from pinsing.robot.dh import urdf_folder
+    from pinsing.description.dh_urdf import urdf_folder
 
     robot = urdf_folder() / "five_bar.urdf"
     out = tmp_path / "five_bar.png"

@@ -8,9 +8,9 @@ import sys
 import pytest
 from urdf_texts import LIMIT, joint, make_package, robot
 
+from pinsing.description.urdf import Description, read_description
 from pinsing.errors import RobotFileError
-from pinsing.robot.description import Description, read_description
-from pinsing.robot.model import build_model
+from pinsing.robot.build_model import build_model
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
 ARM = "".join(f'<link name="{link}"/>' for link in "abc") + joint("j1", "a", "b") + joint()
@@ -150,14 +150,14 @@ def test_xacro_arguments_that_do_not_exist(read):
 
 
 def test_xacro_that_does_not_end(read, monkeypatch):
-    monkeypatch.setattr("pinsing.robot.xacro_file.TIMEOUT_SECONDS", 1)
+    monkeypatch.setattr("pinsing.description.xacro.TIMEOUT_SECONDS", 1)
     with pytest.raises(RobotFileError, match="does not end within 1 s"):
         read(XACRO.format('<link name="${10**10**10}"/>'), name="arm.xacro")
 
 
 def test_xacro_leaves_this_process_alone(read):
     code = (
-        "import sys; from pinsing.robot.description import read_description as r; r(sys.argv[1]);"
+        "import sys; from pinsing.description.urdf import read_description as r; r(sys.argv[1]);"
         "print([m for m in ('xacro', 'pinocchio', 'yourdfpy') if m in sys.modules])"
     )
     path = read(XACRO.format(ARM), name="arm.xacro").path

@@ -8,8 +8,8 @@ import pytest
 from urdf_texts import LIMIT, joint, make_package
 
 from pinsing import load
+from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
-from pinsing.robot.description import read_description
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
 PART = XACRO.format(

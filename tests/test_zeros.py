@@ -9,9 +9,9 @@ import operator
 import numpy as np
 import pytest
 
-from pinsing.closed_form.budget import Budget, BudgetExceeded
-from pinsing.closed_form.prime_field import WORD_PRIME, modular_context
-from pinsing.closed_form.zeros import Undecided, Zero, zeros
+from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.prime_field import WORD_PRIME, modular_context
+from pinsing.algebra.zeros import Undecided, Zero, zeros
 
 NAMES = "xyzu"
 

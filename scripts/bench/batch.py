@@ -23,11 +23,11 @@ from peers import missing, peers
 
 from pinsing._batch import engine
 from pinsing._batch.chain import FlatChain
-from pinsing.evaluate import evaluator
+from pinsing.geometry.chain import flatten
+from pinsing.kinematics.evaluator import evaluator
 from pinsing.maps.plan import plan_map
 from pinsing.maps.run import MapJob, compute_map_chunk
 from pinsing.robot.arm import Arm
-from pinsing.robot.chain import flatten
 from pinsing.robot.load import load
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"

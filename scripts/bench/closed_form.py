@@ -33,12 +33,12 @@ from pathlib import Path
 from queue import Empty
 from typing import Any
 
-from pinsing.closed_form import ClosedForm, closed_form
-from pinsing.closed_form.columns import independent_rows, jacobian_matrix
-from pinsing.closed_form.ring import make_ring
+from pinsing.algebra.jacobian_matrix import independent_rows, jacobian_matrix
+from pinsing.algebra.ring import make_ring
+from pinsing.families import ClosedForm, closed_form
+from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.robot.nominal import Nominal, nominal
 
 ARMS: dict[str, dict[str, str]] = {
     "Stanford arm": {"robot": "stanford"},

@@ -16,10 +16,10 @@ import time
 import numpy as np
 
 from pinsing._batch import engine
-from pinsing.find import singular_configurations
 from pinsing.robot.load import load
-from pinsing.sweep import run_sweep
-from pinsing.sweep_plan import plan_sweep
+from pinsing.sweeps.findings import singular_configurations
+from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.run import run_sweep
 
 
 def main() -> None:

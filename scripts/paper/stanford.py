@@ -10,10 +10,10 @@ from scipy.optimize import brentq
 from paper import printed
 from paper.charts import Panel, sigma_panels
 from paper.rows import AGREES, DIFFERS, Figure, Row, Section, judged, tiny
-from pinsing.closed_form import closed_form
-from pinsing.kinematics import frame_jacobian, singular_values, tip_placement
+from pinsing.families import closed_form
+from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.robot.load import load
-from pinsing.sweep import sweep
+from pinsing.sweeps.run import sweep
 
 SAMPLES = 361
 

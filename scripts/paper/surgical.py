@@ -12,12 +12,12 @@ from paper.charts import Panel, ellipsoid_pairs, sigma_panels
 from paper.printed import surgical_configuration as configuration
 from paper.readings import search
 from paper.rows import AGREES, DIFFERS, INCOMPLETE, Figure, Row, Section, Table, judged, tiny
-from pinsing.closed_form import closed_form
-from pinsing.kinematics import frame_jacobian, singular_values, tip_placement
+from pinsing.configuration.state import State, at
+from pinsing.families import closed_form
+from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.load import load
-from pinsing.state import State, at
-from pinsing.sweep import SweepResult, sweep
+from pinsing.sweeps.run import SweepResult, sweep
 
 SAMPLES = 361
 _FLAT = 1e-9

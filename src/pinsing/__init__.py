@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import importlib
-import sys
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from pinsing._version import __version__ as __version__
+
 if TYPE_CHECKING:
-    from pinsing.analysis import Analysis, analyze
-    from pinsing.closed_form import ClosedForm, Family, closed_form
+    from pinsing.analysis.analyze import Analysis, analyze
+    from pinsing.configuration.refine import SingularConfiguration, refine, refine_many
+    from pinsing.configuration.state import State, at
     from pinsing.errors import PinsingError
-    from pinsing.find import Finding, singular_configurations
-    from pinsing.generalize import generalize
-    from pinsing.kinematics import (
+    from pinsing.families import ClosedForm, Family, closed_form
+    from pinsing.geometry.nominal import Nominal, nominal
+    from pinsing.kinematics.jacobian import (
         frame_jacobian,
         frame_jacobians,
         generic_rank,
@@ -21,60 +22,57 @@ if TYPE_CHECKING:
         task_jacobian,
         task_jacobians,
     )
-    from pinsing.loops import MechanismAnalysis, analyze_mechanism
     from pinsing.maps import MapPlan, MapResult, plan_map, sigma_map
-    from pinsing.refine import SingularConfiguration, refine, refine_many
+    from pinsing.mechanism import MechanismAnalysis, analyze_mechanism
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
-    from pinsing.robot.loops import Mechanism, load_mechanism
-    from pinsing.robot.nominal import Nominal, nominal
-    from pinsing.state import State, at
-    from pinsing.sweep import SweepResult, sweep
-    from pinsing.sweep_plan import SweepPlan, plan_sweep
+    from pinsing.robot.load_mechanism import Mechanism, load_mechanism
+    from pinsing.sweeps.findings import Finding, singular_configurations
+    from pinsing.sweeps.generalize import generalize
+    from pinsing.sweeps.plan import SweepPlan, plan_sweep
+    from pinsing.sweeps.run import SweepResult, sweep
     from pinsing.view.viewer import Viewer
-
-__version__ = "0.1.0"
 
 # Where each public name lives: imported when first used, so that `import pinsing` and the
 # command line's --help wait for neither Pinocchio nor NumPy.
 _HOME = {
-    "Analysis": "pinsing.analysis",
+    "Analysis": "pinsing.analysis.analyze",
     "Arm": "pinsing.robot.arm",
-    "ClosedForm": "pinsing.closed_form",
-    "Family": "pinsing.closed_form",
-    "Finding": "pinsing.find",
+    "ClosedForm": "pinsing.families",
+    "Family": "pinsing.families",
+    "Finding": "pinsing.sweeps.findings",
     "MapPlan": "pinsing.maps",
     "MapResult": "pinsing.maps",
-    "Mechanism": "pinsing.robot.loops",
-    "MechanismAnalysis": "pinsing.loops",
-    "Nominal": "pinsing.robot.nominal",
+    "Mechanism": "pinsing.robot.load_mechanism",
+    "MechanismAnalysis": "pinsing.mechanism",
+    "Nominal": "pinsing.geometry.nominal",
     "PinsingError": "pinsing.errors",
-    "SingularConfiguration": "pinsing.refine",
-    "State": "pinsing.state",
-    "SweepPlan": "pinsing.sweep_plan",
-    "SweepResult": "pinsing.sweep",
+    "SingularConfiguration": "pinsing.configuration.refine",
+    "State": "pinsing.configuration.state",
+    "SweepPlan": "pinsing.sweeps.plan",
+    "SweepResult": "pinsing.sweeps.run",
     "Viewer": "pinsing.view.viewer",
-    "analyze": "pinsing.analysis",
-    "analyze_mechanism": "pinsing.loops",
-    "at": "pinsing.state",
-    "closed_form": "pinsing.closed_form",
-    "frame_jacobian": "pinsing.kinematics",
-    "frame_jacobians": "pinsing.kinematics",
-    "generalize": "pinsing.generalize",
-    "generic_rank": "pinsing.kinematics",
+    "analyze": "pinsing.analysis.analyze",
+    "analyze_mechanism": "pinsing.mechanism",
+    "at": "pinsing.configuration.state",
+    "closed_form": "pinsing.families",
+    "frame_jacobian": "pinsing.kinematics.jacobian",
+    "frame_jacobians": "pinsing.kinematics.jacobian",
+    "generalize": "pinsing.sweeps.generalize",
+    "generic_rank": "pinsing.kinematics.jacobian",
     "load": "pinsing.robot.load",
-    "load_mechanism": "pinsing.robot.loops",
-    "nominal": "pinsing.robot.nominal",
+    "load_mechanism": "pinsing.robot.load_mechanism",
+    "nominal": "pinsing.geometry.nominal",
     "plan_map": "pinsing.maps",
-    "plan_sweep": "pinsing.sweep_plan",
-    "refine": "pinsing.refine",
-    "refine_many": "pinsing.refine",
+    "plan_sweep": "pinsing.sweeps.plan",
+    "refine": "pinsing.configuration.refine",
+    "refine_many": "pinsing.configuration.refine",
     "sigma_map": "pinsing.maps",
-    "singular_configurations": "pinsing.find",
-    "singular_values": "pinsing.kinematics",
-    "sweep": "pinsing.sweep",
-    "task_jacobian": "pinsing.kinematics",
-    "task_jacobians": "pinsing.kinematics",
+    "singular_configurations": "pinsing.sweeps.findings",
+    "singular_values": "pinsing.kinematics.jacobian",
+    "sweep": "pinsing.sweeps.run",
+    "task_jacobian": "pinsing.kinematics.jacobian",
+    "task_jacobians": "pinsing.kinematics.jacobian",
 }
 
 __all__ = [
@@ -128,17 +126,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted({*globals(), *__all__})
-
-
-class _Package(ModuleType):
-    """Keeps a module from shadowing the public function that it is named after.
-
-    Importing ``pinsing.sweep`` would make the module the attribute ``sweep`` of the package.
-    """
-
-    def __setattr__(self, name: str, value: object) -> None:
-        if not (name in _HOME and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
-
-
-sys.modules[__name__].__class__ = _Package

@@ -11,7 +11,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
+from pinsing._types import Array
 
 SINGULAR_RTOL = 1e-9
 """sigma_r / sigma_1 at or below this is singular."""
@@ -52,7 +52,7 @@ def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None, size: flo
     """sigma_r / sigma_1 from singular values (..., k), largest first; 0 for a zero Jacobian.
 
     Where all of J can vanish, sigma_1 says nothing of how small sigma_r is: it then counts
-    as no smaller than ``size``, a typical sigma_1 (see ``pinsing.kinematics.task_size``).
+    as no smaller than ``size``, a typical sigma_1 (see ``pinsing.kinematics.jacobian.task_size``).
     """
     sigma = np.asarray(sigma, dtype=float)
     r = sigma.shape[-1] if generic_rank is None else generic_rank

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 import click
 
-from pinsing import __version__
+from pinsing._version import __version__
 from pinsing.cli.at import at_command
 from pinsing.cli.map import map_command
 from pinsing.cli.output import STOPPED, complain, say

@@ -58,10 +58,10 @@ def at_command(
     """
     parse_numbers(q, "--q", deg)  # a slip of the pen, before the robot is read
     arm = request.load()
+    from pinsing.configuration.state import at
+    from pinsing.configuration.state_text import state_text
+    from pinsing.geometry.nominal import nominal
     from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
-    from pinsing.robot.nominal import nominal
-    from pinsing.state import at
-    from pinsing.state_text import state_text
 
     values = joint_vector(arm, q, "--q", deg)
     state = at(

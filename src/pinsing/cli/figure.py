@@ -6,9 +6,9 @@ import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pinsing.atomic_write import replacing
 from pinsing.cli.output import STDOUT, say
 from pinsing.errors import OutputError
-from pinsing.files import replacing
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

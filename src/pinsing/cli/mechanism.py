@@ -15,9 +15,9 @@ from pinsing.cli.output import STDOUT, emit, emit_json, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 
 if TYPE_CHECKING:
-    from pinsing.loops import MechanismAnalysis
-    from pinsing.robot.arm import Array
-    from pinsing.robot.loops import Mechanism
+    from pinsing._types import Array
+    from pinsing.mechanism import MechanismAnalysis
+    from pinsing.robot.load_mechanism import Mechanism
 
 F = TypeVar("F", bound=Callable[..., Any])
 Run = Callable[..., Any]
@@ -58,7 +58,7 @@ def analyze_loops(
     **options: Any,
 ) -> int:
     """``analyze --loops``: modes, ranges, singular points and loci of a mechanism."""
-    from pinsing.loops import analyze_mechanism
+    from pinsing.mechanism import analyze_mechanism
 
     mechanism = read(loops, options)
     analysis = analyze_mechanism(mechanism)
@@ -92,8 +92,8 @@ def plot_loops(
     matplotlib.use("agg")
     import matplotlib.pyplot as plt
 
-    from pinsing.loops import assemblies, curves, find_singular
-    from pinsing.plot_loops import draw_linkage, input_map, map_legend, measure_curves
+    from pinsing.mechanism import assemblies, curves, find_singular
+    from pinsing.plot.mechanism import draw_linkage, input_map, map_legend, measure_curves
 
     if kind == "map":
         figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))
@@ -153,7 +153,7 @@ def view_loops(
         say(f"wrote {html}")
         if png is None:
             return
-    from pinsing.loops import analyze_mechanism
+    from pinsing.mechanism import analyze_mechanism
     from pinsing.view.mechanism import MechanismViewer
 
     found = (
@@ -178,8 +178,8 @@ def view_loops(
 
 
 def _page(mechanism: Mechanism, inputs: Array, html: str | Path) -> None:
-    from pinsing.loops import curves
-    from pinsing.view_loops import save_mechanism_page
+    from pinsing.mechanism import curves
+    from pinsing.view.mechanism.static_page import save_mechanism_page
 
     found = curves(mechanism, inputs, 0)
     name = mechanism.inputs[0]
@@ -190,7 +190,7 @@ def _page(mechanism: Mechanism, inputs: Array, html: str | Path) -> None:
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
     """What ``analyze --loops --json`` wrote, of the same mechanism."""
     from pinsing.cli.serving import read_json
-    from pinsing.loops import MechanismAnalysis
+    from pinsing.mechanism import MechanismAnalysis
 
     data = read_json(path)
     try:
@@ -213,7 +213,7 @@ def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     OptionError
         If an option of serial arms is given.
     """
-    from pinsing.robot.loops import load_mechanism
+    from pinsing.robot.load_mechanism import load_mechanism
 
     wrong = [f"--{name}" for name in ("tip", "base", "joints") if options.get(name) is not None]
     if options.get("task", "pose") != "pose":
@@ -238,7 +238,7 @@ def _inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array:
     """Inputs that were typed, or those of home."""
     import numpy as np
 
-    from pinsing.loops import home
+    from pinsing.mechanism import home
 
     if not texts:
         return home(mechanism)[list(mechanism.actuated)]

@@ -16,7 +16,8 @@ from pinsing.cli.output import OutputFile, ParamType, say
 from pinsing.errors import ConfigurationError, OptionError, OutputError
 
 if TYPE_CHECKING:
-    from pinsing.robot.arm import Arm, Array
+    from pinsing._types import Array
+    from pinsing.robot.arm import Arm
 
 F = TypeVar("F", bound=Callable[..., Any])
 

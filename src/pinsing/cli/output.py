@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinsing.files import check_writable, write_text
+from pinsing.atomic_write import check_writable, write_text
 from pinsing.report.text import safe
 
 if TYPE_CHECKING:
-    from pinsing.result import JsonResult
+    from pinsing.serialization import JsonResult
 
     ParamType = click.ParamType[Any]
 else:

@@ -14,7 +14,8 @@ from pinsing.cli.output import OutputFile
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
-    from pinsing.robot.arm import Arm, Array
+    from pinsing._types import Array
+    from pinsing.robot.arm import Arm
 
 KINDS = ("curves", "map", "ellipsoids", "along")
 _STEPS = 400
@@ -101,8 +102,8 @@ def _draw(
         assert joints is not None
         return plot.sigma_map(arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits)
     if kind == "ellipsoids":
+        from pinsing.configuration.state import at
         from pinsing.plot.plane import regular_configuration
-        from pinsing.state import at
 
         return plot.ellipsoids(at(arm, regular_configuration(arm) if q is None else q))
     if kind == "along":
@@ -111,8 +112,8 @@ def _draw(
         place = np.arange(len(stations))
         way = np.stack([np.interp(part, place, column) for column in stations.T], axis=1)
         return plot.sigma_along(arm, way)
-    from pinsing.find import singular_configurations
-    from pinsing.sweep import sweep
+    from pinsing.sweeps.findings import singular_configurations
+    from pinsing.sweeps.run import sweep
 
     levels = (max(len(held), 1),)
     values = tuple(held.values())

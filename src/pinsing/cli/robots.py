@@ -6,10 +6,10 @@ from pathlib import Path
 
 import click
 
+from pinsing.atomic_write import check_writable, write_text
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import STDOUT, OutputFile, emit, emit_json, emit_json_data, say
 from pinsing.errors import ChainError, OptionError
-from pinsing.files import check_writable, write_text
 from pinsing.report.text import Table
 
 
@@ -44,10 +44,10 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
 
 def _show_chains(request: RobotRequest) -> None:
     """List the chains that could be the arm, with the command for each."""
-    from pinsing.robot.catalog import CatalogEntry, locate_robot
-    from pinsing.robot.chains import arm_chains, chains_text
-    from pinsing.robot.description import read_description
-    from pinsing.robot.model import build_model
+    from pinsing.description.catalog import CatalogEntry, locate_robot
+    from pinsing.description.urdf import read_description
+    from pinsing.robot.build_model import build_model
+    from pinsing.robot.subchains import arm_chains, chains_text
 
     found = locate_robot(request.robot)
     path = found.path if isinstance(found, CatalogEntry) else found
@@ -68,7 +68,7 @@ def _show_chains(request: RobotRequest) -> None:
 @click.option("--json", "json_target", type=OutputFile(), metavar="FILE|-", help="As JSON.")
 def list_command(word: str, json_target: str | Path | None) -> None:
     """Robots known by name; with WORD, those that have it in their name or title."""
-    from pinsing.robot.catalog import known_robots
+    from pinsing.description.catalog import known_robots
 
     wanted = word.lower()
     entries = [
@@ -98,7 +98,7 @@ def list_command(word: str, json_target: str | Path | None) -> None:
 )
 def dh_command(table: str, output: str) -> None:
     """Turn a DH table (YAML, standard or modified convention) into a URDF."""
-    from pinsing.robot.dh import dh_to_urdf, read_dh
+    from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 
     if output != STDOUT:
         check_writable(output, inputs=(table,))

@@ -58,13 +58,13 @@ class Place:
 
     def _pool(self, stack: contextlib.ExitStack) -> tuple[Executor, int] | None:
         if self.dask is not None:
-            from pinsing.chunks import dask_cluster
+            from pinsing.runs.execute import dask_cluster
 
             executor, count = stack.enter_context(dask_cluster(self.dask))
             say(f"{count} dask worker threads at {self.dask}")
             return executor, count
         if self.workers is not None:
-            from pinsing.chunks import local_processes
+            from pinsing.runs.execute import local_processes
 
             return stack.enter_context(local_processes(self.workers))
         return None

@@ -221,12 +221,12 @@ def sweep_command(
     folder = out if out is not None and not is_npz(out) else None
     if keep and out is None:
         raise OptionError("--keep needs a folder to keep the curves in: give --out DIR")
-    from pinsing.find import singular_configurations
-    from pinsing.result import encode
-    from pinsing.robot.nominal import nominal
-    from pinsing.sweep import check_keep, run_sweep
-    from pinsing.sweep_file import CURVES, save_npz
-    from pinsing.sweep_plan import plan_sweep
+    from pinsing.geometry.nominal import nominal
+    from pinsing.serialization import encode
+    from pinsing.sweeps.findings import singular_configurations
+    from pinsing.sweeps.npz import CURVES, save_npz
+    from pinsing.sweeps.plan import plan_sweep
+    from pinsing.sweeps.run import check_keep, run_sweep
 
     tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
     swept = tests if geometry == "nominal" else arm
@@ -241,7 +241,7 @@ def sweep_command(
     elif folder is not None and result.complete:
         say(f"wrote {folder / CURVES}")
         if keep and not result.kept:
-            say(f"the curves are in {folder}: read them with pinsing.sweep_file.kept_curves")
+            say(f"the curves are in {folder}: read them with pinsing.sweeps.npz.kept_curves")
     findings = singular_configurations(swept, result, geometry=tests)
     if json_target is None or not emit_json_data(
         {**result.to_dict(), "findings": encode(findings)}, json_target
@@ -286,7 +286,7 @@ def analyze_command(
 
     With --fail-if-singular, exits with 1 if any is within the joint limits.
     """
-    from pinsing.analysis import analyze
+    from pinsing.analysis.analyze import analyze
 
     if random_starts is not None:
         chosen["random_starts"] = random_starts
@@ -319,8 +319,8 @@ def families_command(
     With --fail-if-singular, exits with 1 if any family is reachable within the joint limits.
     """
     arm = request.load()
-    from pinsing.analysis_text import families_text
-    from pinsing.closed_form import closed_form
+    from pinsing.analysis.text import families_text
+    from pinsing.families import closed_form
     from pinsing.report.latex import families_latex
 
     found = closed_form(arm, **algebra)

@@ -14,10 +14,10 @@ from pinsing.cli.serving import picture_size, read_json, serve
 from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:
-    from pinsing.analysis import Analysis
-    from pinsing.closed_form import Family
-    from pinsing.find import Finding
+    from pinsing.analysis.analyze import Analysis
+    from pinsing.families import Family
     from pinsing.robot.arm import Arm
+    from pinsing.sweeps.findings import Finding
 
 
 @click.command("view", short_help="See singular poses and velocity ellipsoids in a browser.")
@@ -107,22 +107,22 @@ def view_command(
 
 def _find(arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
     """Families by algebra; where that has gaps, what a sweep finds as well."""
-    from pinsing.closed_form import closed_form
+    from pinsing.families import closed_form
 
     found = closed_form(arm)
     if found.complete:
         return found.families, ()
     for gap in found.gaps:
         say(f"note: the closed forms have a gap, so a sweep runs too: {gap}")
-    from pinsing.analysis import analyze
+    from pinsing.analysis.analyze import analyze
 
     return _parts(analyze(arm))
 
 
 def _read(path: Path, arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
-    from pinsing.analysis import Analysis
-    from pinsing.closed_form import ClosedForm
+    from pinsing.analysis.analyze import Analysis
+    from pinsing.families import ClosedForm
 
     data = read_json(path)
     schema = data.get("schema") if isinstance(data, dict) else None

@@ -3,7 +3,7 @@
 from pinsing.maps.plan import MapPlan, plan_map
 from pinsing.maps.result import MapPoint, MapResult
 from pinsing.maps.run import MapJob, sigma_map
-from pinsing.tally_result import Distribution, Extreme
+from pinsing.runs.distribution import Distribution, Extreme
 
 __all__ = [
     "Distribution",

@@ -10,14 +10,15 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.kinematics import singular_values
+from pinsing.kinematics.jacobian import singular_values
 from pinsing.maps import sobol
 from pinsing.maps.sample import SAMPLINGS, grid_axis, grid_points, unit_points
-from pinsing.result import JsonResult
-from pinsing.robot.arm import Arm, Array
-from pinsing.robot.summary import ArmSummary, summarize
-from pinsing.sweep_values import moving_ranges
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.serialization import JsonResult
+from pinsing.sweeps.special_values import moving_ranges
 
 COUNT = 1 << 20
 """Configurations of a map unless asked otherwise."""

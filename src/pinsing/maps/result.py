@@ -7,13 +7,13 @@ from typing import ClassVar
 
 import numpy as np
 
+from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.maps.plan import MapPlan
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
-from pinsing.result import JsonResult
-from pinsing.robot.arm import Array
-from pinsing.tally import QUANTILE_ERROR, Tally
-from pinsing.tally_result import Distribution, Point, distributions, worst_points
+from pinsing.runs.distribution import Distribution, Point, distributions, worst_points
+from pinsing.runs.tally import QUANTILE_ERROR, Tally
+from pinsing.serialization import JsonResult
 
 _SHOWN_QUANTILES = (0.0, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0)
 _SHOWN_WORST = 5

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.chunks import planned_evaluator, running
-from pinsing.durable import Record
 from pinsing.errors import OptionError
-from pinsing.evaluate import Evaluator, run_identity
+from pinsing.kinematics.evaluator import Evaluator, run_identity
 from pinsing.maps.plan import BLOCK, WORST, MapPlan, plan_map
 from pinsing.maps.result import MapResult, result_of
 from pinsing.robot.arm import Arm
-from pinsing.tally import Tally
+from pinsing.runs.execute import planned_evaluator, running
+from pinsing.runs.run_folder import Record
+from pinsing.runs.tally import Tally
 
 Progress = Callable[[int, int], object]
 """Called with the number of configurations done, and of all, after each chunk."""

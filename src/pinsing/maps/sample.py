@@ -9,11 +9,10 @@ import math
 from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
+from pinsing._types import Array
 from pinsing.maps import sobol
 
-Array = npt.NDArray[np.float64]
 Sampling = Literal["grid", "sobol", "random"]
 
 SAMPLINGS: tuple[Sampling, ...] = ("grid", "sobol", "random")

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing.errors import ConfigurationError
-from pinsing.kinematics import singular_values
+from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes, plain
 from pinsing.robot.arm import Arm

@@ -9,9 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pinsing.condition import JointCondition
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.find import Finding
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.plot.style import (
     COLORS,
@@ -25,8 +23,10 @@ from pinsing.plot.style import (
     ticks,
     value_label,
 )
-from pinsing.robot.summary import ArmSummary
-from pinsing.sweep import SweepCurve, SweepResult
+from pinsing.robot.arm_summary import ArmSummary
+from pinsing.sweeps.findings import Finding
+from pinsing.sweeps.joint_condition import JointCondition
+from pinsing.sweeps.run import SweepCurve, SweepResult
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

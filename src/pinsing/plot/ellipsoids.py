@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
+from pinsing.configuration.state import REGULAR, State, VelocityEllipsoid
 from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.plot.style import COLORS, SMALL, legend_below, new_axes, plain
-from pinsing.state import REGULAR, State, VelocityEllipsoid
 
 KINDS = ("translational", "rotational")
 _COLOR = {"translational": COLORS[0], "rotational": COLORS[4]}

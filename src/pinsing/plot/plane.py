@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.closed_form import Branch, Equation, Family
+from pinsing._types import Array
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.kinematics import singular_values
+from pinsing.families import Branch, Equation, Family
+from pinsing.kinematics.jacobian import singular_values
 from pinsing.plot.style import (
     DASHES,
     SMALL,
@@ -24,7 +25,7 @@ from pinsing.plot.style import (
     ticks,
     value_label,
 )
-from pinsing.robot.arm import Arm, Array
+from pinsing.robot.arm import Arm
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -92,7 +93,7 @@ def sigma_map(
     if samples < 2:
         raise OptionError(f"samples must be at least 2, got {samples}")
     if families is None:
-        from pinsing.closed_form import closed_form
+        from pinsing.families import closed_form
 
         families = closed_form(arm).families
     base = regular_configuration(arm) if q is None else arm.check(q)

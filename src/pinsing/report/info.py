@@ -7,14 +7,14 @@ from typing import ClassVar
 
 import numpy as np
 
-from pinsing.engine import engine_name
-from pinsing.kinematics import generic_rank
+from pinsing.geometry.nominal import nominal
+from pinsing.geometry.snap import Snap
+from pinsing.kinematics.engine import engine_name
+from pinsing.kinematics.jacobian import generic_rank
 from pinsing.report.text import Table, fields, safe
-from pinsing.result import JsonResult
 from pinsing.robot.arm import Arm
-from pinsing.robot.nominal import nominal
-from pinsing.robot.snap import Snap
-from pinsing.robot.summary import ArmSummary, summarize
+from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.serialization import JsonResult
 
 ROUNDING = 1e-9
 """Radians or metres: what the nominal geometry moves by less is not worth a line of its own."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pinsing.closed_form import ClosedForm
+from pinsing.families import ClosedForm
 
 
 def families_latex(found: ClosedForm) -> str:

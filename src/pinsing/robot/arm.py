@@ -10,11 +10,10 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import frame_index
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,18 +11,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
+from pinsing._types import Array
+from pinsing.description.urdf_source import has_control
 from pinsing.errors import ChainError, JointError, OptionError, PinsingError, UnknownNameError
-from pinsing.robot.arm import Arm, Array, Source
-from pinsing.robot.chain import joint_axis
-from pinsing.robot.chains import long_chain_note
+from pinsing.robot.arm import Arm, Source
+from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
-from pinsing.robot.reduce import lock_joints, reroot
+from pinsing.robot.reduced_model import lock_joints, reroot
+from pinsing.robot.subchains import long_chain_note
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import candidates, choose_chain, choose_tip, frame_index, joint_path
-from pinsing.robot.urdf_source import has_control
 
 if TYPE_CHECKING:
-    from pinsing.robot.description import Description
+    from pinsing.description.urdf import Description
 
 
 MAX_JOINTS = 64
@@ -142,9 +143,9 @@ def _read(
                 )
         # A copy: what the caller does to the model later is no business of the arm.
         return _Whole(robot.copy(), robot.name or "model", "pin.Model", {})
-    from pinsing.robot.catalog import CatalogEntry, locate_robot
-    from pinsing.robot.description import read_description
-    from pinsing.robot.model import build_model
+    from pinsing.description.catalog import CatalogEntry, locate_robot
+    from pinsing.description.urdf import read_description
+    from pinsing.robot.build_model import build_model
 
     found = locate_robot(robot if isinstance(robot, str) else Path(robot))
     entry = found if isinstance(found, CatalogEntry) else None

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.robot.arm import Array, Source
+from pinsing.robot.arm import Source
 from pinsing.robot.task import Task
 from pinsing.robot.tip import frame_index
 

@@ -6,8 +6,9 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from pinsing._types import Array
 from pinsing.errors import JointError
-from pinsing.robot.arm import Array, Coupling
+from pinsing.robot.arm import Coupling
 
 Follow = tuple[str, float, float]
 """Name of the joint that is followed, multiplier, offset (radians or metres)."""

@@ -6,7 +6,8 @@ from typing import Protocol
 
 import pinocchio as pin
 
-from pinsing.robot.arm import Array, Source
+from pinsing._types import Array
+from pinsing.robot.arm import Source
 
 
 class Body(Protocol):

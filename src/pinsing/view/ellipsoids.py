@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from pinsing.kinematics import frame_jacobians
+from pinsing._types import Array
+from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import SINGULAR_RTOL, Ellipsoid, velocity_ellipsoid
-from pinsing.robot.arm import Arm, Array
+from pinsing.robot.arm import Arm
 
 FLOOR = 0.012
 """Drawn semi-axes are at least this share of the largest: an exact zero would vanish."""

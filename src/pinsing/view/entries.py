@@ -3,49 +3,21 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.closed_form import joint_symbols
-from pinsing.kinematics import singular_values, tip_placement
-from pinsing.robot.arm import Arm, Array
+from pinsing._types import Array
+from pinsing.families import joint_symbols
+from pinsing.families.paths import FamilyLike
+from pinsing.kinematics.jacobian import singular_values, tip_placement
+from pinsing.robot.arm import Arm
 
 _SEED = 4
 _SAMPLES = 80
 _LONGEST = 72
-
-
-class FamilyLike(Protocol):
-    """The part of a family that the viewer needs."""
-
-    @property
-    def name(self) -> str:
-        """Short name."""
-
-    @property
-    def text(self) -> str:
-        """The condition in one line."""
-
-    @property
-    def joints(self) -> Sequence[str]:
-        """Names of the joints involved."""
-
-    @property
-    def values(self) -> Sequence[dict[int, float]]:
-        """Fixed joint values of each branch."""
-
-    def contains(self, q: npt.ArrayLike, tol: float = 1e-6) -> npt.NDArray[np.bool_]:
-        """Tell whether q belongs to it."""
-
-    def distance(self, q: npt.ArrayLike) -> Any:
-        """Distance: value and nearest q."""
-
-    def sample(self, n: int, rng: np.random.Generator) -> Array:
-        """Configurations inside the limits."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,10 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.closed_form import joint_symbols
-from pinsing.find import Finding
-from pinsing.robot.arm import Arm, Array
+from pinsing._types import Array
+from pinsing.families import joint_symbols
+from pinsing.robot.arm import Arm
+from pinsing.sweeps.findings import Finding
 from pinsing.view.entries import Entry, choose_poses
 
 

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from pinsing._types import Array
+from pinsing.configuration.state import REGULAR, State, at
 from pinsing.measures import Ellipsoid
-from pinsing.result import encode
-from pinsing.robot.arm import Arm, Array
-from pinsing.state import REGULAR, State, at
+from pinsing.robot.arm import Arm
+from pinsing.serialization import encode
 from pinsing.view.ellipsoids import (
     Sizes,
     drawn_radii,

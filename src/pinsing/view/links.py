@@ -10,8 +10,8 @@ import numpy as np
 import pinocchio as pin
 from pinocchio.visualize import MeshcatVisualizer
 
-from pinsing.robot.arm import Array
-from pinsing.robot.reduce import make_names_unique
+from pinsing._types import Array
+from pinsing.robot.reduced_model import make_names_unique
 from pinsing.robot.tip import frame_index
 from pinsing.view.body import Body
 

@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from pinsing._types import Array
 from pinsing.errors import OptionError
-from pinsing.robot.arm import Arm, Array
+from pinsing.robot.arm import Arm
 from pinsing.view.ellipsoids import Sizes
 from pinsing.view.frame import ARROWS
 from pinsing.view.links import Links, base_placement

@@ -15,8 +15,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from pinsing.atomic_write import check_writable, replacing
 from pinsing.errors import OptionError, OutputError
-from pinsing.files import check_writable, replacing
 
 BROWSERS = (
     "chromium",

@@ -14,8 +14,8 @@ import meshcat.geometry as mg
 import numpy as np
 import pinocchio as pin
 
-from pinsing.robot.arm import Array
-from pinsing.robot.chain import joint_axis
+from pinsing._types import Array
+from pinsing.robot.joint_axis import joint_axis
 from pinsing.view.body import Body
 from pinsing.view.ellipsoids import Sizes, turn_z_to
 from pinsing.view.frame import ARROWS

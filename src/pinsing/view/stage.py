@@ -10,14 +10,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._types import Array
 from pinsing.errors import OptionError
+from pinsing.families.paths import along, into
 from pinsing.measures import SINGULAR_RTOL
-from pinsing.robot.arm import Arm, Array
+from pinsing.robot.arm import Arm
 from pinsing.view.ellipsoids import FLOOR, Sizes
 from pinsing.view.entries import Entry
 from pinsing.view.frame import ARROWS, make_frame
 from pinsing.view.links import Links
-from pinsing.view.motion import along, into
 
 KINDS = ("into", "along")
 
@@ -106,7 +107,11 @@ class Stage:
         if kind not in KINDS:
             raise OptionError(f"unknown kind of path {kind!r}: into or along")
         mine = self.entries[entry]
-        rows = (into if kind == "into" else along)(self.arm, mine, goal)
+        rows = (
+            into(self.arm, mine.moved, goal)
+            if kind == "into"
+            else along(self.arm, mine.family, goal)
+        )
         return [make_frame(self.arm, q, self.sizes, self.entries, near=[mine]) for q in rows]
 
     def start(self) -> dict[str, Any]:
@@ -173,7 +178,7 @@ class Stage:
         return self.entries[entry].poses[pose]
 
     def _symbols(self) -> Sequence[str]:
-        from pinsing.closed_form import joint_symbols
+        from pinsing.families import joint_symbols
 
         return joint_symbols(self.arm)
 
@@ -182,7 +187,7 @@ class Stage:
         """Pure motions, where they have volume at regular configurations of a pose task."""
         if self.arm.task.name != "pose":
             return "all"
-        from pinsing.kinematics import frame_jacobians
+        from pinsing.kinematics.jacobian import frame_jacobians
         from pinsing.view.ellipsoids import pure_ellipsoids
 
         rng = np.random.default_rng(0)

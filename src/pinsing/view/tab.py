@@ -9,8 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
 
+from pinsing._types import Array
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.robot.arm import Array
 from pinsing.view.server import Served, Server
 from pinsing.view.stage import KINDS
 

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinsing.robot.arm import Arm, Array
+from pinsing._types import Array
+from pinsing.robot.arm import Arm
 from pinsing.view.entries import Entry
 
 ON = 1e-7

@@ -9,11 +9,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._types import Array
+from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError
-from pinsing.files import write_text
-from pinsing.robot.arm import Arm, Array
+from pinsing.families.paths import FamilyLike
+from pinsing.robot.arm import Arm
 from pinsing.view.ellipsoids import sizes
-from pinsing.view.entries import Entry, FamilyLike, family_entries, pose_entries
+from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import finding_entries
 from pinsing.view.links import Links, read_links
 from pinsing.view.overlay import Overlay
@@ -24,7 +26,7 @@ from pinsing.view.stage import Stage
 from pinsing.view.tab import Tab, place_in_list
 
 if TYPE_CHECKING:
-    from pinsing.find import Finding
+    from pinsing.sweeps.findings import Finding
 
 
 class Viewer(Tab):
@@ -81,7 +83,7 @@ class Viewer(Tab):
             raise OptionError(f"scale must be a positive number, got {scale!r}")
         self.arm = arm
         if families is None and poses is None and findings is None:
-            from pinsing.closed_form import closed_form
+            from pinsing.families import closed_form
 
             families = closed_form(arm).families
         entries = (

@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from pinsing.loops.drive import Stretch, stretch
-from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.modes import mode_of
-from pinsing.loops.solve import InfeasibleError, assemblies
-from pinsing.robot.arm import Array
+from pinsing._types import Array
+from pinsing.mechanism.drive import Stretch, stretch
+from pinsing.mechanism.dyad import planar_dyad
+from pinsing.mechanism.modes import mode_of
+from pinsing.mechanism.solve import InfeasibleError, assemblies
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.frame import rounded
 from pinsing.view.mechanism.groups import input_text

@@ -6,14 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from pinsing.loops.motion import MechanismState, mechanism_at, motions
+from pinsing._types import Array
+from pinsing.configuration.state import NEAR_SINGULAR, REGULAR, SINGULAR
 from pinsing.measures import velocity_ellipsoid
-from pinsing.robot.arm import Array
+from pinsing.mechanism.lost_motion import Free, Lost, free_motions, lost_motions
+from pinsing.mechanism.motion import MechanismState, mechanism_at, motions
 from pinsing.robot.mechanism import Mechanism
-from pinsing.state import NEAR_SINGULAR, REGULAR, SINGULAR
 from pinsing.view.ellipsoids import Sizes, drawn_radii, pure_ellipsoids, quaternion, turn_z_to
 from pinsing.view.frame import ARROWS, digit, link_placements, rounded
-from pinsing.view.mechanism.words import Free, Lost, free_motions, lost_motions
 
 LONGEST = 0.6
 """Semi-axes are drawn no longer than this share of the mechanism: towards type 2 they grow."""

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pinsing.loops.analysis import MechanismAnalysis
-from pinsing.loops.loci import Locus
-from pinsing.loops.modes import STRAIGHT, elbow_sines, elbows, home
-from pinsing.loops.singular import SingularPoint
-from pinsing.robot.arm import Array
+from pinsing._types import Array
+from pinsing.mechanism.analysis import MechanismAnalysis
+from pinsing.mechanism.loci import Locus
+from pinsing.mechanism.modes import STRAIGHT, elbow_sines, elbows, home
+from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
 
 _ON = 1e-7

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from pinsing.loops.closure import random_closed
-from pinsing.loops.modes import home
-from pinsing.loops.motion import mechanism_at
-from pinsing.robot.arm import Array, Source
+from pinsing._types import Array
+from pinsing.mechanism.closure import random_closed
+from pinsing.mechanism.modes import home
+from pinsing.mechanism.motion import mechanism_at
+from pinsing.robot.arm import Source
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.tip import frame_index
 from pinsing.view.ellipsoids import Sizes

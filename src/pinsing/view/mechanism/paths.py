@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from pinsing.loops.closure import CLOSED, Loops, gauss_newton
-from pinsing.loops.singular import SingularPoint, refine
-from pinsing.loops.trace import trace
-from pinsing.robot.arm import Array
+from pinsing._types import Array
+from pinsing.mechanism.closure import CLOSED, Loops, gauss_newton
+from pinsing.mechanism.singular_points import SingularPoint, refine
+from pinsing.mechanism.trace import trace
 from pinsing.robot.mechanism import Mechanism
 
 FRAMES = 48

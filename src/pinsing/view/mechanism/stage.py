@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._types import Array
 from pinsing.errors import OptionError
-from pinsing.loops.drive import drive
-from pinsing.loops.modes import home
-from pinsing.loops.solve import Solution
-from pinsing.robot.arm import Array
+from pinsing.mechanism.drive import drive
+from pinsing.mechanism.modes import home
+from pinsing.mechanism.solve import Solution
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.ellipsoids import FLOOR, Sizes
 from pinsing.view.frame import ARROWS

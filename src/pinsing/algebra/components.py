@@ -1,0 +1,150 @@
+"""The components that a search found, and which of them are no parts of others."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
+
+from pinsing.algebra.budget import BudgetExceeded
+from pinsing.algebra.generic_points import SlicePoint
+from pinsing.algebra.ring import Poly, Ring, Value
+
+
+@dataclass(frozen=True)
+class Component:
+    """Where rank drops: joints at exact values, and polynomials that vanish.
+
+    Attributes
+    ----------
+    values : mapping of joint to Value
+        Exact joint values.
+    relations : tuple of Poly
+        Polynomials in the other joints; one, or a system of several.
+    proven : bool
+        Whether every minor was shown to vanish there by division (else at random points, in
+        exact arithmetic modulo a prime).
+    codimension : int
+        Complex codimension.
+    """
+
+    values: Mapping[int, Value]
+    relations: tuple[Poly, ...]
+    proven: bool
+    codimension: int
+
+
+Statement = Callable[[list[SlicePoint], list[SlicePoint]], tuple[Poly, ...]]
+"""From points that are meant, and points that are not, to equations."""
+
+
+@dataclass(frozen=True)
+class Backing:
+    """What a system of equations was made of.
+
+    Attributes
+    ----------
+    points : list of SlicePoint
+        Generic points of all its parts.
+    others : list of SlicePoint
+        Points that it had to be told apart from.
+    state : Statement or None
+        How to state it once more.
+    """
+
+    points: list[SlicePoint]
+    others: list[SlicePoint]
+    state: Statement | None = None
+
+
+class Found:
+    """Components, as a search comes by them: some lie in others that are found later."""
+
+    def __init__(self, ring: Ring) -> None:
+        self.ring = ring
+        self._components: list[Component] = []
+        self._backing: dict[int, Backing] = {}
+
+    def add(
+        self,
+        values: Mapping[int, Value],
+        relations: tuple[Poly, ...],
+        proven: bool,
+        codimension: int | None = None,
+        backing: Backing | None = None,
+    ) -> None:
+        """Take one in; its codimension is the number of its equations unless given."""
+        if codimension is None:
+            codimension = len(values) + len(relations)
+        ordered = tuple(sorted(relations, key=len))
+        if backing is not None:
+            self._backing[len(self._components)] = backing
+        self._components.append(Component(dict(values), ordered, proven, codimension))
+
+    def covers(self, values: Mapping[int, Value], relations: tuple[Poly, ...] = ()) -> bool:
+        """Whether a set is a part of a component, as far as substitution and division tell."""
+        here = Component(dict(values), relations, True, 0)
+        return any(self._inside(here, c) for c in self._components)
+
+    def holds(self, point: SlicePoint) -> bool:
+        """Whether a point lies on a component."""
+        return _on_any(self._components, point)
+
+    def irredundant(self) -> list[Component]:
+        """Components that lie in no other one, by division or by all of their points.
+
+        Where a system has some of its points in common with others, it is stated again by the
+        rest of them.
+        """
+        order = sorted(
+            enumerate(self._components), key=lambda ic: (ic[1].codimension, len(ic[1].relations))
+        )
+        kept: list[tuple[Component, list[SlicePoint]]] = []
+        for i, c in order:
+            earlier = [k for k, _ in kept]
+            if any(self._inside(c, k) for k in earlier):
+                continue
+            backing = self._backing.get(i)
+            if backing is None:
+                kept.append((c, []))
+                continue
+            held = [s for s in backing.points if _on_any(earlier, s)]
+            if len(held) < len(backing.points):
+                own = [s for s in backing.points if s not in held]
+                kept.append((_without(c, backing, own, held), own))
+        # What could not be told apart from a part of it may hold one that came earlier.
+        for c, own in tuple(kept):
+            others = [k for k, _ in kept if k is not c]
+            if own and any(all(_on_any([k], s) for s in own) for k in others):
+                kept = [(k, points) for k, points in kept if k is not c]
+        return [c for c, _ in kept]
+
+    def _inside(self, a: Component, b: Component) -> bool:
+        if any(a.values.get(j) != v for j, v in b.values.items()):
+            return False
+        for r in b.relations:
+            rest = self.ring.substitute(r, a.values)
+            if rest == 0:
+                continue
+            if not any(self.ring.divides(p, rest) for p in a.relations):
+                return False
+        return True
+
+
+def _on_any(components: Iterable[Component], point: SlicePoint) -> bool:
+    return any(
+        all(point.has(j, value) for j, value in c.values.items())
+        and all(point.is_zero(r) for r in c.relations)
+        for c in components
+    )
+
+
+def _without(
+    c: Component, backing: Backing, own: list[SlicePoint], held: list[SlicePoint]
+) -> Component:
+    """A system stated by those of its points only that no other component holds."""
+    if not held or backing.state is None:
+        return c
+    try:
+        return replace(c, relations=backing.state(own, [*backing.others, *held]))
+    except BudgetExceeded:
+        return c

@@ -1,0 +1,376 @@
+"""From a polynomial matrix to the components of the set where its rank drops.
+
+Every component of the complex set {rank M < r} of a rows x columns matrix has codimension
+at most (rows - r + 1)(columns - r + 1) (Eagon and Northcott, 1962). So the search branches
+on factors of the minors, puts joint values in as soon as a factor fixes one, and leaves a
+branch whose codimension has passed the bound: whatever is left there lies on a component
+of larger dimension, which another branch finds.
+
+Where several equations are left that fix no joint, generic points of their common zeros say
+whether these are singular. If they are, they are a component; if not, a minor that vanishes
+on none of them is one equation more. Such sets are small and take long: they come last, those
+with the fewest equations first.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.components import Backing, Component, Found
+from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
+from pinsing.algebra.jacobian_matrix import Matrix, reduce_matrix
+from pinsing.algebra.minors import Minors, cost
+from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.algebra.zeros import Undecided
+
+_SEED = 7
+_SHORTEST = 5
+"""Equations of a long system among which fewer that say the same are looked for."""
+_RESULTANT_TERMS = 2_000
+"""Largest product of term counts for which a symbolic resultant is tried."""
+
+
+Relations = tuple[Poly, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class _Place:
+    """Where the search is: some joints at values.
+
+    Attributes
+    ----------
+    values : mapping of joint to Value
+        These joints.
+    matrix : Matrix
+        What the matrix becomes there.
+    rank : int
+        Singular means: rank below this.
+    limit : int
+        Largest codimension of what is looked for; the joints at values count.
+    """
+
+    values: Mapping[int, Value]
+    matrix: Matrix
+    rank: int
+    limit: int
+
+    @property
+    def room(self) -> int:
+        """How many equations more there may be."""
+        return max(0, self.limit - len(self.values))
+
+
+class Decomposition:
+    """Runs the search and collects components, and what stopped it where it did not finish."""
+
+    def __init__(self, matrix: Matrix, rank: int, ring: Ring, time: Budget) -> None:
+        self.ring = ring
+        self.time = time
+        self._found = Found(ring)
+        self.gaps: list[str] = []
+        self.stopped = False
+        self._rng = np.random.default_rng(_SEED)
+        self._residues = Residues(ring)
+        self._seen: set[object] = set()
+        self._later: list[tuple[int, Callable[[], None]]] = []
+        rows, reduced = reduce_matrix(matrix, rank, ring)
+        self.bound = _bound(rows, reduced) if reduced > 0 and rows else 1
+        depth = 0
+        try:
+            self._search(_Place({}, rows, reduced, self.bound))
+            while self._later:
+                first = min(range(len(self._later)), key=lambda i: self._later[i][0])
+                depth, run = self._later.pop(first)
+                run()
+        except BudgetExceeded as reason:
+            self.stopped = True
+            self.gaps.append(
+                f"{reason} among sets inside {depth} simultaneous equations or more"
+                if depth
+                else str(reason)
+            )
+        self.components: list[Component] = self._found.irredundant()
+
+    # Branches -----------------------------------------------------------------------
+
+    def _search(self, place: _Place) -> None:
+        """All components at a place."""
+        values = place.values
+        key = frozenset(values.items())
+        if key in self._seen or self._found.covers(values):
+            return
+        self._seen.add(key)
+        reduced = self._reduced(place)
+        if reduced is None or reduced.room == 0:
+            return
+        minors = self._minors(reduced)
+        common = self._common_factor(minors)
+        if common is None:
+            self._found.add(values, (), True)
+            return
+        shared = self._factors(common)
+        for f in shared:
+            self._hypersurface(f, values)
+        if reduced.room < 2:
+            return
+        for f in minors.simplest_cofactor(common):
+            if f in shared:
+                continue
+            fixed = self.ring.joint_value(f)
+            if fixed is not None:
+                self._search(self._at(reduced, dict([fixed])))
+            else:
+                self._relation(f, reduced, minors)
+
+    def _relation(self, p: Poly, place: _Place, minors: Minors) -> None:
+        """Components inside p = 0."""
+        key = (frozenset(place.values.items()), str(p))
+        if key in self._seen or self._found.covers(place.values, (p,)):
+            return
+        self._seen.add(key)
+        others = []
+        for minor in minors:
+            if not self.ring.divides(p, minor):
+                factors = self._factors(minor)
+                if not factors:
+                    return
+                others.append(factors)
+                if len(others) >= 6:
+                    break
+        if not others:
+            self._found.add(place.values, (p,), True)
+            return
+        if place.room < 2:
+            return
+        for g in min(others, key=cost):
+            self._and((p,), g, place, minors)
+
+    def _and(self, relations: Relations, g: Poly, place: _Place, minors: Minors) -> None:
+        """Components inside some equations and one more."""
+        fixed = self.ring.joint_value(g)
+        if fixed is not None:
+            self._within(relations, self._at(place, dict([fixed])), dict([fixed]))
+        else:
+            self._system((*relations, g), place, minors)
+
+    def _within(self, relations: Relations, place: _Place, new: Mapping[int, Value]) -> None:
+        """Go on at a place with all factors of what equations become at its ``new`` values."""
+        became = [self.ring.strip(self.ring.substitute(p, new)) for p in relations]
+        factors = [self._factors(p) for p in became if p != 0]
+        for combination in itertools.product(*factors):
+            distinct = tuple({str(h): h for h in combination}.values())
+            fixed = next(((h, f) for h in distinct if (f := self.ring.joint_value(h))), None)
+            if fixed is not None:
+                left = tuple(h for h in distinct if h is not fixed[0])
+                at = dict([fixed[1]])
+                self._within(left, self._at(place, at), at)
+            elif not distinct:
+                self._search(place)
+            elif (reduced := self._reduced(place)) is not None:
+                minors = self._minors(reduced)
+                if len(distinct) == 1:
+                    self._relation(distinct[0], reduced, minors)
+                else:
+                    self._system(distinct, reduced, minors)
+
+    def _system(self, relations: Relations, place: _Place, minors: Minors) -> None:
+        """Components inside the common zeros of two equations or more.
+
+        Those that are such common zeros themselves are stated by as few joints as can be found.
+        Where none is, one more minor cuts the rest down by one dimension.
+        """
+        key = (frozenset(place.values.items()), frozenset(map(str, relations)))
+        if key in self._seen or place.room < len(relations):
+            return
+        self._seen.add(key)
+        if len(relations) > 2:  # what is larger, and found at less cost, first
+            run = functools.partial(self._common_zeros, relations, place, minors)
+            self._later.append((len(relations), run))
+        else:
+            self._common_zeros(relations, place, minors)
+
+    def _common_zeros(self, relations: Relations, place: _Place, minors: Minors) -> None:
+        """See ``_system``."""
+        self.time.check()
+        try:
+            points = list(self._points(relations, place.values))
+        except Undecided:
+            self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
+            return
+        codimension = len(place.values) + len(relations)
+        singular = [s for s in points if s.rank(place.matrix) < place.rank]
+        if singular:
+            if len(relations) == 2:
+                self._eliminate(*relations, place, singular)
+            missed = [s for s in singular if not self._found.holds(s)]
+            if missed:
+                known = [s for s in points if s not in missed]
+                state = functools.partial(self._statement, relations, minors=minors)
+                backing = Backing(missed, known, state)
+                if known:
+                    stated = self._shortened(state(missed, known), len(relations), place)
+                else:
+                    stated = relations
+                self._found.add(place.values, stated, False, codimension, backing)
+        if len(singular) == len(points) or place.room == len(relations):
+            return
+        if singular:
+            self.gaps.append(
+                f"sets of codimension {codimension + 1} or more inside the regular part of "
+                f"{len(relations)} equations were not searched"
+            )
+            return
+        cutting = minors.cutting(points)
+        if cutting is None:
+            self.gaps.append(
+                f"no single minor cut all of the common zeros of {len(relations)} equations"
+            )
+            return
+        for g in cutting:
+            self._and(relations, g, place, minors)
+
+    def _eliminate(self, p: Poly, g: Poly, place: _Place, singular: list[SlicePoint]) -> None:
+        """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
+        shared = self._common_joints(p, g)
+        if not shared or len(p) * len(g) > _RESULTANT_TERMS:
+            return
+        resultant = self.ring.strip(self._resultant(p, g, shared[0]))
+        for h in self._factors(resultant):
+            fixed = self.ring.joint_value(h)
+            if fixed is not None:
+                at = dict([fixed])
+                common = self.ring.gcd(self.ring.substitute(p, at), self.ring.substitute(g, at))
+                there = self._at(place, at)
+                for e in self._factors(self.ring.strip(common)):
+                    self._within((e,), there, {})
+            elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
+                for other in sorted((p, g), key=len):
+                    points = list(self._points((h, other), place.values))
+                    if not points or not all(s.rank(place.matrix) < place.rank for s in points):
+                        continue
+                    if all(s.transversal((h, other)) for s in points):
+                        backing = Backing(points, [])
+                        self._found.add(place.values, (h, other), False, backing=backing)
+                        break
+
+    def _points(self, relations: Relations, values: Mapping[int, Value]) -> Iterator[SlicePoint]:
+        """Generic points of the common zeros of some equations."""
+        return slice_points(relations, self._residues, self._rng, values, self.time.check)
+
+    def _shortened(self, relations: Relations, count: int, place: _Place) -> Relations:
+        """As few equations as the codimension, if some say the same.
+
+        Common zeros of so many equations have no parts of lower dimension: where generic points
+        of all parts are singular, and new, all is.
+        """
+        for few in itertools.combinations(relations[:_SHORTEST], count):
+            if self._states(few, place):
+                return few
+        return relations
+
+    def _states(self, relations: Relations, place: _Place) -> bool:
+        """Whether all common zeros are singular, and none is on a component that is known."""
+        found = False
+        try:
+            for s in self._points(relations, place.values):
+                self.time.check()
+                if s.rank(place.matrix) >= place.rank or self._found.holds(s):
+                    return False
+                found = True
+        except Undecided:
+            return False
+        return found
+
+    def _statement(
+        self,
+        relations: Relations,
+        singular: list[SlicePoint],
+        others: list[SlicePoint],
+        minors: Minors,
+    ) -> tuple[Poly, ...]:
+        """Equations of the singular part of the common zeros of some equations.
+
+        One factor of every minor, that all of the singular part shares, and of the rest as
+        little as can be: where these vanish all minors do, so that not even a part of lower
+        dimension is stated that is regular.
+        """
+        stated = list(relations)
+        for minor in minors:
+            self.time.check()
+            if any(self.ring.divides(r, minor) for r in stated):
+                continue
+            whole = [f for f in self._factors(minor) if all(s.is_zero(f) for s in singular)]
+            if len(whole) > 1:
+                whole.sort(key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
+            stated.append(whole[0] if whole else minor)
+        return tuple(sorted(stated, key=len))
+
+    # Pieces -------------------------------------------------------------------------
+
+    def _factors(self, poly: Poly) -> list[Poly]:
+        self.time.check_factor(len(poly))
+        return self.ring.factors(poly)
+
+    def _hypersurface(self, f: Poly, values: Mapping[int, Value]) -> None:
+        fixed = self.ring.joint_value(f)
+        if fixed is None:
+            self._found.add(values, (f,), True)
+        else:
+            self._found.add({**values, fixed[0]: fixed[1]}, (), True)
+
+    def _common_factor(self, minors: Minors) -> Poly | None:
+        """Greatest common divisor of all minors; None if all of them are zero."""
+        common = None
+        for minor in minors:
+            self.time.check_factor(len(minor))
+            common = minor if common is None else self.ring.gcd(common, minor)
+            if self.ring.is_constant(common):
+                break
+        return common
+
+    def _common_joints(self, p: Poly, g: Poly) -> list[int]:
+        shared = set(self.ring.joints_of(p)) & set(self.ring.joints_of(g))
+
+        def degree(j: int) -> int:
+            v = self.ring.variables(j)[-1]
+            return int(p.degrees()[v]) * int(g.degrees()[v])
+
+        return sorted(shared, key=degree)
+
+    def _resultant(self, p: Poly, g: Poly, joint: int) -> Poly:
+        """Resultant of two forms in the variables of one joint."""
+        variables = self.ring.variables(joint)
+        if len(variables) == 2:
+            put = {self.ring.context.names()[variables[0]]: 1}
+            p, g = p.subs(put), g.subs(put)
+        return self.ring.resultant(p, g, variables[-1])
+
+    def _at(self, place: _Place, new: Mapping[int, Value]) -> _Place:
+        """The place with some more joints at values."""
+        matrix = [[self.ring.substitute(x, new) for x in row] for row in place.matrix]
+        return replace(place, values={**place.values, **new}, matrix=matrix)
+
+    def _reduced(self, place: _Place) -> _Place | None:
+        """The place with a smaller matrix, unless all of it is singular (noted), or none."""
+        matrix, rank = reduce_matrix(place.matrix, place.rank, self.ring)
+        if rank <= 0:
+            return None
+        if not matrix or min(len(matrix), len(matrix[0])) < rank:
+            self._found.add(place.values, (), True)
+            return None
+        limit = min(place.limit, len(place.values) + _bound(matrix, rank))
+        return _Place(place.values, matrix, rank, limit)
+
+    def _minors(self, place: _Place) -> Minors:
+        return Minors(place.matrix, place.rank, self.ring, self.time)
+
+
+def _bound(matrix: Matrix, rank: int) -> int:
+    """Largest codimension of a component of where a matrix is below a rank (Eagon, Northcott)."""
+    return (len(matrix) - rank + 1) * (len(matrix[0]) - rank + 1)

@@ -1,0 +1,358 @@
+"""Equations as trigonometric polynomials: values, gradients, text and LaTeX.
+
+A polynomial in half-angle coordinates is a trigonometric polynomial of the joint angles;
+it is shortest in the Fourier basis cos(k.q), sin(k.q), where sums over parallel joints
+show as sums of angles.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from math import comb
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.algebra.ring import Poly, Ring
+from pinsing.geometry.surd import parts_of
+
+_DROP = 1e-12
+_ROUNDING = 1e-14
+_FEW = 16
+"""Coefficients beyond which no common length is looked for."""
+
+
+@dataclass(frozen=True, eq=False)
+class Equation:
+    """A trigonometric polynomial that is zero on a family.
+
+    The value at q is the sum over terms t of
+    ``prod_j q_j^powers[t, j] * (cos_[t] cos(phi_t) + sin_[t] sin(phi_t))`` with
+    ``phi_t = sum_j frequencies[t, j] (q_j + shift_j) / 2``.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Symbols of all the arm's joints (q1, d2, ...), base to tip.
+    frequencies : (T, n) array of int
+        Twice the multiple of each revolute angle: half-angles have odd entries.
+    powers : (T, n) array of int
+        Exponents of the prismatic joints.
+    cos, sin : (T,) arrays
+        Coefficients; metres where a scale by a length of the arm was found.
+    shift : (n,) array
+        Radians added to each angle: links turned about their own axis.
+    accuracy : float
+        Of the coefficients, relative to their sum: less than rounding where most of an equation
+        has cancelled at the value of some joint.
+    """
+
+    joints: tuple[str, ...]
+    frequencies: npt.NDArray[np.int64]
+    powers: npt.NDArray[np.int64]
+    cos: Array
+    sin: Array
+    shift: Array
+    accuracy: float = 1e-15
+
+    @property
+    def involved(self) -> tuple[int, ...]:
+        """Indices of the joints that occur."""
+        used = (self.frequencies != 0).any(axis=0) | (self.powers != 0).any(axis=0)
+        return tuple(int(j) for j in np.flatnonzero(used))
+
+    @property
+    def size(self) -> float:
+        """Sum of the coefficients' magnitudes: what a residual is relative to."""
+        return float(np.hypot(self.cos, self.sin).sum())
+
+    @property
+    def unit(self) -> float:
+        """What a residual is taken relative to: such that 1e-14 of it is rounding."""
+        return self.size * max(1.0, self.accuracy / _ROUNDING)
+
+    @property
+    def half_angle(self) -> bool:
+        """Whether half-angles occur, so that q and q + 2 pi give opposite signs."""
+        return bool((self.frequencies % 2 != 0).any())
+
+    def __call__(self, q: npt.ArrayLike) -> Array:
+        """Value at q (..., n): (...)."""
+        phase, power = self._terms(np.asarray(q, dtype=float))
+        value = power * (self.cos * np.cos(phase) + self.sin * np.sin(phase))
+        return np.asarray(value.sum(axis=-1))
+
+    def gradient(self, q: npt.ArrayLike) -> Array:
+        """Derivatives by the joints at q (..., n): (..., n)."""
+        q = np.asarray(q, dtype=float)
+        phase, power = self._terms(q)
+        c, s = np.cos(phase), np.sin(phase)
+        turned = power * (self.sin * c - self.cos * s)
+        out = turned @ (self.frequencies / 2)
+        value = self.cos * c + self.sin * s
+        for j in np.flatnonzero(self.powers.any(axis=0)):
+            exponents = self.powers.copy()
+            factor = exponents[:, j].astype(float)
+            exponents[:, j] = np.maximum(exponents[:, j] - 1, 0)
+            lowered = np.prod(q[..., None, :] ** exponents, axis=-1)
+            out[..., j] += (factor * lowered * value).sum(axis=-1)
+        return np.asarray(out)
+
+    def _terms(self, q: Array) -> tuple[Array, Array]:
+        phase = (q + self.shift) @ (self.frequencies.T / 2)
+        if not self.powers.any():
+            return phase, np.ones_like(phase)
+        return phase, np.prod(q[..., None, :] ** self.powers, axis=-1)
+
+    def scaled(self, factor: float) -> Equation:
+        """The same equation with all coefficients multiplied."""
+        return replace(self, cos=self.cos * factor, sin=self.sin * factor)
+
+    def text(self) -> str:
+        """One line, such as ``0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0``."""
+        condition = self._angle_sum(_PLAIN)
+        return condition if condition else f"{_join(self._pieces(_PLAIN))} = 0"
+
+    def latex(self) -> str:
+        """The same line in LaTeX."""
+        condition = self._angle_sum(_LATEX)
+        return condition if condition else f"{_join(self._pieces(_LATEX))} = 0"
+
+    def __str__(self) -> str:
+        return self.text()
+
+    def _angle_sum(self, style: _Style) -> str | None:
+        """A half-angle equation with a single frequency says what a sum of angles is."""
+        if len(self.cos) != 1 or not self.half_angle or self.powers.any():
+            return None
+        # a cos(p/2) + b sin(p/2) = 0 with p the sum: p = 2 atan2(-a, b), modulo whole turns.
+        angle = 2 * math.atan2(-self.cos[0], self.sin[0]) - float(self.frequencies[0] @ self.shift)
+        angle = math.remainder(angle, 2 * math.pi)
+        names = self._angle(2 * self.frequencies[0], style, shift=False)
+        return f"{names.strip('()')} = {style.angle(angle)} {style.modulo}"
+
+    def _pieces(self, style: _Style) -> list[tuple[float, str]]:
+        """Signed coefficients and what they multiply, a good order for reading."""
+        pieces = []
+        order = sorted(range(len(self.cos)), key=self._reading_order)
+        for t in order:
+            power = " ".join(
+                style.power(self.joints[j], int(self.powers[t, j]))
+                for j in np.flatnonzero(self.powers[t])
+            )
+            angle = self._angle(self.frequencies[t], style)
+            if not angle:
+                pieces.append((float(self.cos[t]), power))
+                continue
+            for coefficient, name in ((self.cos[t], style.cos), (self.sin[t], style.sin)):
+                if abs(coefficient) > _DROP * self.size:
+                    body = f"{name}{angle}" if angle.startswith("(") else f"{name.strip()} {angle}"
+                    pieces.append((float(coefficient), f"{power} {body}".strip()))
+        return pieces
+
+    def _reading_order(self, t: int) -> tuple[int, int, tuple[int, ...]]:
+        used = np.flatnonzero(self.frequencies[t])
+        first = tuple(int(x) for x in -np.abs(self.frequencies[t]))
+        return (int(len(used) == 0), len(used), first)
+
+    def _angle(self, frequency: Array, style: _Style, shift: bool = True) -> str:
+        """``q2``, ``(q2+q3)``, ``(2 q4 - q5 + 12 deg)``, or nothing for the constant term."""
+        parts: list[tuple[float, str]] = []
+        for j in np.flatnonzero(frequency):
+            parts.append((frequency[j] / 2, style.joint(self.joints[j])))
+        if not parts:
+            return ""
+        halves = any(k != int(k) for k, _ in parts)
+        if halves:
+            parts = [(2 * k, s) for k, s in parts]
+        text = _join(parts, tight=True)
+        offset = math.remainder(float(frequency @ self.shift) / (1 if halves else 2), 2 * math.pi)
+        if shift and abs(offset) > 1e-12:
+            text += f" {'+' if offset > 0 else '-'} {style.small_angle(abs(offset))}"
+        single = len(parts) == 1 and parts[0][0] == 1 and not (shift and abs(offset) > 1e-12)
+        if halves:
+            inner = text if single else f"({text})"
+            return f"({inner}/2)"
+        return text if single else f"({text})"
+
+
+@dataclass(frozen=True)
+class _Style:
+    cos: str
+    sin: str
+    latex: bool
+
+    @property
+    def modulo(self) -> str:
+        return r"\pmod{360^\circ}" if self.latex else "(mod 360°)"
+
+    def joint(self, name: str) -> str:
+        if not self.latex:
+            return name
+        head, digits = name.rstrip("0123456789"), name[len(name.rstrip("0123456789")) :]
+        return f"{head}_{{{digits}}}" if digits else head
+
+    def power(self, name: str, exponent: int) -> str:
+        if exponent == 1:
+            return self.joint(name)
+        return f"{self.joint(name)}^{{{exponent}}}" if self.latex else f"{name}^{exponent}"
+
+    def angle(self, radians: float) -> str:
+        return format_angle(radians, self.latex)
+
+    def small_angle(self, radians: float) -> str:
+        """Like ``angle``, but never zero."""
+        if round(math.degrees(radians), 4) != 0:
+            return self.angle(radians)
+        return f"{math.degrees(radians):.2g}" + (r"^\circ" if self.latex else "°")
+
+
+_PLAIN = _Style("cos", "sin", False)
+_LATEX = _Style(r"\cos ", r"\sin ", True)
+
+
+def format_angle(radians: float, latex: bool = False) -> str:
+    """Degrees with as many digits as tell anything: ``90°``, ``-11.537°``."""
+    degrees = math.degrees(radians)
+    shown = round(degrees, 4)
+    text = f"{shown:.10g}" if shown != 0 else "0"
+    return text + (r"^\circ" if latex else "°")
+
+
+def _join(pieces: Sequence[tuple[float, str]], tight: bool = False) -> str:
+    """Sum of signed pieces, a coefficient of one left out."""
+    out = ""
+    for k, (coefficient, body) in enumerate(pieces):
+        sign = "-" if coefficient < 0 else "+"
+        size = f"{abs(coefficient):.6g}"
+        if not body:
+            term = size
+        elif size == "1":
+            term = body
+        else:
+            term = f"{size} {body}"
+        if k == 0:
+            out = f"-{term}" if sign == "-" else term
+        else:
+            out += f"{sign}{term}" if tight else f" {sign} {term}"
+    return out or "0"
+
+
+def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Equation:
+    """Fourier form of a polynomial in half-angle coordinates, scaled to a largest term of 1.
+
+    Parameters
+    ----------
+    poly : fmpq_mpoly
+        Homogeneous in each revolute joint's pair of variables.
+    ring : Ring
+        Its ring.
+    joints : sequence of str
+        Symbols of the joints.
+    offset : (n,) array
+        Radians between the arm's joint angles and the ring's.
+    """
+    n = len(ring.prismatic)
+    degrees = poly.degrees()
+    terms = list(ring.terms(poly).items())
+    largest = max(abs(part) for _, c in terms for part in parts_of(c))
+    shape, kinds = [], []
+    for j in range(n):
+        v = ring.variables(j)
+        if ring.prismatic[j]:
+            shape.append(int(degrees[v[0]]) + 1)
+        else:
+            exponents = terms[0][0]
+            shape.append(int(exponents[v[0]] + exponents[v[1]]) + 1)
+        kinds.append(v)
+    tensor = np.zeros(shape, dtype=complex)
+    for monomial, c in terms:
+        tensor[tuple(int(monomial[v[-1]]) for v in kinds)] += float(c / largest)
+    for j in range(n):
+        if not ring.prismatic[j] and shape[j] > 1:
+            tensor = np.moveaxis(
+                np.tensordot(_half_angle_basis(shape[j] - 1), tensor, axes=(1, j)), 0, j
+            )
+    # Quarter turns of an offset only swap sines and cosines; the rest stays a shift.
+    quarter = np.where(ring.prismatic, 0.0, np.round(offset / (np.pi / 2)) * (np.pi / 2))
+    shift = np.where(ring.prismatic, 0.0, offset - quarter)
+    shift[np.abs(shift) < 1e-12] = 0.0
+    gathered: dict[tuple[tuple[int, ...], tuple[int, ...]], complex] = {}
+    big = float(np.abs(tensor).max())
+    for index in np.argwhere(np.abs(tensor) > _DROP * big):
+        frequency = tuple(
+            0 if ring.prismatic[j] else int(2 * index[j] - (shape[j] - 1)) for j in range(n)
+        )
+        power = tuple(int(index[j]) if ring.prismatic[j] else 0 for j in range(n))
+        c = tensor[tuple(index)] * np.exp(0.5j * (np.array(frequency) @ quarter))
+        lead = next((k for k in frequency if k), 0)
+        if lead < 0:  # Re(c e^{i phi}) = Re(conj(c) e^{-i phi})
+            frequency, c = tuple(-k for k in frequency), np.conj(c)
+        gathered[frequency, power] = gathered.get((frequency, power), 0j) + c
+    keys = [k for k, c in gathered.items() if abs(c) > _DROP * big]
+    values = np.array([gathered[k] for k in keys])
+    real, imaginary = values.real, -values.imag
+    top = float(np.max(np.hypot(real, imaginary)))
+    real = np.where(np.abs(real) > _DROP * top, real, 0.0) / top
+    imaginary = np.where(np.abs(imaginary) > _DROP * top, imaginary, 0.0) / top
+    out = Equation(
+        joints=tuple(joints),
+        frequencies=np.array([k[0] for k in keys], dtype=np.int64).reshape(-1, n),
+        powers=np.array([k[1] for k in keys], dtype=np.int64).reshape(-1, n),
+        cos=np.where(np.abs(real) < 1e-15, 0.0, real),
+        sin=np.where(np.abs(imaginary) < 1e-15, 0.0, imaginary),
+        shift=shift,
+    )
+    first = out._pieces(_PLAIN)[0][0]
+    return out.scaled(-1.0) if first < 0 else out
+
+
+def _half_angle_basis(degree: int) -> npt.NDArray[np.complex128]:
+    """Fourier coefficients of x^(d-b) y^b, b = 0..d, with x = cos(t/2), y = sin(t/2).
+
+    Entry [k, b] belongs to exp(i (2 k - d) t / 2).
+    """
+    basis = np.zeros((degree + 1, degree + 1), dtype=complex)
+    for b in range(degree + 1):
+        a = degree - b
+        for i in range(a + 1):
+            for j in range(b + 1):
+                # (e + 1/e)^a (e - 1/e)^b: i and j inverse factors are taken
+                k = degree - i - j
+                basis[k, b] += comb(a, i) * comb(b, j) * (-1) ** j
+        basis[:, b] *= 0.5**a * (0.5 / 1j) ** b
+    return basis
+
+
+def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
+    """Scale an equation so that its coefficients are lengths of the arm, where they can be.
+
+    The factors of a determinant come without a natural scale. The one under which most
+    coefficients equal lengths of the geometry (or sums or differences of two) is taken.
+    """
+    found = np.concatenate([np.abs(equation.cos), np.abs(equation.sin)])
+    found = found[found > _DROP]
+    known = sorted({abs(x) for x in lengths if abs(x) > 0})
+    if len(found) < 2 or len(found) > _FEW or not known or equation.powers.any():
+        return equation
+    single = np.array(known)
+    pairs = np.array([abs(a + s * b) for a in known for b in known for s in (1, -1)] or [0.0])
+
+    def matches(values: Array, targets: Array) -> npt.NDArray[np.bool_]:
+        close = np.abs(values[:, None] - targets[None, :]) < 1e-9 * values[:, None]
+        return np.asarray(close.any(axis=1))
+
+    best, score = 1.0, 0.0
+    for c in np.unique(np.round(found, 14))[::-1]:
+        for length in known:
+            factor = length / c
+            scaled = found * factor
+            alone = matches(scaled, single)
+            summed = ~alone & matches(scaled, pairs)
+            points = float(alone.sum()) + 0.4 * float(summed.sum())
+            if points > score + 1e-9:
+                best, score = factor, points
+    return equation.scaled(best) if score >= max(1.4, 0.6 * len(found)) else equation

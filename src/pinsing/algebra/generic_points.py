@@ -1,0 +1,212 @@
+"""Generic points of the common zeros of several polynomials, on random slices.
+
+To know whether some component of V(p, g) is singular it is enough to look at generic points
+of it: all joints but two are put at random values, the two that remain are solved for, and
+the rank of the Jacobian is taken there. A component of codimension two meets such a slice for
+some pair of joints, so that all pairs together meet every component; and so with three
+polynomials and three joints, and so on.
+
+All of this is done modulo a prime of 62 bits, where it is exact: the points have coordinates
+in finite fields, and a rank is a rank. A verdict is wrong only if a random value happens to
+be a root of one of the polynomials involved, which for degrees in the thousands has a chance
+of about 1e-15 (Schwartz, 1980; Zippel, 1979).
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pinsing.algebra.jacobian_matrix import Matrix
+from pinsing.algebra.prime_field import (
+    WORD_PRIME,
+    image,
+    modular_context,
+    rank_over,
+    residue,
+)
+from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.algebra.zeros import Undecided, zeros
+
+_ATTEMPTS = 4
+
+
+class Residues:
+    """Images of a ring's polynomials modulo a prime, made once each."""
+
+    def __init__(self, ring: Ring) -> None:
+        self.ring = ring
+        self._images: dict[int, tuple[Poly, Any]] = {}
+
+    def of(self, poly: Poly) -> Any:
+        """The image of a polynomial."""
+        if id(poly) not in self._images:  # the polynomial is kept, so that its id stays its own
+            self._images[id(poly)] = (poly, image(poly, self.ring, WORD_PRIME))
+        return self._images[id(poly)][1]
+
+
+@dataclass(frozen=True, eq=False)
+class SlicePoint:
+    """One common zero on a slice (and all its conjugates).
+
+    Attributes
+    ----------
+    residues : Residues
+        Images of polynomials.
+    fixed : mapping of str to int
+        Variables at random values.
+    field : fq_default_ctx
+        The finite field of the coordinates.
+    free : mapping of int to fq_default
+        The variables that were solved for, by index.
+    """
+
+    residues: Residues
+    fixed: Mapping[str, int]
+    field: Any
+    free: Mapping[int, Any]
+
+    def value(self, poly: Poly) -> Any:
+        """Value of a polynomial of the ring."""
+        total = self.field.zero()
+        if poly == 0:
+            return total
+        powers: dict[tuple[int, int], Any] = {}
+        for monomial, c in self.residues.of(poly).subs(self.fixed).to_dict().items():
+            term = self.field(int(c))
+            for v, exponent in enumerate(monomial):
+                if exponent:
+                    key = v, int(exponent)
+                    if key not in powers:
+                        powers[key] = self.free[v] ** int(exponent)
+                    term = term * powers[key]
+            total = total + term
+        return total
+
+    def is_zero(self, poly: Poly) -> bool:
+        """Whether a polynomial vanishes there."""
+        return bool(self.value(poly).is_zero())
+
+    def rank(self, matrix: Matrix) -> int:
+        """Rank of a matrix of polynomials there."""
+        return rank_over([[self.value(x) for x in row] for row in matrix])
+
+    def transversal(self, polys: Sequence[Poly]) -> bool:
+        """Whether zero sets cross there, rather than touch: their gradients are independent."""
+        nvars = self.residues.ring.nvars
+        slopes = [[self.value(p.derivative(v)) for v in range(nvars)] for p in polys]
+        return rank_over(slopes) == len(polys)
+
+    def has(self, joint: int, value: Value) -> bool:
+        """Whether a joint is at a value there."""
+        x, *y = (self._at(v) for v in self.residues.ring.variables(joint))
+        wanted = [self.field(residue(c, WORD_PRIME)) for c in value]
+        if not y:
+            return bool(x == wanted[0])
+        return bool((x * wanted[1] - y[0] * wanted[0]).is_zero())
+
+    def _at(self, variable: int) -> Any:
+        if variable in self.free:
+            return self.free[variable]
+        return self.field(self.fixed[self.residues.ring.context.names()[variable]])
+
+
+def slice_points(
+    polys: Sequence[Poly],
+    residues: Residues,
+    rng: np.random.Generator,
+    values: Mapping[int, Value],
+    check: Callable[[float], None],
+) -> Iterator[SlicePoint]:
+    """Common zeros of k polynomials on a random slice for every k joints.
+
+    Parameters
+    ----------
+    polys : sequence of Poly
+        Polynomials whose common zeros all have codimension k.
+    residues : Residues
+        Their images.
+    rng : Generator
+        For the slices.
+    values : mapping of joint to Value
+        Joints that are at fixed values already (and occur in no polynomial).
+    check : callable
+        Asked before each long step; ends the search by an exception.
+
+    Raises
+    ------
+    Undecided
+        If the points of a slice cannot be told apart, whatever the slice.
+    """
+    ring = residues.ring
+    having = [set(ring.joints_of(p)) for p in polys]
+    for chosen in itertools.combinations(sorted(set().union(*having)), len(polys)):
+        if not all(joints.intersection(chosen) for joints in having):
+            continue  # one of them is a constant on this slice
+        for attempt in range(_ATTEMPTS):
+            try:
+                points = _points_on(polys, chosen, residues, rng, values, check)
+            except Undecided:
+                if attempt + 1 == _ATTEMPTS:
+                    raise
+            else:
+                yield from points
+                break
+
+
+def _points_on(
+    polys: Sequence[Poly],
+    chosen: Sequence[int],
+    residues: Residues,
+    rng: np.random.Generator,
+    values: Mapping[int, Value],
+    check: Callable[[float], None],
+) -> list[SlicePoint]:
+    """Common zeros in the chosen joints, the others at random values.
+
+    Every chosen joint's circle is turned by a random angle, so that no zero is at the infinity
+    of its half-angle tangent.
+    """
+    ring = residues.ring
+    names = ring.context.names()
+    free = modular_context(tuple(f"t{i}" for i in range(len(chosen))), WORD_PRIME)
+    turns = [(_random(rng), _random(rng)) for _ in chosen]
+
+    def coordinates(i: int, t: Any) -> list[Any]:
+        a, b = turns[i]
+        return [t] if ring.prismatic[chosen[i]] else [a - b * t, b + a * t]
+
+    fixed: dict[str, int] = {}
+    images: list[Any] = []
+    for j in range(len(ring.prismatic)):
+        if j in chosen:
+            i = chosen.index(j)
+            images += coordinates(i, free.gens()[i])
+            continue
+        known = values.get(j)
+        for k, v in enumerate(ring.variables(j)):
+            fixed[names[v]] = residue(known[k], WORD_PRIME) if known else _random(rng)
+            images.append(free.constant(fixed[names[v]]))
+    on_slice = [residues.of(f).compose(*images, ctx=free) for f in polys]
+    circles = {  # where x^2 + y^2 = 0 no angle is meant
+        i: sum(x * x for x in coordinates(i, free.gens()[i]))
+        for i, j in enumerate(chosen)
+        if not ring.prismatic[j]
+    }
+    points = []
+    for zero in zeros(on_slice, range(len(chosen)), circles, rng, check):
+        solved = {
+            v: x
+            for i, j in enumerate(chosen)
+            for v, x in zip(ring.variables(j), coordinates(i, zero.at[i]), strict=True)
+        }
+        points.append(SlicePoint(residues, fixed, zero.field, solved))
+    return points
+
+
+def _random(rng: np.random.Generator) -> int:
+    return int(rng.integers(1, WORD_PRIME))

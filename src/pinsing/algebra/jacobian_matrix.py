@@ -1,0 +1,328 @@
+"""The task Jacobian as a matrix of polynomials, and its reduction to the part that matters.
+
+Every column is the joint's screw written in a frame in the middle of the chain (for the
+full pose; the rank does not depend on the frame), times a product of x^2 + y^2, which no
+real angle makes zero. Constant entries are then used up as pivots: what is left is a
+smaller matrix whose rank drops exactly where the Jacobian's does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.mimic import Drive, drives
+from pinsing.algebra.ring import Monomial, Poly, Ring
+from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.surd import Exact
+from pinsing.robot.task import Task
+
+Matrix = list[list[Poly]]
+_Place = tuple[int, Monomial]  # column and monomial
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Rigid motion with a common denominator: rotation R / d and position p / d."""
+
+    R: Matrix
+    p: list[Poly]
+    d: Poly
+
+
+def _multiply(A: Matrix, B: Matrix, ring: Ring) -> Matrix:
+    columns = list(zip(*B, strict=True))
+    return [[_dot(row, column, ring) for column in columns] for row in A]
+
+
+def _dot(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> Poly:
+    total = ring.zero
+    for x, y in zip(a, b, strict=True):
+        if x != 0 and y != 0:
+            total = total + x * y
+    return ring.reduce(total)
+
+
+class _Chain:
+    """Poses along the nominal chain, as polynomials."""
+
+    def __init__(self, geometry: Nominal, ring: Ring) -> None:
+        self.ring, self.geometry = ring, geometry
+        self.n = len(geometry.prismatic)
+        self.drives, _ = drives(geometry)
+
+    def placed(self, i: int) -> Pose:
+        """Constant placement C_i."""
+        number = self.ring.number
+        R = [[number(x) for x in row] for row in self.geometry.rotation[i]]
+        return Pose(R, [number(x) for x in self.geometry.translation[i]], self.ring.one)
+
+    def moved(self, j: int) -> Pose:
+        """Motion M_j of joint j of the chain."""
+        one, zero = self.ring.one, self.ring.zero
+        gens, number = self.ring.context.gens(), self.ring.number
+        drive = self.drives[j]
+        v = self.ring.variables(drive.leader)
+        if self.geometry.prismatic[j]:
+            eye = [[one if a == b else zero for b in range(3)] for a in range(3)]
+            along = gens[v[0]] * number(drive.multiple) + number(drive.shift)
+            return Pose(eye, [zero, zero, along], one)
+        c, s, w = one, zero, one
+        if drive.multiple:  # one that stands still may have a leader of any kind
+            x, y = gens[v[0]], gens[v[1]]
+            y = y if drive.multiple > 0 else -y
+            once = x * x - y * y, 2 * x * y, x * x + y * y
+            for _ in range(abs(int(drive.multiple))):
+                c, s, w = c * once[0] - s * once[1], c * once[1] + s * once[0], w * once[2]
+        a, b = (number(value) for value in drive.turn)
+        c, s = self.ring.reduce(c * a - s * b), self.ring.reduce(c * b + s * a)
+        return Pose([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
+
+    def compose(self, a: Pose, b: Pose) -> Pose:
+        ring = self.ring
+        p = [_dot(row, b.p, ring) + ring.reduce(x * b.d) for row, x in zip(a.R, a.p, strict=True)]
+        return Pose(_multiply(a.R, b.R, ring), p, a.d * b.d)
+
+    def inverse(self, a: Pose) -> Pose:
+        Rt = [list(column) for column in zip(*a.R, strict=True)]
+        R = [[x * a.d for x in row] for row in Rt]
+        return Pose(R, [-_dot(row, a.p, self.ring) for row in Rt], a.d * a.d)
+
+    def identity(self) -> Pose:
+        one, zero = self.ring.one, self.ring.zero
+        return Pose(
+            [[one if a == b else zero for b in range(3)] for a in range(3)], [zero] * 3, one
+        )
+
+    def joint_frames(self, middle: int, with_base: bool) -> tuple[list[Pose], Pose | None, Pose]:
+        """Frames of all joints, the base if asked for, and the tip, from joint ``middle``."""
+        frames: list[Pose] = [self.identity()] * self.n
+        here = self.identity()
+        for j in range(middle, self.n):
+            frames[j] = here
+            here = self.compose(self.compose(here, self.moved(j)), self.placed(j + 1))
+        tip = here
+        back = self.identity()
+        for j in range(middle - 1, -1, -1):
+            back = self.compose(self.compose(self.moved(j), self.placed(j + 1)), back)
+            frames[j] = self.inverse(back)
+        base = self.inverse(self.compose(self.placed(0), back)) if with_base else None
+        return frames, base, tip
+
+
+def _in_base(task: Task) -> bool:
+    """Whether the rank of the task rows depends on the axes that they are written in."""
+    return task.name not in ("pose", "position", "orientation")
+
+
+def constants(geometry: Nominal, task: Task) -> list[Exact]:
+    """The numbers of the geometry that the task Jacobian has in it, up to its rank.
+
+    Raises
+    ------
+    NotFollowed
+        If a mimic joint in the chain cannot be written in polynomials.
+    """
+    first = 0 if _in_base(task) else 1
+    placed = [x for R in geometry.rotation[first:] for row in R for x in row]
+    return placed + [x for drive in drives(geometry)[0] for x in drive.turn]
+
+
+def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
+    """Task Jacobian as polynomials, up to nonzero row operations and column factors.
+
+    The reference point is moved into the chain only for the full pose, and the axes only
+    for the full pose, position and orientation: elsewhere the rank depends on them. A joint
+    with mimic joints in the chain has the sum of their columns, by the chain rule.
+
+    Raises
+    ------
+    NotFollowed
+        If a mimic joint in the chain cannot be written in polynomials.
+    """
+    chain = _Chain(geometry, ring)
+    frames, base, tip = chain.joint_frames(chain.n // 2, _in_base(task))
+    at_tip = task.name != "pose" and any(r < 3 for r in task.rows)
+    zero = ring.zero
+    by_leader: dict[int, list[tuple[Drive, list[Poly], Poly]]] = {}
+    for j, frame in enumerate(frames):
+        z = [row[2] for row in frame.R]  # over frame.d
+        if geometry.prismatic[j]:
+            v, w, scale = [x * ring.one for x in z], [zero] * 3, frame.d
+        else:
+            scale = frame.d * frame.d * (tip.d if at_tip else ring.one)
+            if at_tip:  # lever from the joint to the tip, over frame.d * tip.d
+                lever = [t * frame.d - p * tip.d for t, p in zip(tip.p, frame.p, strict=True)]
+                w = [x * frame.d * tip.d for x in z]
+            else:
+                lever = [-p for p in frame.p]
+                w = [x * frame.d for x in z]
+            v = _cross(z, lever, ring)
+        if base is not None:
+            Rt = [list(column) for column in zip(*base.R, strict=True)]
+            v = [_dot(row, v, ring) for row in Rt]
+            w = [_dot(row, w, ring) for row in Rt]
+        six = v + w
+        drive = chain.drives[j]
+        by_leader.setdefault(drive.leader, []).append((drive, [six[r] for r in task.rows], scale))
+    columns = [_primitive(_summed(by_leader[a], ring), ring) for a in sorted(by_leader)]
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _summed(parts: Sequence[tuple[Drive, list[Poly], Poly]], ring: Ring) -> list[Poly]:
+    """Column of a joint and its followers, each over a scale of its own, up to a factor."""
+    if len(parts) == 1:
+        return parts[0][1]
+    total = [ring.zero] * len(parts[0][1])
+    for i, (drive, column, _) in enumerate(parts):
+        factor = ring.number(drive.multiple)
+        for k, (_, _, scale) in enumerate(parts):
+            factor = factor * scale if k != i else factor
+        total = [ring.reduce(t + x * factor) for t, x in zip(total, column, strict=True)]
+    return total
+
+
+def _cross(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> list[Poly]:
+    return [
+        ring.reduce(a[1] * b[2] - a[2] * b[1]),
+        ring.reduce(a[2] * b[0] - a[0] * b[2]),
+        ring.reduce(a[0] * b[1] - a[1] * b[0]),
+    ]
+
+
+def _primitive(line: list[Poly], ring: Ring) -> list[Poly]:
+    """Divide a row or column by the x^2 + y^2 that all its entries share."""
+    if all(x == 0 for x in line):
+        return line
+    for w in ring.w:
+        if w is None:
+            continue
+        while True:
+            parts = [divmod(x, w) for x in line]
+            if any(r != 0 for _, r in parts):
+                break
+            line = [q for q, _ in parts]
+    return line
+
+
+def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
+    """Drop rows that are combinations of others with constant factors: no rank is lost."""
+    basis: list[tuple[_Place, dict[_Place, Exact]]] = []
+    kept = []
+    for row in matrix:
+        vector: dict[_Place, Exact] = {
+            (j, m): c for j, x in enumerate(row) for m, c in ring.terms(x).items()
+        }
+        for lead, other in basis:
+            if lead in vector:
+                ratio = vector[lead] / other[lead]
+                for key, value in other.items():
+                    vector[key] = vector.get(key, Fraction(0)) - ratio * value
+                vector = {k: v for k, v in vector.items() if v != 0}
+        if vector:
+            basis.append((next(iter(vector)), vector))
+            kept.append(row)
+    return kept
+
+
+def reduce_matrix(matrix: Matrix, rank: int, ring: Ring) -> tuple[Matrix, int]:
+    """Use up pivots that never vanish.
+
+    Parameters
+    ----------
+    matrix : list of rows
+        Polynomials.
+    rank : int
+        The rank below which the matrix is singular.
+
+    Returns
+    -------
+    (matrix, rank)
+        A smaller matrix that is below the smaller rank exactly where the given one is
+        below the given one.
+    """
+    rows = _without_zeros(independent_rows(matrix, ring))
+    while rows and rank > 0:
+        pivot = _unit(rows, ring)
+        if pivot is None:
+            break
+        i, j = pivot
+        p = rows[i][j]
+        rest = []
+        for k, row in enumerate(rows):
+            if k == i:
+                continue
+            if row[j] == 0:
+                rest.append([x for c, x in enumerate(row) if c != j])
+            else:
+                rest.append(
+                    [ring.reduce(x * p - row[j] * rows[i][c]) for c, x in enumerate(row) if c != j]
+                )
+        rank -= 1
+        rows = [_primitive(row, ring) for row in rest]
+        rows = independent_rows([row for row in rows if any(x != 0 for x in row)], ring)
+        if rows:
+            columns = [_primitive(list(c), ring) for c in zip(*_without_zeros(rows), strict=True)]
+            rows = [list(row) for row in zip(*columns, strict=True)]
+    return rows, rank
+
+
+def _without_zeros(rows: Matrix) -> Matrix:
+    """Drop columns of zeros: with them a bound on codimensions would be too large."""
+    columns = [c for c in zip(*rows, strict=True) if any(x != 0 for x in c)]
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _unit(rows: Matrix, ring: Ring) -> tuple[int, int] | None:
+    """Position of an entry that vanishes nowhere, the one that disturbs the rest least."""
+    best: tuple[int, int, int] | None = None
+    for i, row in enumerate(rows):
+        in_row = sum(len(x) for x in row if x != 0)
+        for j, x in enumerate(row):
+            plain = x != 0 and ring.is_constant(x)
+            if x == 0 or not (plain or ring.is_constant(ring.strip(x))):
+                continue
+            column = [other[j] for k, other in enumerate(rows) if k != i and other[j] != 0]
+            cost = sum(len(c) for c in column) * in_row + (0 if plain else 1000)
+            if best is None or cost < best[0]:
+                best = (cost, i, j)
+    return None if best is None else (best[1], best[2])
+
+
+def determinant(matrix: Matrix, ring: Ring, budget: Budget) -> Poly:
+    """Determinant by Bareiss' fraction-free elimination, sparsest rows first.
+
+    Square roots are variables like others here, so that all divisions go without a remainder.
+
+    Raises
+    ------
+    BudgetExceeded
+        If it would take longer than the budget allows.
+    """
+    rows = [list(row) for row in matrix]
+    size = len(rows)
+    previous = ring.one
+    sign = 1
+    for k in range(size - 1):
+        choice = min(
+            ((len(rows[i][k]), i) for i in range(k, size) if rows[i][k] != 0), default=None
+        )
+        if choice is None:
+            return ring.zero
+        i = choice[1]
+        if i != k:
+            rows[k], rows[i] = rows[i], rows[k]
+            sign = -sign
+        pivot = rows[k][k]
+        for i in range(k + 1, size):
+            head = rows[i][k]
+            for j in range(k + 1, size):
+                budget.check(len(rows[i][j]) * len(pivot) + len(head) * len(rows[k][j]))
+                value = rows[i][j] * pivot
+                if head != 0 and rows[k][j] != 0:
+                    value = value - head * rows[k][j]
+                rows[i][j] = value / previous if k else value
+        previous = pivot
+    return ring.reduce(rows[-1][-1] * sign)

@@ -1,0 +1,112 @@
+"""What each joint of the chain does when the arm's own joints move: itself, or a multiple.
+
+A joint that mimics another one is turned by a whole multiple of the other's angle and a
+constant, so that its sine and cosine are polynomials in the other's. Other multiples are not:
+with half of an angle, a whole turn of the leader is none of the follower.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.snap import Snap
+from pinsing.geometry.surd import Exact, cosine, sine
+
+_FIFTEEN = math.pi / 12
+_NOISE = 1e-12
+_LARGEST_MULTIPLE = 6
+
+
+class NotFollowed(Exception):
+    """A mimic joint that polynomials in its leader's half-angle cannot follow."""
+
+
+@dataclass(frozen=True)
+class Drive:
+    """How one joint of the chain moves.
+
+    Attributes
+    ----------
+    leader : int
+        Index of the arm's joint that it follows, or is.
+    multiple : Fraction
+        Its motion for one of the leader; whole for revolute joints.
+    turn : (cos, sin)
+        Of the constant angle that is added, where it is revolute.
+    shift : Fraction
+        Metres that are added, where it is prismatic.
+    """
+
+    leader: int
+    multiple: Fraction
+    turn: tuple[Exact, Exact] = (Fraction(1), Fraction(0))
+    shift: Fraction = Fraction(0)
+
+
+def drives(geometry: Nominal) -> tuple[tuple[Drive, ...], tuple[Snap, ...]]:
+    """How each joint of the chain is driven, and what was moved to say so exactly.
+
+    Raises
+    ------
+    NotFollowed
+        If a follower's multiple is not whole, too large, or mixes angles and lengths.
+    """
+    coupling = geometry.arm.coupling
+    if coupling is None:
+        return tuple(Drive(j, Fraction(1)) for j in range(len(geometry.prismatic))), ()
+    names = list(geometry.arm.model.names)[1:]
+    own = own_rows(geometry)
+    out: list[Drive] = []
+    snaps: list[Snap] = []
+    for row, name in enumerate(names):
+        moved = np.flatnonzero(coupling.matrix[row])
+        leader = int(moved[0]) if len(moved) else 0
+        factor = float(coupling.matrix[row, leader]) if len(moved) else 0.0
+        multiple = Fraction(factor).limit_denominator(1000)
+        if abs(float(multiple) - factor) > _NOISE:
+            raise NotFollowed(f"joint {name!r} follows by {factor!r}, which is no simple ratio")
+        slides, led_by_slide = geometry.prismatic[row], geometry.prismatic[own[leader]]
+        if multiple != 0 and slides != led_by_slide:
+            raise NotFollowed(f"joint {name!r} slides with a turn, or turns with a slide")
+        added = float(coupling.offset[row])
+        if slides:
+            out.append(Drive(leader, multiple, shift=Fraction(repr(added))))
+            continue
+        if multiple.denominator != 1 or abs(multiple) > _LARGEST_MULTIPLE:
+            raise NotFollowed(f"joint {name!r} follows by {factor:g}, which is not a small integer")
+        added += float(geometry.offset[row]) - factor * float(geometry.offset[own[leader]])
+        turn, exact = _turn(added)
+        if abs(exact - added) > _NOISE:
+            snaps.append(Snap(f"mimic joint {name}", "angle", added, exact))
+        out.append(Drive(leader, multiple, turn=turn))
+    return tuple(out), tuple(snaps)
+
+
+def own_rows(geometry: Nominal) -> list[int]:
+    """Where in the chain the arm's own joints are."""
+    if geometry.arm.coupling is None:
+        return list(range(len(geometry.prismatic)))
+    names = list(geometry.arm.model.names)[1:]
+    return [names.index(j) for j in geometry.arm.joints]
+
+
+def own_offsets(geometry: Nominal) -> Array:
+    """Radians added to each of the arm's own joints (n,)."""
+    return np.asarray(geometry.offset[own_rows(geometry)])
+
+
+def _turn(angle: float) -> tuple[tuple[Exact, Exact], float]:
+    """Exact (cos, sin) of an angle, or of one very close, and that angle."""
+    steps = round(angle / _FIFTEEN)
+    if abs(angle - steps * _FIFTEEN) <= _NOISE * max(1.0, abs(angle)):
+        return (cosine(steps), sine(steps)), angle
+    whole = math.remainder(angle, 2 * math.pi)
+    half = Fraction(math.tan(whole / 2)).limit_denominator(10**6)
+    turn = (1 - half**2) / (1 + half**2), 2 * half / (1 + half**2)
+    return turn, angle - whole + 2 * math.atan(half)

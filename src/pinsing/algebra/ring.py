@@ -1,0 +1,207 @@
+"""The polynomial ring of an arm: homogeneous half-angle coordinates over the rationals.
+
+Where the arm has twists of 15 degrees or its multiples, the coefficients have square roots:
+``surd_ring`` extends the ring by these.
+
+A revolute joint has two variables x, y with ``cos = (x^2 - y^2) / w``, ``sin = 2 x y / w``,
+``w = x^2 + y^2``, so that its angle is 2 atan2(y, x) and pi is as good a point as any other.
+A prismatic joint has one variable, its value in metres.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
+
+from flint import Ordering, fmpq, fmpq_mpoly_ctx
+
+from pinsing.geometry.surd import Exact, Surd
+
+Poly = Any  # fmpq_mpoly; python-flint ships no types
+Monomial = tuple[int, ...]
+Value = tuple[Exact, ...]
+"""Exact value of a joint: (x, y) of a revolute one, (metres,) of a prismatic one."""
+
+
+def rational(value: Fraction | int) -> Any:
+    """Flint's rational for a Fraction or an int."""
+    value = Fraction(value)
+    return fmpq(value.numerator, value.denominator)
+
+
+def fraction(value: Any) -> Fraction:
+    """Fraction of a flint rational."""
+    value = fmpq(value)
+    return Fraction(int(value.p), int(value.q))
+
+
+@dataclass(frozen=True)
+class Ring:
+    """Variables of one chain.
+
+    Attributes
+    ----------
+    context : fmpq_mpoly_ctx
+        Flint's ring.
+    prismatic : tuple of bool
+        One entry a joint.
+    start : tuple of int
+        Index of each joint's first variable.
+    w : tuple of Poly or None
+        x^2 + y^2 of each revolute joint.
+    """
+
+    context: Any
+    prismatic: tuple[bool, ...]
+    start: tuple[int, ...]
+    w: tuple[Poly | None, ...]
+
+    @property
+    def one(self) -> Poly:
+        """The constant 1."""
+        return self.context.constant(1)
+
+    @property
+    def zero(self) -> Poly:
+        """The constant 0."""
+        return self.context.constant(0)
+
+    @property
+    def rational(self) -> bool:
+        """Whether all coefficients are rational."""
+        return True
+
+    @property
+    def nvars(self) -> int:
+        """Number of the joints' variables."""
+        return sum(1 if slides else 2 for slides in self.prismatic)
+
+    def number(self, value: Exact | int) -> Poly:
+        """A constant of the ring."""
+        if isinstance(value, Surd):
+            raise TypeError("a square root is no constant of a ring over the rationals")
+        return self.context.constant(rational(value))
+
+    def reduce(self, poly: Poly) -> Poly:
+        """The unique form of an element that products came to; the same over the rationals."""
+        return poly
+
+    def variables(self, joint: int) -> tuple[int, ...]:
+        """Indices of a joint's variables."""
+        first = self.start[joint]
+        return (first,) if self.prismatic[joint] else (first, first + 1)
+
+    def joints_of(self, poly: Poly) -> tuple[int, ...]:
+        """Joints whose variables occur in ``poly``."""
+        degrees = poly.degrees()
+        return tuple(
+            j for j in range(len(self.prismatic)) if any(degrees[v] > 0 for v in self.variables(j))
+        )
+
+    def terms(self, poly: Poly) -> dict[Monomial, Exact]:
+        """Exponents of the joints' variables, and coefficients."""
+        return {tuple(int(e) for e in m): fraction(c) for m, c in poly.to_dict().items()}
+
+    def is_constant(self, poly: Poly) -> bool:
+        """Whether no joint occurs."""
+        return bool(poly.is_constant())
+
+    def substitute(self, poly: Poly, values: Mapping[int, Value]) -> Poly:
+        """Put exact joint values into ``poly``."""
+        names = self.context.names()
+        found = {
+            names[v]: rational(x)  # type: ignore[arg-type]
+            for j, value in values.items()
+            for v, x in zip(self.variables(j), value, strict=True)
+        }
+        return poly.subs(found)
+
+    def divides(self, p: Poly, poly: Poly) -> bool:
+        """Whether ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""
+        return bool(divmod(poly, p)[1] == 0)
+
+    def quotient(self, poly: Poly, p: Poly) -> Poly:
+        """``poly`` over ``p``, which divides it and came from ``factors`` or ``gcd``."""
+        return poly / p
+
+    def gcd(self, p: Poly, g: Poly) -> Poly:
+        """Greatest common divisor."""
+        return p.gcd(g)
+
+    def resultant(self, p: Poly, g: Poly, variable: int) -> Poly:
+        """Resultant with respect to a variable."""
+        return p.resultant(g, self.context.names()[variable])
+
+    def strip(self, poly: Poly) -> Poly:
+        """Divide out every x^2 + y^2, which no real angle makes zero."""
+        degrees = poly.degrees()
+        for j, w in enumerate(self.w):
+            if w is None or poly == 0:
+                continue
+            x, y = self.variables(j)
+            if degrees[x] < 2 or degrees[y] < 2:  # w divides only what has both squares
+                continue
+            while True:
+                quotient, remainder = divmod(poly, w)
+                if remainder != 0:
+                    break
+                poly = quotient
+        return poly
+
+    def factors(self, poly: Poly) -> list[Poly]:
+        """Irreducible factors over Q, without multiplicity and without any x^2 + y^2."""
+        _, found = poly.factor()
+        return [f for f, _ in found if not any(w is not None and f == w for w in self.w)]
+
+    def joint_value(self, poly: Poly) -> tuple[int, Value] | None:
+        """The exact value that ``poly`` = 0 fixes one joint at, if it does just that."""
+        joints = self.joints_of(poly)
+        if len(joints) != 1:
+            return None
+        j = joints[0]
+        variables = self.variables(j)
+        if sum(int(poly.degrees()[v]) for v in variables) > len(variables):
+            return None
+        terms = self.terms(poly)
+        if max(sum(m) for m in terms) != 1:
+            return None
+
+        def coefficient(v: int | None) -> Exact:
+            key = tuple(int(v == k) for k in range(self.nvars))
+            return terms.get(key, Fraction(0))
+
+        if self.prismatic[j]:
+            return j, (-coefficient(None) / coefficient(variables[0]),)
+        x, y = coefficient(variables[1]), -coefficient(variables[0])
+        # Canonical representative, so that equal values compare equal.
+        lead = x if x != 0 else y
+        return j, (x / lead, y / lead)
+
+
+def make_ring(prismatic: Sequence[bool]) -> Ring:
+    """Ring of a chain with these joints, over the rationals."""
+    names, start = variable_names(prismatic)
+    context = fmpq_mpoly_ctx.get(names, Ordering.degrevlex)
+    return Ring(context, tuple(bool(p) for p in prismatic), start, norms(context, prismatic))
+
+
+def variable_names(prismatic: Sequence[bool]) -> tuple[list[str], tuple[int, ...]]:
+    """Names of the variables, and the index of each joint's first."""
+    names: list[str] = []
+    start = []
+    for j, slides in enumerate(prismatic, 1):
+        start.append(len(names))
+        names += [f"z{j}"] if slides else [f"x{j}", f"y{j}"]
+    return names, tuple(start)
+
+
+def norms(context: Any, prismatic: Sequence[bool]) -> tuple[Poly | None, ...]:
+    """x^2 + y^2 of each revolute joint, None for the others."""
+    gens = context.gens()
+    start = variable_names(prismatic)[1]
+    return tuple(
+        None if slides else gens[s] ** 2 + gens[s + 1] ** 2
+        for s, slides in zip(start, prismatic, strict=True)
+    )

@@ -1,0 +1,297 @@
+"""All common zeros of k polynomials in k variables, over the closure of a prime field.
+
+Variables are eliminated by resultants, down to one; its values are roots of irreducible
+factors, each in a field of its own, and from there the other variables follow as common
+roots, in larger fields where they must be. A resultant has zeros of its own making besides:
+those have no common root above them, and fall away.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_poly
+
+from pinsing.algebra.prime_field import WORD_PRIME, modular_context
+
+_ATTEMPTS = 4
+_LARGEST_DEGREE = 3_000
+"""Of an eliminant; beyond, its factors take seconds."""
+_MOST_TERMS = 10_000
+"""Of a resultant."""
+_SLOWNESS = 8.0
+"""Term products that one of a resultant costs."""
+
+
+class Undecided(Exception):
+    """The zeros are not finitely many, or more than can be told apart."""
+
+
+@dataclass(frozen=True, eq=False)
+class Zero:
+    """One common zero, and with it all its conjugates.
+
+    Attributes
+    ----------
+    field : fq_default_ctx
+        The finite field of the coordinates.
+    at : mapping of int to fq_default
+        Variable (by index) and its value.
+    """
+
+    field: Any
+    at: Mapping[int, Any]
+
+
+def zeros(
+    polys: Sequence[Any],
+    variables: Sequence[int],
+    nonzero: Mapping[int, Any],
+    rng: np.random.Generator,
+    check: Callable[[float], None],
+) -> list[Zero]:
+    """Find every common zero.
+
+    Parameters
+    ----------
+    polys : sequence of nmod_mpoly
+        As many as there are variables or more, of one ring modulo WORD_PRIME, in which no
+        other variables than ``variables`` occur.
+    variables : sequence of int
+        Their indices.
+    nonzero : mapping of int to nmod_mpoly
+        Polynomials in one variable each; their zeros are not wanted.
+    rng : Generator
+        For combinations of the polynomials.
+    check : callable
+        Asked, with the number of term products, before each long step.
+
+    Raises
+    ------
+    Undecided
+        If there are infinitely many, or an eliminant is too long.
+    """
+    return _Solver(nonzero, rng, check).solve(polys, variables)
+
+
+@dataclass(frozen=True, eq=False)
+class _Solver:
+    """What all steps of an elimination share; the attributes are parameters of ``zeros``."""
+
+    nonzero: Mapping[int, Any]
+    rng: np.random.Generator
+    check: Callable[[float], None]
+
+    def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
+        """See ``zeros``."""
+        if any(f == 0 for f in polys):
+            raise Undecided
+        if any(f.is_constant() for f in polys):
+            return []
+        if not variables:
+            return [Zero(_field(), {})]
+        having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
+        v = min(variables, key=lambda v: (len(having[v]), sum(f.degrees()[v] for f in having[v])))
+        rest = [u for u in variables if u != v]
+        if not having[v]:  # none, or as many as there are values of v
+            if self.solve(polys, rest):
+                raise Undecided
+            return []
+        if not rest:
+            below = self.solve([], [])
+        elif len(having[v]) == 1:
+            below = self.solve([f for f in polys if f is not having[v][0]], rest)
+        else:
+            below = self._eliminated(polys, having[v], v, rest)
+        found = []
+        for zero in below:
+            self.check(0.0)
+            found += [z for z in _above(zero, having[v], v) if self._wanted(z, v)]
+        return found
+
+    def _eliminated(
+        self, polys: Sequence[Any], having: Sequence[Any], v: int, rest: Sequence[int]
+    ) -> list[Zero]:
+        """Zeros of resultants in place of the polynomials that have variable v."""
+        free = [f for f in polys if f.degrees()[v] == 0]
+        ordered = sorted(having, key=lambda f: (f.degrees()[v], len(f)))
+        try:
+            return self.solve([*free, *self._resultants(ordered, v)], rest)
+        except Undecided:
+            if len(having) < 3:
+                raise
+        # Over a whole curve the pivot may share one root with one of the others, and another
+        # with the next. Not so where they are mixed.
+        mixed = [sum(f * int(self.rng.integers(1, WORD_PRIME)) for f in having) for _ in having]
+        return self.solve([*free, *self._resultants(mixed, v)], rest)
+
+    def _resultants(self, polys: Sequence[Any], v: int) -> list[Any]:
+        """Resultants with the first polynomial, and one more where there are three or more.
+
+        It rules out most of the zeros of the resultants' own making.
+        """
+        pairs = [(polys[0], f) for f in polys[1:]]
+        if len(polys) > 2:
+            pairs.append((polys[1], polys[2]))
+        out = []
+        for pivot, f in pairs:
+            a, b = ([int(d) for d in g.degrees()] for g in (pivot, f))
+            into = [1.0 + a[v] * b[u] + b[v] * a[u] for u in range(len(a)) if u != v]
+            terms = float(np.prod(into))
+            if max(into, default=0) > _LARGEST_DEGREE or terms > _MOST_TERMS:
+                raise Undecided
+            self.check(_SLOWNESS * terms * (a[v] + b[v]) ** 2)
+            out.append(self._without(pivot.resultant(f, pivot.context().names()[v])))
+        return out
+
+    def _without(self, poly: Any) -> Any:
+        """A polynomial without the factors whose zeros are not wanted."""
+        for w in self.nonzero.values():
+            while poly != 0:
+                quotient, rest = divmod(poly, w)
+                if rest != 0:
+                    break
+                poly = quotient
+        return poly
+
+    def _wanted(self, zero: Zero, v: int) -> bool:
+        """Whether the value of variable v is none of the unwanted ones."""
+        if v not in self.nonzero:
+            return True
+        over = fq_default_poly_ctx(zero.field)
+        return not _at(self.nonzero[v], Zero(zero.field, {}), v, over)(zero.at[v]).is_zero()
+
+
+def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
+    """The common roots of polynomials in variable v, the others being at a zero."""
+    over = fq_default_poly_ctx(zero.field)
+    common = functools.reduce(lambda a, b: a.gcd(b), (_at(f, zero, v, over) for f in polys))
+    if common == 0:
+        raise Undecided  # a whole line of zeros
+    if common.degree() == 0:
+        return []
+    common = common.radical()
+    if common.degree() == 1:
+        return [Zero(zero.field, {**zero.at, v: -common[0] * common[1].inverse()})]
+    return _extended(zero, common, v)
+
+
+def _at(poly: Any, zero: Zero, v: int, over: Any) -> Any:
+    """A polynomial at a zero, as one in the variable v that is left."""
+    field = zero.field
+    powers = {
+        u: _powers(x, int(poly.degrees()[u])) for u, x in zero.at.items() if poly.degrees()[u]
+    }
+    line = [field.zero()] * (int(poly.degrees()[v]) + 1)
+    for monomial, c in poly.to_dict().items():
+        term = field(int(c))
+        for u, table in powers.items():
+            if monomial[u]:
+                term = term * table[int(monomial[u])]
+        line[int(monomial[v])] += term
+    return over(line)
+
+
+def _powers(x: Any, top: int) -> list[Any]:
+    out = [x**0]
+    for _ in range(top):
+        out.append(out[-1] * x)
+    return out
+
+
+def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
+    """Roots that are not in a zero's field, in larger ones.
+
+    The sum w of the root and of a multiple of the field's generator generates both: w has the
+    irreducible factors of a resultant as its minimal polynomials, and the generator is a
+    common root of two polynomials over the field of w.
+    """
+    if zero.field.degree() == 1:
+        line = nmod_poly([_number(c) for c in common.coeffs()], WORD_PRIME)
+        return [_with_root(zero, factor, v) for factor, _ in line.factor()[1]]
+    plane = modular_context(("x", "w"), WORD_PRIME)
+    x, w = plane.gens()
+    modulus = [int(c) for c in zero.field.modulus().coeffs()]
+    terms = [[int(a) for a in c.to_list()] for c in common.coeffs()]
+    for multiple in range(1, _ATTEMPTS + 1):
+        y = w - multiple * x
+        below = sum((c * x**i for i, c in enumerate(modulus)), plane.constant(0))
+        above = plane.constant(0)
+        for row in reversed(terms):
+            above = above * y + sum((c * x**i for i, c in enumerate(row)), plane.constant(0))
+        minimal = _univariate(below.resultant(above, "x"), 1)
+        if minimal.gcd(minimal.derivative()).degree() > 0:
+            continue  # two roots give one sum
+        return [_with_sum(zero, f, v, modulus, terms, multiple) for f, _ in minimal.factor()[1]]
+    raise Undecided
+
+
+def _with_root(zero: Zero, factor: Any, v: int) -> Zero:
+    """A zero over the prime field, with a root of an irreducible factor."""
+    field, root = _field_of(factor)
+    return Zero(field, {**{u: field(_number(x)) for u, x in zero.at.items()}, v: root})
+
+
+def _with_sum(
+    zero: Zero, factor: Any, v: int, modulus: list[int], terms: list[list[int]], multiple: int
+) -> Zero:
+    """A zero and the root above it, over the field that their weighted sum generates."""
+    field, w = _field_of(factor)
+    over = fq_default_poly_ctx(field)
+    y = over([w, field(-multiple)])
+    above = over.zero()
+    for row in reversed(terms):
+        above = above * y + over([field(c) for c in row])
+    shared = over([field(c) for c in modulus]).gcd(above)
+    if shared.degree() != 1:
+        raise Undecided
+    generator = -shared[0] * shared[1].inverse()
+    at = {u: _moved(x, generator, field) for u, x in zero.at.items()}
+    return Zero(field, {**at, v: w - field(multiple) * generator})
+
+
+def _moved(value: Any, generator: Any, field: Any) -> Any:
+    """An element of a field, in a larger field in which its generator is known."""
+    total = field.zero()
+    for c in reversed(value.to_list()):
+        total = total * generator + field(int(c))
+    return total
+
+
+def _field_of(factor: Any) -> tuple[Any, Any]:
+    """The field that a root of an irreducible polynomial generates, and the root."""
+    if factor.degree() == 1:
+        field = _field()
+        return field, field(int(-factor[0] / factor[1]))
+    field = fq_default_ctx(
+        modulus=_POLYNOMIALS([int(c) for c in factor.coeffs()]),
+        fq_type="FQ_NMOD",
+        check_prime=False,
+        check_modulus=False,
+    )
+    return field, field([0, 1])
+
+
+@functools.cache
+def _field() -> Any:
+    """The prime field itself."""
+    return fq_default_ctx(WORD_PRIME, 1, fq_type="FQ_NMOD", check_prime=False)
+
+
+def _number(value: Any) -> int:
+    """An element of the prime field, as an integer."""
+    line = value.to_list()
+    return int(line[0]) if line else 0
+
+
+def _univariate(poly: Any, v: int) -> Any:
+    """A polynomial in variable v alone, as flint's univariate kind."""
+    coefficients = {int(m[v]): int(c) for m, c in poly.to_dict().items()}
+    return nmod_poly([coefficients.get(i, 0) for i in range(max(coefficients) + 1)], WORD_PRIME)
+
+
+_POLYNOMIALS = fmpz_mod_poly_ctx(WORD_PRIME)

@@ -1,0 +1,346 @@
+"""analyze: closed forms and the paper's sweep on one arm, each checking the other."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.configuration.rank_drop import approach
+from pinsing.configuration.refine import walk
+from pinsing.errors import OptionError
+from pinsing.families import ClosedForm, Family, closed_form
+from pinsing.geometry.nominal import ANGLE_TOL
+from pinsing.geometry.nominal import nominal as nominal_geometry
+from pinsing.kinematics.jacobian import sigma_ratios, singular_values
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.serialization import JsonResult
+from pinsing.sweeps.findings import Finding, singular_configurations
+from pinsing.sweeps.plan import SAMPLES
+from pinsing.sweeps.run import SweepResult, sweep
+from pinsing.sweeps.special_values import SPECIAL_ANGLES, Special
+
+ON_FAMILY_TOL = 1e-5
+"""Distance in joint space (radians; metres over the length scale) that counts as on a family."""
+_VALLEY = 1e-2
+"""How far from a zero of sigma_r it may be below the tolerance."""
+
+_RAW_ANGLE_TOL = 1e-10
+_FAMILY_SAMPLES = 60
+_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class FamilyCheck:
+    """What Pinocchio says of configurations sampled on a family.
+
+    Attributes
+    ----------
+    family : str
+        Its name.
+    samples : int
+        Configurations, over whole circles.
+    nominal_ratio : float
+        Largest sigma_r / sigma_1 on the nominal geometry; singular if within SINGULAR_RTOL.
+    raw_ratio, raw_sigma_min : float
+        Largest sigma_r / sigma_1, and sigma_r, on the geometry of the file.
+    """
+
+    family: str
+    samples: int
+    nominal_ratio: float
+    raw_ratio: float
+    raw_sigma_min: float
+
+
+@dataclass(frozen=True, eq=False)
+class RandomSearch:
+    """Singular configurations that were looked for without any plan or algebra.
+
+    Attributes
+    ----------
+    starts : int
+        Random configurations within the limits that were refined.
+    singular : int
+        How many became singular to SINGULAR_RTOL.
+    on_family : int
+        How many of those lie on a family, or in a valley of sigma_r so flat that the zero next
+        to them does.
+    off : tuple of (n,) arrays
+        The others.
+    """
+
+    starts: int
+    singular: int
+    on_family: int
+    off: tuple[Array, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Analysis(JsonResult):
+    """Everything found about the singular configurations of an arm.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    geometry : str
+        "both" (curves on the raw geometry, families and tests on the nominal one), "raw" or
+        "nominal" (everything on one).
+    closed_form : ClosedForm
+        The families.
+    findings : tuple of Finding
+        What the sweep found, refined and generalised.
+    family_of : tuple of str
+        Name of the family of each finding, or an empty string.
+    checks : tuple of FamilyCheck
+        Samples of each family, judged by Pinocchio.
+    random_search : RandomSearch
+        The search that is independent of both.
+    jacobians : int
+        Jacobians that the sweep took.
+    sweep_complete : bool
+        False if the sweep was stopped.
+    notes : tuple of str
+        Notes of the sweep.
+    problems : tuple of str
+        Contradictions: each is a bug of pinsing, or of the file; empty if all agree.
+    seconds : float
+        Time it took.
+    sweep : SweepResult or None
+        The curves; not written to JSON.
+    """
+
+    schema: ClassVar[str] = "pinsing/analysis/1"
+
+    arm: ArmSummary
+    geometry: str
+    closed_form: ClosedForm
+    findings: tuple[Finding, ...]
+    family_of: tuple[str, ...]
+    checks: tuple[FamilyCheck, ...]
+    random_search: RandomSearch
+    jacobians: int
+    sweep_complete: bool
+    notes: tuple[str, ...]
+    problems: tuple[str, ...]
+    seconds: float
+    sweep: SweepResult | None = field(default=None, repr=False, metadata={"json": False})
+
+    @property
+    def families(self) -> tuple[Family, ...]:
+        """The families of the closed form."""
+        return self.closed_form.families
+
+    @property
+    def complete(self) -> bool:
+        """Whether no singular configuration can be missing."""
+        return self.closed_form.complete
+
+    @property
+    def agree(self) -> bool:
+        """Whether closed forms, sweep and random search contradict each other nowhere."""
+        return not self.problems
+
+    @property
+    def singular(self) -> bool:
+        """Whether a singular configuration within the joint limits is known."""
+        reachable = any(f.is_reachable for f in self.families)
+        return reachable or any(f.reachable and f.status == "singular" for f in self.findings)
+
+    def __str__(self) -> str:
+        from pinsing.analysis.text import analysis_text
+
+        return analysis_text(self)
+
+
+def analyze(
+    arm: Arm,
+    nominal: npt.ArrayLike | None = None,
+    *,
+    special: Special = SPECIAL_ANGLES,
+    levels: int | Iterable[int] | None = None,
+    samples: int = SAMPLES,
+    joints: Sequence[str] | None = None,
+    ignore_limits: bool = False,
+    prune: bool = True,
+    random_starts: int = 300,
+    seconds: float = 10.0,
+    angle_tol: float = ANGLE_TOL,
+    snap_length: float = 0.0,
+    geometry: str = "both",
+    seed: int = 0,
+    progress: Callable[[int, int], None] | None = None,
+) -> Analysis:
+    """Find all singular configurations of an arm, twice, and compare.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm.
+    nominal, special, levels, samples, joints, ignore_limits, prune, progress
+        As in ``sweep``.
+    random_starts : int
+        Random configurations within the limits that are refined as a third opinion.
+    seconds, angle_tol, snap_length
+        As in ``closed_form``.
+    geometry : str
+        "both", "raw" or "nominal".
+    seed : int
+        Of all random values.
+
+    Returns
+    -------
+    Analysis
+        Families first; contradictions, if any, in ``problems``.
+
+    Raises
+    ------
+    PinsingError
+        As ``sweep`` and ``closed_form``.
+    """
+    if geometry not in ("both", "raw", "nominal"):
+        raise OptionError(f"geometry must be 'both', 'raw' or 'nominal', got {geometry!r}")
+    if random_starts < 0:
+        raise OptionError(f"random_starts must not be negative, got {random_starts}")
+    started = time.monotonic()
+    if geometry == "raw":
+        angle_tol, snap_length = min(angle_tol, _RAW_ANGLE_TOL), 0.0
+    exact = nominal_geometry(arm, angle_tol, snap_length).arm
+    swept = exact if geometry == "nominal" else arm
+    forms = closed_form(arm, seconds=seconds, angle_tol=angle_tol, snap_length=snap_length)
+    result = sweep(
+        swept,
+        nominal=nominal,
+        special=special,
+        levels=levels,
+        samples=samples,
+        joints=joints,
+        ignore_limits=ignore_limits,
+        prune=prune,
+        progress=progress,
+        seed=seed,
+        geometry=exact,
+    )
+    findings = singular_configurations(swept, result, geometry=exact)
+    search = _random_search(exact, forms, random_starts, seed)
+    checks = _check_families(swept, exact, forms, seed)
+    owners = tuple(_owner(forms, f) for f in findings)
+    return Analysis(
+        arm=summarize(arm),
+        geometry=geometry,
+        closed_form=forms,
+        findings=findings,
+        family_of=owners,
+        checks=checks,
+        random_search=search,
+        jacobians=result.done - len(result.uniform),
+        sweep_complete=result.complete,
+        notes=result.notes,
+        problems=tuple(_problems(forms, findings, owners, checks, search)),
+        seconds=time.monotonic() - started,
+        sweep=result,
+    )
+
+
+def _owner(forms: ClosedForm, finding: Finding) -> str:
+    family = forms.family_of(finding.configuration.q, ON_FAMILY_TOL)
+    return "" if family is None else family.name
+
+
+def _random_search(exact: Arm, forms: ClosedForm, starts: int, seed: int) -> RandomSearch:
+    if starts == 0:
+        return RandomSearch(0, 0, 0, ())
+    rng = np.random.default_rng(seed)
+    ends = walk(exact, rng.uniform(*exact.span, (starts, exact.n)))
+    found = ends.q[ends.ratio <= SINGULAR_RTOL]
+    on = np.zeros(len(found), dtype=bool)
+    for family in forms.families:
+        if on.all():
+            break
+        on[~on] = family.contains(found[~on], ON_FAMILY_TOL)
+    off = found[~on]
+    if len(off):
+        # In a flat valley sigma_r is below the tolerance some way off already: the nearest true
+        # zero decides.
+        ends = approach(exact, off)
+        close = ends.singular & (np.abs(ends.q - off).max(axis=1) <= _VALLEY)
+        close &= np.array([forms.family_of(q, ON_FAMILY_TOL) is not None for q in ends.q])
+        off = off[~close]
+    return RandomSearch(starts, len(found), len(found) - len(off), tuple(off))
+
+
+def _check_families(
+    swept: Arm, exact: Arm, forms: ClosedForm, seed: int
+) -> tuple[FamilyCheck, ...]:
+    rng = np.random.default_rng(seed)
+    checks = []
+    for family in forms.families:
+        points = family.points(_FAMILY_SAMPLES, rng)
+        if not len(points):
+            checks.append(FamilyCheck(family.name, 0, 0.0, 0.0, 0.0))
+            continue
+        r = forms.generic_rank
+        points = _polished(exact, points)
+        there, here = singular_values(exact, points), singular_values(swept, points)
+        checks.append(
+            FamilyCheck(
+                family=family.name,
+                samples=len(points),
+                nominal_ratio=float(sigma_ratios(exact, there).max()),
+                raw_ratio=float(sigma_ratios(swept, here).max()),
+                raw_sigma_min=float(here[:, r - 1].max()),
+            )
+        )
+    return tuple(checks)
+
+
+def _polished(exact: Arm, points: Array) -> Array:
+    """Samples (N, n), those that rounding keeps off the singular set put onto it.
+
+    Where the equations of a family touch, or a family meets another one, they give a point to
+    fewer digits than they are solved to. One that has to move farther stays: it is regular.
+    """
+    points = points.copy()
+    off = np.flatnonzero(sigma_ratios(exact, singular_values(exact, points)) > SINGULAR_RTOL)
+    if len(off):
+        ends = walk(exact, points[off], ignore_limits=True)
+        moved = np.linalg.norm(ends.q - exact.fold(points[off]), axis=1)
+        near = (ends.ratio <= SINGULAR_RTOL) & (moved <= _ROUNDING)
+        points[off[near]] = ends.q[near]
+    return points
+
+
+def _problems(
+    forms: ClosedForm,
+    findings: Sequence[Finding],
+    owners: Sequence[str],
+    checks: Sequence[FamilyCheck],
+    search: RandomSearch,
+) -> list[str]:
+    problems = [
+        f"{c.family} has samples that Pinocchio finds regular "
+        f"(sigma_r/sigma_1 = {c.nominal_ratio:.1e})"
+        for c in checks
+        if c.nominal_ratio > SINGULAR_RTOL
+    ]
+    if forms.complete:
+        problems += [
+            f"the sweep found {f}, which is on no family"
+            for f, owner in zip(findings, owners, strict=True)
+            if f.status == "singular" and not owner
+        ]
+        if search.off:
+            q = ", ".join(f"{x:.6g}" for x in search.off[0])
+            problems.append(
+                f"{len(search.off)} singular configurations from random starts are on no "
+                f"family, such as q = {q}"
+            )
+    return problems

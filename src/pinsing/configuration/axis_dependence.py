@@ -1,0 +1,297 @@
+"""Which joint axes are linearly dependent at a configuration, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import chain, combinations
+from math import comb
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.configuration.line_geometry import (
+    STRUCTURE_TOL,
+    Centre,
+    JointAxes,
+    dependent,
+    find_centres,
+    joints_of,
+    one_line,
+    orientation_reason,
+    pose_reason,
+    position_reason,
+)
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, generic_rank, scale_rows
+from pinsing.kinematics.jacobian import tip_placement as placement_of
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.robot.arm import Arm
+
+DEPENDENCE_RTOL = 10 * SINGULAR_RTOL
+"""Part of an arm may be this much less singular than the whole and still be its cause."""
+
+_SEED = 40823
+_SAMPLES = 4
+_MANY = 60_000  # sets of joints; beyond, the whole arm is named without a search
+
+
+@dataclass(frozen=True)
+class AxisDependence:
+    """Joints whose axes are linearly dependent although in general they are not.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Their names, base to tip.
+    indices : tuple of int
+        Their places in ``arm.joints``, counted from 0.
+    reason : str
+        Why, in words; joints are numbered from 1 there.
+    """
+
+    joints: tuple[str, ...]
+    indices: tuple[int, ...]
+    reason: str
+
+    def __str__(self) -> str:
+        return self.reason
+
+
+def dependent_axes(
+    arm: Arm, q: npt.ArrayLike, rtol: float = DEPENDENCE_RTOL
+) -> AxisDependence | None:
+    """Smallest set of joints whose dependence alone makes the arm singular at q (n,).
+
+    None where the arm is regular. See `axis_dependences`.
+    """
+    found = axis_dependences(arm, q, rtol)
+    return found[0] if found else None
+
+
+def axis_dependences(
+    arm: Arm, q: npt.ArrayLike, rtol: float = DEPENDENCE_RTOL
+) -> tuple[AxisDependence, ...]:
+    """Independent reasons of a loss of rank: one for each rank lost, the smallest set first.
+
+    A set S of columns of the task Jacobian alone forces rank < r when its nullity
+    ``|S| - rank(S)`` exceeds n - r: the other columns cannot make up for it. Columns that
+    never move the task are left out of n.
+
+    Parameters
+    ----------
+    arm : Arm
+        Any arm.
+    q : (n,) array_like
+        Radians or metres.
+    rtol : float
+        Singular values at or below ``rtol`` times the largest of the task Jacobian are zero.
+
+    Returns
+    -------
+    tuple of AxisDependence
+        Empty where the arm is regular.
+
+    Raises
+    ------
+    ConfigurationError
+        If q has the wrong length or is not finite.
+    """
+    J = frame_jacobian(arm, q)
+    columns = _Columns(arm, J, rtol)
+    if columns.lost <= 0:
+        return ()
+    words = _Words(arm, J, np.array(placement_of(arm, q).translation), columns, rtol)
+    return tuple(
+        AxisDependence(tuple(arm.joints[i] for i in ids), ids, words.reason(ids))
+        for ids in columns.causes()
+    )
+
+
+def landmarks(arm: Arm, J: Array, tip: Array) -> dict[str, Array]:
+    """Points where three axes in a row always meet: ``the wrist centre``, ``the shoulder centre``.
+
+    Parameters
+    ----------
+    arm : Arm
+        Any arm.
+    J : (6, n) array
+        Its frame Jacobian at some configuration.
+    tip : (3,) array
+        Its tip there, metres.
+
+    Returns
+    -------
+    dict of str to (3,) array
+        Metres, in the base.
+    """
+    if arm.coupling is not None:
+        return {}
+    axes = JointAxes.of(J, arm.prismatic, tip)
+    found = {}
+    for centre in _centres(arm):
+        point = axes.meeting_point(centre.ids, STRUCTURE_TOL)
+        if centre.short and point is not None:
+            found[f"the {centre.short}"] = point
+    return found
+
+
+def _centres(arm: Arm) -> tuple[Centre, ...]:
+    if arm.coupling is not None:
+        return ()
+    samples = [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
+    return find_centres(samples)
+
+
+class _Columns:
+    """Ranks of sets of columns of one task Jacobian, here and in general."""
+
+    def __init__(self, arm: Arm, J: Array, rtol: float) -> None:
+        self.J = scale_rows(arm, J)
+        self.generic = scale_rows(arm, _generic_jacobians(nominal(arm).arm))
+        self.zero = rtol * np.linalg.norm(self.J, 2)
+        general = np.linalg.norm(self.generic, axis=1).max(axis=0)
+        self.used = tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
+        r = generic_rank(arm)
+        self.spare = len(self.used) - r
+        self.lost = r - self.rank(self.used)
+
+    def ranks(self, sets: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
+        """Ranks at the configuration of sets (N, k) of columns."""
+        stack = np.moveaxis(self.J[:, sets], 1, 0)  # (N, m, k)
+        sigma = np.linalg.svd(stack, compute_uv=False)
+        return np.asarray((sigma > self.zero).sum(axis=-1))
+
+    def rank(self, ids: Sequence[int]) -> int:
+        return int(self.ranks(np.array([ids]))[0]) if ids else 0
+
+    def nullity(self, ids: Sequence[int]) -> int:
+        return len(ids) - self.rank(ids)
+
+    def generic_rank(self, ids: Sequence[int]) -> int:
+        sigma = np.linalg.svd(self.generic[:, :, list(ids)], compute_uv=False)
+        return int((sigma > SINGULAR_RTOL * sigma.max()).sum(axis=-1).max())
+
+    def deficient(self, ids: Sequence[int]) -> bool:
+        return self.rank(ids) < self.generic_rank(ids)
+
+    def causes(self) -> list[tuple[int, ...]]:
+        """Sets that force the loss, one for each rank lost."""
+        found: list[tuple[int, ...]] = []
+        for ids in self._by_size(self.used, self.spare + 1):
+            union = sorted(set(chain(ids, *found)))
+            if self.nullity(union) - self.spare > len(found):
+                found.append(ids)
+            if len(found) == self.lost:
+                break
+        return found
+
+    def pieces(self, ids: tuple[int, ...]) -> list[tuple[int, ...]]:
+        """Smallest sets within ``ids`` that are dependent beyond what is general.
+
+        As many as are needed for the nullity that forces the loss.
+        """
+        if self.spare == 0:
+            return [ids]
+        found: list[tuple[int, ...]] = []
+        union: list[int] = []
+        for part in self._by_size(ids, 1):
+            wider = sorted({*union, *part})
+            if self.nullity(wider) > self.nullity(union) and self.deficient(part):
+                found.append(part)
+                union = wider
+            if self.nullity(union) > self.spare:
+                break
+        return found
+
+    def _by_size(self, ids: Sequence[int], nullity: int) -> Iterator[tuple[int, ...]]:
+        """Sets within ``ids``, smallest first, of at least this nullity."""
+        for size in range(1, len(ids) + 1):
+            if comb(len(ids), size) > _MANY:
+                break
+            sets = np.array(list(combinations(ids, size)))
+            for k in np.flatnonzero(size - self.ranks(sets) >= nullity):
+                yield tuple(int(i) for i in sets[k])
+        else:
+            return
+        yield tuple(ids)
+
+
+class _Words:
+    """Says why sets of axes are dependent."""
+
+    def __init__(self, arm: Arm, J: Array, tip: Array, columns: _Columns, rtol: float) -> None:
+        self.arm, self.columns = arm, columns
+        self.task = arm.task.name
+        self.coupled = arm.coupling is not None
+        self.axes = JointAxes.of(J, arm.prismatic, tip)
+        self.centres = _centres(arm)
+        # Geometry is looked for at a tolerance that fits how singular the arm is.
+        self.tol = float(np.clip(30 * rtol, STRUCTURE_TOL, 0.05))
+        self.nearly = "" if rtol <= DEPENDENCE_RTOL else "nearly "
+
+    def reason(self, ids: tuple[int, ...]) -> str:
+        parts = self.columns.pieces(ids)
+        if parts == [ids]:
+            return self._one(ids)
+        # A redundant arm: what lines up, and why the other joints do not help.
+        line = None
+        if self.task == "pose" and not self.coupled:
+            line = one_line(self.axes, ids, self.tol, self.nearly)
+        # Beside the line, or the whole, only small sets are worth naming.
+        most = 2 if self.task != "pose" else 6 if line is None else 4
+        said = [self._one(part) for part in _merged(parts) if len(part) <= most]
+        if line is not None:
+            said = [words for words in said if "linearly dependent" not in words]
+            said.append(line)
+        elif self.task in ("position", "orientation") and not self.coupled:
+            said.append(self._one(ids))
+        else:
+            rank, general = self.columns.rank(ids), self.columns.generic_rank(ids)
+            several = "motion" if rank == 1 else "motions"
+            who = "together they" if said else joints_of(ids)
+            said.append(f"{who} give {rank} independent {several} instead of {general}")
+        return "; ".join(dict.fromkeys(said))
+
+    def _one(self, ids: tuple[int, ...]) -> str:
+        if self.coupled:
+            return dependent(ids, self.nearly)
+        if self.task == "position":
+            return position_reason(self.axes, ids, self.tol, self.nearly)
+        if self.task == "orientation":
+            return orientation_reason(self.axes, ids, self.tol, self.nearly)
+        if self.task == "pose" or self._as_twists(ids):
+            return pose_reason(self.axes, ids, self.centres, self.tol, self.nearly)
+        rows = ", ".join(self.arm.task.row_names)
+        if len(ids) == 1:
+            return f"joint {ids[0] + 1} moves {self.nearly}none of the rows {rows}"
+        return f"{dependent(ids, self.nearly)} in the rows {rows}"
+
+    def _as_twists(self, ids: tuple[int, ...]) -> bool:
+        """Whether the whole twists are dependent, and not the chosen rows alone."""
+        axes = self.axes
+        v = np.array([axes.velocity(i, axes.tip) for i in ids])
+        w = np.where(axes.prismatic[list(ids), None], 0.0, axes.direction[list(ids)])
+        sigma = np.linalg.svd(np.concatenate([v / axes.size, w], axis=1), compute_uv=False)
+        return len(ids) > 6 or bool(sigma[-1] <= self.tol * sigma[0])
+
+
+def _merged(parts: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
+    """Join pairs that share a joint: collinear with one another, they are all collinear."""
+    merged: list[tuple[int, ...]] = []
+    for part in parts:
+        for k, other in enumerate(merged):
+            if len(part) == 2 and set(part) & set(other):
+                merged[k] = tuple(sorted({*part, *other}))
+                break
+        else:
+            merged.append(part)
+    return merged
+
+
+def _generic_jacobians(arm: Arm) -> Array:
+    """Frame Jacobians (k, 6, n) at random configurations, whole circles."""
+    rng = np.random.default_rng(_SEED)
+    reach = np.where(arm.prismatic, arm.length_scale, np.pi)
+    return frame_jacobians(arm, rng.uniform(-1, 1, (_SAMPLES, arm.n)) * reach)

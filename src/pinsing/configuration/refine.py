@@ -1,0 +1,234 @@
+"""From a configuration that is nearly singular to one that is so to machine accuracy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array, Bool
+from pinsing.configuration.rank_drop import RankDrops, approach
+from pinsing.configuration.second_order import Kind, second_order_many
+from pinsing.errors import OptionError, UnknownNameError
+from pinsing.kinematics.jacobian import generic_rank, sigma_ratios, singular_values
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.measures import Status as Status
+from pinsing.measures import status_of as status_of
+from pinsing.robot.arm import Arm
+from pinsing.serialization import JsonResult
+
+
+@dataclass(frozen=True, eq=False)
+class SingularConfiguration(JsonResult):
+    """A configuration and all that is known of its singularity.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Names of the joints, base to tip.
+    q : (n,) array
+        Joint vector, radians or metres.
+    sigma : (r,) array
+        Singular values of the task Jacobian (translation rows over the length scale),
+        largest first.
+    sigma_ratio : float
+        sigma_r / sigma_1.
+    rank, generic_rank : int
+        Rank here (to ``rtol``) and r, the rank at almost every configuration.
+    status : str
+        ``singular`` (ratio <= ``rtol``), ``near-singular`` (ratio <= ``near_rtol``)
+        or ``regular``.
+    rtol, near_rtol : float
+        Those tolerances.
+    lost : (m, k) array
+        Orthonormal task directions, translation rows over the length scale, base axes, that
+        the tip cannot move in here but can at generic configurations; k = 0 if not singular.
+    self_motion : (n, n - rank) array
+        Orthonormal joint velocities that leave the tip still.
+    residual : float
+        Largest norm of J^T u over the lost directions u (sigma_r if not singular).
+    iterations : int
+        Derivative evaluations of the walk that ended here.
+    converged : bool
+        At a singularity, or at a minimum of sigma_r that is not zero.
+    within_limits : bool
+        All joints inside their limits, whole turns aside.
+    kind : str
+        ``boundary``, ``interior`` or ``undecided``; the last also if not singular.
+    """
+
+    schema: ClassVar[str] = "pinsing/singular-configuration/1"
+
+    joints: tuple[str, ...]
+    q: Array
+    sigma: Array
+    sigma_ratio: float
+    rank: int
+    generic_rank: int
+    status: Status
+    rtol: float
+    near_rtol: float
+    lost: Array
+    self_motion: Array
+    residual: float
+    iterations: int
+    converged: bool
+    within_limits: bool
+    kind: Kind
+
+    @property
+    def singular(self) -> bool:
+        """True if the rank is below the generic one, to ``rtol``."""
+        return self.status == "singular"
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{name} = {x:.6g}" for name, x in zip(self.joints, self.q, strict=True))
+        text = f"{self.status} at {values}: sigma_r/sigma_1 = {self.sigma_ratio:.1e}"
+        if self.singular:
+            text += f", rank {self.rank} of {self.generic_rank}"
+            text += "" if self.kind == "undecided" else f", {self.kind}"
+        return text + ("" if self.within_limits else ", outside the joint limits")
+
+
+def refine(
+    arm: Arm,
+    q0: npt.ArrayLike,
+    *,
+    fixed: Sequence[str] | npt.ArrayLike | None = None,
+    ignore_limits: bool = False,
+    max_iterations: int = 60,
+) -> SingularConfiguration:
+    """Walk from ``q0`` to a near singular configuration, or to the bottom of its dip.
+
+    Solves J(q)^T u = 0, |u| = 1 (see ``configuration.rank_drop`` for what that becomes when the
+    generic rank is below m, and how rank-deficient cases are survived).
+
+    Parameters
+    ----------
+    arm : Arm
+        Any arm.
+    q0 : (n,) array_like
+        Start, radians or metres.
+    fixed : joint names or (n,) mask, optional
+        Joints that keep their value.
+    ignore_limits : bool
+        Walk on whole circles from the start. Otherwise the walk keeps to the limits, and
+        leaves them only if it finds no singular configuration inside.
+    max_iterations : int
+        Bound on the derivative evaluations.
+
+    Returns
+    -------
+    SingularConfiguration
+        Not necessarily singular: see ``status`` and ``converged``.
+
+    Raises
+    ------
+    ConfigurationError
+        If q0 has the wrong length or is not finite.
+    UnknownNameError
+        If ``fixed`` names a joint that does not exist.
+    """
+    q0 = arm.check(q0).reshape(1, arm.n)
+    return refine_many(
+        arm, q0, fixed=fixed, ignore_limits=ignore_limits, max_iterations=max_iterations
+    )[0]
+
+
+def refine_many(
+    arm: Arm,
+    Q0: npt.ArrayLike,
+    *,
+    fixed: Sequence[str] | npt.ArrayLike | None = None,
+    ignore_limits: bool = False,
+    max_iterations: int = 60,
+) -> tuple[SingularConfiguration, ...]:
+    """``refine`` for each row of Q0 (N, n); a mask ``fixed`` may be (N, n)."""
+    Q0 = np.atleast_2d(arm.check(Q0))
+    return _describe(arm, walk(arm, Q0, _free(arm, fixed), ignore_limits, max_iterations))
+
+
+def walk(
+    arm: Arm,
+    Q0: Array,
+    free: Bool | None = None,
+    ignore_limits: bool = False,
+    max_iterations: int = 60,
+) -> RankDrops:
+    """The walks of ``refine_many``, without a description of where they end."""
+    start = np.atleast_2d(arm.fold(Q0))
+    mask = np.broadcast_to(True if free is None else free, start.shape)
+    inside = arm.within_limits(start) & (not ignore_limits)
+    start = np.where(inside[:, None], np.clip(start, arm.lower, arm.upper), start)
+    q, sigma = start.copy(), singular_values(arm, start)
+    iterations = np.zeros(len(q), dtype=np.intp)
+    converged = np.zeros(len(q), dtype=bool)
+    rows = np.flatnonzero(inside)
+    for bounded in (True, False):
+        if len(rows):
+            got = approach(arm, start[rows], mask[rows], bounded, max_iterations)
+            iterations[rows] += got.iterations
+            # From inside the limits, only what is singular is worth leaving them for.
+            take = got.singular | bounded | ~inside[rows]
+            kept = rows[take]
+            q[kept], sigma[kept] = got.q[take], got.sigma[take]
+            converged[kept] = got.converged[take]
+        rows = np.flatnonzero(~inside | (sigma_ratios(arm, sigma) > SINGULAR_RTOL))
+    return RankDrops(arm.fold(q), sigma, sigma_ratios(arm, sigma), iterations, converged)
+
+
+def describe(arm: Arm, q: npt.ArrayLike) -> SingularConfiguration:
+    """All that is known of the configuration q (n,) as it is, without moving it."""
+    q = arm.check(q).reshape(1, arm.n)
+    sigma = singular_values(arm, q)
+    here = RankDrops(q, sigma, sigma_ratios(arm, sigma), np.zeros(1, int), np.ones(1, bool))
+    return _describe(arm, here)[0]
+
+
+def _describe(arm: Arm, drops: RankDrops) -> tuple[SingularConfiguration, ...]:
+    r, inside = generic_rank(arm), arm.within_limits(drops.q)
+    found = []
+    for i, second in enumerate(second_order_many(arm, drops.q)):
+        ratio = float(sigma_ratios(arm, second.sigma))
+        found.append(
+            SingularConfiguration(
+                joints=arm.joints,
+                q=drops.q[i],
+                sigma=second.sigma,
+                sigma_ratio=ratio,
+                rank=second.rank,
+                generic_rank=r,
+                status=status_of(ratio),
+                rtol=SINGULAR_RTOL,
+                near_rtol=NEAR_RTOL,
+                lost=second.lost,
+                self_motion=second.self_motion,
+                residual=second.residual,
+                iterations=int(drops.iterations[i]),
+                converged=bool(drops.converged[i]),
+                within_limits=bool(inside[i]),
+                kind=second.kind,
+            )
+        )
+    return tuple(found)
+
+
+def _free(arm: Arm, fixed: Sequence[str] | npt.ArrayLike | None) -> Bool | None:
+    """Mask of the joints that may move."""
+    if fixed is None:
+        return None
+    given = [fixed] if isinstance(fixed, str) else fixed
+    array = np.asarray(given)
+    if array.dtype.kind == "U":
+        for name in array.ravel():
+            if name not in arm.joints:
+                raise UnknownNameError("joint", str(name), arm.joints)
+        return np.array([name not in set(array.ravel().tolist()) for name in arm.joints])
+    if array.dtype == bool and array.shape[-1:] == (arm.n,):
+        return np.asarray(~array)
+    if array.size == 0:
+        return None
+    raise OptionError(f"fixed must be joint names or a mask of {arm.n} booleans")

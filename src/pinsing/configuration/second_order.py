@@ -1,0 +1,239 @@
+"""Second order at a singular configuration: what is lost, and whether the tip is at a boundary.
+
+Along a lost direction u (J^T u = 0) the tip cannot move to first order. To second order
+u^T d2x = n^T Q n over the self-motions n (J n = 0), with Q = sym(N^T (u . H) N),
+H[r, i, j] = dJ[r, i]/dq_j and N a basis of the null space. If Q is definite for some lost u,
+the tip moves to one side only: a *boundary* singularity; otherwise an *interior* one
+(paper Section 1; for the second-order test see Bedrossian, "Classification of singular
+configurations for redundant manipulators", ICRA 1990).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing._types import Array
+from pinsing.errors import ConfigurationError
+from pinsing.kinematics.jacobian import (
+    generic_rank,
+    task_jacobians,
+    task_jacobians_and_derivatives,
+    task_size,
+    tip_placement,
+)
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.robot.arm import Arm
+
+Kind = Literal["boundary", "interior", "undecided"]
+
+_ZERO = 1e-7  # entries of second order, relative to the largest of H, that count as zero
+_NEARBY = 1e-3  # radians or length scales, for directions that a first derivative misses
+_SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, as above
+_SEED = 90210
+_UNDECIDED: Kind = "undecided"
+
+
+@dataclass(frozen=True, eq=False)
+class SecondOrder:
+    """What the task Jacobian and its derivative say about one configuration.
+
+    Attributes
+    ----------
+    sigma : (r,) array
+        Singular values of the task Jacobian, largest first.
+    rank : int
+        Number of singular values above ``SINGULAR_RTOL`` times the largest.
+    lost : (m, k) array
+        Orthonormal task directions (translation rows over the length scale) that are lost
+        here but not at generic configurations; k = 0 where the rank is generic.
+    self_motion : (n, n - rank) array
+        Orthonormal joint velocities that leave the tip still.
+    residual : float
+        Largest norm of J^T u over the lost directions u; sigma_r where none is lost.
+    kind : str
+        ``boundary``, ``interior`` or ``undecided``; the last also where the rank is generic.
+    """
+
+    sigma: Array
+    rank: int
+    lost: Array
+    self_motion: Array
+    residual: float
+    kind: Kind
+
+
+def classify(arm: Arm, q: npt.ArrayLike) -> Kind:
+    """Tell a boundary singularity from an interior one.
+
+    Where Q is only semidefinite, a kernel direction n along which (u . H) n is not zero makes
+    the answer ``interior``: moving along that self-motion makes u attainable to first order.
+    If it is zero, but the arm can slide along n for a finite way with the tip still and u
+    lost all along, Q counts transversally to that way (Morse-Bott) and the answer is
+    ``boundary``. What is left, such as a vanishing Q, is ``undecided``.
+
+    Parameters
+    ----------
+    arm : Arm
+        Any arm.
+    q : (n,) array_like
+        Singular configuration, radians or metres.
+
+    Returns
+    -------
+    str
+        ``"boundary"``, ``"interior"`` or ``"undecided"``.
+
+    Raises
+    ------
+    ConfigurationError
+        If q is not singular to ``SINGULAR_RTOL``.
+    """
+    found = second_order(arm, q)
+    if found.rank >= generic_rank(arm):
+        raise ConfigurationError(
+            f"boundary or interior is asked of a regular configuration of {arm.name}; "
+            "refine it to a singular one first"
+        )
+    return found.kind
+
+
+def second_order(arm: Arm, q: npt.ArrayLike) -> SecondOrder:
+    """Null spaces, lost directions and kind at one configuration q (n,)."""
+    return second_order_many(arm, arm.check(q).reshape(1, arm.n))[0]
+
+
+def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
+    """``second_order`` for each row of Q (N, n)."""
+    Q = np.atleast_2d(arm.check(Q))
+    J, H = task_jacobians_and_derivatives(arm, Q)
+    return tuple(_examine(arm, *row) for row in zip(Q, J, H, strict=True))
+
+
+def _examine(arm: Arm, q: Array, J: Array, H: Array) -> SecondOrder:
+    U, sigma, Vt = np.linalg.svd(J)
+    r = generic_rank(arm)
+    rank = int((sigma > SINGULAR_RTOL * max(float(sigma[0]), task_size(arm))).sum())
+    N = Vt[rank:].T
+    if rank >= r:
+        lost, residual, kind = np.zeros((len(J), 0)), float(sigma[r - 1]), _UNDECIDED
+    else:
+        lost = _lost(arm, q, U[:, rank:], N, H, rank)
+        residual = float(np.linalg.norm(J.T @ lost, axis=0).max())
+        kind = _kind(arm, q, lost, N, H)
+    return SecondOrder(sigma[:r], rank, lost, N, residual, kind)
+
+
+def _kind(arm: Arm, q: Array, lost: Array, N: Array, H: Array) -> Kind:
+    B = np.tensordot(lost, H, (0, 0))  # [a, i, j]
+    tol = _ZERO * float(np.abs(H).max())
+    Q = N.T @ B @ N
+    Q = (Q + np.swapaxes(Q, 1, 2)) / 2
+    if np.abs(Q).max() <= tol:
+        # No second order at all: every lost u must become attainable along some self-motion.
+        reach = np.linalg.svd((B @ N).reshape(len(B), -1), compute_uv=False)
+        return "interior" if reach[-1] > tol else _UNDECIDED
+    best, directions = _most_definite(Q)
+    if best > tol:
+        return "boundary"
+    if best < -tol:
+        return "interior"
+    for u in directions:
+        eigenvalues, Z = np.linalg.eigh(np.tensordot(u, Q, 1))
+        kernel = N @ Z[:, np.abs(eigenvalues) <= 10 * tol]
+        if np.abs(np.tensordot(u, B, 1) @ kernel).max(initial=0.0) > tol:
+            continue
+        return "boundary" if _critical_along(arm, q, lost @ u, kernel) else _UNDECIDED
+    return "interior"
+
+
+def _lost(arm: Arm, q: Array, left: Array, N: Array, H: Array, rank: int) -> Array:
+    """Of the left null space (m, m - rank), the part that generic configurations do not have.
+
+    Some directions may be unattainable at every configuration. Those lost here are the ones
+    that a small move makes attainable again: the range of U0^T dJ N over all moves.
+    """
+    r, m = generic_rank(arm), len(left)
+    if r == m:
+        return left
+    moves = np.einsum("ra,rij,ip->apj", left, H, N).reshape(left.shape[1], -1)
+    W, size, _ = np.linalg.svd(moves, full_matrices=False)
+    count = int((size > _ZERO * np.abs(H).max()).sum())
+    if count < r - rank:
+        W, count = _range_nearby(arm, q, left, rank, r), r - rank
+    return np.asarray(left @ W[:, :count])
+
+
+def _range_nearby(arm: Arm, q: Array, left: Array, rank: int, r: int) -> Array:
+    """Directions, in the basis ``left``, that are attainable a little beside q."""
+    metric = np.where(arm.prismatic, arm.length_scale, 1.0)
+    move = np.random.default_rng(_SEED).standard_normal(arm.n)
+    move *= _NEARBY / np.linalg.norm(move)
+    U, _, _ = np.linalg.svd(task_jacobians(arm, q + move * metric)[0])
+    W, _, _ = np.linalg.svd(left.T @ U[:, rank:r], full_matrices=False)
+    return np.asarray(W)
+
+
+def _most_definite(Q: Array) -> tuple[float, Array]:
+    """Greatest smallest eigenvalue of sum_a u_a Q_a over unit u, and the u that reach it."""
+    k, p = Q.shape[0], Q.shape[1]
+    if k == 1:
+        u = np.array([[1.0], [-1.0]])
+        value = np.linalg.eigvalsh(u[:, :, None] * Q)[:, 0]
+        return float(value.max()), u[value >= value.max() - 1e-9 * np.abs(Q).max()]
+    if p == 1:
+        vector = Q[:, 0, 0]
+        size = float(np.linalg.norm(vector))
+        return size, vector[None] / size
+    # The function is concave and of degree one: its ascent has no false maxima above zero.
+    rng = np.random.default_rng(_SEED)
+    u = np.concatenate([np.eye(k), -np.eye(k), rng.standard_normal((4 * k, k))])
+    u /= np.linalg.norm(u, axis=1, keepdims=True)
+    best_value = np.full(len(u), -np.inf)
+    best_u = u.copy()
+    for step in 0.5 * 0.93 ** np.arange(120):
+        value, Z = np.linalg.eigh(np.einsum("sa,apq->spq", u, Q))
+        better = value[:, 0] > best_value
+        best_value = np.where(better, value[:, 0], best_value)
+        best_u = np.where(better[:, None], u, best_u)
+        z = Z[:, :, 0]
+        slope = np.einsum("sp,apq,sq->sa", z, Q, z)
+        slope -= (slope * u).sum(axis=1, keepdims=True) * u
+        u = u + step * slope / np.maximum(np.linalg.norm(slope, axis=1, keepdims=True), 1e-300)
+        u /= np.linalg.norm(u, axis=1, keepdims=True)
+    top = float(best_value.max())
+    return top, best_u[best_value >= top - 1e-6 * np.abs(Q).max()]
+
+
+def _critical_along(arm: Arm, q: Array, u: Array, kernel: Array) -> bool:
+    """Tell if the tip can stay still, and u lost, along every direction of ``kernel`` (n, p)."""
+    rng = np.random.default_rng(_SEED)
+    mixed = kernel @ rng.standard_normal((kernel.shape[1], kernel.shape[1]))
+    for n in np.concatenate([kernel, mixed / np.linalg.norm(mixed, axis=0)], axis=1).T:
+        end = _slide(arm, q, u, q + _SLIDE * n)
+        if end is None or abs(float((end - q) @ n)) < _SLIDE / 2:
+            return False
+    return True
+
+
+def _slide(arm: Arm, q: Array, u: Array, start: Array) -> Array | None:
+    """Configuration near ``start`` with the tip as at q and J^T u = 0, if there is one."""
+    rows = np.array(arm.task.rows)
+    scale = np.where(rows < 3, 1.0 / arm.length_scale, 1.0)
+    goal = tip_placement(arm, q)
+    now = start.copy()
+    for _ in range(20):
+        at = tip_placement(arm, now)
+        turn = pin.log3(at.rotation @ goal.rotation.T)
+        error = np.concatenate([at.translation - goal.translation, turn])[rows] * scale
+        J, H = task_jacobians_and_derivatives(arm, now)
+        F = np.concatenate([error, J[0].T @ u])
+        if np.abs(F).max() <= 1e-10:
+            return now
+        slope = np.concatenate([J[0], np.einsum("r,rij->ij", u, H[0])])
+        now = now - np.linalg.lstsq(slope, F, rcond=1e-6)[0]
+    return None

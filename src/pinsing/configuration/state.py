@@ -1,0 +1,337 @@
+"""Everything about one configuration."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing import measures
+from pinsing._types import Array
+from pinsing.configuration.axis_dependence import (
+    DEPENDENCE_RTOL,
+    AxisDependence,
+    axis_dependences,
+    landmarks,
+)
+from pinsing.configuration.lost_motion import EXACT_TOL, LostMotion, Tool, lost_motions
+from pinsing.errors import OptionError
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import (
+    frame_jacobian,
+    generic_rank,
+    scale_rows,
+    sigma_ratios,
+    task_jacobian,
+    task_jacobians,
+    task_size,
+    tip_placement,
+)
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.serialization import JsonResult
+
+SINGULAR, NEAR_SINGULAR, REGULAR = "singular", "near-singular", "regular"
+
+_SEED = 77041
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityEllipsoid:
+    """Tip velocities at unit joint speed, paper Eqs. (15), (16).
+
+    Attributes
+    ----------
+    center : (3,) array
+        Tip position in the base, metres.
+    axes : (3, 3) array
+        Columns are the directions of the semi-axes, a right-handed frame in base axes.
+    radii : (3,) array
+        Semi-axes, largest first, in ``unit`` per unit joint speed; zero where lost.
+    unit : str
+        ``m/s`` or ``rad/s``.
+    """
+
+    center: Array
+    axes: Array
+    radii: Array
+    unit: str
+
+
+@dataclass(frozen=True, eq=False)
+class SelfMotion:
+    """Joint velocities that leave the task at rest.
+
+    Attributes
+    ----------
+    direction : (n,) array
+        rad/s or m/s; the largest is 1.
+    words : str
+        The same in words, joints numbered from 1.
+    """
+
+    direction: Array
+    words: str
+
+    def __str__(self) -> str:
+        return self.words
+
+
+@dataclass(frozen=True, eq=False)
+class State(JsonResult):
+    """What an arm can and cannot do at one configuration.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm, its tip, task and length scale.
+    q : (n,) array
+        Radians or metres.
+    within_limits : bool
+        Whether all joints are, whole turns aside.
+    outside : tuple of str
+        Joints that are not.
+    tip_position : (3,) array
+        Metres, in the base.
+    tip_rotation : (3, 3) array
+        Columns are the tool axes, in base axes.
+    J : (6, n) array
+        Frame Jacobian, LOCAL_WORLD_ALIGNED at the tip in base axes, metres and radians.
+    sigma : (min(m, n),) array
+        Singular values of the task Jacobian (translation rows over the length scale).
+    rank, generic_rank : int
+        Here, and at almost every configuration.
+    sigma_ratio : float
+        sigma_r / sigma_1 with r the generic rank.
+    rtol, near_rtol : float
+        The ratio at or below which the configuration is singular, or near-singular.
+    status : str
+        ``singular``, ``near-singular`` or ``regular``.
+    manipulability : float
+        Product of the first r singular values, paper Eq. (14).
+    condition_number : float
+        sigma_1 / sigma_r, paper Eq. (17); may be infinite.
+    determinant : float
+        det J of a square task Jacobian; det(J J^T) of a wide one, det(J^T J) of a tall one.
+    translational, rotational : VelocityEllipsoid
+        Of the rows vx, vy, vz and wx, wy, wz of J.
+    lost : tuple of LostMotion
+        Directions that cannot be produced here; nearly lost ones where near-singular. Those
+        that the arm can produce nowhere are left out.
+    always_missing : int
+        How many of ``lost`` are missing at every configuration, in directions that move with
+        q: an arm with five joints always misses one of six.
+    self_motions : tuple of SelfMotion
+        Basis of the joint velocities that leave the task at rest (nearly, where near-singular).
+    always_idle : int
+        Dimension of that space at almost every configuration: positive for redundant arms.
+    dependences : tuple of AxisDependence
+        Which joint axes line up, and how.
+    notes : tuple of str
+        What else one should know.
+    """
+
+    schema: ClassVar[str] = "pinsing/state/1"
+
+    arm: ArmSummary
+    q: Array
+    within_limits: bool
+    outside: tuple[str, ...]
+    tip_position: Array
+    tip_rotation: Array
+    J: Array
+    sigma: Array
+    rank: int
+    generic_rank: int
+    sigma_ratio: float
+    rtol: float
+    near_rtol: float
+    status: str
+    manipulability: float
+    condition_number: float
+    determinant: float
+    translational: VelocityEllipsoid
+    rotational: VelocityEllipsoid
+    lost: tuple[LostMotion, ...]
+    always_missing: int
+    self_motions: tuple[SelfMotion, ...]
+    always_idle: int
+    dependences: tuple[AxisDependence, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def singular(self) -> bool:
+        """Whether the rank is below the generic one, to ``rtol``."""
+        return self.status == SINGULAR
+
+    def __str__(self) -> str:
+        from pinsing.configuration.state_text import state_text
+
+        return state_text(self)
+
+
+def at(
+    arm: Arm, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL, near_rtol: float = NEAR_RTOL
+) -> State:
+    """Everything about the configuration q (n,), radians and metres, of an arm.
+
+    Parameters
+    ----------
+    arm : Arm
+        Any arm; its geometry is taken as it is (the raw one, unless it is ``nominal(arm).arm``).
+    q : (n,) array_like
+        Radians or metres; may lie outside the limits, which is then said.
+    rtol, near_rtol : float
+        sigma_r / sigma_1 at or below which q is called singular, or near-singular.
+
+    Raises
+    ------
+    ConfigurationError
+        If q has the wrong length or is not finite.
+    OptionError
+        Unless 0 <= rtol <= near_rtol < 1; or if no joint ever moves the task.
+    """
+    if not 0 <= rtol <= near_rtol < 1:
+        raise OptionError(f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}")
+    q = arm.check(q)
+    J = frame_jacobian(arm, q)
+    Js = scale_rows(arm, J)
+    r = generic_rank(arm)
+    U, sigma, Vt = np.linalg.svd(Js)
+    ratio = float(sigma_ratios(arm, sigma))
+    status = SINGULAR if ratio <= rtol else NEAR_SINGULAR if ratio <= near_rtol else REGULAR
+    # Nearly lost is what is not better than sigma_r, give or take a factor.
+    zero = {SINGULAR: rtol, NEAR_SINGULAR: min(3 * ratio, near_rtol), REGULAR: rtol}[status]
+    largest = max(float(sigma[0]), task_size(arm))
+    rank = int((sigma > zero * largest).sum())
+    place = tip_placement(arm, q)
+    position, rotation = np.array(place.translation), np.array(place.rotation)
+    lost: tuple[LostMotion, ...] = ()
+    always_missing = 0
+    dependences: tuple[AxisDependence, ...] = ()
+    if status != REGULAR:
+        never = _never(arm)
+        missing = _in_all_rows(arm, _without(U[:, rank:], never))
+        always_missing = len(arm.task.rows) - r - never.shape[1]
+        hardly = status == NEAR_SINGULAR
+        tool = Tool(position, rotation, _size(J), landmarks(arm, J, position))
+        tol = max(EXACT_TOL, min(3 * ratio, 0.05)) if hardly else EXACT_TOL
+        lost = lost_motions(missing, J, arm.length_scale, tool, tol, hardly)
+        dependences = axis_dependences(arm, q, zero if hardly else max(DEPENDENCE_RTOL, rtol))
+    outside = tuple(np.array(arm.joints)[_outside(arm, q)].tolist())
+    return State(
+        arm=summarize(arm),
+        q=q,
+        within_limits=not outside,
+        outside=outside,
+        tip_position=position,
+        tip_rotation=rotation,
+        J=J,
+        sigma=sigma,
+        rank=int((sigma > rtol * largest).sum()),
+        generic_rank=r,
+        sigma_ratio=ratio,
+        rtol=rtol,
+        near_rtol=near_rtol,
+        status=status,
+        manipulability=float(measures.manipulability(Js, r)),
+        condition_number=float(measures.condition_number(Js, r)),
+        determinant=float(measures.determinant(Js)),
+        translational=_ellipsoid(J[:3], position, "m/s"),
+        rotational=_ellipsoid(J[3:], position, "rad/s"),
+        lost=lost,
+        always_missing=always_missing,
+        self_motions=_self_motions(Vt[rank:].T, arm.prismatic),
+        always_idle=arm.n - r,
+        dependences=dependences,
+        notes=tuple(_notes(arm, q, r, ratio, rtol)),
+    )
+
+
+def _outside(arm: Arm, q: Array) -> npt.NDArray[np.bool_]:
+    folded = arm.fold(q)
+    return np.asarray(np.abs(folded - np.clip(folded, arm.lower, arm.upper)) > 1e-9)
+
+
+def _ellipsoid(rows: Array, center: Array, unit: str) -> VelocityEllipsoid:
+    axes, radii = measures.velocity_ellipsoid(rows)
+    return VelocityEllipsoid(center, axes, radii, unit)
+
+
+def _size(J: Array) -> float:
+    """Greatest speed of the tip at unit speed of one joint: how long the arm is, metres."""
+    turning = np.linalg.norm(J[3:], axis=0) > 0
+    return float(np.linalg.norm(J[:3, turning], axis=0).max(initial=0.0)) or 1.0
+
+
+def _never(arm: Arm) -> Array:
+    """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
+    exact = nominal(arm).arm
+    reach = np.where(arm.prismatic, arm.length_scale, np.pi)
+    Q = np.random.default_rng(_SEED).uniform(-1, 1, (6, arm.n)) * reach
+    U, sigma, _ = np.linalg.svd(np.concatenate(list(task_jacobians(exact, Q)), axis=1))
+    return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
+
+
+def _without(U: Array, other: Array) -> Array:
+    """Orthonormal basis of what is left of the columns of U (m, d) beside those of ``other``."""
+    rest = U - other @ (other.T @ U)
+    left, sigma, _ = np.linalg.svd(rest, full_matrices=False)
+    return np.asarray(left[:, sigma > 0.5])
+
+
+def _in_all_rows(arm: Arm, U: Array) -> Array:
+    """Task directions (m, d) as directions (6, d), zero in the rows that the task leaves out."""
+    out = np.zeros((6, U.shape[1]))
+    out[list(arm.task.rows)] = U
+    return out
+
+
+def _self_motions(V: Array, prismatic: npt.NDArray[np.bool_]) -> tuple[SelfMotion, ...]:
+    """Null space V (n, d) by combinations of few joints: Gauss-Jordan with column pivoting."""
+    V = V.copy()
+    d = V.shape[1]
+    pivots: list[int] = []
+    for k in range(d):
+        free = [i for i in range(len(V)) if i not in pivots]
+        pivot = max(free, key=lambda i: float(np.abs(V[i, k:]).max().round(9)))
+        column = k + int(np.argmax(np.abs(V[pivot, k:])))
+        V[:, [k, column]] = V[:, [column, k]]
+        V[:, k] /= V[pivot, k]
+        others = [c for c in range(d) if c != k]
+        V[:, others] -= np.outer(V[:, k], V[pivot, others])
+        pivots.append(pivot)
+    V /= np.abs(V).max(axis=0, initial=1e-300)
+    V[np.abs(V) < 1e-9] = 0.0
+    order = sorted(range(d), key=lambda c: int(np.flatnonzero(V[:, c])[0]))
+    return tuple(_self_motion(V[:, c], prismatic) for c in order)
+
+
+def _self_motion(v: Array, prismatic: npt.NDArray[np.bool_]) -> SelfMotion:
+    first = v[np.flatnonzero(np.abs(v) > 1e-6)[0]]
+    v = v * np.sign(first) + 0.0
+    parts = [
+        f"joint {i + 1} at {v[i]:+.3g} {'m/s' if prismatic[i] else 'rad/s'}"
+        for i in np.flatnonzero(np.abs(v) > 1e-6)
+    ]
+    words = parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1]
+    return SelfMotion(v, words)
+
+
+def _notes(arm: Arm, q: Array, r: int, ratio: float, rtol: float) -> Iterator[str]:
+    """Say where the rounded numbers of the file hide a singularity."""
+    exact = nominal(arm)
+    if exact.exact or ratio <= rtol:
+        return
+    sigma = np.linalg.svd(task_jacobian(exact.arm, q), compute_uv=False)
+    there = float(sigma_ratios(exact.arm, sigma))
+    if there <= rtol:
+        yield (
+            "singular if the rounded numbers of the file are made exact (nominal geometry, which "
+            f"changes no Jacobian column by more than {exact.jacobian_change:.1e}): "
+            f"sigma_{r}/sigma_1 = {there:.1e} there"
+        )

@@ -1,0 +1,259 @@
+"""Robots known by name: pinsing's own, and those of the example-robot-data package.
+
+The data package is found without importing it, or Pinocchio. A robot goes by the stem of its file
+and by the name that example-robot-data's own loader gives it; ``Talos-Arm`` finds ``talos_arm``.
+"""
+
+from __future__ import annotations
+
+import importlib.metadata
+import re
+from collections import Counter
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pinsing.description.dh_urdf import urdf_folder
+from pinsing.errors import RobotFileError, UnknownNameError
+
+_DATA = "example-robot-data"
+_DATA_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
+_FILE_SUFFIXES = (".urdf", ".xacro", ".xml")
+
+# Names of example-robot-data's loaders (robots_loader.py) that are not the stem of a file, with
+# the folder and file; where the stem alone would be taken for another file, the loader wins.
+# Upstream loads UR5 for "ur3"; here it is UR3.
+_LOADERS = {
+    "alexander": "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf",
+    "anymal": "anymal_b_simple_description/robots/anymal.urdf",
+    "anymal_c": "anymal_c_simple_description/urdf/anymal.urdf",
+    "anymal_kinova": "anymal_b_simple_description/robots/anymal-kinova.urdf",
+    "asr_twodof": "asr_twodof_description/urdf/TwoDofs.urdf",
+    "b1_z1": "b1_description/urdf/b1-z1.urdf",
+    "borinot": "borinot_description/urdf/borinot_flying_arm_2.urdf",
+    "g1": "g1_description/urdf/g1_29dof_rev_1_0.urdf",
+    "g1_with_hands": "g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf",
+    "hector": "hector_description/robots/quadrotor_base.urdf",
+    "hextilt": "hextilt_description/urdf/hextilt_flying_arm_5.urdf",
+    "hyq": "hyq_description/robots/hyq_no_sensors.urdf",
+    "iris": "iris_description/robots/iris_simple.urdf",
+    "solo8": "solo_description/robots/solo.urdf",
+    "talos": "talos_data/robots/talos_reduced.urdf",
+    "talos_arm": "talos_data/robots/talos_left_arm.urdf",
+    "talos_box": "talos_data/robots/talos_reduced_box.urdf",
+    "talos_full": "talos_data/robots/talos_full_v2.urdf",
+    "talos_full_box": "talos_data/robots/talos_full_v2_box.urdf",
+    "ur3": "ur_description/urdf/ur3_robot.urdf",
+    "ur3_limited": "ur_description/urdf/ur3_joint_limited_robot.urdf",
+    "ur5": "ur_description/urdf/ur5_robot.urdf",
+    "ur5_limited": "ur_description/urdf/ur5_joint_limited_robot.urdf",
+    "ur10": "ur_description/urdf/ur10_robot.urdf",
+    "ur10_limited": "ur_description/urdf/ur10_joint_limited_robot.urdf",
+}
+# Names that people use and no file or loader has.
+_ALIASES = {
+    "franka": "panda",
+    "franka_panda": "panda",
+    "j2s6s200": "kinova",
+    "jaco": "kinova",
+    "kinova_j2s6s200": "kinova",
+    "unitree_g1": "g1",
+    "unitree_z1": "z1",
+    "xarm": "xarm7",
+}
+_TITLES = {
+    "iiwa14": "KUKA LBR iiwa 14",
+    "irb1400": "ABB IRB 1400",
+    "planar3r": "planar arm with three parallel axes",
+    "puma560": "Unimation PUMA 560",
+    "scara": "SCARA arm",
+    "stanford": "Stanford arm",
+    "surgical7": "7-joint surgical arm",
+    "baxter": "Rethink Baxter",
+    "g1": "Unitree G1",
+    "icub": "iCub humanoid",
+    "kinova": "Kinova Jaco j2s6s200",
+    "panda": "Franka Emika Panda",
+    "pr2": "Willow Garage PR2",
+    "romeo": "Romeo humanoid",
+    "so100": "SO-100 arm",
+    "so101": "SO-101 arm",
+    "talos": "PAL Robotics TALOS",
+    "talos_arm": "left arm of PAL Robotics TALOS",
+    "tiago": "PAL Robotics TIAGo",
+    "tiago_dual": "PAL Robotics TIAGo with two arms",
+    "tiago_no_hand": "PAL Robotics TIAGo without hand",
+    "tiago_pro": "PAL Robotics TIAGo Pro",
+    "ur10": "Universal Robots UR10",
+    "ur3": "Universal Robots UR3",
+    "ur5": "Universal Robots UR5",
+    "xarm7": "UFACTORY xArm 7",
+    "z1": "Unitree Z1",
+}
+_NOTES = {
+    "hector": "a quadrotor without joints: nothing to analyse",
+    "ur_ur3": "an empty file of the data package: take ur3",
+}
+
+
+@dataclass(frozen=True)
+class CatalogEntry:
+    """A robot that has a name.
+
+    Attributes
+    ----------
+    name : str
+        The name.
+    path : Path
+        Its URDF.
+    title : str
+        What it is, in words.
+    package_dirs : tuple of Path
+        Folders that hold its packages.
+    source : str
+        "pinsing" or "example-robot-data".
+    tip, base : str or None
+        Frames to take by default; None leaves the choice to the loader.
+    alias_of : str or None
+        The name that this one stands for.
+    note : str
+        What to know about it.
+    """
+
+    name: str
+    path: Path
+    title: str
+    package_dirs: tuple[Path, ...]
+    source: str
+    tip: str | None = None
+    base: str | None = None
+    alias_of: str | None = None
+    note: str = ""
+
+
+def known_robots() -> dict[str, CatalogEntry]:
+    """Return every known robot by name, sorted; pinsing's own names win."""
+    entries = _own_robots()
+    for name, entry in _data_robots().items():
+        entries.setdefault(name, entry)
+    for alias, name in _ALIASES.items():
+        if name in entries and alias not in entries:
+            target = entries[name]
+            entries[alias] = replace(target, name=alias, alias_of=target.alias_of or name)
+    return dict(sorted(entries.items()))
+
+
+def find_robot(name: str) -> CatalogEntry:
+    """Return the robot of a name; case does not matter, and - stands for _.
+
+    Raises
+    ------
+    UnknownNameError
+        With the names that resemble it.
+    """
+    entries = known_robots()
+    if name in entries:
+        return entries[name]
+    wanted = _canonical(name)
+    for known, entry in entries.items():
+        if _canonical(known) == wanted:
+            return entry
+    raise UnknownNameError("robot", name, entries, hint="pinsing list shows all names")
+
+
+def locate_robot(robot: str | Path) -> CatalogEntry | Path:
+    """Return what a user means by a robot: an existing file, a path, or a name.
+
+    An existing path wins; text with a path separator or the suffix .urdf, .xacro or .xml is a path,
+    and so is a `Path`; all else is a name.
+
+    Raises
+    ------
+    UnknownNameError
+        If it is a name that is not known, nor a file.
+    RobotFileError
+        If it is a path and there is no such file.
+    """
+    path = Path(robot)
+    try:
+        # A folder may happen to bear the name of a robot.
+        exists = path.is_file() or (path.exists() and not _is_name(robot))
+    except (OSError, ValueError):
+        exists = False
+    if exists:
+        return path
+    if not _is_name(robot):
+        raise RobotFileError("no such file", path)
+    try:
+        return find_robot(str(robot))
+    except UnknownNameError as error:
+        raise UnknownNameError(
+            "robot", error.name, error.known, hint="no file of that name either; see pinsing list"
+        ) from None
+
+
+def _is_name(robot: str | Path) -> bool:
+    return (
+        isinstance(robot, str)
+        and not re.search(r"[/\\\0]", robot)
+        and robot not in ("", ".", "..", "~")
+        and not robot.lower().endswith(_FILE_SUFFIXES)
+    )
+
+
+def _own_robots() -> dict[str, CatalogEntry]:
+    try:
+        folder = urdf_folder()
+    except RobotFileError:
+        return {}
+    return {
+        path.stem: _entry(path.stem, path, "pinsing", (folder,))
+        for path in sorted(folder.glob("*.urdf"))
+    }
+
+
+def data_folder() -> Path | None:
+    """Return the folder of example-robot-data's robots, None where it is not installed."""
+    try:
+        distribution = importlib.metadata.distribution(_DATA)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+    folder = Path(str(distribution.locate_file(_DATA_FOLDER)))
+    return folder if folder.is_dir() else None
+
+
+def _data_robots() -> dict[str, CatalogEntry]:
+    folder = data_folder()
+    if folder is None:
+        return {}
+    files = sorted(folder.rglob("*.urdf"))
+    dirs = (folder.parents[1],)
+    entries = {
+        name: _entry(name, folder / file, _DATA, dirs)
+        for name, file in _LOADERS.items()
+        if (folder / file).is_file()
+    }
+    stems = Counter(path.stem for path in files)
+    loader_of = {entry.path: entry.name for entry in entries.values()}
+    for path in files:
+        name = path.stem
+        if stems[name] > 1 or (name in entries and entries[name].path != path):
+            if path in loader_of:
+                continue
+            # Another robot has the name: the folder tells them apart.
+            name = f"{path.relative_to(folder).parts[0].removesuffix('_description')}_{name}"
+        if name not in entries:
+            entries[name] = replace(
+                _entry(loader_of.get(path, name), path, _DATA, dirs),
+                name=name,
+                alias_of=loader_of.get(path),
+            )
+    return entries
+
+
+def _entry(name: str, path: Path, source: str, dirs: tuple[Path, ...]) -> CatalogEntry:
+    title = _TITLES.get(name, name.replace("_", " "))
+    return CatalogEntry(name, path, title, dirs, source, note=_NOTES.get(name, ""))
+
+
+def _canonical(name: str) -> str:
+    return name.strip().lower().replace("-", "_").replace(" ", "_")

@@ -1,0 +1,212 @@
+"""Denavit-Hartenberg tables as data, and their YAML files."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Literal, cast
+
+from pinsing.description.placement import Placement, Vector, modified_row, screw
+from pinsing.description.yaml_tree import Node, compose
+
+Convention = Literal["standard", "modified"]
+JointType = Literal["revolute", "prismatic", "continuous"]
+
+BASE = "base_link"
+FLANGE = "flange"
+TIP = "tool0"
+
+_DH_KEYS = ("alpha", "a", "d", "theta")
+_NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_.-]*")
+
+
+@dataclass(frozen=True)
+class DHRow:
+    """One row: one joint.
+
+    Attributes
+    ----------
+    alpha, theta : float
+        Twist, and the fixed part of the joint angle [rad].
+    a, d : float
+        Length, and the fixed part of the offset [m].
+    type : {"revolute", "prismatic", "continuous"}
+        What moves: theta, d, or theta without end.
+    name : str
+        Name of the joint.
+    lower, upper : float or None
+        Limits of the joint's value [rad or m]; None for a continuous joint.
+    velocity, effort : float or None
+        Greatest speed [rad/s or m/s] and torque or force [N·m or N]; None where not given.
+    """
+
+    alpha: float
+    a: float
+    d: float
+    theta: float
+    type: JointType
+    name: str
+    lower: float | None = None
+    upper: float | None = None
+    velocity: float | None = None
+    effort: float | None = None
+
+
+@dataclass(frozen=True)
+class DHTable:
+    """An arm as a Denavit-Hartenberg table.
+
+    Attributes
+    ----------
+    name : str
+        Name of the robot.
+    convention : {"standard", "modified"}
+        What a row means (see the module).
+    rows : tuple of DHRow
+        One per joint, base to tip.
+    tool : Placement or None
+        ``tool0`` in the frame n; None if it is that frame.
+    source : str
+        Where the numbers come from.
+    """
+
+    name: str
+    convention: Convention
+    rows: tuple[DHRow, ...]
+    tool: Placement | None = None
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class _Units:
+    """Factors of a table's units; ``pi`` is the power of pi in the unit of an angle."""
+
+    angle: Fraction
+    pi: int
+    length: Fraction
+
+    def value(self, node: Node, quantity: str) -> float:
+        if quantity == "angle":
+            return node.number(self.angle, self.pi)
+        return node.number(self.length)
+
+
+def read_dh(path: str | Path) -> DHTable:
+    """Read a DH table.
+
+    Angles and lengths are taken in the units that the table states. An angle in radians may be
+    written with pi: ``pi/2``, ``-pi/2``, ``2*pi/3``.
+
+    Parameters
+    ----------
+    path : str or Path
+        YAML file with the keys ``name``, ``convention``, ``units`` (``angle``: rad or deg,
+        ``length``: m or mm), ``rows``, and optionally ``source`` and ``tool`` (``xyz`` and
+        ``rpy``, or ``alpha``, ``a``, ``d``, ``theta``). Each row has ``alpha``, ``a``, ``d``,
+        ``theta``, ``type``, ``limits`` (``[lower, upper]``; not for a continuous joint), and
+        optionally ``name`` (q or d with the row's number), ``velocity``, ``effort``.
+
+    Returns
+    -------
+    DHTable
+        In radians and metres.
+
+    Raises
+    ------
+    RobotFileError
+        If the file cannot be read or anything in it is missing, unknown, doubled, or no finite
+        number; with the file, the line and the key.
+    """
+    top = compose(path).mapping(("name", "convention", "units", "rows"), ("source", "tool"))
+    units = _read_units(top["units"])
+    convention = cast(Convention, top["convention"].choice(("standard", "modified")))
+    rows: list[DHRow] = []
+    row_nodes = top["rows"].items("row")
+    taken = {TIP, FLANGE, BASE} | {f"link{i}" for i in range(1, len(row_nodes) + 1)}
+    for number, node in enumerate(row_nodes, start=1):
+        row = _read_row(Node(node.node, node.path, f"row {number}"), number, units)
+        if row.name in taken:
+            raise node.error(f"the name {row.name!r} is taken: give each joint a name of its own")
+        taken.add(row.name)
+        rows.append(row)
+    return DHTable(
+        name=_read_name(top["name"]),
+        convention=convention,
+        rows=tuple(rows),
+        tool=_read_tool(top["tool"], units, convention) if "tool" in top else None,
+        source=" ".join(top["source"].text().split()) if "source" in top else "",
+    )
+
+
+def _read_units(node: Node) -> _Units:
+    keys = node.mapping(("angle", "length"))
+    radians = keys["angle"].choice(("rad", "deg")) == "rad"
+    metres = keys["length"].choice(("m", "mm")) == "m"
+    return _Units(
+        angle=Fraction(1) if radians else Fraction(1, 180),
+        pi=0 if radians else 1,
+        length=Fraction(1) if metres else Fraction(1, 1000),
+    )
+
+
+def _read_name(node: Node) -> str:
+    name = node.text()
+    if not _NAME.fullmatch(name):
+        raise node.error(f"{name[:60]!r} is no name: use letters, digits, '_', '-' and '.'")
+    return name
+
+
+def _read_dh(keys: dict[str, Node], units: _Units) -> tuple[float, float, float, float]:
+    """Return alpha [rad], a [m], d [m], theta [rad]."""
+    return (
+        units.value(keys["alpha"], "angle"),
+        units.value(keys["a"], "length"),
+        units.value(keys["d"], "length"),
+        units.value(keys["theta"], "angle"),
+    )
+
+
+def _read_row(node: Node, number: int, units: _Units) -> DHRow:
+    keys = node.mapping((*_DH_KEYS, "type"), ("limits", "name", "velocity", "effort"))
+    kind = cast(JointType, keys["type"].choice(("revolute", "prismatic", "continuous")))
+    quantity = "length" if kind == "prismatic" else "angle"
+    lower = upper = None
+    if kind != "continuous":
+        if "limits" not in keys:
+            raise node.error(
+                f"missing key 'limits': add limits: [lower, upper] (a {kind} joint needs them)"
+            )
+        low, high = keys["limits"].items("value", length=2)
+        lower, upper = units.value(low, quantity), units.value(high, quantity)
+        if lower > upper:
+            raise keys["limits"].error("the lower limit is above the upper one: swap them")
+    elif "limits" in keys:
+        raise keys["limits"].error(
+            "a continuous joint has none: remove them, or make the joint revolute"
+        )
+    velocity = units.value(keys["velocity"], quantity) if "velocity" in keys else None
+    effort = keys["effort"].number() if "effort" in keys else None
+    for key, value in (("velocity", velocity), ("effort", effort)):
+        if value is not None and value < 0:
+            raise keys[key].error("is negative: give its size")
+    alpha, a, d, theta = _read_dh(keys, units)
+    default = f"{'d' if kind == 'prismatic' else 'q'}{number}"
+    name = _read_name(keys["name"]) if "name" in keys else default
+    return DHRow(alpha, a, d, theta, kind, name, lower, upper, velocity, effort)
+
+
+def _read_tool(node: Node, units: _Units, convention: Convention) -> Placement:
+    if not {"xyz", "rpy"} & set(node.keys()):
+        alpha, a, d, theta = _read_dh(node.mapping(_DH_KEYS), units)
+        if convention == "standard":
+            return screw(theta, d, a, alpha)
+        return modified_row(alpha, a, d, theta)
+    keys = node.mapping((), ("xyz", "rpy"))
+    vectors = {
+        key: tuple(units.value(item, quantity) for item in keys[key].items("value", length=3))
+        for key, quantity in (("xyz", "length"), ("rpy", "angle"))
+        if key in keys
+    }
+    return Placement(**cast(dict[str, Vector], vectors))

@@ -1,0 +1,201 @@
+"""A robot description file, read, checked, and rewritten as Pinocchio may read it.
+
+Pinocchio reports every bad file by the same ValueError, takes some silently (a zero axis, a limit
+without bounds) and crashes on others. So each file is checked here first, with the line and the
+joint in every message, and what is not kinematics is mended or left out with a note.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from pinsing.description.ros_packages import PackageIndex
+from pinsing.description.urdf_joints import JointEntry, Mimic, check_joint, check_mimics
+from pinsing.description.urdf_links import Meshes, check_link, check_material
+from pinsing.description.urdf_source import Source, show
+from pinsing.description.urdf_tree import MAX_JOINTS, check_tree, check_unique
+from pinsing.description.xacro import expand_xacro, is_xacro
+from pinsing.description.xml_tree import Node, parse_xml, read_bytes, to_text
+from pinsing.errors import RobotFileError, UnknownNameError
+
+__all__ = ["Description", "JointEntry", "Mimic", "read_description"]
+
+_OTHER_FORMATS = {
+    "sdf": "an SDF file",
+    "mujoco": "a MuJoCo model",
+    "COLLADA": "a Collada mesh",
+    "model": "an SDF or VRML model",
+    "launch": "a ROS launch file",
+    "package": "a package.xml",
+    "html": "a web page",
+}
+
+
+@dataclass(frozen=True)
+class Description:
+    """A checked robot description.
+
+    Attributes
+    ----------
+    path : Path
+        The file as given.
+    xml : str
+        Plain URDF: links, joints, materials. Its meshes exist, as file:// addresses.
+    name : str
+        Name of the robot.
+    links : tuple of str
+        Names of the links, in the order of the file.
+    joints : tuple of JointEntry
+        The joints, in the order of the file.
+    root : str
+        The link without parent.
+    missing_meshes : tuple of str
+        Mesh and texture addresses, as in the file, that do not exist or may not be opened.
+    package_dirs : tuple of Path
+        Folders that hold the packages found, and the robot's own folder.
+    notes : tuple of str
+        What was assumed, mended or left out.
+    """
+
+    path: Path
+    xml: str
+    name: str
+    links: tuple[str, ...]
+    joints: tuple[JointEntry, ...]
+    root: str
+    missing_meshes: tuple[str, ...]
+    package_dirs: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+    def joint(self, name: str) -> JointEntry:
+        """Return a joint by name.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none of that name.
+        """
+        for entry in self.joints:
+            if entry.name == name:
+                return entry
+        raise UnknownNameError("joint", name, (entry.name for entry in self.joints))
+
+    def require_usable(self, names: Iterable[str]) -> None:
+        """Make sure that joints can be part of a chain that is analysed.
+
+        Raises
+        ------
+        RobotFileError
+            With the line, if one has no usable limits or mimics a joint that does not exist.
+        """
+        for name in names:
+            entry = self.joint(name)
+            if entry.problem is not None:
+                raise RobotFileError(
+                    f"joint {show(name)} ({entry.kind}) {entry.problem}", self.path, entry.line
+                )
+
+
+def read_description(
+    path: str | Path,
+    packages: Mapping[str, str | Path] | None = None,
+    xacro_args: Mapping[str, str] | None = None,
+) -> Description:
+    """Read and check a URDF or xacro file.
+
+    Parameters
+    ----------
+    path : str or Path
+        The file.
+    packages : Mapping of str to path, optional
+        Folders of packages by name, for ``package://NAME`` and ``$(find NAME)``.
+    xacro_args : Mapping of str to str, optional
+        Arguments of a xacro file.
+
+    Raises
+    ------
+    RobotFileError
+        With file, line and joint: whatever Pinocchio would refuse, crash on, or take silently for
+        something else. Joints that merely lack limits are left to `Description.require_usable`.
+    """
+    path = Path(path)
+    for name, folder in (packages or {}).items():
+        if not Path(folder).is_dir():
+            raise RobotFileError(f"the folder given for package {name!r} does not exist", folder)
+    root = parse_xml(read_bytes(path), path)
+    source = Source(path)
+    roots: tuple[Path, ...] = ()
+    if is_xacro(path, root):
+        expansion = expand_xacro(path, packages, xacro_args)
+        root = parse_xml(expansion.xml.encode(), path)
+        source.expanded = True
+        roots = expansion.package_folders
+        for warning in expansion.warnings:
+            source.note(f"xacro warns: {warning}")
+    elif xacro_args:
+        raise RobotFileError("is no xacro file, so it takes no xacro arguments", path)
+    return _describe(root, source, PackageIndex(path, packages, roots))
+
+
+def _describe(root: Node, source: Source, index: PackageIndex) -> Description:
+    if root.tag != "robot":
+        kind = _OTHER_FORMATS.get(root.tag)
+        found = f"is {kind}" if kind else f"has the root element <{root.tag[:40]}>"
+        raise source.error(f"{found}, not a URDF, whose root is <robot>", root)
+    joint_nodes, link_nodes = root.all("joint"), root.all("link")
+    if not link_nodes:
+        raise source.error("the robot has no links, so there is nothing to analyse", root)
+    if not joint_nodes:
+        raise source.error("the robot has no joints, so there is nothing to analyse", root)
+    if len(joint_nodes) > MAX_JOINTS:
+        raise source.error(f"{len(joint_nodes)} joints: at most {MAX_JOINTS} are supported", root)
+    name = root.attributes.get("name", "").strip()
+    if not name:
+        name = source.path.name.partition(".")[0] or "robot"
+        source.note(f"the robot has no name: called {name!r} after its file")
+
+    source.check_name(name, f"robot {show(name)}", root)
+
+    source.version = root.attributes.get("version", source.version)
+    meshes = Meshes(index)
+    checked_links = [check_link(node, source, meshes) for node in link_nodes]
+    links = tuple(link for link, _ in checked_links)
+    check_unique("link", links, link_nodes, source)
+    checked_joints = [check_joint(node, source) for node in joint_nodes]
+    elements = [element for _, element in checked_joints]
+    check_unique("joint", [entry.name for entry, _ in checked_joints], joint_nodes, source)
+    joints = check_mimics([entry for entry, _ in checked_joints], elements, source)
+    base = check_tree(links, joints, joint_nodes, source)
+    if "universe" in links and base != "universe":
+        raise source.error("link 'universe': the name is Pinocchio's own: rename the link")
+
+    robot = Node("robot", {"name": name}, root.line)
+    if source.version in ("1.1", "1.2"):  # quat_xyzw counts from there on
+        robot.attributes["version"] = "1.1"
+    robot.children += _materials(root, source, meshes)
+    robot.children += [element for _, element in checked_links]
+    robot.children += elements
+    folders = dict.fromkeys([*(folder.parent for folder in index.used()), index.own_folder])
+    return Description(
+        path=source.path,
+        xml=to_text(robot),
+        name=name,
+        links=links,
+        joints=joints,
+        root=base,
+        missing_meshes=tuple(meshes.missing),
+        package_dirs=tuple(folders),
+        notes=(*source.notes(), *meshes.notes()),
+    )
+
+
+def _materials(root: Node, source: Source, meshes: Meshes) -> list[Node]:
+    """Return the materials of the robot, the first of each name, if they say anything."""
+    kept: dict[str, Node] = {}
+    for node in root.all("material"):
+        for material in check_material(node, source, meshes):
+            if material.children:
+                kept.setdefault(material.attributes["name"], material)
+    return list(kept.values())

@@ -1,0 +1,273 @@
+"""The joints of a URDF, checked one by one and rewritten as Pinocchio may read them."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, cast, get_args
+
+from pinsing.description.urdf_source import LARGEST, Source, show
+from pinsing.description.xml_tree import Node
+from pinsing.errors import RobotFileError
+
+JointKind = Literal["revolute", "continuous", "prismatic", "fixed", "floating", "planar"]
+KINDS: tuple[str, ...] = get_args(JointKind)
+_LARGEST_EVER = 1e100
+_SMALLEST_AXIS = 1e-6
+
+
+@dataclass(frozen=True)
+class Mimic:
+    """A joint value that follows another: ``q = multiplier * q_joint + offset``."""
+
+    joint: str
+    multiplier: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class JointEntry:
+    """A joint as the file describes it.
+
+    Attributes
+    ----------
+    name, parent, child : str
+        The joint, the link it hangs on, the link it moves.
+    kind : str
+        revolute, continuous, prismatic, fixed, floating or planar.
+    axis : tuple of 3 floats, or None
+        Unit axis in the joint's frame; None for fixed and floating joints.
+    lower, upper : float or None
+        Limits [rad] or [m]; None where the kind has none or ``problem`` says that they are missing.
+    mimic : Mimic or None
+        The joint that it follows.
+    line : int or None
+        Line in the file; None in the output of xacro.
+    problem : str or None
+        Why this joint can be locked but not analysed (no usable limits, say). Pinocchio gets
+        limits [0, 0] for it, so nobody may take it into a chain.
+    """
+
+    name: str
+    kind: JointKind
+    parent: str
+    child: str
+    axis: tuple[float, float, float] | None = None
+    lower: float | None = None
+    upper: float | None = None
+    mimic: Mimic | None = None
+    line: int | None = None
+    problem: str | None = None
+
+
+def check_joint(node: Node, source: Source) -> tuple[JointEntry, Node]:
+    """Return a joint's entry, and the element that Pinocchio shall read.
+
+    Raises
+    ------
+    RobotFileError
+        With the joint's name and line.
+    """
+    name = node.attributes.get("name", "")
+    if not name.strip():
+        raise source.error("a <joint> has no name", node)
+    what = f"joint {show(name)}"
+    source.check_name(name, what, node)
+    if name == "universe":
+        raise source.error(f"{what}: the name is Pinocchio's own: rename the joint", node)
+    kind = _kind(node, source, what)
+    parent, child = (_end(node, source, what, tag) for tag in ("parent", "child"))
+    clean = Node("joint", {"name": name, "type": kind}, node.line)
+    clean.children += source.origin(node, what)
+    clean.children += [Node("parent", {"link": parent}, 0), Node("child", {"link": child}, 0)]
+    entry = JointEntry(name, kind, parent, child, line=source.line(node))
+    if kind in ("fixed", "floating"):
+        return entry, clean
+
+    axis, element = _axis(node, source, what, name)
+    clean.children.append(element)
+    entry = replace(entry, axis=axis)
+    if kind != "planar":
+        entry, limit = _limit(node, source, what, entry)
+        clean.children += limit
+    clean.children += _dynamics(node, source, what, name)
+    mimic = source.one(node, "mimic", what)
+    if mimic is not None:
+        entry = replace(entry, mimic=_mimic(mimic, source, what))
+        clean.children.append(mimic)
+    return entry, clean
+
+
+def _kind(node: Node, source: Source, what: str) -> JointKind:
+    kind = source.attribute(node, "type", what)
+    if kind not in KINDS:
+        close = difflib.get_close_matches(kind.strip().lower(), KINDS, n=1)
+        hint = f"did you mean {close[0]!r}?" if close else "known: " + ", ".join(KINDS)
+        raise source.error(f"{what}: unknown type {show(kind)}: {hint}", node)
+    return cast(JointKind, kind)
+
+
+def _end(node: Node, source: Source, what: str, tag: str) -> str:
+    element = source.one(node, tag, what)
+    if element is None:
+        raise source.error(f'{what} has no <{tag} link="..."/>', node)
+    return source.attribute(element, "link", what)
+
+
+def _axis(
+    node: Node, source: Source, what: str, name: str
+) -> tuple[tuple[float, float, float], Node]:
+    element = source.one(node, "axis", what)
+    if element is None:  # the default of URDF
+        return (1.0, 0.0, 0.0), Node("axis", {"xyz": "1 0 0"}, 0)
+    source.attribute(element, "xyz", what)
+    x, y, z = source.numbers(element, "xyz", 3, what)
+    norm = math.hypot(x, y, z)
+    if norm < _SMALLEST_AXIS:
+        raise source.error(f'{what}: the axis is zero: give a direction, as xyz="0 0 1"', element)
+    if norm == 1.0:
+        return (x, y, z), Node("axis", {"xyz": element.attributes["xyz"]}, 0)
+    # Pinocchio normalises too, but then no longer sees that the axis is x, y or z.
+    if abs(norm - 1.0) > 1e-3:
+        source.note("axis not of unit length, normalised, in joint", show(name))
+    x, y, z = x / norm, y / norm, z / norm
+    return (x, y, z), Node("axis", {"xyz": f"{x!r} {y!r} {z!r}"}, 0)
+
+
+def _limit(
+    node: Node, source: Source, what: str, entry: JointEntry
+) -> tuple[JointEntry, list[Node]]:
+    element = source.one(node, "limit", what)
+    bounded = entry.kind != "continuous"
+    if element is None:
+        if not bounded:
+            return entry, []
+        return _without_limits(source, entry, "has no <limit>")
+    values = {
+        bound: source.numbers(element, bound, 1, what, _LARGEST_EVER)[0]
+        for bound in ("lower", "upper")
+        if bound in element.attributes
+    }
+    clean = Node("limit", _effort_and_velocity(element, source, what, entry.name), 0)
+    if not bounded:
+        if values:
+            source.note("continuous, so its limits are ignored: joint", show(entry.name))
+        return entry, [clean]
+    if not values:
+        return _without_limits(source, entry, "has a <limit> without lower and upper")
+    if len(values) == 1:
+        source.note("only one limit given, the other taken as 0, in joint", show(entry.name))
+    lower, upper = values.get("lower", 0.0), values.get("upper", 0.0)
+    if lower > upper:
+        raise source.error(
+            f"{what}: lower limit {lower:g} is above upper limit {upper:g}: exchange them", element
+        )
+    if max(-lower, upper) > LARGEST:
+        return _without_limits(source, entry, f"has limits {lower:g} to {upper:g}, which are none")
+    clean.attributes.update(lower=repr(lower), upper=repr(upper))
+    return replace(entry, lower=lower, upper=upper), [clean]
+
+
+def _without_limits(
+    source: Source, entry: JointEntry, reason: str
+) -> tuple[JointEntry, list[Node]]:
+    cure = (
+        'give it lower and upper, or make it type="continuous"'
+        if entry.kind == "revolute"
+        else "give it lower and upper"
+    )
+    source.note("no usable limits, so it can be locked but not analysed: joint", show(entry.name))
+    nothing = {"lower": "0", "upper": "0", "effort": "0", "velocity": "0"}
+    return replace(entry, problem=f"{reason}: {cure}"), [Node("limit", nothing, 0)]
+
+
+def _effort_and_velocity(element: Node, source: Source, what: str, name: str) -> dict[str, str]:
+    """Return both, which Pinocchio demands and kinematics does not need."""
+    values = {}
+    for attribute in ("effort", "velocity"):
+        try:
+            source.numbers(element, attribute, 1, what, _LARGEST_EVER)
+            values[attribute] = element.attributes[attribute]
+        except (KeyError, RobotFileError):
+            values[attribute] = "0"
+            source.note(f"no usable {attribute} limit (not needed here) in joint", show(name))
+    return values
+
+
+def _dynamics(node: Node, source: Source, what: str, name: str) -> list[Node]:
+    """Return the <dynamics> if it is sound; kinematics does not need it."""
+    element = node.first("dynamics")
+    if element is None:
+        return []
+    kept = {k: v for k, v in element.attributes.items() if k in ("damping", "friction")}
+    clean = Node("dynamics", kept, element.line)
+    try:
+        for attribute in kept:
+            source.numbers(clean, attribute, 1, what, _LARGEST_EVER)
+    except RobotFileError:
+        source.note("unreadable <dynamics> left out (not needed here) in joint", show(name))
+        return []
+    return [clean] if kept else []
+
+
+def _mimic(element: Node, source: Source, what: str) -> Mimic:
+    values = {"multiplier": 1.0, "offset": 0.0}
+    for attribute in values:
+        if attribute in element.attributes:
+            values[attribute] = source.numbers(element, attribute, 1, what)[0]
+    return Mimic(source.attribute(element, "joint", what), **values)
+
+
+def check_mimics(
+    entries: Sequence[JointEntry], elements: Sequence[Node], source: Source
+) -> tuple[JointEntry, ...]:
+    """Return the entries with every mimic resolved.
+
+    A joint that follows an unknown or immovable one keeps a ``problem`` and loses its mimic (two of
+    the robots in example-robot-data have such fingers).
+
+    Raises
+    ------
+    RobotFileError
+        If a joint follows itself, directly or round about.
+    """
+    by_name = {entry.name: entry for entry in entries}
+    resolved = []
+    for entry, element in zip(entries, elements, strict=True):
+        if entry.mimic is not None:
+            leader = by_name.get(entry.mimic.joint)
+            seen = [entry.name]
+            while leader is not None and leader.name not in seen:
+                seen.append(leader.name)
+                leader = by_name.get(leader.mimic.joint) if leader.mimic is not None else None
+            if leader is not None:
+                path = " follows ".join(show(n) for n in [*seen, leader.name])
+                raise source.error(f"<mimic> without end: joint {path}", element)
+            entry = _check_leader(entry, by_name, element, source)
+        resolved.append(entry)
+    return tuple(resolved)
+
+
+def _check_leader(
+    entry: JointEntry, by_name: dict[str, JointEntry], element: Node, source: Source
+) -> JointEntry:
+    assert entry.mimic is not None
+    leader = by_name.get(entry.mimic.joint)
+    if leader is not None and leader.kind in ("revolute", "continuous", "prismatic"):
+        return entry
+    names = list(by_name) if len(by_name) <= 500 else []
+    close = difflib.get_close_matches(entry.mimic.joint[:60], names, n=1)
+    reason = (
+        f"mimics joint {show(entry.mimic.joint)}, which "
+        + ("does not exist" if leader is None else f"is {leader.kind}")
+        + (
+            f": did you mean {show(close[0])}?"
+            if close and leader is None
+            else ": correct the name"
+        )
+    )
+    source.note("mimics a joint that does not exist or move: joint", show(entry.name))
+    element.children[:] = [c for c in element.children if c.tag != "mimic"]
+    return replace(entry, mimic=None, problem=entry.problem or reason)

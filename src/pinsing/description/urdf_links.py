@@ -1,0 +1,168 @@
+"""The links and materials of a URDF: what kinematics needs is checked, the rest is kept if sound.
+
+A shape never stops anything: one that cannot be drawn is left out and noted. Meshes are rewritten
+to the file that was found, so that no later reader looks for them elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from pinsing.description.collada import ColladaProblem, image_references
+from pinsing.description.ros_packages import MeshProblem, PackageIndex
+from pinsing.description.urdf_source import LARGEST_INERTIA, Source, show
+from pinsing.description.xml_tree import Node
+from pinsing.errors import RobotFileError
+
+_INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
+_SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
+
+
+@dataclass
+class Meshes:
+    """The meshes of one file: which were found, which are missing, which may not be opened."""
+
+    index: PackageIndex
+    _paths: dict[str, str | None] = field(default_factory=dict)
+    missing: dict[str, MeshProblem] = field(default_factory=dict)
+
+    def locate(self, uri: str) -> str | None:
+        """Return the file:// address of a mesh, None if it cannot be had."""
+        if uri not in self._paths:
+            try:
+                path = self.index.mesh(uri)
+                self._check_images(path)
+                self._paths[uri] = f"file://{path}"
+            except MeshProblem as problem:
+                self._paths[uri] = None
+                self.missing[uri] = problem
+        return self._paths[uri]
+
+    def _check_images(self, path: Path) -> None:
+        """Refuse a Collada mesh that would have the viewer embed a file from elsewhere."""
+        if path.suffix.lower() != ".dae":
+            return
+        try:
+            for name in image_references(path):
+                # As the viewer finds it.
+                self.index.image(path.parent / name)
+        except (ColladaProblem, OSError) as error:
+            raise MeshProblem(str(error), refused=True) from error
+
+    def notes(self) -> list[str]:
+        """Return what to say about meshes that are not drawn, in at most two notes."""
+        notes = []
+        for refused in (True, False):
+            found = [(u, p) for u, p in self.missing.items() if p.refused == refused]
+            if found:
+                uri, problem = found[0]
+                lead = "not opened" if refused else "not found"
+                notes.append(
+                    f"{len(found)} of {len(self._paths)} mesh files {lead} and not drawn, as "
+                    f"{show(uri, 90)} ({problem})"
+                )
+        return notes
+
+
+def check_link(node: Node, source: Source, meshes: Meshes) -> tuple[str, Node]:
+    """Return a link's name, and the element that Pinocchio shall read.
+
+    Raises
+    ------
+    RobotFileError
+        If the link has no name, or an inertia that is not of finite numbers.
+    """
+    name = node.attributes.get("name", "")
+    if not name.strip():
+        raise source.error("a <link> has no name", node)
+    what = f"link {show(name)}"
+    source.check_name(name, what, node)
+    clean = Node("link", {"name": name}, node.line)
+    clean.children += _inertial(node, source, what, name)
+    for tag in ("visual", "collision"):
+        for shape in node.all(tag):
+            try:
+                clean.children += _shape(shape, source, what, meshes)
+            except RobotFileError:
+                source.note(f"a <{tag}> that cannot be read is left out of link", show(name))
+    return name, clean
+
+
+def _inertial(node: Node, source: Source, what: str, name: str) -> list[Node]:
+    inertial = node.first("inertial")
+    if inertial is None:
+        return []
+    mass, inertia = inertial.first("mass"), inertial.first("inertia")
+    complete = (
+        mass is not None
+        and "value" in mass.attributes
+        and inertia is not None
+        and all(key in inertia.attributes for key in _INERTIA)
+    )
+    for part in (mass, inertia):
+        for key in part.attributes if part is not None else ():
+            if key == "value" or key in _INERTIA:
+                assert part is not None
+                source.numbers(part, key, 1, what, LARGEST_INERTIA)
+    origin = source.origin(inertial, what)
+    if not complete:
+        source.note("incomplete <inertial> left out (not needed here) in link", show(name))
+        return []
+    assert mass is not None
+    assert inertia is not None
+    return [Node("inertial", {}, inertial.line, [*origin, mass, inertia])]
+
+
+def _shape(node: Node, source: Source, what: str, meshes: Meshes) -> list[Node]:
+    """Return a checked visual or collision, nothing if its mesh cannot be had."""
+    origin = source.origin(node, what)
+    geometry = node.first("geometry")
+    if geometry is None or not geometry.children:
+        raise source.error(f"{what}: <{node.tag}> has no geometry", node)
+    shape = geometry.children[0]
+    clean = Node(shape.tag, {}, shape.line)
+    if shape.tag == "mesh":
+        if "scale" in shape.attributes:
+            source.numbers(shape, "scale", 3, what)
+            clean.attributes["scale"] = shape.attributes["scale"]
+        address = meshes.locate(shape.attributes.get("filename", ""))
+        if address is None:
+            return []
+        clean.attributes["filename"] = address
+    else:
+        for key, count in _SHAPES.get(shape.tag, {}).items():
+            source.attribute(shape, key, what)
+            if min(source.numbers(shape, key, count, what)) < 0:
+                raise source.error(f"{what}: <{shape.tag} {key}> is negative", shape)
+            clean.attributes[key] = shape.attributes[key]
+        if not clean.attributes:
+            raise source.error(f"{what}: unknown shape <{shape.tag}>", shape)
+    children = [*origin, Node("geometry", {}, 0, [clean])]
+    if node.tag == "visual":
+        for material in node.all("material")[:1]:
+            children += check_material(material, source, meshes)
+    named = {k: v for k, v in node.attributes.items() if k == "name"}
+    return [Node(node.tag, named, node.line, children)]
+
+
+def check_material(node: Node, source: Source, meshes: Meshes) -> list[Node]:
+    """Return a material with what is sound of its colour and texture; nothing if unnamed."""
+    name = node.attributes.get("name", "")
+    if not name:
+        return []
+    clean = Node("material", {"name": name}, node.line)
+    color, texture = node.first("color"), node.first("texture")
+    if color is not None and "rgba" in color.attributes:
+        try:
+            values = source.numbers(color, "rgba", 4, f"material {show(name)}")
+        except RobotFileError:
+            source.note("unreadable colour left out of material", show(name))
+        else:
+            rgba = " ".join(repr(min(max(v, 0.0), 1.0)) for v in values)
+            clean.children.append(Node("color", {"rgba": rgba}, 0))
+    if texture is not None and "filename" in texture.attributes:
+        address = meshes.locate(texture.attributes["filename"])
+        if address is not None:
+            clean.children.append(Node("texture", {"filename": address}, 0))
+    return [clean]

@@ -1,0 +1,16 @@
+"""Closed forms: the complete singular set of an arm, as equations."""
+
+from pinsing.algebra.equation import Equation
+from pinsing.families.family import Branch, Distance, Family, JointValue
+from pinsing.families.solve import ClosedForm, closed_form, joint_symbols
+
+__all__ = [
+    "Branch",
+    "ClosedForm",
+    "Distance",
+    "Equation",
+    "Family",
+    "JointValue",
+    "closed_form",
+    "joint_symbols",
+]

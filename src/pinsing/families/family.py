@@ -1,0 +1,373 @@
+"""A family of singular configurations: equations, points, distance."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation
+from pinsing.errors import ConfigurationError
+from pinsing.families.nearest import nearest
+from pinsing.families.zero_set import ROUNDS, project, search
+from pinsing.serialization import JsonResult
+
+_STARTS = 384
+_SPREAD = 2.5
+_PASSES = 4
+
+
+class Distance(NamedTuple):
+    """How far a configuration is from a family.
+
+    Attributes
+    ----------
+    value : float
+        Euclidean in joint space: revolute differences wrapped, in radians; prismatic ones
+        over the length scale.
+    q : (n,) array
+        The nearest configuration of the family that was found.
+    exact : bool
+        True for joint-value families; else the best of several starts.
+    """
+
+    value: float
+    q: Array
+    exact: bool
+
+
+@dataclass(frozen=True)
+class JointValue:
+    """A joint at a fixed value.
+
+    Attributes
+    ----------
+    joint : int
+        Index of the joint.
+    value : float
+        Radians in (-pi, pi], or metres.
+    rational : bool
+        True if its half-angle tangent (or its length) is rational; else an algebraic number.
+    """
+
+    joint: int
+    value: float
+    rational: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """One piece of a family: joints at values, and equations in the others."""
+
+    values: tuple[JointValue, ...]
+    equations: tuple[Equation, ...]
+
+    @property
+    def involved(self) -> tuple[int, ...]:
+        """Indices of the joints that matter, ascending."""
+        joints = {v.joint for v in self.values}
+        for e in self.equations:
+            joints.update(e.involved)
+        return tuple(sorted(joints))
+
+
+@dataclass(frozen=True, eq=False)
+class Family(JsonResult):
+    """A component of the singular set of an arm, joined with its mirror images.
+
+    Attributes
+    ----------
+    name : str
+        ``F1``, ``F2``, ... in the order of the closed form.
+    text, latex : str
+        The condition in one line.
+    branches : tuple of Branch
+        The pieces whose union the family is.
+    joints : tuple of str
+        Names, in the model, of the joints involved.
+    codimension : int
+        Number of joints minus the dimension at a generic real point.
+    proof : str
+        "algebra" if every minor was shown to vanish by division; "generic points" if that was
+        decided at random points of every component, exactly, modulo a prime of 62 bits.
+    real : bool
+        Whether a real point is known.
+    reachability : str
+        "reachable" (with ``witness``), "not reachable" (proven), or "none found".
+    witness : (n,) array or None
+        A configuration of the family inside the joint limits.
+    generic : (n,) array or None
+        A generic configuration of it; the witness where there is one.
+    rank : int or None
+        Rank of the task Jacobian at the generic point.
+    lost : tuple of str
+        The motion lost there, in words.
+    kind : str
+        "boundary", "interior" or "undecided", at the generic point.
+    reason : str
+        Which joint axes are dependent there, and why.
+    raw_ratio : float or None
+        Largest sigma_r / sigma_1 over sample points, on the geometry as given in the file;
+        None where it agrees with the nominal one.
+    lower, upper : (n,) arrays
+        Joint limits.
+    prismatic : (n,) array of bool
+        Which joints slide.
+    length_scale : float
+        Metres.
+    """
+
+    schema: ClassVar[str] = "pinsing/family/1"
+
+    name: str
+    text: str
+    latex: str
+    branches: tuple[Branch, ...]
+    joints: tuple[str, ...]
+    codimension: int
+    proof: str
+    real: bool
+    reachability: str
+    witness: Array | None
+    generic: Array | None
+    rank: int | None
+    lost: tuple[str, ...]
+    kind: str
+    reason: str
+    raw_ratio: float | None
+    lower: Array
+    upper: Array
+    prismatic: npt.NDArray[np.bool_]
+    length_scale: float
+
+    @property
+    def n(self) -> int:
+        """Number of joints of the arm."""
+        return len(self.lower)
+
+    @property
+    def is_reachable(self) -> bool | None:
+        """True, False (proven), or None if no point within the limits was found."""
+        return {"reachable": True, "not reachable": False}.get(self.reachability)
+
+    @property
+    def equations(self) -> tuple[Equation, ...]:
+        """All equations of all branches; each is callable on arrays q (..., n)."""
+        return tuple(e for b in self.branches for e in b.equations)
+
+    @property
+    def values(self) -> tuple[dict[int, float], ...]:
+        """Fixed joint values of each branch, by joint index."""
+        return tuple({v.joint: v.value for v in b.values} for b in self.branches)
+
+    def contains(self, q: npt.ArrayLike, tol: float = 1e-6) -> npt.NDArray[np.bool_]:
+        """Tell for q (..., n) whether a point of the family is within ``tol`` of it.
+
+        Revolute joints count modulo whole turns; limits are not considered.
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Radians and metres.
+        tol : float
+            Distance in joint space (radians; metres over the length scale).
+        """
+        q = self._check(q)
+        flat = q.reshape(-1, self.n)
+        found = np.zeros(len(flat), dtype=bool)
+        for branch in self.branches:
+            todo = np.flatnonzero(~found)
+            off = self._off_values(branch, flat[todo])
+            near = todo[np.linalg.norm(off, axis=-1) <= tol]
+            if not branch.equations:
+                found[near] = True
+                continue
+            free = self._free(branch)
+            moved, ok = project(branch.equations, self._put(branch, flat[near]), free)
+            gap = np.hypot(
+                np.linalg.norm((moved - flat[near]) * self._weight() * free, axis=-1),
+                np.linalg.norm(self._off_values(branch, flat[near]), axis=-1),
+            )
+            found[near] |= ok & (gap <= tol)
+        return found.reshape(q.shape[:-1])
+
+    def distance(self, q: npt.ArrayLike) -> Distance:
+        """Distance from q (n,) to the family, and the nearest configuration of it.
+
+        Exact for families of joint values. Where equations are involved it is the best of
+        several starts of a nearest-point iteration, so an upper bound.
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length or is not finite.
+        """
+        q = self._check(q)
+        if q.ndim != 1:
+            raise ConfigurationError(f"distance takes one configuration, got shape {q.shape}")
+        best: Distance | None = None
+        rng = np.random.default_rng(0)
+        for branch in self.branches:
+            off = self._off_values(branch, q[None])[0]
+            fixed = float(np.linalg.norm(off))
+            target = self._put(branch, q[None])[0]
+            if branch.equations:
+                if best is not None and fixed >= best.value:
+                    continue
+                free = self._free(branch)
+                starts = target + _spread(rng, self.n) * free / self._weight()
+                found = nearest(branch.equations, target, starts, free, self._weight())
+                if found is None:
+                    continue
+                target, part = found
+                fixed = float(np.hypot(fixed, part))
+            if best is None or fixed < best.value:
+                best = Distance(fixed, target, not branch.equations)
+        if best is None:
+            raise ConfigurationError(f"family {self.name}: no real point was found on it")
+        exact = best.exact and all(not b.equations for b in self.branches)
+        return best._replace(exact=exact)
+
+    def sample(self, n: int, rng: np.random.Generator) -> Array:
+        """Configurations of the family inside the joint limits.
+
+        Returns
+        -------
+        (k, n) array
+            k is ``n``, or less (down to 0) where ``n`` were not found; ``reachability``
+            says whether that there are none is proven.
+        """
+        return self.points(n, rng, within_limits=True)
+
+    def points(
+        self,
+        n: int,
+        rng: np.random.Generator,
+        within_limits: bool = False,
+        rounds: int = ROUNDS,
+    ) -> Array:
+        """Like ``sample``, over whole circles unless ``within_limits``.
+
+        ``rounds`` is the number of batches of random starts after which a branch is given up.
+        """
+        if n <= 0 or (within_limits and self.reachability == "not reachable"):
+            return np.zeros((0, self.n))
+        found = np.zeros((0, self.n))
+        for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
+            found = self._spread(n, rng, within_limits, widen * self.length_scale, rounds)
+            if len(found) or within_limits or not self.prismatic.any():
+                break
+        return found
+
+    def _spread(
+        self, n: int, rng: np.random.Generator, within_limits: bool, widen: float, rounds: int
+    ) -> Array:
+        """Up to n points, shared out among the branches."""
+        lower, upper = self.box(within_limits)
+        lower = np.where(self.prismatic, lower - widen, lower)
+        upper = np.where(self.prismatic, upper + widen, upper)
+        usable = [(b, v) for b in self.branches for v in self._placed(b, within_limits)]
+        alive = [usable[i] for i in rng.permutation(len(usable))]
+        parts = [np.zeros((0, self.n))]
+        missing = n
+        for _ in range(_PASSES):  # what one branch lacks, the others give in the next pass
+            share = np.full(len(alive), missing // max(1, len(alive)))
+            share[: missing - share.sum()] += 1
+            for (branch, fixed), count in zip(tuple(alive), share, strict=True):
+                if count == 0:
+                    continue
+                free = np.ones(self.n, dtype=bool)
+                free[[v.joint for v in branch.values]] = False
+                part = search(branch.equations, lower, upper, free, fixed, int(count), rng, rounds)
+                parts.append(part)
+                missing -= len(part)
+                if not len(part):
+                    alive = [a for a in alive if a[1] is not fixed or a[0] is not branch]
+            if missing == 0 or not alive:
+                break
+        return np.concatenate(parts)
+
+    def box(self, within_limits: bool) -> tuple[Array, Array]:
+        """Range of each joint that points are drawn from: the limits, or whole circles.
+
+        Where a limit is infinite, a whole turn (or two length scales) from the other one.
+        """
+        reach = np.where(self.prismatic, self.length_scale, np.pi)
+        use = np.full(self.n, within_limits) | self.prismatic
+        low = np.where(use, self.lower, -np.inf)
+        high = np.where(use, self.upper, np.inf)
+        upper = np.where(
+            np.isfinite(high), high, np.where(np.isfinite(low), low + 2 * reach, reach)
+        )
+        return np.where(np.isfinite(low), low, upper - 2 * reach), upper
+
+    def __str__(self) -> str:
+        return f"{self.name}: {self.text}"
+
+    # Helpers ------------------------------------------------------------------------
+
+    def _check(self, q: npt.ArrayLike) -> Array:
+        array = np.array(q, dtype=float)
+        if array.ndim == 0 or array.shape[-1] != self.n:
+            raise ConfigurationError(f"q needs {self.n} values, got shape {array.shape}")
+        if not np.isfinite(array).all():
+            raise ConfigurationError("q has a value that is not finite")
+        return array
+
+    def _weight(self) -> Array:
+        return np.where(self.prismatic, 1.0 / self.length_scale, 1.0)
+
+    def _free(self, branch: Branch) -> npt.NDArray[np.bool_]:
+        free = np.zeros(self.n, dtype=bool)
+        for e in branch.equations:
+            free[list(e.involved)] = True
+        return free
+
+    def _off_values(self, branch: Branch, q: Array) -> Array:
+        """Differences (N, k) of the fixed joints from their values, weighted."""
+        if not branch.values:
+            return np.zeros((len(q), 0))
+        joints = [v.joint for v in branch.values]
+        off = q[:, joints] - np.array([v.value for v in branch.values])
+        wrapped = off - 2 * np.pi * np.round(off / (2 * np.pi))
+        off = np.where(self.prismatic[joints], off, wrapped)
+        return np.asarray(off * self._weight()[joints])
+
+    def _put(self, branch: Branch, q: Array) -> Array:
+        """Q (N, n) with the fixed joints at the nearest copies of their values."""
+        out = q.copy()
+        if branch.values:
+            joints = [v.joint for v in branch.values]
+            out[:, joints] -= self._off_values(branch, q) / self._weight()[joints]
+        return out
+
+    def _placed(self, branch: Branch, within_limits: bool) -> list[Array]:
+        """Values of the fixed joints as a (n,) array, all copies that fit the limits."""
+        fixed = [np.zeros(self.n)]
+        lower, upper = self.box(within_limits)
+        for v in branch.values:
+            copies = [v.value]
+            if within_limits:
+                low, high = lower[v.joint] - 1e-9, upper[v.joint] + 1e-9
+                if not self.prismatic[v.joint]:
+                    first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
+                    turns = range(math.ceil(first), math.floor(last) + 1)
+                    copies = [v.value + 2 * np.pi * k for k in turns]
+                elif not self.lower[v.joint] - 1e-9 <= v.value <= self.upper[v.joint] + 1e-9:
+                    copies = []
+            fixed = [np.where(np.arange(self.n) == v.joint, c, f) for f in fixed for c in copies]
+        return fixed
+
+
+def _spread(rng: np.random.Generator, n: int) -> Array:
+    """Steps away from a configuration: in all directions, and of a few joints alone."""
+    every = rng.normal(size=(_STARTS // 2, n))
+    every *= np.linspace(0, _SPREAD, len(every))[:, None] / np.linalg.norm(
+        every, axis=1, keepdims=True
+    )
+    few = np.where(rng.random(every.shape) < 0.35, rng.uniform(-np.pi, np.pi, every.shape), 0.0)
+    return np.concatenate([every, few * np.linspace(0, 1, len(few))[:, None]])

@@ -1,0 +1,356 @@
+"""closed_form: all families of singular configurations of an arm."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import ClassVar
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.decompose import Decomposition
+from pinsing.algebra.equation import Equation
+from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
+from pinsing.algebra.mimic import NotFollowed, drives
+from pinsing.algebra.ring import Ring
+from pinsing.algebra.surd_ring import ring_of
+from pinsing.configuration.second_order import second_order
+from pinsing.configuration.state import State, at
+from pinsing.errors import OptionError
+from pinsing.families.family import Branch, Family
+from pinsing.families.pieces import Piece, PieceMaker
+from pinsing.families.statement import mirror_key, statement
+from pinsing.families.zero_set import gradients, proven_empty
+from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
+from pinsing.geometry.snap import Snap
+from pinsing.geometry.surd import Surd
+from pinsing.kinematics.jacobian import generic_rank
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.serialization import JsonResult
+
+_SEED = 20
+_WITNESSES = 6
+_TRIED = 40
+_TO_DESCRIBE = 0.25
+"""Share of the time that there is for describing families, however long finding them took."""
+
+MAX_JOINTS = 12
+"""Beyond it the algebra needs more memory than there is before it can be stopped."""
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedForm(JsonResult):
+    """The singular set of an arm, as families.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    symbols : tuple of str
+        How the equations name its joints, base to tip: q1, q2, d3, ...
+    generic_rank : int
+        Singular means: rank below this.
+    families : tuple of Family
+        Their union is the singular set, where ``complete``.
+    complete : bool
+        Whether nothing can be missing: the search ended, and every branch was decided.
+    fully_decomposed : bool
+        Whether every family has joint values and at most one equation.
+    gaps : tuple of str
+        Why not complete.
+    dropped : int
+        Components over the complex numbers that were proven to have no real point.
+    snaps : tuple of str
+        What the nominal geometry moved, with sizes.
+    jacobian_change : float
+        Bound of what that changes in any column of the task Jacobian.
+    seconds : float
+        Time it took.
+    """
+
+    schema: ClassVar[str] = "pinsing/closed_form/1"
+
+    arm: ArmSummary
+    symbols: tuple[str, ...]
+    generic_rank: int
+    families: tuple[Family, ...]
+    complete: bool
+    fully_decomposed: bool
+    gaps: tuple[str, ...]
+    dropped: int
+    snaps: tuple[str, ...]
+    jacobian_change: float
+    seconds: float
+
+    @property
+    def legend(self) -> tuple[tuple[str, str], ...]:
+        """Symbol and joint name, base to tip."""
+        return tuple(zip(self.symbols, self.arm.joints, strict=True))
+
+    def family_of(self, q: Array, tol: float = 1e-6) -> Family | None:
+        """The first family that has a point within ``tol`` of q (n,), if any."""
+        return next((f for f in self.families if bool(f.contains(q, tol))), None)
+
+    def latex(self) -> str:
+        """All families as a LaTeX ``align*`` environment, every equation written out."""
+        rows = [rf"\text{{{f.name}:}}\quad & {f.latex}" for f in self.families]
+        return "\n".join([r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
+
+    def __str__(self) -> str:
+        state = "complete" if self.complete else "NOT complete: " + "; ".join(self.gaps)
+        lines = [
+            f"{self.arm.name}: {len(self.families)} families of singular configurations "
+            f"(rank < {self.generic_rank}, task {self.arm.task}), {state}"
+        ]
+        width = max((len(f.name) for f in self.families), default=0)
+        for f in self.families:
+            lines.append(f"  {f.name:{width}}  {f.text}")
+        named = [f"{s} = {j}" for s, j in self.legend if s != j]
+        if named:
+            lines.append("  where " + ", ".join(named))
+        return "\n".join(lines)
+
+
+def closed_form(
+    arm: Arm,
+    *,
+    seconds: float = 10.0,
+    angle_tol: float = ANGLE_TOL,
+    snap_length: float = 0.0,
+) -> ClosedForm:
+    """Find all families of singular configurations, exactly, on the nominal geometry.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm.
+    seconds : float
+        Time after which the algebra is given up; what was found till then is returned,
+        with ``complete`` False and the reason. Describing that takes a quarter of it more
+        at most, or as long as a short look at each family takes.
+    angle_tol, snap_length : float
+        As in ``nominal``: radians, metres.
+
+    Returns
+    -------
+    ClosedForm
+        Families, each with equations, joints, points, distance, reachability and reason.
+
+    Raises
+    ------
+    OptionError
+        If ``seconds`` is not positive, or a tolerance makes no sense.
+    """
+    if not seconds > 0:
+        raise OptionError(f"seconds must be positive, got {seconds!r}")
+    started = time.monotonic()
+    geometry = nominal(arm, angle_tol, snap_length)
+    symbols = joint_symbols(arm)
+    rank = generic_rank(geometry.arm)  # lengths that were snapped away may lower it
+    families: list[Family] = []
+    gaps: list[str] = []
+    dropped = 0
+    obstacle, moved = _obstacle(geometry)
+    if obstacle is not None:
+        gaps.append(obstacle)
+    elif arm.n > 0 and rank > 0:
+        ring, search = _search(geometry, arm, rank, seconds)
+        if search.stopped and not ring.rational:
+            # Square roots were too much: with rational twists close by, and that is stated.
+            geometry = nominal(arm, angle_tol, snap_length, rational=True)
+            left = max(seconds - (time.monotonic() - started), 0.1 * seconds)
+            ring, search = _search(geometry, arm, rank, left)
+        gaps += list(dict.fromkeys(search.gaps))
+        left = max(seconds - (time.monotonic() - started), _TO_DESCRIBE * seconds)
+        maker = PieceMaker(geometry, ring, rank, symbols, _SEED, Budget(left))
+        pieces = [maker.make(c) for c in search.components]
+        dropped = sum(p is None for p in pieces)
+        grouped = _join([p for p in pieces if p is not None])
+        families = [_family(group, maker, arm, geometry) for group in grouped]
+        stated = [f for f in families if not _too_large(f, maker)]
+        if len(stated) < len(families):
+            gaps.append(
+                "sets were found whose equations hold at regular configurations too: left out"
+            )
+        families = [_named(f, i) for i, f in enumerate(sorted(stated, key=_order), 1)]
+    return ClosedForm(
+        arm=summarize(arm),
+        symbols=symbols,
+        generic_rank=rank,
+        families=tuple(families),
+        complete=not gaps,
+        fully_decomposed=all(len(b.equations) <= 1 for f in families for b in f.branches),
+        gaps=tuple(gaps),
+        dropped=dropped,
+        snaps=tuple(str(s) for s in (*geometry.snaps, *moved)),
+        jacobian_change=geometry.jacobian_change,
+        seconds=time.monotonic() - started,
+    )
+
+
+def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
+    """What keeps the algebra from an arm, and what its mimic joints' offsets were moved by."""
+    try:
+        _, moved = drives(geometry)
+    except NotFollowed as reason:
+        return f"the algebra does not follow a mimic joint in the chain: {reason}", ()
+    if geometry.arm.n > MAX_JOINTS:
+        return (
+            f"the algebra is for at most {MAX_JOINTS} joints and the chain has "
+            f"{geometry.arm.n}: choose a shorter one with another base, or fewer joints"
+        ), ()
+    return None, moved
+
+
+def _search(geometry: Nominal, arm: Arm, rank: int, seconds: float) -> tuple[Ring, Decomposition]:
+    """Components of the singular set, in the ring that the geometry's numbers need."""
+    numbers = constants(geometry, arm.task)
+    # With square roots only half of the time, so that some is left to do without.
+    time_left = Budget(seconds / 2 if any(isinstance(x, Surd) for x in numbers) else seconds)
+    ring = ring_of(tuple(bool(p) for p in arm.prismatic), numbers, time_left)
+    matrix = jacobian_matrix(geometry, ring, arm.task)
+    return ring, Decomposition(matrix, rank, ring, time_left)
+
+
+def _too_large(family: Family, maker: PieceMaker) -> bool:
+    """Whether some point of a family, of many that are tried, is regular."""
+    if family.proof == "algebra":
+        return False
+    points = family.points(_TRIED, np.random.default_rng(_SEED), rounds=maker.rounds())
+    return bool(len(points)) and float(maker.ratios(points).max()) > 1e-8
+
+
+def joint_symbols(arm: Arm) -> tuple[str, ...]:
+    """q1, q2, d3, ...: the joint's number from the base, d where it slides."""
+    return tuple(f"{'d' if s else 'q'}{i}" for i, s in enumerate(arm.prismatic, 1))
+
+
+def _join(pieces: Sequence[Piece]) -> list[list[Piece]]:
+    groups: dict[object, list[Piece]] = {}
+    for piece in pieces:
+        groups.setdefault(mirror_key(piece), []).append(piece)
+    return list(groups.values())
+
+
+def _family(group: list[Piece], maker: PieceMaker, arm: Arm, geometry: Nominal) -> Family:
+    branches = tuple(b for p in group for b in p.branches)
+    solved = group[0].solved
+    prismatic = [bool(p) for p in arm.prismatic]
+    involved = sorted({j for b in branches for j in b.involved})
+    draft = Family(
+        name="",
+        text=statement(branches, solved, maker.symbols, prismatic),
+        latex=statement(branches, solved, maker.symbols, prismatic, latex=True),
+        branches=branches,
+        joints=tuple(arm.joints[j] for j in involved),
+        codimension=group[0].codimension,
+        proof=min((p.proof for p in group), key=["generic points", "algebra"].index),
+        real=any(p.real for p in group),
+        reachability="none found",
+        witness=None,
+        generic=None,
+        rank=None,
+        lost=(),
+        kind="undecided",
+        reason="",
+        raw_ratio=None,
+        lower=np.array(arm.lower),
+        upper=np.array(arm.upper),
+        prismatic=np.array(arm.prismatic),
+        length_scale=arm.length_scale,
+    )
+    if not draft.real:
+        return draft
+    rng = np.random.default_rng(_SEED)
+    inside = draft.points(_WITNESSES, rng, within_limits=True, rounds=maker.rounds())
+    if len(inside):
+        reachability = "reachable"
+    else:
+        reachability = "none found" if maker.time.over else _unreachable(draft)
+    points = inside if len(inside) else draft.points(_WITNESSES, rng, rounds=maker.rounds())
+    return _described(draft, reachability, inside, points, arm, geometry, maker)
+
+
+def _unreachable(family: Family) -> str:
+    """Whether that no point lies within the limits can be proven."""
+    lower, upper = family.box(within_limits=True)
+    endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
+    for branch in family.branches:
+        cut = any(endless[list(e.involved)].any() for e in branch.equations)
+        if family._placed(branch, within_limits=True) and not (
+            branch.equations and not cut and proven_empty(branch.equations, lower, upper)
+        ):
+            return "none found"
+    return "not reachable"
+
+
+def _described(
+    draft: Family,
+    reachability: str,
+    inside: Array,
+    points: Array,
+    arm: Arm,
+    geometry: Nominal,
+    maker: PieceMaker,
+) -> Family:
+    if not len(points):
+        return replace(draft, reachability=reachability)
+    exact = geometry.arm
+    generic = points[0]
+    state = at(exact, generic, rtol=1e-8)
+    branch = next((b for b in draft.branches if _on(draft, b, generic)), draft.branches[0])
+    raw = None
+    if not geometry.exact:
+        raw = float(maker.ratios(points, arm).max())
+    return replace(
+        draft,
+        codimension=_codimension(branch, generic, draft.codimension),
+        reachability=reachability,
+        witness=inside[0] if len(inside) else None,
+        generic=generic,
+        rank=state.rank,
+        lost=(*(str(x) for x in state.lost), *_everywhere(state)),
+        kind=second_order(exact, generic).kind,
+        reason="; ".join(str(d) for d in state.dependences),
+        raw_ratio=raw,
+    )
+
+
+def _everywhere(state: State) -> list[str]:
+    """A remark where some of the motions lost at a point are lost at every other as well."""
+    if state.always_missing == 0 or not state.lost:
+        return []
+    return [f"{state.always_missing} of these {len(state.lost)} is missing at every configuration"]
+
+
+def _on(family: Family, branch: Branch, q: Array) -> bool:
+    return bool(replace(family, branches=(branch,)).contains(q))
+
+
+def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
+    """Joints fixed plus independent gradients at q; the complex one where gradients vanish."""
+    if not branch.equations:
+        return len(branch.values)
+    A = gradients(branch.equations, q[None])[0]
+    independent = int((np.linalg.svd(A, compute_uv=False) > 1e-7).sum())
+    if independent == 0:
+        return complex_codimension
+    return len(branch.values) + independent
+
+
+def _order(family: Family) -> tuple[int, int, int, tuple[str, ...]]:
+    equations: list[Equation] = list(family.branches[0].equations)
+    return (
+        family.codimension,
+        len(equations),
+        sum(len(e.cos) for e in equations),
+        tuple(str(j) for b in family.branches[:1] for j in b.involved),
+    )
+
+
+def _named(family: Family, number: int) -> Family:
+    return replace(family, name=f"F{number}")

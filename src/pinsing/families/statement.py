@@ -1,0 +1,158 @@
+"""Families for print: mirror images joined, conditions in words."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinsing.algebra.equation import Equation, format_angle
+from pinsing.families.family import Branch
+from pinsing.families.pieces import Piece
+
+_LONG = 12
+"""An equation with more terms than this is named by its joints, not written out."""
+
+
+def mirror_key(piece: Piece) -> object:
+    """Equal for pieces that are mirror images: values up to sign and half turns."""
+    if len(piece.solved) > 1:
+        return object()
+    values = {(v.joint, _folded(v.value)) for b in piece.branches for v in b.values}
+    relations = sorted(_signature(e) for b in piece.branches for e in b.equations)
+    solved = sorted(_signature(e) for e in piece.solved)
+    return (
+        tuple(sorted(values)),
+        tuple(relations[: len(piece.branches[0].equations)]),
+        tuple(solved),
+    )
+
+
+def _folded(angle: float) -> float:
+    """Angle up to sign and half turns, in [0, pi/2]."""
+    return round(abs(math.remainder(angle, math.pi)), 9)
+
+
+def _signature(equation: Equation) -> tuple[tuple[tuple[int, ...], tuple[int, ...], float], ...]:
+    size = np.hypot(equation.cos, equation.sin)
+    size = size / size.max()
+    return tuple(
+        sorted(
+            (
+                tuple(int(k) for k in np.abs(f)),
+                tuple(int(k) for k in p),
+                round(float(c), 8),
+            )
+            for f, p, c in zip(equation.frequencies, equation.powers, size, strict=True)
+        )
+    )
+
+
+def statement(
+    branches: Sequence[Branch],
+    solved: Sequence[Equation],
+    symbols: Sequence[str],
+    prismatic: Sequence[bool],
+    latex: bool = False,
+) -> str:
+    """The condition of a family in one line."""
+    groups: dict[tuple[str, ...], list[Branch]] = {}
+    for b in branches:
+        key = tuple(_write(e, latex) for e in b.equations)
+        groups.setdefault(key, []).append(b)
+    parts = []
+    for texts, members in groups.items():
+        parts += [
+            _and(list(values) + list(texts), latex)
+            for values in _value_texts(members, solved, symbols, prismatic, latex)
+        ]
+    return (r"\ \text{or}\ " if latex else "; or ").join(parts)
+
+
+def _and(conditions: list[str], latex: bool) -> str:
+    return (r",\ " if latex else " and ").join(conditions)
+
+
+def _write(equation: Equation, latex: bool) -> str:
+    if len(equation.cos) > _LONG and not latex:
+        names = ", ".join(equation.joints[j] for j in equation.involved)
+        return f"f({names}) = 0 [{len(equation.cos)} terms]"
+    return equation.latex() if latex else equation.text()
+
+
+def _value_texts(
+    branches: Sequence[Branch],
+    solved: Sequence[Equation],
+    symbols: Sequence[str],
+    prismatic: Sequence[bool],
+    latex: bool,
+) -> list[tuple[str, ...]]:
+    """Conditions on single joints; one tuple if all combinations occur, else one a branch."""
+    joints = [v.joint for v in branches[0].values]
+    if not joints:
+        return [()]
+    sets = {
+        j: sorted({round(v.value, 12) for b in branches for v in b.values if v.joint == j})
+        for j in joints
+    }
+    combinations = {tuple(round(v.value, 12) for v in b.values) for b in branches}
+    if combinations == set(itertools.product(*(sets[j] for j in joints))):
+        equations = {e.involved[0]: e for e in solved}
+        return [
+            tuple(
+                _joint_text(symbols[j], sets[j], prismatic[j], equations.get(j), latex)
+                for j in joints
+            )
+        ]
+    return [
+        tuple(
+            _joint_text(symbols[v.joint], [v.value], prismatic[v.joint], None, latex)
+            for v in b.values
+        )
+        for b in branches
+    ]
+
+
+def _joint_text(
+    symbol: str, values: Sequence[float], slides: bool, equation: Equation | None, latex: bool
+) -> str:
+    name = _latex_symbol(symbol) if latex else symbol
+    known = f"{name} = {_set_text(values, slides, latex)}"
+    if equation is None or slides:
+        return known
+    simple = _sine_or_cosine(equation, name, latex)
+    written = simple or (equation.latex() if latex else equation.text())
+    return f"{written}\\ ({known})" if latex else f"{written} ({known})"
+
+
+def _set_text(values: Sequence[float], slides: bool, latex: bool) -> str:
+    if slides:
+        return (r"\ \text{or}\ " if latex else " or ").join(
+            f"{v:.6g} m" if v else "0" for v in values
+        )
+    if len(values) == 2 and abs(values[0] + values[1]) < 1e-12:
+        return (r"\pm " if latex else "±") + format_angle(abs(values[1]), latex)
+    ordered = sorted(values, key=lambda v: (abs(v), v))
+    return (r"\ \text{or}\ " if latex else " or ").join(format_angle(v, latex) for v in ordered)
+
+
+def _sine_or_cosine(equation: Equation, name: str, latex: bool) -> str | None:
+    """``sin q6 = -0.2`` for an equation a sin q + b = 0 (or with cos)."""
+    if len(equation.cos) != 2 or equation.shift[list(equation.involved)].any():
+        return None
+    moving = int(np.argmax(np.abs(equation.frequencies).sum(axis=1)))
+    constant = 1 - moving
+    if equation.frequencies[constant].any() or np.abs(equation.frequencies[moving]).sum() != 2:
+        return None
+    pair = (equation.cos[moving], equation.sin[moving])
+    if (pair[0] == 0) == (pair[1] == 0):
+        return None
+    kind, head = ("sin", pair[1]) if pair[0] == 0 else ("cos", pair[0])
+    value = -equation.cos[constant] / head
+    return f"{chr(92) if latex else ''}{kind} {name} = {value:.10g}"
+
+
+def _latex_symbol(symbol: str) -> str:
+    return f"{symbol[0]}_{{{symbol[1:]}}}"

@@ -1,0 +1,343 @@
+"""Points on the zero set of equations: projection, search, and proof that there are none."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation
+
+_ON = 1e-13
+"""A residual this small, relative to the sum of an equation's coefficients, is zero."""
+_TOUCHING = 1e-12
+_NEARLY = 1e-10
+_STEEP, _FLAT = 1e-6, 1e-10
+"""Smallest slope that a step is divided by, relative to the largest, near the set and else."""
+_BOXES = 40_000
+_LONG_SYSTEM = 4
+_SHARE = 0.2
+"""Of the terms of a long system, in the equations that are solved first."""
+ROUNDS = 12
+"""Batches of random starts before a search gives up."""
+
+
+class System:
+    """Several equations at once, each over the sum of its coefficients (more where they are noisy).
+
+    Their terms share sines and cosines, which are computed once.
+
+    Parameters
+    ----------
+    equations : sequence of k Equation
+        At least one.
+    """
+
+    def __init__(self, equations: Sequence[Equation]) -> None:
+        self._equations = tuple(equations)
+        self._sliding = any(e.powers.any() for e in equations)
+        if self._sliding:
+            return
+        # Links turned about their axes: each equation may count its angles from elsewhere.
+        angles = np.concatenate([e.frequencies for e in equations])
+        phases = np.concatenate([e.frequencies @ e.shift / 2 for e in equations])
+        cos = np.concatenate([e.cos / e.unit for e in equations])
+        sin = np.concatenate([e.sin / e.unit for e in equations])
+        of = np.repeat(np.arange(len(equations)), [len(e.cos) for e in equations])
+        if len(equations) == 1:  # its terms have angles of their own
+            unique, index = angles, np.arange(len(angles))
+        else:
+            unique, index = np.unique(angles, axis=0, return_inverse=True)
+            index = index.reshape(-1)
+        self._rate = unique / 2
+        self._cos = np.zeros((len(unique), len(equations)))
+        self._sin = np.zeros((len(unique), len(equations)))
+        c, s = np.cos(phases), np.sin(phases)
+        np.add.at(self._cos, (index, of), cos * c + sin * s)
+        np.add.at(self._sin, (index, of), sin * c - cos * s)
+        rate = self._rate[:, None, :]
+        self._slope_cos = (self._sin[:, :, None] * rate).reshape(len(unique), -1)
+        self._slope_sin = (self._cos[:, :, None] * rate).reshape(len(unique), -1)
+
+    def values(self, q: Array) -> Array:
+        """Values at q (N, n): (N, k)."""
+        if self._sliding:
+            return np.stack([e(q) / e.unit for e in self._equations], axis=-1)
+        phase = q @ self._rate.T
+        return np.asarray(np.cos(phase) @ self._cos + np.sin(phase) @ self._sin)
+
+    def gradients(self, q: Array) -> Array:
+        """Derivatives at q (N, n): (N, k, n)."""
+        if self._sliding:
+            return np.stack([e.gradient(q) / e.unit for e in self._equations], axis=-2)
+        phase = q @ self._rate.T
+        flat = np.cos(phase) @ self._slope_cos - np.sin(phase) @ self._slope_sin
+        return np.asarray(flat.reshape(len(q), len(self._equations), q.shape[1]))
+
+
+def residuals(equations: Sequence[Equation], q: Array) -> Array:
+    """Values of the equations at q (N, n), each over the sum of its coefficients: (N, k)."""
+    return System(equations).values(q)
+
+
+def gradients(equations: Sequence[Equation], q: Array) -> Array:
+    """Gradients of what ``residuals`` returns: (N, k, n)."""
+    return System(equations).gradients(q)
+
+
+def project(
+    equations: Sequence[Equation],
+    start: Array,
+    free: npt.NDArray[np.bool_],
+    iterations: int = 60,
+) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Move points (N, n) onto the common zeros of ``equations``, along ``free`` joints.
+
+    Gauss-Newton with minimum-norm steps, which also survives where gradients vanish or
+    depend on each other.
+
+    Returns
+    -------
+    (q, converged)
+        Points (N, n), and which of them ended on the zero set.
+    """
+    q = np.array(start, dtype=float)
+    if not equations or not len(q):
+        return q, np.ones(len(q), dtype=bool)
+    system = System(equations)
+    best, least = q.copy(), np.full(len(q), np.inf)
+    left = np.arange(len(q))
+    for iteration in range(iterations + 1):
+        f = system.values(q[left])
+        worst = np.abs(f).max(axis=-1)
+        # Where gradients nearly vanish a step may lead away again: the best is kept.
+        better = worst < least[left]
+        best[left[better]], least[left[better]] = q[left[better]], worst[better]
+        left, f = left[worst > _ON], f[worst > _ON]
+        if not len(left) or iteration == iterations:
+            break
+        A = system.gradients(q[left]) * free
+        # All but on the set, what is left of f is rounding: not to be divided by small slopes.
+        rcond = np.where(np.abs(f).max(axis=-1) < _NEARLY, _STEEP, _FLAT)
+        step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=rcond), f)
+        step = np.where(free, step, 0.0)  # rounding moved the others a little
+        size = np.linalg.norm(step, axis=-1, keepdims=True)
+        q[left] += step * np.minimum(1.0, 0.7 / np.maximum(size, 1e-300))
+    return best, np.asarray(least <= _TOUCHING)
+
+
+def search(
+    equations: Sequence[Equation],
+    lower: Array,
+    upper: Array,
+    free: npt.NDArray[np.bool_],
+    fixed: Array,
+    count: int,
+    rng: np.random.Generator,
+    rounds: int = ROUNDS,
+) -> Array:
+    """Points of the zero set inside a box: (k, n) with k up to ``count``.
+
+    Parameters
+    ----------
+    lower, upper : (n,) arrays
+        The box.
+    free : (n,) array of bool
+        Joints that may move; the others stay at ``fixed``.
+    """
+    found: list[Array] = []
+    missing = count
+    short = _shortest(equations)
+    for _ in range(rounds):
+        batch = max(32, 2 * missing)
+        q = rng.uniform(lower, upper, (batch, len(lower)))
+        q = np.where(free, q, fixed)
+        if short:
+            q, _ = project(short, q, free, iterations=20)
+        q, ok = project(equations, q, free, iterations=30)
+        for _ in range(12):  # back into the box, and onto the set again
+            inside = ((q >= lower - 1e-12) & (q <= upper + 1e-12) | ~free).all(axis=-1)
+            out = np.flatnonzero(ok & ~inside)
+            if not len(out):
+                break
+            clipped = np.where(free, np.clip(q[out], lower, upper), q[out])
+            q[out], ok[out] = project(equations, clipped, free, iterations=30)
+        inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
+        good = q[ok & inside]
+        if len(good):
+            found.append(good[:missing])
+            missing -= len(found[-1])
+        if missing <= 0:
+            break
+    return np.concatenate(found) if found else np.zeros((0, len(lower)))
+
+
+def _shortest(equations: Sequence[Equation]) -> list[Equation]:
+    """The short ones of a long system: they bring most points near at little cost."""
+    if len(equations) < _LONG_SYSTEM:
+        return []
+    ordered = sorted(equations, key=lambda e: len(e.cos))
+    terms = np.cumsum([len(e.cos) for e in ordered])
+    return ordered[: max(2, int((terms <= _SHARE * terms[-1]).sum()))]
+
+
+def slopes(equation: Equation, lower: Array, upper: Array) -> Array:
+    """Largest possible derivative by each joint within a box: (n,)."""
+    size = np.hypot(equation.cos, equation.sin)
+    bound = np.maximum(np.abs(lower), np.abs(upper))
+    power = np.prod(bound**equation.powers, axis=-1)
+    steep = (size * power) @ (np.abs(equation.frequencies) / 2)
+    for j in np.flatnonzero(equation.powers.any(axis=0)):
+        lowered = equation.powers.copy()
+        factor = lowered[:, j].astype(float)
+        lowered[:, j] = np.maximum(lowered[:, j] - 1, 0)
+        steep[j] += size @ (factor * np.prod(bound**lowered, axis=-1))
+    return np.asarray(steep)
+
+
+def proven_empty(equations: Sequence[Equation], lower: Array, upper: Array) -> bool:
+    """Whether the equations have no common zero in a box, proven by subdivision.
+
+    A box in which some equation is larger at the centre than its slopes allow it to change
+    within holds no zero; any other is halved. False means: not proven.
+    """
+    used = np.zeros(len(lower), dtype=bool)
+    for e in equations:
+        used[list(e.involved)] = True
+    if not np.isfinite(lower[used]).all() or not np.isfinite(upper[used]).all():
+        return False
+    # Whole turns say nothing new about a trigonometric polynomial (up to its sign).
+    turning = used & ~np.any([e.powers.any(axis=0) for e in equations], axis=0)
+    upper = np.where(turning, np.minimum(upper, lower + 2 * np.pi), upper)
+    steep = [slopes(e, lower, upper) for e in equations]
+    centers = np.where(used, (lower + upper) / 2, 0.0)[None, :]
+    halves = np.where(used, (upper - lower) / 2, 0.0)[None, :]
+    seen = 0
+    while len(centers):
+        seen += len(centers)
+        if seen > _BOXES:
+            return False
+        alive = np.ones(len(centers), dtype=bool)
+        worst = np.zeros_like(centers)
+        for e, slope in zip(equations, steep, strict=True):
+            value = np.abs(e(centers))
+            alive &= value <= halves @ slope + max(1e-12, 10 * e.accuracy) * e.size
+            worst = np.maximum(worst, halves * slope / e.size)
+        centers, halves, worst = centers[alive], halves[alive], worst[alive]
+        if not len(centers):
+            return True
+        axis = np.argmax(worst, axis=1)
+        rows = np.arange(len(centers))
+        halves = halves.copy()
+        halves[rows, axis] /= 2
+        shift = np.zeros_like(centers)
+        shift[rows, axis] = halves[rows, axis]
+        centers = np.concatenate([centers - shift, centers + shift])
+        halves = np.concatenate([halves, halves])
+    return True
+
+
+def never_zero(equation: Equation) -> bool:
+    """Whether the constant term outweighs all the others: no zero anywhere."""
+    if equation.powers.any():
+        return False
+    size = np.hypot(equation.cos, equation.sin)
+    constant = ~(equation.frequencies != 0).any(axis=1)
+    return bool(size[constant].sum() > size[~constant].sum() * (1 + 1e-12))
+
+
+def roots_of(equation: Equation) -> Array:
+    """All values of its only joint at which an equation in one revolute joint is zero.
+
+    The equation is a polynomial in e^(i q / 2) (or e^(i q)); its roots on the unit circle
+    are polished by Newton's method, double ones on the derivative, where they are simple.
+
+    Returns
+    -------
+    (k,) array
+        Angles in (-pi, pi], ascending.
+    """
+    (joint,) = equation.involved
+    frequency = equation.frequencies[:, joint]
+    step = 1 if equation.half_angle else 2
+    top = int(np.abs(frequency).max())
+    coefficients = np.zeros(2 * top // step + 1, dtype=complex)
+    for k, c, s in zip(frequency, equation.cos, equation.sin, strict=True):
+        phase = np.exp(0.5j * k * equation.shift[joint])
+        value = 0.5 * (c - 1j * s) * phase
+        coefficients[(top + k) // step] += value
+        coefficients[(top - k) // step] += np.conj(value)
+    roots = np.roots(coefficients[::-1])
+    near = roots[np.abs(np.abs(roots) - 1) < 1e-4]
+    q = np.zeros((len(near), equation.frequencies.shape[1]))
+    q[:, joint] = np.angle(near) * (2 / step)
+    free = np.zeros(q.shape[1], dtype=bool)
+    free[joint] = True
+    q, ok = project([equation], q, free)
+    q = _polish_double(equation, joint, q[ok])
+    angles = np.remainder(q[:, joint], 2 * np.pi)
+    angles = np.where(angles > np.pi, angles - 2 * np.pi, angles)
+    kept: list[float] = []
+    for angle in sorted(angles):
+        if all(abs(np.remainder(angle - a + np.pi, 2 * np.pi) - np.pi) > 1e-6 for a in kept):
+            kept.append(float(angle))
+    return np.array(kept)
+
+
+def _polish_double(equation: Equation, joint: int, q: Array) -> Array:
+    """Roots q (k, n), those at which the slope vanishes too known to all digits.
+
+    The equation itself tells them to half of the digits only.
+    """
+    rate = equation.frequencies[:, joint] / 2
+    slope = replace(equation, cos=rate * equation.sin, sin=-rate * equation.cos)
+    size = float(slope.size)
+    double = np.flatnonzero(np.abs(slope(q)) <= 1e-5 * size)
+    free = np.arange(q.shape[1]) == joint
+    moved, ok = project([slope], q[double], free)
+    ok &= np.abs(moved[:, joint] - q[double, joint]) <= 1e-5
+    ok &= np.abs(equation(moved)) <= _ON * equation.size
+    q = q.copy()
+    q[double[ok]] = moved[ok]
+    return q
+
+
+def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
+    """Put one joint of an equation at a value; None if the equation then holds everywhere."""
+    phase = equation.frequencies[:, joint] * (value + equation.shift[joint]) / 2
+    factor = value ** equation.powers[:, joint]
+    cos = factor * (equation.cos * np.cos(phase) + equation.sin * np.sin(phase))
+    sin = factor * (equation.sin * np.cos(phase) - equation.cos * np.sin(phase))
+    frequencies, powers = equation.frequencies.copy(), equation.powers.copy()
+    frequencies[:, joint] = 0
+    powers[:, joint] = 0
+    gathered: dict[tuple[bytes, bytes], list[float]] = {}
+    rows: dict[tuple[bytes, bytes], int] = {}
+    for t in range(len(cos)):
+        sign = 1
+        lead = frequencies[t][frequencies[t] != 0]
+        if len(lead) and lead[0] < 0:
+            frequencies[t] *= -1
+            sign = -1
+        key = frequencies[t].tobytes(), powers[t].tobytes()
+        rows.setdefault(key, t)
+        total = gathered.setdefault(key, [0.0, 0.0])
+        total[0] += cos[t]
+        total[1] += sign * sin[t] if len(lead) else 0.0  # a constant has no sine
+    keep = [k for k, (c, s) in gathered.items() if np.hypot(c, s) > 1e-10 * equation.size]
+    if not keep:
+        return None
+    index = [rows[k] for k in keep]
+    left = sum(math.hypot(*gathered[k]) for k in keep)
+    return replace(
+        equation,
+        accuracy=equation.accuracy * equation.size / min(left, equation.size),
+        frequencies=frequencies[index],
+        powers=powers[index],
+        cos=np.array([gathered[k][0] for k in keep]),
+        sin=np.array([gathered[k][1] for k in keep]),
+    )

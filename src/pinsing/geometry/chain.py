@@ -1,0 +1,85 @@
+"""The chain of an arm as plain numbers: constant placements between z axes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing._types import Array
+from pinsing.robot.arm import Arm
+from pinsing.robot.joint_axis import axis_rotation, joint_axis
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """Tip placement = C_0 M_0(q_0) C_1 M_1(q_1) ... M_{k-1}(q_{k-1}) C_k.
+
+    C_i is the rigid motion (R[i], t[i]); M_i turns about z, or slides along z.
+
+    Attributes
+    ----------
+    R : (k + 1, 3, 3) array
+        Constant rotations.
+    t : (k + 1, 3) array
+        Constant translations, metres.
+    prismatic : (k,) array of bool
+        Which joints slide.
+    """
+
+    R: Array
+    t: Array
+    prismatic: npt.NDArray[np.bool_]
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.prismatic)
+
+
+def flatten(arm: Arm) -> Chain:
+    """Write the chain of the arm's model with every joint axis turned to z.
+
+    Mimic couplings are left out: the chain has one joint for each velocity of the model.
+    """
+    model = arm.model
+    rotations, translations, sliding = [], [], []
+    before = np.eye(3)
+    for index in range(1, model.njoints):
+        axis, prismatic = joint_axis(model.joints[index])
+        turned = axis_rotation(axis)
+        placement = model.jointPlacements[index]
+        rotations.append(before.T @ placement.rotation @ turned)
+        translations.append(before.T @ placement.translation)
+        sliding.append(prismatic)
+        before = turned
+    tip = model.frames[arm.tip_id].placement
+    rotations.append(before.T @ tip.rotation)
+    translations.append(before.T @ tip.translation)
+    return Chain(np.array(rotations), np.array(translations), np.array(sliding, dtype=bool))
+
+
+def chain_model(chain: Chain, arm: Arm) -> pin.Model:
+    """Build a Pinocchio model of ``chain`` with the joint names, limits and tip of ``arm``."""
+    model = pin.Model()
+    model.name = arm.name
+    parent = 0
+    names = list(arm.model.names)[1:]
+    source = arm.model
+    for i, name in enumerate(names):
+        kind = pin.JointModelPZ() if chain.prismatic[i] else pin.JointModelRZ()
+        placement = pin.SE3(chain.R[i], chain.t[i])
+        joint = source.joints[i + 1]
+        if joint.nq == 1:
+            low = source.lowerPositionLimit[joint.idx_q : joint.idx_q + 1]
+            high = source.upperPositionLimit[joint.idx_q : joint.idx_q + 1]
+        else:
+            low, high = np.array([-np.inf]), np.array([np.inf])
+        big = np.array([np.finfo(float).max])
+        parent = model.addJoint(parent, kind, placement, name, big, big, low, high)
+        model.addJointFrame(parent)
+    tip = pin.SE3(chain.R[-1], chain.t[-1])
+    model.addFrame(pin.Frame(arm.tip, parent, 0, tip, pin.FrameType.OP_FRAME))
+    return model

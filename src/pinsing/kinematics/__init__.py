@@ -1,0 +1,1 @@
+"""q to J and sigma, one or millions."""

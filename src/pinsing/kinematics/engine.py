@@ -1,0 +1,117 @@
+"""Which engine computes batches of Jacobians: the compiled kernel, or Pinocchio's own loop.
+
+Pinocchio is the authority. Before the kernel is used for an arm it is compared with
+``pin.computeFrameJacobian`` at random configurations, and refused if it differs.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing._batch import engine as kernel
+from pinsing._batch.chain import FlatChain
+from pinsing._types import Array
+from pinsing.errors import EngineError, OptionError
+from pinsing.geometry.chain import flatten
+from pinsing.robot.arm import Arm
+
+ENGINES = ("auto", "batch", "pinocchio")
+AGREEMENT = 1e-12
+"""Largest difference from Pinocchio, relative to the largest entry of J (or 1)."""
+
+_CONFIGURATIONS = 16
+_SEED = 90210
+
+
+def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
+    """Chain of ``arm`` for the compiled kernel, or None where Pinocchio's loop is to run.
+
+    Parameters
+    ----------
+    engine : str
+        "auto" (the kernel where it is installed and agrees), "batch" (the kernel or an
+        error), or "pinocchio".
+
+    Raises
+    ------
+    EngineError
+        If "batch" is asked for and not installed, or it disagrees with Pinocchio.
+    OptionError
+        If there is no such engine.
+    """
+    if engine not in ENGINES:
+        raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(ENGINES)}")
+    if engine == "pinocchio":
+        return None
+    reason = kernel.unavailable_reason()
+    if reason is not None:
+        if engine == "batch":
+            raise EngineError(reason)
+        return None
+    found = arm.__dict__.get("_batch_chain")
+    if found is None:
+        found = _verified(arm)
+        arm.__dict__["_batch_chain"] = found  # follows from the frozen fields: kept with them
+    if isinstance(found, FlatChain):
+        return found
+    if engine == "batch":
+        raise EngineError(str(found))
+    return None
+
+
+def check_threads(threads: int | None) -> int | None:
+    """``threads`` as it is, or an error if it is not a positive number of threads.
+
+    Raises
+    ------
+    OptionError
+        If it is below 1.
+    """
+    if threads is not None and threads < 1:
+        raise OptionError(f"threads must be at least 1, got {threads}")
+    return threads
+
+
+def engine_name(arm: Arm) -> str:
+    """Say in a few words what computes batches for ``arm`` on this machine."""
+    if batch_chain(arm) is not None:
+        return f"compiled batch kernel ({kernel.isa_names()[-1]}), checked against Pinocchio"
+    reason = kernel.unavailable_reason() or str(arm.__dict__.get("_batch_chain"))
+    return f"Pinocchio and NumPy ({reason})"
+
+
+def model_values(arm: Arm, Q: Array) -> Array:
+    """Plain value of every joint of the model, mimic joints included: (N, n) -> (N, nv)."""
+    if arm.coupling is None:
+        return Q
+    return np.asarray(Q @ arm.coupling.matrix.T + arm.coupling.offset)
+
+
+def pinocchio_jacobians(arm: Arm, Q: Array) -> Array:
+    """Frame Jacobians (N, 6, nv) by every velocity of the model, mimic joints on their own."""
+    model, tip = arm.model, arm.tip_id
+    data = model.createData()  # a Data of its own: threads may share the arm
+    frame, compute = pin.LOCAL_WORLD_ALIGNED, pin.computeFrameJacobian
+    out = np.empty((len(Q), 6, model.nv))
+    for i, q in enumerate(arm.model_q(Q)):
+        # Pinocchio drops the second axis of a single column.
+        out[i] = compute(model, data, q, tip, frame).reshape(6, model.nv)
+    return out
+
+
+def _verified(arm: Arm) -> FlatChain | str:
+    """The flat chain if the kernel agrees with Pinocchio on it, else why it may not be used."""
+    plain = flatten(arm)
+    try:
+        chain = FlatChain(plain.R, plain.t, plain.prismatic)
+    except ValueError as unfit:
+        return f"the chain does not suit the compiled kernel: {unfit}"
+    rng = np.random.default_rng(_SEED)
+    reach = np.where(arm.prismatic, arm.length_scale, 2 * np.pi)
+    Q = rng.uniform(-1, 1, (_CONFIGURATIONS, arm.n)) * reach
+    ours, theirs = kernel.jacobians(chain, model_values(arm, Q)), pinocchio_jacobians(arm, Q)
+    error = float(np.abs(ours - theirs).max() / max(1.0, float(np.abs(theirs).max())))
+    if not error <= AGREEMENT:
+        return f"the compiled kernel differs from Pinocchio by {error:.1e} on this arm"
+    return chain

@@ -1,0 +1,47 @@
+"""Closed loops: solving, modes and singularities of mechanisms."""
+
+from pinsing.mechanism.analysis import MechanismAnalysis, analyze_mechanism
+from pinsing.mechanism.closure import constraint_jacobian, output_jacobian, ranks, residual, split
+from pinsing.mechanism.drive import Stretch, drive, stretch
+from pinsing.mechanism.feasible import curves, feasible
+from pinsing.mechanism.loci import Locus, LoopForms, loop_forms
+from pinsing.mechanism.modes import home, mode_of
+from pinsing.mechanism.motion import MechanismState, input_output, leg_form, mechanism_at, motions
+from pinsing.mechanism.singular_points import SingularPoint, find_singular, refine
+from pinsing.mechanism.solve import InfeasibleError, Solution, assemblies, follow, solve
+from pinsing.mechanism.trace import Trace, trace
+
+__all__ = [
+    "InfeasibleError",
+    "Locus",
+    "LoopForms",
+    "MechanismAnalysis",
+    "MechanismState",
+    "SingularPoint",
+    "Solution",
+    "Stretch",
+    "Trace",
+    "analyze_mechanism",
+    "assemblies",
+    "constraint_jacobian",
+    "curves",
+    "drive",
+    "feasible",
+    "find_singular",
+    "follow",
+    "home",
+    "input_output",
+    "leg_form",
+    "loop_forms",
+    "mechanism_at",
+    "mode_of",
+    "motions",
+    "output_jacobian",
+    "ranks",
+    "refine",
+    "residual",
+    "solve",
+    "split",
+    "stretch",
+    "trace",
+]

@@ -1,0 +1,245 @@
+"""Loop closure of a mechanism: residual, constraint Jacobian, generic ranks.
+
+The Jacobians are those of Pinocchio's constraint models: a point anchor for loops of kind ``3d``
+and ``planar`` (which keeps its first two rows), a frame anchor for ``6d``. Rows of a loop are in
+the axes of its first frame; translations before rotations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing._types import Array
+from pinsing.errors import OptionError, PinsingError
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.robot.load_mechanism import Mechanism
+
+Mask = npt.NDArray[np.bool_]
+
+CLOSED = 1e-11
+"""A residual (metres over the length scale, radians) up to this counts as closed."""
+
+_SAMPLES = 12
+_SEED = 5471
+
+
+class Loops:
+    """Pinocchio's constraint models of a mechanism with data of their own: one per thread."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        model = mechanism.model
+        self._data = model.createData()
+        self._output = mechanism.output_id
+        self._task = np.array(mechanism.task.rows)
+        self._anchors = []
+        names = {frame.name: frame for frame in model.frames}
+        scales: list[float] = []
+        for loop in mechanism.loops:
+            a, b = names[loop.frame_a], names[loop.frame_b]
+            kind = (
+                pin.FrameAnchorConstraintModel
+                if loop.kind == "6d"
+                else pin.PointAnchorConstraintModel
+            )
+            anchor = kind(model, a.parentJoint, a.placement, b.parentJoint, b.placement)
+            self._anchors.append((anchor, anchor.createData(), loop.rows))
+            scales += [1 / mechanism.length_scale if i < 3 else 1.0 for i in range(loop.rows)]
+        joints = list(model.joints)[1:]
+        self._plain = np.array([j.idx_q for j in joints if j.nq == 1], dtype=int)
+        self._turning = np.array([j.idx_q for j in joints if j.nq == 2], dtype=int)
+        self._from = [np.array([j.idx_v for j in joints if j.nq == k], dtype=int) for k in (1, 2)]
+        self._nq = int(model.nq)
+        self.row_scale = np.array(scales)
+        self.column_scale = np.where(mechanism.prismatic, mechanism.length_scale, 1.0)
+        self.task_scale = np.where(self._task < 3, 1 / mechanism.length_scale, 1.0)
+
+    def model_q(self, q: Array) -> Array:
+        """Pinocchio's configuration for q (n,), without checks."""
+        out = np.empty(self._nq)
+        out[self._plain] = q[self._from[0]]
+        angles = q[self._from[1]]
+        out[self._turning], out[self._turning + 1] = np.cos(angles), np.sin(angles)
+        return out
+
+    def at(self, q: Array) -> tuple[Array, Array]:
+        """Residual (k,) and constraint Jacobian (k, n) at q (n,), metres and radians."""
+        model, data = self.mechanism.model, self._data
+        # The order matters: without calc() the Jacobian is silently that of the last call.
+        pin.computeJointJacobians(model, data, self.model_q(q))
+        residual, rows = [], []
+        for anchor, store, count in self._anchors:
+            anchor.calc(model, data, store)
+            residual.append(np.array(store.constraint_position_error)[:count])
+            rows.append(np.array(anchor.jacobian(model, data, store))[:count])
+        return np.concatenate(residual), np.vstack(rows)
+
+    def scaled(self, q: Array) -> tuple[Array, Array]:
+        """Residual and Jacobian without units: lengths are over the length scale."""
+        residual, G = self.at(q)
+        return residual * self.row_scale, G * self.row_scale[:, None] * self.column_scale
+
+    def output(self, q: Array) -> tuple[pin.SE3, Array]:
+        """Placement of the output frame and its task rows (m, n), metres and radians."""
+        model, data = self.mechanism.model, self._data
+        J = pin.computeFrameJacobian(
+            model, data, self.model_q(q), self._output, pin.LOCAL_WORLD_ALIGNED
+        )
+        placement = pin.updateFramePlacement(model, data, self._output)
+        return pin.SE3(placement), np.array(J)[self._task]
+
+    def output_scaled(self, q: Array) -> Array:
+        """Output Jacobian without units (m, n)."""
+        return np.asarray(self.output(q)[1] * self.task_scale[:, None] * self.column_scale)
+
+
+@dataclass(frozen=True)
+class Ranks:
+    """Generic ranks of a mechanism, on its loop-closed configurations.
+
+    Attributes
+    ----------
+    constraint : int
+        Of the constraint Jacobian; less than its rows where loops are overconstrained
+        (planar ones closed in space).
+    mobility : int
+        Dimension of the motions: joints minus the rank of the constraints.
+    output : int
+        Of the output velocity over all motions.
+    """
+
+    constraint: int
+    mobility: int
+    output: int
+
+
+def residual(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
+    """Loop-closure error at q (n,): (k,), metres and radians."""
+    return Loops(mechanism).at(mechanism.check(q))[0]
+
+
+def constraint_jacobian(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
+    """Constraint Jacobian of all loops at q (n,): (k, n), metres and radians."""
+    return Loops(mechanism).at(mechanism.check(q))[1]
+
+
+def split(mechanism: Mechanism, J: Array) -> tuple[Array, Array]:
+    """Columns of the actuated and of the passive joints of J (..., k, n)."""
+    return J[..., list(mechanism.actuated)], J[..., list(mechanism.passive)]
+
+
+def output_jacobian(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
+    """Task rows of the output frame at q (n,): (m, n), LOCAL_WORLD_ALIGNED, by all joints."""
+    return Loops(mechanism).output(mechanism.check(q))[1]
+
+
+def gauss_newton(
+    loops: Loops, q: Array, free: Mask, steps: int = 60, reach: float = np.inf
+) -> tuple[Array, float]:
+    """Close the loops by moving the ``free`` joints (mask) least: configuration and residual.
+
+    Steps are cut at half a radian (half a length scale): far from closure Newton's own
+    would jump between assembly modes.
+    """
+    q, best = q.copy(), np.inf
+    start, kept = q.copy(), q.copy()
+    for _ in range(steps):
+        error, G = loops.scaled(q)
+        size = float(np.abs(error).max())
+        if size >= best and best <= CLOSED:
+            break
+        best = size
+        kept = q.copy()
+        step = np.linalg.lstsq(G[:, free], -error, rcond=1e-11)[0]
+        longest = float(np.abs(step).max(initial=0.0))
+        if longest > 0.5:
+            step *= 0.5 / longest
+        q[free] += step * loops.column_scale[free]
+        if not np.isfinite(q).all() or np.abs(q - start).max() > reach:
+            return kept, best
+        if size <= 1e-15:
+            break
+    last = float(np.abs(loops.scaled(q)[0]).max())
+    return (q, last) if last <= best else (kept, best)
+
+
+def ranks(mechanism: Mechanism) -> Ranks:
+    """Generic ranks, from closed configurations drawn at random (seeded).
+
+    Raises
+    ------
+    PinsingError
+        If the loops close nowhere.
+    OptionError
+        If the number of actuated joints is not the mobility.
+    """
+    found = mechanism.__dict__.get("_ranks")
+    if found is None:
+        found = _ranks(mechanism)
+        mechanism.__dict__["_ranks"] = found  # follows from the frozen fields: kept with them
+    if found.mobility != len(mechanism.actuated):
+        raise OptionError(
+            f"{mechanism.name} has {found.mobility} degrees of freedom, but "
+            f"{len(mechanism.actuated)} joints are actuated ({', '.join(mechanism.inputs)}): "
+            f"name_mot must list {found.mobility}"
+        )
+    return found
+
+
+def random_closed(
+    mechanism: Mechanism,
+    count: int,
+    rng: np.random.Generator,
+    free: Mask | None = None,
+    start: Array | None = None,
+) -> list[Array]:
+    """Closed configurations that random starts lead to; joints not ``free`` stay at ``start``."""
+    loops = Loops(mechanism)
+    free = np.ones(mechanism.n, dtype=bool) if free is None else free
+    out = []
+    for _ in range(count):
+        q = mechanism.home.copy() if start is None else start.copy()
+        drawn = rng.uniform(-1, 1, mechanism.n)
+        drawn *= np.where(mechanism.prismatic, mechanism.length_scale, np.pi)
+        q[free] = drawn[free]
+        q, error = gauss_newton(loops, q, free)
+        if error <= CLOSED:
+            out.append(mechanism.fold(q))
+    return out
+
+
+def _ranks(mechanism: Mechanism) -> Ranks:
+    samples = random_closed(mechanism, _SAMPLES, np.random.default_rng(_SEED))
+    if not samples:
+        raise PinsingError(
+            f"{mechanism.name}: the loops {', '.join(str(x) for x in mechanism.loops)} close "
+            "nowhere: check the frames, the lengths and the kinds of the loops"
+        )
+    loops = Loops(mechanism)
+    rank, best = 0, samples[0]
+    for q in samples:
+        sigma = np.linalg.svd(loops.scaled(q)[1], compute_uv=False)
+        here = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
+        if here > rank:
+            rank, best = here, q
+    output = 0
+    for q in [best, *samples]:
+        G = loops.scaled(q)[1]
+        sigma = np.linalg.svd(G, compute_uv=False)
+        if int((sigma > SINGULAR_RTOL * sigma[0]).sum()) < rank or rank == mechanism.n:
+            continue
+        N = np.linalg.svd(G)[2][rank:].T
+        J = loops.output_scaled(q)
+        moved = np.linalg.svd(J @ N, compute_uv=False)
+        size = float(np.linalg.norm(J, 2))
+        output = max(output, int((moved > SINGULAR_RTOL * size).sum()))
+    if rank == mechanism.n:
+        raise PinsingError(
+            f"{mechanism.name}: the loops leave no motion ({mechanism.n} joints, "
+            f"{rank} independent constraints): check the kinds of the loops"
+        )
+    return Ranks(rank, mechanism.n - rank, output)

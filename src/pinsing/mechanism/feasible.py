@@ -1,0 +1,124 @@
+"""Where the loops close: solution curves of one input, and the ranges that they cover."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.mechanism.closure import random_closed, ranks
+from pinsing.mechanism.singular_points import turning_points
+from pinsing.mechanism.trace import Trace, trace
+from pinsing.robot.load_mechanism import Mechanism
+
+_SEED = 811
+_SAME = 1e-7
+
+
+@dataclass(frozen=True)
+class Interval:
+    """Values of one input at which the loops close, the others held.
+
+    Attributes
+    ----------
+    lower, upper : float
+        Radians or metres; a full turn runs from -pi to pi. A ``lower`` above ``upper`` does not
+        occur: a range that crosses pi ends beyond it.
+    whole : bool
+        Whether it is a full turn, without ends.
+    """
+
+    lower: float
+    upper: float
+    whole: bool = False
+
+    def __contains__(self, value: float) -> bool:
+        if self.whole:
+            return True
+        turns = np.array([-1, 0, 1]) * 2 * np.pi
+        return bool(((value + turns >= self.lower) & (value + turns <= self.upper)).any())
+
+    def __str__(self) -> str:
+        return "whole circle" if self.whole else f"[{self.lower:.6g}, {self.upper:.6g}]"
+
+
+def distinct(mechanism: Mechanism, found: Sequence[Array], tol: float = _SAME) -> list[Array]:
+    """Configurations (n,) that are not the same up to whole turns."""
+    out: list[Array] = []
+    for q in found:
+        if all(np.abs(mechanism.fold(q - other)).max() > tol for other in out):
+            out.append(q)
+    return out
+
+
+def curves(
+    mechanism: Mechanism, inputs: npt.ArrayLike, moving: int, starts: int = 24, seed: int = _SEED
+) -> tuple[Trace, ...]:
+    """Solution curves with input ``moving`` (position among the inputs) free, the others held.
+
+    Each curve is followed as a whole, over type 2 singularities and through all the assembly
+    modes that it connects.
+    """
+    ranks(mechanism)
+    inputs = mechanism.check_inputs(inputs)
+    actuated = list(mechanism.actuated)
+    start = mechanism.home.copy()
+    start[actuated] = inputs
+    free = np.isin(np.arange(mechanism.n), [*mechanism.passive, actuated[moving]])
+    rng = np.random.default_rng(seed)
+    closed = random_closed(mechanism, starts, rng, free, start)
+    return cover(mechanism, closed, moving)
+
+
+def cover(mechanism: Mechanism, closed: Sequence[Array], moving: int) -> tuple[Trace, ...]:
+    """Curves through closed configurations, each curve once."""
+    out: list[Trace] = []
+    for q in closed:
+        if not any(t.passes(mechanism, q) for t in out):
+            out.append(trace(mechanism, q, moving))
+    return tuple(out)
+
+
+def feasible(mechanism: Mechanism, inputs: npt.ArrayLike) -> dict[str, tuple[Interval, ...]]:
+    """For each input, the others held as in ``inputs`` (n_a,), the values that close the loops."""
+    inputs = mechanism.check_inputs(inputs)
+    return {
+        name: intervals(mechanism, curves(mechanism, inputs, k), k)
+        for k, name in enumerate(mechanism.inputs)
+    }
+
+
+def intervals(mechanism: Mechanism, found: Sequence[Trace], moving: int) -> tuple[Interval, ...]:
+    """Union of what curves cover of the moving input."""
+    index = mechanism.actuated[moving]
+    pieces = []
+    for t in found:
+        # The ends are type 2 singularities: between samples, so they are refined.
+        ends = [point.q[index] for point in turning_points(mechanism, t)]
+        value = t.q[:, index]
+        value = np.concatenate([value, _near(value, np.array(ends), mechanism.prismatic[index])])
+        low, high = float(value.min()), float(value.max())
+        if not mechanism.prismatic[index]:
+            if high - low >= 2 * np.pi - 1e-6:
+                return (Interval(-np.pi, np.pi, whole=True),)
+            turn = 2 * np.pi * np.floor((low + np.pi) / (2 * np.pi) + 1e-12)
+            low, high = low - turn, high - turn
+        pieces.append((low, high))
+    merged: list[list[float]] = []
+    for low, high in sorted(pieces):
+        if merged and low <= merged[-1][1] + 1e-9:
+            merged[-1][1] = max(merged[-1][1], high)
+        else:
+            merged.append([low, high])
+    return tuple(Interval(low, high) for low, high in merged)
+
+
+def _near(value: Array, ends: Array, prismatic: bool) -> Array:
+    """Ends (folded) moved by the whole turns that bring them beside the curve's own values."""
+    if prismatic or not len(ends):
+        return ends
+    nearest = value[np.argmin(np.abs(np.sin((value[:, None] - ends) / 2)), axis=0)]
+    return np.asarray(ends + 2 * np.pi * np.round((nearest - ends) / (2 * np.pi)))

@@ -1,0 +1,366 @@
+"""Singular loci of dyad-closed loops as equations in the actuated angles, by exact elimination.
+
+With u the vector B1-P of the first rod and v = B2 - B1, the loop is closed where
+
+    u.u = d1^2   and   (u - v).(u - v) = d2^2,
+
+type 2 is where B1, P, B2 are in line (u x v = 0), and leg i is at type 1 where A_i, B_i, P are
+(rod x crank = 0). In half-angle coordinates of the inputs these are polynomials over the
+rationals; resultants eliminate u. Eliminating its two components in either order and taking the
+common divisor leaves out what the order alone brings in.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation, equation
+from pinsing.algebra.ring import Poly, Ring, make_ring, rational
+from pinsing.errors import OptionError
+from pinsing.mechanism.dyad import Dyad, Side, planar_dyad
+from pinsing.mechanism.loci_roots import roots
+from pinsing.mechanism.singular_points import SingularPoint, refine
+from pinsing.robot.load_mechanism import Mechanism
+from pinsing.serialization import JsonResult
+
+_EXACT = 1e-12
+_DENOMINATOR = 10**9
+_WITNESS_SEED = 6151
+
+
+@dataclass(frozen=True, eq=False)
+class Locus:
+    """One irreducible singular locus, as an equation in the inputs.
+
+    Attributes
+    ----------
+    kind : str
+        ``type 1`` or ``type 2``.
+    words : str
+        What is in line with what.
+    equation : Equation
+        Zero on the locus; joints are the inputs. Its value is in square metres: the squared
+        distance that must equal a squared reach, minus that.
+    points_only : bool
+        Whether its real points are isolated (two cranks ends that coincide).
+    witness : SingularPoint or None
+        A verified configuration on it; None where no feasible one was found.
+    """
+
+    kind: str
+    words: str
+    equation: Equation
+    points_only: bool
+    witness: SingularPoint | None
+
+    def __str__(self) -> str:
+        found = "" if self.witness else " [no feasible configuration found]"
+        points = " [isolated points]" if self.points_only else ""
+        return f"{self.kind}, {self.words}: {self.equation}{points}{found}"
+
+
+@dataclass(frozen=True, eq=False)
+class LoopForms(JsonResult):
+    """All singular loci of a mechanism over its inputs.
+
+    Attributes
+    ----------
+    loci : tuple of Locus
+        Irreducible over the rationals.
+    complete : bool
+        Whether every closed singular configuration has its inputs on one of them.
+    notes : tuple of str
+        What was assumed or left out.
+    """
+
+    schema: ClassVar[str] = "pinsing/loop-forms/1"
+
+    loci: tuple[Locus, ...]
+    complete: bool
+    notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return "\n".join([*(str(x) for x in self.loci), *self.notes])
+
+
+def loop_forms(mechanism: Mechanism) -> LoopForms | None:
+    """Closed forms of the singular loci; None where no planar dyad closes the mechanism."""
+    dyad = planar_dyad(mechanism)
+    if dyad is None:
+        return None
+    system = _System(dyad)
+    notes = list(system.notes)
+    conditions: list[tuple[str, int | None, Poly]] = [("type 2", None, system.between())]
+    legs = _type1_legs(dyad)
+    if legs is None:
+        notes.append(
+            f"type 1 loci are left out: the output {mechanism.output} ({mechanism.task}) is "
+            "neither the pin's position nor the link that the dyad drives"
+        )
+    conditions += [("type 1", i, system.leg(i)) for i in legs or ()]
+    loci = [
+        locus
+        for kind, leg, condition in conditions
+        for locus in _loci(system, kind, leg, condition)
+    ]
+    return LoopForms(tuple(loci), legs is not None, tuple(notes))
+
+
+class _System:
+    """The loop equations of a dyad over the rationals."""
+
+    def __init__(self, dyad: Dyad) -> None:
+        self.dyad = dyad
+        self.notes: list[str] = []
+        actuated = dyad.mechanism.actuated
+        cranks = [actuated.index(s.crank) for s in dyad.sides if s.crank is not None]
+        if sorted(cranks) != list(range(len(actuated))):
+            raise OptionError("every input must turn a crank of the loop")
+        self.names = dyad.mechanism.inputs
+        self.ring: Ring = make_ring([False] * len(actuated) + [True, True])
+        gens = self.ring.context.gens()
+        self.u = (gens[-2], gens[-1])
+        self.variables = (f"z{len(actuated) + 1}", f"z{len(actuated) + 2}")
+        self.offset = np.zeros(len(actuated) + 2)
+        # Directions of the cranks times w; a fixed pivot has length zero and w = 1.
+        self.w: list[Poly] = []
+        self.direction: list[tuple[Poly, Poly]] = []
+        for side in dyad.sides:
+            self._crank(side)
+        first, second = dyad.sides
+        W = self.w[0] * self.w[1]
+        ends = []
+        for k, side in enumerate((first, second)):
+            other = self.w[1 - k]
+            length = self._exact(side.crank_length, "crank")
+            ends.append(
+                tuple(
+                    self._exact(float(side.pivot[i]), "pivot") * W
+                    + length * self.direction[k][i] * other
+                    for i in (0, 1)
+                )
+            )
+        self.W = W
+        self.v = tuple(b - a for a, b in zip(*ends, strict=True))
+        d1, d2 = self._exact(first.rod_length, "rod"), self._exact(second.rod_length, "rod")
+        u, v = self.u, self.v
+        self.circle = u[0] ** 2 + u[1] ** 2 - d1 * d1
+        # The second circle minus the first: linear in u.
+        self.chord = (
+            v[0] ** 2 + v[1] ** 2 - 2 * W * (u[0] * v[0] + u[1] * v[1]) + (d1 * d1 - d2 * d2) * W**2
+        )
+
+    def _crank(self, side: Side) -> None:
+        one, zero = self.ring.one, self.ring.zero
+        if side.crank is None:
+            self.w.append(one)
+            self.direction.append((zero, zero))
+            return
+        j = self.dyad.mechanism.actuated.index(side.crank)
+        gens = self.ring.context.gens()
+        x, y = (gens[k] for k in self.ring.variables(j))
+        self.w.append(x**2 + y**2)
+        # angle = sign q + crank_angle = sign (q + offset)
+        self.offset[j] = side.crank_sign * side.crank_angle
+        self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
+
+    def _exact(self, value: float, what: str) -> Any:
+        near = Fraction(value).limit_denominator(_DENOMINATOR)
+        if abs(float(near) - value) > _EXACT * max(1.0, abs(value)):
+            self.notes.append(
+                f"a {what} of {value!r} m was taken as {near} (off by {float(near) - value:.1e})"
+            )
+        return rational(near)
+
+    def between(self) -> Poly:
+        """B1, P, B2 in line."""
+        return self.u[0] * self.v[1] - self.u[1] * self.v[0]
+
+    def leg(self, side: int) -> Poly:
+        """A, B, P of a leg in line."""
+        c, s = self.direction[side]
+        if side == 0:
+            return self.u[0] * s - self.u[1] * c
+        return (self.W * self.u[0] - self.v[0]) * s - (self.W * self.u[1] - self.v[1]) * c
+
+    def eliminate(self, condition: Poly) -> Poly:
+        """What the inputs must fulfil: the rod's vector eliminated in either order."""
+        out = self.ring.zero
+        for first, last in (self.variables, self.variables[::-1]):
+            line = self.chord.resultant(condition, first)
+            square = self.circle.resultant(condition, first)
+            out = out.gcd(line.resultant(square, last))
+        return out
+
+    def equation(self, factor: Poly) -> Equation:
+        n = len(self.names)
+        names = (*self.names, "ux", "uy")
+        full = equation(factor, self.ring, names, self.offset)
+        return Equation(
+            self.names,
+            full.frequencies[:, :n],
+            full.powers[:, :n],
+            full.cos,
+            full.sin,
+            full.shift[:n],
+        )
+
+
+def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
+    """Legs whose stretching loses an output direction; None if the output is another one."""
+    mechanism = dyad.mechanism
+    cranked = tuple(i for i, side in enumerate(dyad.sides) if side.crank is not None)
+    frames = {f.name: f for f in mechanism.model.frames}
+    loop = mechanism.loops[0]
+    output = frames[mechanism.output]
+    if len(cranked) == 2:
+        pins = [frames[loop.frame_a], frames[loop.frame_b]]
+        at_pin = any(
+            output.parentJoint == p.parentJoint
+            and np.allclose(output.placement.translation, p.placement.translation, atol=1e-12)
+            for p in pins
+        )
+        flat = abs(dyad.basis[0, 0]) == 1 and set(mechanism.task.rows) == {0, 1}
+        return cranked if at_pin and flat else None
+    driven = dyad.sides[1 - cranked[0]]
+    return cranked if int(output.parentJoint) - 1 == driven.pin else None
+
+
+def _loci(system: _System, kind: str, leg: int | None, condition: Poly) -> list[Locus]:
+    ring = system.ring
+    eliminated = ring.strip(system.eliminate(condition))
+    coincide = system.v[0] ** 2 + system.v[1] ** 2
+    out = []
+    for factor in ring.factors(eliminated):
+        form = system.equation(factor)
+        _, remainder = divmod(coincide, factor)
+        points_only = kind == "type 2" and remainder == 0
+        witness = _witness(system.dyad, kind, leg, form, points_only)
+        words = _words(system.dyad, kind, leg, witness, points_only)
+        if witness is not None or _has_real_points(form):
+            metric = _metric(system.dyad, form, leg, words)
+            out.append(Locus(kind, words, metric, points_only, witness))
+    return out
+
+
+def _metric(dyad: Dyad, form: Equation, leg: int | None, words: str) -> Equation:
+    """The equation in square metres: a squared distance minus a squared reach, up to sign.
+
+    Type 2: |B1 B2|^2 - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The
+    cosine rule gives the coefficient of the highest frequency, and with it the scale.
+    """
+    reach = [side.crank_length for side in dyad.sides]
+    if leg is not None:
+        reach[leg] += dyad.sides[leg].rod_length * (-1 if words.endswith("folded") else 1)
+    if len(form.joints) == 1:
+        reach[reach.index(0.0)] = float(np.linalg.norm(dyad.sides[1].pivot - dyad.sides[0].pivot))
+    top = np.abs(form.frequencies).sum(axis=1)
+    size = float(np.hypot(form.cos, form.sin)[int(np.argmax(top))])
+    target = 2 * abs(reach[0] * reach[1])
+    return form.scaled(target / size) if target > 1e-12 else form
+
+
+def _candidates(dyad: Dyad, form: Equation, points_only: bool) -> list[Array]:
+    """Inputs on a locus."""
+    n = len(dyad.mechanism.inputs)
+    if points_only:
+        return _coincident(dyad)
+    rng = np.random.default_rng(_WITNESS_SEED)
+    out = []
+    for base in rng.uniform(-np.pi, np.pi, (60 if n > 1 else 1, n)):
+        for free in range(n):
+            for value in roots(form, base, free):
+                q = base.copy()
+                q[free] = value
+                out.append(q)
+    return out
+
+
+def _has_real_points(form: Equation) -> bool:
+    rng = np.random.default_rng(_WITNESS_SEED)
+    n = len(form.joints)
+    return any(
+        len(roots(form, base, free))
+        for base in rng.uniform(-np.pi, np.pi, (60, n))
+        for free in range(n)
+    )
+
+
+def _coincident(dyad: Dyad) -> list[Array]:
+    """Inputs at which the ends of the two cranks meet."""
+    first, second = dyad.sides
+    gap = second.pivot - first.pivot
+    far = float(np.linalg.norm(gap))
+    l1, l2 = first.crank_length, second.crank_length
+    if far == 0 or not abs(l1 - l2) <= far <= l1 + l2:
+        return []
+    bend = float(np.arccos((far**2 + l1**2 - l2**2) / (2 * far * l1)))
+    out = []
+    for turn in (bend, -bend):
+        q = np.zeros(len(dyad.mechanism.inputs))
+        angle = float(np.arctan2(gap[1], gap[0])) + turn
+        meet = first.pivot + l1 * np.array([np.cos(angle), np.sin(angle)])
+        for side in dyad.sides:
+            if side.crank is not None:
+                reach = meet - side.pivot
+                direction = float(np.arctan2(reach[1], reach[0])) - side.crank_angle
+                q[dyad.mechanism.actuated.index(side.crank)] = side.crank_sign * direction
+        out.append(q)
+    return out
+
+
+def _witness(
+    dyad: Dyad, kind: str, leg: int | None, form: Equation, points_only: bool
+) -> SingularPoint | None:
+    mechanism = dyad.mechanism
+    for inputs in _candidates(dyad, form, points_only):
+        for q in dyad.close(inputs) or _touching(dyad, inputs):
+            if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
+                continue
+            held = [] if points_only else list(mechanism.actuated[:-1])
+            point = refine(mechanism, q, kind, held)
+            if point.converged and np.abs(mechanism.fold(point.q - q)).max() < 1e-3:
+                return point
+    return None
+
+
+def _touching(dyad: Dyad, inputs: Array) -> tuple[Array, ...]:
+    """The one configuration where the circles of the rods touch, for inputs off by rounding."""
+    first, second = dyad.ends(inputs)
+    gap = float(np.linalg.norm(second - first))
+    d1, d2 = dyad.sides[0].rod_length, dyad.sides[1].rod_length
+    if min(abs(gap - d1 - d2), abs(gap - abs(d1 - d2))) > 1e-9 or gap == 0:
+        return ()
+    along = (gap**2 + d1**2 - d2**2) / (2 * gap)
+    P = first + np.sign(along) * d1 * (second - first) / gap
+    return (dyad.at_pin(inputs, P),)
+
+
+def _words(
+    dyad: Dyad, kind: str, leg: int | None, witness: SingularPoint | None, points_only: bool
+) -> str:
+    if points_only:
+        return "B1 and B2 coincide and P turns about them"
+    one, two = _points(dyad)
+    if leg is None:
+        if witness is None:
+            return f"{one}, P, {two} in line"
+        a, b = (dyad.link_directions(witness.q, k)[1] for k in (0, 1))
+        return f"{one}, P, {two} in line, " + ("stretched" if a @ b < 0 else "folded")
+    name = f"A{leg + 1}, B{leg + 1}, P in line"
+    if witness is None:
+        return name
+    crank, rod = dyad.link_directions(witness.q, leg)
+    return f"{name}, " + ("stretched" if crank @ rod > 0 else "folded")
+
+
+def _points(dyad: Dyad) -> Sequence[str]:
+    return tuple(
+        f"{'B' if side.crank is not None else 'A'}{k}" for k, side in enumerate(dyad.sides, 1)
+    )

@@ -1,0 +1,153 @@
+"""Assembly and working modes: the discrete choices between which a mechanism is locked.
+
+The *assembly mode* changes at type 2 singularities: the sign of the determinant of the passive
+columns of the constraints, counted from the home configuration. The *working mode* changes at
+type 1 singularities: for each actuated joint that a passive one follows, to which side that elbow
+is bent.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing._types import Array
+from pinsing.mechanism.closure import CLOSED, Loops, Mask, gauss_newton, random_closed, ranks
+from pinsing.robot.load_mechanism import Mechanism
+
+STRAIGHT = 1e-9
+"""Sine of an elbow angle up to which it counts as straight."""
+
+_SEED = 947
+
+
+@dataclass(frozen=True)
+class Elbow:
+    """An actuated joint, the passive one after it, and what follows that.
+
+    Attributes
+    ----------
+    crank, elbow : int
+        Indices of the two joints in the model.
+    end_joint : int
+        Joint of the model whose placement ``end`` is given in.
+    end : tuple of float
+        Where the distal link leads to: the next joint, or the frame that closes the loop.
+    """
+
+    crank: int
+    elbow: int
+    end_joint: int
+    end: tuple[float, float, float]
+
+
+def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
+    """Elbows of a mechanism, in the order of its inputs."""
+    model = mechanism.model
+    parents = [int(p) for p in model.parents]
+    out = []
+    for a in mechanism.actuated:
+        crank = a + 1
+        after = [j for j in range(1, model.njoints) if parents[j] == crank]
+        if mechanism.prismatic[a] or len(after) != 1 or after[0] - 1 in mechanism.actuated:
+            continue
+        elbow = after[0]
+        beyond = [j for j in range(1, model.njoints) if parents[j] == elbow]
+        if beyond:
+            end = model.jointPlacements[beyond[0]].translation
+        else:
+            names = {f.name: f for f in model.frames}
+            closing = [names[n] for x in mechanism.loops for n in (x.frame_a, x.frame_b)]
+            here = [f for f in closing if f.parentJoint == elbow]
+            if not here:
+                continue
+            end = here[0].placement.translation
+        x, y, z = (float(v) for v in end)
+        out.append(Elbow(crank, elbow, elbow, (x, y, z)))
+    return tuple(out)
+
+
+def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
+    """Sine of each elbow angle at q (n,): positive to the left about the crank's axis."""
+    model = mechanism.model
+    data = model.createData()
+    pin.computeJointJacobians(model, data, mechanism.model_q(q))
+    out = []
+    for e in elbows(mechanism):
+        a, b = data.oMi[e.crank].translation, data.oMi[e.elbow].translation
+        first = b - a
+        second = data.oMi[e.end_joint].act(np.array(e.end)) - b
+        axis = np.array(data.J)[3:, model.joints[e.crank].idx_v]
+        lengths = float(np.linalg.norm(first) * np.linalg.norm(second))
+        out.append(float(np.cross(first, second) @ axis) / lengths if lengths > 0 else 0.0)
+    return np.array(out)
+
+
+def passive_determinant(mechanism: Mechanism, q: npt.ArrayLike) -> float | None:
+    """Determinant of the passive constraint columns, positive at home; None if it has no sign.
+
+    It has one where as many closure equations as passive joints do not vanish identically
+    (planar loops); elsewhere the rows that count change with the configuration.
+    """
+    rows, sign = _rows(mechanism)
+    if rows is None:
+        return None
+    G = Loops(mechanism).scaled(mechanism.check(q))[1]
+    return sign * float(np.linalg.det(G[np.ix_(rows, list(mechanism.passive))]))
+
+
+def assembly_sign(mechanism: Mechanism, q: npt.ArrayLike) -> str:
+    """``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign."""
+    value = passive_determinant(mechanism, q)
+    if value is None:
+        return "?"
+    return "0" if abs(value) <= STRAIGHT else "+" if value > 0 else "-"
+
+
+def mode_of(mechanism: Mechanism, q: npt.ArrayLike) -> str:
+    """Name of the mode at a closed configuration: ``assembly +, elbows -+``."""
+    signs = "".join(
+        "0" if abs(s) <= STRAIGHT else "+" if s > 0 else "-" for s in elbow_sines(mechanism, q)
+    )
+    assembly = f"assembly {assembly_sign(mechanism, q)}"
+    return f"{assembly}, elbows {signs}" if signs else assembly
+
+
+def home(mechanism: Mechanism) -> Array:
+    """The home configuration with its loops closed; a random one where home leads nowhere."""
+    found = mechanism.__dict__.get("_home")
+    if found is None:
+        loops = Loops(mechanism)
+        # The inputs stay as given if they can.
+        passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+        masks: tuple[Mask, Mask] = (passive, np.ones(mechanism.n, dtype=bool))
+        for free in masks:
+            found, error = gauss_newton(loops, mechanism.home.copy(), free)
+            if error <= CLOSED:
+                break
+        else:
+            found = random_closed(mechanism, 30, np.random.default_rng(_SEED))[0]
+        found = mechanism.fold(found)
+        found.setflags(write=False)
+        mechanism.__dict__["_home"] = found
+    return np.array(found)
+
+
+def _rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
+    found: tuple[list[int] | None, float] | None = mechanism.__dict__.get("_assembly_rows")
+    if found is None:
+        loops = Loops(mechanism)
+        rank = ranks(mechanism).constraint
+        samples = random_closed(mechanism, 6, np.random.default_rng(_SEED))
+        stack = np.stack([loops.scaled(q)[1] for q in [home(mechanism), *samples]])
+        rows = [int(i) for i in np.flatnonzero(np.abs(stack).max(axis=(0, 2)) > 1e-9)]
+        if len(rows) != rank or rank != len(mechanism.passive):
+            found = (None, 0.0)
+        else:
+            at_home = float(np.linalg.det(stack[0][np.ix_(rows, list(mechanism.passive))]))
+            found = (rows, 1.0 if at_home >= 0 else -1.0)
+        mechanism.__dict__["_assembly_rows"] = found
+    return found

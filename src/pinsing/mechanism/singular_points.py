@@ -1,0 +1,293 @@
+"""Singular points of a mechanism: minima along curves, refined to numerical exactness.
+
+The measures have a kink at zero, so what is refined is a smooth system: the loops closed, all
+inputs but one held, and a velocity z of unit length with
+
+    type 1:      G z = 0, J z = 0     (a motion that leaves the output at rest)
+    type 2:      G z = 0, S z = 0     (a motion that leaves the actuators at rest)
+    constraint:  G Z = 0, Z' Z = 1    (one motion more than the mobility)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.mechanism.closure import Loops, ranks
+from pinsing.mechanism.modes import mode_of
+from pinsing.mechanism.motion import _motions
+from pinsing.mechanism.trace import STEP, Trace
+from pinsing.robot.load_mechanism import Mechanism
+from pinsing.serialization import JsonResult
+
+KINDS = ("type 1", "type 2", "constraint")
+_WORTH = 0.3
+_STEPS = 40
+_SAME = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class SingularPoint(JsonResult):
+    """A singular configuration of a mechanism.
+
+    Attributes
+    ----------
+    kind : str
+        ``type 1``, ``type 2``, ``type 3`` (both) or ``constraint``.
+    q : (n,) array
+        All joints, radians and metres.
+    inputs : (n_a,) array
+        The actuated ones.
+    moving : str
+        Input along which it was found; empty if none was singled out.
+    mode : str
+        Mode there: ``0`` for a sign that changes.
+    position : (3,) array
+        Origin of the output frame, metres.
+    ratio : float
+        Measure that vanishes.
+    closure : float
+        Loop-closure error, over the length scale.
+    converged : bool
+        Whether both are zero to tolerance.
+    range_end : bool
+        Whether the moving input turns back here: an end of its feasible range.
+    direction : (m,) array
+        Type 1: output direction lost; type 2: output velocity with the actuators held; unit
+        length, zero where nothing moves. Lengths over the length scale.
+    """
+
+    schema: ClassVar[str] = "pinsing/mechanism-singular-point/1"
+
+    kind: str
+    q: Array
+    inputs: Array
+    moving: str
+    mode: str
+    position: Array
+    ratio: float
+    closure: float
+    converged: bool
+    range_end: bool
+    direction: Array
+
+    def __str__(self) -> str:
+        end = ", an end of its feasible range" if self.range_end else ""
+        along = f" (along {self.moving}{end})" if self.moving else ""
+        values = ", ".join(f"{x:.9g}" for x in self.inputs)
+        return f"{self.kind} at inputs ({values}){along}; {self.mode}; measure {self.ratio:.1e}"
+
+
+def refine(
+    mechanism: Mechanism,
+    q: npt.ArrayLike,
+    kind: str,
+    held: Sequence[int] = (),
+    rtol: float = SINGULAR_RTOL,
+) -> SingularPoint:
+    """Singular point of a kind near q (n,), the joints ``held`` (indices) kept at their values.
+
+    With one joint fewer held than the mobility the point is isolated; with fewer held, the
+    nearest one of a continuum is taken.
+    """
+    q = mechanism.check(q)
+    loops = Loops(mechanism)
+    found = _solve(_System(loops, q, kind, list(held)), q) * loops.column_scale
+    return _point(loops, found, kind, held, rtol)
+
+
+def find_singular(
+    mechanism: Mechanism, traces: Sequence[Trace], rtol: float = SINGULAR_RTOL
+) -> tuple[SingularPoint, ...]:
+    """All singular points along curves, refined; each once, in the order of inputs."""
+    found: list[SingularPoint] = []
+    for t in traces:
+        index = mechanism.actuated[t.moving]
+        held = [j for j in mechanism.actuated if j != index]
+        for kind, k in _candidates(t, index):
+            point = refine(mechanism, t.q[k], kind, held, rtol)
+            away = np.abs(mechanism.fold(point.q - t.q[k])).max()
+            if point.converged and away <= 6 * STEP:
+                _add(mechanism, found, point)
+    return tuple(sorted(found, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
+
+
+def turning_points(mechanism: Mechanism, t: Trace) -> tuple[SingularPoint, ...]:
+    """Where the moving input turns back along a curve: type 2, the ends of its range."""
+    index = mechanism.actuated[t.moving]
+    held = [j for j in mechanism.actuated if j != index]
+    found: list[SingularPoint] = []
+    for k in _turns(t, index):
+        point = refine(mechanism, t.q[k], "type 2", held)
+        if point.converged and np.abs(mechanism.fold(point.q - t.q[k])).max() <= 6 * STEP:
+            _add(mechanism, found, point)
+    return tuple(found)
+
+
+def _add(mechanism: Mechanism, found: list[SingularPoint], point: SingularPoint) -> None:
+    for i, other in enumerate(found):
+        if np.abs(mechanism.fold(point.q - other.q)).max() <= _SAME:
+            # Found as type 1 and as type 2: what both say together is the kind.
+            if point.range_end and not other.range_end and point.kind == other.kind:
+                found[i] = point
+            return
+    found.append(point)
+
+
+def _turns(t: Trace, index: int) -> list[int]:
+    slope = t.direction[:, index]
+    return [k for k in range(1, len(slope)) if slope[k - 1] * slope[k] <= 0]
+
+
+def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
+    out = [("type 2", k) for k in _turns(t, index)]
+    measures = (t.output_ratio, t.input_ratio, t.constraint_ratio)
+    for kind, ratio in zip(KINDS, measures, strict=True):
+        if len(ratio) < 3:
+            continue
+        # The last point of a closed curve is its first again.
+        left = np.roll(ratio, 1) if not t.closed else np.concatenate([ratio[-2:-1], ratio[:-1]])
+        right = np.roll(ratio, -1) if not t.closed else np.concatenate([ratio[1:], ratio[1:2]])
+        if not t.closed:
+            left[0] = right[-1] = np.inf
+        low = (ratio <= left) & (ratio <= right) & (ratio < _WORTH)
+        if low.all():
+            continue
+        out += [(kind, int(k)) for k in np.flatnonzero(low)]
+    # At a constraint singularity the others are met as well, and less exactly: it goes first.
+    return sorted(out, key=lambda c: c[0] != "constraint")
+
+
+class _System:
+    """The smooth system of (q, Z) that a kind of singularity solves, without units."""
+
+    def __init__(self, loops: Loops, q: Array, kind: str, held: list[int]) -> None:
+        mechanism = loops.mechanism
+        self.loops, self.kind, self.held = loops, kind, held
+        self.n = mechanism.n
+        self.anchor = (q / loops.column_scale)[held]
+        self.extra = 1 if kind != "constraint" else ranks(mechanism).mobility + 1
+        self._upper = np.triu_indices(self.extra)
+        self._actuated = np.eye(self.n)[list(mechanism.actuated)]
+
+    def matrix(self, x: Array) -> tuple[Array, Array, Array]:
+        """Closure error, constraint Jacobian, and the matrix whose null space is asked for."""
+        q = x * self.loops.column_scale
+        error, G = self.loops.scaled(q)
+        if self.kind == "type 1":
+            return error, G, np.vstack([G, self.loops.output_scaled(q)])
+        if self.kind == "type 2":
+            return error, G, np.vstack([G, self._actuated])
+        return error, G, G
+
+    def start(self, q: Array) -> tuple[Array, Array]:
+        x = q / self.loops.column_scale
+        return x, np.linalg.svd(self.matrix(x)[2])[2][-self.extra :].T
+
+    def residual(self, x: Array, Z: Array) -> Array:
+        error, _, M = self.matrix(x)
+        unit = (Z.T @ Z - np.eye(self.extra))[self._upper]
+        return np.concatenate([error, (M @ Z).ravel(), unit, x[self.held] - self.anchor])
+
+    def jacobian(self, x: Array, Z: Array) -> Array:
+        """Exact but for the derivative of the Jacobians, which is a central difference."""
+        n, d, step = self.n, self.extra, 1e-5
+        error, G, M = self.matrix(x)
+        k, rows = len(error), M.shape[0] * d
+        J = np.zeros((k + rows + len(self._upper[0]) + len(self.held), n + n * d))
+        J[:k, :n] = G
+        for j, e in enumerate(np.eye(n)):
+            change = self.matrix(x + step * e)[2] - self.matrix(x - step * e)[2]
+            J[k : k + rows, j] = (change @ Z).ravel() / (2 * step)
+        J[k : k + rows, n:] = np.kron(M, np.eye(d))
+        for r, (a, b) in enumerate(zip(*self._upper, strict=True)):
+            row = np.zeros((n, d))
+            row[:, a] += Z[:, b]
+            row[:, b] += Z[:, a]
+            J[k + rows + r, n:] = row.ravel()
+        J[J.shape[0] - len(self.held) :, self.held] = np.eye(len(self.held))
+        return J
+
+
+def _solve(system: _System, q: Array) -> Array:
+    """Damped Newton steps of least length: the system may have dependent or spare equations."""
+    x, Z = system.start(q)
+    value = system.residual(x, Z)
+    size, stalled = float(np.linalg.norm(value)), 0
+    for _ in range(_STEPS):
+        if size <= 1e-15 or stalled == 2:
+            break
+        step = np.linalg.lstsq(system.jacobian(x, Z), -value, rcond=1e-9)[0]
+        factor = min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
+        for _ in range(6):
+            x_new = x + factor * step[: system.n]
+            Z_new = Z + factor * step[system.n :].reshape(Z.shape)
+            value_new = system.residual(x_new, Z_new)
+            size_new = float(np.linalg.norm(value_new))
+            if size_new < size:
+                break
+            factor /= 3
+        else:
+            break
+        # A minimum that is not zero is approached slowly: it is no singularity.
+        stalled = stalled + 1 if size_new > 0.9 * size else 0
+        x, Z, value, size = x_new, Z_new, value_new, size_new
+    return x
+
+
+def _point(loops: Loops, q: Array, kind: str, held: Sequence[int], rtol: float) -> SingularPoint:
+    mechanism = loops.mechanism
+    q = mechanism.fold(q)
+    closure = float(np.abs(loops.scaled(q)[0]).max())
+    found = _motions(loops, q, rtol)
+    ratio = {
+        "type 1": found.output_ratio,
+        "type 2": found.input_ratio,
+        "constraint": found.constraint_ratio,
+    }[kind]
+    converged = closure <= rtol and ratio <= rtol
+    free = [j for j in mechanism.actuated if j not in held]
+    direction = np.zeros(found.outputs.shape[0])
+    if kind == "type 1":
+        direction = np.linalg.svd(found.outputs)[0][:, ranks(mechanism).output - 1]
+    elif kind == "type 2":
+        moved = found.outputs @ np.linalg.svd(found.inputs)[2][-1]
+        size = float(np.linalg.norm(moved))
+        direction = moved / size if size > rtol else direction
+    alone = len(free) == 1
+    return SingularPoint(
+        kind=found.kind(rtol) if converged else kind,
+        q=q,
+        inputs=q[list(mechanism.actuated)],
+        moving=mechanism.joints[free[0]] if alone else "",
+        mode=mode_of(mechanism, q),
+        position=np.array(loops.output(q)[0].translation),
+        ratio=ratio,
+        closure=closure,
+        converged=converged,
+        range_end=alone and kind == "type 2" and _turns_back(loops, q, free[0], held),
+        direction=direction,
+    )
+
+
+def _turns_back(loops: Loops, q: Array, index: int, held: Sequence[int]) -> bool:
+    """Whether the input has an extremum on its curve: steps to both sides move it the same way."""
+    G = loops.scaled(q)[1]
+    rows = np.vstack([G, np.eye(loops.mechanism.n)[list(held)]])
+    t = np.linalg.svd(rows)[2][-1]
+    sides = []
+    for sign in (1, -1):
+        x = q + sign * 1e-3 * t * loops.column_scale
+        for _ in range(6):
+            error, G = loops.scaled(x)
+            rows = np.vstack([G, np.eye(loops.mechanism.n)[list(held)], t])
+            target = np.concatenate([-error, np.zeros(len(rows) - len(error))])
+            x = x + np.linalg.lstsq(rows, target, rcond=1e-11)[0] * loops.column_scale
+        sides.append(float(x[index] - q[index]))
+    return sides[0] * sides[1] > 0

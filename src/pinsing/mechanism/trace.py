@@ -1,0 +1,187 @@
+"""Curves of closed configurations with one input free: pseudo-arclength continuation.
+
+A curve is followed in the space of all joints, so that it runs through type 2 singularities,
+where the moving input turns back and another assembly mode begins. The ends of the feasible
+range of an input are therefore points of the curve like any other.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.errors import PinsingError
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.mechanism.closure import CLOSED, Loops, ranks
+from pinsing.mechanism.motion import Motions, _motions
+from pinsing.robot.load_mechanism import Mechanism
+
+STEP = 0.04
+"""Largest step along a curve, radians (or length scales)."""
+
+_MOST = 4000
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """One curve of closed configurations.
+
+    Attributes
+    ----------
+    moving : int
+        Position, among the inputs, of the one that moves.
+    q : (N, n) array
+        Configurations in order, not folded; type 2 ends of the moving input are among them.
+    direction : (N, n) array
+        Unit tangents, lengths over the length scale.
+    constraint_ratio, input_ratio, output_ratio : (N,) arrays
+        Measures of the constraint, type 2 and type 1 singularities.
+    closed : bool
+        Whether the curve came back to its start.
+    """
+
+    moving: int
+    q: Array
+    direction: Array
+    constraint_ratio: Array
+    input_ratio: Array
+    output_ratio: Array
+    closed: bool
+
+    def passes(self, mechanism: Mechanism, q: Array, tol: float = STEP) -> bool:
+        """Whether the curve runs through q (n,), whole turns aside."""
+        units = np.where(mechanism.prismatic, mechanism.length_scale, 1.0)
+        away = mechanism.fold(q - self.q) / units
+        k = int(np.argmin(np.abs(away).max(axis=1)))
+        # Off the curve by its curvature only, along it by up to a step.
+        along = away[k] @ self.direction[k]
+        across = away[k] - along * self.direction[k]
+        return bool(abs(along) <= tol and np.abs(across).max() <= tol / 4)
+
+
+def trace(mechanism: Mechanism, start: Array, moving: int, step: float = STEP) -> Trace:
+    """Follow the curve through a closed configuration ``start`` (n,), one input moving.
+
+    The curve ends where it closes, or at a limit of the moving input (continuous joints and
+    those of a full turn have none); then it is followed to the other side as well.
+
+    Raises
+    ------
+    PinsingError
+        If the loops do not close at ``start``, or the curve has no end.
+    """
+    path = _Curve(mechanism, moving, step)
+    try:
+        q = path.correct(start)
+    except _LostError:
+        raise PinsingError(
+            f"{mechanism.name}: no curve begins here: the loops do not close at the start"
+        ) from None
+    ahead, closed = path.run(q, None)
+    points = ahead
+    if not closed:
+        behind, _ = path.run(q, -ahead[0][1])
+        points = [(p, -t) for p, t in reversed(behind[1:])] + ahead
+    Q = np.array([p for p, _ in points])
+    measured = [path.measure(p) for p in Q]
+    return Trace(
+        moving=moving,
+        q=Q,
+        direction=np.array([t for _, t in points]),
+        constraint_ratio=np.array([m.constraint_ratio for m in measured]),
+        input_ratio=np.array([m.input_ratio for m in measured]),
+        output_ratio=np.array([m.output_ratio for m in measured]),
+        closed=closed,
+    )
+
+
+class _Curve:
+    def __init__(self, mechanism: Mechanism, moving: int, step: float) -> None:
+        self.mechanism, self.step = mechanism, step
+        self.loops = Loops(mechanism)
+        self.rank = ranks(mechanism).constraint
+        self.index = mechanism.actuated[moving]
+        held = [j for k, j in enumerate(mechanism.actuated) if k != moving]
+        self.held = np.eye(mechanism.n)[held]
+        self.units = self.loops.column_scale
+        turns = not mechanism.prismatic[self.index]
+        low, high = float(mechanism.lower[self.index]), float(mechanism.upper[self.index])
+        bounded = not (turns and high - low >= 2 * np.pi - 1e-9)
+        self.low, self.high = (low, high) if bounded else (-np.inf, np.inf)
+
+    def tangent(self, q: Array, along: Array | None) -> Array:
+        G = self.loops.scaled(q)[1]
+        t = np.linalg.svd(np.vstack([G, self.held]))[2][-1]
+        if along is None:
+            return np.asarray(t if t[self.index] >= 0 else -t)
+        return np.asarray(t if t @ along >= 0 else -t)
+
+    def correct(self, guess: Array, along: Array | None = None) -> Array:
+        """Nearest closed configuration with the same held inputs, across the tangent."""
+        q = guess.copy()
+        best = np.inf
+        for _ in range(20):
+            error, G = self.loops.scaled(q)
+            size = float(np.abs(error).max())
+            if size <= 1e-14 or (size <= CLOSED and size >= best):
+                return q
+            best = size
+            rows = np.vstack([G, self.held] if along is None else [G, self.held, along])
+            target = np.concatenate([-error, np.zeros(len(rows) - len(error))])
+            q = q + np.linalg.lstsq(rows, target, rcond=1e-11)[0] * self.units
+            if not np.isfinite(q).all() or np.abs(q - guess).max() > 1.0:
+                break
+        if float(np.abs(self.loops.scaled(q)[0]).max()) <= CLOSED:
+            return q
+        raise _LostError
+
+    def run(self, start: Array, along: Array | None) -> tuple[list[tuple[Array, Array]], bool]:
+        """Points and tangents from ``start`` on, and whether the curve came back to it."""
+        q, t = start, self.tangent(start, along)
+        out = [(q, t)]
+        step, travelled = self.step, 0.0
+        while len(out) < _MOST:
+            try:
+                new = self.correct(q + step * t * self.units, t)
+                turn = self.tangent(new, t)
+            except _LostError:
+                turn = -t
+            # The next tangent must be close: a sharp bend wants smaller steps.
+            if turn @ t < 0.98 and step > 1e-4:
+                step /= 2
+                continue
+            if turn @ t < 0.5:
+                return out, False
+            travelled += step
+            if travelled > 2 * self.step and self._back(start, out[0][1], q, t, step):
+                out.append((self._same_turns(start, new), out[0][1]))
+                return out, True
+            if not self.low <= new[self.index] <= self.high:
+                return out, False
+            q, t = new, turn
+            out.append((q, t))
+            step = min(self.step, 1.5 * step)
+        raise PinsingError(
+            f"{self.mechanism.name}: a curve of closed configurations is still open after "
+            f"{_MOST} steps: use a larger step"
+        )
+
+    def _back(self, start: Array, first: Array, q: Array, t: Array, step: float) -> bool:
+        """Whether the step from q leads over the start, in the same direction."""
+        gap = self.mechanism.fold(start - q) / self.units
+        along = float(gap @ t)
+        across = float(np.abs(gap - along * t).max())
+        return bool(0 <= along <= step and across <= step / 4 and first @ t > 0.5)
+
+    def _same_turns(self, start: Array, near: Array) -> Array:
+        """The start, moved by the whole turns that the curve has made."""
+        return np.asarray(near + self.mechanism.fold(start - near))
+
+    def measure(self, q: Array) -> Motions:
+        return _motions(self.loops, q, SINGULAR_RTOL)
+
+
+class _LostError(Exception):
+    """The corrector did not converge."""

@@ -1,0 +1,258 @@
+"""Plots of mechanisms: the map over the inputs, measures along a curve, the linkage itself."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.errors import OptionError
+from pinsing.mechanism.closure import Loops
+from pinsing.mechanism.dyad import Dyad, planar_dyad
+from pinsing.mechanism.loci import LoopForms, loop_forms
+from pinsing.mechanism.modes import assembly_sign, home
+from pinsing.mechanism.motion import mechanism_at
+from pinsing.mechanism.singular_points import SingularPoint
+from pinsing.mechanism.trace import Trace
+from pinsing.plot.style import plain
+from pinsing.robot.load_mechanism import Mechanism
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+TYPE_1 = "#c0392b"
+TYPE_2 = "#1f5fa8"
+_FEASIBLE = "#eef3e6"
+_LINKS = ("#41719c", "#8a9ba8")
+_STYLES = ("-", "--", "-.", ":")
+
+
+def input_map(
+    mechanism: Mechanism,
+    assembly: str = "+",
+    ax: Axes | None = None,
+    samples: int = 721,
+    ranges: tuple[tuple[float, float], tuple[float, float]] = ((-np.pi, np.pi), (-np.pi, np.pi)),
+) -> Axes:
+    """Map over the two inputs of a 5R: where it closes, and its type 1 and type 2 loci.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        With two inputs and a planar dyad.
+    assembly : str
+        Assembly mode, ``+`` (as at home) or ``-``.
+    ax : Axes, optional
+        Axes to draw into.
+    samples : int
+        Grid points a side.
+    ranges : pair of (low, high)
+        Of the inputs, radians.
+
+    Raises
+    ------
+    OptionError
+        If the mechanism is another kind, or the mode has another name.
+    """
+    dyad = planar_dyad(mechanism)
+    if dyad is None or len(mechanism.inputs) != 2:
+        raise OptionError("a map over the inputs needs a planar loop with two cranks (5R)")
+    if assembly not in ("+", "-"):
+        raise OptionError(f"assembly mode must be + or -, got {assembly!r}")
+    ax = _axes(ax)
+    left = is_left(mechanism, dyad) == (assembly == "+")
+    x, y = (np.linspace(*r, samples) for r in ranges)
+    grid = np.stack(np.meshgrid(x, y), axis=-1)
+    q = dyad.configuration(grid, left)
+    closed = np.isfinite(q).all(axis=-1)
+    d = np.degrees
+    ax.contourf(d(x), d(y), closed.astype(float), levels=[0.5, 1.5], colors=[_FEASIBLE])
+    gap = np.subtract(*dyad.ends(grid))
+    distance = np.linalg.norm(gap, axis=-1)
+    one, two = (side.rod_length for side in dyad.sides)
+    for reach, style in ((one + two, "-"), (abs(one - two), "--")):
+        if reach > 0:
+            _zero(ax, d(x), d(y), distance - reach, TYPE_2, style)
+    if abs(one - two) == 0:
+        for inputs in _coincident_inputs(mechanism):
+            ax.plot(*d(inputs), "o", color=TYPE_2, ms=5, mfc="white", zorder=4)
+    for leg in (0, 1):
+        crank, rod = dyad.link_directions(q, leg)
+        straight = (crank * rod).sum(axis=-1) > 0
+        sine = dyad.elbow_sine(q, leg)
+        for stretched, style in ((True, "-"), (False, "--")):
+            value = np.where(closed & (straight == stretched), sine, np.nan)
+            _zero(ax, d(x), d(y), value, TYPE_1, style)
+    ax.set_xlabel(f"{plain(mechanism.inputs[0])} (°)")
+    ax.set_ylabel(f"{plain(mechanism.inputs[1])} (°)")
+    ax.set_title(f"assembly {assembly}")
+    ax.set_aspect("equal")
+    return ax
+
+
+def map_legend(ax: Axes) -> None:
+    """Say what the lines of ``input_map`` are."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [
+        Patch(color=_FEASIBLE, label="loops close"),
+        Line2D([], [], color=TYPE_2, label="type 2: B1, P, B2 in line"),
+        Line2D([], [], color=TYPE_2, marker="o", mfc="white", ls="", label="type 2: B1 = B2"),
+        Line2D([], [], color=TYPE_1, label="type 1: a leg stretched"),
+        Line2D([], [], color=TYPE_1, ls="--", label="type 1: a leg folded"),
+    ]
+    ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=8)
+
+
+def measure_curves(
+    mechanism: Mechanism,
+    traces: Sequence[Trace],
+    points: Sequence[SingularPoint] = (),
+    ax: Axes | None = None,
+) -> Axes:
+    """Type 1 and type 2 measures along solution curves, over the moving input (degrees)."""
+    ax = _axes(ax)
+    for t, style in zip(traces, _STYLES * len(traces), strict=False):
+        value = np.degrees(t.q[:, mechanism.actuated[t.moving]])
+        ax.plot(value, t.output_ratio, color=TYPE_1, ls=style, lw=1.2)
+        ax.plot(value, t.input_ratio, color=TYPE_2, ls=style, lw=1.2)
+        for p in points:
+            if p.moving == mechanism.inputs[t.moving]:
+                at = np.degrees(p.q[mechanism.actuated[t.moving]])
+                at += 360 * np.round((value.mean() - at) / 360)
+                ax.plot(at, 0, "o", color=TYPE_1 if p.kind == "type 1" else TYPE_2, ms=5)
+        ax.set_xlabel(f"{plain(mechanism.inputs[t.moving])} (°)")
+    ax.plot([], [], color=TYPE_1, label="type 1 measure")
+    ax.plot([], [], color=TYPE_2, label="type 2 measure")
+    ax.set_ylim(bottom=0)
+    ax.legend(fontsize=8)
+    return ax
+
+
+def draw_linkage(
+    mechanism: Mechanism,
+    q: npt.ArrayLike,
+    ax: Axes | None = None,
+    ellipse: float = 0.25,
+    color: str | None = None,
+) -> Axes:
+    """The links of a planar mechanism, its joints, and the velocity ellipse of the output.
+
+    Parameters
+    ----------
+    q : (n,) array_like
+        Closed configuration, radians and metres.
+    ellipse : float
+        Metres that 1 m per unit input speed is drawn as; 0 leaves the ellipse out. At a type 2
+        singularity the uncontrolled velocity is drawn as an arrow instead.
+    color : str, optional
+        Of the links.
+    """
+    ax = _axes(ax)
+    import pinocchio as pin
+
+    model = mechanism.model
+    data = model.createData()
+    q = mechanism.check(q)
+    pin.framesForwardKinematics(model, data, mechanism.model_q(q))
+    closing = {name for loop in mechanism.loops for name in (loop.frame_a, loop.frame_b)}
+    for j in range(1, model.njoints):
+        here, driven = data.oMi[j].translation, model.parents[j] == 0
+        ends = [data.oMi[k].translation for k in range(1, model.njoints) if model.parents[k] == j]
+        ends += [
+            data.oMi[j].act(f.placement.translation)
+            for f in model.frames
+            if f.parentJoint == j and f.name in closing
+        ]
+        shade = color or _LINKS[int(not driven)]
+        if len(ends) > 1:
+            body = np.array([here, *ends])[:, :2]
+            around = np.arctan2(*(body - body.mean(axis=0)).T[::-1])
+            body = body[np.argsort(around)]
+            ax.fill(*body.T, facecolor="#e9d5d6", edgecolor=shade, lw=3.2, zorder=2)
+        for there in ends:
+            if len(ends) == 1:
+                ax.plot([here[0], there[0]], [here[1], there[1]], color=shade, lw=3.2, zorder=2)
+            ax.plot(*there[:2], "o", color="#37424d", ms=4, zorder=3)
+        ax.plot(*here[:2], "s" if driven else "o", color="#37424d", ms=7 if driven else 5, zorder=3)
+    loops = Loops(mechanism)
+    loops.at(q)
+    P = np.array(loops.output(q)[0].translation)[:2]
+    ax.plot(*P, "o", color="#cc333d", ms=7, zorder=5)
+    rows = list(mechanism.task.rows)
+    if ellipse > 0 and 0 in rows and 1 in rows:
+        _velocity(ax, mechanism, q, P, rows, ellipse)
+    ax.set_aspect("equal")
+    ax.margins(0.1)
+    return ax
+
+
+def _velocity(
+    ax: Axes, mechanism: Mechanism, q: Array, P: Array, rows: list[int], scale: float
+) -> None:
+    state = mechanism_at(mechanism, q)
+    plane = [rows.index(0), rows.index(1)]
+    if state.velocity is None:
+        free = state.uncontrolled[plane, 0] * scale
+        free = free / max(float(np.linalg.norm(free)), 1e-12) * 1.4 * scale
+        ax.plot(*np.stack([P - free, P + free], axis=1), alpha=0)  # so that the arrows fit
+        for sign in (1, -1):
+            ax.annotate(
+                "",
+                tuple(P + sign * free),
+                tuple(P),
+                arrowprops={"arrowstyle": "-|>", "color": TYPE_2, "lw": 2},
+                zorder=6,
+            )
+        return
+    U, sigma, _ = np.linalg.svd(state.velocity[plane])
+    t = np.linspace(0, 2 * np.pi, 181)
+    size = np.zeros(2)
+    size[: len(sigma)] = sigma
+    shown = np.minimum(size, 4.0) * scale
+    curve = P[:, None] + U @ (shown[:, None] * np.stack([np.cos(t), np.sin(t)]))
+    ax.plot(*curve, color=TYPE_1, lw=1.6, zorder=4)
+    ax.fill(*curve, color=TYPE_1, alpha=0.12, zorder=1)
+
+
+def is_left(mechanism: Mechanism, dyad: Dyad) -> bool:
+    """Whether assembly mode + (home's) has the pin to the left of B1 -> B2."""
+    inputs = home(mechanism)[list(mechanism.actuated)]
+    return assembly_sign(mechanism, dyad.configuration(inputs, True)) == "+"
+
+
+def _coincident_inputs(mechanism: Mechanism) -> list[Array]:
+    forms: LoopForms | None = loop_forms(mechanism)
+    found = [] if forms is None else [x.witness for x in forms.loci if x.points_only and x.witness]
+    out = [p.inputs for p in found]
+    # The other intersection of the cranks' circles mirrors it about the line of the pivots.
+    dyad = planar_dyad(mechanism)
+    assert dyad is not None  # only a dyad has such points
+    gap = dyad.sides[1].pivot - dyad.sides[0].pivot
+    axis = float(np.arctan2(gap[1], gap[0]))
+    for p in list(out):
+        mirrored = np.zeros(2)
+        for side in dyad.sides:
+            assert side.crank is not None  # two inputs, two cranks
+            i = mechanism.actuated.index(side.crank)
+            angle = side.crank_sign * p[i] + side.crank_angle
+            mirrored[i] = side.crank_sign * (2 * axis - angle - side.crank_angle)
+        out.append((mirrored + np.pi) % (2 * np.pi) - np.pi)
+    return out
+
+
+def _zero(ax: Axes, x: Array, y: Array, value: Array, color: str, style: str) -> None:
+    if np.nanmin(value) < 0 < np.nanmax(value):
+        ax.contour(x, y, value, levels=[0], colors=[color], linestyles=[style], linewidths=1.5)
+
+
+def _axes(ax: Axes | None) -> Axes:
+    if ax is not None:
+        return ax
+    import matplotlib.pyplot as plt
+
+    return plt.subplots()[1]

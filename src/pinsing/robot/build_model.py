@@ -1,0 +1,89 @@
+"""A checked description made into a Pinocchio model."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from io import BytesIO
+from typing import BinaryIO
+
+import pinocchio as pin
+
+from pinsing.description.urdf import Description
+from pinsing.errors import RobotFileError
+
+# File descriptor 2 belongs to the whole process: one capture at a time.
+_CAPTURE = threading.Lock()
+
+
+def build_model(description: Description) -> pin.Model:
+    """Return the Pinocchio model of a description: root fixed, mimic joints as joints of their own.
+
+    Raises
+    ------
+    RobotFileError
+        If Pinocchio refuses it nevertheless; the reason is what Pinocchio printed, and what
+        yourdfpy finds.
+    """
+    reason = ""
+    with _stderr_of_c() as captured:
+        try:
+            return pin.buildModelFromXML(description.xml)
+        except (ValueError, RuntimeError, IndexError) as error:
+            reason = str(error)
+        finally:
+            printed = captured()
+    said = " ".join(
+        word for line in printed.splitlines() if " at line " not in line for word in line.split()
+    )
+    reasons = [said or reason, *diagnose(description)]
+    raise RobotFileError("Pinocchio cannot build it: " + "; ".join(reasons), description.path)
+
+
+def diagnose(description: Description) -> list[str]:
+    """Return what yourdfpy finds wrong with a description; it is imported here (half a second)."""
+    import yourdfpy
+
+    try:
+        robot = yourdfpy.URDF.load(
+            BytesIO(description.xml.encode()),
+            build_scene_graph=False,
+            load_meshes=False,
+        )
+        robot.validate()
+    except (KeyError, ValueError, TypeError, AttributeError) as error:
+        return [f"yourdfpy: {type(error).__name__} {error}"]
+    return [f"yourdfpy: {error}" for error in robot.errors]
+
+
+@contextlib.contextmanager
+def _stderr_of_c() -> Iterator[_Captured]:
+    """Catch what C++ prints to file descriptor 2; a process without one is left as it is."""
+    with _CAPTURE, tempfile.TemporaryFile() as store:
+        sys.stderr.flush()
+        try:
+            saved = os.dup(2)
+        except OSError:
+            yield _Captured(store)
+            return
+        try:
+            os.dup2(store.fileno(), 2)
+            yield _Captured(store)
+        finally:
+            os.dup2(saved, 2)
+            os.close(saved)
+
+
+class _Captured:
+    """What has been caught so far."""
+
+    def __init__(self, store: BinaryIO) -> None:
+        self._store = store
+
+    def __call__(self) -> str:
+        self._store.seek(0)
+        return self._store.read(20_000).decode(errors="replace")

@@ -1,0 +1,208 @@
+"""Closed loops: a URDF of the spanning tree and a side-car file -> Mechanism.
+
+The side-car is YAML in the style of gepetto/example-parallel-robots: ``closed_loop`` (pairs of
+frames that coincide), ``type`` (how they do) and ``name_mot`` (the actuated joints); to which
+pinsing adds ``output`` (whose motion counts) and ``home`` (where to start closing the loops).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing._types import Array
+from pinsing.description.yaml_tree import Node, compose, suggestion
+from pinsing.errors import JointError, OptionError, PinsingError
+from pinsing.robot.arm import Source
+from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
+from pinsing.robot.task import ROW_NAMES, Task, parse_task
+from pinsing.robot.tip import frame_index
+
+__all__ = ["LOOP_KINDS", "Loop", "Mechanism", "load_mechanism"]
+
+
+def load_mechanism(
+    robot: str | os.PathLike[str] | pin.Model,
+    loops: str | os.PathLike[str] | None = None,
+    packages: Mapping[str, str | Path] | None = None,
+    *,
+    length_scale: float = 1.0,
+) -> Mechanism:
+    """Read a spanning tree and the loops that close it.
+
+    Parameters
+    ----------
+    robot : str, path or pin.Model
+        A URDF or xacro file, the name of a known robot, or a model.
+    loops : path, optional
+        The side-car file; by default ``NAME.loops.yaml`` beside ``NAME.urdf``.
+    packages : mapping of str to path, optional
+        Folders of ROS packages by name.
+    length_scale : float
+        Metres; lengths are divided by it before singular values are taken.
+
+    Raises
+    ------
+    PinsingError
+        RobotFileError with file and line where the side-car or the tree is wrong, UnknownNameError,
+        JointError or OptionError: one line that says what is wrong, where, and what to do.
+    """
+    model, source, name, notes = _tree(robot, packages)
+    if loops is None:
+        if source.path is None:
+            raise OptionError("a loop file is needed: give the path of a .loops.yaml file")
+        loops = source.path.with_name(source.path.name.partition(".")[0] + ".loops.yaml")
+    lower, upper, prismatic = _limits(model)
+    joints = tuple(model.names)[1:]
+    path = Path(loops)
+    keys = compose(path).mapping(
+        ("closed_loop", "type", "name_mot", "output"), ("home", "name", "source")
+    )
+    output = keys["output"].mapping(("frame", "rows"))
+    return Mechanism(
+        name=keys["name"].text() if "name" in keys else name,
+        model=model,
+        joints=joints,
+        prismatic=prismatic,
+        lower=lower,
+        upper=upper,
+        actuated=_actuated(keys["name_mot"], joints),
+        loops=_loops(keys["closed_loop"], keys["type"], model),
+        output=_frame(output["frame"], model),
+        task=_rows(output["rows"]),
+        length_scale=float(length_scale),
+        home=_home(keys.get("home"), joints),
+        notes=notes,
+        source=source,
+        loop_file=path,
+    )
+
+
+def _tree(
+    robot: str | os.PathLike[str] | pin.Model, packages: Mapping[str, str | Path] | None
+) -> tuple[pin.Model, Source, str, tuple[str, ...]]:
+    if isinstance(robot, pin.Model):
+        model = robot.copy()
+        label, path, xml, name = "pin.Model", None, None, model.name or "mechanism"
+        dirs: tuple[Path, ...] = ()
+        notes: tuple[str, ...] = ()
+    else:
+        from pinsing.description.catalog import CatalogEntry, locate_robot
+        from pinsing.description.urdf import read_description
+        from pinsing.robot.build_model import build_model
+
+        found = locate_robot(robot if isinstance(robot, str) else Path(robot))
+        entry = found if isinstance(found, CatalogEntry) else None
+        description = read_description(
+            found.path if isinstance(found, CatalogEntry) else found, packages
+        )
+        mimics = [j.name for j in description.joints if j.mimic is not None]
+        if mimics:
+            raise JointError(
+                mimics[0], "mimics another joint, which loops do not support: model it as a loop"
+            )
+        description.require_usable(j.name for j in description.joints if j.kind != "fixed")
+        model = build_model(description)
+        label, path, xml = os.fspath(robot), description.path, description.xml
+        dirs = tuple(
+            dict.fromkeys([*(entry.package_dirs if entry else ()), *description.package_dirs])
+        )
+        name, notes = description.name, description.notes
+    source = Source(
+        label=label,
+        path=path,
+        xml=xml,
+        package_dirs=dirs,
+        full_model=model,
+        locked=(),
+        reference=np.array(pin.neutral(model)),
+        base="universe",
+    )
+    return model, source, name, tuple(notes)
+
+
+def _limits(model: pin.Model) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    lower, upper, prismatic = [], [], []
+    for index in range(1, model.njoints):
+        joint, name = model.joints[index], model.names[index]
+        if joint.nv != 1:
+            raise JointError(
+                name, f"is a {joint.shortname()}: the joints of a mechanism turn or slide"
+            )
+        _, slides = joint_axis(joint, name)
+        low, high = -np.inf, np.inf
+        if joint.nq == 1:
+            low = float(model.lowerPositionLimit[joint.idx_q])
+            high = float(model.upperPositionLimit[joint.idx_q])
+        # Pinocchio writes the largest double for "no limit".
+        lower.append(low if abs(low) < 1e300 else -np.inf)
+        upper.append(high if abs(high) < 1e300 else np.inf)
+        prismatic.append(slides)
+    return np.array(lower), np.array(upper), np.array(prismatic, dtype=bool)
+
+
+def _frame(node: Node, model: pin.Model) -> str:
+    name = node.text()
+    names = [frame.name for frame in model.frames if frame.name != "universe"]
+    if name not in names:
+        raise node.error(f"unknown frame {name[:60]!r}: {suggestion(name, names)}")
+    return name
+
+
+def _loops(pairs: Node, kinds: Node, model: pin.Model) -> tuple[Loop, ...]:
+    frames = [entry.items("frame", 2) for entry in pairs.items("loop")]
+    names = tuple(LOOP_KINDS)
+    words = []
+    for kind in kinds.items("type"):
+        word = kind.text().lower()
+        if word not in names:
+            raise kind.error(f"unknown value {kind.text()[:60]!r}: {suggestion(word, names)}")
+        words.append(word)
+    if len(words) != len(frames):
+        raise kinds.error(f"{len(frames)} loops need {len(frames)} types, found {len(words)}")
+    found = []
+    for (a, b), word in zip(frames, words, strict=True):
+        loop = Loop(_frame(a, model), _frame(b, model), word)
+        ids = [frame_index(model, name) for name in (loop.frame_a, loop.frame_b)]
+        if model.frames[ids[0]].parentJoint == model.frames[ids[1]].parentJoint:
+            raise a.error(f"{loop.frame_a!r} and {loop.frame_b!r} are fixed to the same link")
+        found.append(loop)
+    return tuple(found)
+
+
+def _actuated(node: Node, joints: tuple[str, ...]) -> tuple[int, ...]:
+    found: list[int] = []
+    for entry in node.items("joint"):
+        name = entry.text()
+        if name not in joints:
+            raise entry.error(f"unknown joint {name[:60]!r}: {suggestion(name, joints)}")
+        if joints.index(name) in found:
+            raise entry.error(f"joint {name!r} is given twice: remove one")
+        found.append(joints.index(name))
+    if len(found) == len(joints):
+        raise node.error("every joint is actuated: a closed loop needs passive joints")
+    return tuple(found)
+
+
+def _rows(node: Node) -> Task:
+    names = []
+    for entry in node.items("row"):
+        names.append(entry.choice(ROW_NAMES))
+    try:
+        return parse_task(names)
+    except PinsingError as error:
+        raise node.error(str(error)) from None
+
+
+def _home(node: Node | None, joints: tuple[str, ...]) -> Array:
+    home = np.zeros(len(joints))
+    if node is not None:
+        for name, value in node.mapping((), joints).items():
+            home[joints.index(name)] = value.number(pi=0)
+    return home

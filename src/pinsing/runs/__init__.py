@@ -1,0 +1,1 @@
+"""Work in chunks: durable, resumable, on any executor."""

@@ -1,0 +1,216 @@
+"""The curves of a sweep as work in chunks, reduced, the same to the last bit however they are cut.
+
+A curve of more than `PIECE` samples is cut into pieces of that many. Each piece is computed
+with one sample more on either side, so that a minimum at its border is seen once and whole.
+Neither pieces nor the blocks that are computed at a time depend on the chunks.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.kinematics.evaluator import Evaluator, run_identity
+from pinsing.measures import sigma_ratio
+from pinsing.runs.run_folder import Record
+from pinsing.runs.tally import Tally
+from pinsing.sweeps.curves import CurveRows, CurveTable, axis_values
+from pinsing.sweeps.minima import Pool, kinds, minima
+from pinsing.sweeps.plan import SweepPlan
+
+PIECE = 32_768
+"""Samples of a curve that are treated at a time, at most."""
+
+_BLOCK = 4096  # configurations that are treated at a time, of shorter curves
+
+
+@dataclass(frozen=True)
+class Kept:
+    """What chunks keep.
+
+    Attributes
+    ----------
+    values : bool
+        All of sigma_r and sigma_r / sigma_1: 16 bytes for each Jacobian.
+    worst : int
+        How many of the worst configurations.
+    candidates : int
+        How many dips at most.
+    """
+
+    values: bool
+    worst: int
+    candidates: int
+
+
+@dataclass(frozen=True, eq=False)
+class Work:
+    """What one chunk needs, and no more.
+
+    Attributes
+    ----------
+    evaluator : Evaluator
+        The arm, on a fixed engine.
+    ranges : (n, 2) array
+        Ends of what each joint moves over.
+    samples : int
+        Of a curve.
+    rows : CurveRows
+        The curves that the chunk has a part of.
+    start, stop : int
+        Numbers of its Jacobians.
+    kept : Kept
+        What to keep.
+    """
+
+    evaluator: Evaluator
+    ranges: Array
+    samples: int
+    rows: CurveRows
+    start: int
+    stop: int
+    kept: Kept
+
+
+class SweepJob:
+    """The curves of a sweep, some in each chunk.
+
+    Parameters
+    ----------
+    plan : SweepPlan
+        What to do.
+    evaluator : Evaluator
+        The arm, on a fixed engine.
+    chunk : int
+        Jacobians of a chunk, more or less.
+    kept : Kept
+        What to keep.
+
+    Attributes
+    ----------
+    table : CurveTable
+        All curves.
+    """
+
+    def __init__(self, plan: SweepPlan, evaluator: Evaluator, chunk: int, kept: Kept) -> None:
+        self.plan, self.evaluator, self.kept = plan, evaluator, kept
+        self.table = CurveTable(plan)
+        samples = plan.samples
+        self._pieces = -(-samples // PIECE)
+        block = _curves_per_block(samples)
+        if self._pieces == 1:
+            self._size = max(1, chunk // samples // block) * block
+        else:
+            self._size = max(1, chunk // PIECE)
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+        return -(-len(self.table) * self._pieces // self._size)
+
+    def identity(self) -> Mapping[str, Any]:
+        """What decides the numbers, as plain JSON values."""
+        plan = self.plan
+        digest = hashlib.sha256(self.table.ranges.tobytes())
+        for level in plan.levels:
+            digest.update(f"{level.level} {level.swept} {level.values.shape};".encode())
+            digest.update(level.joints.astype(np.int64).tobytes())
+            digest.update(level.values.tobytes() + level.forced.tobytes())
+        digest.update(repr([(e.swept, e.reason) for e in plan.effects]).encode())
+        return run_identity("sweep", self.evaluator) | {
+            "joints": list(plan.arm.joints),
+            "nominal": plan.nominal.tolist(),
+            "samples": plan.samples,
+            "curves": len(self.table),
+            "chunks": self.chunks,
+            "pieces_of_a_chunk": self._size,
+            "keep": self.kept.values,
+            "worst": self.kept.worst,
+            "candidates": self.kept.candidates,
+            "ranges and special values": digest.hexdigest(),
+        }
+
+    def span(self, index: int) -> tuple[int, int]:
+        """Numbers of the Jacobians of one chunk: from, and to before."""
+        return self._number(index * self._size), self._number((index + 1) * self._size)
+
+    def part(self, index: int) -> Callable[[], Record]:
+        """One chunk, with no more than it needs."""
+        start, stop = self.span(index)
+        samples = self.plan.samples
+        rows = self.table.rows(np.arange(start // samples, -(-stop // samples)))
+        ranges = self.table.ranges
+        work = Work(self.evaluator, ranges, samples, rows, start, stop, self.kept)
+        return functools.partial(compute_curves, work)
+
+    def _number(self, piece: int) -> int:
+        """Number of the first Jacobian of a piece."""
+        curve, place = divmod(min(piece, len(self.table) * self._pieces), self._pieces)
+        return curve * self.plan.samples + place * PIECE
+
+
+def compute_curves(work: Work) -> Record:
+    """Tally and candidates of one chunk as arrays.
+
+    With ``work.kept.values`` also ``sigma_min`` and ``sigma_ratio`` (N,) of its Jacobians, in
+    the order of their numbers, the first of which is ``first``.
+    """
+    samples, rows = work.samples, work.rows
+    tally, pool = Tally(work.kept.worst), Pool(work.kept.candidates)
+    sigma_min: list[Array] = []
+    sigma_ratios: list[Array] = []
+    for some, start, stop in _blocks(work):
+        moving = rows.moving[some]
+        before, after = start > 0, stop < samples
+        places = np.arange(start - before, stop + after)[None]
+        Q = np.repeat(rows.base[some, None], places.size, axis=1)
+        moved = axis_values(work.ranges[moving], samples, places)
+        np.put_along_axis(Q, moving[:, None, None], moved[..., None], axis=2)
+        sigma = work.evaluator.sigma(Q.reshape(-1, Q.shape[2])).reshape(*Q.shape[:2], -1)
+        last = sigma[:, before : before + stop - start, -1]
+        ratio = sigma_ratio(sigma)[:, before : before + stop - start]
+        numbers = rows.numbers[some, None] * samples + np.arange(start, stop)
+        regular = ~rows.singular[some]
+        own = sigma[regular, before : before + stop - start]
+        tally.add(0, own.reshape(-1, sigma.shape[2]), numbers[regular].ravel())
+
+        end = np.full(len(moving), np.inf)
+        beside = sigma[:, 0, -1] if before else end, sigma[:, -1, -1] if after else end
+        dip = minima(last, ratio, *beside) & regular[:, None]
+        row, column = np.nonzero(dip)
+        kind = kinds(rows, samples, row + some.start, column + start)
+        pool.add(numbers[dip], kind, last[dip], ratio[dip])
+        if work.kept.values:
+            sigma_min.append(last.ravel())
+            sigma_ratios.append(ratio.ravel())
+    record = tally.record() | pool.record() | {"first": np.array(work.start)}
+    if work.kept.values:
+        record["sigma_min"] = np.concatenate(sigma_min)
+        record["sigma_ratio"] = np.concatenate(sigma_ratios)
+    return record
+
+
+def _blocks(work: Work) -> Iterator[tuple[slice, int, int]]:
+    """Rows of ``work`` that are computed together, and which of their samples."""
+    samples, first = work.samples, int(work.rows.numbers[0])
+    if samples <= PIECE:
+        block, count = _curves_per_block(samples), len(work.rows.numbers)
+        for row in range(0, count, block):
+            yield slice(row, min(count, row + block)), 0, samples
+        return
+    number = work.start
+    while number < work.stop:
+        curve, start = divmod(number, samples)
+        stop = min(samples, start + PIECE)
+        yield slice(curve - first, curve - first + 1), start, stop
+        number = curve * samples + stop
+
+
+def _curves_per_block(samples: int) -> int:
+    return max(1, _BLOCK // samples)

@@ -1,0 +1,260 @@
+"""What a sweep has found: how sigma_r is distributed, where it dips, and its curves if kept."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.errors import OptionError, UnknownNameError
+from pinsing.measures import Status
+from pinsing.robot.arm_summary import ArmSummary
+from pinsing.runs.distribution import Distribution, Point
+from pinsing.serialization import JsonResult
+from pinsing.sweeps.curves import CurveTable
+from pinsing.sweeps.joint_condition import value_text
+from pinsing.sweeps.minima import Candidates
+from pinsing.sweeps.plan import SweepPlan
+
+HOW_TO_KEEP = (
+    "sweep fewer of them, or keep them in a folder (keep=True with out=DIR, --keep --out DIR) "
+    "and read them one by one with pinsing.sweeps.npz.kept_curves(DIR)"
+)
+"""What is to be done where curves are needed and there are none."""
+
+_SHOWN = ((0.01, "1 %"), (0.1, "10 %"), (0.5, "median"))
+
+
+@dataclass(frozen=True, eq=False)
+class SweepCurve:
+    """Distribution of sigma_r along one joint.
+
+    Attributes
+    ----------
+    level : int
+        Number of joints at special values; 0 for the curves from the nominal configuration.
+    fixed : mapping of str to float
+        Joints at special values, radians or metres.
+    forced : bool
+        ``fixed`` alone is singular whatever the others, and so is the whole curve.
+    moving : int
+        Index of the joint that moves.
+    x : (samples,) array
+        Its values, radians or metres.
+    sigma_min : (samples,) array
+        sigma_r of the task Jacobian, raw geometry.
+    sigma_ratio : (samples,) array
+        sigma_r / sigma_1.
+    number : int
+        Its place in the plan.
+    """
+
+    level: int
+    fixed: Mapping[str, float]
+    forced: bool
+    moving: int
+    x: Array
+    sigma_min: Array
+    sigma_ratio: Array
+    number: int
+
+
+@dataclass(frozen=True)
+class UniformRow:
+    """All revolute joints at one special value: step (2).
+
+    Attributes
+    ----------
+    value : float
+        Radians.
+    sigma_min, sigma_ratio : float
+        sigma_r, and sigma_r / sigma_1.
+    status : str
+        ``singular``, ``near-singular`` or ``regular``.
+    """
+
+    value: float
+    sigma_min: float
+    sigma_ratio: float
+    status: Status
+
+
+@dataclass(frozen=True, eq=False)
+class SweepSummary:
+    """How sigma_r is distributed over the samples of all curves.
+
+    Curves whose special values alone are singular whatever the others are left out: all of
+    them is rounding. The number of a configuration is that of its curve times the samples of a
+    curve, plus that of the sample.
+
+    Attributes
+    ----------
+    count : int
+        Configurations.
+    singular, near_singular : int
+        How many of them are that (ratio at most 1e-9; above it and at most 1e-2).
+    sigma_min, ratio : Distribution
+        Of sigma_r, and of sigma_r / sigma_1.
+    worst : tuple of Point
+        Those of smallest ratio, smallest first, the first of equals first.
+    """
+
+    count: int
+    singular: int
+    near_singular: int
+    sigma_min: Distribution
+    ratio: Distribution
+    worst: tuple[Point, ...]
+
+    def __str__(self) -> str:
+        ratio = self.ratio
+        shown = ", ".join(f"{name} {ratio.quantile(p):.3g}" for p, name in _SHOWN)
+        return (
+            f"sigma_r/sigma_1 over {self.count:,} configurations: "
+            f"smallest {ratio.smallest.value:.3g}, {shown}, largest {ratio.largest.value:.3g}; "
+            f"{self.singular:,} singular, {self.near_singular:,} near-singular"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class SweepResult(JsonResult):
+    """All that a sweep has computed.
+
+    Attributes
+    ----------
+    plan : SweepPlan
+        What was asked for.
+    uniform : tuple of UniformRow
+        All joints at each special value.
+    curves : tuple of SweepCurve
+        In the order of the plan; empty if they are not kept.
+    complete : bool
+        False if the sweep was stopped.
+    notes : tuple of str
+        The notes of the plan, and what happened on the way.
+    engine : str
+        ``pinocchio``, or the instruction set: the same one gives the same bits.
+    kept : bool
+        Whether ``curves`` has them.
+    done : int
+        Jacobians computed.
+    summary : SweepSummary or None
+        How sigma_r is distributed over the curves; None if there was no curve to look at.
+    candidates : Candidates
+        The dips of the curves.
+    """
+
+    schema: ClassVar[str] = "pinsing/sweep/1"
+
+    plan: SweepPlan
+    uniform: tuple[UniformRow, ...]
+    curves: tuple[SweepCurve, ...]
+    complete: bool
+    notes: tuple[str, ...]
+    engine: str
+    kept: bool
+    done: int
+    summary: SweepSummary | None
+    candidates: Candidates
+
+    @property
+    def arm(self) -> ArmSummary:
+        """The arm that was swept."""
+        return self.plan.arm
+
+    def curve(self, fixed: Mapping[str, float] | None, moving: str | int) -> SweepCurve:
+        """Look up the curve of joint ``moving`` with ``fixed`` at special values.
+
+        Parameters
+        ----------
+        fixed : mapping of str to float
+            Radians or metres; values of revolute joints up to whole turns. Empty for level 0.
+        moving : str or int
+            Name or index of the joint.
+
+        Raises
+        ------
+        UnknownNameError
+            If a joint does not exist.
+        OptionError
+            If there is no such curve, or the curves are not kept.
+        """
+        names = self.arm.joints
+        wanted = dict(fixed or {})
+        for name in (*wanted, *([moving] if isinstance(moving, str) else [])):
+            if name not in names:
+                raise UnknownNameError("joint", name, names)
+        index = names.index(moving) if isinstance(moving, str) else int(moving)
+        for curve in self.curves:
+            if curve.moving == index and self._same(curve.fixed, wanted):
+                return curve
+        if not self.kept:
+            raise OptionError(
+                f"the curves of this sweep are not kept ({self.plan.n_jacobians:,} Jacobians); "
+                f"{HOW_TO_KEEP}"
+            )
+        raise OptionError(
+            f"there is no curve of {names[index]} with {self.set_text(wanted) or 'no joint fixed'}"
+            ": outside the plan, or left out because a part of it is singular already"
+        )
+
+    def set_text(self, fixed: Mapping[str, float]) -> str:
+        """Such as ``q2 = 0, q3 = 90 deg``."""
+        sliding = dict(zip(self.arm.joints, self.arm.prismatic, strict=True))
+        return ", ".join(f"{n} = {value_text(v, bool(sliding[n]))}" for n, v in fixed.items())
+
+    def _same(self, one: Mapping[str, float], other: Mapping[str, float]) -> bool:
+        if set(one) != set(other):
+            return False
+        sliding = dict(zip(self.arm.joints, self.arm.prismatic, strict=True))
+        turns = np.array([0.0 if sliding[n] else one[n] - other[n] for n in one])
+        shifts = np.array([one[n] - other[n] if sliding[n] else 0.0 for n in one])
+        turns -= 2 * np.pi * np.round(turns / (2 * np.pi))
+        return bool((np.abs(turns) < 1e-9).all() and (np.abs(shifts) < 1e-9).all())
+
+    def __str__(self) -> str:
+        plan = self.plan
+        nominal = ", ".join(
+            f"{name} = {x:.6g}" for name, x in zip(self.arm.joints, plan.nominal, strict=True)
+        )
+        lines = [
+            f"sweep of {self.arm.name}: {plan}",
+            f"nominal configuration ({plan.nominal_origin}): {nominal}; "
+            f"sigma_min = {plan.nominal_sigma[-1]:.6g}",
+        ]
+        lines += [
+            f"all joints at {value_text(row.value)}: sigma_min = {row.sigma_min:.3g}, {row.status}"
+            for row in self.uniform
+        ]
+        lines += [f"{self.set_text(fixed)}: singular whatever the others" for fixed in plan.forced]
+        if self.summary is not None:
+            lines.append(str(self.summary))
+        lines += [f"note: {note}" for note in self.notes]
+        return "\n".join(lines)
+
+
+def curves_of(
+    table: CurveTable,
+    numbers: npt.ArrayLike,
+    x: Array,
+    sigma_min: Iterable[Array],
+    sigma_ratio: Iterable[Array],
+) -> Iterator[SweepCurve]:
+    """Curves ``numbers`` (C,) of a table, from their values and those (n, S) of all joints."""
+    rows = table.rows(numbers)
+    values = zip(rows.numbers.tolist(), sigma_min, sigma_ratio, strict=True)
+    for k, (number, last, ratio) in enumerate(values):
+        yield SweepCurve(
+            level=int(rows.fixed[k].sum()),
+            fixed=table.fixed_values(rows, k),
+            forced=bool(rows.forced[k]),
+            moving=int(rows.moving[k]),
+            x=x[rows.moving[k]],
+            sigma_min=last,
+            sigma_ratio=ratio,
+            number=number,
+        )

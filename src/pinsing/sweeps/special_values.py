@@ -1,0 +1,201 @@
+"""Where a sweep starts from and what it sets: nominal configuration, ranges, special values."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.kinematics.jacobian import sigma_ratios, singular_values
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.robot.arm import Arm
+from pinsing.sweeps.generalize import random_configurations
+from pinsing.sweeps.joint_condition import value_text
+
+SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
+"""Special values of revolute joints, radians (paper, Section 3.2)."""
+
+Special = Sequence[float] | Mapping[str, Sequence[float]]
+"""Special angles of all revolute joints, or the special values of single joints by name."""
+
+_LISTED = 24  # values that a note names one by one
+_NOMINAL_TRIES = 200
+_TURN = 2 * math.pi
+
+
+def moving_ranges(arm: Arm, ignore_limits: bool, notes: list[str] | None = None) -> Array:
+    """Range (n, 2) that each joint moves over: its limits, but no more than one turn."""
+    low, high = arm.span
+    if ignore_limits:
+        low, high = np.where(arm.prismatic, low, -np.pi), np.where(arm.prismatic, high, np.pi)
+    long = ~arm.prismatic & (high - low > _TURN * (1 + 1e-6))
+    # From -pi on if that is in the range.
+    low = np.where(long, np.maximum(low, np.minimum(-np.pi, high - _TURN)), low)
+    high = np.where(long, low + _TURN, high)
+    if notes is not None and long.any():
+        names = ", ".join(np.array(arm.joints)[long])
+        notes.append(f"one turn of {names} is swept: the rest of the range repeats it")
+    return np.stack([low, high], axis=1)
+
+
+def uniform_configurations(
+    arm: Arm, nominal: Array, special: Special, ignore_limits: bool, notes: list[str]
+) -> tuple[tuple[float, Array], ...]:
+    """Step (2): all revolute joints at one special value, prismatic ones at ``nominal``.
+
+    Returns
+    -------
+    tuple of (value, (n,) array)
+        None twice, none outside the limits.
+    """
+    if arm.prismatic.all():
+        return ()
+    flat = itertools.chain(*special.values()) if isinstance(special, Mapping) else special
+    found: list[tuple[float, Array]] = []
+    outside: list[str] = []
+    for value in flat:
+        if any(_same(value, known, False) for known, _ in found):
+            continue
+        q = np.where(arm.prismatic, nominal, value)
+        if not ignore_limits and not arm.within_limits(q):
+            outside.append(value_text(value))
+            continue
+        found.append((float(value), q if ignore_limits else arm.fold(q)))
+    if outside:
+        notes.append(f"all joints at {_some(outside)} at once: outside the limits, left out")
+    return tuple(found)
+
+
+def choose_nominal(
+    arm: Arm, given: npt.ArrayLike | None, ignore_limits: bool, rng: np.random.Generator
+) -> tuple[Array, str]:
+    """Step (1): a regular configuration (n,), given or found, and where it is from.
+
+    All revolute joints at pi/3, as in the paper, if that is inside the limits and well
+    conditioned; else the best conditioned of some random configurations.
+
+    Raises
+    ------
+    ConfigurationError
+        If the given one is singular or outside the limits, or none is regular.
+    """
+    if given is not None:
+        q = arm.check(given).reshape(arm.n)
+        if not ignore_limits and not arm.within_limits(q):
+            folded = arm.fold(q)
+            bad = np.flatnonzero((folded < arm.lower - 1e-9) | (folded > arm.upper + 1e-9))
+            names = ", ".join(arm.joints[i] for i in bad)
+            raise ConfigurationError(
+                f"the nominal configuration is outside the limits of {names}; "
+                "change it, or sweep with ignore_limits"
+            )
+        given_ratio = float(sigma_ratios(arm, singular_values(arm, q))[0])
+        if given_ratio <= SINGULAR_RTOL:
+            raise ConfigurationError(
+                f"the nominal configuration is singular (sigma_r/sigma_1 = {given_ratio:.1e}); "
+                "choose a regular one, or leave it out and one is found"
+            )
+        return q, "given"
+    low, high = arm.span
+    # Four fifths of the range: the paper's 0.3 m for d3 of the Stanford arm in [-0.5, 0.5].
+    paper = np.where(arm.prismatic, low + 0.8 * (high - low), np.pi / 3)
+    inside = ignore_limits or bool(arm.within_limits(paper))
+    if inside and sigma_ratios(arm, singular_values(arm, paper))[0] > NEAR_RTOL:
+        return paper, "pi/3"
+    if ignore_limits:
+        tries = random_configurations(arm, _NOMINAL_TRIES, rng)
+    else:
+        tries = rng.uniform(low, high, (_NOMINAL_TRIES, arm.n))
+    ratio = sigma_ratios(arm, singular_values(arm, tries))
+    if ratio.max() <= SINGULAR_RTOL:
+        raise ConfigurationError(
+            f"{arm.name} is singular at every configuration within its limits; "
+            "widen them or sweep with ignore_limits"
+        )
+    return tries[int(ratio.argmax())], "random"
+
+
+def special_values(
+    arm: Arm, special: Special, ignore_limits: bool, notes: list[str]
+) -> list[Array]:
+    """Special values of each joint inside its limits, none twice.
+
+    A prismatic joint takes 0 and the middle of its range. What is left out goes to ``notes``.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value that the caller chose lies outside the limits of its joint, or of all joints.
+    OptionError
+        If a value is not finite.
+    UnknownNameError
+        If a joint does not exist.
+    """
+    by_joint = special if isinstance(special, Mapping) else {}
+    for name in by_joint:
+        if name not in arm.joints:
+            raise UnknownNameError("joint", name, arm.joints)
+    common = SPECIAL_ANGLES if isinstance(special, Mapping) else tuple(special)
+    own = special is not SPECIAL_ANGLES
+    result, left_out = [], []
+    used: set[float] = set()
+    merged = False
+    for i, name in enumerate(arm.joints):
+        if name in by_joint:
+            wanted: Sequence[float] = by_joint[name]
+        elif arm.prismatic[i]:
+            low, high = arm.span[0][i], arm.span[1][i]
+            wanted = (0.0, float(low + high) / 2)
+        else:
+            wanted = common
+        kept: list[float] = []
+        for value in wanted:
+            if not math.isfinite(value):
+                raise OptionError(f"special value {value} of {name} is not finite")
+            row = np.zeros(arm.n)
+            row[i] = value
+            folded = value if ignore_limits else float(arm.fold(row)[i])
+            if not ignore_limits and not arm.lower[i] - 1e-9 <= folded <= arm.upper[i] + 1e-9:
+                if name in by_joint:
+                    raise ConfigurationError(
+                        f"special value {value:g} of {name} is outside its limits "
+                        f"[{arm.lower[i]:g}, {arm.upper[i]:g}]; "
+                        "change it, or sweep with ignore_limits"
+                    )
+                left_out.append(f"{name} = {value_text(value, bool(arm.prismatic[i]))}")
+                continue
+            used.add(value)
+            if any(_same(folded, k, bool(arm.prismatic[i])) for k in kept):
+                merged = merged or not arm.prismatic[i]
+                continue
+            kept.append(folded)
+        result.append(np.array(kept, dtype=float))
+    if own and not isinstance(special, Mapping) and not arm.prismatic.all():
+        for value in common:
+            if value not in used:
+                raise ConfigurationError(
+                    f"special value {value:g} is outside the limits of every joint; "
+                    "change it, or sweep with ignore_limits"
+                )
+    if merged:
+        notes.append("special values a whole turn apart are one configuration and swept once")
+    if left_out:
+        notes.append(
+            f"{len(left_out)} special values outside the limits are left out: {_some(left_out)}"
+        )
+    return result
+
+
+def _some(words: Sequence[str]) -> str:
+    """All of them, or the first ones if they are many."""
+    more = len(words) - _LISTED
+    return ", ".join(words if more <= 0 else [*words[:_LISTED], f"and {more} more"])
+
+
+def _same(a: float, b: float, prismatic: bool) -> bool:
+    return abs(a - b if prismatic else math.remainder(a - b, _TURN)) < 1e-9
