@@ -2,27 +2,55 @@
 
 from __future__ import annotations
 
-import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
+from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
+from pinsing.prose import (
+    PLAIN,
+    Page,
+    Span,
+    alarm,
+    caution,
+    formula,
+    good,
+    measured,
+    unbroken,
+)
+from pinsing.sweeps.text import finding_spans
 
 if TYPE_CHECKING:
     from pinsing.analysis.analyze import Analysis
     from pinsing.families import ClosedForm, Family
 
-_WIDTH = 100
+
+_ROUNDING = 1e-9
+"""What changes the Jacobian by less is not worth naming one by one."""
 
 
-def analysis_text(analysis: Analysis) -> str:
-    """Families first, then how they were checked, then what was assumed."""
+def analysis_text(analysis: Analysis, page: Page = PLAIN, degrees: bool = False) -> str:
+    """Families first, then how they were checked, then what was assumed.
+
+    Parameters
+    ----------
+    analysis : Analysis
+        What to print.
+    page : Page
+        What it is fitted to.
+    degrees : bool
+        Configurations to paste in degrees.
+    """
     arm = analysis.arm
     lines = [
-        f"{arm.name}: {arm.n} joints, {arm.base} -> {arm.tip}, task {arm.task} "
-        f"(generic rank {analysis.closed_form.generic_rank}), length scale {arm.length_scale:g} m",
+        page.paragraph(
+            f"{arm.name}: {arm.n} joints, {arm.base} -> {arm.tip}, task {arm.task} "
+            f"(generic rank {analysis.closed_form.generic_rank}), "
+            f"length scale {unbroken(f'{arm.length_scale:g} m')}",
+            rest="  ",
+        ),
         "",
-        *families_text(analysis.closed_form),
+        families_text(analysis.closed_form, page, degrees),
     ]
     extra = [
         f
@@ -30,42 +58,58 @@ def analysis_text(analysis: Analysis) -> str:
         if not owner and f.status == "singular"
     ]
     if extra and not analysis.complete:
-        lines += ["", "Found by the sweep beside these families:"]
-        lines += [_wrapped(str(f), "  - ") for f in extra]
+        title = "Found by the sweep beside these families:"
+        lines += _points(page, title, map(finding_spans, extra))
     near = [f for f in analysis.findings if f.status == "near-singular"]
     if near:
-        lines += ["", "Near-singular valleys:"]
-        lines += [_wrapped(str(f), "  - ") for f in near]
-    lines += ["", "Checked:"]
-    lines += [_wrapped(text, "  - ") for text in _checks(analysis)]
+        lines += _points(page, "Near-singular valleys:", map(finding_spans, near))
     if analysis.problems:
-        lines += ["", "CONTRADICTIONS (please report them):"]
-        lines += [_wrapped(text, "  ! ") for text in analysis.problems]
-    notes = dict.fromkeys((*arm.notes, *_geometry(analysis), *analysis.notes))
+        bad = alarm("CONTRADICTIONS (please report them):")
+        lines += _points(page, bad, ((p,) for p in analysis.problems), "  ! ")
+    lines += _points(page, "Checked:", ((text,) for text in _checks(analysis)))
+    notes = dict.fromkeys((*_geometry(analysis), *arm.notes, *analysis.notes))
     if notes:
-        lines += ["", "Assumed:"]
-        lines += [_wrapped(text, "  - ") for text in notes]
+        lines += _points(page, "Assumed:", ((text,) for text in notes))
     return "\n".join(lines)
 
 
-def families_text(forms: ClosedForm) -> list[str]:
-    """The list of families with what each means."""
+def _points(
+    page: Page, title: Span, texts: Iterable[tuple[Span, ...]], mark: str = "  - "
+) -> list[str]:
+    return ["", page.paragraph(title), *(page.paragraph(*text, first=mark) for text in texts)]
+
+
+def families_text(forms: ClosedForm, page: Page = PLAIN, degrees: bool = False) -> str:
+    """The list of families with what each means, and a configuration of each to paste."""
     count = len(forms.families)
     if not count and forms.complete:
-        head = "No singular configurations: the rank is the same everywhere."
+        head: tuple[Span, ...] = (
+            "No singular configurations: the rank is the same everywhere (",
+            good("complete"),
+            f"; closed forms, {unbroken(f'{1e3 * forms.seconds:.0f} ms')}).",
+        )
     else:
-        what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations"
-        state = "complete" if forms.complete else "NOT complete"
-        head = f"{what}, {state} (closed forms, {1e3 * forms.seconds:.0f} ms):"
-    lines = [head]
+        what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations, "
+        state = good("complete") if forms.complete else caution("NOT complete")
+        head = what, state, f" (closed forms, {unbroken(f'{1e3 * forms.seconds:.0f} ms')}):"
+    lines = [page.paragraph(*head)]
+    for gap in forms.gaps:
+        lines.append(page.paragraph(caution("not complete"), f": {gap}", first="  "))
     for family in forms.families:
-        lines += [_wrapped(family.text, f"  {family.name}  ")]
-        lines += [_wrapped(text, "      ") for text in _meaning(family)]
-    named = [f"{symbol} = {name}" for symbol, name in forms.legend if symbol != name]
+        lines.append(page.paragraph(formula(family.text), first=f"  {family.name}  "))
+        lines += [page.paragraph(text, first="      ") for text in _meaning(family)]
+        lines += _example(family, forms, page, degrees)
+    long = [f.name for f in forms.families if " terms]" in f.text]
+    if long:
+        lines.append(
+            page.paragraph(
+                f"f(...) of {', '.join(long)}: `pinsing families --latex` writes it out", first="  "
+            )
+        )
+    named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]
     if named:
-        lines += [_wrapped("where " + ", ".join(named), "  ")]
-    lines += [_wrapped(gap, "  not complete: ") for gap in forms.gaps]
-    return lines
+        lines.append(page.paragraph("where " + ", ".join(named), first="  "))
+    return "\n".join(lines)
 
 
 def _meaning(family: Family) -> Iterator[str]:
@@ -84,8 +128,19 @@ def _meaning(family: Family) -> Iterator[str]:
     yield f"{kind}{where}; {size}{proof}"
     if family.reason:
         yield family.reason
-    if family.lost:
-        yield "there, e.g.: " + "; ".join(family.lost)
+
+
+def _example(family: Family, forms: ClosedForm, page: Page, degrees: bool) -> Iterator[str]:
+    """A configuration of the family, to be pasted after ``pinsing at``, and what is lost there."""
+    if family.generic is None:
+        return
+    rounded = family.raw_ratio is not None and family.raw_ratio > SINGULAR_RTOL
+    first = f"      e.g. {'--nominal ' if rounded else ''}"
+    loose = set(range(family.n)).difference(*(b.involved for b in family.branches))
+    q = typed(family.generic, family.prismatic, degrees, loose=loose, room=page.width - len(first))
+    yield page.paragraph(q, first=first, rest=" " * 13)
+    for text in family.lost:
+        yield page.paragraph(measured(text), first="        ")
 
 
 def _checks(analysis: Analysis) -> Iterator[str]:
@@ -125,21 +180,11 @@ def _geometry(analysis: Analysis) -> Iterator[str]:
     forms = analysis.closed_form
     if forms.jacobian_change <= 1e-12:
         return
-    shown = "; ".join(forms.snaps[:3])
-    more = f"; and {len(forms.snaps) - 3} more" if len(forms.snaps) > 3 else ""
-    detail = f" ({shown}{more})" if shown else ""
+    detail = ""
+    if forms.jacobian_change > _ROUNDING:
+        more = f"; and {len(forms.snaps) - 3} more" if len(forms.snaps) > 3 else ""
+        detail = f" ({'; '.join(forms.snaps[:3])}{more})"
     yield (
         f"families are of the nominal geometry, which changes no Jacobian column by more than "
         f"{forms.jacobian_change:.1e}{detail}"
-    )
-
-
-def _wrapped(text: str, indent: str) -> str:
-    return textwrap.fill(
-        text,
-        _WIDTH,
-        initial_indent=indent,
-        subsequent_indent=" " * len(indent),
-        break_long_words=False,
-        break_on_hyphens=False,
     )

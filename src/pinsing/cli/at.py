@@ -16,6 +16,7 @@ from pinsing.cli.options import (
     parse_numbers,
 )
 from pinsing.cli.output import emit, emit_json, say
+from pinsing.prose import Page
 
 
 @click.command("at", short_help="Everything about one configuration.")
@@ -73,5 +74,5 @@ def at_command(
     for name in state.outside:
         say(f"note: joint {name} is outside its limits")
     if not emit_json(state, json_target):
-        emit(state_text(state, degrees=deg))
+        emit(state_text(state, deg, Page.of()))
     return int(fail_if_singular and state.singular)

@@ -19,10 +19,9 @@ from pinsing.cli.options import (
 from pinsing.cli.output import STOPPED, emit, emit_json, say
 from pinsing.cli.running import Place, place_options, run_progress, say_stopped
 from pinsing.errors import OptionError
-from pinsing.report.text import Table
+from pinsing.prose import Page
 
 if TYPE_CHECKING:
-    from pinsing.maps import MapResult
     from pinsing.robot.arm import Arm
 
 
@@ -117,17 +116,11 @@ def map_command(
         say_stopped(out)
         return STOPPED
     if not emit_json(result, json_target):
-        _show(result, deg)
+        emit(result.text(Page.of(), deg))
     if not result.complete:
         say_stopped(out)
         return STOPPED
     return int(fail_if_singular and result.singular > 0)
-
-
-def _show(result: MapResult, deg: bool) -> None:
-    emit(result.head() + "\n")
-    Table(("share", "sigma_min", "ratio"), result.quantile_rows(), frozenset({0, 1, 2})).show()
-    emit("\n" + result.tail(deg))
 
 
 def _whole(text: str, what: str) -> int:

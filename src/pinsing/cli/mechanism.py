@@ -13,6 +13,7 @@ from pinsing.cli.figure import check_figure, save_figure
 from pinsing.cli.options import parse_numbers
 from pinsing.cli.output import STDOUT, emit, emit_json, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
+from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing._types import Array
@@ -55,15 +56,20 @@ def analyze_loops(
     loops: Path,
     json_target: str | Path | None = None,
     fail_if_singular: bool = False,
+    deg: bool = False,
     **options: Any,
 ) -> int:
     """``analyze --loops``: modes, ranges, singular points and loci of a mechanism."""
     from pinsing.mechanism import analyze_mechanism
+    from pinsing.mechanism.text import analysis_text
 
     mechanism = read(loops, options)
     analysis = analyze_mechanism(mechanism)
     if not emit_json(analysis, json_target):
-        emit(str(analysis))
+        sliding = [
+            n for n, slides in zip(mechanism.joints, mechanism.prismatic, strict=True) if slides
+        ]
+        emit(analysis_text(analysis, Page.of(), deg, sliding))
     for check in analysis.checks:
         if not check.passed:
             say(f"WARNING: {check.words}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinsing.atomic_write import check_writable, write_text
-from pinsing.report.text import safe
+from pinsing.prose import Page, is_terminal, safe, shows_colour
 
 if TYPE_CHECKING:
     from pinsing.serialization import JsonResult
@@ -28,18 +29,26 @@ STOPPED = 130
 
 
 def emit(text: str) -> None:
-    """Print a result."""
-    click.echo(safe(text))
+    """Print a result; what it was painted with goes to terminals alone."""
+    print(safe(text, painted=shows_colour(sys.stdout)))
 
 
 def say(text: str) -> None:
     """Print a message that is no result."""
-    click.echo(f"pinsing: {safe(text)}", err=True)
+    _tell(f"pinsing: {text}")
 
 
 def complain(text: str) -> None:
     """Print an error, in one line whatever a parser had to say."""
-    click.echo(f"pinsing: error: {safe(' '.join(text.split()))}", err=True)
+    _tell(f"pinsing: error: {' '.join(text.split())}")
+
+
+def _tell(text: str) -> None:
+    """One line on stderr; on a terminal as many as it takes, broken between words."""
+    if is_terminal(sys.stderr):
+        click.echo(Page.of(sys.stderr).paragraph(text, rest="  "), err=True)
+    else:
+        click.echo(safe(text), err=True)
 
 
 class OutputFile(ParamType):

@@ -10,7 +10,7 @@ from pinsing.atomic_write import check_writable, write_text
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import STDOUT, OutputFile, emit, emit_json, emit_json_data, say
 from pinsing.errors import ChainError, OptionError
-from pinsing.report.text import Table
+from pinsing.prose import Page, Table
 
 
 @click.command("info", short_help="What pinsing makes of a robot, before any analysis.")
@@ -34,12 +34,13 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
     info = describe(arm)
     if emit_json(info, json_target):
         return
-    emit(info.head() + "\n")
-    info.joints(deg).show()
-    lines = [f"note: {note}" for note in arm.notes]
-    lines += [f"moved: {snap}" for snap in info.snaps if snap.size > ROUNDING]
-    if lines:
-        emit("\n" + "\n".join(lines))
+    page = Page.of()
+    lines = [info.head(page), "", page.table(info.joints(deg))]
+    said = [f"note: {note}" for note in arm.notes]
+    said += [f"moved: {snap}" for snap in info.snaps if snap.size > ROUNDING]
+    if said:
+        lines += ["", *(page.paragraph(text, rest="  ") for text in said)]
+    emit("\n".join(lines))
 
 
 def _show_chains(request: RobotRequest) -> None:
@@ -86,7 +87,7 @@ def list_command(word: str, json_target: str | Path | None) -> None:
         for e in entries
     )
     if rows:
-        Table(("name", "robot", "from", "note"), rows).show()
+        emit(Page.of().table(Table(("name", "robot", "from", "note"), rows)))
     else:
         say(f"no known robot has {word!r} in its name")
 

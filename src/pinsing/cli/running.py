@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -15,13 +16,15 @@ import click
 
 from pinsing.cli.output import say
 from pinsing.errors import OptionError
-from pinsing.report.text import is_rich
+from pinsing.prose import Page, is_terminal
 
 if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_BAR = 30  # columns
+_REDRAW_SECONDS = 0.1
 _QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on
 
 
@@ -154,18 +157,41 @@ def duration(seconds: float) -> str:
 def run_progress() -> Iterator[Callable[[int, int], None]]:
     """Callback ``(done, total)``: a bar on a terminal, else a line on stderr now and then."""
     meter = Meter()
-    if not is_rich(sys.stderr):
+    if not is_terminal(sys.stderr):
         yield _lines(meter)
         return
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
+    bar = _Bar(meter)
+    try:
+        yield bar.show
+    finally:
+        bar.clear()
 
-    columns = (BarColumn(), TextColumn("{task.percentage:.0f}%"), TextColumn("{task.fields[text]}"))
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("", total=None, text="")
-        yield lambda done, total: bar.update(
-            task, completed=done, total=total, text=meter.text(done, total)
-        )
+
+class _Bar:
+    """One line of a terminal, drawn over again and gone at the end."""
+
+    def __init__(self, meter: Meter) -> None:
+        self._meter = meter
+        self._drawn = -math.inf
+
+    def show(self, done: int, total: int) -> None:
+        text = self._meter.text(done, total)
+        now = time.monotonic()
+        if now - self._drawn < _REDRAW_SECONDS and done < total:
+            return
+        self._drawn = now
+        share = min(done / total, 1.0) if total else 1.0
+        full = round(_BAR * share)
+        line = f"{'━' * full}{'─' * (_BAR - full)} {100 * share:3.0f} %  {text}"
+        self._write(line[: Page.of(sys.stderr).width - 1])
+
+    def clear(self) -> None:
+        if self._drawn > -math.inf:
+            self._write("")
+
+    def _write(self, line: str) -> None:
+        sys.stderr.write(f"\r\x1b[K{line}")
+        sys.stderr.flush()
 
 
 def _lines(meter: Meter) -> Callable[[int, int], None]:

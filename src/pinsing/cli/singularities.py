@@ -22,6 +22,7 @@ from pinsing.cli.options import (
 from pinsing.cli.output import STOPPED, OutputFile, emit, emit_json, emit_json_data, say
 from pinsing.cli.running import Place, place_options, run_progress, say_stopped
 from pinsing.errors import OptionError
+from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
@@ -227,6 +228,7 @@ def sweep_command(
     from pinsing.sweeps.npz import CURVES, save_npz
     from pinsing.sweeps.plan import plan_sweep
     from pinsing.sweeps.run import check_keep, run_sweep
+    from pinsing.sweeps.text import sweep_text
 
     tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
     swept = tests if geometry == "nominal" else arm
@@ -246,10 +248,7 @@ def sweep_command(
     if json_target is None or not emit_json_data(
         {**result.to_dict(), "findings": encode(findings)}, json_target
     ):
-        emit(str(result))
-        emit("\nfound, refined and generalised:" if findings else "\nfound nothing singular")
-        for finding in findings:
-            emit(f"  {finding}")
+        emit(sweep_text(result, findings, Page.of(), deg))
     if not result.complete:
         say_stopped(folder)
         return STOPPED
@@ -293,7 +292,9 @@ def analyze_command(
     with run_progress() as progress:
         analysis = analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
     if not emit_json(analysis, json_target):
-        emit(str(analysis))
+        from pinsing.analysis.text import analysis_text
+
+        emit(analysis_text(analysis, Page.of(), deg))
     for problem in analysis.problems:
         say(f"WARNING: {problem}")
     if not analysis.sweep_complete:
@@ -305,11 +306,13 @@ def analyze_command(
 @arm_options
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
 @algebra_options
+@deg_option
 @json_option
 @fail_option
 def families_command(
     request: RobotRequest,
     latex: bool,
+    deg: bool,
     algebra: dict[str, Any],
     json_target: str | Path | None,
     fail_if_singular: bool,
@@ -325,5 +328,5 @@ def families_command(
 
     found = closed_form(arm, **algebra)
     if not emit_json(found, json_target):
-        emit(families_latex(found) if latex else "\n".join(families_text(found)))
+        emit(families_latex(found) if latex else families_text(found, Page.of(), deg))
     return int(fail_if_singular and any(f.is_reachable for f in found.families))

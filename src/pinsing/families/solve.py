@@ -20,6 +20,7 @@ from pinsing.algebra.surd_ring import ring_of
 from pinsing.configuration.second_order import second_order
 from pinsing.configuration.state import State, at
 from pinsing.errors import OptionError
+from pinsing.families.example import readable
 from pinsing.families.family import Branch, Family
 from pinsing.families.pieces import Piece, PieceMaker
 from pinsing.families.statement import mirror_key, statement
@@ -300,9 +301,9 @@ def _described(
     if not len(points):
         return replace(draft, reachability=reachability)
     exact = geometry.arm
-    generic = points[0]
+    branch = next((b for b in draft.branches if _on(draft, b, points[0])), draft.branches[0])
+    generic = readable(draft, branch, points[0], exact, within_limits=bool(len(inside)))
     state = at(exact, generic, rtol=1e-8)
-    branch = next((b for b in draft.branches if _on(draft, b, generic)), draft.branches[0])
     raw = None
     if not geometry.exact:
         raw = float(maker.ratios(points, arm).max())
@@ -310,7 +311,7 @@ def _described(
         draft,
         codimension=_codimension(branch, generic, draft.codimension),
         reachability=reachability,
-        witness=inside[0] if len(inside) else None,
+        witness=generic if len(inside) else None,
         generic=generic,
         rank=state.rank,
         lost=(*(str(x) for x in state.lost), *_everywhere(state)),

@@ -9,14 +9,17 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.errors import OptionError
+from pinsing.joint_text import typed
 from pinsing.maps.plan import MapPlan
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
 from pinsing.runs.distribution import Distribution, Point, distributions, worst_points
 from pinsing.runs.tally import QUANTILE_ERROR, Tally
 from pinsing.serialization import JsonResult
 
 _SHOWN_QUANTILES = (0.0, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0)
 _SHOWN_WORST = 5
+_DIGITS = 9
 
 
 MapPoint = Point
@@ -59,21 +62,31 @@ class MapResult(JsonResult):
     complete: bool
     notes: tuple[str, ...]
 
-    def head(self) -> str:
+    def head(self, page: Page = PLAIN) -> str:
         """Lines above the table of quantiles."""
         arm = self.plan.arm
         of = "" if self.complete else f" ({self.done:,} done)"
         near = self.singular + self.near_singular
-        return "\n".join(
-            [
-                f"map of {arm.name}: {self.plan}{of}",
+        singular = alarm("singular") if self.singular else "singular"
+        lines: list[tuple[Span, ...]] = [
+            (f"map of {arm.name}: {self.plan}{of}",),
+            (
                 f"tip {arm.tip}, task {arm.task}, length scale {arm.length_scale:g} m; "
                 f"engine {self.engine}",
-                f"singular (sigma_r/sigma_1 <= {SINGULAR_RTOL:g}): {self.singular:,}",
-                f"near-singular (<= {NEAR_RTOL:g}): {self.near_singular:,}, "
-                f"{100 * near / self.done:.3g} % with the singular ones",
-            ]
-        )
+            ),
+            (singular, f" (sigma_r/sigma_1 <= {SINGULAR_RTOL:g}): {self.singular:,}"),
+            (
+                caution("near-singular") if self.near_singular else "near-singular",
+                f" (<= {NEAR_RTOL:g}): {self.near_singular:,}; "
+                f"{100 * near / self.done:.3g} % of all are one or the other",
+            ),
+        ]
+        return "\n".join(page.paragraph(*line, rest="  ") for line in lines)
+
+    def text(self, page: Page = PLAIN, degrees: bool = False) -> str:
+        """All that is worth reading, fitted to a page."""
+        rows = Table(("share", "sigma_min", "ratio"), self.quantile_rows(), frozenset({0, 1, 2}))
+        return "\n\n".join([self.head(page), page.table(rows), self.tail(degrees, page)])
 
     def quantile_rows(self) -> tuple[tuple[str, str, str], ...]:
         """Share of the configurations, and what sigma_r and the ratio are at most there."""
@@ -84,24 +97,19 @@ class MapResult(JsonResult):
             rows.append((share, *(f"{value:.4g}" for value in values)))
         return tuple(rows)  # type: ignore[arg-type]
 
-    def tail(self, degrees: bool = False) -> str:
+    def tail(self, degrees: bool = False, page: Page = PLAIN) -> str:
         """Lines below the table: the worst configurations, in radians or degrees, and notes."""
-        slides = self.plan.arm.prismatic
-        factor = np.where(slides, 1.0, 180 / np.pi if degrees else 1.0)
-        lines = [f"quantiles to {100 * QUANTILE_ERROR:.1f} %; the worst:"]
+        lines = [f"quantiles to {100 * QUANTILE_ERROR:.1f} %; the smallest ratios:"]
         for point in self.worst[:_SHOWN_WORST]:
-            q = ", ".join(f"{x:.6g}" for x in point.q * factor)
-            lines.append(f"  {point.ratio:.3g} ({point.status}) at q = {q}")
-        lines += [f"note: {note}" for note in self.notes]
+            room = page.width - 34
+            q = typed(point.q, self.plan.arm.prismatic, degrees, _DIGITS, room=room)
+            spans = (f"{point.ratio:.3g} (", verdict(point.status), f") at {q}")
+            lines.append(page.paragraph(*spans, first="  ", rest="    "))
+        lines += [page.paragraph(f"note: {note}", rest="  ") for note in self.notes]
         return "\n".join(lines)
 
     def __str__(self) -> str:
-        rows = [
-            f"  {share:>9}  {sigma:>10}  {ratio:>10}"
-            for share, sigma, ratio in self.quantile_rows()
-        ]
-        top = f"  {'share':>9}  {'sigma_min':>10}  {'ratio':>10}"
-        return "\n".join([self.head(), top, *rows, self.tail()])
+        return self.text()
 
 
 def result_of(plan: MapPlan, engine: str, tally: Tally, notes: tuple[str, ...] = ()) -> MapResult:

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-import numpy as np
+from pinsing.joint_text import typed
+from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
 
 if TYPE_CHECKING:
+    from pinsing._types import Array
     from pinsing.mechanism.analysis import MechanismAnalysis
+    from pinsing.mechanism.feasible import Interval
 
 _MEANING = {
     "type 1": "a direction of the output is lost",
@@ -16,55 +22,142 @@ _MEANING = {
     "constraint": "more motions than the mobility",
 }
 
+Line = tuple[str, tuple[Span, ...]]
+"""An indent, and what follows it."""
 
-def analysis_text(a: MechanismAnalysis) -> str:
-    """Plain text of an analysis, radians and metres."""
+
+def analysis_text(
+    a: MechanismAnalysis,
+    page: Page = PLAIN,
+    degrees: bool = False,
+    sliding: Collection[str] = (),
+) -> str:
+    """Plain text of an analysis.
+
+    Parameters
+    ----------
+    a : MechanismAnalysis
+        What to print.
+    page : Page
+        What it is fitted to.
+    degrees : bool
+        Angles in degrees.
+    sliding : collection of str
+        Joints whose values are no angles.
+    """
+    values = _Values(degrees, frozenset(sliding))
+    lines = [*_head(a, values), *_configurations(a, values), *_points(a, values)]
+    lines += [*_forms(a, values, page), *_checks(a)]
+    return "\n".join(
+        page.paragraph(*spans, first=indent, rest=indent + "  ") for indent, spans in lines
+    )
+
+
+@dataclass(frozen=True)
+class _Values:
+    """Joint values with their names."""
+
+    degrees: bool
+    sliding: frozenset[str]
+
+    def named(self, names: Sequence[str], values: Array, digits: int = 6) -> str:
+        pairs = zip(names, values.tolist(), strict=True)
+        return ", ".join(unbroken(f"{n} = {self.value(n, v, digits)}") for n, v in pairs)
+
+    def value(self, name: str, value: float, digits: int = 6) -> str:
+        if self.degrees and name not in self.sliding:
+            return f"{math.degrees(value) + 0.0:.{digits}g}°"
+        return f"{value + 0.0:.{digits}g}"
+
+    def interval(self, name: str, found: Interval) -> str:
+        if found.whole:
+            return "the whole circle"
+        return unbroken(f"[{self.value(name, found.lower)}, {self.value(name, found.upper)}]")
+
+    def pasted(self, names: Sequence[str], values: Array, room: int) -> str:
+        return typed(values, [n in self.sliding for n in names], self.degrees, room=room)
+
+
+def _head(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
     redundant = a.constraint_rows - a.constraint_rank
     spare = f", {redundant} of {a.constraint_rows} redundant" if redundant else ""
-    out = [
-        f"{a.name}: {len(a.joints)} joints, {a.mobility} degrees of freedom "
-        f"({a.constraint_rank} independent closure equations{spare})",
-        f"  driven by {', '.join(a.inputs)}; output {a.output} ({a.task}); "
-        f"loops {', '.join(a.loops)}; length scale {a.length_scale:g} m",
+    yield (
         "",
-        f"At {_named(a.inputs, a.state.inputs)}: {a.state.kind}"
-        + (" (near-singular)" if a.state.near else ""),
-        f"  measures: type 1 {a.state.output_ratio:.4g}, type 2 {a.state.input_ratio:.4g}, "
-        f"constraint {a.state.constraint_ratio:.4g}",
-        f"  {len(a.assemblies)} assembly configurations at these inputs:",
-        *(f"    {s.mode}: {_named(a.joints, s.q)}" for s in a.assemblies),
-    ]
+        (
+            f"{a.name}: {len(a.joints)} joints, {a.mobility} degrees of freedom "
+            f"({a.constraint_rank} independent closure equations{spare})",
+        ),
+    )
+    yield (
+        "  ",
+        (
+            f"driven by {', '.join(a.inputs)}; output {a.output} ({a.task}); "
+            f"loops {', '.join(a.loops)}; length scale {a.length_scale:g} m; angles in "
+            f"{'degrees' if values.degrees else 'radians'}",
+        ),
+    )
+    yield "", ()
+    kind: Span = a.state.kind if a.state.kind == "regular" else alarm(a.state.kind)
+    near = (" (", caution("near-singular"), ")") if a.state.near else ()
+    yield "", (f"At {values.named(a.inputs, a.state.inputs)}: ", kind, *near)
+    yield (
+        "  ",
+        (
+            f"measures: type 1 {a.state.output_ratio:.4g}, type 2 {a.state.input_ratio:.4g}, "
+            f"constraint {a.state.constraint_ratio:.4g}",
+        ),
+    )
+
+
+def _configurations(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
+    yield "  ", (f"{len(a.assemblies)} assembly configurations at these inputs:",)
+    for s in a.assemblies:
+        yield "    ", (f"{s.mode}: {values.named(a.joints, s.q)}",)
     if a.working:
-        out.append(f"  {len(a.working)} ways to reach the same output position:")
-        out += [f"    {m.name}: {_named(a.joints, m.q)}" for m in a.working]
-    out.append("  the loops close, the other inputs held, for")
-    out += [
-        f"    {name} in {' or '.join(str(i) for i in found) or 'nothing'}"
-        for name, found in a.ranges.items()
-    ]
+        yield "  ", (f"{len(a.working)} ways to reach the same output position:",)
+        for m in a.working:
+            yield "    ", (f"{m.name}: {values.named(a.joints, m.q)}",)
+    yield "  ", ("the loops close, the other inputs held, for",)
+    for name, found in a.ranges.items():
+        ends = " or ".join(values.interval(name, i) for i in found)
+        yield "    ", (f"{name} in {ends or 'nothing'}",)
+
+
+def _points(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
     for kind in ("type 1", "type 2", "type 3", "constraint"):
         here = [p for p in a.points if p.kind == kind]
         if not here:
             continue
-        out += ["", f"{kind} ({_MEANING[kind]}), along the curves through these inputs:"]
+        yield "", ()
+        title = f" ({_MEANING[kind]}), along the curves through these inputs:"
+        yield "", (alarm(kind), title)
         for p in here:
-            end = "  end of the range" if p.range_end else ""
-            out.append(f"  {_named(a.inputs, p.inputs, 10)}  {p.mode}{end}")
-    out.append("")
+            end = "  (end of the range)" if p.range_end else ""
+            yield "  ", (f"{values.named(a.inputs, p.inputs, 10)}  {p.mode}{end}",)
+
+
+def _forms(a: MechanismAnalysis, values: _Values, page: Page) -> Iterator[Line]:
+    yield "", ()
     if a.forms is None:
-        out.append("Closed forms: none (no planar dyad closes the loops); the points are numeric.")
-    else:
-        whole = "all" if a.forms.complete else "not all"
-        out.append(f"Closed forms ({whole} singular loci over the inputs, in m²):")
-        for locus in a.forms.loci:
-            extra = "  [isolated points]" if locus.points_only else ""
-            extra += "" if locus.witness else "  [no feasible configuration found]"
-            out += [f"  {locus.kind}: {locus.words}{extra}", f"    {locus.equation}"]
-        out += [f"  {note}" for note in a.forms.notes]
-    out += [f"{'ok' if c.passed else 'DISAGREES'}: {c.words}" for c in a.checks]
-    out += [f"note: {note}" for note in a.notes]
-    return "\n".join(out)
+        yield "", ("Closed forms: none (no planar dyad closes the loops); the points are numeric.",)
+        return
+    whole = good("complete") if a.forms.complete else caution("NOT complete")
+    yield "", ("Closed forms of the singular loci over the inputs, in m², ", whole, ":")
+    for locus in a.forms.loci:
+        extra = " (isolated points)" if locus.points_only else ""
+        extra += "" if locus.witness else " (no configuration found that closes the loops)"
+        yield "  ", (f"{locus.kind}: {locus.words}{extra}",)
+        yield "    ", (formula(str(locus.equation)),)
+        if locus.witness:
+            q = values.pasted(a.inputs, locus.witness.inputs, page.width - 9)
+            yield "    ", (f"e.g. {q}",)
+    for note in a.forms.notes:
+        yield "  ", (note,)
 
 
-def _named(names: tuple[str, ...], values: np.ndarray, digits: int = 6) -> str:
-    return ", ".join(f"{n} = {v:.{digits}g}" for n, v in zip(names, values, strict=True))
+def _checks(a: MechanismAnalysis) -> Iterator[Line]:
+    yield "", ()
+    for check in a.checks:
+        yield "", (good("ok") if check.passed else alarm("DISAGREES"), f": {check.words}")
+    for note in a.notes:
+        yield "", (f"note: {note}",)

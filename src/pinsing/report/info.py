@@ -11,7 +11,7 @@ from pinsing.geometry.nominal import nominal
 from pinsing.geometry.snap import Snap
 from pinsing.kinematics.engine import engine_name
 from pinsing.kinematics.jacobian import generic_rank
-from pinsing.report.text import Table, fields, safe
+from pinsing.prose import PLAIN, Page, Table
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -55,7 +55,7 @@ class ArmInfo(JsonResult):
     jacobian_change: float
     engine: str
 
-    def head(self) -> str:
+    def head(self, page: Page = PLAIN) -> str:
         """Lines above the table of joints."""
         arm = self.arm
         rank = f"{self.generic_rank} ({arm.n} joints, {self.task_rows} task rows)"
@@ -75,7 +75,7 @@ class ArmInfo(JsonResult):
             ("geometry", self.geometry()),
             ("engine", self.engine),
         ]
-        return safe(fields(rows))
+        return page.fields(rows)
 
     def geometry(self) -> str:
         """One sentence on raw and nominal geometry."""
@@ -114,7 +114,7 @@ class ArmInfo(JsonResult):
         return Table(header, tuple(rows), frozenset({0, 3, 4}))
 
     def __str__(self) -> str:
-        return f"{self.head()}\n\n{self.joints().plain()}"
+        return f"{self.head()}\n\n{PLAIN.table(self.joints())}"
 
 
 def describe(arm: Arm) -> ArmInfo:

@@ -76,16 +76,11 @@ class Finding(JsonResult):
     curves: tuple[int, ...]
 
     def __str__(self) -> str:
-        text = f"{self.condition}, whatever the others"
-        if self.status != "singular":
-            text += f": near-singular, sigma_r/sigma_1 = {self.configuration.sigma_ratio:.1e}"
-        elif self.configuration.kind != "undecided":
-            text += f" ({self.configuration.kind})"
-        if self.reachable is not True:
-            text += ", outside the limits" if self.reachable is False else ", not met in the limits"
-        if self.status == "singular" and self.raw_ratio > SINGULAR_RTOL:
-            text += f"; the file as it is reaches {self.raw_ratio:.1e}"
-        return text
+        from pinsing.sweeps.text import finding_spans
+
+        return "".join(x if isinstance(x, str) else x.text for x in finding_spans(self)).replace(
+            "\u00a0", " "
+        )
 
 
 @dataclass(frozen=True, eq=False)

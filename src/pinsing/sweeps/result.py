@@ -217,24 +217,9 @@ class SweepResult(JsonResult):
         return bool((np.abs(turns) < 1e-9).all() and (np.abs(shifts) < 1e-9).all())
 
     def __str__(self) -> str:
-        plan = self.plan
-        nominal = ", ".join(
-            f"{name} = {x:.6g}" for name, x in zip(self.arm.joints, plan.nominal, strict=True)
-        )
-        lines = [
-            f"sweep of {self.arm.name}: {plan}",
-            f"nominal configuration ({plan.nominal_origin}): {nominal}; "
-            f"sigma_min = {plan.nominal_sigma[-1]:.6g}",
-        ]
-        lines += [
-            f"all joints at {value_text(row.value)}: sigma_min = {row.sigma_min:.3g}, {row.status}"
-            for row in self.uniform
-        ]
-        lines += [f"{self.set_text(fixed)}: singular whatever the others" for fixed in plan.forced]
-        if self.summary is not None:
-            lines.append(str(self.summary))
-        lines += [f"note: {note}" for note in self.notes]
-        return "\n".join(lines)
+        from pinsing.sweeps.text import sweep_text
+
+        return sweep_text(self)
 
 
 def curves_of(

@@ -23,7 +23,7 @@ SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
 Special = Sequence[float] | Mapping[str, Sequence[float]]
 """Special angles of all revolute joints, or the special values of single joints by name."""
 
-_LISTED = 24  # values that a note names one by one
+_LISTED = 2  # values that a note names one by one
 _NOMINAL_TRIES = 200
 _TURN = 2 * math.pi
 
@@ -67,7 +67,8 @@ def uniform_configurations(
             continue
         found.append((float(value), q if ignore_limits else arm.fold(q)))
     if outside:
-        notes.append(f"all joints at {_some(outside)} at once: outside the limits, left out")
+        places = ", ".join(outside)
+        notes.append(f"all joints at {places} at once is outside the joint limits: left out")
     return tuple(found)
 
 
@@ -185,16 +186,17 @@ def special_values(
     if merged:
         notes.append("special values a whole turn apart are one configuration and swept once")
     if left_out:
-        notes.append(
-            f"{len(left_out)} special values outside the limits are left out: {_some(left_out)}"
-        )
+        notes.append(_left_out(left_out))
     return result
 
 
-def _some(words: Sequence[str]) -> str:
-    """All of them, or the first ones if they are many."""
-    more = len(words) - _LISTED
-    return ", ".join(words if more <= 0 else [*words[:_LISTED], f"and {more} more"])
+def _left_out(words: Sequence[str]) -> str:
+    """One line with their number, and the values themselves where they are few."""
+    count = len(words)
+    if count > _LISTED:
+        return f"{count} special values are outside the joint limits: left out"
+    what = "special value is" if count == 1 else "special values are"
+    return f"{count} {what} outside the joint limits: left out ({', '.join(words)})"
 
 
 def _same(a: float, b: float, prismatic: bool) -> bool:

@@ -1,0 +1,285 @@
+"""Text for people: at the width of their terminal, a few words in colour, names made safe."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import sys
+import unicodedata
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from typing import TextIO
+
+WIDTH = 100
+"""Columns where there is no terminal."""
+
+NARROWEST, WIDEST = 60, 200
+"""Columns that text is fitted to: longer lines are hard to follow, shorter ones hold nothing."""
+
+_LEAST = 20  # columns that a wrapped text keeps, however deep its indent
+_KEPT = "\u00a0"  # a space that is no place to break at
+
+
+class Tone(Enum):
+    """What a coloured word tells, with its sequence of ANSI (ECMA-48, "select graphic")."""
+
+    ALARM = "\x1b[1;31m"
+    CAUTION = "\x1b[33m"
+    GOOD = "\x1b[32m"
+
+
+_END = "\x1b[0m"
+_PAINT = re.compile("|".join(re.escape(code) for code in (*(t.value for t in Tone), _END)))
+
+
+@dataclass(frozen=True)
+class Toned:
+    """Words that are coloured where colours are shown."""
+
+    text: str
+    tone: Tone
+
+
+Span = str | Toned
+
+
+def alarm(text: str) -> Toned:
+    """Such as ``SINGULAR``."""
+    return Toned(text, Tone.ALARM)
+
+
+def caution(text: str) -> Toned:
+    """Such as ``near-singular``."""
+    return Toned(text, Tone.CAUTION)
+
+
+def good(text: str) -> Toned:
+    """Such as ``complete``."""
+    return Toned(text, Tone.GOOD)
+
+
+def verdict(status: str, text: str = "") -> Span:
+    """A status, or a text that tells it, in the colour of the status."""
+    text = text or status
+    return {"singular": alarm(text), "near-singular": caution(text)}.get(status, text)
+
+
+def unbroken(text: str) -> str:
+    """A text whose spaces are no places to break a line at."""
+    return text.replace(" ", _KEPT)
+
+
+def measured(text: str) -> str:
+    """A text whose vectors, and numbers with their units, stay whole: ``(0.1, 0.2, 0.3) m``."""
+    text = re.sub(r"\(-?\d[^()]*\)(?= m\b)?", lambda found: unbroken(found[0]), text)
+    return re.sub(r"(?<=[\d)]) (?=(?:m|rad|deg|m/s|rad/s|m/rad|ms|s)\b)", _KEPT, text)
+
+
+def formula(text: str) -> str:
+    """A condition that is broken between terms and conditions only, never inside of one."""
+    loose = re.sub(r" (?=[-+=] |and |or |\()", "\n", text)
+    loose = re.sub(r"(?<=;) ", "\n", loose)
+    return unbroken(loose).replace("\n", " ")
+
+
+def safe(text: str, painted: bool = False) -> str:
+    """Show control characters, escape sequences and invisible marks in place of obeying them.
+
+    Names come out of files that anybody may have written. Newlines and tabs stay; so do the
+    few sequences of ``Tone`` if the text is ``painted``.
+    """
+    if painted:
+        plain, codes = _PAINT.split(text), [*_PAINT.findall(text), ""]
+        return "".join(safe(p) + code for p, code in zip(plain, codes, strict=True))
+    return "".join(
+        c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")
+        for c in text
+    )
+
+
+def columns(text: str) -> int:
+    """Columns that a line takes: letters of East Asian scripts take two, accents none."""
+    return sum(
+        0 if unicodedata.combining(c) else 2 if unicodedata.east_asian_width(c) in "WF" else 1
+        for c in text
+    )
+
+
+def is_terminal(stream: TextIO) -> bool:
+    """Whether a person reads it as it is written."""
+    return stream.isatty() and os.environ.get("TERM") != "dumb"
+
+
+def shows_colour(stream: TextIO) -> bool:
+    """Whether to colour: at a terminal alone, and not against NO_COLOR (no-color.org)."""
+    return is_terminal(stream) and not os.environ.get("NO_COLOR")
+
+
+@dataclass(frozen=True)
+class Page:
+    """What text is written on.
+
+    Attributes
+    ----------
+    width : int
+        Columns.
+    colour : bool
+        Whether a few words are coloured.
+    """
+
+    width: int = WIDTH
+    colour: bool = False
+
+    @staticmethod
+    def of(stream: TextIO | None = None) -> Page:
+        """The terminal behind ``stream`` (stdout), or a plain page of 100 columns.
+
+        The variable COLUMNS sets the width anywhere, as it does for other programs.
+        """
+        stream = sys.stdout if stream is None else stream
+        asked = os.environ.get("COLUMNS", "")
+        width = int(asked) if asked.isdecimal() and int(asked) > 0 else 0
+        if not width and stream.isatty():
+            try:
+                width = os.get_terminal_size(stream.fileno()).columns
+            except (OSError, ValueError):  # a terminal that does not tell, or no file behind it
+                width = shutil.get_terminal_size((WIDTH, 24)).columns
+        width = min(max(width, NARROWEST), WIDEST) if width else WIDTH
+        return Page(width, shows_colour(stream))
+
+    def paint(self, span: Span) -> str:
+        """One span, safe, with its colour if colours are shown."""
+        if isinstance(span, str):
+            return safe(span)
+        text = safe(span.text)
+        return f"{span.tone.value}{text}{_END}" if self.colour and text else text
+
+    def paragraph(self, *spans: Span, first: str = "", rest: str | None = None) -> str:
+        """Wrapped text: ``first`` before its first line, ``rest`` before the others.
+
+        Lines break at spaces only; a word longer than the page, such as a path, stays whole.
+
+        Parameters
+        ----------
+        *spans : str or Toned
+            The text, in pieces.
+        first, rest : str
+            Indents; ``rest`` is as many spaces as ``first`` is long by default.
+        """
+        rest = " " * columns(first) if rest is None else rest
+        lines: list[str] = []
+        line, used, head = "", 0, first
+        for word, size in self._words(spans):
+            room = max(self.width - columns(head), _LEAST)
+            if line and used + 1 + size > room:
+                lines.append(head + line)
+                line, used, head = word, size, rest
+            else:
+                line, used = (f"{line} {word}", used + 1 + size) if line else (word, size)
+        return "\n".join([*lines, head + line]).replace(_KEPT, " ")
+
+    def _words(self, spans: Sequence[Span]) -> list[tuple[str, int]]:
+        """Words with their columns; one may be made of pieces of different tones."""
+        words = [("", 0)]
+        for span in spans:
+            text = span if isinstance(span, str) else span.text
+            for k, piece in enumerate(re.split("[ \n\t]", text)):
+                if k:
+                    words.append(("", 0))
+                kept = _KEPT.join(safe(part) for part in piece.split(_KEPT))
+                if not isinstance(span, str) and self.colour and kept:
+                    shown = f"{span.tone.value}{kept}{_END}"
+                else:
+                    shown = kept
+                words[-1] = (words[-1][0] + shown, words[-1][1] + columns(kept))
+        return [word for word in words if word[0]]
+
+    def fields(self, pairs: Iterable[tuple[str, Span | Sequence[Span]]], label: int = 0) -> str:
+        """Aligned ``label  text`` lines, long text wrapped under itself.
+
+        ``label`` is the least width of the first column.
+        """
+        pairs = list(pairs)
+        indent = max([label, *(columns(head) + 2 for head, _ in pairs)])
+        return "\n".join(
+            self.paragraph(
+                *((text,) if isinstance(text, str | Toned) else text),
+                first=safe(head) + " " * (indent - columns(safe(head))),
+                rest=" " * indent,
+            ).rstrip()
+            for head, text in pairs
+        )
+
+    def table(self, table: Table) -> str:
+        """Columns two spaces apart; where they are too wide, the widest wrap their cells."""
+        rows = [tuple(safe(cell) for cell in row) for row in (table.header, *table.rows)]
+        count = len(table.header)
+        widths = [max(columns(row[k]) for row in rows) for k in range(count)]
+        room = self.width - 2 * (count - 1)
+        while sum(widths) > room:  # take from the widest what it has more than the next
+            widest = max(range(count), key=lambda k: widths[k])
+            others = [w for w in widths if w < widths[widest]]
+            equal = [k for k in range(count) if widths[k] == widths[widest]]
+            over = -(-(sum(widths) - room) // len(equal))
+            least = max(max(others, default=0), _LEAST // 2, widths[widest] - over)
+            if least >= widths[widest]:
+                break  # as narrow as it gets: such a table runs over
+            for k in equal:
+                widths[k] = least
+        lines: list[str] = []
+        for row in rows:
+            cells = [self._cell(cell, widths[k]) for k, cell in enumerate(row)]
+            for part in range(max(len(cell) for cell in cells)):
+                texts = [cell[part] if part < len(cell) else "" for cell in cells]
+                lines.append(
+                    "  ".join(
+                        _aligned(text, widths[k], k in table.right) for k, text in enumerate(texts)
+                    ).rstrip()
+                )
+        return "\n".join(lines)
+
+    def _cell(self, text: str, width: int) -> list[str]:
+        """A cell as lines of at most ``width`` columns; long names are cut where they must be."""
+        if columns(text) <= width:
+            return [text]
+        lines: list[str] = []
+        for word in text.split():
+            if lines and columns(lines[-1]) + 1 + columns(word) <= width:
+                lines[-1] += " " + word
+                continue
+            lines.append("")
+            for letter in word:
+                if columns(lines[-1] + letter) > width:
+                    lines.append("")
+                lines[-1] += letter
+        return lines or [""]
+
+
+PLAIN = Page()
+"""100 columns without colours: what ``str`` of a result is written on."""
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of text under a header.
+
+    Attributes
+    ----------
+    header : tuple of str
+        One a column.
+    rows : tuple of tuples of str
+        Each as long as the header.
+    right : frozenset of int
+        Columns of numbers, aligned to the right.
+    """
+
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    right: frozenset[int] = frozenset()
+
+
+def _aligned(text: str, width: int, right: bool) -> str:
+    gap = " " * max(width - columns(text), 0)
+    return gap + text if right else text + gap

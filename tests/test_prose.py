@@ -1,0 +1,265 @@
+"""Text for people: its width, its colours, and what can be pasted out of it."""
+
+from __future__ import annotations
+
+import fcntl
+import io
+import os
+import pty
+import re
+import shlex
+import struct
+import subprocess
+import sys
+import termios
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from pinsing.cli.app import command
+from pinsing.cli.options import parse_numbers
+from pinsing.joint_text import typed
+from pinsing.mechanism import analyze_mechanism
+from pinsing.mechanism.text import analysis_text
+from pinsing.prose import (
+    NARROWEST,
+    WIDEST,
+    Page,
+    Table,
+    alarm,
+    caution,
+    columns,
+    formula,
+    good,
+    measured,
+    safe,
+)
+from pinsing.robot.load_mechanism import load_mechanism
+
+ANSI = re.compile(r"\x1b\[[0-9;]*m")
+
+
+class Terminal(io.StringIO):
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.fixture(autouse=True)
+def _own_terminal(monkeypatch):
+    for name in ("NO_COLOR", "COLUMNS"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+
+
+def in_terminal(width: int, *words: str, **environment: str) -> str:
+    """What a terminal of some width is sent, stdout and stderr, and what remains shown of it."""
+    master, slave = pty.openpty()
+    fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", 50, width, 0, 0))
+    env = {k: v for k, v in os.environ.items() if k not in ("NO_COLOR", "COLUMNS")}
+    child = subprocess.Popen(
+        [sys.executable, "-m", "pinsing", *words],
+        stdin=slave,
+        stdout=slave,
+        stderr=slave,
+        env={**env, "TERM": "xterm-256color", **environment},
+    )
+    os.close(slave)
+    parts = []
+    while True:
+        try:
+            part = os.read(master, 65536)
+        except OSError:  # the other end is closed
+            break
+        if not part:
+            break
+        parts.append(part)
+    os.close(master)
+    child.wait(60)
+    text = b"".join(parts).decode().replace("\r\n", "\n")
+    return re.sub(r"(?m)^.*\r\x1b\[K", "", text)  # a bar that was drawn over
+
+
+class TestPage:
+    def test_width_and_colour_of_a_terminal_and_of_a_pipe(self, monkeypatch):
+        assert Page.of(io.StringIO()) == Page(100, False)
+        assert Page.of(Terminal()).colour
+        monkeypatch.setenv("NO_COLOR", "1")
+        assert not Page.of(Terminal()).colour
+        monkeypatch.setenv("NO_COLOR", "")  # no-color.org: set and not empty
+        assert Page.of(Terminal()).colour
+        monkeypatch.setenv("TERM", "dumb")
+        assert not Page.of(Terminal()).colour
+
+    @pytest.mark.parametrize(
+        ("columns_", "width"),
+        [("80", 80), ("10", NARROWEST), ("900", WIDEST), ("", 100), ("x", 100)],
+    )
+    def test_columns_set_by_hand(self, monkeypatch, columns_, width):
+        monkeypatch.setenv("COLUMNS", columns_)
+        assert Page.of(io.StringIO()).width == width
+
+    def test_lines_break_at_spaces_alone(self):
+        page = Page(60)
+        text = page.paragraph("word " * 40, first="  - ")
+        assert max(map(len, text.splitlines())) <= 60
+        assert all(line.startswith("    word") for line in text.splitlines()[1:])
+        path = "/a" * 60
+        assert path in page.paragraph(f"see {path} there").splitlines()
+
+    def test_colours_take_no_room_and_change_no_break(self):
+        words = [
+            x for k in range(30) for x in (alarm("SINGULAR"), f": rank {k} ", good("complete"))
+        ]
+        plain = Page(70).paragraph(*words)
+        painted = Page(70, colour=True).paragraph(*words)
+        assert "\x1b" not in plain
+        assert ANSI.sub("", painted) == plain
+        assert painted.count("\x1b[1;31m") == 30
+
+    def test_names_cannot_paint(self):
+        page = Page(100, colour=True)
+        shown = page.paragraph("a\x1b[31mb", alarm("c\x1b[2Jd"))
+        assert shown == "a\\x1b[31mb\x1b[1;31mc\\x1b[2Jd\x1b[0m"
+        assert safe(shown, painted=True) == shown
+        assert "\x1b" not in safe(shown)
+        assert safe("\x1b[2J", painted=True) == "\\x1b[2J"
+
+    def test_equations_break_between_terms(self):
+        text = formula("q5 = ±90° and " + " + ".join(f"0.{k} cos(q2+q{k})" for k in range(20)))
+        lines = Page(60).paragraph(text).splitlines()
+        assert len(lines) > 3
+        assert all(line.startswith(("q5", "and", "+")) for line in lines)
+        assert not any(line.endswith(("+", "cos", "0.3")) for line in lines)
+
+    def test_vectors_and_units_stay_whole(self):
+        text = measured("through (0.1, -0.2, 0.3) m at 0.01 m/rad, 5 ms (really)")
+        assert text.replace("\u00a0", "_") == (
+            "through (0.1,_-0.2,_0.3)_m at 0.01_m/rad, 5_ms (really)"
+        )
+
+    def test_letters_of_two_columns(self):
+        assert columns("\u6a5f\u68b0a\u0301") == 5
+        lines = Page(60).paragraph("\u6a5f\u68b0 " * 40).splitlines()
+        assert max(map(columns, lines)) <= 60
+
+    def test_fields(self):
+        text = Page(60).fields([("a", "x"), ("long", ("y " * 40, caution("z")))])
+        assert text.splitlines()[0] == "a     x"
+        assert all(line.startswith("      y") for line in text.splitlines()[2:])
+
+    def test_table(self):
+        table = Table(("n", "name"), (("1", "long name"), ("10", "b\x1b")), frozenset({0}))
+        assert Page().table(table) == " n  name\n 1  long name\n10  b\\x1b"
+
+    def test_a_wide_table_wraps_its_widest_columns(self):
+        rows = (("1", "x" * 70, "some words that go on and on for a while", "m"),)
+        text = Page(60).table(Table(("#", "name", "note", "unit"), rows, frozenset({0})))
+        assert max(map(len, text.splitlines())) <= 60
+        assert text.count("x") == 70
+        assert "".join(text.split()).count("while") == 1
+
+
+class TestTyped:
+    def test_degrees_radians_and_metres(self):
+        q = [0.0, 1.5707963267948966, -3.141592653589793, 0.25, -1e-14]
+        slides = [False, False, False, True, False]
+        assert typed(q, slides) == "--q 0,pi/2,-pi,0.25,0"
+        assert typed(q, slides, degrees=True) == "--deg --q 0,90,-180,0.25,0"
+
+    def test_goes_back_to_the_same_configuration(self):
+        q = np.random.default_rng(3).uniform(-6, 6, 7)
+        for degrees in (False, True):
+            words = shlex.split(typed(q, [False] * 7, degrees))
+            back = np.array(parse_numbers(words[-1], "--q", degrees))
+            back = np.radians(back) if degrees else back
+            assert np.abs(back - q).max() < 1e-11
+
+    def test_where_there_is_little_room_lines_end_between_numbers(self):
+        q = [0.123456789012, -1.5, 2.25] * 3
+        assert typed(q, [False] * 9, room=200) == typed(q, [False] * 9).replace(" ", "\u00a0")
+        shown = Page(60).paragraph(typed(q, [False] * 9, room=50), first="at ", rest="     ")
+        assert shown.count("\n") == 1
+        assert max(map(len, shown.splitlines())) <= 60
+        assert parse_numbers(shlex.split(shown)[-1], "--q") == q
+
+
+COMMANDS = [
+    ("analyze", "ur5", "--levels", "1"),
+    ("families", "panda"),
+    ("at", "ur5", "--deg", "--q", "0,-80,60,-100,0,0"),
+    ("info", "panda"),
+    ("sweep", "panda", "--levels", "1"),
+    ("map", "ur5", "--count", "1000"),
+    ("list", "talos"),
+]
+
+
+def run(*words: str) -> str:
+    done = CliRunner().invoke(command, list(words), prog_name="pinsing")
+    assert done.exit_code == 0, done.output
+    return done.stdout
+
+
+@pytest.mark.parametrize("words", COMMANDS, ids=lambda words: words[0])
+def test_lines_are_as_long_as_the_page_is_wide(words, monkeypatch):
+    longest = []
+    for width in (60, 100, 200):
+        monkeypatch.setenv("COLUMNS", str(width))
+        lines = run(*words).splitlines()
+        assert len(lines) >= 2
+        # Paths stay whole, to be copied.
+        longest.append(max(columns(line) for line in lines if "/robots/" not in line))
+        assert longest[-1] <= width
+    assert longest[0] < longest[1] <= longest[2] or words[0] in ("list", "map", "at")
+
+
+def test_a_mechanism_fits_the_page_in_degrees_and_radians():
+    urdf = Path(__file__).parent.parent / "urdf"
+    mechanism = load_mechanism(urdf / "five_bar.urdf", urdf / "five_bar.loops.yaml")
+    analysis = analyze_mechanism(mechanism)
+    for width in (60, 100):
+        for degrees in (False, True):
+            text = analysis_text(analysis, Page(width), degrees)
+            assert max(map(columns, text.splitlines())) <= width
+            assert ("°" in text) == degrees
+    assert "angles in radians" in str(analysis)
+    assert "\x1b[1;31mtype 1\x1b[0m" in analysis_text(analysis, Page(colour=True))
+
+
+@pytest.mark.parametrize("width", [60, 200])
+def test_a_terminal_is_filled_and_not_overrun(width):
+    shown = ANSI.sub("", in_terminal(width, "analyze", "ur5", "--levels", "1"))
+    longest = max(map(columns, shown.splitlines()))
+    assert width - 40 < longest <= width
+    assert "Assumed:" in shown
+
+
+def test_verdicts_are_coloured_on_a_terminal_alone():
+    singular = ("at", "puma560", "--q", "0.1,0.2,0.3,0.4,0,0.5")
+    near = ("at", "puma560", "--q", "0.1,0.2,0.3,0.4,0.001,0.5")
+    shown = in_terminal(100, *singular)
+    assert "\x1b[1;31mSINGULAR\x1b[0m: rank 5" in shown
+    assert "\x1b[33mnear-singular\x1b[0m" in in_terminal(100, *near)
+    assert ", \x1b[32mcomplete\x1b[0m (closed" in in_terminal(100, "families", "puma560")
+    assert "\x1b" not in in_terminal(100, *singular, NO_COLOR="1")
+    piped = CliRunner().invoke(command, list(singular)).output
+    assert "SINGULAR" in piped
+    assert "\x1b" not in piped
+
+
+@pytest.mark.parametrize("robot", ["ur5", "stanford", "xarm7"])
+@pytest.mark.parametrize(("deg", "width"), [(False, "100"), (True, "60")])
+def test_what_is_shown_of_a_family_can_be_pasted(robot, deg, width, monkeypatch):
+    monkeypatch.setenv("COLUMNS", width)
+    text = run("families", robot, *(["--deg"] if deg else []))
+    examples = re.findall(r"e\.g\. (.*(?:\n {9,}.*)*)\n((?: {8}\w.*\n)+)", text)
+    assert len(examples) == len(re.findall(r"(?m)^  F\d+ ", text)) > 0
+    for options, lost in examples:
+        assert ("--deg" in options) == deg
+        assert "pi" not in options or not deg
+        state = run("at", robot, *shlex.split(options))
+        assert "SINGULAR" in state
+        first = " ".join(lost.split()).partition(" (")[0]
+        assert first in " ".join(state.split())
