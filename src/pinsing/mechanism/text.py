@@ -97,7 +97,7 @@ def _head(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
         ),
     )
     yield "", ()
-    kind: Span = a.state.kind if a.state.kind == "regular" else alarm(a.state.kind)
+    kind: Span = a.state.kind if a.state.kind == "regular" else alarm(unbroken(a.state.kind))
     near = (" (", caution("near-singular"), ")") if a.state.near else ()
     yield "", (f"At {values.named(a.inputs, a.state.inputs)}: ", kind, *near)
     yield (
@@ -130,7 +130,7 @@ def _points(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
             continue
         yield "", ()
         title = f" ({_MEANING[kind]}), along the curves through these inputs:"
-        yield "", (alarm(kind), title)
+        yield "", (alarm(unbroken(kind)), title)
         for p in here:
             end = "  (end of the range)" if p.range_end else ""
             yield "  ", (f"{values.named(a.inputs, p.inputs, 10)}  {p.mode}{end}",)
