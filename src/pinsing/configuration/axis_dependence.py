@@ -130,18 +130,26 @@ def landmarks(arm: Arm, J: Array, tip: Array) -> dict[str, Array]:
         return {}
     axes = JointAxes.of(J, arm.prismatic, tip)
     found = {}
-    for centre in _centres(arm):
+    for centre in arm_centres(arm):
         point = axes.meeting_point(centre.ids, STRUCTURE_TOL)
         if centre.short and point is not None:
             found[f"the {centre.short}"] = point
     return found
 
 
-def _centres(arm: Arm) -> tuple[Centre, ...]:
+def arm_centres(arm: Arm) -> tuple[Centre, ...]:
+    """Sets of three turning axes in a row that meet in one point at every configuration."""
     if arm.coupling is not None:
         return ()
     samples = [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
     return find_centres(samples)
+
+
+def moving_columns(arm: Arm) -> tuple[int, ...]:
+    """Joints (indices) that move the task at some configuration."""
+    generic = scale_rows(arm, _generic_jacobians(nominal(arm).arm))
+    general = np.linalg.norm(generic, axis=1).max(axis=0)
+    return tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
 
 
 class _Columns:
@@ -226,7 +234,7 @@ class _Words:
         self.task = arm.task.name
         self.coupled = arm.coupling is not None
         self.axes = JointAxes.of(J, arm.prismatic, tip)
-        self.centres = _centres(arm)
+        self.centres = arm_centres(arm)
         # Geometry is looked for at a tolerance that fits how singular the arm is.
         self.tol = float(np.clip(30 * rtol, STRUCTURE_TOL, 0.05))
         self.nearly = "" if rtol <= DEPENDENCE_RTOL else "nearly "

@@ -214,7 +214,7 @@ def at(
     always_missing = 0
     dependences: tuple[AxisDependence, ...] = ()
     if status != REGULAR:
-        never = _never(arm)
+        never = never_produced(arm)
         missing = _in_all_rows(arm, _without(U[:, rank:], never))
         always_missing = len(arm.task.rows) - r - never.shape[1]
         hardly = status == NEAR_SINGULAR
@@ -268,7 +268,7 @@ def _size(J: Array) -> float:
     return float(np.linalg.norm(J[:3, turning], axis=0).max(initial=0.0)) or 1.0
 
 
-def _never(arm: Arm) -> Array:
+def never_produced(arm: Arm) -> Array:
     """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
     exact = nominal(arm).arm
     reach = np.where(arm.prismatic, arm.length_scale, np.pi)

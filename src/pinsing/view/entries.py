@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.families import joint_symbols
+from pinsing.families import Branch, joint_symbols
 from pinsing.families.paths import FamilyLike
 from pinsing.kinematics.jacobian import singular_values, tip_placement
 from pinsing.robot.arm import Arm
@@ -66,19 +66,25 @@ class Entry:
     def where(self, q: Array) -> str:
         """The part of the condition that holds at q: ``q5 = 180°`` out of ``q5 = 0 or 180°``."""
         for values in self.family.values if self.family is not None else ():
-            if not values or not all(
+            if values and all(
                 _same(q[j], value, bool(self.prismatic[j])) for j, value in values.items()
             ):
-                continue
-            words = " and ".join(
-                f"{self.symbols[j]} = {_value(v, bool(self.prismatic[j]))}"
-                for j, v in values.items()
-            )
-            # The rest is an equation, which the list has in full.
-            return words if set(values) == set(self.moved) else f"{words} and …"
-        return (
-            self.text if len(self.text) <= _LONGEST else f"{self.text[: _LONGEST - 2].rstrip()} …"
+                return self._words(values)
+        return self._words({})
+
+    def where_branch(self, branch: Branch) -> str:
+        """The part of the condition that a branch of the family is about."""
+        return self._words({v.joint: v.value for v in branch.values})
+
+    def _words(self, values: Mapping[int, float]) -> str:
+        if not values:
+            long = len(self.text) > _LONGEST
+            return f"{self.text[: _LONGEST - 2].rstrip()} …" if long else self.text
+        words = " and ".join(
+            f"{self.symbols[j]} = {_value(v, bool(self.prismatic[j]))}" for j, v in values.items()
         )
+        # The rest is an equation, which the list has in full.
+        return words if set(values) == set(self.moved) else f"{words} and …"
 
 
 def _same(a: float, b: float, slides: bool) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.families import joint_symbols
+from pinsing.families import Branch, JointValue, joint_symbols
 from pinsing.robot.arm import Arm
 from pinsing.sweeps.findings import Finding
 from pinsing.view.entries import Entry, choose_poses
@@ -39,6 +39,12 @@ class FixedJoints:
     def values(self) -> tuple[dict[int, float], ...]:
         """Their values by index."""
         return ({self.arm.joints.index(name): x for name, x in self.fixed.items()},)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """The set as the one branch of a family."""
+        values = (JointValue(j, float(x), False) for j, x in self.values[0].items())
+        return (Branch(tuple(values), ()),)
 
     def distance(self, q: npt.ArrayLike) -> _Nearest:
         """Distance of q (n,), radians, or metres over the length scale; and the nearest q."""

@@ -6,13 +6,20 @@ import base64
 import gzip
 import html
 import json
+import re
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from string import Template
 from typing import Any
 
+ENGINE = ("linear", "chain", "measures", "families", "lost", "arm", "paths")
+"""Modules of the engine, each after those that it imports."""
+
 SCRIPTS = ("scene.js", "panel.js", "source.js", "main.js", "mechanism.js", "start.js")
+
+_IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.mjs";', re.MULTILINE)
+_EXPORT = re.compile(r"^export (const|function\*?|class) (\w+)", re.MULTILINE)
 
 # Nothing is ever fetched from elsewhere; meshcat adds styles, and textures as data.
 _LIVE_POLICY = (
@@ -42,9 +49,29 @@ def meshcat_script() -> str:
     return (folder / "main.min.js").read_text(encoding="utf-8")
 
 
+@cache
+def engine_script() -> str:
+    """The engine as one classic script that sets ``Engine``.
+
+    Its modules are plain ES modules, as Node and editors know them; a page that opens from a
+    file may not import one from another, so each becomes a function that returns its exports.
+    """
+    folder = files("pinsing.view").joinpath("engine")
+    parts, names = [], []
+    for name in ENGINE:
+        code = folder.joinpath(f"{name}.mjs").read_text(encoding="utf-8")
+        code = _IMPORT.sub(lambda m: f"const {{{m[1]}}} = engine_{m[2]};", code)
+        exported = _EXPORT.findall(code)
+        code = _EXPORT.sub(lambda m: f"{m[1]} {m[2]}", code)
+        given = ", ".join(what for _, what in exported)
+        parts.append(f"const engine_{name} = (() => {{\n{code}\nreturn {{ {given} }};\n}})();")
+        names.append(f"...engine_{name}")
+    return "\n".join([*parts, f"const Engine = {{ {', '.join(names)} }};"])
+
+
 def script() -> str:
     """Our part of the page's program."""
-    return "\n".join(asset(name) for name in SCRIPTS)
+    return "\n".join([engine_script(), *(asset(name) for name in SCRIPTS)])
 
 
 def live_html(title: str) -> str:

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import OptionError
-from pinsing.families.paths import along, into
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm
 from pinsing.view.ellipsoids import FLOOR, Sizes
+from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import Entry
 from pinsing.view.frame import ARROWS, make_frame
 from pinsing.view.links import Links
@@ -73,51 +73,25 @@ class Stage:
         return self.arm.name
 
     def answer(self, request: Mapping[str, Any]) -> Any:
-        """Answer a question of a page: a frame, a pose or a path of the list, or the start.
+        """Answer the question of a page: where to start.
 
         Raises
         ------
         OptionError
-            If the question is not known, or the list has no such pose.
-        ConfigurationError
-            If a configuration makes no sense.
+            If it asks for anything else.
         """
-        want = request["want"]
-        if want == "frame":
-            return self.frame(request["q"])
-        if want == "pose":
-            return self.pose(request["entry"], request["pose"])
-        if want == "path":
-            return self.path(request["entry"], request["pose"], request["kind"])
-        if want == "start":
+        if request["want"] == "start":
             return self.start()
-        raise OptionError(f"unknown request {want!r}")
+        raise OptionError(f"unknown request {request['want']!r}")
 
     def frame(self, q: npt.ArrayLike) -> dict[str, Any]:
-        """Everything at q (n,)."""
+        """Everything at q (n,), as the page computes it for itself."""
         return make_frame(self.arm, self.arm.check(q), self.sizes, self.entries)
-
-    def pose(self, entry: int, pose: int) -> dict[str, Any]:
-        """Everything at a pose of the list."""
-        return self.frame(self._pose(entry, pose))
-
-    def path(self, entry: int, pose: int, kind: str) -> list[dict[str, Any]]:
-        """Frames of a path into, or along, an entry; the verdict looks at this entry only."""
-        goal = self._pose(entry, pose)
-        if kind not in KINDS:
-            raise OptionError(f"unknown kind of path {kind!r}: into or along")
-        mine = self.entries[entry]
-        rows = (
-            into(self.arm, mine.moved, goal)
-            if kind == "into"
-            else along(self.arm, mine.family, goal)
-        )
-        return [make_frame(self.arm, q, self.sizes, self.entries, near=[mine]) for q in rows]
 
     def start(self) -> dict[str, Any]:
         """What a page shows first."""
         entry, pose = self.chosen if self.chosen is not None else (None, 0)
-        return {"frame": self.frame(self.q), "entry": entry, "pose": pose}
+        return {"q": self.q.tolist(), "entry": entry, "pose": pose}
 
     def page(self, live: bool) -> dict[str, Any]:
         """The fixed part of a page."""
@@ -157,25 +131,13 @@ class Stage:
                 "side": list(SIDE),
             },
             "entries": [_entry(e, self.arm.n) for e in self.entries],
+            "engine": engine_data(self.arm, self.entries, self.sizes),
             "notes": list(self.notes),
         }
 
     def baked(self) -> dict[str, Any]:
         """The whole of a page that has no program behind it."""
-        page = self.page(live=False)
-        frames = []
-        for index, (entry, data) in enumerate(zip(self.entries, page["entries"], strict=True)):
-            numbers = range(len(entry.poses))
-            found: dict[str, Any] = {"poses": [self.pose(index, k) for k in numbers]}
-            for kind in KINDS:
-                found[kind] = [self.path(index, k, kind) for k in numbers] if data[kind] else []
-                data[kind] = any(found[kind])
-            frames.append(found)
-        return {**page, "frames": frames, "start": self.start()}
-
-    def _pose(self, entry: int, pose: int) -> Array:
-        check_place(entry, pose, [len(e.poses) for e in self.entries])
-        return self.entries[entry].poses[pose]
+        return {**self.page(live=False), "start": self.start()}
 
     def _symbols(self) -> Sequence[str]:
         from pinsing.families import joint_symbols
@@ -234,6 +196,8 @@ def _entry(entry: Entry, n: int) -> dict[str, Any]:
         "more": [*_more(entry)],
         "reason": entry.reason,
         "poses": len(entry.poses),
+        "q": [pose.tolist() for pose in entry.poses],
+        "moved": list(entry.moved),
         "into": moves,
         "along": moves
         and entry.family is not None

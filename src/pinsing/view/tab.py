@@ -26,7 +26,7 @@ class Shown(Served, Protocol):
     notes: tuple[str, ...]
 
     def start(self) -> dict[str, Any]:
-        """What a page shows first: the frame at ``q``, and where in the list that is."""
+        """What a page shows first: a configuration, or its frame, and its place in the list."""
 
 
 class Tab:

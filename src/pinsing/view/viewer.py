@@ -141,9 +141,9 @@ class Viewer(Tab):
         self._play(self._index(family, pose), pose, kind)
 
     def _show(self, q: Array, chosen: tuple[int, int] | None) -> None:
-        start = self._move(q, chosen)
+        self._move(q, chosen)
         if self._overlay is not None:
-            self._overlay.show(start["frame"], q, self._stage.mode)
+            self._overlay.show(self._stage.frame(q), q, self._stage.mode)
 
     def _index(self, family: FamilyLike | str | int, pose: int) -> int:
         wanted = family if isinstance(family, (int, str)) else family.name

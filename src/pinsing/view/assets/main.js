@@ -11,9 +11,7 @@ class App {
       play: (kind) => this.play(kind),
       move: (joint, value) => this.move(joint, value),
     });
-    this.source = page.live
-      ? new LiveSource({ pushed: (message) => this.pushed(message), gone: () => this.gone() })
-      : new BakedSource(page);
+    this.source = this.makeSource({ pushed: (message) => this.pushed(message), gone: () => this.gone() });
     this.places = page.entries.flatMap((e, i) => [...Array(e.poses).keys()].map((k) => [i, k]));
     this.entry = null;
     this.pose = 0;
@@ -25,6 +23,8 @@ class App {
   }
 
   makePanel(actions) { return new Panel(this.page, actions); }
+
+  makeSource(handlers) { return new EngineSource(this.page, handlers); }
 
   controls() {
     $("prev").addEventListener("click", () => this.step(-1));
@@ -204,13 +204,11 @@ class App {
     }
     ++this.turn;
     this.select(message.entry, message.pose);
-    this.frame(message.frame);
-    if (!this.view.touched) this.view.fit([message.frame]);
+    const frame = message.frame ?? this.source.compute(message.q);
+    this.frame(frame);
+    if (!this.view.touched) this.view.fit([frame]);
   }
 
-  gone() {
-    this.pause();
-    $("nearest").textContent = "The program behind this page has ended.";
-    document.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
-  }
+  // The page goes on by itself, where it can.
+  gone() { $("program").hidden = false; }
 }

@@ -210,9 +210,14 @@ class MechanismApp extends App {
     this.known = frame;
   }
 
+  makeSource(handlers) { return new LiveSource(handlers); }
+
+  // Without the program nothing of a mechanism can be computed.
   gone() {
-    super.gone();
+    this.pause();
     clearTimeout(this.timer);
+    $("nearest").textContent = "The program behind this page has ended.";
+    document.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
   }
 
   inputs(q) { return this.page.inputs.map((i) => q[i]); }

@@ -119,13 +119,10 @@ class Panel {
 
   joints() {
     this.rows = this.page.joints.map((joint, index) => {
-      const found = this.row(joint, index, this.page.live);
+      const found = this.row(joint, index, true);
       $("joints").append(found.row);
       return found;
     });
-    $("reset").hidden = !this.page.live;
-    $("joints-note").textContent = this.page.live ? "" :
-      "This page has no server behind it, so the sliders only follow. Run \u201cpinsing view\u201d to drag them.";
   }
 
   // A slider with the joint's name and value; a fixed one only follows.

@@ -1,11 +1,33 @@
-// Where frames come from: baked into the page, or computed by the program behind it.
+// Where frames come from: the page computes those of an arm itself; those of a mechanism come from
+// the program behind it.
 "use strict";
 
-class BakedSource {
-  constructor(page) { this.page = page; }
-  async pose(entry, k) { return this.page.frames[entry].poses[k]; }
-  async path(entry, k, kind) { return this.page.frames[entry][kind][k]; }
-  async start() { return this.page.start; }
+// An arm. With a program behind the page, that program may show configurations (`pushed`).
+class EngineSource {
+  constructor(page, handlers) {
+    this.page = page;
+    this.stream = page.live ? new LiveSource(handlers) : null;
+  }
+
+  compute(q) { return Engine.frameAt(this.page.engine, q); }
+  async frame(q) { return this.compute(q); }
+  async pose(entry, k) { return this.compute(this.page.entries[entry].q[k]); }
+
+  async path(entry, k, kind) {
+    const { engine, entries } = this.page;
+    const family = engine.families.find((f) => f.entry === entry) ?? null;
+    const goal = entries[entry].q[k];
+    await new Promise((resolve) => setTimeout(resolve)); // the page says first what it does
+    if (kind === "along" && family === null) return [];
+    const path = kind === "into" ? Engine.into(engine, entries[entry].moved, goal)
+      : Engine.along(engine, family, goal);
+    return Engine.framesOf(engine, path, family);
+  }
+
+  async start() {
+    const { q, entry, pose } = this.stream ? await this.stream.start() : this.page.start;
+    return { frame: this.compute(q), entry, pose };
+  }
 }
 
 class LiveSource {

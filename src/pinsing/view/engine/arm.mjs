@@ -1,0 +1,158 @@
+// Everything that the page shows of an arm at one configuration.
+//
+// `data` is the "engine" part of the page's JSON: { chain, nominal, task: { rows, lengthScale,
+// rank, used, never }, judge: { rtol, nearRtol, size }, joints, families, centres, sizes }.
+
+import { jacobian, placements, tipOf } from "./chain.mjs";
+import { apart, distance } from "./families.mjs";
+import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
+import { causes, EXACT, lostMotions, meetingPoint } from "./lost.mjs";
+import { ellipsoid, flatDirection, pureEllipsoids, taskRows, verdictOf } from "./measures.mjs";
+
+const ON = 1e-7; // radians: closer is on the family
+const FLAT = 1e-5; // share of the largest semi-axis at which one counts as flat
+
+// Kinematics and verdict at q (n): the part that is cheap.
+export function measure(data, q) {
+  const { task, judge } = data;
+  const places = placements(data.chain, q), tip = tipOf(data.chain, places);
+  const J = jacobian(data.chain, places), Js = taskRows(J, task);
+  const { sigma, left } = svd(Js);
+  return { places, tip, J, Js, sigma, left, ...verdictOf(verdictSigma(data, J, sigma), task.rank, judge) };
+}
+
+// Numbers, placements, ellipsoids and words at q (n).
+export function frameAt(data, q, families = data.families) {
+  const { task, judge, sizes } = data;
+  const { places, tip, J, Js, sigma, left, ratio, status } = measure(data, q);
+  const zero = status === "near-singular" ? Math.min(3 * ratio, judge.nearRtol) : judge.rtol;
+  const largest = Math.max(sigma[0], judge.size);
+  const rankAt = (tol) => sigma.filter((s) => s > tol * largest).length;
+  const rank = rankAt(zero), here = nearestFamily(data, q, families);
+  const lost = status === "regular" ? [] : losses(data, J, left.slice(rank), { tip, status, ratio });
+  const dependent = status === "regular" ? []
+    : causes(Js, task.used, task.rank, (status === "near-singular" ? zero : Math.max(1e-8, judge.rtol)) * sigma[0]);
+  return {
+    q: q.slice(),
+    links: places.map(({ R, t }) => [...t, ...quaternion(R)]),
+    tip: tip.t,
+    ellipsoids: ellipsoids(J, sizes, status !== "regular", judge.rtol),
+    lost: lost.map((m) => ({
+      kind: m.kind, turn: turnZTo(m.direction), at: m.point, words: m.words,
+      close: norm(subtract(m.point, tip.t)) <= 1.5 * sizes.reach,
+    })),
+    hot: [...new Set(dependent.flat())].sort((a, b) => a - b),
+    why: reasons(dependent, here, families),
+    status, rank: rankAt(judge.rtol), genericRank: task.rank, sigma, ratio,
+    condition: sigma[task.rank - 1] > Math.max(6, q.length) * Number.EPSILON * sigma[0] ? sigma[0] / sigma[task.rank - 1] : Infinity,
+    manipulability: sigma.slice(0, task.rank).reduce((a, b) => a * b, 1),
+    outside: outside(data, q), notes: notes(data, q, ratio),
+    verdict: here,
+  };
+}
+
+// Singular values that the verdict rests on: those of the task, or, where the page says so, with
+// translations over the arm's own length.
+function verdictSigma(data, J, sigma) {
+  const { judge, task } = data;
+  if (judge.lengthScale === undefined || judge.lengthScale === task.lengthScale) return sigma;
+  return svd(taskRows(J, { ...task, lengthScale: judge.lengthScale })).sigma;
+}
+
+// Joints outside their limits, whole turns aside.
+export function outside(data, q) {
+  return data.joints.filter((joint, i) => {
+    const { lower, upper, prismatic } = joint;
+    const low = lower ?? -Infinity, high = upper ?? Infinity;
+    const inside = (v) => v >= low - 1e-9 && v <= high + 1e-9;
+    if (inside(q[i])) return false;
+    if (prismatic || !Number.isFinite(low) || !Number.isFinite(high)) return prismatic;
+    const middle = (low + high) / 2;
+    return !inside(middle + apart(q[i], middle, false));
+  }).map((joint) => joint.name);
+}
+
+function losses(data, J, missing, { tip, status, ratio }) {
+  const { task, judge } = data, hardly = status === "near-singular";
+  const rows = missing.map((u) => {
+    const out = new Array(6).fill(0);
+    task.rows.forEach((r, i) => { out[r] = u[i]; });
+    return out;
+  });
+  // What the arm can produce nowhere is not lost here.
+  const never = task.never;
+  const rest = rows.map((u) => never.reduce((r, d) => subtract(r, scaled(d, dot(d, u))), u));
+  let basis = [];
+  if (rest.length) {
+    const { sigma, left } = svd(transpose(rest));
+    basis = left.filter((_, k) => (sigma[k] ?? 0) > 0.5);
+  }
+  const tool = { position: tip.t, rotation: tip.R, size: sizeOf(J), landmarks: landmarks(data, J, tip.t) };
+  const tol = hardly ? Math.max(EXACT, Math.min(3 * ratio, 0.05)) : EXACT;
+  return lostMotions(basis, J, task.lengthScale, tool, tol, hardly, judge);
+}
+
+// Greatest speed of the tip at unit speed of one turning joint: how long the arm is, metres.
+function sizeOf(J) {
+  let most = 0;
+  J[0].forEach((_, i) => {
+    if (J[3][i] || J[4][i] || J[5][i]) most = Math.max(most, Math.hypot(J[0][i], J[1][i], J[2][i]));
+  });
+  return most || 1;
+}
+
+const landmarks = (data, J, tip) =>
+  data.centres.map(({ name, joints }) => ({ name: `the ${name}`, at: meetingPoint(J, joints, tip) }));
+
+function ellipsoids(J, sizes, lost, rtol) {
+  const drawn = (e, scale) => ({
+    turn: quaternion(transpose(e.axes)),
+    drawn: e.radii[0] <= 1e-12 ? [0, 0, 0] : e.radii.map((r) => scale * Math.max(r, sizes.floor * e.radii[0])),
+    radii: e.radii,
+    flat: lost && flatDirection(e, FLAT) ? turnZTo(flatDirection(e, FLAT)) : null,
+  });
+  const pure = pureEllipsoids(J, rtol);
+  const all = { translation: ellipsoid(J.slice(0, 3)), rotation: ellipsoid(J.slice(3)) };
+  const pair = (two) => ({ translation: drawn(two.translation, sizes.translation), rotation: drawn(two.rotation, sizes.rotation) });
+  return { all: pair(all), pure: pair(pure) };
+}
+
+// Nearest family among those that the arm can reach: { entry, lower, value, on, text, q } or null.
+export function nearestFamily(data, q, families = data.families) {
+  let best = null;
+  for (const family of families) {
+    if (family.reachable === false) continue;
+    const found = distance(family, q, data.joints, data.task.lengthScale);
+    if (!found || (best && found.upper >= best.value)) continue;
+    const on = found.upper <= ON;
+    const words = family.where[found.branch] ?? family.text;
+    const slides = family.moved.length && family.moved.every((j) => data.joints[j].prismatic);
+    const far = slides ? `${short(found.upper * data.task.lengthScale * 1000)} mm` : `${short((found.upper * 180) / Math.PI)}\u00b0`;
+    best = { entry: family.entry, lower: found.lower, value: found.upper, on, q: found.q,
+             text: `${on ? "on" : `${far} from`} ${family.name}: ${words}` };
+  }
+  return best;
+}
+
+const short = (v) => (v >= 20 ? v.toFixed(0) : v >= 0.1 ? v.toFixed(1) : String(Number(v.toPrecision(2))));
+
+function reasons(dependent, here, families) {
+  if (!dependent.length) return [];
+  const family = here && here.on ? families.find((f) => f.entry === here.entry) : null;
+  if (family && family.reason && dependent.length === 1) return [family.reason];
+  return dependent.map((ids) => ids.length === 1 ? `joint ${ids[0] + 1} does not move the task`
+    : `axes ${list(ids.map((i) => i + 1))} are linearly dependent`);
+}
+
+const list = (items) => `${items.slice(0, -1).join(", ")} and ${items[items.length - 1]}`;
+
+// Where the rounded numbers of the file hide a singularity.
+function notes(data, q, ratio) {
+  if (!data.nominal || ratio <= data.judge.rtol) return [];
+  const J = jacobian(data.nominal, placements(data.nominal, q));
+  const there = verdictOf(verdictSigma(data, J, svd(taskRows(J, data.task)).sigma), data.task.rank, data.judge);
+  return there.status === "singular"
+    ? [`singular if the rounded numbers of the file are made exact (nominal geometry): ratio ${there.ratio.toExponential(1)} there`]
+    : [];
+}
+

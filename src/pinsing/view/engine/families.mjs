@@ -1,0 +1,250 @@
+// Families of singular configurations: equations, points on them, and how far away they are.
+//
+// A family is { branches: [{ values: [{ joint, value }], equations }] }; an equation holds
+// frequencies (T x n, twice the multiple of each angle), powers (T x n, of prismatic joints),
+// cos, sin (T) and shift (n): sum of prod q^powers (cos cos phi + sin sin phi), phi =
+// frequencies . (q + shift) / 2.
+
+import { dot, leastNorm, norm } from "./linear.mjs";
+
+const ON = 1e-13, TOUCHING = 1e-12, FULL = 2 * Math.PI;
+
+// Value and gradient of an equation at q (n).
+export function evaluate(equation, q) {
+  const n = q.length, gradient = new Array(n).fill(0);
+  let value = 0;
+  // Which angles each term has: most have few.
+  const turning = (equation.turning ??= equation.frequencies.map((k) => k.flatMap((x, j) => (x ? [j] : []))));
+  for (let t = 0; t < equation.cos.length; t++) {
+    const k = equation.frequencies[t], p = equation.powers ? equation.powers[t] : null;
+    const used = turning[t];
+    let phase = 0, power = 1;
+    for (const j of used) phase += 0.5 * k[j] * (q[j] + equation.shift[j]);
+    if (p) for (let j = 0; j < n; j++) if (p[j]) power *= q[j] ** p[j];
+    const c = Math.cos(phase), s = Math.sin(phase);
+    const wave = equation.cos[t] * c + equation.sin[t] * s;
+    const slope = power * (equation.sin[t] * c - equation.cos[t] * s);
+    value += power * wave;
+    for (const j of used) gradient[j] += 0.5 * k[j] * slope;
+    for (let j = 0; p && j < n; j++) {
+      if (p[j]) {
+        let lowered = p[j] * q[j] ** (p[j] - 1);
+        for (let i = 0; i < n; i++) if (i !== j && p[i]) lowered *= q[i] ** p[i];
+        gradient[j] += lowered * wave;
+      }
+    }
+  }
+  return { value, gradient };
+}
+
+// No zero of the equation is nearer to q than this, Euclidean in its angles; 0 says nothing.
+//
+// Along any straight line |f''| <= M = lambda_max(sum |c_t| k_t k_t^T), so f has no zero before
+// the first root of |f| - |g| s - M s^2 / 2 = 0.
+export function lowerBound(equation, q) {
+  if (equation.powers) return 0;
+  const { value, gradient } = evaluate(equation, q);
+  const f = Math.max(0, Math.abs(value) - 1e-14 * sizeOf(equation)), g = norm(gradient);
+  if (f === 0) return 0;
+  const found = (2 * f) / (g + Math.sqrt(g * g + 2 * curvature(equation) * f));
+  return found * (1 - 1e-12);
+}
+
+export function sizeOf(equation) {
+  equation.size ??= equation.cos.reduce((sum, c, t) => sum + Math.hypot(c, equation.sin[t]), 0);
+  return equation.size;
+}
+
+// Largest eigenvalue of sum |c_t| k_t k_t^T, from above: Gershgorin's bound after a few squarings.
+export function curvature(equation) {
+  if (equation.curvature !== undefined) return equation.curvature;
+  const n = equation.shift.length;
+  let A = Array.from({ length: n }, () => new Array(n).fill(0));
+  equation.cos.forEach((c, t) => {
+    const size = Math.hypot(c, equation.sin[t]), k = equation.frequencies[t];
+    for (let i = 0; i < n; i++) for (let j = 0; j < n; j++) A[i][j] += 0.25 * size * k[i] * k[j];
+  });
+  // lambda_max(A) = lambda_max(A^(2^s))^(1/2^s); the row sums bound it from above.
+  let logarithm = 0;
+  const rows = () => Math.max(...A.map((row) => row.reduce((s, x) => s + Math.abs(x), 0)));
+  const squarings = 6;
+  for (let s = 0; s < squarings; s++) {
+    const scale = rows() || 1;
+    A = A.map((row) => row.map((x) => x / scale));
+    logarithm = 2 * (logarithm + Math.log(scale));
+    A = A.map((row) => A.map((other) => dot(row, other)));
+  }
+  const found = Math.exp((logarithm + Math.log(rows() || 1e-300)) / 2 ** squarings) * (1 + 1e-9);
+  return (equation.curvature = found);
+}
+
+// Point of the branch's equations near q, moved along `free` joints, or null: Gauss-Newton with
+// steps of least norm.
+export function project(equations, q, free, iterations = 60) {
+  let best = null, least = Infinity;
+  const x = q.slice();
+  for (let k = 0; k <= iterations; k++) {
+    const found = equations.map((e) => evaluate(e, x));
+    const f = found.map((r, i) => r.value / sizeOf(equations[i]));
+    const worst = Math.max(...f.map(Math.abs));
+    if (worst < least) { least = worst; best = x.slice(); }
+    if (worst <= ON || k === iterations) break;
+    const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / sizeOf(equations[i]) : 0)));
+    const step = leastNorm(A, f.map((v) => -v), worst < 1e-10 ? 1e-6 : 1e-10);
+    const cut = Math.min(1, 0.7 / Math.max(norm(step), 1e-300));
+    for (let j = 0; j < x.length; j++) if (free[j]) x[j] += cut * step[j];
+  }
+  return least <= TOUCHING ? best : null;
+}
+
+// What a joint is away from a value: whole turns aside for a revolute one.
+export const apart = (q, value, prismatic) =>
+  (prismatic ? q - value : q - value - FULL * Math.round((q - value) / FULL));
+
+// Distance { lower, upper, q, branch } from q to a family, in radians (metres over the length
+// scale): nothing is nearer than `lower`, and `q` is at `upper`. Joint values: both are equal.
+export function distance(family, q, joints, lengthScale) {
+  const weight = joints.map((j) => (j.prismatic ? 1 / lengthScale : 1));
+  let best = null, lower = Infinity;
+  for (const [index, branch] of family.branches.entries()) {
+    const placed = q.slice();
+    let fixed = 0;
+    for (const v of branch.values) {
+      const off = apart(q[v.joint], v.value, joints[v.joint].prismatic);
+      placed[v.joint] = q[v.joint] - off;
+      fixed += (off * weight[v.joint]) ** 2;
+    }
+    let under = Math.sqrt(fixed);
+    if (branch.equations.length) {
+      const bounds = branch.equations.map((e) => lowerBound(e, placed));
+      under = Math.sqrt(fixed + Math.max(...bounds) ** 2);
+    }
+    lower = Math.min(lower, under);
+    if (best && under >= best.upper) continue;
+    const found = branch.equations.length ? nearest(branch, placed, weight, Math.max(1e-9, under * (1 + 1e-6))) : placed;
+    if (!found) continue;
+    const upper = norm(found.map((x, j) =>
+      weight[j] * (branch.values.some((v) => v.joint === j) ? apart(q[j], x, joints[j].prismatic) : x - q[j])));
+    if (!best || upper < best.upper) best = { upper, q: found, branch: index };
+  }
+  return best ? { ...best, lower: Math.min(lower, best.upper) } : null;
+}
+
+export const freeOf = (branch, n) => {
+  const free = new Array(n).fill(false);
+  for (const e of branch.equations) for (let j = 0; j < n; j++) {
+    if (e.frequencies.some((k) => k[j]) || (e.powers && e.powers.some((p) => p[j]))) free[j] = true;
+  }
+  return free;
+};
+
+// Nearest point of a branch that a few starts lead to: x <- q + A^+ (A (x - q) - f), the pull
+// along the set back towards q, in weighted coordinates.
+function nearest(branch, q, weight, close) {
+  const free = freeOf(branch, q.length);
+  let best = null, least = Infinity;
+  const terms = branch.equations.reduce((sum, e) => sum + e.cos.length, 0);
+  for (const start of starts(q, free, weight, terms > 200 ? 1 : 8)) {
+    let x = project(branch.equations, start, free, 25);
+    if (!x) continue;
+    x = settle(branch.equations, x, q, free, weight) ?? x;
+    const gap = norm(x.map((v, j) => (v - q[j]) * weight[j]));
+    if (gap < least) { least = gap; best = x; }
+    if (least <= close) break; // no other start can end nearer
+  }
+  return best;
+}
+
+function settle(equations, x, q, free, weight) {
+  let relax = 1, before = null;
+  for (let k = 0; k < 60; k++) {
+    const found = equations.map((e) => evaluate(e, x));
+    const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / sizeOf(equations[i]) / weight[j] : 0)));
+    const f = found.map((r, i) => r.value / sizeOf(equations[i]));
+    const delta = x.map((v, j) => (free[j] ? (v - q[j]) * weight[j] : 0));
+    const along = leastNorm(A, A.map((row) => dot(row, delta)), 1e-9);
+    const pull = along.map((v, j) => v - delta[j]);
+    if (before && dot(pull, before) < 0) relax /= 2;
+    before = pull;
+    const back = leastNorm(A, f, 1e-9);
+    const step = pull.map((v, j) => (free[j] ? relax * v - back[j] : 0));
+    const size = norm(step), cut = Math.min(1, 0.5 / Math.max(size, 1e-300));
+    x = x.map((v, j) => v + (cut * step[j]) / weight[j]);
+    if (size < 1e-12) break;
+  }
+  return project(equations, x, free, 20);
+}
+
+// Places to begin from: q itself, and a few to all sides; the same at every call.
+function* starts(q, free, weight, count) {
+  yield q;
+  const joints = free.flatMap((on, j) => (on ? [j] : []));
+  const random = generator(7);
+  for (let k = 0; k < count; k++) {
+    const x = q.slice(), size = 0.3 * (k + 1);
+    for (const j of joints) x[j] += (size * (2 * random() - 1)) / weight[j];
+    yield x;
+  }
+}
+
+// Numbers in [0, 1) that are the same everywhere (mulberry32).
+export function generator(seed) {
+  let a = seed >>> 0;
+  return () => {
+    a = (a + 0x6d2b79f5) >>> 0;
+    let t = Math.imul(a ^ (a >>> 15), 1 | a);
+    t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+    return ((t ^ (t >>> 14)) >>> 0) / 4294967296;
+  };
+}
+
+// Values of joint j, the others held at q, at which a family is met: ticks beside its slider.
+export function meetings(family, q, j, low, high, prismatic) {
+  const out = [];
+  for (const branch of family.branches) {
+    const mine = branch.values.find((v) => v.joint === j);
+    if (branch.values.some((v) => v.joint !== j && Math.abs(apart(q[v.joint], v.value, false)) > 1e-7)) continue;
+    if (mine && branch.equations.length === 0) {
+      const first = prismatic ? 0 : Math.ceil((low - mine.value) / FULL - 1e-9);
+      const last = prismatic ? 0 : Math.floor((high - mine.value) / FULL + 1e-9);
+      for (let k = first; k <= last; k++) {
+        const value = mine.value + k * FULL;
+        if (value >= low - 1e-9 && value <= high + 1e-9) out.push(value);
+      }
+    } else if (!mine && branch.equations.length === 1) out.push(...zerosAlong(branch.equations[0], q, j, low, high));
+  }
+  return [...new Set(out.map((v) => Math.round(v * 1e9) / 1e9))].sort((a, b) => a - b);
+}
+
+// Zeros of an equation as joint j alone goes from low to high: split where the curvature bound
+// leaves room, so that none that crosses is passed over.
+export function zerosAlong(equation, q, j, low, high) {
+  const degree = Math.max(0, ...equation.frequencies.map((k) => Math.abs(k[j])),
+    ...(equation.powers ?? []).map((p) => 2 * p[j]));
+  if (!degree) return [];
+  const x = q.slice(), at = (v) => { x[j] = v; return evaluate(equation, x).value; };
+  const pieces = Math.max(16, Math.ceil(8 * degree * Math.max(1, (high - low) / Math.PI)));
+  const out = [], flat = 1e-12 * sizeOf(equation);
+  let a = low, fa = at(a), zero = Math.abs(fa) <= flat;
+  const everywhere = [0.11, 0.37, 0.71, 0.93].every((s) => Math.abs(at(low + s * (high - low))) <= flat);
+  if (everywhere) return [];
+  if (zero) out.push(a);
+  for (let k = 1; k <= pieces; k++) {
+    const b = low + ((high - low) * k) / pieces, fb = at(b);
+    if (Math.abs(fb) <= flat) out.push(b);
+    else if (!zero && fa * fb < 0) out.push(bisect(at, a, b, fa));
+    a = b; fa = fb; zero = Math.abs(fb) <= flat;
+  }
+  return out;
+}
+
+function bisect(f, a, b, fa) {
+  for (let k = 0; k < 60; k++) {
+    const m = (a + b) / 2, fm = f(m);
+    if (fm === 0) return m;
+    if (fa * fm < 0) b = m;
+    else { a = m; fa = fm; }
+  }
+  return (a + b) / 2;
+}
+

@@ -1,0 +1,68 @@
+// What is read off a Jacobian: singular values, verdict, velocity ellipsoids.
+
+import { cross, dot, norm, scaled, svd, transpose } from "./linear.mjs";
+
+// Rows of the task, translations over the length scale.
+export const taskRows = (J, task) =>
+  task.rows.map((r) => (r < 3 ? scaled(J[r], 1 / task.lengthScale) : J[r].slice()));
+
+// Singular, near-singular or regular: sigma_r / max(sigma_1, size), as Python's kinematics judges.
+export function verdictOf(sigma, rank, judge) {
+  const first = Math.max(sigma[0], judge.size);
+  const ratio = first > 0 ? sigma[rank - 1] / first : 0;
+  const status = ratio <= judge.rtol ? "singular" : ratio <= judge.nearRtol ? "near-singular" : "regular";
+  return { ratio, status };
+}
+
+// Ellipsoid { axes: three directions, radii: largest first } of three rows under unit joint speed
+// (Zhang, Fan, Wang, Cheng, Eqs. 15 and 16); axes form a right-handed frame.
+export function ellipsoid(rows) {
+  const { sigma, left } = svd(rows);
+  const axes = left.map((a) => a.slice());
+  if (dot(cross(axes[0], axes[1]), axes[2]) < 0) axes[2] = scaled(axes[2], -1);
+  return { axes, radii: [0, 1, 2].map((k) => sigma[k] ?? 0) };
+}
+
+// Ellipsoids of the translations that do not turn the tool, and of the turns that leave the tip
+// at rest: these go flat where a wrench (f, m) needs no joint torque, along f and along m.
+export function pureEllipsoids(J, rtol) {
+  const v = J.slice(0, 3), w = J.slice(3);
+  return { translation: ellipsoid(atRest(v, w, rtol)), rotation: ellipsoid(atRest(w, v, rtol)) };
+}
+
+// What is left of `rows` under the joint speeds that leave `others` at rest.
+function atRest(rows, others, rtol) {
+  const { sigma, right } = svd(others);
+  const kept = right.filter((_, k) => sigma[k] > rtol * Math.max(sigma[0], 1e-300));
+  return rows.map((row) => {
+    const out = row.slice();
+    for (const r of kept) {
+      const part = dot(row, r);
+      for (let i = 0; i < out.length; i++) out[i] -= part * r[i];
+    }
+    return out;
+  });
+}
+
+// Direction of the single semi-axis that is zero, if there is exactly one.
+export function flatDirection({ axes, radii }, rtol) {
+  if (radii[0] <= 0 || radii[2] > rtol * radii[0] || radii[1] <= rtol * radii[0]) return null;
+  return pointUp(axes[2]);
+}
+
+// Of d and -d, the one whose largest component is positive.
+export function pointUp(d) {
+  let k = 0;
+  for (let i = 1; i < d.length; i++) if (Math.abs(d[i]) > Math.abs(d[k]) + 1e-9) k = i;
+  return d[k] < 0 ? scaled(d, -1) : d.slice();
+}
+
+// Rank of a set of columns of a matrix, singular values at or below `zero` left out.
+export function rankOf(columns, zero) {
+  if (!columns.length) return 0;
+  const A = columns.length < columns[0].length ? columns : transpose(columns);
+  return svd(A).sigma.filter((s) => s > zero).length;
+}
+
+export const product = (values) => values.reduce((a, b) => a * b, 1);
+export const length = norm;

@@ -1,0 +1,146 @@
+"""What the page computes from: chain, task, families and sizes of an arm, as plain data."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.configuration.axis_dependence import arm_centres, moving_columns
+from pinsing.configuration.state import never_produced
+from pinsing.families.family import Branch
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import generic_rank, task_size
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.robot.arm import Arm
+from pinsing.robot.joint_axis import joint_axis
+from pinsing.view.ellipsoids import FLOOR, Sizes
+from pinsing.view.entries import Entry
+
+SCHEMA = "pinsing/engine/1"
+
+
+def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, Any]:
+    """All that the page's engine needs to compute frames by itself; ready for JSON.
+
+    Keys: ``schema``; ``chain`` (placements of the joints of the model, metres, and how each
+    follows q) and ``nominal``, the same of the nominal geometry where that differs; ``task``
+    (rows of the frame Jacobian, length scale, generic rank, joints that ever move it, task
+    directions that are never produced, (k, 6)); ``judge`` (tolerances of the verdict);
+    ``joints`` (limits, None where infinite); ``families`` (branches: joint values and equations
+    as in `Equation`); ``centres`` (joints whose axes always meet, with a name); ``sizes``.
+    """
+    exact = nominal(arm)
+    never = np.zeros((0, 6))
+    found = never_produced(arm)
+    if found.shape[1]:
+        never = np.zeros((found.shape[1], 6))
+        never[:, list(arm.task.rows)] = found.T
+    return {
+        "schema": SCHEMA,
+        "chain": chain_data(arm),
+        "nominal": None if exact.exact else chain_data(exact.arm),
+        "task": {
+            "rows": list(arm.task.rows),
+            "lengthScale": arm.length_scale,
+            "rank": generic_rank(arm),
+            "used": list(moving_columns(arm)),
+            "never": never.tolist(),
+        },
+        "judge": {"rtol": SINGULAR_RTOL, "nearRtol": NEAR_RTOL, "size": task_size(arm)},
+        "joints": [
+            {
+                "name": name,
+                "prismatic": bool(slides),
+                "lower": float(low) if np.isfinite(low) else None,
+                "upper": float(high) if np.isfinite(high) else None,
+            }
+            for name, slides, low, high in zip(
+                arm.joints, arm.prismatic, arm.lower, arm.upper, strict=True
+            )
+        ],
+        "families": [
+            _family(index, entry)
+            for index, entry in enumerate(entries)
+            if getattr(entry.family, "branches", None)
+        ],
+        "centres": [{"name": c.short, "joints": list(c.ids)} for c in arm_centres(arm) if c.short],
+        "sizes": {
+            "reach": sizes.reach,
+            "translation": sizes.translation,
+            "rotation": sizes.rotation,
+            "floor": FLOOR,
+        },
+    }
+
+
+def chain_data(arm: Arm) -> dict[str, Any]:
+    """Joints of an arm's model, base to tip, with the tip: numbers to the last bit."""
+    model, n = arm.model, arm.n
+    matrix = np.eye(n) if arm.coupling is None else arm.coupling.matrix
+    offset = np.zeros(n) if arm.coupling is None else arm.coupling.offset
+    joints = []
+    for j in range(1, model.njoints):
+        axis, slides = joint_axis(model.joints[j], model.names[j])
+        place = model.jointPlacements[j]
+        row = model.joints[j].idx_v
+        joints.append(
+            {
+                "parent": int(model.parents[j]) - 1,
+                "R": _rows(place.rotation),
+                "t": _numbers(place.translation),
+                "axis": _numbers(axis),
+                "prismatic": slides,
+                "weights": _numbers(matrix[row]),
+                "offset": float(offset[row]),
+            }
+        )
+    tip = model.frames[arm.tip_id]
+    return {
+        "joints": joints,
+        "tip": {
+            "parent": int(tip.parentJoint) - 1,
+            "R": _rows(tip.placement.rotation),
+            "t": _numbers(tip.placement.translation),
+        },
+    }
+
+
+def _family(index: int, entry: Entry) -> dict[str, Any]:
+    branches: Sequence[Branch] = getattr(entry.family, "branches", ())
+    return {
+        "entry": index,
+        "name": entry.name,
+        "text": entry.text,
+        "reason": entry.reason,
+        "reachable": entry.reachable is not False,
+        "moved": list(entry.moved),
+        "where": [entry.where_branch(b) for b in branches],
+        "branches": [_branch(b) for b in branches],
+    }
+
+
+def _branch(branch: Branch) -> dict[str, Any]:
+    return {
+        "values": [{"joint": v.joint, "value": v.value} for v in branch.values],
+        "equations": [
+            {
+                "frequencies": e.frequencies.tolist(),
+                "powers": e.powers.tolist() if e.powers.any() else None,
+                "cos": _numbers(e.cos),
+                "sin": _numbers(e.sin),
+                "shift": _numbers(e.shift),
+            }
+            for e in branch.equations
+        ],
+    }
+
+
+def _rows(matrix: Array) -> list[list[float]]:
+    return [_numbers(row) for row in np.asarray(matrix)]
+
+
+def _numbers(values: Array) -> list[float]:
+    return [float(x) for x in np.asarray(values).ravel()]

@@ -1,0 +1,272 @@
+"""The page computes what Python computes: frames, singular values, verdicts, distances, words."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from arms import textbook
+from numpy.typing import NDArray
+
+import pinsing
+from pinsing import closed_form, load, singular_values
+from pinsing.kinematics.jacobian import sigma_ratios
+from pinsing.measures import status_of
+from pinsing.robot.arm import Arm
+from pinsing.view.ellipsoids import sizes
+from pinsing.view.engine_data import engine_data
+from pinsing.view.entries import Entry, family_entries
+from pinsing.view.frame import make_frame
+from pinsing.view.page import engine_script
+from pinsing.view.verdict import verdict
+
+Floats = NDArray[np.float64]
+
+ENGINE = Path(pinsing.__file__).parent / "view" / "engine"
+NODE = shutil.which("node")
+
+needs_node = pytest.mark.skipif(NODE is None, reason="Node.js is not installed")
+
+MIMIC = """<robot name="pair">
+  <link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+  <joint name="one" type="revolute"><parent link="base"/><child link="a"/>
+    <origin xyz="0.1 0 0.2"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+  <joint name="two" type="revolute"><parent link="a"/><child link="b"/>
+    <origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+  <joint name="three" type="revolute"><parent link="b"/><child link="c"/>
+    <origin xyz="0.3 0 0.1"/><axis xyz="0 1 0"/><mimic joint="two" multiplier="-2" offset="0.3"/>
+    <limit lower="-7" upper="7" velocity="1" effort="1"/></joint>
+  <link name="tool"/><joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
+    <origin xyz="0.2 0.05 0"/></joint>
+</robot>"""
+
+
+def run(code: str, data: Any) -> Any:
+    """Run a function of the engine's modules under Node: ``code`` sees ``m`` and ``data``."""
+    assert NODE is not None
+    program = f"""
+      import {{ readFileSync }} from "node:fs";
+      const m = {{ ...await import("{(ENGINE / "arm.mjs").as_uri()}"),
+                   ...await import("{(ENGINE / "paths.mjs").as_uri()}"),
+                   ...await import("{(ENGINE / "families.mjs").as_uri()}"),
+                   ...await import("{(ENGINE / "linear.mjs").as_uri()}") }};
+      const data = JSON.parse(readFileSync(0));
+      const found = ({code})(m, data);
+      console.log(JSON.stringify(found));
+    """
+    done = subprocess.run(
+        [NODE, "--input-type=module", "-e", program],
+        input=json.dumps(data),
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def engine(arm: Arm, poses: int = 1) -> tuple[dict[str, Any], tuple[Entry, ...]]:
+    entries = family_entries(arm, closed_form(arm).families, poses)
+    return engine_data(arm, entries, sizes(arm)), entries
+
+
+def arm_of(name: str, tmp_path: Path) -> Arm:
+    if name == "mimic":
+        path = tmp_path / "pair.urdf"
+        path.write_text(MIMIC)
+        return load(path, task="vx,vz")
+    return load(name)
+
+
+def flat(place: pin.SE3) -> list[float]:
+    return [*place.rotation.ravel(), *place.translation]
+
+
+ARMS = ("ur5", "stanford", "surgical7", "panda", "kinova", "scara", "mimic")
+
+
+@needs_node
+@pytest.mark.parametrize("name", ARMS)
+def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) -> None:
+    """Prismatic, continuous and mimic joints among them; singular configurations too."""
+    arm = arm_of(name, tmp_path)
+    rng = np.random.default_rng(5)
+    entries = family_entries(arm, (), 0)
+    data = engine_data(arm, entries, sizes(arm))
+    Q = rng.uniform(*arm.span, (1000, arm.n))
+    for family in closed_form(arm).families:
+        Q = np.concatenate([Q, family.sample(20, rng)])
+    found = run(
+        """(m, {data, Q}) => Q.map((q) => {
+             const { places, tip, sigma, status, ratio } = m.measure(data, q);
+             return { links: places.map(({ R, t }) => [...R.flat(), ...t]),
+                      tip: [...tip.R.flat(), ...tip.t], sigma, status, ratio }; })""",
+        {"data": data, "Q": Q.tolist()},
+    )
+    sigma = singular_values(arm, Q)
+    work = arm.model.createData()
+    expected = []
+    for q in Q:
+        pin.forwardKinematics(arm.model, work, arm.model_q(q))
+        tip = pin.updateFramePlacement(arm.model, work, arm.tip_id)
+        expected.append([*(flat(place) for place in list(work.oMi)[1:]), flat(tip)])
+    shown = np.array([[*h["links"], h["tip"]] for h in found])
+    np.testing.assert_allclose(shown, expected, atol=1e-12)
+    mine = np.array([h["sigma"][: sigma.shape[1]] for h in found])
+    assert (np.abs(mine - sigma) <= 1e-10 * sigma[:, :1]).all()
+    statuses = [h["status"] for h in found]
+    assert statuses == [status_of(float(x)) for x in sigma_ratios(arm, sigma)]
+    assert {"singular", "regular"} <= set(statuses)
+
+
+@needs_node
+@pytest.mark.parametrize("name", ARMS)
+def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
+    """Ellipsoids, lost motions in words, axes to blame, the nearest family."""
+    arm = arm_of(name, tmp_path)
+    rng = np.random.default_rng(8)
+    data, entries = engine(arm)
+    Q = rng.uniform(*arm.span, (4, arm.n))
+    for entry in entries:
+        assert entry.family is not None
+        singular = entry.family.sample(1, rng)
+        Q = np.concatenate([Q, singular, singular + rng.normal(0, 1e-3, singular.shape)])
+    found = run(
+        "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", {"data": data, "Q": Q.tolist()}
+    )
+    for q, here in zip(Q, found, strict=True):
+        there = make_frame(arm, q, sizes(arm), entries)
+        for key in ("status", "rank", "genericRank", "outside", "hot"):
+            assert here[key] == there[key], (key, q.tolist())
+        assert [m["kind"] for m in here["lost"]] == [m["kind"] for m in there["lost"]]
+        if here["status"] == "singular":
+            assert [m["words"] for m in here["lost"]] == [m["words"] for m in there["lost"]]
+        for mode in ("all", "pure"):
+            for kind in ("translation", "rotation"):
+                mine, yours = here["ellipsoids"][mode][kind], there["ellipsoids"][mode][kind]
+                np.testing.assert_allclose(
+                    mine["radii"], yours["radii"], atol=1e-4 * max(1, yours["radii"][0])
+                )
+                assert (mine["flat"] is None) == (yours["flat"] is None)
+        mine, yours = here["verdict"], verdict(arm, q, entries)
+        assert yours is not None
+        assert mine["lower"] <= yours.value + 1e-9
+        assert mine["value"] <= yours.value * (1 + 1e-4) + 1e-7, (mine, yours, q.tolist())
+        assert mine["on"] == yours.on
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["ur5", "puma560", "panda"])
+def test_the_lower_bound_is_never_too_long(name: str) -> None:
+    """Against many points of the families themselves."""
+    arm = load(name)
+    rng = np.random.default_rng(3)
+    data, entries = engine(arm)
+    Q = rng.uniform(-np.pi, np.pi, (8, arm.n))
+    found = run(
+        """(m, {data, Q}) => Q.map((q) => data.families.map((f) =>
+             m.distance(f, q, data.joints, data.task.lengthScale)))""",
+        {"data": data, "Q": Q.tolist()},
+    )
+    for k, entry in enumerate(entries):
+        points = entry.family.points(1500, rng)  # type: ignore[union-attr]
+        for q, here in zip(Q, found, strict=True):
+            gap = points - q
+            gap -= 2 * np.pi * np.round(gap / (2 * np.pi))
+            used = list(entry.moved)
+            assert here[k]["lower"] <= np.linalg.norm(gap[:, used], axis=1).min() + 1e-9
+            assert here[k]["lower"] <= here[k]["upper"] + 1e-12
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["ur5", "stanford", "panda", "scara"])
+def test_paths_lead_in_and_along(name: str) -> None:
+    arm = load(name)
+    data, entries = engine(arm)
+    found = run(
+        """(m, {data, poses}) => data.families.map((f, k) => poses[k] && ({
+             into: m.into(data, f.moved, poses[k]), along: m.along(data, f, poses[k]) }))""",
+        {"data": data, "poses": [e.poses[0].tolist() if e.poses else None for e in entries]},
+    )
+    assert any(found)
+    for entry, paths in zip(entries, found, strict=True):
+        if not entry.poses:  # out of the limits
+            continue
+        into = singular_values(arm, paths["into"])
+        ratio = into[:, -1] / into[:, 0]
+        assert ratio[0] > 1e-3
+        assert ratio[-1] <= 1e-9
+        assert paths["into"][-1] == entry.poses[0].tolist()
+        along = singular_values(arm, paths["along"])
+        assert len(along)
+        assert (along[:, -1] <= 1e-8 * along[:, 0]).all()
+        assert arm.within_limits(paths["along"]).all()
+        assert np.ptp(paths["along"], axis=0).max() > 0.05
+
+
+@needs_node
+def test_ticks_are_where_a_family_is_met_by_one_joint() -> None:
+    arm = textbook("puma560")
+    data, entries = engine(arm)
+    q = [0.3, 0.2, 0.4, 0.5, 0.7, 0.1]
+    found = run(
+        """(m, {data, q}) => data.families.map((f) => q.map((_, j) =>
+             m.meetings(f, q, j, -Math.PI, Math.PI, false)))""",
+        {"data": data, "q": q},
+    )
+    ticks = 0
+    for entry, per_joint in zip(entries, found, strict=True):
+        for j, values in enumerate(per_joint):
+            grid = np.linspace(-np.pi, np.pi, 2001)
+            Q = np.tile(q, (len(grid), 1))
+            Q[:, j] = grid
+            if entry.family.equations:  # type: ignore[union-attr]
+                signs = np.sign(entry.family.equations[0](Q))  # type: ignore[union-attr]
+                assert len(values) == int((np.diff(signs) != 0).sum())
+            for value in values:
+                there = np.array(q)
+                there[j] = value
+                assert entry.family.contains(there, 1e-6)  # type: ignore[union-attr]
+                ticks += 1
+    assert ticks > 6
+
+
+@needs_node
+def test_singular_values_of_hard_matrices() -> None:
+    rng = np.random.default_rng(2)
+    cases: list[Floats] = [
+        np.zeros((6, 6)),
+        np.ones((6, 7)),
+        np.eye(6),
+        np.diag([1, 1, 1, 1e-9, 1e-9, 0]),
+    ]
+    for _ in range(60):
+        m, n = rng.integers(1, 7), rng.integers(1, 9)
+        A = rng.normal(size=(m, n)) * 10.0 ** rng.integers(-12, 4, (m, 1))
+        if rng.random() < 0.4 and m > 1:
+            A[-1] = A[0]
+        cases.append(A)
+    found = run("(m, cases) => cases.map((A) => m.svd(A))", [A.tolist() for A in cases])
+    for A, here in zip(cases, found, strict=True):
+        sigma = np.linalg.svd(A, compute_uv=False)
+        np.testing.assert_allclose(here["sigma"], sigma, atol=1e-14 * max(sigma[0], 1e-300) * 50)
+        U = np.array(here["left"])
+        np.testing.assert_allclose(U @ U.T, np.eye(len(A)), atol=1e-13)
+
+
+def test_the_bundle_is_the_modules(page: Any) -> None:
+    """One script for a page that opens from a file, with the same functions."""
+    page.evaluate(engine_script() + "; window.Engine = Engine;")
+    names = page.evaluate("() => Object.keys(Engine)")
+    assert {"frameAt", "svd", "distance", "into", "along", "meetings"} <= set(names)
+    sigma = page.evaluate("() => Engine.svd([[3, 0], [0, 4]]).sigma")
+    assert sigma == [4, 3]
