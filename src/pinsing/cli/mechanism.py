@@ -104,14 +104,14 @@ def plot_loops(
     if kind == "map":
         figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))
         for ax, sign in zip(axes, "+-", strict=True):
-            input_map(mechanism, sign, ax)
+            input_map(mechanism, sign, ax, degrees=deg)
             map_legend(ax)
     elif kind == "curves":
         count = len(mechanism.inputs)
         figure, grid = plt.subplots(1, count, figsize=(5.2 * count, 4), squeeze=False)
         for k, ax in enumerate(grid[0]):
             found = curves(mechanism, inputs, k)
-            measure_curves(mechanism, found, find_singular(mechanism, found), ax)
+            measure_curves(mechanism, found, find_singular(mechanism, found), ax, deg)
     elif kind == "ellipsoids":
         modes = assemblies(mechanism, inputs)
         figure, grid = plt.subplots(1, len(modes), figsize=(4.8 * len(modes), 4.8), squeeze=False)
@@ -121,7 +121,7 @@ def plot_loops(
     else:
         raise OptionError(f"{kind} is not drawn of mechanisms: map, curves and ellipsoids are")
     figure.tight_layout()
-    save_figure(figure, path, dpi=dpi)
+    save_figure(figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
     plt.close(figure)
 
 

@@ -81,7 +81,7 @@ def plot_command(
     matplotlib.use("agg")
     vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
     held = dict(_fixed(arm, text, deg) for text in fixed)
-    axes = _draw(kind, arm, vectors, joints, held, ignore_limits)
+    axes = _draw(kind, arm, vectors, joints, held, ignore_limits, deg)
     save_figure(axes.figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
@@ -92,6 +92,7 @@ def _draw(
     joints: list[str] | None,
     held: dict[str, float],
     ignore_limits: bool,
+    deg: bool,
 ) -> Any:
     import numpy as np
 
@@ -100,7 +101,9 @@ def _draw(
     q = vectors[0] if vectors else None
     if kind == "map":
         assert joints is not None
-        return plot.sigma_map(arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits)
+        return plot.sigma_map(
+            arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits, degrees=deg
+        )
     if kind == "ellipsoids":
         from pinsing.configuration.state import at
         from pinsing.plot.plane import regular_configuration
@@ -123,9 +126,8 @@ def _draw(
         chosen["special"] = special
         chosen["joints"] = tuple(arm.joints)
     result = sweep(arm, nominal=q, **chosen)
-    return plot.sigma_curves(
-        result, fixed=held, moving=joints, findings=singular_configurations(arm, result)
-    )
+    found = singular_configurations(arm, result)
+    return plot.sigma_curves(result, fixed=held, moving=joints, findings=found, degrees=deg)
 
 
 def _fixed(arm: Arm, text: str, deg: bool) -> tuple[str, float]:

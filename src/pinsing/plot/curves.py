@@ -21,6 +21,7 @@ from pinsing.plot.style import (
     new_axes,
     plain,
     ticks,
+    unit,
     value_label,
 )
 from pinsing.robot.arm_summary import ArmSummary
@@ -39,6 +40,7 @@ def sigma_curves(
     fixed: Mapping[str, float] | None = None,
     moving: Sequence[str] | None = None,
     findings: Iterable[Finding] = (),
+    degrees: bool = False,
 ) -> Axes:
     """Draw curves of a sweep: sigma_min over the joint that moves.
 
@@ -56,6 +58,8 @@ def sigma_curves(
     findings : iterable of Finding, optional
         Refined singular configurations (``singular_configurations``), marked on the curves
         that led to them, also between samples.
+    degrees : bool
+        Label angles in degrees; the axis is in radians all the same.
 
     Returns
     -------
@@ -106,15 +110,16 @@ def sigma_curves(
         if some:
             low, high = min(c.x[0] for c in some), max(c.x[-1] for c in some)
             axes.set_xlim(low, high)
-            ticks(axes.xaxis, low, high, slides)
-            axes.set_xlabel("joint position [m]" if slides else "joint angle [rad]", fontsize=SMALL)
+            ticks(axes.xaxis, low, high, slides, degrees)
+            what = "joint position" if slides else "joint angle"
+            axes.set_xlabel(f"{what} [{unit(slides, degrees)}]", fontsize=SMALL)
     highest = max(float(c.sigma_min.max()) for c in curves)
     ax.set_ylim(0, 1.08 * highest if highest > 1e-12 else 1.0)
     ax.set_ylabel(r"$\sigma_{\min}$", fontsize=SMALL + 1)
     ax.tick_params(axis="y", labelsize=SMALL)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
-    held = ", ".join(_held(arm, name, value) for name, value in (fixed or {}).items())
+    held = ", ".join(_held(arm, name, value, degrees) for name, value in (fixed or {}).items())
     ax.set_title(plain(arm.name) + (f", {held}" if held else ""), fontsize=SMALL + 1)
     if top is not ax:  # one legend for both
         for line in top.get_lines():
@@ -136,10 +141,10 @@ def _has(result: SweepResult, fixed: Mapping[str, float] | None, name: str) -> b
     return True
 
 
-def _held(arm: ArmSummary, name: str, value: float) -> str:
+def _held(arm: ArmSummary, name: str, value: float, degrees: bool) -> str:
     index = arm.joints.index(name)
     slides = bool(arm.prismatic[index])
-    return f"{joint_symbol(index, slides)} = {value_label(value, slides)}"
+    return f"{joint_symbol(index, slides)} = {value_label(value, slides, degrees)}"
 
 
 def _singular(curve: SweepCurve, arm: ArmSummary, findings: Iterable[Finding]) -> np.ndarray:

@@ -17,7 +17,7 @@ from pinsing.mechanism.modes import assembly_sign, home
 from pinsing.mechanism.motion import mechanism_at
 from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.mechanism.trace import Trace
-from pinsing.plot.style import plain
+from pinsing.plot.style import pi_ticks, plain, unit
 from pinsing.robot.load_mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def input_map(
     ax: Axes | None = None,
     samples: int = 721,
     ranges: tuple[tuple[float, float], tuple[float, float]] = ((-np.pi, np.pi), (-np.pi, np.pi)),
+    degrees: bool = True,
 ) -> Axes:
     """Map over the two inputs of a 5R: where it closes, and its type 1 and type 2 loci.
 
@@ -51,6 +52,8 @@ def input_map(
         Grid points a side.
     ranges : pair of (low, high)
         Of the inputs, radians.
+    degrees : bool
+        Draw over degrees, or over radians.
 
     Raises
     ------
@@ -68,7 +71,7 @@ def input_map(
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     q = dyad.configuration(grid, left)
     closed = np.isfinite(q).all(axis=-1)
-    d = np.degrees
+    d = np.degrees if degrees else np.asarray
     ax.contourf(d(x), d(y), closed.astype(float), levels=[0.5, 1.5], colors=[_FEASIBLE])
     gap = np.subtract(*dyad.ends(grid))
     distance = np.linalg.norm(gap, axis=-1)
@@ -86,8 +89,10 @@ def input_map(
         for stretched, style in ((True, "-"), (False, "--")):
             value = np.where(closed & (straight == stretched), sine, np.nan)
             _zero(ax, d(x), d(y), value, TYPE_1, style)
-    ax.set_xlabel(f"{plain(mechanism.inputs[0])} (°)")
-    ax.set_ylabel(f"{plain(mechanism.inputs[1])} (°)")
+    for axis, name, (low, high) in zip((ax.xaxis, ax.yaxis), mechanism.inputs, ranges, strict=True):
+        axis.set_label_text(f"{plain(name)} [{unit(False, degrees)}]")
+        if not degrees:
+            pi_ticks(axis, low, high)
     ax.set_title(f"assembly {assembly}")
     ax.set_aspect("equal")
     return ax
@@ -113,19 +118,39 @@ def measure_curves(
     traces: Sequence[Trace],
     points: Sequence[SingularPoint] = (),
     ax: Axes | None = None,
+    degrees: bool = True,
 ) -> Axes:
-    """Type 1 and type 2 measures along solution curves, over the moving input (degrees)."""
+    """Type 1 and type 2 measures along solution curves, over the moving input.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        The mechanism.
+    traces : sequence of Trace
+        From ``curves``.
+    points : sequence of SingularPoint
+        Marked where they lie on the curves.
+    ax : Axes, optional
+        Axes to draw into.
+    degrees : bool
+        Draw angles in degrees, or in radians.
+    """
     ax = _axes(ax)
     for t, style in zip(traces, _STYLES * len(traces), strict=False):
-        value = np.degrees(t.q[:, mechanism.actuated[t.moving]])
-        ax.plot(value, t.output_ratio, color=TYPE_1, ls=style, lw=1.2)
-        ax.plot(value, t.input_ratio, color=TYPE_2, ls=style, lw=1.2)
+        joint = mechanism.actuated[t.moving]
+        slides = bool(mechanism.prismatic[joint])
+        in_unit = np.degrees if degrees and not slides else np.asarray
+        value = t.q[:, joint]
+        ax.plot(in_unit(value), t.output_ratio, color=TYPE_1, ls=style, lw=1.2)
+        ax.plot(in_unit(value), t.input_ratio, color=TYPE_2, ls=style, lw=1.2)
         for p in points:
             if p.moving == mechanism.inputs[t.moving]:
-                at = np.degrees(p.q[mechanism.actuated[t.moving]])
-                at += 360 * np.round((value.mean() - at) / 360)
-                ax.plot(at, 0, "o", color=TYPE_1 if p.kind == "type 1" else TYPE_2, ms=5)
-        ax.set_xlabel(f"{plain(mechanism.inputs[t.moving])} (°)")
+                at = float(p.q[joint])
+                if not slides:
+                    at += 2 * np.pi * np.round((value.mean() - at) / (2 * np.pi))
+                color = TYPE_1 if p.kind == "type 1" else TYPE_2
+                ax.plot(in_unit(at), 0, "o", color=color, ms=5)
+        ax.set_xlabel(f"{plain(mechanism.inputs[t.moving])} [{unit(slides, degrees)}]")
     ax.plot([], [], color=TYPE_1, label="type 1 measure")
     ax.plot([], [], color=TYPE_2, label="type 2 measure")
     ax.set_ylim(bottom=0)

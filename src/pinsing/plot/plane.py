@@ -48,6 +48,7 @@ def sigma_map(
     families: Iterable[Family] | None = None,
     samples: int = SAMPLES,
     ignore_limits: bool = False,
+    degrees: bool = False,
 ) -> Axes:
     """Draw sigma_min over two joints, the others at ``q``.
 
@@ -68,6 +69,8 @@ def sigma_map(
         Points to each side.
     ignore_limits : bool
         Draw whole circles of revolute joints.
+    degrees : bool
+        Label angles in degrees; the axes are in radians all the same.
 
     Returns
     -------
@@ -119,12 +122,12 @@ def sigma_map(
     ax.set_xlim(x[0], x[-1])
     ax.set_ylim(y[0], y[-1])
     for axis, j in ((ax.xaxis, a), (ax.yaxis, b)):
-        ticks(axis, lower[j], upper[j], bool(arm.prismatic[j]))
-    ax.set_xlabel(joint_label(a, bool(arm.prismatic[a])), fontsize=SMALL + 1)
-    ax.set_ylabel(joint_label(b, bool(arm.prismatic[b])), fontsize=SMALL + 1)
+        ticks(axis, lower[j], upper[j], bool(arm.prismatic[j]), degrees)
+    ax.set_xlabel(joint_label(a, bool(arm.prismatic[a]), degrees), fontsize=SMALL + 1)
+    ax.set_ylabel(joint_label(b, bool(arm.prismatic[b]), degrees), fontsize=SMALL + 1)
     rest = ", ".join(
         f"{joint_symbol(j, bool(arm.prismatic[j]))} = "
-        f"{value_label(float(base[j]), bool(arm.prismatic[j]))}"
+        f"{value_label(float(base[j]), bool(arm.prismatic[j]), degrees)}"
         for j in range(arm.n)
         if j not in (a, b)
     )

@@ -38,15 +38,22 @@ def joint_symbol(index: int, slides: bool) -> str:
     return f"${'d' if slides else 'q'}_{{{index + 1}}}$"
 
 
-def joint_label(index: int, slides: bool) -> str:
+def unit(slides: bool, degrees: bool = False) -> str:
+    """What the values of a joint are in."""
+    return "m" if slides else "deg" if degrees else "rad"
+
+
+def joint_label(index: int, slides: bool, degrees: bool = False) -> str:
     """Axis label with its unit."""
-    return f"{joint_symbol(index, slides)} [{'m' if slides else 'rad'}]"
+    return f"{joint_symbol(index, slides)} [{unit(slides, degrees)}]"
 
 
-def value_label(value: float, slides: bool) -> str:
-    r"""``0``, ``$-\pi/2$``, ``0.52`` or ``0.1 m``."""
+def value_label(value: float, slides: bool, degrees: bool = False) -> str:
+    r"""``0``, ``$-\pi/2$``, ``0.52``, ``30°`` or ``0.1 m``."""
     if slides:
         return f"{value:g} m"
+    if degrees:
+        return f"{round(math.degrees(value), 2) + 0.0:g}°"
     return pi_text(value) or f"{value:.3g}"
 
 
@@ -76,11 +83,34 @@ def pi_ticks(axis: Axis, low: float, high: float) -> None:
     axis.set_major_formatter(FuncFormatter(lambda value, _: pi_text(value, limit=24)))
 
 
-def ticks(axis: Axis, low: float, high: float, slides: bool) -> None:
-    """Ticks of a joint: pi for angles, plain for sliders; small letters."""
+def degree_ticks(axis: Axis, low: float, high: float) -> None:
+    """Ticks at round numbers of degrees on an axis in radians, at most seven of them."""
+    from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator
+
+    span = math.degrees(high - low)
+    step = next((s for s in (5, 10, 15, 30, 45, 60, 90, 180, 360) if span / s < 7), 720)
+    if span >= 15:
+        first = math.ceil(math.degrees(low) / step - 1e-9)
+        last = math.floor(math.degrees(high) / step + 1e-9)
+        places = step * np.arange(first, last + 1, dtype=float)
+    else:
+        places = np.array(MaxNLocator(5).tick_values(math.degrees(low), math.degrees(high)))
+        places = places[(places >= math.degrees(low)) & (places <= math.degrees(high))]
+    axis.set_major_locator(FixedLocator(np.radians(places).tolist()))
+    axis.set_major_formatter(
+        FuncFormatter(
+            lambda value, _: f"{round(math.degrees(value), 6) + 0.0:g}°".replace("-", "\u2212")
+        )
+    )
+
+
+def ticks(axis: Axis, low: float, high: float, slides: bool, degrees: bool = False) -> None:
+    """Ticks of a joint: pi or degrees for angles, plain for prismatic joints; small letters."""
     from matplotlib.ticker import MaxNLocator
 
-    if not slides and high - low > 0.5:
+    if degrees and not slides:
+        degree_ticks(axis, low, high)
+    elif not slides and high - low > 0.5:
         pi_ticks(axis, low, high)
     else:
         axis.set_major_locator(MaxNLocator(5))  # numbers with decimals are wide
