@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pinsing.cli import completion
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -32,16 +33,23 @@ if TYPE_CHECKING:
     default="sobol",
     show_default=True,
     metavar="NAME",
+    shell_complete=completion.choices("sobol", "random", "grid"),
     help="sobol, random or grid.",
 )
 @click.option("--count", metavar="N", help="Configurations, such as 1e8.  [default: 2**20]")
 @click.option("--steps", metavar="N|A=N,...", help="Values of each joint in a grid.")
-@click.option("--map-joints", metavar="A,B,...", help="Joints to map.  [default: all that matter]")
+@click.option(
+    "--map-joints",
+    metavar="A,B,...",
+    shell_complete=completion.joints,
+    help="Joints to map.  [default: all that matter]",
+)
 @click.option(
     "--range",
     "ranges",
     metavar="JOINT=LOW,HIGH",
     multiple=True,
+    shell_complete=completion.joint_value,
     help="Range of a joint in place of its limits; repeatable.",
 )
 @click.option("--q", "q", metavar="Q1,Q2,...", help="Where joints that are not mapped stay.")

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from pinsing.cli import completion
 from pinsing.cli.output import OutputFile, ParamType, say
 from pinsing.errors import ConfigurationError, OptionError, OutputError
 
@@ -86,14 +87,30 @@ class _Pair(ParamType):
 def arm_options(command: F) -> F:
     """Add the ROBOT argument and the options that choose an arm; pass them as a RobotRequest."""
 
-    @click.argument("robot")
-    @click.option("--tip", metavar="FRAME", help="Frame whose motion is judged.")
-    @click.option("--base", metavar="FRAME", help="Frame that the chain starts from.")
-    @click.option("--joints", metavar="A,B,...", help="Joints to keep free; lock the others.")
+    @click.argument("robot", shell_complete=completion.robots)
+    @click.option(
+        "--tip",
+        metavar="FRAME",
+        shell_complete=completion.frames,
+        help="Frame whose motion is judged.",
+    )
+    @click.option(
+        "--base",
+        metavar="FRAME",
+        shell_complete=completion.frames,
+        help="Frame that the chain starts from.",
+    )
+    @click.option(
+        "--joints",
+        metavar="A,B,...",
+        shell_complete=completion.joints,
+        help="Joints to keep free; the others are locked.",
+    )
     @click.option(
         "--task",
         default="pose",
         show_default=True,
+        shell_complete=completion.tasks,
         help="pose, position, orientation, or rows such as vx,vy,wz.",
     )
     @click.option(

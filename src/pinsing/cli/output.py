@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from click.shell_completion import CompletionItem
 
 from pinsing.atomic_write import check_writable, write_text
 from pinsing.prose import Page, is_terminal, safe, shows_colour
@@ -55,6 +56,12 @@ class OutputFile(ParamType):
     """A file to write, checked before anything is computed; or ``-`` for stdout."""
 
     name = "file"
+
+    def shell_complete(
+        self, ctx: click.Context, param: click.Parameter, incomplete: str
+    ) -> list[CompletionItem]:
+        """Leave the names of files to the shell."""
+        return [CompletionItem(incomplete, type="file")]
 
     def __init__(self, dash: bool = True) -> None:
         self.dash = dash

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pinsing.cli import completion
 from pinsing.cli.figure import check_figure, save_figure
 from pinsing.cli.mechanism import loops_option, plot_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
@@ -34,11 +35,17 @@ _STEPS = 400
     help="Configuration: of the ellipsoids, of the joints that a map or curves leave alone; "
     "for along, the stations of the way, at least two.",
 )
-@click.option("--over", metavar="A,B", help="map: its two joints. curves: those that move.")
+@click.option(
+    "--over",
+    metavar="A,B",
+    shell_complete=completion.joints,
+    help="map: its two joints. curves: those that move.",
+)
 @click.option(
     "--fixed",
     multiple=True,
     metavar="JOINT=VALUE",
+    shell_complete=completion.joint_value,
     help="curves: joint held at a special value; repeatable.",
 )
 @click.option("--ignore-limits", is_flag=True, help="curves, map: whole circles.")

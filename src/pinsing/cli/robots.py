@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from pinsing.atomic_write import check_writable, write_text
+from pinsing.cli import completion
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import STDOUT, OutputFile, emit, emit_json, emit_json_data, say
 from pinsing.errors import ChainError, OptionError
@@ -65,7 +66,7 @@ def _show_chains(request: RobotRequest) -> None:
 
 
 @click.command("list", short_help="Robots known by name.")
-@click.argument("word", required=False, default="")
+@click.argument("word", required=False, default="", shell_complete=completion.known)
 @click.option("--json", "json_target", type=OutputFile(), metavar="FILE|-", help="As JSON.")
 def list_command(word: str, json_target: str | Path | None) -> None:
     """Robots known by name; with WORD, those that have it in their name or title."""
@@ -93,9 +94,14 @@ def list_command(word: str, json_target: str | Path | None) -> None:
 
 
 @click.command("dh", short_help="DH table to URDF.")
-@click.argument("table")
+@click.argument("table", shell_complete=completion.files)
 @click.option(
-    "-o", "--output", required=True, metavar="FILE|-", help="The URDF to write; - for stdout."
+    "-o",
+    "--output",
+    required=True,
+    metavar="FILE|-",
+    shell_complete=completion.files,
+    help="The URDF to write; - for stdout.",
 )
 def dh_command(table: str, output: str) -> None:
     """Turn a DH table (YAML, standard or modified convention) into a URDF."""

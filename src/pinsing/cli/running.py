@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from pinsing.cli import completion
 from pinsing.cli.output import say
 from pinsing.errors import OptionError
 from pinsing.prose import Page, is_terminal
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_ENGINES = ("auto", "batch", "pinocchio", "baseline", "avx2", "avx512")
 _BAR = 30  # columns
 _REDRAW_SECONDS = 0.1
 _QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on
@@ -81,6 +83,9 @@ def place_options(command: F) -> F:
         default="auto",
         show_default=True,
         metavar="NAME",
+        shell_complete=completion.choices(
+            "auto", "batch", "pinocchio", "baseline", "avx2", "avx512"
+        ),
         help="auto, batch, pinocchio, or an instruction set: baseline, avx2, avx512.",
     )
     @click.option(

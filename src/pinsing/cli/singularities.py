@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
+from pinsing.cli import completion
 from pinsing.cli.mechanism import analyze_loops, loops_option
 from pinsing.cli.options import (
     RobotRequest,
@@ -120,7 +121,12 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
         help="How many joints are held at special values at a time.",
     )
     @click.option("--samples", type=click.IntRange(min=2), help="Points of each swept curve.")
-    @click.option("--sweep-joints", metavar="A,B,...", help="Joints that take part in the sweep.")
+    @click.option(
+        "--sweep-joints",
+        metavar="A,B,...",
+        shell_complete=completion.joints,
+        help="Joints that take part in the sweep.",
+    )
     @click.option("--ignore-limits", is_flag=True, help="Sweep whole circles.")
     @click.option(
         "--no-prune", is_flag=True, help="Also sweep sets that contain one already singular."
@@ -186,6 +192,7 @@ def _levels(text: str) -> tuple[int, ...]:
 @click.option(
     "--out",
     type=SweepOutput(),
+    shell_complete=completion.files,
     metavar="FILE.npz|DIR",
     help="Keep the result and its curves of sigma_min, as NumPy arrays; in a folder each chunk as "
     "soon as it is done, and the same command goes on after any stop.",

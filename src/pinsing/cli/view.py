@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
+from pinsing.cli import completion
 from pinsing.cli.mechanism import loops_option, view_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, say
@@ -36,7 +37,12 @@ if TYPE_CHECKING:
     metavar="FILE.json",
     help="Families out of the JSON of `pinsing analyze` or `families`, not computed again.",
 )
-@click.option("--family", metavar="NAME", help="Show this family first, such as F2.")
+@click.option(
+    "--family",
+    metavar="NAME",
+    shell_complete=completion.families,
+    help="Show this family first, such as F2.",
+)
 @click.option("--scale", type=float, default=1.0, show_default=True, help="Size of the ellipsoids.")
 @click.option("--skeleton", is_flag=True, help="Without meshes: small pages.")
 @click.option(

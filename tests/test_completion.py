@@ -1,0 +1,125 @@
+"""What Tab offers, by click's own interface and by that of the shell."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.shell_completion import BashComplete
+
+from pinsing.cli.app import command
+
+URDF = Path(__file__).parent.parent / "urdf"
+
+
+def offered(line: str) -> list[str]:
+    """Values that click offers for the last word of a line; an empty one after a space."""
+    *words, last = line.split(" ")
+    complete = BashComplete(command, {}, "pinsing", "_PINSING_COMPLETE")
+    return [item.value for item in complete.get_completions(words, last)]
+
+
+@pytest.mark.parametrize(
+    ("line", "some", "none"),
+    [
+        ("an", {"analyze"}, {"at"}),
+        ("analyze ur", {"ur5", "ur10"}, {"panda", "unitree_z1"}),
+        ("analyze fran", {"franka", "franka_panda"}, set()),
+        ("at ur5 --tip w", {"wrist_1_link", "world"}, {"ee_link"}),
+        ("at --tip tool0 ur5 --base ", {"world", "base_link"}, set()),
+        ("info ur5 --joints elbow_joint,", {"elbow_joint,wrist_1_joint"}, {"elbow_joint"}),
+        ("analyze ur5 --task po", {"pose", "position"}, {"orientation"}),
+        ("analyze ur5 --task vx,v", {"vx,vy", "vx,vz"}, {"vx,vx", "vx,wx"}),
+        ("view ur5 --family F", {"F1", "F2", "F3"}, {"F4"}),
+        ("plot map puma560 --over q2,", {"q2,q3"}, {"q2,q2"}),
+        ("plot curves puma560 --fixed q", {"q1=", "q6="}, set()),
+        ("map ur5 --sampling ", {"sobol", "random", "grid"}, set()),
+        ("sweep ur5 --engine b", {"batch", "baseline"}, {"auto"}),
+        ("list talos_a", {"talos_arm"}, set()),
+        ("view ur5 --", {"--family", "--html", "--deg"}, set()),
+        (f"info {URDF}/five_bar.urdf --tip ", {"P"}, set()),
+    ],
+)
+def test_what_is_offered(line, some, none):
+    found = set(offered(line))
+    assert some <= found
+    assert not none & found
+
+
+def test_families_of_a_saved_analysis(tmp_path, monkeypatch):
+    path = tmp_path / "a.json"
+    path.write_text('{"closed_form": {"families": [{"name": "F7", "text": "q5 = 0"}]}}')
+    assert offered(f"view nowhere --analysis {path} --family ") == ["F7"]
+    path.write_text("{")
+    assert offered(f"view nowhere --analysis {path} --family ") == []
+
+
+def test_robot_files_here(tmp_path, monkeypatch):
+    for name in ("mine.urdf", "mine.xacro", "mine.txt"):
+        (tmp_path / name).write_text("x")
+    monkeypatch.chdir(tmp_path)
+    assert offered("info mi") == ["mine.urdf", "mine.xacro"]
+    assert "ur5" in offered("info ")
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["at nope --tip ", "at nope --joints ", "view nope --family ", "plot map --over ", "at --tip "],
+)
+def test_nothing_is_offered_and_nothing_said_where_nothing_is_known(line, capfd):
+    assert offered(line) == []
+    assert capfd.readouterr() == ("", "")
+
+
+def test_names_from_a_file_do_not_reach_the_shell(tmp_path):
+    hostile = ("a$(touch x)", "b;reboot", "c d", "e\x1b[2J", "*", "ok_link")
+    joints = "".join(
+        f'<link name="{name}"/><joint name="j{k}" type="fixed"><parent link="base"/>'
+        f'<child link="{name}"/></joint>'
+        for k, name in enumerate(hostile)
+        if "\x1b" not in name
+    )
+    path = tmp_path / "arm.urdf"
+    path.write_text(f'<robot name="r"><link name="base"/>{joints}</robot>')
+    assert set(offered(f"info {path} --tip ")) <= {"base", "ok_link"}
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="no bash")
+def test_bash(tmp_path):
+    """The script that README has people put into ~/.bashrc, in a real bash."""
+    program = tmp_path / "pinsing"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pinsing "$@"\n')
+    program.chmod(0o755)
+    script = """
+eval "$(_PINSING_COMPLETE=bash_source pinsing)"
+complete -p pinsing
+for line in "pinsing analyze ur5 --tip wri" "pinsing families pum"; do
+  COMP_WORDS=($line); COMP_CWORD=$((${#COMP_WORDS[@]} - 1)); COMPREPLY=()
+  _pinsing_completion pinsing
+  echo "= ${COMPREPLY[*]}"
+done
+"""
+    env = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    done = subprocess.run(["bash", "-c", script], capture_output=True, text=True, env=env)
+    assert "-F _pinsing_completion pinsing" in done.stdout
+    assert "= wrist_1_link wrist_2_link wrist_3_link\n" in done.stdout
+    assert "= puma560\n" in done.stdout
+
+
+@pytest.mark.parametrize("shell", ["zsh", "fish"])
+def test_other_shells_get_their_script_and_what_they_ask(shell):
+    def ask(**env: str) -> str:
+        words = [sys.executable, "-m", "pinsing"]
+        return subprocess.run(
+            words, capture_output=True, text=True, env={**os.environ, **env}, check=False
+        ).stdout
+
+    assert "pinsing" in ask(_PINSING_COMPLETE=f"{shell}_source")
+    words = {"zsh": ("pinsing families pum", "2"), "fish": ("pinsing families", "pum")}[shell]
+    said = ask(_PINSING_COMPLETE=f"{shell}_complete", COMP_WORDS=words[0], COMP_CWORD=words[1])
+    assert "puma560" in said
+    assert "Unimation PUMA 560" in said
