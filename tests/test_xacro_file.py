@@ -87,28 +87,53 @@ BAD_XACRO = {
     "recursion": (
         '<xacro:macro name="m"><xacro:m/></xacro:macro><xacro:m/>',
         "without end",
-        None,
+        2,
     ),
-    "includes itself": ('<xacro:include filename="arm.xacro"/>', "without end", None),
+    "includes itself": ('<xacro:include filename="arm.xacro"/>', "without end", 2),
     "condition": ('<xacro:if value="maybe"/>', "not a boolean expression", 2),
     "memory": ("<link name=\"${'a' * 10**11}\"/>", "too much memory", 2),
     "malformed": ("<xacro:if>", "mismatched tag", 3),
     "lambda": (
         '<link name="${(lambda: ().__class__.__base__.__subclasses__())()}"/>',
-        "reaches for the internals of Python",
+        "calling a Lambda is not accepted when evaluating expression '(lambda: ().__class__",
         2,
     ),
     "frames": (
         '<link name="${[g.gi_frame.f_back for g in [(x for x in [1])]]}"/>',
-        "reaches for the internals of Python",
+        "attribute 'gi_frame' of a list is not accepted",
         2,
     ),
     "format": (
         r"""<link name="${'\x7b0.__class__\x7d'.format(1)}"/>""",
-        "reaches for the internals of Python",
+        "method 'format' of a str is not accepted",
         2,
     ),
-    "eval": ('<link name="$(eval pi.f_back)"/>', "internals of Python", 2),
+    "eval": ('<link name="$(eval pi.f_back)"/>', "evaluating expression 'pi.f_back'", 2),
+    "a line that occurs twice": (
+        '<link name="${1}"/>\n<link name="${x}"/>\n<xacro:if value="${y}"/>',
+        "name 'x' is not defined when evaluating expression 'x'",
+        3,
+    ),
+    "the second of two": (
+        '<xacro:macro name="m" params="p"><xacro:if value="${p}"><link name="${p.q}"/></xacro:if>'
+        '</xacro:macro>\n<xacro:m p="${False}"/>\n<b c="${[1][0]}"/>\n'
+        '<xacro:if value="${[1][1]}"/>',
+        "list index out of range",
+        5,
+    ),
+    "outside": (
+        '<xacro:include filename="/etc/passwd"/>',
+        "/etc/passwd lies outside the robot's folder",
+        2,
+    ),
+    "yaml outside": (
+        "<link name=\"${xacro.load_yaml('../../secret.yaml')}\"/>",
+        "give the folder it is in with --package NAME=DIR",
+        2,
+    ),
+    "a device": ('<xacro:include filename="/dev/zero"/>', "lies outside", 2),
+    "wildcards outside": ('<xacro:include filename="/etc/*.conf"/>', "lies outside", 2),
+    "wildcards upward": ('<xacro:include filename="*/../../*"/>', "leads upward", 2),
     "entities": ("", "has no links", None),
 }
 
@@ -151,8 +176,56 @@ def test_xacro_arguments_that_do_not_exist(read):
 
 def test_xacro_that_does_not_end(read, monkeypatch):
     monkeypatch.setattr("pinsing.description.xacro.TIMEOUT_SECONDS", 1)
+    twice = '<xacro:m n="${n - 1}"/>' * 2
+    macro = f'<xacro:macro name="m" params="n"><xacro:if value="${{n}}">{twice}</xacro:if>'
     with pytest.raises(RobotFileError, match="does not end within 1 s"):
-        read(XACRO.format('<link name="${10**10**10}"/>'), name="arm.xacro")
+        read(XACRO.format(macro + '</xacro:macro><xacro:m n="${60}"/>'), name="arm.xacro")
+
+
+def test_a_property_evaluated_elsewhere_is_found_where_it_is_written(read):
+    text = '<xacro:property name="p" value="${nope}"/>\n\n<link name="${p}"/>'
+    with pytest.raises(RobotFileError, match="name 'nope' is not defined") as caught:
+        read(XACRO.format(text), name="arm.xacro")
+    assert caught.value.line == 2
+
+
+def test_a_link_that_came_with_the_file_leads_nowhere(read, tmp_path):
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "secret.yaml").write_text("a: 1")
+    (tmp_path / "robot" / "inner.yaml").symlink_to(tmp_path / "secret.yaml")
+    text = XACRO.format("<link name=\"${xacro.load_yaml('inner.yaml')}\"/>")
+    with pytest.raises(RobotFileError, match="lies outside the robot's folder"):
+        read(text, name="robot/arm.xacro")
+    # in a folder that the user names, links are the user's own
+    named = {"anything": tmp_path / "robot"}
+    with pytest.raises(RobotFileError, match="has no joints"):
+        read(text, name="robot/arm.xacro", packages=named)
+
+
+@pytest.mark.parametrize(
+    ("content", "expected", "line"),
+    [
+        ("a: !!python/object/apply:os.system ['true']", "python/object/apply:os.system", 1),
+        ("a: 1\nb: [", "not valid YAML", 2),
+        ("a: 1\nb: &x [*x]", "holds itself", 2),
+        ("\n".join(["a0: &a0 [1]"] + [f"a{i}: &a{i} [{f'*a{i - 1},' * 9}]" for i in range(1, 9)]),
+         "more than 200000 values", None),
+        (b"\xff\xfe\x00", "is not UTF-8 text", None),
+    ],
+)  # fmt: skip
+def test_bad_yaml(content, expected, line, read, tmp_path):
+    table = tmp_path / "t.yaml"
+    table.write_bytes(content.encode() if isinstance(content, str) else content)
+    with pytest.raises(RobotFileError, match=expected) as caught:
+        read(XACRO.format("<link name=\"${xacro.load_yaml('t.yaml')}\"/>"), name="arm.xacro")
+    if line is not None:
+        assert (caught.value.path, caught.value.line) == (table, line)
+
+
+def test_the_wall_is_there_and_its_absence_is_said(read, monkeypatch):
+    assert not any("wall" in note for note in read(XACRO.format(ARM), name="arm.xacro").notes)
+    monkeypatch.setattr("pinsing.description.xacro._WALL", False)
+    assert any("white list alone" in note for note in read(XACRO.format(ARM), name="a.xacro").notes)
 
 
 def test_xacro_leaves_this_process_alone(read):

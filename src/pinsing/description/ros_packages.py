@@ -3,7 +3,7 @@
 ``package://NAME/...`` and ``$(find NAME)`` are looked up in this order: the folders given by the
 user, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH, then upward from the file. A mesh is taken only from
 within the robot's own folders or a package found in this way, links resolved; anything else is
-named and left alone. Standard library only: the xacro child process loads this module by its path.
+named and left alone.
 """
 
 from __future__ import annotations
@@ -85,6 +85,12 @@ class PackageIndex:
         """Return the folders of the packages found so far."""
         return tuple(dict.fromkeys(d for d in self._found.values() if d is not None))
 
+    def environment(self) -> tuple[Path, ...]:
+        """Return the folders of packages that the user's environment names."""
+        folders = [*_folders("ROS_PACKAGE_PATH")]
+        folders += [prefix / "share" for prefix in _folders("AMENT_PREFIX_PATH")]
+        return tuple(folder for folder in folders if folder.is_absolute())
+
     def _search(self, name: str) -> Path | None:
         if name in self.given:
             return self.given[name] if self.given[name].is_dir() else None
@@ -151,7 +157,7 @@ class PackageIndex:
         path = self._locate(uri.strip())
         try:
             real = path.resolve()
-            if not any(real.is_relative_to(r.resolve()) for r in self._roots()):
+            if not any(real.is_relative_to(r.resolve()) for r in self.roots()):
                 raise MeshProblem("lies outside the robot's folders", refused=True)
             if real.suffix.lower() not in _MESH_SUFFIXES | _IMAGE_SUFFIXES:
                 raise MeshProblem("is not of a known mesh format", refused=True)
@@ -171,7 +177,7 @@ class PackageIndex:
         """
         try:
             real = path.resolve()
-            inside = any(real.is_relative_to(r.resolve()) for r in self._roots())
+            inside = any(real.is_relative_to(r.resolve()) for r in self.roots())
         except (OSError, RuntimeError, ValueError) as error:
             raise MeshProblem("refers to a file that cannot be read", refused=True) from error
         if not inside:
@@ -198,7 +204,8 @@ class PackageIndex:
             raise MeshProblem("lies outside its package", refused=True)
         return path
 
-    def _roots(self) -> tuple[Path, ...]:
+    def roots(self) -> tuple[Path, ...]:
+        """Return the folders that the robot's files may be in."""
         return (self.own_folder, *self.given.values(), *self._more_roots, *self.used())
 
 

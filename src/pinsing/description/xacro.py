@@ -1,18 +1,17 @@
 """xacro files turned into URDF text, in a process of their own.
 
-What xacro allows a file to do, and so what a file from a stranger may do:
+What xacro allows a file to do, and so what a file from a stranger may do here:
 
-- include any file that the user may read (``<xacro:include>``, with wildcards), and load any YAML
-  file (``xacro.load_yaml``, by the safe loader);
-- read environment variables (``$(env X)``, ``$(optenv X)``) and the working folder (``$(cwd)``);
-- evaluate Python expressions (``${...}``, ``$(eval ...)``) with a few builtins and ``math``. Names
-  with two underscores are meant to be out of reach, but xacro 2.1 checks only the outermost code,
-  so that ``${(lambda: ...)()}`` can run anything.
+- read files within its own folder and the packages that it names (``<xacro:include>``, with
+  wildcards, and ``xacro.load_yaml``, by the safe loader);
+- read environment variables (``$(env X)``, ``$(optenv X)``) and the name of the working folder
+  (``$(cwd)``);
+- compute: ``${...}`` and ``$(eval ...)`` are interpreted over a white list
+  (`pinsing.description.xacro_expression`), never handed to Python.
 
-pinsing therefore runs it in a child process that refuses expressions reaching for Python's
-internals, cannot write files, and is limited in time and memory. That makes accidents harmless and
-attacks hard; it is no sandbox. Expand a file from a stranger on a machine that you can spare, or
-read it first.
+xacro runs in a child process, limited in time and memory, that opens no file itself: this process
+reads for it (`pinsing.description.xacro_files`). Where the kernel allows it, the child can open no
+file or socket and start no process at all.
 """
 
 from __future__ import annotations
@@ -21,16 +20,21 @@ import json
 import os
 import subprocess
 import sys
+import threading
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
-from pinsing.description import ros_packages as packages_module
+from pinsing.description.ros_packages import PackageIndex
+from pinsing.description.xacro_files import XacroFiles
 from pinsing.description.xml_tree import MAX_BYTES, Node
 from pinsing.errors import RobotFileError
 
 TIMEOUT_SECONDS = 6
 _MEMORY = 2 * 2**30
+_LONGEST_ANSWER = 256 * 2**20
+_WALL = True  # tests leave it out, to see that nothing depends on it
 _WORKER = Path(__file__).with_name("xacro_worker.py")
 
 
@@ -81,39 +85,16 @@ def expand_xacro(
         a missing include or package, an undefined name, a bad expression, an argument that is
         missing or that the file does not have, or an expansion that does not end.
     """
+    index = PackageIndex(path, packages)
     request = {
-        "path": os.path.abspath(path),
-        "packages": {name: os.fspath(folder) for name, folder in (packages or {}).items()},
+        "path": str(index.file),
         "arguments": {name: str(value) for name, value in (arguments or {}).items()},
-        "packages_module": packages_module.__file__,
         "sys_path": [os.path.abspath(entry) for entry in sys.path],
         "seconds": TIMEOUT_SECONDS + 2,  # the clock is to strike first, it says more
         "memory": _MEMORY,
-        "max_bytes": MAX_BYTES,
+        "wall": _WALL,
     }
-    try:
-        child = subprocess.run(
-            [sys.executable, "-I", "-B", str(_WORKER)],
-            input=json.dumps(request).encode(),
-            capture_output=True,
-            timeout=TIMEOUT_SECONDS,
-            check=False,
-        )
-    except subprocess.TimeoutExpired as error:
-        raise RobotFileError(
-            f"xacro does not end within {TIMEOUT_SECONDS} s: expand it by hand (xacro FILE) "
-            "and give the result",
-            path,
-        ) from error
-    except OSError as error:
-        raise RobotFileError(f"xacro cannot be started: {error.strerror}", path) from error
-    if child.returncode != 0:
-        raise RobotFileError(
-            f"xacro stopped with code {child.returncode}, out of memory or time: expand it by hand "
-            "(xacro FILE) and give the result",
-            path,
-        )
-    answer = json.loads(child.stdout)
+    answer = _converse(path, request, XacroFiles(index, MAX_BYTES))
     if "problem" in answer:
         file = answer.get("file")
         same = file is None or os.path.abspath(file) == request["path"]
@@ -124,10 +105,71 @@ def expand_xacro(
         known = ", ".join(n for n in answer["known"] if n not in answer["unknown"]) or "none"
         names = ", ".join(answer["unknown"])
         raise RobotFileError(f"has no xacro argument {names} (it has: {known})", path)
+    warnings = list(answer["warnings"])
+    if answer["no_wall"]:
+        warnings.append(
+            f"xacro ran without the kernel's wall, by its white list alone: {answer['no_wall']}"
+        )
     return Expansion(
         answer["xml"],
-        tuple(Path(folder) for folder in answer["folders"]),
-        tuple(dict.fromkeys(_printable(warning) for warning in answer["warnings"])),
+        index.used(),
+        tuple(dict.fromkeys(_printable(warning) for warning in warnings)),
+    )
+
+
+def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[str, Any]:
+    """Start the child, answer its questions, and return its answer."""
+    try:
+        child = subprocess.Popen(
+            [sys.executable, "-I", "-B", str(_WORKER)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+    except OSError as error:
+        raise RobotFileError(f"xacro cannot be started: {error.strerror}", path) from error
+    late = threading.Event()
+
+    def stop() -> None:
+        late.set()
+        child.kill()
+
+    clock = threading.Timer(TIMEOUT_SECONDS, stop)
+    clock.daemon = True
+    clock.start()
+    answer: dict[str, Any] | None = None
+    assert child.stdin is not None
+    assert child.stdout is not None
+    try:
+        with child.stdin, child.stdout:
+            child.stdin.write(json.dumps(request).encode() + b"\n")
+            child.stdin.flush()
+            while answer is None:
+                line = child.stdout.readline(_LONGEST_ANSWER)
+                if not line.endswith(b"\n"):
+                    break
+                message = json.loads(line)
+                answer = message.get("answer")
+                if answer is None:
+                    child.stdin.write(json.dumps(files.answer(message)).encode() + b"\n")
+                    child.stdin.flush()
+    except (BrokenPipeError, ConnectionResetError):
+        pass  # it has ended; why is told below
+    finally:
+        clock.cancel()
+        child.kill()
+        child.wait()
+    if answer is not None:
+        return answer
+    if late.is_set():
+        raise RobotFileError(
+            f"xacro does not end within {TIMEOUT_SECONDS} s: expand it by hand (xacro FILE) "
+            "and give the result",
+            path,
+        )
+    raise RobotFileError(
+        "xacro stopped, out of memory or time: expand it by hand (xacro FILE) and give the result",
+        path,
     )
 
 

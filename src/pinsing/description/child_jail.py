@@ -1,0 +1,156 @@
+"""Walls around a child process that handles a stranger's file: a second layer, never the only one.
+
+Limits on processor time, memory and written files; in Python, a watch over the calls that reach
+outside; on Linux (x86-64 and arm64) a seccomp filter under which the kernel opens no file, no
+socket and starts no process: what was open before stays readable and writable, nothing else is.
+Standard library only: child processes load this module by its folder.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import struct
+import sys
+from collections.abc import Callable
+
+# Numbers of the system calls that a running interpreter needs, x86-64 and arm64.
+_CALLS = {
+    "read": (0, 63),
+    "write": (1, 64),
+    "close": (3, 57),
+    "fstat": (5, 80),
+    "lseek": (8, 62),
+    "mmap": (9, 222),
+    "mprotect": (10, 226),
+    "munmap": (11, 215),
+    "brk": (12, 214),
+    "rt_sigaction": (13, 134),
+    "rt_sigprocmask": (14, 135),
+    "rt_sigreturn": (15, 139),
+    "sched_yield": (24, 124),
+    "mremap": (25, 216),
+    "madvise": (28, 233),
+    "getpid": (39, 172),
+    "exit": (60, 93),
+    "gettid": (186, 178),
+    "futex": (202, 98),
+    "restart_syscall": (219, 128),
+    "clock_gettime": (228, 113),
+    "exit_group": (231, 94),
+    "getrandom": (318, 278),
+    "rseq": (334, 293),
+}
+_MACHINES = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
+
+_LOAD, _EQUAL, _RETURN = 0x20, 0x15, 0x06  # of the kernel's packet filter
+_ALLOW, _ERROR_EPERM = 0x7FFF0000, 0x00050001
+_SET_SECCOMP, _FILTER_MODE, _SET_NO_NEW_PRIVILEGES = 22, 2, 38
+
+_WATCHED = (
+    "open",
+    "exec",
+    "import",
+    "os.",
+    "socket.",
+    "subprocess.",
+    "ctypes.",
+    "shutil.",
+    "pty.",
+    "mmap.",
+    "fcntl.",
+    "marshal.",
+    "pickle.",
+    "code.",
+    "function.",
+    "glob.",
+    "pathlib.",
+    "signal.",
+    "tempfile.",
+    "urllib.",
+    "winreg.",
+    "_winapi.",
+    "gc.",
+    "sys._getframe",
+)
+
+
+def limit_resources(seconds: int, memory: int) -> None:
+    """Limit processor time [s], memory [bytes] and written files (none), where that exists."""
+    try:
+        import resource
+    except ImportError:
+        return
+    limits = [
+        ("RLIMIT_CPU", seconds),
+        ("RLIMIT_AS", memory),
+        ("RLIMIT_FSIZE", 0),
+        ("RLIMIT_CORE", 0),
+    ]
+    for name, limit in limits:
+        # Some systems have the name and refuse the call; the parent's timeout remains.
+        with contextlib.suppress(ValueError, OSError):
+            resource.setrlimit(getattr(resource, name), (limit, limit))
+
+
+def watch(refuse: Callable[[str], BaseException]) -> None:
+    """Raise what ``refuse`` makes of any call of Python's that reaches outside, from now on.
+
+    Everything that is needed must have been imported.
+    """
+
+    def hook(event: str, _details: object) -> None:
+        if event.startswith(_WATCHED):
+            raise refuse(event)
+
+    sys.addaudithook(hook)
+
+
+def close_in() -> str:
+    """Let the kernel open nothing more for this process; say why not, or return "" when it is so.
+
+    Only the files that are open now can be read and written afterwards. There is no way back.
+    """
+    machine = os.uname().machine if sys.platform.startswith("linux") else "any machine"
+    if machine not in _MACHINES:
+        return f"no filter of system calls is known for {sys.platform} on {machine}"
+    try:
+        import ctypes
+
+        call = ctypes.CDLL(None, use_errno=True).prctl
+    except (ImportError, OSError, AttributeError) as error:
+        return f"the kernel's filter cannot be reached ({error})"
+    column, architecture = _MACHINES[machine]
+    code = _filter(sorted(numbers[column] for numbers in _CALLS.values()), architecture)
+    words = ctypes.create_string_buffer(code, len(code))
+
+    class Program(ctypes.Structure):
+        _fields_ = [("length", ctypes.c_ushort), ("words", ctypes.c_void_p)]
+
+    program = Program(len(code) // 8, ctypes.addressof(words))
+    call.argtypes = [ctypes.c_int] + [ctypes.c_ulong] * 4
+    for option, first, second in (
+        (_SET_NO_NEW_PRIVILEGES, 1, 0),
+        (_SET_SECCOMP, _FILTER_MODE, ctypes.addressof(program)),
+    ):
+        if call(option, first, second, 0, 0) != 0:
+            return f"the kernel takes no filter ({os.strerror(ctypes.get_errno())})"
+    return ""
+
+
+def _filter(calls: list[int], architecture: int) -> bytes:
+    """Return the program: the right architecture and a known call, or an error."""
+
+    def step(code: int, value: int, yes: int = 0, no: int = 0) -> bytes:
+        return struct.pack("=HBBI", code, yes, no, value)
+
+    # A jump counts the steps that it leaves out; the last two steps are "no" and "yes".
+    program = [
+        step(_LOAD, 4),
+        step(_EQUAL, architecture, 0, len(calls) + 1),
+        step(_LOAD, 0),
+        *(step(_EQUAL, number, len(calls) - i) for i, number in enumerate(calls)),
+        step(_RETURN, _ERROR_EPERM),
+        step(_RETURN, _ALLOW),
+    ]
+    return b"".join(program)

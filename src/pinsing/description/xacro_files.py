@@ -1,0 +1,105 @@
+"""The files that a xacro may read: the parent's side, which alone opens any.
+
+xacro runs in a child that can open nothing. It asks for files, wildcards and packages; here is
+judged what it gets: plain files within the robot's own folder or a package. Where the user has
+named the package (an option, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH) a link in it may lead anywhere,
+as links of a workspace do; in a folder that merely came with the file it may not.
+"""
+
+from __future__ import annotations
+
+import glob
+import os
+import re
+from pathlib import Path
+from typing import Any
+
+from pinsing.description.ros_packages import PackageIndex
+
+_MOST_BYTES = 64 * 2**20
+_MOST_QUESTIONS = 5000
+_MOST_FOUND = 1000
+
+
+class XacroFiles:
+    """Answers the questions of one xacro process.
+
+    Parameters
+    ----------
+    index : PackageIndex
+        Packages that may be used.
+    largest : int
+        Largest file that is read, bytes.
+    """
+
+    def __init__(self, index: PackageIndex, largest: int) -> None:
+        self.index, self.largest = index, largest
+        self._left, self._questions = _MOST_BYTES, _MOST_QUESTIONS
+
+    def answer(self, question: dict[str, Any]) -> dict[str, Any]:
+        """Return what a question asks for, or ``problem`` or ``missing`` with the reason."""
+        self._questions -= 1
+        if self._questions < 0:
+            return {"problem": f"more than {_MOST_QUESTIONS} files are asked for"}
+        text = str(question.get("text", ""))
+        if "\0" in text:
+            return {"problem": "a file name holds a null character"}
+        kind = question.get("ask")
+        if kind == "find":
+            folder = self.index.find(text)
+            return {"folder": None if folder is None else str(folder)}
+        try:
+            return self._found(text) if kind == "glob" else self._content(Path(text))
+        except OSError as error:
+            return {"missing": error.strerror or "cannot be read", "errno": error.errno}
+        except RuntimeError:  # links in a ring
+            return {"problem": f"{text} cannot be read"}
+
+    def _found(self, pattern: str) -> dict[str, Any]:
+        # The fixed part of the pattern: whatever the rest finds lies below it.
+        fixed = re.split(r"[*?\[]", pattern, maxsplit=1)[0]
+        if ".." in pattern[len(fixed) :].split("/"):
+            return {"problem": f"{pattern} leads upward after a wildcard"}
+        if self._real(Path(os.path.dirname(fixed))) is None:
+            return {"problem": self._outside(pattern)}
+        found: list[str] = []
+        for name in glob.iglob(pattern):
+            if len(found) == _MOST_FOUND:
+                return {"problem": f"{pattern} finds more than {_MOST_FOUND} files"}
+            found.append(name)
+        return {"names": sorted(found)}
+
+    def _content(self, path: Path) -> dict[str, Any]:
+        real = self._real(path)
+        if real is None:
+            return {"problem": self._outside(str(path))}
+        if real.exists() and not real.is_file():
+            return {"problem": f"{path} is not a plain file"}
+        with real.open("rb") as stream:
+            data = stream.read(self.largest + 1)
+        if len(data) > self.largest:
+            return {"problem": f"{path} is larger than {self.largest // 2**20} MiB"}
+        self._left -= len(data)
+        if self._left < 0:
+            return {"problem": f"more than {_MOST_BYTES // 2**20} MiB of files are asked for"}
+        try:
+            return {"text": data.decode("utf-8")}
+        except UnicodeDecodeError:
+            return {"problem": f"{path} is not UTF-8 text"}
+
+    def _real(self, path: Path) -> Path | None:
+        """Return where a path leads, None where that may not be read."""
+        real = path.resolve()
+        if path == self.index.file or any(
+            real.is_relative_to(root.resolve()) for root in self.index.roots()
+        ):
+            return real
+        plain = Path(os.path.normpath(path))
+        named = (*self.index.given.values(), *self.index.environment())
+        return plain if any(plain.is_relative_to(folder) for folder in named) else None
+
+    def _outside(self, path: str) -> str:
+        return (
+            f"{path} lies outside the robot's folder ({self.index.own_folder}) and its packages: "
+            "give the folder it is in with --package NAME=DIR"
+        )

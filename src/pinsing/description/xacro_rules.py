@@ -1,0 +1,227 @@
+"""What pinsing puts in place of xacro's own evaluation, parsing and files.
+
+Runs in the xacro child process only. `Rules.enforce` leaves no path by which text of a file gets
+to Python's eval: both places of xacro 2 that call it (``safe_eval`` for ``${...}`` and YAML with
+units, ``substitution_args._eval`` for ``$(eval ...)``) are replaced, and ``eval`` within its
+modules is taken away.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+import yaml
+
+from pinsing.description.xacro_expression import Kinds, evaluate
+from pinsing.description.xacro_places import Builder, Places, RefusedAt, keep_places
+from pinsing.description.xacro_symbols import Symbols, text_of
+from pinsing.description.xacro_values import FUNCTIONS, MATH, Function, Refused
+
+_MOST_YAML_VALUES = 200_000
+
+
+class Arguments(dict[str, str]):
+    """Substitution arguments that remember which of them the file knows."""
+
+    def __init__(self, given: dict[str, str]) -> None:
+        super().__init__(given)
+        self.known: set[str] = set()
+
+    def __contains__(self, name: object) -> bool:
+        self.known.add(str(name))
+        return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        if name not in self:
+            raise Refused(f"argument {name!r} has no value: give --xacro-arg {name}:=VALUE")
+        return super().__getitem__(name)
+
+
+class _Glob:
+    """Stands for the module ``glob`` within xacro."""
+
+    def __init__(self, find: Callable[[str], list[str]]) -> None:
+        self.glob = find
+
+
+class _EvalNames(Mapping[str, Any]):
+    """Names of ``$(eval ...)``: functions, ``math``, and the arguments themselves."""
+
+    def __init__(self, functions: Mapping[str, Any], argument: Callable[[str], Any]) -> None:
+        self._functions, self._argument = functions, argument
+
+    def __getitem__(self, name: str) -> Any:
+        return self._functions[name] if name in self._functions else self._argument(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._functions)
+
+    def __len__(self) -> int:
+        return len(self._functions)
+
+
+class Rules:
+    """Replaces parts of xacro.
+
+    Parameters
+    ----------
+    xacro : module
+        The package, just imported.
+    ask : callable
+        Asks the parent: kind and text to an answer.
+    places : Places
+        Told where the expansion is.
+    arguments : Arguments
+        Values of ``$(arg ...)``.
+    """
+
+    def __init__(
+        self, xacro: Any, ask: Callable[[str, str], dict[str, Any]], places: Places, arguments: Any
+    ) -> None:
+        self.xacro, self.ask, self.places, self.arguments = xacro, ask, places, arguments
+        self.kinds = Kinds(xacro.YamlDictWrapper, xacro.YamlListWrapper, xacro.NameSpace)
+
+    def enforce(self) -> None:
+        """Put everything in its place."""
+        from xacro import substitution_args
+
+        xacro = self.xacro
+        xacro.safe_eval, xacro.parse, xacro.load_yaml = self.safe_eval, self.parse, self.load_yaml
+        xacro.glob = _Glob(self.find_files)
+        substitution_args._eval = self.eval_argument
+        substitution_args._eval_find = self.find_package
+        for module in (xacro, substitution_args):
+            for name in ("eval", "exec", "compile"):
+                setattr(module, name, self.no_eval)
+        for unit in xacro.ConstructUnits:
+            yaml.SafeLoader.add_constructor(unit.value.tag, unit.constructor)
+        Symbols(xacro, self.arguments).replace()
+        for name in ("eval_all", "grab_property", "process_include", "handle_macro_call"):
+            setattr(xacro, name, self.places.follow(getattr(xacro, name)))
+        xacro.check_attrs = self.places.follow(xacro.check_attrs)
+        keep_places()
+
+    def no_eval(self, *_args: Any, **_options: Any) -> Any:
+        """Stand for ``eval`` and its like within xacro."""
+        raise Refused("Python's eval is out of reach")
+
+    # Expressions --------------------------------------------------------------------
+
+    def safe_eval(self, text: str, names: Any, _local: Any = None) -> Any:
+        """Interpret ``${...}``."""
+        return evaluate(text, names, self.kinds)
+
+    def eval_argument(self, text: str, context: dict[str, Any]) -> str:
+        """Interpret ``$(eval ...)``."""
+        from xacro import substitution_args as args
+
+        def argument(name: str) -> Any:
+            return args.convert_value(self.arguments[name], "auto")
+
+        def folder() -> str:
+            return str(args._eval_dirname(context["filename"]))
+
+        functions = {
+            **FUNCTIONS,
+            **MATH,
+            "true": True,
+            "false": False,
+            "arg": Function("arg", argument),
+            "dirname": Function("dirname", folder),
+            "env": Function("env", args._eval_env),
+            "optenv": Function("optenv", args._eval_optenv),
+            "find": Function("find", self.find_package),
+        }
+        try:
+            return str(evaluate(text, _EvalNames(functions, argument), self.kinds))
+        except Exception as error:  # as xacro does for ${...}: say which expression
+            suffix = f"when evaluating expression '{text}'"
+            raise self.xacro.XacroException(exc=error, suffix=suffix) from error
+
+    # Files --------------------------------------------------------------------------
+
+    def read(self, filename: str) -> str:
+        """Return the text of a file, by the parent's leave."""
+        answer = self.ask("read", filename)
+        if "problem" in answer:
+            raise Refused(answer["problem"])
+        if "missing" in answer:
+            raise OSError(answer["errno"], answer["missing"], filename)
+        text: str = answer["text"]
+        self.places.texts[filename] = text
+        return text
+
+    def find_files(self, pattern: str) -> list[str]:
+        """Return the files that a pattern with wildcards stands for."""
+        answer = self.ask("glob", pattern)
+        if "problem" in answer:
+            raise Refused(answer["problem"])
+        return list(answer.get("names", ()))
+
+    def find_package(self, name: str) -> str:
+        """Return the folder of a package."""
+        folder = self.ask("find", text_of(name))["folder"]
+        if folder is None:
+            raise Refused(f"package {name!r} not found: give its folder with --package {name}=DIR")
+        return str(folder)
+
+    def parse(self, content: Any, filename: str | None = None) -> Any:
+        """Return the document of a file."""
+        if content is not None or filename is None:
+            raise Refused("only files are parsed")
+        try:
+            text = self.read(filename)
+        except OSError as error:  # so that optional includes work, and errors name the includer
+            self.xacro.filestack.pop()
+            raise self.xacro.XacroException(f"{error.strerror}: {filename}", exc=error) from error
+        return Builder(filename).parseString(text)
+
+    def load_yaml(self, filename: Any) -> Any:
+        """Return the content of a YAML file, wrapped."""
+        filename = self.xacro.abs_filename_spec(text_of(filename))
+        text = self.read(filename)
+        self.xacro.filestack.append(filename)
+        try:
+            loader = yaml.SafeLoader(text)
+            node = loader.get_single_node()
+            if node is None:
+                return None
+            _count(node, filename)
+            value = loader.construct_document(node)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            line = None if mark is None else mark.line + 1
+            raise RefusedAt(f"not valid YAML: {error.problem or error}", filename, line) from None
+        except yaml.YAMLError as error:
+            raise RefusedAt(f"not valid YAML: {error}", filename) from None
+        self.xacro.filestack.pop()
+        self.xacro.all_includes.append(filename)
+        return self.kinds.listed.wrap(value)
+
+
+def _count(root: yaml.Node, file: str) -> None:
+    """Refuse YAML that its own references make endless or huge."""
+    sizes: dict[int, int | None] = {}
+
+    def size(node: yaml.Node) -> int:
+        known = sizes.get(id(node), 0)
+        line = node.start_mark.line + 1
+        if known is None:
+            raise RefusedAt("this YAML holds itself", file, line)
+        if known:
+            return known
+        sizes[id(node)] = None
+        parts: list[yaml.Node] = []
+        if isinstance(node, yaml.SequenceNode):
+            parts = node.value
+        elif isinstance(node, yaml.MappingNode):
+            parts = [part for pair in node.value for part in pair]
+        total = 1 + sum(size(part) for part in parts)
+        if total > _MOST_YAML_VALUES:
+            problem = f"this YAML holds more than {_MOST_YAML_VALUES} values"
+            raise RefusedAt(problem, file, line)
+        sizes[id(node)] = total
+        return total
+
+    size(root)

@@ -1,0 +1,165 @@
+"""Every xacro that the tests can install gives the same URDF as xacro by itself."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from pinsing.description.catalog import data_folder
+from pinsing.description.dh_urdf import urdf_folder
+from pinsing.description.xacro import expand_xacro
+from pinsing.errors import RobotFileError
+
+# xacro as it comes, on files that we know; packages are the folders by their names.
+PLAIN = """
+import contextlib, io, json, sys, types
+files, packages, arguments = json.load(sys.stdin)
+module = types.ModuleType("ament_index_python.packages")
+module.get_package_share_directory = packages.__getitem__
+sys.modules["ament_index_python"] = types.ModuleType("ament_index_python")
+sys.modules[module.__name__] = module
+import xacro
+found = {}
+for file in files:
+    xacro.filestack = xacro.macrostack = None
+    try:
+        with contextlib.redirect_stderr(io.StringIO()), contextlib.redirect_stdout(io.StringIO()):
+            document = xacro.process_file(file, mappings=dict(arguments))
+            found[file] = document.toprettyxml(indent="  ")
+    except Exception as error:
+        found[file] = None
+print(json.dumps(found))
+"""
+
+
+def compare(root: Path, names: list[str] | None = None, arguments: dict[str, str] | None = None):
+    files = [f for f in sorted(root.rglob("*.xacro")) if names is None or f.name in names]
+    packages = {f.name: str(f) for f in sorted(root.rglob("*")) if f.is_dir()}
+    packages[root.name] = str(root)
+    done = subprocess.run(
+        [sys.executable, "-c", PLAIN],
+        input=json.dumps([[str(f) for f in files], packages, arguments or {}]),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    plain = json.loads(done.stdout)
+    same = 0
+    for file in files:
+        if plain[str(file)] is None:
+            with pytest.raises(RobotFileError):
+                expand_xacro(file, packages, arguments)
+        else:
+            assert expand_xacro(file, packages, arguments).xml == plain[str(file)], file
+            same += 1
+    return len(files), same
+
+
+def package_folder(name: str) -> Path:
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.origin is None:
+        pytest.skip(f"{name} is not installed")
+    return Path(spec.origin).parent
+
+
+def test_example_robot_data():
+    folder = data_folder()
+    assert folder is not None
+    assert compare(folder) == (2, 1)  # the other includes package://..., xacro fails
+
+
+def test_ours(tmp_path):
+    table = tmp_path / "urdf" / "arm.yaml"
+    (tmp_path / "urdf").mkdir()
+    joint = {"name": "j", "type": "revolute", "parent": "a", "child": "b", "xyz": "0 0 1"}
+    joint |= {"rpy": "0 0 0", "velocity": 1, "effort": 2}
+    bones = [{"xyz": "0 0 0", "rpy": "0 0 0", "length": 0.3, "end": "0 0 0.3"}] * 2
+    links = [{"name": "a", "bones": bones}, {"name": "b", "bones": [], "hub": True}]
+    arm = {"name": "arm", "size": 1.5, "moving": 1, "joints": [joint], "links": links}
+    table.write_text(json.dumps(arm))
+    copy = tmp_path / "urdf" / "dh_arm.xacro"
+    copy.write_bytes((urdf_folder() / "dh_arm.xacro").read_bytes())
+    assert compare(tmp_path, arguments={"arm": str(table)}) == (1, 1)
+
+
+SOME = ["panda_arm.urdf.xacro", "puma560_robot.urdf.xacro", "ridgeback.urdf.xacro",
+        "lbr_iiwa_14_r820.xacro", "kr10r1100sixx.xacro", "wx250s.urdf.xacro"]  # fmt: skip
+
+
+def test_robotics_toolbox():
+    total, same = compare(package_folder("rtbdata") / "xacro", SOME)
+    assert total == len(SOME)
+    assert same == 4  # two need packages that are not there, and fail in both
+
+
+@pytest.mark.slow
+def test_robotics_toolbox_all():
+    total, same = compare(package_folder("rtbdata") / "xacro")
+    assert total > 50
+    assert same > 45
+
+
+FEATURES = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:g="urn:g">
+  <xacro:arg name="side" default="left"/>
+  <xacro:arg name="count" default="${1 + 2}"/>
+  <xacro:property name="t" value="${xacro.load_yaml('t.yaml')}"/>
+  <xacro:property name="name" value="'quoted'"/>
+  <xacro:property name="lazy" value="${name}_x"/>
+  <xacro:property name="len" value="5"/>
+  <xacro:property name="gone" value="1"/><xacro:property name="gone" remove="true"/>
+  <xacro:property name="kept" value="1"/><xacro:property name="kept" default="2"/>
+  <xacro:property name="block"><i a="${name}"/><j/></xacro:property>
+  <xacro:include filename="part.xacro" ns="part"/>
+  <xacro:include filename="part*.xacro"/>
+  <xacro:include filename="nothing.xacro" optional="true"/>
+  <xacro:macro name="m" params="a b:=7 c:='1 2' d:=^|9 e:=^ f:=${2*b} *one **many">
+    <link name="${a} ${b} ${c} ${d} ${e}"><xacro:insert_block name="one"/>
+      <xacro:insert_block name="many"/></link>
+    <xacro:property name="up" value="${b + 1}" scope="parent"/>
+    <xacro:property name="all" value="${b + 2}" scope="global"/>
+  </xacro:macro>
+  <xacro:property name="b" value="8"/><xacro:property name="d" value="${b}"/>
+  <xacro:property name="e" value="E"/>
+  <xacro:m a="$(arg side)"><x/><y><z v="${b}"/></y></xacro:m>
+  <xacro:call macro="m" a="$(eval 2 * count + pi)" b="${t.a[1].c}"><x/><y/></xacro:call>
+  <up v="${up} ${all} ${lazy} ${len} ${kept} ${part.inner} ${part.deep(2) if False else 0}"/>
+  <xacro:part.pm v="1"/>
+  <xacro:if value="${t.flag and not False}"><yes>${t.angle} ${t['length']}</yes></xacro:if>
+  <xacro:unless value="$(eval side == 'right')"><no>$$(x) $${y} $ a</no></xacro:unless>
+  <xacro:if value="0"/><xacro:if value="true"><t/></xacro:if>
+  <xacro:element xacro:name="${'el' + 'em'}" k="v">
+    <xacro:attribute name="n" value="n${[1, 2]}"/></xacro:element>
+  <xacro:insert_block name="block"/>
+  <!-- xacro:eval-comments --><!-- ${1 + 1} --><!-- xacro:eval-comments:off --><!-- ${1 + 1} -->
+  <a b="${t}" c="${t.list}" d="${dict(a=1)}" e="${1e-7} ${1/3} ${True} ${None}" f="&lt;&amp;"/>
+  <o v="$(optenv NO_SUCH_VAR a b) $(env HOME) $(cwd)" w="${xacro.abs_filename('x')}"/>
+  <w v="${xacro.warning('note')}${xacro.message('m')}${xacro.tokenize('1,2;3 4')}"/>
+  <d v="${sorted([2, 1])} ${list(range(3))} ${xacro.dotify(dict(q=1)).q} ${max(1, 2) ** 2}"/>
+  <g:h xmlns:k="urn:k"/>${xacro.arg('side')} ${-3 // 2} ${'%.2f' % 1.005}
+</robot>
+"""
+PART = """<p xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:q="urn:q">
+<xacro:property name="inner" value="${3 * 2}"/><xacro:macro name="pm" params="v">
+<pm v="${v} ${inner}"/></xacro:macro><q:z/></p>"""
+TABLE = """a: [1, {c: 2.5}]
+flag: true
+angle: !degrees 90 / 2
+length: !millimeters 5
+list: [{x: 1}, 2001-01-01, null, 0x10, 1e3, "s"]
+merge: &m {k: 1}
+more: {<<: *m, l: 2}
+"""
+
+
+def test_every_feature(tmp_path):
+    (tmp_path / "all.xacro").write_text(FEATURES)
+    (tmp_path / "part.xacro").write_text(PART)
+    (tmp_path / "t.yaml").write_text(TABLE)
+    assert compare(tmp_path) == (2, 2)
+    assert 'name="elem"' not in expand_xacro(tmp_path / "all.xacro").xml
+    assert "<elem " in expand_xacro(tmp_path / "all.xacro").xml
