@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-import xml.dom.minidom
 from importlib import resources
 from itertools import pairwise
 from pathlib import Path
@@ -27,6 +26,7 @@ import yaml
 
 from pinsing.description.dh_table import BASE, FLANGE, TIP, DHRow, DHTable, read_dh
 from pinsing.description.placement import Placement, Vector, cos_sin, pointing, screw
+from pinsing.description.xacro import expand_xacro
 from pinsing.errors import RobotFileError
 
 __all__ = ["DHRow", "DHTable", "dh_to_urdf", "joint_placements", "read_dh", "urdf_folder"]
@@ -92,28 +92,24 @@ def dh_to_urdf(table: DHTable) -> str:
     RobotFileError
         If the xacro is not installed.
     """
-    import xacro  # 20 ms, and only needed here
-
-    # xacro reads tables from files only.
+    # xacro reads tables from files only, and only from folders that it is given.
     with tempfile.TemporaryDirectory() as folder:
         numbers = Path(folder, "arm.yaml")
         numbers.write_text(yaml.safe_dump(_arm(table)), encoding="utf-8")
-        document = xacro.process_file(
-            str(urdf_folder() / "dh_arm.xacro"), mappings={"arm": str(numbers)}
-        )
-    for node in list(document.childNodes):
-        if node.nodeType == node.COMMENT_NODE:  # xacro's banner, which holds the path
-            document.removeChild(node)
-    document.insertBefore(_banner(document, table), document.documentElement)
-    return str(document.toprettyxml(indent="  ")).rstrip() + "\n"
+        made = expand_xacro(
+            urdf_folder() / "dh_arm.xacro", {"arm": folder}, {"arm": str(numbers)}
+        ).xml
+    head, start, robot = made.partition("\n<robot ")
+    declaration = head.split("\n", 1)[0]  # after it come comments of xacro, which hold the path
+    return f"{declaration}\n{_banner(table)}{start}{robot.rstrip()}\n"
 
 
-def _banner(document: xml.dom.minidom.Document, table: DHTable) -> xml.dom.minidom.Comment:
+def _banner(table: DHTable) -> str:
     words = f" Made by pinsing from the {table.convention} DH table of {table.name}; do not edit. "
     words += f"{table.source} " if table.source else ""
     while "--" in words:  # which no XML comment may hold
         words = words.replace("--", "- -")
-    return document.createComment(words)
+    return f"<!--{words}-->"
 
 
 def _arm(table: DHTable) -> dict[str, Any]:
