@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pinsing.algebra.budget import BudgetExceeded
@@ -57,12 +57,18 @@ class Backing:
 
 
 class Found:
-    """Components, as a search comes by them: some lie in others that are found later."""
+    """Components, as a search comes by them: some lie in others that are found later.
+
+    Everything that the search passes over because it lies in a component is remembered, and so
+    is every singular point that lies in one: what is kept in the end must account for all of it.
+    """
 
     def __init__(self, ring: Ring) -> None:
         self.ring = ring
         self._components: list[Component] = []
         self._backing: dict[int, Backing] = {}
+        self._passed: list[Component] = []
+        self._held: list[tuple[SlicePoint, int]] = []
 
     def add(
         self,
@@ -81,25 +87,39 @@ class Found:
         self._components.append(Component(dict(values), ordered, proven, codimension))
 
     def covers(self, values: Mapping[int, Value], relations: tuple[Poly, ...] = ()) -> bool:
-        """Whether a set is a part of a component, as far as substitution and division tell."""
-        here = Component(dict(values), relations, True, 0)
-        return any(self._inside(here, c) for c in self._components)
+        """Whether a set is a part of a component, as far as substitution and division tell.
+
+        If it is, it is passed over, and remembered.
+        """
+        here = Component(dict(values), relations, True, len(values) + len(relations))
+        for c in self._components:
+            if self._inside(here, c):
+                if c != here:
+                    self._passed.append(replace(here, proven=c.proven))
+                return True
+        return False
 
     def holds(self, point: SlicePoint) -> bool:
-        """Whether a point lies on a component."""
-        return _on_any(self._components, point)
+        """Whether a singular point lies on a component, and need not be looked at."""
+        for i, c in enumerate(self._components):
+            if on_any([c], point):
+                self._held.append((point, i))
+                return True
+        return False
 
     def irredundant(self) -> list[Component]:
         """Components that lie in no other one, by division or by all of their points.
 
         Where a system has some of its points in common with others, it is stated again by the
-        rest of them.
+        rest of them. Only what is kept in the end justifies that another one is dropped.
         """
         order = sorted(
-            enumerate(self._components), key=lambda ic: (ic[1].codimension, len(ic[1].relations))
+            range(len(self._components)),
+            key=lambda i: (self._components[i].codimension, len(self._components[i].relations)),
         )
         kept: list[tuple[Component, list[SlicePoint]]] = []
-        for i, c in order:
+        for i in order:
+            c = self._components[i]
             earlier = [k for k, _ in kept]
             if any(self._inside(c, k) for k in earlier):
                 continue
@@ -107,16 +127,39 @@ class Found:
             if backing is None:
                 kept.append((c, []))
                 continue
-            held = [s for s in backing.points if _on_any(earlier, s)]
+            held = [s for s in backing.points if on_any(earlier, s)]
             if len(held) < len(backing.points):
                 own = [s for s in backing.points if s not in held]
                 kept.append((_without(c, backing, own, held), own))
         # What could not be told apart from a part of it may hold one that came earlier.
-        for c, own in tuple(kept):
-            others = [k for k, _ in kept if k is not c]
-            if own and any(all(_on_any([k], s) for s in own) for k in others):
-                kept = [(k, points) for k, points in kept if k is not c]
-        return [c for c, _ in kept]
+        for entry in tuple(kept):
+            c, own = entry
+            rest = [other for other in kept if other is not entry]
+            others = [k for k, _ in rest]
+            if not own or not any(all(on_any([k], s) for s in own) for k in others):
+                continue
+            if not self._unaccounted(others):
+                kept = rest
+        out = [c for c, _ in kept]
+        while left := self._unaccounted(out):
+            out.append(left)
+        return out
+
+    def _unaccounted(self, kept: Sequence[Component]) -> Component | None:
+        """Something that was found, or passed over as a part of it, and is in none of these."""
+        for i, c in enumerate(self._components):
+            if any(self._inside(c, k) for k in kept):
+                continue
+            backing = self._backing.get(i)
+            if backing is None or not all(on_any(kept, s) for s in backing.points):
+                return c
+        for c in self._passed:
+            if not any(self._inside(c, k) for k in kept):
+                return c
+        for s, i in self._held:
+            if not on_any(kept, s):
+                return self._components[i]
+        return None
 
     def _inside(self, a: Component, b: Component) -> bool:
         if any(a.values.get(j) != v for j, v in b.values.items()):
@@ -130,7 +173,8 @@ class Found:
         return True
 
 
-def _on_any(components: Iterable[Component], point: SlicePoint) -> bool:
+def on_any(components: Iterable[Component], point: SlicePoint) -> bool:
+    """Whether a point lies on one of some components."""
     return any(
         all(point.has(j, value) for j, value in c.values.items())
         and all(point.is_zero(r) for r in c.relations)

@@ -16,8 +16,8 @@ from __future__ import annotations
 
 import functools
 import itertools
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -26,10 +26,11 @@ from pinsing.algebra.components import Backing, Component, Found
 from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
 from pinsing.algebra.jacobian_matrix import Matrix, reduce_matrix
 from pinsing.algebra.minors import Minors, cost
+from pinsing.algebra.place import Place, bound
 from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.algebra.second_prime import FIRST_SEED, Question, ask_again
 from pinsing.algebra.zeros import Undecided
 
-_SEED = 7
 _SHORTEST = 5
 """Equations of a long system among which fewer that say the same are looked for."""
 _RESULTANT_TERMS = 2_000
@@ -37,33 +38,6 @@ _RESULTANT_TERMS = 2_000
 
 
 Relations = tuple[Poly, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Place:
-    """Where the search is: some joints at values.
-
-    Attributes
-    ----------
-    values : mapping of joint to Value
-        These joints.
-    matrix : Matrix
-        What the matrix becomes there.
-    rank : int
-        Singular means: rank below this.
-    limit : int
-        Largest codimension of what is looked for; the joints at values count.
-    """
-
-    values: Mapping[int, Value]
-    matrix: Matrix
-    rank: int
-    limit: int
-
-    @property
-    def room(self) -> int:
-        """How many equations more there may be."""
-        return max(0, self.limit - len(self.values))
 
 
 class Decomposition:
@@ -75,15 +49,16 @@ class Decomposition:
         self._found = Found(ring)
         self.gaps: list[str] = []
         self.stopped = False
-        self._rng = np.random.default_rng(_SEED)
+        self._rng = np.random.default_rng(FIRST_SEED)
         self._residues = Residues(ring)
         self._seen: set[object] = set()
+        self.asked: list[Question] = []
         self._later: list[tuple[int, Callable[[], None]]] = []
         rows, reduced = reduce_matrix(matrix, rank, ring)
-        self.bound = _bound(rows, reduced) if reduced > 0 and rows else 1
+        self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
         depth = 0
         try:
-            self._search(_Place({}, rows, reduced, self.bound))
+            self._search(Place({}, rows, reduced, self.bound))
             while self._later:
                 first = min(range(len(self._later)), key=lambda i: self._later[i][0])
                 depth, run = self._later.pop(first)
@@ -96,10 +71,12 @@ class Decomposition:
                 else str(reason)
             )
         self.components: list[Component] = self._found.irredundant()
+        self.second = ask_again(self.asked, self.components, ring, time)
+        self.gaps += self.second.gaps
 
     # Branches -----------------------------------------------------------------------
 
-    def _search(self, place: _Place) -> None:
+    def _search(self, place: Place) -> None:
         """All components at a place."""
         values = place.values
         key = frozenset(values.items())
@@ -107,12 +84,16 @@ class Decomposition:
             return
         self._seen.add(key)
         reduced = self._reduced(place)
-        if reduced is None or reduced.room == 0:
+        if reduced is None:
+            return
+        if reduced.room == 0 and self._regular(reduced):  # nothing else of this codimension
             return
         minors = self._minors(reduced)
         common = self._common_factor(minors)
         if common is None:
             self._found.add(values, (), True)
+            return
+        if reduced.room == 0:
             return
         shared = self._factors(common)
         for f in shared:
@@ -128,7 +109,7 @@ class Decomposition:
             else:
                 self._relation(f, reduced, minors)
 
-    def _relation(self, p: Poly, place: _Place, minors: Minors) -> None:
+    def _relation(self, p: Poly, place: Place, minors: Minors) -> None:
         """Components inside p = 0."""
         key = (frozenset(place.values.items()), str(p))
         if key in self._seen or self._found.covers(place.values, (p,)):
@@ -151,7 +132,7 @@ class Decomposition:
         for g in min(others, key=cost):
             self._and((p,), g, place, minors)
 
-    def _and(self, relations: Relations, g: Poly, place: _Place, minors: Minors) -> None:
+    def _and(self, relations: Relations, g: Poly, place: Place, minors: Minors) -> None:
         """Components inside some equations and one more."""
         fixed = self.ring.joint_value(g)
         if fixed is not None:
@@ -159,7 +140,7 @@ class Decomposition:
         else:
             self._system((*relations, g), place, minors)
 
-    def _within(self, relations: Relations, place: _Place, new: Mapping[int, Value]) -> None:
+    def _within(self, relations: Relations, place: Place, new: Mapping[int, Value]) -> None:
         """Go on at a place with all factors of what equations become at its ``new`` values."""
         became = [self.ring.strip(self.ring.substitute(p, new)) for p in relations]
         factors = [self._factors(p) for p in became if p != 0]
@@ -174,12 +155,30 @@ class Decomposition:
                 self._search(place)
             elif (reduced := self._reduced(place)) is not None:
                 minors = self._minors(reduced)
-                if len(distinct) == 1:
-                    self._relation(distinct[0], reduced, minors)
+                independent = self._independent(distinct, place.values)
+                if len(independent) == 1:
+                    self._relation(independent[0], reduced, minors)
                 else:
-                    self._system(distinct, reduced, minors)
+                    self._system(independent, reduced, minors)
 
-    def _system(self, relations: Relations, place: _Place, minors: Minors) -> None:
+    def _independent(self, relations: Relations, values: Mapping[int, Value]) -> Relations:
+        """Some of the relations, of which each cuts the common zeros of those before it.
+
+        At values of joints several relations may have more common zeros than their number says:
+        then one that lets some part of them stand is left out, and more is searched.
+        """
+        ordered = sorted(relations, key=len)
+        kept = ordered[:2]  # irreducible, none a multiple of the other
+        for g in ordered[2:]:
+            try:
+                cuts = not any(s.is_zero(g) for s in self._points(kept, values))
+            except Undecided:
+                cuts = True  # then the system is not decided either, and that is said
+            if cuts:
+                kept.append(g)
+        return tuple(kept)
+
+    def _system(self, relations: Relations, place: Place, minors: Minors) -> None:
         """Components inside the common zeros of two equations or more.
 
         Those that are such common zeros themselves are stated by as few joints as can be found.
@@ -195,7 +194,7 @@ class Decomposition:
         else:
             self._common_zeros(relations, place, minors)
 
-    def _common_zeros(self, relations: Relations, place: _Place, minors: Minors) -> None:
+    def _common_zeros(self, relations: Relations, place: Place, minors: Minors) -> None:
         """See ``_system``."""
         self.time.check()
         try:
@@ -205,6 +204,7 @@ class Decomposition:
             return
         codimension = len(place.values) + len(relations)
         singular = [s for s in points if s.rank(place.matrix) < place.rank]
+        self.asked.append(Question(relations, place.values, place.matrix, place.rank))
         if singular:
             if len(relations) == 2:
                 self._eliminate(*relations, place, singular)
@@ -235,7 +235,7 @@ class Decomposition:
         for g in cutting:
             self._and(relations, g, place, minors)
 
-    def _eliminate(self, p: Poly, g: Poly, place: _Place, singular: list[SlicePoint]) -> None:
+    def _eliminate(self, p: Poly, g: Poly, place: Place, singular: list[SlicePoint]) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
         shared = self._common_joints(p, g)
         if not shared or len(p) * len(g) > _RESULTANT_TERMS:
@@ -259,11 +259,19 @@ class Decomposition:
                         self._found.add(place.values, (h, other), False, backing=backing)
                         break
 
-    def _points(self, relations: Relations, values: Mapping[int, Value]) -> Iterator[SlicePoint]:
+    def _regular(self, place: Place) -> bool:
+        """Whether some configuration of a place is regular, shown by one modulo a prime."""
+        return any(
+            self._residues.generic_rank(place.matrix, self._rng) >= place.rank for _ in range(2)
+        )
+
+    def _points(
+        self, relations: Sequence[Poly], values: Mapping[int, Value]
+    ) -> Iterator[SlicePoint]:
         """Generic points of the common zeros of some equations."""
         return slice_points(relations, self._residues, self._rng, values, self.time.check)
 
-    def _shortened(self, relations: Relations, count: int, place: _Place) -> Relations:
+    def _shortened(self, relations: Relations, count: int, place: Place) -> Relations:
         """As few equations as the codimension, if some say the same.
 
         Common zeros of so many equations have no parts of lower dimension: where generic points
@@ -274,7 +282,7 @@ class Decomposition:
                 return few
         return relations
 
-    def _states(self, relations: Relations, place: _Place) -> bool:
+    def _states(self, relations: Relations, place: Place) -> bool:
         """Whether all common zeros are singular, and none is on a component that is known."""
         found = False
         try:
@@ -351,12 +359,12 @@ class Decomposition:
             p, g = p.subs(put), g.subs(put)
         return self.ring.resultant(p, g, variables[-1])
 
-    def _at(self, place: _Place, new: Mapping[int, Value]) -> _Place:
+    def _at(self, place: Place, new: Mapping[int, Value]) -> Place:
         """The place with some more joints at values."""
         matrix = [[self.ring.substitute(x, new) for x in row] for row in place.matrix]
         return replace(place, values={**place.values, **new}, matrix=matrix)
 
-    def _reduced(self, place: _Place) -> _Place | None:
+    def _reduced(self, place: Place) -> Place | None:
         """The place with a smaller matrix, unless all of it is singular (noted), or none."""
         matrix, rank = reduce_matrix(place.matrix, place.rank, self.ring)
         if rank <= 0:
@@ -364,13 +372,8 @@ class Decomposition:
         if not matrix or min(len(matrix), len(matrix[0])) < rank:
             self._found.add(place.values, (), True)
             return None
-        limit = min(place.limit, len(place.values) + _bound(matrix, rank))
-        return _Place(place.values, matrix, rank, limit)
+        limit = min(place.limit, len(place.values) + bound(matrix, rank))
+        return Place(place.values, matrix, rank, limit)
 
-    def _minors(self, place: _Place) -> Minors:
+    def _minors(self, place: Place) -> Minors:
         return Minors(place.matrix, place.rank, self.ring, self.time)
-
-
-def _bound(matrix: Matrix, rank: int) -> int:
-    """Largest codimension of a component of where a matrix is below a rank (Eagon, Northcott)."""
-    return (len(matrix) - rank + 1) * (len(matrix[0]) - rank + 1)

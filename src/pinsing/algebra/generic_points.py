@@ -9,7 +9,8 @@ polynomials and three joints, and so on.
 All of this is done modulo a prime of 62 bits, where it is exact: the points have coordinates
 in finite fields, and a rank is a rank. A verdict is wrong only if a random value happens to
 be a root of one of the polynomials involved, which for degrees in the thousands has a chance
-of about 1e-15 (Schwartz, 1980; Zippel, 1979).
+of about 1e-15 (Schwartz, 1980; Zippel, 1979), or if the prime divides one of the numbers that
+must not vanish: so a search asks again modulo another prime, at other random points.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from flint import nmod_mat
 
 from pinsing.algebra.jacobian_matrix import Matrix
 from pinsing.algebra.prime_field import (
@@ -38,15 +40,24 @@ _ATTEMPTS = 4
 class Residues:
     """Images of a ring's polynomials modulo a prime, made once each."""
 
-    def __init__(self, ring: Ring) -> None:
-        self.ring = ring
+    def __init__(self, ring: Ring, prime: int = WORD_PRIME) -> None:
+        self.ring, self.prime = ring, prime
         self._images: dict[int, tuple[Poly, Any]] = {}
 
     def of(self, poly: Poly) -> Any:
         """The image of a polynomial."""
         if id(poly) not in self._images:  # the polynomial is kept, so that its id stays its own
-            self._images[id(poly)] = (poly, image(poly, self.ring, WORD_PRIME))
+            self._images[id(poly)] = (poly, image(poly, self.ring, self.prime))
         return self._images[id(poly)][1]
+
+    def generic_rank(self, matrix: Matrix, rng: np.random.Generator) -> int:
+        """Rank of a matrix at a random point: never more than the generic one, over any field."""
+        point = [_random(rng, self.prime) for _ in range(self.ring.nvars)]
+        values = [self._value(x, point) for row in matrix for x in row]
+        return int(nmod_mat(len(matrix), len(matrix[0]), values, self.prime).rank())
+
+    def _value(self, poly: Poly, point: Sequence[int]) -> int:
+        return 0 if poly == 0 else int(self.of(poly)(*point))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,7 +115,7 @@ class SlicePoint:
     def has(self, joint: int, value: Value) -> bool:
         """Whether a joint is at a value there."""
         x, *y = (self._at(v) for v in self.residues.ring.variables(joint))
-        wanted = [self.field(residue(c, WORD_PRIME)) for c in value]
+        wanted = [self.field(residue(c, self.residues.prime)) for c in value]
         if not y:
             return bool(x == wanted[0])
         return bool((x * wanted[1] - y[0] * wanted[0]).is_zero())
@@ -173,8 +184,9 @@ def _points_on(
     """
     ring = residues.ring
     names = ring.context.names()
-    free = modular_context(tuple(f"t{i}" for i in range(len(chosen))), WORD_PRIME)
-    turns = [(_random(rng), _random(rng)) for _ in chosen]
+    prime = residues.prime
+    free = modular_context(tuple(f"t{i}" for i in range(len(chosen))), prime)
+    turns = [(_random(rng, prime), _random(rng, prime)) for _ in chosen]
 
     def coordinates(i: int, t: Any) -> list[Any]:
         a, b = turns[i]
@@ -189,7 +201,7 @@ def _points_on(
             continue
         known = values.get(j)
         for k, v in enumerate(ring.variables(j)):
-            fixed[names[v]] = residue(known[k], WORD_PRIME) if known else _random(rng)
+            fixed[names[v]] = residue(known[k], prime) if known else _random(rng, prime)
             images.append(free.constant(fixed[names[v]]))
     on_slice = [residues.of(f).compose(*images, ctx=free) for f in polys]
     circles = {  # where x^2 + y^2 = 0 no angle is meant
@@ -208,5 +220,5 @@ def _points_on(
     return points
 
 
-def _random(rng: np.random.Generator) -> int:
-    return int(rng.integers(1, WORD_PRIME))
+def _random(rng: np.random.Generator, prime: int) -> int:
+    return int(rng.integers(1, prime))

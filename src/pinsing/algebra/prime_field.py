@@ -13,6 +13,8 @@ from pinsing.geometry.surd import SQUARES, Exact, parts_of
 
 WORD_PRIME = 4611686018427387817
 """The largest prime below 2^62 that is 1 modulo 24."""
+SECOND_PRIME = 4611686018427387409
+"""The next one: what random points modulo the first say is asked again modulo this one."""
 
 
 def residue(value: Exact, prime: int) -> int:

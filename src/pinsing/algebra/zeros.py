@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_poly
 
-from pinsing.algebra.prime_field import WORD_PRIME, modular_context
+from pinsing.algebra.prime_field import modular_context
 
 _ATTEMPTS = 4
 _LARGEST_DEGREE = 3_000
@@ -59,7 +59,7 @@ def zeros(
     Parameters
     ----------
     polys : sequence of nmod_mpoly
-        As many as there are variables or more, of one ring modulo WORD_PRIME, in which no
+        As many as there are variables or more, of one ring modulo a prime of 62 bits, in which no
         other variables than ``variables`` occur.
     variables : sequence of int
         Their indices.
@@ -75,16 +75,18 @@ def zeros(
     Undecided
         If there are infinitely many, or an eliminant is too long.
     """
-    return _Solver(nonzero, rng, check).solve(polys, variables)
+    prime = int(polys[0].context().modulus())
+    return _Solver(nonzero, rng, check, prime).solve(polys, variables)
 
 
 @dataclass(frozen=True, eq=False)
 class _Solver:
-    """What all steps of an elimination share; the attributes are parameters of ``zeros``."""
+    """What all steps of an elimination share: parameters of ``zeros``, and the prime."""
 
     nonzero: Mapping[int, Any]
     rng: np.random.Generator
     check: Callable[[float], None]
+    prime: int
 
     def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
         """See ``zeros``."""
@@ -93,7 +95,7 @@ class _Solver:
         if any(f.is_constant() for f in polys):
             return []
         if not variables:
-            return [Zero(_field(), {})]
+            return [Zero(_field(self.prime), {})]
         having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
         v = min(variables, key=lambda v: (len(having[v]), sum(f.degrees()[v] for f in having[v])))
         rest = [u for u in variables if u != v]
@@ -126,7 +128,7 @@ class _Solver:
                 raise
         # Over a whole curve the pivot may share one root with one of the others, and another
         # with the next. Not so where they are mixed.
-        mixed = [sum(f * int(self.rng.integers(1, WORD_PRIME)) for f in having) for _ in having]
+        mixed = [sum(f * int(self.rng.integers(1, self.prime)) for f in having) for _ in having]
         return self.solve([*free, *self._resultants(mixed, v)], rest)
 
     def _resultants(self, polys: Sequence[Any], v: int) -> list[Any]:
@@ -210,10 +212,11 @@ def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
     irreducible factors of a resultant as its minimal polynomials, and the generator is a
     common root of two polynomials over the field of w.
     """
+    prime = int(zero.field.characteristic())
     if zero.field.degree() == 1:
-        line = nmod_poly([_number(c) for c in common.coeffs()], WORD_PRIME)
+        line = nmod_poly([_number(c) for c in common.coeffs()], prime)
         return [_with_root(zero, factor, v) for factor, _ in line.factor()[1]]
-    plane = modular_context(("x", "w"), WORD_PRIME)
+    plane = modular_context(("x", "w"), prime)
     x, w = plane.gens()
     modulus = [int(c) for c in zero.field.modulus().coeffs()]
     terms = [[int(a) for a in c.to_list()] for c in common.coeffs()]
@@ -223,7 +226,7 @@ def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
         above = plane.constant(0)
         for row in reversed(terms):
             above = above * y + sum((c * x**i for i, c in enumerate(row)), plane.constant(0))
-        minimal = _univariate(below.resultant(above, "x"), 1)
+        minimal = _univariate(below.resultant(above, "x"), 1, prime)
         if minimal.gcd(minimal.derivative()).degree() > 0:
             continue  # two roots give one sum
         return [_with_sum(zero, f, v, modulus, terms, multiple) for f, _ in minimal.factor()[1]]
@@ -264,11 +267,12 @@ def _moved(value: Any, generator: Any, field: Any) -> Any:
 
 def _field_of(factor: Any) -> tuple[Any, Any]:
     """The field that a root of an irreducible polynomial generates, and the root."""
+    prime = int(factor.modulus())
     if factor.degree() == 1:
-        field = _field()
+        field = _field(prime)
         return field, field(int(-factor[0] / factor[1]))
     field = fq_default_ctx(
-        modulus=_POLYNOMIALS([int(c) for c in factor.coeffs()]),
+        modulus=_polynomials(prime)([int(c) for c in factor.coeffs()]),
         fq_type="FQ_NMOD",
         check_prime=False,
         check_modulus=False,
@@ -277,9 +281,9 @@ def _field_of(factor: Any) -> tuple[Any, Any]:
 
 
 @functools.cache
-def _field() -> Any:
+def _field(prime: int) -> Any:
     """The prime field itself."""
-    return fq_default_ctx(WORD_PRIME, 1, fq_type="FQ_NMOD", check_prime=False)
+    return fq_default_ctx(prime, 1, fq_type="FQ_NMOD", check_prime=False)
 
 
 def _number(value: Any) -> int:
@@ -288,10 +292,12 @@ def _number(value: Any) -> int:
     return int(line[0]) if line else 0
 
 
-def _univariate(poly: Any, v: int) -> Any:
+def _univariate(poly: Any, v: int, prime: int) -> Any:
     """A polynomial in variable v alone, as flint's univariate kind."""
     coefficients = {int(m[v]): int(c) for m, c in poly.to_dict().items()}
-    return nmod_poly([coefficients.get(i, 0) for i in range(max(coefficients) + 1)], WORD_PRIME)
+    return nmod_poly([coefficients.get(i, 0) for i in range(max(coefficients) + 1)], prime)
 
 
-_POLYNOMIALS = fmpz_mod_poly_ctx(WORD_PRIME)
+@functools.cache
+def _polynomials(prime: int) -> Any:
+    return fmpz_mod_poly_ctx(prime)

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError
 from pinsing.families.nearest import nearest
@@ -119,6 +120,8 @@ class Family(JsonResult):
         Which joints slide.
     length_scale : float
         Metres.
+    components : tuple of Component
+        The same in exact polynomials of the half-angles; not written to JSON.
     """
 
     schema: ClassVar[str] = "pinsing/family/1"
@@ -143,6 +146,7 @@ class Family(JsonResult):
     upper: Array
     prismatic: npt.NDArray[np.bool_]
     length_scale: float
+    components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
 
     @property
     def n(self) -> int:

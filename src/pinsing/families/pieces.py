@@ -51,6 +51,8 @@ class Piece:
         Whether a real point is known.
     codimension : int
         Complex codimension.
+    component : Component
+        What it was made of, exactly.
     """
 
     branches: tuple[Branch, ...]
@@ -58,6 +60,7 @@ class Piece:
     proof: str
     real: bool
     codimension: int
+    component: Component
 
 
 class PieceMaker:
@@ -113,6 +116,7 @@ class PieceMaker:
             proof="algebra" if component.proven else "generic points",
             real=bool(known),
             codimension=component.codimension,
+            component=component,
         )
 
     def find(self, branch: Branch, count: int, rounds: int = 6) -> Array:

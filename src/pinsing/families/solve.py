@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 
 from pinsing._types import Array
 from pinsing.algebra.budget import Budget
+from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
@@ -71,6 +72,10 @@ class ClosedForm(JsonResult):
         Bound of what that changes in any column of the task Jacobian.
     seconds : float
         Time it took.
+    left_out : tuple of Component
+        The components that ``dropped`` counts, exactly; not written to JSON.
+    geometry : Nominal or None
+        The exact chain that all of this is true of; not written to JSON.
     """
 
     schema: ClassVar[str] = "pinsing/closed_form/1"
@@ -86,6 +91,8 @@ class ClosedForm(JsonResult):
     snaps: tuple[str, ...]
     jacobian_change: float
     seconds: float
+    left_out: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
+    geometry: Nominal | None = field(default=None, repr=False, metadata={"json": False})
 
     @property
     def legend(self) -> tuple[tuple[str, str], ...]:
@@ -154,7 +161,7 @@ def closed_form(
     rank = generic_rank(geometry.arm)  # lengths that were snapped away may lower it
     families: list[Family] = []
     gaps: list[str] = []
-    dropped = 0
+    left_out: list[Component] = []
     obstacle, moved = _obstacle(geometry)
     if obstacle is not None:
         gaps.append(obstacle)
@@ -169,7 +176,7 @@ def closed_form(
         left = max(seconds - (time.monotonic() - started), _TO_DESCRIBE * seconds)
         maker = PieceMaker(geometry, ring, rank, symbols, _SEED, Budget(left))
         pieces = [maker.make(c) for c in search.components]
-        dropped = sum(p is None for p in pieces)
+        left_out = [c for c, p in zip(search.components, pieces, strict=True) if p is None]
         grouped = _join([p for p in pieces if p is not None])
         families = [_family(group, maker, arm, geometry) for group in grouped]
         stated = [f for f in families if not _too_large(f, maker)]
@@ -186,7 +193,9 @@ def closed_form(
         complete=not gaps,
         fully_decomposed=all(len(b.equations) <= 1 for f in families for b in f.branches),
         gaps=tuple(gaps),
-        dropped=dropped,
+        dropped=len(left_out),
+        left_out=tuple(left_out),
+        geometry=geometry,
         snaps=tuple(str(s) for s in (*geometry.snaps, *moved)),
         jacobian_change=geometry.jacobian_change,
         seconds=time.monotonic() - started,
@@ -263,6 +272,7 @@ def _family(group: list[Piece], maker: PieceMaker, arm: Arm, geometry: Nominal) 
         upper=np.array(arm.upper),
         prismatic=np.array(arm.prismatic),
         length_scale=arm.length_scale,
+        components=tuple(p.component for p in group),
     )
     if not draft.real:
         return draft

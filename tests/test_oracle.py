@@ -1,0 +1,133 @@
+"""Closed forms against finite fields: an oracle that knows nothing of the search.
+
+scripts/oracle.py runs thousands of chains; here are sixty, the one that once was answered
+wrongly, and proof that a wrong answer is noticed.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.decompose import Decomposition
+from pinsing.algebra.ring import make_ring
+from pinsing.families import closed_form
+from pinsing.robot.load import load
+
+SCRIPTS = Path(__file__).parent.parent / "scripts"
+GROUPS, CHAINS = 6, 10
+
+
+@pytest.fixture(scope="module")
+def oracle() -> ModuleType:
+    sys.path.insert(0, str(SCRIPTS))
+    try:
+        return importlib.import_module("oracle")
+    finally:
+        sys.path.remove(str(SCRIPTS))
+
+
+@pytest.fixture(scope="module")
+def field(oracle) -> ModuleType:
+    return sys.modules["oracle_field"]
+
+
+@pytest.fixture(scope="module")
+def chains(oracle) -> ModuleType:
+    return sys.modules["oracle_chains"]
+
+
+@pytest.mark.parametrize("group", range(GROUPS))
+def test_random_structured_chains_have_no_false_claim(oracle, chains, group):
+    for seed in range(group, GROUPS * CHAINS, GROUPS):
+        outcome = oracle.judged(chains.random_spec(seed), seed, seconds=1.0, points=2_000)
+        assert outcome.verdict in ("complete", "not complete", "unconfirmed", "no motion"), outcome
+
+
+def test_a_chain_once_answered_with_four_components_missing(oracle, field, chains):
+    """Each of two systems was dropped for the other's sake: q4 = -q3, q6 = q5 was on neither."""
+    rows = [
+        (90, 0.25, 0.07, 0),
+        (180, 0.12, 0, 90),
+        (0, 0, 0.07, 0),
+        (180, 0, 0, 90),
+        (0, 0, 0.3, 180),
+        (0, 0.1, 0, 90),
+        (0, 0, 0.2, 0),
+    ]
+    spec = chains.Spec(tuple(chains.Row(*row) for row in rows), "pose")
+    form = closed_form(chains.arm_of(spec), seconds=60.0)
+    assert form.complete, form.gaps
+    parts = oracle.components(form)
+    assert field.contradictions(form.geometry, range(6), 6, parts, 4_000, 1) == {}
+    rng = np.random.default_rng(3)
+    for turn in (0.0, np.pi):
+        q = rng.uniform(-np.pi, np.pi, 7)
+        q[3], q[5] = -q[2], q[4] + turn
+        assert form.family_of(q) is not None
+
+
+@pytest.mark.parametrize("name", ["puma560", "iiwa14"])
+def test_a_family_that_is_dropped_or_too_large_is_noticed(oracle, field, name):
+    arm = load(name)
+    form = closed_form(arm)
+    parts = oracle.components(form)
+    rows, rank = arm.task.rows, form.generic_rank
+    assert field.contradictions(form.geometry, rows, rank, parts, 3_000, 0) == {}
+    for i, part in enumerate(parts):
+        if part.codimension > 2:  # too few points to be sure of
+            continue
+        others = [p for k, p in enumerate(parts) if k != i]
+        assert "missed" in field.contradictions(form.geometry, rows, rank, others, 3_000, 0)
+        if part.values:
+            joint = next(iter(part.values))
+            less = {j: v for j, v in part.values.items() if j != joint}
+            wider = [*others, replace(part, values=less)]
+        else:
+            wider = [*others, replace(part, relations=part.relations[1:])]
+        assert "false" in field.contradictions(form.geometry, rows, rank, wider, 3_000, 0)
+    assert "rank" in field.contradictions(form.geometry, rows, rank - 1, parts, 3_000, 0)
+
+
+def test_a_place_that_is_singular_without_a_zero_matrix_is_found():
+    """Where nothing more may be fixed, the minors still say whether all of the place is singular."""
+    ring = make_ring((False,) * 4)
+    x1, y1, x2, y2, x3, y3, x4, y4 = ring.context.gens()
+    a, b, c = x3, y3 + 2 * x3, (x3 + 5 * y3) * (x3 + 6 * y3)
+    k = (x1 * x2 + 2 * y1 * y2) * (x4 + 9 * y4)
+    p, g = y1 * x2 + y2 * x1, x2 * x4 + 2 * y2 * y4
+    second = k * b + p * (x3 + 7 * y3) * (x4 + 4 * y4)
+    third = k * c + y1 * g * (x3 + 11 * y3) * (x3 + 12 * y3)
+    found = Decomposition([[a, b, c], [k * a, second, third]], 2, ring, Budget(60.0))
+    assert not found.gaps
+    zero = (Fraction(1), Fraction(0))
+    assert any(part.values == {0: zero, 1: zero} for part in found.components)
+
+
+def test_rank_modulo_a_prime(field):
+    rng = np.random.default_rng(1)
+    for m, n in ((6, 6), (6, 8), (3, 5), (5, 3)):
+        for rank in range(min(m, n) + 1):
+            left = rng.integers(0, 47, (200, m, rank))
+            right = rng.integers(0, 47, (200, rank, n))
+            found = field.ranks(left @ right % 47, 47)
+            assert found.max() == rank
+            assert (found < rank).mean() < 0.1
+
+
+def test_half_of_the_points_have_right_angles_and_equal_joints(field):
+    rng = np.random.default_rng(2)
+    points = field.random_points([False, False, True, False], 23, 20_000, rng)
+    assert ((points.x**2 + points.y**2) % 23 > 0)[[0, 1, 3]].all()
+    right = points.x[0] * points.y[0] % 23 == 0
+    assert 0.15 < right.mean() < 0.6
+    same = (points.x[0] * points.y[1] - points.y[0] * points.x[1]) % 23 == 0
+    assert same.mean() > 0.05
