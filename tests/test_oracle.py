@@ -98,7 +98,7 @@ def test_a_family_that_is_dropped_or_too_large_is_noticed(oracle, field, name):
 
 
 def test_a_place_that_is_singular_without_a_zero_matrix_is_found():
-    """Where nothing more may be fixed, the minors still say whether all of the place is singular."""
+    """Where nothing more may be fixed, the minors say whether all of the place is singular."""
     ring = make_ring((False,) * 4)
     x1, y1, x2, y2, x3, y3, x4, y4 = ring.context.gens()
     a, b, c = x3, y3 + 2 * x3, (x3 + 5 * y3) * (x3 + 6 * y3)
