@@ -9,7 +9,8 @@ from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.configuration.rank_drop import approach
 from pinsing.families import closed_form
 from pinsing.geometry.nominal import nominal
-from pinsing.kinematics.jacobian import sigma_ratios, singular_values
+from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.load import load
 
 LINK = '<link name="{}"/>'
@@ -50,7 +51,7 @@ def check(arm, form):
         assert (s[:, r] / s[:, 0]).max() < 1e-8
         off = Q + 0.05 * rng.normal(size=Q.shape)
         away = np.array([form.family_of(q, tol=1e-3) is None for q in off])
-        assert sigma_ratios(arm, singular_values(arm, off[away])).min(initial=1.0) > 1e-8
+        assert ratios(arm, off[away]).min(initial=1.0) > 1e-8
     low, high = np.maximum(arm.lower, -np.pi), np.minimum(arm.upper, np.pi)
     ends = approach(arm, rng.uniform(low, high, (200, arm.n)))
     singular = ends.q[ends.singular]

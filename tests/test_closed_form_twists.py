@@ -10,7 +10,7 @@ import pytest
 
 from pinsing.configuration.rank_drop import approach
 from pinsing.families import closed_form
-from pinsing.kinematics.jacobian import sigma_ratios, singular_values
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.load import load
 
 DHRows = list[tuple[float, float, float]]
@@ -40,10 +40,6 @@ def swapped(rows: DHRows, old: float, new: float) -> DHRows:
     return [
         (a, math.copysign(new, alpha) if abs(alpha) == old else alpha, d) for a, alpha, d in rows
     ]
-
-
-def ratios(arm, Q):
-    return sigma_ratios(arm, singular_values(arm, Q))
 
 
 def check(arm, found, count=200):

@@ -52,7 +52,7 @@ def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None, size: flo
     """sigma_r / sigma_1 from singular values (..., k), largest first; 0 for a zero Jacobian.
 
     Where all of J can vanish, sigma_1 says nothing of how small sigma_r is: it then counts
-    as no smaller than ``size``, a typical sigma_1 (see ``pinsing.kinematics.jacobian.task_size``).
+    as no smaller than ``size``, a typical sigma_1 (see `pinsing.kinematics.verdict`).
     """
     sigma = np.asarray(sigma, dtype=float)
     r = sigma.shape[-1] if generic_rank is None else generic_rank
@@ -62,11 +62,11 @@ def sigma_ratio(sigma: npt.ArrayLike, generic_rank: int | None = None, size: flo
     )
 
 
-def status_of(ratio: float) -> Status:
-    """Word for a ratio sigma_r / sigma_1, by ``SINGULAR_RTOL`` and ``NEAR_RTOL``."""
-    if ratio <= SINGULAR_RTOL:
+def status_of(ratio: float, rtol: float = SINGULAR_RTOL, near_rtol: float = NEAR_RTOL) -> Status:
+    """Word for a ratio sigma_r / sigma_1: at or below ``rtol``, or ``near_rtol``, or above."""
+    if ratio <= rtol:
         return "singular"
-    return "near-singular" if ratio <= NEAR_RTOL else "regular"
+    return "near-singular" if ratio <= near_rtol else "regular"
 
 
 def manipulability(J: npt.ArrayLike, generic_rank: int | None = None) -> Array:

@@ -17,8 +17,7 @@ from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.geometry.nominal import ANGLE_TOL
 from pinsing.geometry.nominal import nominal as nominal_geometry
-from pinsing.kinematics.jacobian import sigma_ratios, singular_values
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.kinematics.verdict import SINGULAR_RTOL, measure, ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -287,16 +286,15 @@ def _check_families(
         if not len(points):
             checks.append(FamilyCheck(family.name, 0, 0.0, 0.0, 0.0))
             continue
-        r = forms.generic_rank
         points = _polished(exact, points)
-        there, here = singular_values(exact, points), singular_values(swept, points)
+        there = measure(swept, points)
         checks.append(
             FamilyCheck(
                 family=family.name,
                 samples=len(points),
-                nominal_ratio=float(sigma_ratios(exact, there).max()),
-                raw_ratio=float(sigma_ratios(swept, here).max()),
-                raw_sigma_min=float(here[:, r - 1].max()),
+                nominal_ratio=float(ratios(exact, points).max()),
+                raw_ratio=float(there.ratio.max()),
+                raw_sigma_min=float(there.sigma[:, -1].max()),
             )
         )
     return tuple(checks)
@@ -309,7 +307,7 @@ def _polished(exact: Arm, points: Array) -> Array:
     fewer digits than they are solved to. One that has to move farther stays: it is regular.
     """
     points = points.copy()
-    off = np.flatnonzero(sigma_ratios(exact, singular_values(exact, points)) > SINGULAR_RTOL)
+    off = np.flatnonzero(ratios(exact, points) > SINGULAR_RTOL)
     if len(off):
         ends = walk(exact, points[off], ignore_limits=True)
         moved = np.linalg.norm(ends.q - exact.fold(points[off]), axis=1)

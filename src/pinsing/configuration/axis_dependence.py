@@ -24,9 +24,11 @@ from pinsing.configuration.line_geometry import (
     position_reason,
 )
 from pinsing.geometry.nominal import nominal
-from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, generic_rank, scale_rows
+from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians
 from pinsing.kinematics.jacobian import tip_placement as placement_of
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.kinematics.own_scale import own_scale, random_turns
+from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
+from pinsing.measures import singular_values
 from pinsing.robot.arm import Arm
 
 DEPENDENCE_RTOL = 10 * SINGULAR_RTOL
@@ -156,9 +158,10 @@ class _Columns:
     """Ranks of sets of columns of one task Jacobian, here and in general."""
 
     def __init__(self, arm: Arm, J: Array, rtol: float) -> None:
-        self.J = scale_rows(arm, J)
-        self.generic = scale_rows(arm, _generic_jacobians(nominal(arm).arm))
-        self.zero = rtol * np.linalg.norm(self.J, 2)
+        exact = nominal(arm).arm
+        self.J = own_scale(arm).apply(arm, J)
+        self.generic = own_scale(exact).apply(exact, _generic_jacobians(exact))
+        self.zero = zero_of(arm, singular_values(self.J), rtol)
         general = np.linalg.norm(self.generic, axis=1).max(axis=0)
         self.used = tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
         r = generic_rank(arm)
@@ -300,6 +303,4 @@ def _merged(parts: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
 
 def _generic_jacobians(arm: Arm) -> Array:
     """Frame Jacobians (k, 6, n) at random configurations, whole circles."""
-    rng = np.random.default_rng(_SEED)
-    reach = np.where(arm.prismatic, arm.length_scale, np.pi)
-    return frame_jacobians(arm, rng.uniform(-1, 1, (_SAMPLES, arm.n)) * reach)
+    return frame_jacobians(arm, random_turns(arm, _SAMPLES, _SEED))

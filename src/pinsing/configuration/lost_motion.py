@@ -96,6 +96,7 @@ class Tool:
 def lost_motions(
     U: Array,
     J: Array,
+    own_length: float,
     length_scale: float,
     tool: Tool,
     tol: float = EXACT_TOL,
@@ -106,11 +107,11 @@ def lost_motions(
     Parameters
     ----------
     U : (6, d) array
-        Orthonormal basis, in rows where translations are divided by the length scale.
+        Orthonormal basis, in rows where translations are divided by the arm's own length.
     J : (6, n) array
         Frame Jacobian, metres and radians.
-    length_scale : float
-        Metres.
+    own_length, length_scale : float
+        Metres; of ``U``, and of the twists.
     tool : Tool
         The tip.
     tol : float
@@ -126,7 +127,7 @@ def lost_motions(
     columns = [np.append(d, np.zeros(3)) for d in nice_basis(forces @ no_moment, tool.rotation)]
     columns += [np.append(np.zeros(3), d) for d in nice_basis(moments @ no_force, tool.rotation)]
     columns += list((U @ rest).T)
-    say = _Words(J, length_scale, tool, tol, hardly)
+    say = _Words(J, own_length, length_scale, tool, tol, hardly)
     return tuple(say(u) for u in columns)
 
 
@@ -185,6 +186,7 @@ def _no_minus_zero(values: Array, digits: int) -> Array:
 @dataclass(frozen=True, eq=False)
 class _Words:
     J: Array
+    own_length: float
     length_scale: float
     tool: Tool
     tol: float
@@ -192,9 +194,11 @@ class _Words:
 
     def __call__(self, u: Array) -> LostMotion:
         L, tool = self.length_scale, self.tool
-        force, moment = u[:3] / L, u[3:]
+        force, moment = u[:3] / self.own_length, u[3:]
+        at_scale = np.append(L * force, moment)
+        at_scale /= np.linalg.norm(at_scale)
         strength = float(np.linalg.norm(force))
-        is_moment = strength * L <= self.tol
+        is_moment = strength * self.own_length <= self.tol
         wrench = np.append(force, moment) / (np.linalg.norm(moment) if is_moment else strength)
         force, moment = wrench[:3], wrench[3:]
         if is_moment:
@@ -223,7 +227,7 @@ class _Words:
             point=np.array(point),
             pitch=pitch,
             wrench=wrench,
-            twist=np.append(L * u[:3], u[3:]),
+            twist=np.append(L * at_scale[:3], at_scale[3:]),
             speed=speed,
             words=words,
         )

@@ -26,20 +26,17 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
-from pinsing.kinematics.jacobian import (
-    generic_rank,
-    sigma_ratios,
-    singular_values,
-    task_jacobians_and_derivatives,
-)
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.kinematics.batch import batch
+from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
+from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, measure, ratio_of
 from pinsing.robot.arm import Arm
 
 _FLOOR = 4e-16  # sigma_r / sigma_1 that only rounding is left of
 _GOOD = 1e-12  # from here on, a step that does not improve is the end and no reason to damp
 _STATIONARY = 1e-6  # |grad sigma_r|^2 / (sigma_1 sigma_r) that counts as zero
 _NO_MINIMUM = 1e-5  # sigma_r / sigma_1 below which a small slope alone is no reason to stop
-_MAX_STEP = 0.5  # radians, or length scales
+_MAX_STEP = 0.5  # radians, or lengths of the arm
 _MAX_DAMPING = 1e10
 _STRETCH = 2.0  # the step that is exact where sigma_r touches zero with the order two
 
@@ -55,7 +52,7 @@ class RankDrops:
     sigma : (N, r) array
         Singular values of the task Jacobian there, largest first.
     ratio : (N,) array
-        sigma_r / sigma_1 (``kinematics.sigma_ratios``).
+        What verdicts stand on (`pinsing.kinematics.verdict`).
     iterations : (N,) array of int
         Jacobian derivatives evaluated.
     converged : (N,) array of bool
@@ -105,11 +102,11 @@ def approach(
     N, n = Q.shape
     mask = np.broadcast_to(True if free is None else np.asarray(free, dtype=bool), (N, n))
     low, high = (arm.lower, arm.upper) if bounded else (np.full(n, -np.inf), np.full(n, np.inf))
-    sigma = singular_values(arm, Q)
+    sigma = _own_sigma(arm, Q)
     damping = np.ones(N)
     iterations = np.zeros(N, dtype=np.intp)
     stationary = np.zeros(N, dtype=bool)
-    active = np.flatnonzero((sigma_ratios(arm, sigma) > _FLOOR) & mask.any(axis=1))
+    active = np.flatnonzero((ratio_of(arm, sigma) > _FLOOR) & mask.any(axis=1))
     for _ in range(max_iterations):
         if not len(active):
             break
@@ -121,24 +118,25 @@ def approach(
         Q[moved], sigma[moved] = trial[improved], trial_sigma[improved]
         damping[active] *= np.where(improved, 0.25, 16.0)
         damping[active] = np.maximum(damping[active], 1.0)
-        ratio = sigma_ratios(arm, sigma[active])
+        ratio = ratio_of(arm, sigma[active])
         stationary[active] = flat | (damping[active] > _MAX_DAMPING)
         done = (ratio <= _FLOOR) | stationary[active]
         done |= (ratio <= _GOOD) & ~improved
         active = active[~done]
-    ratio = sigma_ratios(arm, sigma)
+    sigma, ratio = measure(arm, Q)
     converged = (ratio <= SINGULAR_RTOL) | stationary
     return RankDrops(Q, sigma, ratio, iterations, converged)
 
 
 def constraint_gradient(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
-    """Equations U0^T dJ V0 of the rank drop, linear in dq: (N, K, n), and sigma (N, r).
+    """Equations U0^T dJ V0 of the rank drop, linear in dq / columns: (N, K, n), and sigma (N, r).
 
+    J and dq at the arm's own scale (`pinsing.kinematics.own_scale`), free of units.
     K = (m-r+1)(n-r+1); the first row is the gradient of sigma_r where that is simple:
     d sigma_r / d q_j = u_r^T (dJ/dq_j) v_r.
     """
     r = generic_rank(arm)
-    J, H = task_jacobians_and_derivatives(arm, Q)
+    J, H = own_jacobians_and_derivatives(arm, Q)
     U, sigma, Vt = np.linalg.svd(J, full_matrices=True)
     U0, V0 = U[:, :, r - 1 :], np.swapaxes(Vt[:, r - 1 :, :], 1, 2)
     N, n = J.shape[0], J.shape[2]
@@ -152,9 +150,9 @@ def _steps(
     arm: Arm, Q: Array, mask: Bool, damping: Array, low: Array, high: Array
 ) -> tuple[Array, Bool]:
     """Damped minimum-norm steps (N, n), and whether sigma_r is at a minimum that is not zero."""
-    metric = np.where(arm.prismatic, arm.length_scale, 1.0)
+    metric = own_scale(arm).columns
     B, sigma = constraint_gradient(arm, Q)
-    B = B * metric * mask[:, None, :]
+    B = B * mask[:, None, :]
     last = sigma[:, -1]
     step = _damped(B, last, damping) * metric
     # A joint at its limit that would leave it stays; the others do without it.
@@ -185,7 +183,11 @@ def _better_of(arm: Arm, Q: Array, step: Array, low: Array, high: Array) -> tupl
     """Of the full and the stretched step, the one that ends at the smaller sigma_r."""
     once = np.clip(Q + step, low, high)
     twice = np.clip(Q + _STRETCH * step, low, high)
-    both = singular_values(arm, np.concatenate([once, twice]))
+    both = _own_sigma(arm, np.concatenate([once, twice]))
     first, second = both[: len(Q)], both[len(Q) :]
     stretch = (second[:, -1] < first[:, -1])[:, None]
     return np.where(stretch, twice, once), np.where(stretch, second, first)
+
+
+def _own_sigma(arm: Arm, Q: Array) -> Array:
+    return batch(arm).own_sigma(Q)[:, : generic_rank(arm)]

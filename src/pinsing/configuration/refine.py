@@ -13,10 +13,14 @@ from pinsing._types import Array, Bool
 from pinsing.configuration.rank_drop import RankDrops, approach
 from pinsing.configuration.second_order import Kind, second_order_many
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.kinematics.jacobian import generic_rank, sigma_ratios, singular_values
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
-from pinsing.measures import Status as Status
-from pinsing.measures import status_of as status_of
+from pinsing.kinematics.verdict import (
+    NEAR_RTOL,
+    SINGULAR_RTOL,
+    Status,
+    generic_rank,
+    measure,
+    status_of,
+)
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
 
@@ -35,7 +39,7 @@ class SingularConfiguration(JsonResult):
         Singular values of the task Jacobian (translation rows over the length scale),
         largest first.
     sigma_ratio : float
-        sigma_r / sigma_1.
+        sigma_r / sigma_1 at the arm's own scale, which the verdict stands on.
     rank, generic_rank : int
         Rank here (to ``rtol``) and r, the rank at almost every configuration.
     status : str
@@ -163,7 +167,7 @@ def walk(
     mask = np.broadcast_to(True if free is None else free, start.shape)
     inside = arm.within_limits(start) & (not ignore_limits)
     start = np.where(inside[:, None], np.clip(start, arm.lower, arm.upper), start)
-    q, sigma = start.copy(), singular_values(arm, start)
+    q, (sigma, ratio) = start.copy(), measure(arm, start)
     iterations = np.zeros(len(q), dtype=np.intp)
     converged = np.zeros(len(q), dtype=bool)
     rows = np.flatnonzero(inside)
@@ -174,17 +178,16 @@ def walk(
             # From inside the limits, only what is singular is worth leaving them for.
             take = got.singular | bounded | ~inside[rows]
             kept = rows[take]
-            q[kept], sigma[kept] = got.q[take], got.sigma[take]
+            q[kept], sigma[kept], ratio[kept] = got.q[take], got.sigma[take], got.ratio[take]
             converged[kept] = got.converged[take]
-        rows = np.flatnonzero(~inside | (sigma_ratios(arm, sigma) > SINGULAR_RTOL))
-    return RankDrops(arm.fold(q), sigma, sigma_ratios(arm, sigma), iterations, converged)
+        rows = np.flatnonzero(~inside | (ratio > SINGULAR_RTOL))
+    return RankDrops(arm.fold(q), sigma, ratio, iterations, converged)
 
 
 def describe(arm: Arm, q: npt.ArrayLike) -> SingularConfiguration:
     """All that is known of the configuration q (n,) as it is, without moving it."""
     q = arm.check(q).reshape(1, arm.n)
-    sigma = singular_values(arm, q)
-    here = RankDrops(q, sigma, sigma_ratios(arm, sigma), np.zeros(1, int), np.ones(1, bool))
+    here = RankDrops(q, *measure(arm, q), np.zeros(1, int), np.ones(1, bool))
     return _describe(arm, here)[0]
 
 
@@ -192,16 +195,15 @@ def _describe(arm: Arm, drops: RankDrops) -> tuple[SingularConfiguration, ...]:
     r, inside = generic_rank(arm), arm.within_limits(drops.q)
     found = []
     for i, second in enumerate(second_order_many(arm, drops.q)):
-        ratio = float(sigma_ratios(arm, second.sigma))
         found.append(
             SingularConfiguration(
                 joints=arm.joints,
                 q=drops.q[i],
                 sigma=second.sigma,
-                sigma_ratio=ratio,
+                sigma_ratio=second.ratio,
                 rank=second.rank,
                 generic_rank=r,
-                status=status_of(ratio),
+                status=status_of(second.ratio),
                 rtol=SINGULAR_RTOL,
                 near_rtol=NEAR_RTOL,
                 lost=second.lost,

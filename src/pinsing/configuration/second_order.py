@@ -20,19 +20,20 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.jacobian import (
-    generic_rank,
-    task_jacobians,
-    task_jacobians_and_derivatives,
-    task_size,
+    frame_jacobian,
+    own_jacobians_and_derivatives,
+    scale_rows,
+    singular_values,
     tip_placement,
 )
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.verdict import generic_rank, rank_of, ratio_of
 from pinsing.robot.arm import Arm
 
 Kind = Literal["boundary", "interior", "undecided"]
 
 _ZERO = 1e-7  # entries of second order, relative to the largest of H, that count as zero
-_NEARBY = 1e-3  # radians or length scales, for directions that a first derivative misses
+_NEARBY = 1e-3  # radians or lengths of the arm, for directions that a first derivative misses
 _SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, as above
 _SEED = 90210
 _UNDECIDED: Kind = "undecided"
@@ -46,8 +47,10 @@ class SecondOrder:
     ----------
     sigma : (r,) array
         Singular values of the task Jacobian, largest first.
+    ratio : float
+        sigma_r / sigma_1 at the arm's own scale, which verdicts stand on.
     rank : int
-        Number of singular values above ``SINGULAR_RTOL`` times the largest.
+        Number of singular values above ``SINGULAR_RTOL`` times the largest, at that scale.
     lost : (m, k) array
         Orthonormal task directions (translation rows over the length scale) that are lost
         here but not at generic configurations; k = 0 where the rank is generic.
@@ -60,6 +63,7 @@ class SecondOrder:
     """
 
     sigma: Array
+    ratio: float
     rank: int
     lost: Array
     self_motion: Array
@@ -110,22 +114,34 @@ def second_order(arm: Arm, q: npt.ArrayLike) -> SecondOrder:
 def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
     """``second_order`` for each row of Q (N, n)."""
     Q = np.atleast_2d(arm.check(Q))
-    J, H = task_jacobians_and_derivatives(arm, Q)
+    J, H = own_jacobians_and_derivatives(arm, Q)
     return tuple(_examine(arm, *row) for row in zip(Q, J, H, strict=True))
 
 
 def _examine(arm: Arm, q: Array, J: Array, H: Array) -> SecondOrder:
     U, sigma, Vt = np.linalg.svd(J)
     r = generic_rank(arm)
-    rank = int((sigma > SINGULAR_RTOL * max(float(sigma[0]), task_size(arm))).sum())
+    rank, ratio = rank_of(arm, sigma), float(ratio_of(arm, sigma))
     N = Vt[rank:].T
-    if rank >= r:
-        lost, residual, kind = np.zeros((len(J), 0)), float(sigma[r - 1]), _UNDECIDED
-    else:
+    kind = _UNDECIDED
+    lost = np.zeros((len(J), 0))
+    if rank < r:
         lost = _lost(arm, q, U[:, rank:], N, H, rank)
-        residual = float(np.linalg.norm(J.T @ lost, axis=0).max())
         kind = _kind(arm, q, lost, N, H)
-    return SecondOrder(sigma[:r], rank, lost, N, residual, kind)
+    # What is printed of it is at the length scale of the arm, and by its own joint speeds.
+    scale, at_scale = own_scale(arm), scale_rows(arm, frame_jacobian(arm, q))
+    lost = _turned(lost, scale.rows * np.where(np.array(arm.task.rows) < 3, arm.length_scale, 1.0))
+    sigma = singular_values(arm, q[None])[0]
+    residual = float(np.linalg.norm(at_scale.T @ lost, axis=0).max(initial=0.0))
+    residual = residual if rank < r else float(sigma[-1])
+    return SecondOrder(sigma, ratio, rank, lost, _turned(N, scale.columns), residual, kind)
+
+
+def _turned(basis: Array, factors: Array) -> Array:
+    """Orthonormal basis of a space (k, d) whose coordinates are multiplied by ``factors`` (k,)."""
+    if (factors == factors[0]).all():
+        return basis
+    return np.asarray(np.linalg.qr(factors[:, None] * basis)[0])
 
 
 def _kind(arm: Arm, q: Array, lost: Array, N: Array, H: Array) -> Kind:
@@ -170,10 +186,11 @@ def _lost(arm: Arm, q: Array, left: Array, N: Array, H: Array, rank: int) -> Arr
 
 def _range_nearby(arm: Arm, q: Array, left: Array, rank: int, r: int) -> Array:
     """Directions, in the basis ``left``, that are attainable a little beside q."""
-    metric = np.where(arm.prismatic, arm.length_scale, 1.0)
+    scale = own_scale(arm)
     move = np.random.default_rng(_SEED).standard_normal(arm.n)
     move *= _NEARBY / np.linalg.norm(move)
-    U, _, _ = np.linalg.svd(task_jacobians(arm, q + move * metric)[0])
+    there = frame_jacobian(arm, q + move * scale.columns)
+    U, _, _ = np.linalg.svd(scale.apply(arm, there))
     W, _, _ = np.linalg.svd(left.T @ U[:, rank:r], full_matrices=False)
     return np.asarray(W)
 
@@ -214,8 +231,9 @@ def _critical_along(arm: Arm, q: Array, u: Array, kernel: Array) -> bool:
     rng = np.random.default_rng(_SEED)
     mixed = kernel @ rng.standard_normal((kernel.shape[1], kernel.shape[1]))
     for n in np.concatenate([kernel, mixed / np.linalg.norm(mixed, axis=0)], axis=1).T:
-        end = _slide(arm, q, u, q + _SLIDE * n)
-        if end is None or abs(float((end - q) @ n)) < _SLIDE / 2:
+        columns = own_scale(arm).columns
+        end = _slide(arm, q, u, q + _SLIDE * n * columns)
+        if end is None or abs(float(((end - q) / columns) @ n)) < _SLIDE / 2:
             return False
     return True
 
@@ -223,17 +241,17 @@ def _critical_along(arm: Arm, q: Array, u: Array, kernel: Array) -> bool:
 def _slide(arm: Arm, q: Array, u: Array, start: Array) -> Array | None:
     """Configuration near ``start`` with the tip as at q and J^T u = 0, if there is one."""
     rows = np.array(arm.task.rows)
-    scale = np.where(rows < 3, 1.0 / arm.length_scale, 1.0)
+    scale = own_scale(arm)
     goal = tip_placement(arm, q)
     now = start.copy()
     for _ in range(20):
         at = tip_placement(arm, now)
         turn = pin.log3(at.rotation @ goal.rotation.T)
-        error = np.concatenate([at.translation - goal.translation, turn])[rows] * scale
-        J, H = task_jacobians_and_derivatives(arm, now)
+        error = np.concatenate([at.translation - goal.translation, turn])[rows] * scale.rows
+        J, H = own_jacobians_and_derivatives(arm, now)
         F = np.concatenate([error, J[0].T @ u])
         if np.abs(F).max() <= 1e-10:
             return now
         slope = np.concatenate([J[0], np.einsum("r,rij->ij", u, H[0])])
-        now = now - np.linalg.lstsq(slope, F, rcond=1e-6)[0]
+        now = now - np.linalg.lstsq(slope, F, rcond=1e-6)[0] * scale.columns
     return None

@@ -18,19 +18,25 @@ from pinsing.configuration.axis_dependence import (
     landmarks,
 )
 from pinsing.configuration.lost_motion import EXACT_TOL, LostMotion, Tool, lost_motions
-from pinsing.errors import OptionError
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
-    generic_rank,
+    frame_jacobians,
     scale_rows,
-    sigma_ratios,
-    task_jacobian,
-    task_jacobians,
-    task_size,
     tip_placement,
 )
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.kinematics.own_scale import own_scale, random_turns
+from pinsing.kinematics.verdict import (
+    NEAR_RTOL,
+    SINGULAR_RTOL,
+    check_tolerances,
+    generic_rank,
+    rank_of,
+    ratio_of,
+    ratios,
+    scale_notes,
+    status_of,
+)
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -106,7 +112,8 @@ class State(JsonResult):
     rank, generic_rank : int
         Here, and at almost every configuration.
     sigma_ratio : float
-        sigma_r / sigma_1 with r the generic rank.
+        sigma_r / sigma_1 with r the generic rank, at the arm's own scale
+        (`pinsing.kinematics.own_scale`): that of ``sigma`` for a length scale as long as the arm.
     rtol, near_rtol : float
         The ratio at or below which the configuration is singular, or near-singular.
     status : str
@@ -195,19 +202,18 @@ def at(
     OptionError
         Unless 0 <= rtol <= near_rtol < 1; or if no joint ever moves the task.
     """
-    if not 0 <= rtol <= near_rtol < 1:
-        raise OptionError(f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}")
+    check_tolerances(rtol, near_rtol)
     q = arm.check(q)
     J = frame_jacobian(arm, q)
     Js = scale_rows(arm, J)
     r = generic_rank(arm)
-    U, sigma, Vt = np.linalg.svd(Js)
-    ratio = float(sigma_ratios(arm, sigma))
-    status = SINGULAR if ratio <= rtol else NEAR_SINGULAR if ratio <= near_rtol else REGULAR
+    scale = own_scale(arm)
+    U, sigma, Vt = np.linalg.svd(scale.apply(arm, J))
+    ratio = float(ratio_of(arm, sigma))
+    status = status_of(ratio, rtol, near_rtol)
     # Nearly lost is what is not better than sigma_r, give or take a factor.
     zero = {SINGULAR: rtol, NEAR_SINGULAR: min(3 * ratio, near_rtol), REGULAR: rtol}[status]
-    largest = max(float(sigma[0]), task_size(arm))
-    rank = int((sigma > zero * largest).sum())
+    rank = rank_of(arm, sigma, zero)
     place = tip_placement(arm, q)
     position, rotation = np.array(place.translation), np.array(place.rotation)
     lost: tuple[LostMotion, ...] = ()
@@ -220,7 +226,7 @@ def at(
         hardly = status == NEAR_SINGULAR
         tool = Tool(position, rotation, _size(J), landmarks(arm, J, position))
         tol = max(EXACT_TOL, min(3 * ratio, 0.05)) if hardly else EXACT_TOL
-        lost = lost_motions(missing, J, arm.length_scale, tool, tol, hardly)
+        lost = lost_motions(missing, J, scale.length, arm.length_scale, tool, tol, hardly)
         dependences = axis_dependences(arm, q, zero if hardly else max(DEPENDENCE_RTOL, rtol))
     outside = tuple(np.array(arm.joints)[_outside(arm, q)].tolist())
     return State(
@@ -231,8 +237,8 @@ def at(
         tip_position=position,
         tip_rotation=rotation,
         J=J,
-        sigma=sigma,
-        rank=int((sigma > rtol * largest).sum()),
+        sigma=measures.singular_values(Js),
+        rank=rank_of(arm, sigma, rtol),
         generic_rank=r,
         sigma_ratio=ratio,
         rtol=rtol,
@@ -245,7 +251,7 @@ def at(
         rotational=_ellipsoid(J[3:], position, "rad/s"),
         lost=lost,
         always_missing=always_missing,
-        self_motions=_self_motions(Vt[rank:].T, arm.prismatic),
+        self_motions=_self_motions(scale.columns[:, None] * Vt[rank:].T, arm.prismatic),
         always_idle=arm.n - r,
         dependences=dependences,
         notes=tuple(_notes(arm, q, r, ratio, rtol)),
@@ -271,9 +277,8 @@ def _size(J: Array) -> float:
 def never_produced(arm: Arm) -> Array:
     """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
     exact = nominal(arm).arm
-    reach = np.where(arm.prismatic, arm.length_scale, np.pi)
-    Q = np.random.default_rng(_SEED).uniform(-1, 1, (6, arm.n)) * reach
-    U, sigma, _ = np.linalg.svd(np.concatenate(list(task_jacobians(exact, Q)), axis=1))
+    J = frame_jacobians(exact, random_turns(exact, 6, _SEED))
+    U, sigma, _ = np.linalg.svd(np.concatenate(list(own_scale(exact).apply(exact, J)), axis=1))
     return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
 
 
@@ -323,12 +328,12 @@ def _self_motion(v: Array, prismatic: npt.NDArray[np.bool_]) -> SelfMotion:
 
 
 def _notes(arm: Arm, q: Array, r: int, ratio: float, rtol: float) -> Iterator[str]:
-    """Say where the rounded numbers of the file hide a singularity."""
+    """Say what the verdict stands on, and where the file's rounded numbers hide a singularity."""
+    yield from scale_notes(arm)
     exact = nominal(arm)
     if exact.exact or ratio <= rtol:
         return
-    sigma = np.linalg.svd(task_jacobian(exact.arm, q), compute_uv=False)
-    there = float(sigma_ratios(exact.arm, sigma))
+    there = float(ratios(exact.arm, q)[0])
     if there <= rtol:
         yield (
             "singular if the rounded numbers of the file are made exact (nominal geometry, which "

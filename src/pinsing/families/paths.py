@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.families.family import Branch
 from pinsing.families.zero_set import project
-from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 
 ALONG_FRAMES = 54
@@ -140,8 +140,7 @@ def into(arm: Arm, moved: Sequence[int], goal: Array, frames: int = INTO_FRAMES)
         begin = np.clip(goal + ways * reach, np.minimum(lower, goal), np.maximum(upper, goal))
         t = np.linspace(0, 1, 9)[:, None, None]
         Q = begin + t * (goal - begin)
-        sigma = singular_values(arm, Q.reshape(-1, arm.n)).reshape(9, len(ways), -1)
-        ratio = sigma[..., -1] / sigma[..., 0]
+        ratio = ratios(arm, Q.reshape(-1, arm.n)).reshape(9, len(ways))
         rises = np.maximum(np.diff(ratio, axis=0), 0).sum(axis=0)
         score = ratio[0] - 2 * rises
         k = int(np.argmax(score))

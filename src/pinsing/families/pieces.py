@@ -26,7 +26,7 @@ from pinsing.families.zero_set import (
     search,
 )
 from pinsing.geometry.nominal import Nominal
-from pinsing.kinematics.jacobian import sigma_ratios, singular_values
+from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 
 _TRIALS = 4
@@ -83,7 +83,7 @@ class PieceMaker:
         flat = [float(x) for row in geometry.translation for x in row]
         self.lengths = [abs(x) for x in flat if x != 0]
         # A family is as real outside the limits: sliders range over the size of the arm at least.
-        size = arm.length_scale + sum(self.lengths)
+        size = sum(self.lengths) or 1.0
         reach = np.where(arm.prismatic, size, np.pi)
         slides = [arm.prismatic & np.isfinite(limit) for limit in (arm.lower, arm.upper)]
         self.lower = np.where(slides[0], np.minimum(arm.lower, -reach), -reach)
@@ -204,8 +204,7 @@ class PieceMaker:
 
     def ratios(self, points: Array, arm: Arm | None = None) -> Array:
         """sigma_r / sigma_1 of the nominal arm (or ``arm``) at points (N, n)."""
-        judged = arm or self.geometry.arm
-        return sigma_ratios(judged, singular_values(judged, points))
+        return ratios(arm or self.geometry.arm, points)
 
     def _empty(self, branch: Branch) -> bool:
         if any(never_zero(e) for e in branch.equations):

@@ -121,12 +121,8 @@ def nominal(
         raise OptionError(f"angle_tol must lie in [0, pi/4) radians, got {angle_tol!r}")
     if not 0 <= snap_length < math.inf:
         raise OptionError(f"snap_length must be zero or a positive length, got {snap_length!r}")
-    # Follows from the frozen fields, and is asked for by every part: kept with them.
-    kept: dict[tuple[float, float, bool], Nominal] = arm.__dict__.setdefault("_nominal", {})
     key = (float(angle_tol), float(snap_length), bool(rational))
-    if key not in kept:
-        kept[key] = _Maker(arm, flatten(arm), *key).make()
-    return kept[key]
+    return arm.once(f"nominal {key}", lambda a: _Maker(a, flatten(a), *key).make())
 
 
 class _Maker:

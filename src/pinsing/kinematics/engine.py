@@ -16,9 +16,11 @@ from pinsing.errors import EngineError, OptionError
 from pinsing.geometry.chain import flatten
 from pinsing.robot.arm import Arm
 
-ENGINES = ("auto", "batch", "pinocchio")
+PINOCCHIO = "pinocchio"
+ENGINES = ("auto", "batch", PINOCCHIO)
+INSTRUCTION_SETS = ("baseline", "avx2", "avx512")
 AGREEMENT = 1e-12
-"""Largest difference from Pinocchio, relative to the largest entry of J (or 1)."""
+"""Largest difference from Pinocchio, relative to the largest placement or translation."""
 
 _CONFIGURATIONS = 16
 _SEED = 90210
@@ -42,22 +44,48 @@ def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
     """
     if engine not in ENGINES:
         raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(ENGINES)}")
-    if engine == "pinocchio":
+    if engine == PINOCCHIO:
         return None
     reason = kernel.unavailable_reason()
     if reason is not None:
         if engine == "batch":
             raise EngineError(reason)
         return None
-    found = arm.__dict__.get("_batch_chain")
-    if found is None:
-        found = _verified(arm)
-        arm.__dict__["_batch_chain"] = found  # follows from the frozen fields: kept with them
+    found = arm.once("batch_chain", _verified)
     if isinstance(found, FlatChain):
         return found
     if engine == "batch":
         raise EngineError(str(found))
     return None
+
+
+def fixed_engine(arm: Arm, engine: str = "auto") -> str:
+    """``pinocchio``, or the instruction set that an engine means here.
+
+    Parameters
+    ----------
+    engine : str
+        ``auto`` or ``batch`` (the best instruction set here), ``pinocchio``, or an
+        instruction set: ``baseline``, ``avx2``, ``avx512``.
+
+    Raises
+    ------
+    EngineError
+        If the engine is not there, or disagrees with Pinocchio on this arm.
+    OptionError
+        If there is no such engine.
+    """
+    here = kernel.isa_names()
+    if engine in here:
+        batch_chain(arm, "batch")
+        return engine
+    if engine not in ENGINES:
+        if engine in INSTRUCTION_SETS:
+            has = ", ".join(here) or "no compiled kernel"
+            raise EngineError(f"engine {engine} does not run on this machine; it has {has}")
+        names = dict.fromkeys((*ENGINES, *here))
+        raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(names)}")
+    return PINOCCHIO if batch_chain(arm, engine) is None else here[-1]
 
 
 def check_threads(threads: int | None) -> int | None:
@@ -77,7 +105,7 @@ def engine_name(arm: Arm) -> str:
     """Say in a few words what computes batches for ``arm`` on this machine."""
     if batch_chain(arm) is not None:
         return f"compiled batch kernel ({kernel.isa_names()[-1]}), checked against Pinocchio"
-    reason = kernel.unavailable_reason() or str(arm.__dict__.get("_batch_chain"))
+    reason = kernel.unavailable_reason() or str(arm.once("batch_chain", _verified))
     return f"Pinocchio and NumPy ({reason})"
 
 
@@ -108,10 +136,11 @@ def _verified(arm: Arm) -> FlatChain | str:
     except ValueError as unfit:
         return f"the chain does not suit the compiled kernel: {unfit}"
     rng = np.random.default_rng(_SEED)
-    reach = np.where(arm.prismatic, arm.length_scale, 2 * np.pi)
-    Q = rng.uniform(-1, 1, (_CONFIGURATIONS, arm.n)) * reach
+    size = float(np.abs(plain.t).max()) or 1.0
+    Q = rng.uniform(-1, 1, (_CONFIGURATIONS, arm.n)) * np.where(arm.prismatic, size, 2 * np.pi)
     ours, theirs = kernel.jacobians(chain, model_values(arm, Q)), pinocchio_jacobians(arm, Q)
-    error = float(np.abs(ours - theirs).max() / max(1.0, float(np.abs(theirs).max())))
+    moved, turned = np.abs(ours - theirs).max(axis=(0, 2)).reshape(2, 3).max(axis=1)
+    error = max(float(turned), float(moved) / max(size, float(np.abs(theirs[:, :3]).max())))
     if not error <= AGREEMENT:
         return f"the compiled kernel differs from Pinocchio by {error:.1e} on this arm"
     return chain

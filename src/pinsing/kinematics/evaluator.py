@@ -13,16 +13,14 @@ from typing import Any
 
 import numpy as np
 
-from pinsing._batch import engine as kernel
 from pinsing._types import Array
 from pinsing._version import __version__
-from pinsing.errors import EngineError, OptionError
 from pinsing.geometry.chain import flatten
-from pinsing.kinematics.engine import ENGINES, batch_chain, pinocchio_jacobians
-from pinsing.kinematics.jacobian import generic_rank, scale_rows
+from pinsing.kinematics.batch import Batch
+from pinsing.kinematics.engine import PINOCCHIO
+from pinsing.kinematics.engine import fixed_engine as fixed_engine
+from pinsing.kinematics.verdict import Measured, basis, generic_rank, measured
 from pinsing.robot.arm import Arm
-
-PINOCCHIO = "pinocchio"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,34 +49,11 @@ class Evaluator:
         EngineError
             If this machine cannot run the engine.
         """
-        arm = self.arm
-        if self.engine == PINOCCHIO:
-            J = pinocchio_jacobians(arm, Q)
-            J = J if arm.coupling is None else J @ arm.coupling.matrix
-            sigma = np.linalg.svd(scale_rows(arm, J), compute_uv=False)
-            return np.asarray(sigma[:, : self.rank], dtype=np.float64)
-        chain = batch_chain(arm, "batch")
-        assert chain is not None  # "batch" raises where there is none
-        here = kernel.isa_names()
-        if self.engine not in here:
-            raise EngineError(
-                f"the run was planned for {self.engine}, but this machine runs "
-                f"{', '.join(here)}; start it with an engine that all machines have"
-            )
-        if arm.coupling is None:
-            sigma = kernel.singular_values(
-                chain,
-                Q,
-                rows=arm.task.rows,
-                length_scale=arm.length_scale,
-                threads=1,
-                isa=self.engine,
-            )
-        else:
-            values = Q @ arm.coupling.matrix.T + arm.coupling.offset
-            J = kernel.jacobians(chain, values, threads=1, isa=self.engine) @ arm.coupling.matrix
-            sigma = kernel.svdvals(scale_rows(arm, J), threads=1, isa=self.engine)
-        return np.asarray(sigma[:, : self.rank])
+        return np.asarray(Batch(self.arm, self.engine, 1).sigma(Q)[:, : self.rank])
+
+    def measure(self, Q: Array) -> Measured:
+        """Singular values, as `sigma`, and what is singular is judged by."""
+        return measured(Batch(self.arm, self.engine, 1), Q)
 
 
 def evaluator(arm: Arm, engine: str = "auto") -> Evaluator:
@@ -98,21 +73,6 @@ def evaluator(arm: Arm, engine: str = "auto") -> Evaluator:
         If there is no such engine.
     """
     return Evaluator(_lean(arm), generic_rank(arm), fixed_engine(arm, engine))
-
-
-def fixed_engine(arm: Arm, engine: str = "auto") -> str:
-    """``pinocchio`` or the instruction set that ``engine`` means here; as `evaluator`."""
-    here = kernel.isa_names()
-    if engine in here:
-        batch_chain(arm, "batch")
-        return engine
-    if engine not in ENGINES:
-        if engine in ("baseline", "avx2", "avx512"):
-            has = ", ".join(here) or "no compiled kernel"
-            raise EngineError(f"engine {engine} does not run on this machine; it has {has}")
-        names = dict.fromkeys((*ENGINES, *here))
-        raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(names)}")
-    return PINOCCHIO if batch_chain(arm, engine) is None else here[-1]
 
 
 def fingerprint(arm: Arm) -> str:
@@ -151,4 +111,6 @@ def _lean(arm: Arm) -> Arm:
     source = replace(
         arm.source, path=None, xml=None, package_dirs=(), full_model=arm.model, locked=()
     )
-    return replace(arm, source=source, notes=())
+    lean = replace(arm, source=source, notes=())
+    lean.known.update(basis(arm))
+    return lean

@@ -11,15 +11,13 @@ import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
-from pinsing._batch import engine as kernel
 from pinsing._types import Array
-from pinsing.errors import ConfigurationError, OptionError
-from pinsing.geometry.nominal import nominal
-from pinsing.kinematics.engine import batch_chain, check_threads, model_values, pinocchio_jacobians
-from pinsing.measures import SINGULAR_RTOL, sigma_ratio
+from pinsing.errors import ConfigurationError
+from pinsing.kinematics.batch import batch
+from pinsing.kinematics.batch import scale_rows as scale_rows
+from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.verdict import generic_rank as generic_rank
 from pinsing.robot.arm import Arm
-
-_RANK_SEED = 20231
 
 
 def tip_placement(arm: Arm, q: npt.ArrayLike) -> pin.SE3:
@@ -61,7 +59,8 @@ def frame_jacobians(
     Q : (N, n) array_like
         Radians or metres.
     engine : str
-        "auto", "batch" (the compiled kernel) or "pinocchio"; see ``pinsing.kinematics.engine``.
+        "auto", "batch" (the compiled kernel), "pinocchio" or an instruction set; see
+        `pinsing.kinematics.engine.fixed_engine`.
     threads : int, optional
         Threads of the compiled kernel; as many as the process may use by default. The
         result does not depend on it.
@@ -78,15 +77,7 @@ def frame_jacobians(
     EngineError
         If the engine asked for is not there, or disagrees with Pinocchio.
     """
-    out = _model_jacobians(arm, _many(arm, Q), engine, threads)
-    return out if arm.coupling is None else out @ arm.coupling.matrix
-
-
-def scale_rows(arm: Arm, J: Array) -> Array:
-    """Task rows (..., m, n) of frame Jacobians J (..., 6, n), translations over length scale."""
-    rows = np.array(arm.task.rows)
-    factor = np.where(rows < 3, 1.0 / arm.length_scale, 1.0)
-    return np.asarray(J[..., rows, :] * factor[:, None])
+    return batch(arm, engine, threads).frame_jacobians(_many(arm, Q))
 
 
 def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
@@ -109,73 +100,8 @@ def singular_values(
     ``r`` is the generic rank: the last column is the measure sigma_r that vanishes
     at singular configurations (sigma_min in the paper). Options as for ``frame_jacobians``.
     """
-    Q, threads = _many(arm, Q), check_threads(threads)
-    chain = batch_chain(arm, engine)
-    if chain is None:
-        sigma = np.linalg.svd(task_jacobians(arm, Q, engine="pinocchio"), compute_uv=False)
-    elif arm.coupling is not None:
-        sigma = kernel.svdvals(task_jacobians(arm, Q, threads=threads), threads=threads)
-    else:
-        sigma = kernel.singular_values(
-            chain, Q, rows=arm.task.rows, length_scale=arm.length_scale, threads=threads
-        )
+    sigma = batch(arm, engine, threads).sigma(_many(arm, Q))
     return np.asarray(sigma[:, : generic_rank(arm)])
-
-
-def generic_rank(arm: Arm) -> int:
-    """Rank of the task Jacobian at almost every configuration.
-
-    Taken on the nominal geometry, at random configurations: the greatest rank found there
-    is the generic one, since a lower rank has probability zero. On the raw geometry a
-    rounded angle could pretend a motion of relative size 1e-6.
-
-    Raises
-    ------
-    OptionError
-        If it is zero: no joint moves the tip in any row of the task.
-    """
-    found = arm.__dict__.get("_generic_rank")
-    if found is None:
-        exact = nominal(arm).arm
-        rng = np.random.default_rng(_RANK_SEED)
-        # Whole circles, not the limits: a joint that hardly moves still has a generic rank.
-        reach = np.where(arm.prismatic, arm.length_scale, np.pi)
-        J = frame_jacobians(exact, rng.uniform(-1, 1, (6, arm.n)) * reach)
-        sigma = np.linalg.svd(scale_rows(exact, J), compute_uv=False)
-        if sigma.max() <= SINGULAR_RTOL * np.abs(J).max() / max(arm.length_scale, 1.0):
-            raise OptionError(
-                f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
-                "rows; choose other rows"
-            )
-        found = int((sigma > SINGULAR_RTOL * sigma[:, :1]).sum(axis=1).max())
-        arm.__dict__["_generic_rank"] = found  # follows from the frozen fields: kept with them
-    return int(found)
-
-
-def task_size(arm: Arm) -> float:
-    """What sigma_1 is compared with where the whole task Jacobian can vanish.
-
-    Zero for ``pose``, whose columns are never zero; else the median of sigma_1 at random
-    configurations.
-    """
-    if arm.task.name == "pose":
-        return 0.0
-    found = arm.__dict__.get("_task_size")
-    if found is None:
-        rng = np.random.default_rng(_RANK_SEED)
-        reach = np.where(arm.prismatic, arm.length_scale, np.pi)
-        J = task_jacobians(arm, rng.uniform(-1, 1, (15, arm.n)) * reach, engine="pinocchio")
-        found = float(np.median(np.linalg.norm(J, ord=2, axis=(1, 2))))
-        arm.__dict__["_task_size"] = found  # follows from the frozen fields: kept with them
-    return float(found)
-
-
-def sigma_ratios(arm: Arm, sigma: npt.ArrayLike) -> Array:
-    """sigma_r / sigma_1 of an arm from singular values (..., k >= r), largest first.
-
-    The measure that "singular" is judged by; see ``measures.sigma_ratio`` and ``task_size``.
-    """
-    return sigma_ratio(sigma, generic_rank(arm), task_size(arm))
 
 
 def jacobian_derivative(J: npt.ArrayLike) -> Array:
@@ -211,18 +137,31 @@ def jacobian_derivative(J: npt.ArrayLike) -> Array:
     return np.moveaxis(np.concatenate([dv, dw], axis=-1), -1, -3)
 
 
-def task_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
-    """Task Jacobians (N, m, n) and their derivatives (N, m, n, n) by the joints at Q (N, n)."""
-    Q = _many(arm, Q)
-    J = _model_jacobians(arm, Q)
+def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
+    """Frame Jacobians (N, 6, n) and their derivatives (N, 6, n, n) by the joints at Q (N, n)."""
+    J = batch(arm).model_jacobians(_many(arm, Q))
     H = jacobian_derivative(J)
     if arm.coupling is not None:
         matrix = arm.coupling.matrix
         J = J @ matrix
         H = np.einsum("...rij,ia,jb->...rab", H, matrix, matrix)
+    return J, H
+
+
+def task_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
+    """Task Jacobians (N, m, n) and their derivatives (N, m, n, n) by the joints at Q (N, n)."""
+    J, H = jacobians_and_derivatives(arm, Q)
     rows = np.array(arm.task.rows)
     factor = np.where(rows < 3, 1.0 / arm.length_scale, 1.0)
     return scale_rows(arm, J), H[..., rows, :, :] * factor[:, None, None]
+
+
+def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
+    """The same at the arm's own scale (`OwnScale`), without units: by dq / columns as well."""
+    J, H = jacobians_and_derivatives(arm, Q)
+    scale = own_scale(arm)
+    H = H[..., np.array(arm.task.rows), :, :] * scale.rows[:, None, None]
+    return scale.apply(arm, J), H * scale.columns[:, None] * scale.columns
 
 
 def _one(arm: Arm, q: npt.ArrayLike) -> Array:
@@ -237,11 +176,3 @@ def _many(arm: Arm, Q: npt.ArrayLike) -> Array:
     if Q.ndim != 2:
         raise ConfigurationError(f"Q must be joint vectors (N, {arm.n}), got shape {Q.shape}")
     return Q
-
-
-def _model_jacobians(arm: Arm, Q: Array, engine: str = "auto", threads: int | None = None) -> Array:
-    """Frame Jacobians (N, 6, nv) by every velocity of the model, mimic joints on their own."""
-    chain = batch_chain(arm, engine)
-    if chain is None:
-        return pinocchio_jacobians(arm, Q)
-    return kernel.jacobians(chain, model_values(arm, Q), threads=check_threads(threads))

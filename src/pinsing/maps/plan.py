@@ -12,7 +12,9 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.batch import batch
+from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.verdict import scale_notes
 from pinsing.maps import sobol
 from pinsing.maps.sample import SAMPLINGS, grid_axis, grid_points, unit_points
 from pinsing.robot.arm import Arm
@@ -157,7 +159,7 @@ def plan_map(
     """
     if sampling not in SAMPLINGS:
         raise UnknownNameError("sampling", sampling, SAMPLINGS)
-    notes: list[str] = []
+    notes = list(scale_notes(arm))
     moving = _moving(arm, joints, ranges, steps, notes)
     limits = _ranges(arm, ranges or {}, ignore_limits, notes)
     names = [arm.joints[i] for i in moving]
@@ -228,13 +230,14 @@ def _moving(
 def _effective(arm: Arm) -> npt.NDArray[np.bool_]:
     """Which joints (n,) change any singular value, by several turns from random places."""
     rng = np.random.default_rng(0)
-    reach = np.where(arm.prismatic, arm.length_scale, np.pi)
+    reach = np.where(arm.prismatic, own_scale(arm).length, np.pi)
     start = rng.uniform(-1, 1, (8, arm.n)) * reach
     turned = np.repeat(start[None], arm.n, axis=0)
     for i in range(arm.n):
         turned[i, :, i] += rng.uniform(0.2, 1, len(start)) * reach[i]
-    sigma = singular_values(arm, start)
-    moved = singular_values(arm, turned.reshape(-1, arm.n)).reshape(arm.n, *sigma.shape)
+    on = batch(arm)
+    sigma = on.own_sigma(start)
+    moved = on.own_sigma(turned.reshape(-1, arm.n)).reshape(arm.n, *sigma.shape)
     return np.asarray((np.abs(moved - sigma) > _NO_EFFECT * sigma[:, :1]).any(axis=(1, 2)))
 
 

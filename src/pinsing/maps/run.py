@@ -76,10 +76,10 @@ def compute_map_chunk(job: MapJob, index: int) -> Record:
     tally = Tally(plan.worst)
     kept = []
     for first in range(start, stop, BLOCK):
-        sigma = job.evaluator.sigma(plan.configurations(first, min(stop, first + BLOCK)))
-        tally.add(first, sigma)
+        found = job.evaluator.measure(plan.configurations(first, min(stop, first + BLOCK)))
+        tally.add(first, found.sigma[:, -1], found.ratio)
         if job.keep_values:
-            kept.append(sigma)
+            kept.append(found.sigma)
     record = tally.record()
     if job.keep_values:
         record["sigma"] = np.concatenate(kept)

@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing.errors import ConfigurationError
-from pinsing.kinematics.jacobian import singular_values
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure
 from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes, plain
 from pinsing.robot.arm import Arm
 
@@ -60,8 +59,7 @@ def sigma_along(
     t = np.arange(len(Q), dtype=float) if times is None else np.asarray(times, dtype=float)
     if t.shape != (len(Q),) or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
         raise ConfigurationError(f"times must be {len(Q)} increasing numbers")
-    sigma = singular_values(arm, Q)
-    ratio = np.divide(sigma[:, -1], sigma[:, 0], out=np.zeros(len(Q)), where=sigma[:, 0] > 0)
+    sigma, ratio = measure(arm, Q)
     drawn = np.maximum(sigma, _LOWEST)  # a logarithm has no zero
     ax = new_axes() if ax is None else ax
     for k in range(sigma.shape[1] - 1):

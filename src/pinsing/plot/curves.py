@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.plot.style import (
     COLORS,
     DASHES,

@@ -8,7 +8,7 @@ import numpy as np
 
 from pinsing.configuration.state import REGULAR, State, VelocityEllipsoid
 from pinsing.errors import OptionError
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.plot.style import COLORS, SMALL, legend_below, new_axes, plain
 
 KINDS = ("translational", "rotational")

@@ -13,6 +13,7 @@ from pinsing._types import Array
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import Branch, Equation, Family
 from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.verdict import ratios
 from pinsing.plot.style import (
     DASHES,
     SMALL,
@@ -146,8 +147,7 @@ def regular_configuration(arm: Arm) -> Array:
     """The most regular of some configurations within the limits; the same every time."""
     rng = np.random.default_rng(3)
     Q = rng.uniform(*arm.span, (256, arm.n))
-    sigma = singular_values(arm, Q)
-    chosen = Q[int(np.argmax(sigma[:, -1]))]
+    chosen = Q[int(np.argmax(ratios(arm, Q)))]
     # Round numbers are easier to read in a title, and as good.
     return np.asarray(np.clip(np.round(chosen, 2), *arm.span))
 

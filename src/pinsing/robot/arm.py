@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -14,6 +15,8 @@ from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import frame_index
+
+T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +102,9 @@ class Arm:
         Where it comes from.
     coupling : Coupling or None
         Mimic joints inside the chain.
+    known : dict
+        What follows from the fields above and was computed once (`once`); no part of what
+        `replace` copies.
     """
 
     name: str
@@ -114,6 +120,7 @@ class Arm:
     notes: tuple[str, ...]
     source: Source = field(repr=False)
     coupling: Coupling | None = None
+    known: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         scale = self.length_scale
@@ -128,6 +135,12 @@ class Arm:
     def _freeze(self) -> None:
         for array in (self.lower, self.upper, self.prismatic):
             array.setflags(write=False)
+
+    def once(self, name: str, compute: Callable[[Arm], T]) -> T:
+        """Compute what depends on the fields alone the first time; later take it from `known`."""
+        if name not in self.known:
+            self.known[name] = compute(self)
+        return cast("T", self.known[name])
 
     @property
     def n(self) -> int:

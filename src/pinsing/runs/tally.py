@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, sigma_ratio
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 
 Counts = npt.NDArray[np.int64]
 Record = dict[str, npt.NDArray[np.generic]]
@@ -58,7 +58,7 @@ class Tally:
     done, singular, near : int
         Configurations seen, and how many of them are singular, near-singular.
     histogram : (2, BINS) array of int
-        Of sigma_r, and of sigma_r / sigma_1.
+        Of sigma_r, and of the ratio that verdicts stand on.
     value, index : (2, 2) arrays
         Smallest and largest value (columns) of both, and where.
     worst_index, worst_sigma, worst_ratio : (k,) arrays
@@ -75,14 +75,14 @@ class Tally:
         self.worst_sigma = np.empty(0)
         self.worst_ratio = np.empty(0)
 
-    def add(self, start: int, sigma: Array, numbers: Counts | None = None) -> None:
-        """Count the singular values (N, r), largest first, of configurations from ``start`` on.
+    def add(self, start: int, last: Array, ratio: Array, numbers: Counts | None = None) -> None:
+        """Count sigma_r (N,) and the ratios (N,) of configurations from ``start`` on.
 
         With ``numbers`` (N,), ascending, of those instead.
         """
-        if not len(sigma):
+        if not len(last):
             return
-        last, ratio = np.ascontiguousarray(sigma[:, -1]), sigma_ratio(sigma)
+        last = np.ascontiguousarray(last)
         self.done += len(last)
         below = int(np.count_nonzero(ratio <= SINGULAR_RTOL))
         self.singular += below

@@ -17,10 +17,9 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool
 from pinsing.configuration.rank_drop import approach
-from pinsing.configuration.refine import SingularConfiguration, Status, describe, walk
+from pinsing.configuration.refine import SingularConfiguration, describe, walk
 from pinsing.geometry.nominal import nominal
-from pinsing.kinematics.jacobian import sigma_ratios, singular_values
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, Status, ratios
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
 from pinsing.sweeps.curves import CurveTable
@@ -143,14 +142,16 @@ def singular_configurations(
 
 
 def _refined(exact: Arm, result: SweepResult, random_starts: int) -> _Points:
-    """Ends of the walks from all dips, singular rows and random starts."""
+    """Ends of the walks from all dips, uniform rows that are not regular, and random starts."""
     plan = result.plan
     relevant = np.isin(np.arange(exact.n), plan.relevant)
     table, dips = CurveTable(plan), result.candidates
     starts = table.configurations(dips.curve, dips.sample)
     moving = table.rows(dips.curve).moving[:, None] == np.arange(exact.n)
     along = _along(exact, starts, moving, plan.ignore_limits)
-    extra = [q for q, row in zip(plan.uniform, result.uniform, strict=True) if row.status]
+    extra = [
+        q for q, row in zip(plan.uniform, result.uniform, strict=True) if row.status != "regular"
+    ]
     rng = np.random.default_rng(plan.seed)
     if plan.ignore_limits:
         extra += list(random_configurations(exact, random_starts, rng))
@@ -363,4 +364,4 @@ def _order(arm: Arm, finding: Finding) -> tuple[object, ...]:
 
 
 def _ratios(arm: Arm, Q: Array) -> Array:
-    return sigma_ratios(arm, singular_values(arm, Q)) if len(Q) else np.zeros(0)
+    return ratios(arm, Q)

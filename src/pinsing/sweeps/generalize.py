@@ -21,8 +21,8 @@ from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import SingularConfiguration
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.geometry.nominal import nominal
-from pinsing.kinematics.jacobian import sigma_ratios, singular_values
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
 from pinsing.sweeps.joint_condition import JointCondition, tidy
@@ -131,7 +131,7 @@ def generalize(
     q = arm.fold(arm.check(given).reshape(arm.n))
     if _ratio(exact, q) > rtol:
         end = approach(exact, q)
-        metric = np.where(arm.prismatic, arm.length_scale, 1.0)
+        metric = own_scale(arm).columns
         if end.ratio[0] > rtol or np.linalg.norm((end.q[0] - q) / metric) > _NEAR:
             raise ConfigurationError(
                 f"{arm.name} is not singular there (sigma_r/sigma_1 = {_ratio(exact, q):.1e} on "
@@ -184,7 +184,7 @@ class ConditionTester:
         self.others = random_configurations(arm, max(samples, _SCREEN, _PUSHES), rng)
         self.pushes = rng.standard_normal((_PUSHES, arm.n))
         self.samples = samples
-        self.metric = np.where(arm.prismatic, arm.length_scale, 1.0)
+        self.metric = own_scale(arm).columns
 
     def worst_ratios(
         self, subsets: Sequence[tuple[int, ...]], values: Array, samples: int | None = None
@@ -195,8 +195,7 @@ class ConditionTester:
         Q = np.repeat(others[None], len(subsets), axis=0)
         for i, subset in enumerate(subsets):
             Q[i][:, list(subset)] = values[i, list(subset)]
-        sigma = singular_values(self.arm, Q.reshape(-1, self.arm.n))
-        ratio = sigma_ratios(self.arm, sigma)
+        ratio = ratios(self.arm, Q.reshape(-1, self.arm.n))
         return np.asarray(ratio.reshape(len(subsets), count).max(axis=1))
 
     def forces(self, subset: tuple[int, ...], values: Array) -> bool:
@@ -348,4 +347,4 @@ def special_nearby(arm: Arm, q: Array) -> Array:
 
 
 def _ratio(arm: Arm, q: Array) -> float:
-    return float(sigma_ratios(arm, singular_values(arm, q[None]))[0])
+    return float(ratios(arm, q)[0])

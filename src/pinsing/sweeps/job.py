@@ -17,7 +17,6 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.kinematics.evaluator import Evaluator, run_identity
-from pinsing.measures import sigma_ratio
 from pinsing.runs.run_folder import Record
 from pinsing.runs.tally import Tally
 from pinsing.sweeps.curves import CurveRows, CurveTable, axis_values
@@ -172,16 +171,16 @@ def compute_curves(work: Work) -> Record:
         Q = np.repeat(rows.base[some, None], places.size, axis=1)
         moved = axis_values(work.ranges[moving], samples, places)
         np.put_along_axis(Q, moving[:, None, None], moved[..., None], axis=2)
-        sigma = work.evaluator.sigma(Q.reshape(-1, Q.shape[2])).reshape(*Q.shape[:2], -1)
-        last = sigma[:, before : before + stop - start, -1]
-        ratio = sigma_ratio(sigma)[:, before : before + stop - start]
+        found = work.evaluator.measure(Q.reshape(-1, Q.shape[2]))
+        wide = found.sigma[:, -1].reshape(Q.shape[:2])
+        last = wide[:, before : before + stop - start]
+        ratio = found.ratio.reshape(wide.shape)[:, before : before + stop - start]
         numbers = rows.numbers[some, None] * samples + np.arange(start, stop)
         regular = ~rows.singular[some]
-        own = sigma[regular, before : before + stop - start]
-        tally.add(0, own.reshape(-1, sigma.shape[2]), numbers[regular].ravel())
+        tally.add(0, last[regular].ravel(), ratio[regular].ravel(), numbers[regular].ravel())
 
         end = np.full(len(moving), np.inf)
-        beside = sigma[:, 0, -1] if before else end, sigma[:, -1, -1] if after else end
+        beside = wide[:, 0] if before else end, wide[:, -1] if after else end
         dip = minima(last, ratio, *beside) & regular[:, None]
         row, column = np.nonzero(dip)
         kind = kinds(rows, samples, row + some.start, column + start)

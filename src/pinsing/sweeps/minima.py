@@ -17,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool, Ints
-from pinsing.measures import SINGULAR_RTOL
+from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.runs.run_folder import Record
 from pinsing.sweeps.curves import CurveRows
 

@@ -17,7 +17,9 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.geometry.nominal import nominal as nominal_geometry
+from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.verdict import generic_rank, scale_notes
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -225,7 +227,7 @@ def plan_sweep(
     asked = _levels(levels, arm.n)
     chosen = _joints(arm, joints)
     rng = np.random.default_rng(seed)
-    notes: list[str] = []
+    notes = list(scale_notes(arm))
     q, origin = choose_nominal(arm, nominal, ignore_limits, rng)
     ranges = moving_ranges(arm, ignore_limits, notes)
     values = special_values(arm, special, ignore_limits, notes)
@@ -293,7 +295,7 @@ def _effects(
     Q = np.repeat(bases[None, :, None], arm.n, axis=0).repeat(_EFFECT_SAMPLES, axis=2)
     for i in range(arm.n):
         Q[i, :, :, i] = np.linspace(ranges[i, 0], ranges[i, 1], _EFFECT_SAMPLES)
-    sigma = singular_values(exact, Q.reshape(-1, arm.n))[:, -1]
+    sigma = batch(exact).own_sigma(Q.reshape(-1, arm.n))[:, generic_rank(exact) - 1]
     sigma = sigma.reshape(arm.n, len(bases), _EFFECT_SAMPLES)
     top = sigma.max(axis=2)
     change = ((top - sigma.min(axis=2)) / np.where(top > 0, top, 1.0)).max(axis=1)

@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.measures import Status
+from pinsing.kinematics.verdict import Status
 from pinsing.robot.arm_summary import ArmSummary
 from pinsing.runs.distribution import Distribution, Point
 from pinsing.serialization import JsonResult

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from pinsing._types import Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.evaluator import Evaluator
-from pinsing.measures import sigma_ratio, status_of
+from pinsing.kinematics.verdict import status_of
 from pinsing.robot.arm import Arm
 from pinsing.runs.distribution import distributions, worst_points
 from pinsing.runs.execute import planned_evaluator, running
@@ -321,10 +321,8 @@ def _size(need: int) -> str:
 def _uniform(evaluator: Evaluator, plan: SweepPlan) -> tuple[UniformRow, ...]:
     if not len(plan.uniform):
         return ()
-    sigma = evaluator.sigma(plan.uniform)
+    sigma, ratios = evaluator.measure(plan.uniform)
     return tuple(
         UniformRow(float(value), float(last), float(ratio), status_of(float(ratio)))
-        for value, last, ratio in zip(
-            plan.uniform_values, sigma[:, -1], sigma_ratio(sigma), strict=True
-        )
+        for value, last, ratio in zip(plan.uniform_values, sigma[:, -1], ratios, strict=True)
     )

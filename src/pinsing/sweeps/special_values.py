@@ -11,8 +11,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.kinematics.jacobian import sigma_ratios, singular_values
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, ratios
 from pinsing.robot.arm import Arm
 from pinsing.sweeps.generalize import random_configurations
 from pinsing.sweeps.joint_condition import value_text
@@ -95,7 +94,7 @@ def choose_nominal(
                 f"the nominal configuration is outside the limits of {names}; "
                 "change it, or sweep with ignore_limits"
             )
-        given_ratio = float(sigma_ratios(arm, singular_values(arm, q))[0])
+        given_ratio = float(ratios(arm, q)[0])
         if given_ratio <= SINGULAR_RTOL:
             raise ConfigurationError(
                 f"the nominal configuration is singular (sigma_r/sigma_1 = {given_ratio:.1e}); "
@@ -106,13 +105,13 @@ def choose_nominal(
     # Four fifths of the range: the paper's 0.3 m for d3 of the Stanford arm in [-0.5, 0.5].
     paper = np.where(arm.prismatic, low + 0.8 * (high - low), np.pi / 3)
     inside = ignore_limits or bool(arm.within_limits(paper))
-    if inside and sigma_ratios(arm, singular_values(arm, paper))[0] > NEAR_RTOL:
+    if inside and ratios(arm, paper)[0] > NEAR_RTOL:
         return paper, "pi/3"
     if ignore_limits:
         tries = random_configurations(arm, _NOMINAL_TRIES, rng)
     else:
         tries = rng.uniform(low, high, (_NOMINAL_TRIES, arm.n))
-    ratio = sigma_ratios(arm, singular_values(arm, tries))
+    ratio = ratios(arm, tries)
     if ratio.max() <= SINGULAR_RTOL:
         raise ConfigurationError(
             f"{arm.name} is singular at every configuration within its limits; "

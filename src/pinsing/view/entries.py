@@ -12,7 +12,8 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.families import Branch, joint_symbols
 from pinsing.families.paths import FamilyLike
-from pinsing.kinematics.jacobian import singular_values, tip_placement
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.verdict import own_shares
 from pinsing.robot.arm import Arm
 
 _SEED = 4
@@ -147,10 +148,10 @@ def choose_poses(arm: Arm, family: FamilyLike, count: int) -> tuple[Array, ...]:
     witness = getattr(family, "witness", None)
     if not len(Q):
         return () if witness is None else (np.array(witness, dtype=float),)
-    sigma = singular_values(arm, Q)
+    share = own_shares(arm, Q)
     # The singular value that should survive at a generic point of the family.
-    drop = int(np.median((sigma <= 1e-7 * sigma[:, :1]).sum(axis=1)))
-    healthy = sigma[:, -1 - max(drop, 1)] / sigma[:, 0] if sigma.shape[1] > max(drop, 1) else 1.0
+    drop = max(1, int(np.median((share <= 1e-7).sum(axis=1))))
+    healthy = share[:, -1 - drop] if share.shape[1] > drop else 1.0
     lower, upper = arm.span
     middle, half = (lower + upper) / 2, np.maximum((upper - lower) / 2, 1e-9)
     twisted = np.abs((Q - middle) / half).mean(axis=1)

@@ -1,0 +1,171 @@
+"""Singular, near-singular or regular: the one place that decides it, for everything that asks.
+
+The measure is sigma_r / sigma_1 of the task Jacobian at the arm's own scale
+(`pinsing.kinematics.own_scale`), with r the generic rank. The length scale changes sigma, and
+not the verdict. Where all of the task can vanish, sigma_1 counts as no smaller than it commonly is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.errors import OptionError
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.batch import Batch, batch
+from pinsing.kinematics.engine import PINOCCHIO
+from pinsing.kinematics.own_scale import own_scale, random_turns
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Status, sigma_ratio, status_of
+from pinsing.robot.arm import Arm
+
+__all__ = [
+    "NEAR_RTOL",
+    "SINGULAR_RTOL",
+    "Measured",
+    "Status",
+    "basis",
+    "check_tolerances",
+    "generic_rank",
+    "measure",
+    "measured",
+    "own_shares",
+    "rank_of",
+    "ratio_of",
+    "ratios",
+    "scale_notes",
+    "status_of",
+    "zero_of",
+]
+
+_RANK_SAMPLES = 6
+_SIZE_SAMPLES = 15
+
+
+class Measured(NamedTuple):
+    """What is measured at N configurations.
+
+    Attributes
+    ----------
+    sigma : (N, r) array
+        Singular values of the task Jacobian at the arm's length scale, largest first.
+    ratio : (N,) array
+        sigma_r / sigma_1 at its own scale: what verdicts stand on.
+    """
+
+    sigma: Array
+    ratio: Array
+
+
+def generic_rank(arm: Arm) -> int:
+    """Rank of the task Jacobian at almost every configuration.
+
+    Taken on the nominal geometry, at random configurations: the greatest rank found there
+    is the generic one, since a lower rank has probability zero. On the raw geometry a
+    rounded angle could pretend a motion of relative size 1e-6.
+
+    Raises
+    ------
+    OptionError
+        If it is zero: no joint moves the tip in any row of the task.
+    """
+    return arm.once("generic_rank", _generic_rank)
+
+
+def ratio_of(arm: Arm, own_sigma: npt.ArrayLike) -> Array:
+    """Measure of verdicts (...,) from singular values (..., k >= r) at the arm's own scale."""
+    return sigma_ratio(own_sigma, generic_rank(arm), arm.once("task_size", _task_size))
+
+
+def rank_of(arm: Arm, own_sigma: Array, rtol: float = SINGULAR_RTOL) -> int:
+    """How many of the singular values (k,) at the arm's own scale are not zero, to ``rtol``."""
+    return int((own_sigma > zero_of(arm, own_sigma, rtol)).sum())
+
+
+def zero_of(arm: Arm, own_sigma: Array, rtol: float = SINGULAR_RTOL) -> float:
+    """Up to what a singular value is zero, beside ``own_sigma`` (k,) of the whole Jacobian."""
+    return rtol * max(float(own_sigma[0]), arm.once("task_size", _task_size))
+
+
+def own_shares(arm: Arm, Q: npt.ArrayLike) -> Array:
+    """sigma_k / sigma_1 for k = 1 ... r at the arm's own scale, (N, r); the last are the ratios."""
+    own = batch(arm).own_sigma(np.atleast_2d(arm.check(Q)))
+    count = range(1, generic_rank(arm) + 1)
+    size = arm.once("task_size", _task_size)
+    return np.stack([sigma_ratio(own, k, size) for k in count], axis=1)
+
+
+def measured(on: Batch, Q: Array) -> Measured:
+    """Singular values and ratios at Q (N, n), on an engine that is fixed."""
+    sigma = on.sigma(Q)
+    ratio = ratio_of(on.arm, on.own_sigma(Q, sigma))
+    return Measured(np.asarray(sigma[:, : generic_rank(on.arm)]), ratio)
+
+
+def measure(arm: Arm, Q: npt.ArrayLike, engine: str = "auto") -> Measured:
+    """Singular values and ratios at Q (N, n), radians and metres."""
+    return measured(batch(arm, engine), np.atleast_2d(arm.check(Q)))
+
+
+def ratios(arm: Arm, Q: npt.ArrayLike, engine: str = "auto") -> Array:
+    """Measure of verdicts (N,) at Q (N, n), radians and metres."""
+    Q = np.atleast_2d(arm.check(Q))
+    return ratio_of(arm, batch(arm, engine).own_sigma(Q)) if len(Q) else np.zeros(0)
+
+
+def basis(arm: Arm) -> dict[str, object]:
+    """What verdicts on ``arm`` stand on, for the `known` of a copy that is sent elsewhere."""
+    generic_rank(arm), own_scale(arm), arm.once("task_size", _task_size)
+    return {name: arm.known[name] for name in ("generic_rank", "own_scale", "task_size")}
+
+
+def check_tolerances(rtol: float, near_rtol: float) -> None:
+    """Refuse tolerances that make no verdict.
+
+    Raises
+    ------
+    OptionError
+        Unless 0 <= rtol <= near_rtol < 1.
+    """
+    if not 0 <= rtol <= near_rtol < 1:
+        raise OptionError(f"need 0 <= rtol <= near_rtol < 1, got {rtol:g} and {near_rtol:g}")
+
+
+def scale_notes(arm: Arm) -> Iterator[str]:
+    """Say where sigma and verdicts stand on different lengths."""
+    scale = own_scale(arm)
+    if scale.of_sigma is None:
+        yield (
+            "sigma_r/sigma_1, which singular and near-singular are judged by, is taken at the "
+            f"arm's own length of {scale.length:g} m, sigma at length scale {arm.length_scale:g} m"
+        )
+
+
+def _generic_rank(arm: Arm) -> int:
+    exact = nominal(arm).arm
+    # Whole circles, not the limits: a joint that hardly moves still has a generic rank.
+    J = batch(exact).frame_jacobians(random_turns(exact, _RANK_SAMPLES))
+    scale = own_scale(exact)
+    sigma = np.linalg.svd(scale.apply(exact, J), compute_uv=False)
+    largest = max(float(np.abs(J[:, :3]).max()) / scale.length, float(np.abs(J[:, 3:]).max()))
+    if sigma.max() <= SINGULAR_RTOL * largest:
+        raise OptionError(
+            f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
+            "rows; choose other rows"
+        )
+    return int((sigma > SINGULAR_RTOL * sigma[:, :1]).sum(axis=1).max())
+
+
+def _task_size(arm: Arm) -> float:
+    """What sigma_1 is compared with where the whole task Jacobian can vanish.
+
+    Zero for ``pose``, whose columns are never zero; else the median of sigma_1 at random
+    configurations.
+    """
+    if arm.task.name == "pose":
+        return 0.0
+    found = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _SIZE_SAMPLES))
+    return float(np.median(found[:, 0]))

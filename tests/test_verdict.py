@@ -1,0 +1,237 @@
+"""One verdict: all that judge a configuration give the same answer to the same question."""
+
+from __future__ import annotations
+
+import arms
+import matplotlib as mpl
+import numpy as np
+import pinocchio as pin
+import pytest
+
+mpl.use("Agg")
+
+from pinsing import at, closed_form, generic_rank, plot, refine, sweep
+from pinsing.configuration.refine import describe
+from pinsing.families.paths import into
+from pinsing.kinematics.engine import PINOCCHIO
+from pinsing.kinematics.evaluator import evaluator
+from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.verdict import measure, own_shares, ratios, status_of
+from pinsing.maps import plan_map, sigma_map
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+from pinsing.sweeps.findings import singular_configurations
+from pinsing.view.ellipsoids import sizes as sizes_of
+from pinsing.view.frame import make_frame
+
+TASKS = ("pose", "position", "orientation", "vx", "vx,wz", "vz,wx")
+SCALES = (1e-10, 1.0, 3e8)
+
+
+def scaled(arm: Arm, factor: float) -> Arm:
+    """The same arm in another unit of length: joint 1 of 0.3 m is then 0.3 * factor long."""
+    model = pin.Model(arm.model)
+    for i in range(1, model.njoints):
+        model.jointPlacements[i].translation *= factor
+    for frame in model.frames:
+        frame.placement.translation *= factor
+    for i, slides in enumerate(arm.prismatic):
+        if slides:
+            model.lowerPositionLimit[i] *= factor
+            model.upperPositionLimit[i] *= factor
+    return load(model, tip=arm.tip, task=arm.task.name)
+
+
+def questions(arm: Arm) -> np.ndarray:
+    """Configurations to ask about: of special and other values, and some at random."""
+    rng = np.random.default_rng(5)
+    Q = rng.choice([0.0, 0.4, np.pi / 2], (20, arm.n))
+    low, high = arm.span
+    Q[:, arm.prismatic] = (low + rng.choice([0.5, 0.7], (20, 1)) * (high - low))[:, arm.prismatic]
+    return np.concatenate([Q, rng.uniform(low, high, (5, arm.n))])
+
+
+def planar3r(task: str) -> Arm:
+    return arms.textbook("planar3r", task)
+
+
+CASES = [
+    pytest.param(lambda: planar3r("position"), id="planar3r position"),
+    pytest.param(lambda: planar3r("vx"), id="planar3r vx"),
+    pytest.param(lambda: planar3r("vx,wz"), id="planar3r vx,wz"),
+    pytest.param(lambda: planar3r("orientation"), id="planar3r orientation"),
+    pytest.param(lambda: arms.textbook("stanford"), id="stanford"),
+    pytest.param(lambda: arms.textbook("stanford", "position"), id="stanford position"),
+    pytest.param(lambda: arms.textbook("stanford", "vz,wx"), id="stanford vz,wx"),
+    pytest.param(lambda: arms.textbook("scara"), id="scara"),
+    pytest.param(lambda: arms.textbook("surgical7"), id="surgical7"),
+    pytest.param(lambda: arms.textbook("puma560", "orientation"), id="puma560 orientation"),
+    pytest.param(arms.ur5, id="ur5"),
+    pytest.param(lambda: scaled(arms.ur5(), 1e-8), id="ur5 of 1e-8 m"),
+    pytest.param(lambda: scaled(arms.textbook("stanford"), 1e-8), id="stanford of 1e-8 m"),
+]
+
+
+@pytest.mark.parametrize("length_scale", SCALES)
+@pytest.mark.parametrize("make", CASES)
+def test_all_that_judge_agree(make, length_scale: float) -> None:
+    arm = make().with_task(length_scale=length_scale)
+    Q = questions(arm)
+    states = [at(arm, q) for q in Q]
+    expected = [s.status for s in states]
+    assert "regular" in expected
+    assert "singular" in expected or (str(arm.task) == "orientation" and arm.n == 3)
+
+    assert [status_of(float(r)) for r in ratios(arm, Q)] == expected
+    assert [status_of(float(r)) for r in ratios(arm, Q, engine=PINOCCHIO)] == expected
+    assert [status_of(float(r)) for r in evaluator(arm).measure(Q).ratio] == expected
+    assert [status_of(float(r)) for r in own_shares(arm, Q)[:, -1]] == expected
+    assert [describe(arm, q).status for q in Q] == expected
+    for state, q in zip(states, Q, strict=True):
+        assert state.singular == (state.rank < state.generic_rank) == describe(arm, q).singular
+        assert bool(state.lost) == (state.status != "regular")
+        assert bool(state.dependences) or not state.singular
+
+
+@pytest.mark.parametrize("task", ["position", "vx"])
+def test_a_plot_marks_what_at_calls_singular(task: str) -> None:
+    arm = planar3r(task).with_task(length_scale=3e8)
+    Q = questions(arm)
+    expected = [at(arm, q).status for q in Q]
+    axes = plot.sigma_along(arm, Q)
+    marked = next((x for x in axes.get_lines() if x.get_label() == "singular"), None)
+    found = [] if marked is None else marked.get_xdata()
+    assert list(found) == [i for i, s in enumerate(expected) if s == "singular"]
+    mpl.pyplot.close("all")
+
+
+@pytest.mark.parametrize("length_scale", [1e-10, 3e8])
+@pytest.mark.parametrize("make", CASES[:2] + CASES[4:7] + CASES[-2:])
+def test_maps_and_sweeps_count_what_at_says(make, length_scale: float) -> None:
+    arm = make().with_task(length_scale=length_scale)
+    plan = plan_map(arm, "grid", steps=3, joints=arm.joints[-3:], ignore_limits=True)
+    here = [at(arm, q).status for q in plan.configurations(0, plan.count)]
+    found = sigma_map(arm, "grid", steps=3, joints=arm.joints[-3:], ignore_limits=True)
+    assert found.singular == here.count("singular")
+    assert found.near_singular == here.count("near-singular")
+    assert all(p.status == at(arm, p.q).status for p in found.worst)
+
+    swept = sweep(arm, levels=1, samples=5, ignore_limits=True)
+    for curve in swept.curves[:3]:
+        Q = np.tile(swept.plan.nominal, (len(curve.x), 1))
+        for name, value in curve.fixed.items():
+            Q[:, arm.joints.index(name)] = value
+        Q[:, curve.moving] = curve.x
+        states = [at(arm, q) for q in Q]
+        assert [status_of(float(r)) for r in curve.sigma_ratio] == [s.status for s in states]
+        sigma = [s.sigma[s.generic_rank - 1] for s in states]
+        atol = 1e-13 * max(float(s.sigma[0]) for s in states)
+        np.testing.assert_allclose(curve.sigma_min, sigma, rtol=1e-6, atol=atol)
+    for row, q in zip(swept.uniform, swept.plan.uniform, strict=True):
+        assert row.status == at(arm, q).status
+    for point in swept.summary.worst:
+        assert point.status == at(arm, point.q).status
+
+
+@pytest.mark.parametrize("task", TASKS)
+@pytest.mark.parametrize("name", ["planar3r", "stanford", "puma560", "surgical7"])
+def test_the_length_scale_changes_sigma_and_no_verdict(name: str, task: str) -> None:
+    if name == "planar3r" and task == "vz,wx":
+        pytest.skip("a planar arm moves in neither row")
+    plain = arms.textbook(name, task)
+    Q = questions(plain)
+    expected = ratios(plain, Q)
+    rows = np.array(plain.task.rows)
+    for length_scale in SCALES:
+        arm = plain.with_task(length_scale=length_scale)
+        assert generic_rank(arm) == generic_rank(plain)
+        np.testing.assert_allclose(ratios(arm, Q), expected, rtol=1e-9, atol=1e-15)
+        sigma = measure(arm, Q).sigma
+        if (rows < 3).all():
+            np.testing.assert_allclose(
+                sigma * length_scale, measure(plain, Q).sigma, rtol=1e-9, atol=1e-15
+            )
+        elif (rows >= 3).all():
+            np.testing.assert_array_equal(sigma, measure(plain, Q).sigma)
+
+
+@pytest.mark.parametrize("power", [-8, -3, 3])
+@pytest.mark.parametrize("name", ["stanford", "scara", "puma560", "surgical7"])
+def test_the_unit_of_the_file_changes_no_verdict(name: str, power: int) -> None:
+    """Millimetres, micrometres: the same arm, the same ratios."""
+    plain = arms.textbook(name)
+    other = scaled(plain, 10.0**power)
+    assert own_scale(other).length == pytest.approx(own_scale(plain).length * 10.0**power)
+    Q = questions(plain)
+    there = Q * np.where(plain.prismatic, 10.0**power, 1.0)
+    np.testing.assert_allclose(ratios(other, there), ratios(plain, Q), rtol=1e-6, atol=1e-14)
+    assert generic_rank(other) == generic_rank(plain)
+
+
+def test_the_scale_of_ordinary_arms_is_the_metre_so_one_decomposition_does() -> None:
+    for arm in (arms.ur5(), arms.textbook("stanford"), arms.textbook("irb1400")):
+        assert own_scale(arm).length == 1.0
+        assert own_scale(arm).of_sigma == 1.0
+        assert not any("own length" in note for note in at(arm, np.zeros(arm.n)).notes)
+    small = arms.textbook("surgical7")
+    assert own_scale(small).length == 0.1
+    assert own_scale(small).of_sigma is None
+    assert any("own length of 0.1 m" in note for note in at(small, np.full(7, 0.1)).notes)
+
+
+def test_an_axis_through_the_tip_gives_no_length() -> None:
+    """Three axes that meet in the tip, as a file with rounding places them: any length will do."""
+    model, parent = pin.Model(), 0
+    for i, kind in enumerate((pin.JointModelRZ(), pin.JointModelRY(), pin.JointModelRZ())):
+        place = pin.SE3(np.eye(3), np.array([0, 0, 0.5 if i == 0 else 1e-17]))
+        big = np.full(1, 3.0)
+        parent = model.addJoint(parent, kind, place, f"q{i + 1}", big, big, -big, big)
+    model.addFrame(pin.Frame("tip", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    wrist = load(model, tip="tip", task="orientation")
+    assert own_scale(wrist).length == 1.0
+    assert at(wrist, [0.3, 0.0, 0.4]).singular
+    assert not at(wrist, [0.3, 0.5, 0.4]).singular
+
+
+@pytest.mark.parametrize("length_scale", SCALES)
+@pytest.mark.parametrize("name", ["stanford", "puma560"])
+def test_families_are_singular_at_any_length_scale(name: str, length_scale: float) -> None:
+    """FINDINGS of the first version: at a length scale of 3e8 there were none at all."""
+    arm = arms.textbook(name, length_scale=length_scale)
+    forms = closed_form(arm)
+    assert {f.text for f in forms.families} == {
+        f.text for f in closed_form(arms.textbook(name)).families
+    }
+    rng = np.random.default_rng(2)
+    for family in forms.families:
+        for q in family.sample(5, rng):
+            assert at(arm, q).singular
+            frame = make_frame(arm, q, sizes_of(arm), ())
+            assert frame["status"] == "singular"
+            assert ratios(arm, into(arm, range(arm.n), q)[-1:])[0] <= 1e-9
+    found = refine(arm, np.full(arm.n, 0.5))
+    assert found.singular
+    assert at(arm, found.q).singular
+
+
+def test_a_task_that_can_vanish_is_singular_there_for_all() -> None:
+    """Planar 3R, vx alone: J is zero where the tip is on the y axis; rounding has no ratio."""
+    arm = planar3r("vx")
+    q = np.zeros(3)  # stretched along x: no joint moves the tip along x
+    assert at(arm, q).singular
+    found = sigma_map(arm, "grid", steps=9, ignore_limits=True)
+    plan = plan_map(arm, "grid", steps=9, ignore_limits=True)
+    wanted = sum(at(arm, x).singular for x in plan.configurations(0, plan.count))
+    assert found.singular == wanted > 0
+
+
+def test_only_rows_that_are_not_regular_are_walked_from() -> None:
+    """A uniform row with a regular configuration is no candidate: none of its own is found."""
+    arm = arms.textbook("stanford")
+    result = sweep(arm, levels=1, samples=61)
+    assert {row.status for row in result.uniform} > {"regular"}
+    findings = singular_configurations(arm, result)
+    assert [str(f.condition) for f in findings if f.status == "singular"]
+    assert all(
+        describe(arm, f.configuration.q).singular for f in findings if f.status == "singular"
+    )
