@@ -250,7 +250,7 @@ def test_tallies_join_in_any_order(
     parts = []
     for a, b in itertools.pairwise(ends):
         tally = Tally(worst)
-        tally.add(a, sigma[a:b])
+        tally.add(a, sigma[a:b, -1], sigma_ratio(sigma[a:b]))
         parts.append(Tally.from_record(tally.record(), worst))
     np.random.default_rng(seed).shuffle(parts)
     whole = Tally(worst)
@@ -264,7 +264,7 @@ def test_tallies_join_in_any_order(
     assert whole.histogram.sum(axis=1).tolist() == [len(data)] * 2
     serial = Tally(worst)
     for a, b in itertools.pairwise(ends):
-        serial.add(a, sigma[a:b])
+        serial.add(a, sigma[a:b, -1], sigma_ratio(sigma[a:b]))
     for name, array in serial.record().items():
         np.testing.assert_array_equal(array, whole.record()[name])
 

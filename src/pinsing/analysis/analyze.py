@@ -258,7 +258,7 @@ def _random_search(exact: Arm, forms: ClosedForm, starts: int, seed: int) -> Ran
     if starts == 0:
         return RandomSearch(0, 0, 0, ())
     rng = np.random.default_rng(seed)
-    ends = walk(exact, rng.uniform(*exact.span, (starts, exact.n)))
+    ends = walk(exact, exact.space.sample(starts, rng))
     found = ends.q[ends.ratio <= SINGULAR_RTOL]
     on = np.zeros(len(found), dtype=bool)
     for family in forms.families:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool
 from pinsing.configuration.rank_drop import RankDrops, approach
 from pinsing.configuration.second_order import Kind, second_order_many
-from pinsing.errors import OptionError, UnknownNameError
+from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import (
     NEAR_RTOL,
     SINGULAR_RTOL,
@@ -225,10 +225,7 @@ def _free(arm: Arm, fixed: Sequence[str] | npt.ArrayLike | None) -> Bool | None:
     given = [fixed] if isinstance(fixed, str) else fixed
     array = np.asarray(given)
     if array.dtype.kind == "U":
-        for name in array.ravel():
-            if name not in arm.joints:
-                raise UnknownNameError("joint", str(name), arm.joints)
-        return np.array([name not in set(array.ravel().tolist()) for name in arm.joints])
+        return ~arm.space.mask(array.ravel().tolist())
     if array.dtype == bool and array.shape[-1:] == (arm.n,):
         return np.asarray(~array)
     if array.size == 0:

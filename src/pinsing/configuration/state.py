@@ -228,7 +228,7 @@ def at(
         tol = max(EXACT_TOL, min(3 * ratio, 0.05)) if hardly else EXACT_TOL
         lost = lost_motions(missing, J, scale.length, arm.length_scale, tool, tol, hardly)
         dependences = axis_dependences(arm, q, zero if hardly else max(DEPENDENCE_RTOL, rtol))
-    outside = tuple(np.array(arm.joints)[_outside(arm, q)].tolist())
+    outside = tuple(np.array(arm.joints)[arm.space.outside(q)].tolist())
     return State(
         arm=summarize(arm),
         q=q,
@@ -256,11 +256,6 @@ def at(
         dependences=dependences,
         notes=tuple(_notes(arm, q, r, ratio, rtol)),
     )
-
-
-def _outside(arm: Arm, q: Array) -> npt.NDArray[np.bool_]:
-    folded = arm.fold(q)
-    return np.asarray(np.abs(folded - np.clip(folded, arm.lower, arm.upper)) > 1e-9)
 
 
 def _ellipsoid(rows: Array, center: Array, unit: str) -> VelocityEllipsoid:

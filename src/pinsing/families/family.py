@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -15,6 +16,7 @@ from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError
 from pinsing.families.nearest import nearest
 from pinsing.families.zero_set import ROUNDS, project, search
+from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
 _STARTS = 384
@@ -152,6 +154,12 @@ class Family(JsonResult):
     def n(self) -> int:
         """Number of joints of the arm."""
         return len(self.lower)
+
+    @cached_property
+    def space(self) -> JointSpace:
+        """Its joints alone, by number: limits, metric, values at random."""
+        names = tuple(f"q{i + 1}" for i in range(self.n))
+        return JointSpace(names, self.prismatic, self.lower, self.upper, self.length_scale)
 
     @property
     def is_reachable(self) -> bool | None:
@@ -300,14 +308,7 @@ class Family(JsonResult):
 
         Where a limit is infinite, a whole turn (or two length scales) from the other one.
         """
-        reach = np.where(self.prismatic, self.length_scale, np.pi)
-        use = np.full(self.n, within_limits) | self.prismatic
-        low = np.where(use, self.lower, -np.inf)
-        high = np.where(use, self.upper, np.inf)
-        upper = np.where(
-            np.isfinite(high), high, np.where(np.isfinite(low), low + 2 * reach, reach)
-        )
-        return np.where(np.isfinite(low), low, upper - 2 * reach), upper
+        return self.space.range(not within_limits)
 
     def __str__(self) -> str:
         return f"{self.name}: {self.text}"
@@ -323,7 +324,7 @@ class Family(JsonResult):
         return array
 
     def _weight(self) -> Array:
-        return np.where(self.prismatic, 1.0 / self.length_scale, 1.0)
+        return np.asarray(1.0 / self.space.metric)
 
     def _free(self, branch: Branch) -> npt.NDArray[np.bool_]:
         free = np.zeros(self.n, dtype=bool)
@@ -339,7 +340,7 @@ class Family(JsonResult):
         off = q[:, joints] - np.array([v.value for v in branch.values])
         wrapped = off - 2 * np.pi * np.round(off / (2 * np.pi))
         off = np.where(self.prismatic[joints], off, wrapped)
-        return np.asarray(off * self._weight()[joints])
+        return np.asarray(off / self.space.metric[joints])
 
     def _put(self, branch: Branch, q: Array) -> Array:
         """Q (N, n) with the fixed joints at the nearest copies of their values."""

@@ -295,8 +295,7 @@ def _base(
     base = arm.check(q)
     if base.shape != (arm.n,):
         raise ConfigurationError(f"q must be one joint vector ({arm.n},), got {base.shape}")
-    folded = arm.fold(base)
-    off = np.abs(folded - np.clip(folded, arm.lower, arm.upper)) > 1e-9
+    off = arm.space.outside(base)
     off[list(moving)] = False
     if off.any() and not ignore_limits:
         name = arm.joints[int(off.argmax())]

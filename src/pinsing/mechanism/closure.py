@@ -55,7 +55,7 @@ class Loops:
         self._from = [np.array([j.idx_v for j in joints if j.nq == k], dtype=int) for k in (1, 2)]
         self._nq = int(model.nq)
         self.row_scale = np.array(scales)
-        self.column_scale = np.where(mechanism.prismatic, mechanism.length_scale, 1.0)
+        self.column_scale = mechanism.space.metric
         self.task_scale = np.where(self._task < 3, 1 / mechanism.length_scale, 1.0)
 
     def model_q(self, q: Array) -> Array:

@@ -52,7 +52,7 @@ class Trace:
 
     def passes(self, mechanism: Mechanism, q: Array, tol: float = STEP) -> bool:
         """Whether the curve runs through q (n,), whole turns aside."""
-        units = np.where(mechanism.prismatic, mechanism.length_scale, 1.0)
+        units = mechanism.space.metric
         away = mechanism.fold(q - self.q) / units
         k = int(np.argmin(np.abs(away).max(axis=1)))
         # Off the curve by its curvature only, along it by up to a step.

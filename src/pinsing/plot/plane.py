@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.errors import OptionError, UnknownNameError
+from pinsing.errors import OptionError
 from pinsing.families import Branch, Equation, Family
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import ratios
@@ -88,10 +88,7 @@ def sigma_map(
     ConfigurationError
         If q has the wrong length or is not finite.
     """
-    for name in (joint_a, joint_b):
-        if name not in arm.joints:
-            raise UnknownNameError("joint", name, arm.joints)
-    a, b = arm.joints.index(joint_a), arm.joints.index(joint_b)
+    a, b = arm.space.index(joint_a), arm.space.index(joint_b)
     if a == b:
         raise OptionError("a map needs two different joints")
     if samples < 2:
@@ -101,10 +98,7 @@ def sigma_map(
 
         families = closed_form(arm).families
     base = regular_configuration(arm) if q is None else arm.check(q)
-    lower, upper = arm.span
-    if ignore_limits:
-        lower = np.where(arm.prismatic, lower, -np.pi)
-        upper = np.where(arm.prismatic, upper, np.pi)
+    lower, upper = arm.space.range(ignore_limits)
     x, y = (np.linspace(lower[j], upper[j], samples) for j in (a, b))
     Q = np.tile(base, (samples, samples, 1))
     Q[..., a], Q[..., b] = x[None, :], y[:, None]
@@ -146,7 +140,7 @@ def sigma_map(
 def regular_configuration(arm: Arm) -> Array:
     """The most regular of some configurations within the limits; the same every time."""
     rng = np.random.default_rng(3)
-    Q = rng.uniform(*arm.span, (256, arm.n))
+    Q = arm.space.sample(256, rng)
     chosen = Q[int(np.argmax(ratios(arm, Q)))]
     # Round numbers are easier to read in a title, and as good.
     return np.asarray(np.clip(np.round(chosen, 2), *arm.span))

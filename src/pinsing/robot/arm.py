@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
@@ -13,6 +14,7 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.robot.joint_space import JointSpace, model_q
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import frame_index
 
@@ -142,6 +144,11 @@ class Arm:
             self.known[name] = compute(self)
         return cast("T", self.known[name])
 
+    @cached_property
+    def space(self) -> JointSpace:
+        """Its joints alone: limits, metric, what is outside, values at random."""
+        return JointSpace(self.joints, self.prismatic, self.lower, self.upper, self.length_scale)
+
     @property
     def n(self) -> int:
         """Number of free joints."""
@@ -154,16 +161,8 @@ class Arm:
 
     @property
     def span(self) -> tuple[Array, Array]:
-        """Range that a joint is swept or drawn at random over, (lower, upper), each (n,).
-
-        The limits where they are finite; else a full turn, or one length scale
-        to both sides for a prismatic joint.
-        """
-        reach = np.where(self.prismatic, self.length_scale, np.pi)
-        bounded = np.isfinite(self.lower) & np.isfinite(self.upper)
-        half = np.where(np.isfinite(self.lower), self.lower + 2 * reach, reach)
-        half = np.where(np.isfinite(self.upper), self.upper, half)
-        return np.where(bounded, self.lower, half - 2 * reach), half
+        """Range that a joint is swept or drawn at random over; see `JointSpace.span`."""
+        return self.space.span
 
     def with_task(self, task: Any = None, length_scale: float | None = None) -> Arm:
         """Return the same arm judged by another task or length scale."""
@@ -203,9 +202,7 @@ class Arm:
 
         A revolute value counts as inside when it is so after some whole turns.
         """
-        folded = self.fold(self.check(q))
-        inside = np.abs(folded - np.clip(folded, self.lower, self.upper)) <= slack
-        return np.asarray(inside.all(axis=-1))
+        return np.asarray(~self.space.outside(self.check(q), slack).any(axis=-1))
 
     def fold(self, q: npt.ArrayLike) -> Array:
         """Move revolute values of q (..., n) by whole turns, into the limits where possible.
@@ -213,28 +210,13 @@ class Arm:
         A value that cannot be brought inside ends as near to the limits as whole turns allow.
         Values of continuous joints end in [-pi, pi].
         """
-        q = np.array(q, dtype=float)
-        low, high = self.span
-        turn = 2 * np.pi
-        center = np.where(self.prismatic, 0.0, (low + high) / 2)
-        folded = np.where(self.prismatic, q, q - turn * np.round((q - center) / turn))
-        inside = (q >= low) & (q <= high)
-        return np.where(inside, q, folded)
+        return self.space.fold(q)
 
     def model_q(self, q: npt.ArrayLike) -> Array:
         """Pinocchio's configuration(s) for joint vector(s) q: (..., n) -> (..., model.nq)."""
         q = self.check(q)
         values = q if self.coupling is None else q @ self.coupling.matrix.T + self.coupling.offset
-        if self.model.nq == self.model.nv:
-            return values
-        out = np.empty((*q.shape[:-1], self.model.nq))
-        for joint in self.model.joints[1:]:
-            value = values[..., joint.idx_v]
-            if joint.nq == 2:
-                out[..., joint.idx_q], out[..., joint.idx_q + 1] = np.cos(value), np.sin(value)
-            else:
-                out[..., joint.idx_q] = value
-        return out
+        return model_q(self.model, values)
 
     def __str__(self) -> str:
         return (

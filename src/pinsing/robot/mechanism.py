@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -10,8 +11,9 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.robot.arm import Source
+from pinsing.robot.joint_space import JointSpace, model_q
 from pinsing.robot.task import Task
 from pinsing.robot.tip import frame_index
 
@@ -107,6 +109,11 @@ class Mechanism:
         for array in (self.lower, self.upper, self.prismatic, self.home):
             array.setflags(write=False)
 
+    @cached_property
+    def space(self) -> JointSpace:
+        """All its joints: limits, metric, what is outside, values at random."""
+        return JointSpace(self.joints, self.prismatic, self.lower, self.upper, self.length_scale)
+
     @property
     def n(self) -> int:
         """Number of joints of the tree."""
@@ -140,10 +147,7 @@ class Mechanism:
         UnknownNameError
             If a joint does not exist.
         """
-        for name in names:
-            if name not in self.joints:
-                raise UnknownNameError("joint", name, self.joints)
-        return replace(self, actuated=tuple(self.joints.index(name) for name in names))
+        return replace(self, actuated=tuple(self.space.index(name) for name in names))
 
     def check(self, q: npt.ArrayLike) -> Array:
         """Return ``q`` as a float array of shape (..., n), or say what is wrong with it.
@@ -167,23 +171,11 @@ class Mechanism:
 
     def model_q(self, q: npt.ArrayLike) -> Array:
         """Pinocchio's configuration(s) for joint vector(s) q: (..., n) -> (..., model.nq)."""
-        q = self.check(q)
-        if self.model.nq == self.model.nv:
-            return q
-        out = np.empty((*q.shape[:-1], self.model.nq))
-        for joint in self.model.joints[1:]:
-            value = q[..., joint.idx_v]
-            if joint.nq == 2:
-                out[..., joint.idx_q], out[..., joint.idx_q + 1] = np.cos(value), np.sin(value)
-            else:
-                out[..., joint.idx_q] = value
-        return out
+        return model_q(self.model, self.check(q))
 
     def fold(self, q: npt.ArrayLike) -> Array:
         """Move revolute values of q (..., n) by whole turns to within half a turn of zero."""
-        q = np.array(q, dtype=float)
-        turned = np.mod(q + np.pi, 2 * np.pi) - np.pi
-        return np.where(self.prismatic, q, turned)
+        return self.space.wrap(q)
 
     def __str__(self) -> str:
         loops = ", ".join(str(loop) for loop in self.loops)

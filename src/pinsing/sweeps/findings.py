@@ -23,7 +23,7 @@ from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, Status, ratios
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
 from pinsing.sweeps.curves import CurveTable
-from pinsing.sweeps.generalize import SAMPLES, ConditionTester, random_configurations
+from pinsing.sweeps.generalize import SAMPLES, ConditionTester
 from pinsing.sweeps.joint_condition import JointCondition
 from pinsing.sweeps.result import SweepResult
 
@@ -153,10 +153,7 @@ def _refined(exact: Arm, result: SweepResult, random_starts: int) -> _Points:
         q for q, row in zip(plan.uniform, result.uniform, strict=True) if row.status != "regular"
     ]
     rng = np.random.default_rng(plan.seed)
-    if plan.ignore_limits:
-        extra += list(random_configurations(exact, random_starts, rng))
-    else:
-        extra += list(rng.uniform(*exact.span, (random_starts, exact.n)))
+    extra += list(exact.space.sample(random_starts, rng, plan.ignore_limits))
     q = np.array([*along, *extra]).reshape(-1, exact.n)
     ratio = _ratios(exact, q)
     # What stays blunt along its own curve may still be near a singularity of all joints.
@@ -266,7 +263,7 @@ class _Collector:
         """Members of a condition, within the limits if there are any; and whether there are."""
         exact, rng = self.exact, np.random.default_rng(self.result.plan.seed)
         rest = np.clip(exact.fold(self.result.plan.nominal), exact.lower, exact.upper)
-        Q = np.concatenate([rest[None], rng.uniform(*exact.span, (_CANDIDATES - 1, exact.n))])
+        Q = np.concatenate([rest[None], exact.space.sample(_CANDIDATES - 1, rng)])
         fixed = [exact.joints.index(name) for name in condition.fixed]
         Q[:, fixed] = list(condition.fixed.values())
         Q = exact.fold(Q)

@@ -335,9 +335,7 @@ class ConditionTester:
 
 def random_configurations(arm: Arm, count: int, rng: np.random.Generator) -> Array:
     """Random joint vectors (count, n): whole circles, and the span of prismatic joints."""
-    low, high = arm.span
-    low, high = np.where(arm.prismatic, low, -np.pi), np.where(arm.prismatic, high, np.pi)
-    return rng.uniform(low, high, (count, arm.n))
+    return arm.space.sample(count, rng, ignore_limits=True)
 
 
 def special_nearby(arm: Arm, q: Array) -> Array:

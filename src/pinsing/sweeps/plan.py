@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.errors import OptionError, UnknownNameError
+from pinsing.errors import OptionError
 from pinsing.geometry.nominal import nominal as nominal_geometry
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import singular_values
@@ -274,10 +274,7 @@ def _levels(levels: int | Iterable[int] | None, n: int) -> tuple[int, ...]:
 def _joints(arm: Arm, joints: Sequence[str] | None) -> tuple[int, ...]:
     if joints is None:
         return tuple(range(arm.n))
-    for name in joints:
-        if name not in arm.joints:
-            raise UnknownNameError("joint", name, arm.joints)
-    return tuple(sorted({arm.joints.index(name) for name in joints}))
+    return tuple(sorted({arm.space.index(name) for name in joints}))
 
 
 def _effects(

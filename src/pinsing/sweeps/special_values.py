@@ -13,7 +13,6 @@ from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, ratios
 from pinsing.robot.arm import Arm
-from pinsing.sweeps.generalize import random_configurations
 from pinsing.sweeps.joint_condition import value_text
 
 SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
@@ -29,9 +28,7 @@ _TURN = 2 * math.pi
 
 def moving_ranges(arm: Arm, ignore_limits: bool, notes: list[str] | None = None) -> Array:
     """Range (n, 2) that each joint moves over: its limits, but no more than one turn."""
-    low, high = arm.span
-    if ignore_limits:
-        low, high = np.where(arm.prismatic, low, -np.pi), np.where(arm.prismatic, high, np.pi)
+    low, high = arm.space.range(ignore_limits)
     long = ~arm.prismatic & (high - low > _TURN * (1 + 1e-6))
     # From -pi on if that is in the range.
     low = np.where(long, np.maximum(low, np.minimum(-np.pi, high - _TURN)), low)
@@ -87,9 +84,7 @@ def choose_nominal(
     if given is not None:
         q = arm.check(given).reshape(arm.n)
         if not ignore_limits and not arm.within_limits(q):
-            folded = arm.fold(q)
-            bad = np.flatnonzero((folded < arm.lower - 1e-9) | (folded > arm.upper + 1e-9))
-            names = ", ".join(arm.joints[i] for i in bad)
+            names = ", ".join(np.array(arm.joints)[arm.space.outside(q)])
             raise ConfigurationError(
                 f"the nominal configuration is outside the limits of {names}; "
                 "change it, or sweep with ignore_limits"
@@ -107,10 +102,7 @@ def choose_nominal(
     inside = ignore_limits or bool(arm.within_limits(paper))
     if inside and ratios(arm, paper)[0] > NEAR_RTOL:
         return paper, "pi/3"
-    if ignore_limits:
-        tries = random_configurations(arm, _NOMINAL_TRIES, rng)
-    else:
-        tries = rng.uniform(low, high, (_NOMINAL_TRIES, arm.n))
+    tries = arm.space.sample(_NOMINAL_TRIES, rng, ignore_limits)
     ratio = ratios(arm, tries)
     if ratio.max() <= SINGULAR_RTOL:
         raise ConfigurationError(

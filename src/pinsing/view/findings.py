@@ -66,7 +66,7 @@ class FixedJoints:
 
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Configurations (n, n_joints) within the limits, none if a value is outside."""
-        Q = rng.uniform(*self.arm.span, (n, self.arm.n))
+        Q = self.arm.space.sample(n, rng)
         for j, value in self.values[0].items():
             Q[:, j] = value
         return Q[self.arm.within_limits(Q)]

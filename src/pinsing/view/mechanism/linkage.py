@@ -52,11 +52,8 @@ class Linkage:
 
     @property
     def span(self) -> tuple[Array, Array]:
-        """The limits; a full turn, or a length scale to both sides, where there are none."""
-        m = self.mechanism
-        reach = np.where(m.prismatic, m.length_scale, np.pi)
-        free = ~(np.isfinite(m.lower) & np.isfinite(m.upper))
-        return np.where(free, -reach, m.lower), np.where(free, reach, m.upper)
+        """The limits, and where there are none what `JointSpace.span` has instead."""
+        return self.mechanism.space.span
 
     @property
     def source(self) -> Source:

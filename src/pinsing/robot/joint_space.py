@@ -1,0 +1,139 @@
+"""Joint space: names, limits, what counts as far, what is outside, values at random.
+
+An arm, a family of its singular configurations and a mechanism each have one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing._types import Array, Bool
+from pinsing.errors import UnknownNameError
+
+SLACK = 1e-9
+"""Radians or metres; a value this far beyond a limit is still inside."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointSpace:
+    """What is known of the joints alone, whatever they carry.
+
+    Attributes
+    ----------
+    names : tuple of str
+        One for each joint.
+    prismatic : (n,) array of bool
+        Which of them slide.
+    lower, upper : (n,) arrays
+        Limits, radians or metres; infinite where there are none.
+    length_scale : float
+        Metres that count as one radian.
+    """
+
+    names: tuple[str, ...]
+    prismatic: Bool
+    lower: Array
+    upper: Array
+    length_scale: float
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.names)
+
+    @cached_property
+    def metric(self) -> Array:
+        """What counts as one radian: 1, or the length scale of a prismatic joint, (n,)."""
+        return np.where(self.prismatic, self.length_scale, 1.0)
+
+    @cached_property
+    def span(self) -> tuple[Array, Array]:
+        """Range that a joint is swept or drawn at random over, (lower, upper), each (n,).
+
+        The limits where they are finite; else a full turn, or one length scale
+        to both sides for a prismatic joint; beside one limit, twice that from it on.
+        """
+        reach = np.where(self.prismatic, self.length_scale, np.pi)
+        high = np.where(np.isfinite(self.lower), self.lower + 2 * reach, reach)
+        high = np.where(np.isfinite(self.upper), self.upper, high)
+        return np.where(np.isfinite(self.lower), self.lower, high - 2 * reach), high
+
+    @cached_property
+    def circles(self) -> tuple[Array, Array]:
+        """As `span`, with whole circles of all revolute joints, whatever their limits."""
+        low, high = self.span
+        return np.where(self.prismatic, low, -np.pi), np.where(self.prismatic, high, np.pi)
+
+    def range(self, ignore_limits: bool) -> tuple[Array, Array]:
+        """`circles` or `span`."""
+        return self.circles if ignore_limits else self.span
+
+    def index(self, name: str) -> int:
+        """Place of the joint ``name``.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none.
+        """
+        if name not in self.names:
+            raise UnknownNameError("joint", name, self.names)
+        return self.names.index(name)
+
+    def mask(self, names: Iterable[str]) -> Bool:
+        """Which joints (n,) are among ``names``; as `index`."""
+        found = np.zeros(self.n, dtype=bool)
+        found[[self.index(name) for name in names]] = True
+        return found
+
+    def wrap(self, q: npt.ArrayLike) -> Array:
+        """Revolute values, or differences of such, (..., n) within half a turn of zero."""
+        q = np.array(q, dtype=float)
+        turned = np.mod(q + np.pi, 2 * np.pi) - np.pi
+        return np.where(self.prismatic, q, turned)
+
+    def fold(self, q: npt.ArrayLike) -> Array:
+        """Move revolute values of q (..., n) by whole turns, into the limits where possible.
+
+        A value that cannot be brought inside ends as near to the limits as whole turns allow.
+        Values of continuous joints end in [-pi, pi].
+        """
+        q = np.array(q, dtype=float)
+        low, high = self.span
+        turn = 2 * np.pi
+        center = np.where(self.prismatic, 0.0, (low + high) / 2)
+        folded = np.where(self.prismatic, q, q - turn * np.round((q - center) / turn))
+        inside = (q >= low) & (q <= high)
+        return np.where(inside, q, folded)
+
+    def outside(self, q: npt.ArrayLike, slack: float = SLACK) -> Bool:
+        """Which values of q (..., n) are beyond a limit, whole turns aside."""
+        folded = self.fold(q)
+        return np.asarray(np.abs(folded - np.clip(folded, self.lower, self.upper)) > slack)
+
+    def sample(self, count: int, rng: np.random.Generator, ignore_limits: bool = False) -> Array:
+        """Random joint vectors (count, n) in `range`."""
+        return rng.uniform(*self.range(ignore_limits), (count, self.n))
+
+
+def model_q(model: pin.Model, values: Array) -> Array:
+    """Pinocchio's configurations (..., nq) for one value of each joint (..., nv).
+
+    A continuous joint has its cosine and sine there.
+    """
+    if model.nq == model.nv:
+        return values
+    out = np.empty((*values.shape[:-1], model.nq))
+    for joint in model.joints[1:]:
+        value = values[..., joint.idx_v]
+        if joint.nq == 2:
+            out[..., joint.idx_q], out[..., joint.idx_q + 1] = np.cos(value), np.sin(value)
+        else:
+            out[..., joint.idx_q] = value
+    return out
