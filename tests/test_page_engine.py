@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 import pinsing
 from pinsing import closed_form, load, singular_values
-from pinsing.kinematics.jacobian import sigma_ratios
-from pinsing.measures import status_of
+from pinsing.kinematics.verdict import ratios, status_of
 from pinsing.robot.arm import Arm
 from pinsing.view.ellipsoids import sizes
 from pinsing.view.engine_data import engine_data
@@ -84,7 +83,9 @@ def arm_of(name: str, tmp_path: Path) -> Arm:
         path = tmp_path / "pair.urdf"
         path.write_text(MIMIC)
         return load(path, task="vx,vz")
-    return load(name)
+    name, _, scale = name.partition(" at ")
+    name, _, task = name.partition(" ")
+    return load(name, task=task or "pose", length_scale=float(scale or 1))
 
 
 def flat(place: pin.SE3) -> list[float]:
@@ -92,10 +93,11 @@ def flat(place: pin.SE3) -> list[float]:
 
 
 ARMS = ("ur5", "stanford", "surgical7", "panda", "kinova", "scara", "mimic")
+ODD = ("stanford at 3e8", "stanford vz,wx at 1e-10", "planar3r vx", "planar3r position at 3e8")
 
 
 @needs_node
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", ARMS + ODD)
 def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) -> None:
     """Prismatic, continuous and mimic joints among them; singular configurations too."""
     arm = arm_of(name, tmp_path)
@@ -124,7 +126,7 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
     mine = np.array([h["sigma"][: sigma.shape[1]] for h in found])
     assert (np.abs(mine - sigma) <= 1e-10 * sigma[:, :1]).all()
     statuses = [h["status"] for h in found]
-    assert statuses == [status_of(float(x)) for x in sigma_ratios(arm, sigma)]
+    assert statuses == [status_of(float(x)) for x in ratios(arm, Q)]
     assert {"singular", "regular"} <= set(statuses)
 
 

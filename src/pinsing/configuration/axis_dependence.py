@@ -149,21 +149,24 @@ def arm_centres(arm: Arm) -> tuple[Centre, ...]:
 
 def moving_columns(arm: Arm) -> tuple[int, ...]:
     """Joints (indices) that move the task at some configuration."""
-    generic = scale_rows(arm, _generic_jacobians(nominal(arm).arm))
-    general = np.linalg.norm(generic, axis=1).max(axis=0)
+    general = np.linalg.norm(_generic_task(arm), axis=1).max(axis=0)
     return tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
+
+
+def _generic_task(arm: Arm) -> Array:
+    """Task Jacobians (k, m, n) of the nominal geometry at random configurations, without units."""
+    exact = nominal(arm).arm
+    return own_scale(exact).apply(exact, _generic_jacobians(exact))
 
 
 class _Columns:
     """Ranks of sets of columns of one task Jacobian, here and in general."""
 
     def __init__(self, arm: Arm, J: Array, rtol: float) -> None:
-        exact = nominal(arm).arm
         self.J = own_scale(arm).apply(arm, J)
-        self.generic = own_scale(exact).apply(exact, _generic_jacobians(exact))
+        self.generic = _generic_task(arm)
         self.zero = zero_of(arm, singular_values(self.J), rtol)
-        general = np.linalg.norm(self.generic, axis=1).max(axis=0)
-        self.used = tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
+        self.used = moving_columns(arm)
         r = generic_rank(arm)
         self.spare = len(self.used) - r
         self.lost = r - self.rank(self.used)

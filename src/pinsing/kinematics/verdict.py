@@ -38,6 +38,7 @@ __all__ = [
     "ratios",
     "scale_notes",
     "status_of",
+    "task_size",
     "zero_of",
 ]
 
@@ -75,9 +76,18 @@ def generic_rank(arm: Arm) -> int:
     return arm.once("generic_rank", _generic_rank)
 
 
+def task_size(arm: Arm) -> float:
+    """What sigma_1 at the arm's own scale is compared with where the whole task can vanish.
+
+    Zero for ``pose``, whose columns are never zero; else the median of sigma_1 at random
+    configurations.
+    """
+    return arm.once("task_size", _task_size)
+
+
 def ratio_of(arm: Arm, own_sigma: npt.ArrayLike) -> Array:
     """Measure of verdicts (...,) from singular values (..., k >= r) at the arm's own scale."""
-    return sigma_ratio(own_sigma, generic_rank(arm), arm.once("task_size", _task_size))
+    return sigma_ratio(own_sigma, generic_rank(arm), task_size(arm))
 
 
 def rank_of(arm: Arm, own_sigma: Array, rtol: float = SINGULAR_RTOL) -> int:
@@ -87,14 +97,14 @@ def rank_of(arm: Arm, own_sigma: Array, rtol: float = SINGULAR_RTOL) -> int:
 
 def zero_of(arm: Arm, own_sigma: Array, rtol: float = SINGULAR_RTOL) -> float:
     """Up to what a singular value is zero, beside ``own_sigma`` (k,) of the whole Jacobian."""
-    return rtol * max(float(own_sigma[0]), arm.once("task_size", _task_size))
+    return rtol * max(float(own_sigma[0]), task_size(arm))
 
 
 def own_shares(arm: Arm, Q: npt.ArrayLike) -> Array:
     """sigma_k / sigma_1 for k = 1 ... r at the arm's own scale, (N, r); the last are the ratios."""
     own = batch(arm).own_sigma(np.atleast_2d(arm.check(Q)))
     count = range(1, generic_rank(arm) + 1)
-    size = arm.once("task_size", _task_size)
+    size = task_size(arm)
     return np.stack([sigma_ratio(own, k, size) for k in count], axis=1)
 
 
@@ -118,8 +128,11 @@ def ratios(arm: Arm, Q: npt.ArrayLike, engine: str = "auto") -> Array:
 
 def basis(arm: Arm) -> dict[str, object]:
     """What verdicts on ``arm`` stand on, for the `known` of a copy that is sent elsewhere."""
-    generic_rank(arm), own_scale(arm), arm.once("task_size", _task_size)
-    return {name: arm.known[name] for name in ("generic_rank", "own_scale", "task_size")}
+    return {
+        "generic_rank": generic_rank(arm),
+        "own_scale": own_scale(arm),
+        "task_size": task_size(arm),
+    }
 
 
 def check_tolerances(rtol: float, near_rtol: float) -> None:
@@ -160,11 +173,6 @@ def _generic_rank(arm: Arm) -> int:
 
 
 def _task_size(arm: Arm) -> float:
-    """What sigma_1 is compared with where the whole task Jacobian can vanish.
-
-    Zero for ``pose``, whose columns are never zero; else the median of sigma_1 at random
-    configurations.
-    """
     if arm.task.name == "pose":
         return 0.0
     found = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _SIZE_SAMPLES))

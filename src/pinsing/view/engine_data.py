@@ -12,8 +12,8 @@ from pinsing.configuration.axis_dependence import arm_centres, moving_columns
 from pinsing.configuration.state import never_produced
 from pinsing.families.family import Branch
 from pinsing.geometry.nominal import nominal
-from pinsing.kinematics.jacobian import generic_rank, task_size
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.view.ellipsoids import FLOOR, Sizes
@@ -28,7 +28,8 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
     Keys: ``schema``; ``chain`` (placements of the joints of the model, metres, and how each
     follows q) and ``nominal``, the same of the nominal geometry where that differs; ``task``
     (rows of the frame Jacobian, length scale, generic rank, joints that ever move it, task
-    directions that are never produced, (k, 6)); ``judge`` (tolerances of the verdict);
+    directions that are never produced, (k, 6)); ``judge`` (tolerances of the
+    verdict, and the arm's own scale that it is taken at);
     ``joints`` (limits, None where infinite); ``families`` (branches: joint values and equations
     as in `Equation`); ``centres`` (joints whose axes always meet, with a name); ``sizes``.
     """
@@ -49,7 +50,13 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
             "used": list(moving_columns(arm)),
             "never": never.tolist(),
         },
-        "judge": {"rtol": SINGULAR_RTOL, "nearRtol": NEAR_RTOL, "size": task_size(arm)},
+        "judge": {
+            "rtol": SINGULAR_RTOL,
+            "nearRtol": NEAR_RTOL,
+            "size": task_size(arm),
+            "length": own_scale(arm).length,
+            "columns": _numbers(own_scale(arm).columns),
+        },
         "joints": [
             {
                 "name": name,

@@ -1,7 +1,8 @@
 // Everything that the page shows of an arm at one configuration.
 //
 // `data` is the "engine" part of the page's JSON: { chain, nominal, task: { rows, lengthScale,
-// rank, used, never }, judge: { rtol, nearRtol, size }, joints, families, centres, sizes }.
+// rank, used, never }, judge: { rtol, nearRtol, size, length, columns }, joints, families, centres,
+// sizes }. The verdict is taken at the arm's own scale (`length`, `columns`), sigma at the task's.
 
 import { jacobian, placements, tipOf } from "./chain.mjs";
 import { apart, distance } from "./families.mjs";
@@ -17,21 +18,21 @@ export function measure(data, q) {
   const { task, judge } = data;
   const places = placements(data.chain, q), tip = tipOf(data.chain, places);
   const J = jacobian(data.chain, places), Js = taskRows(J, task);
-  const { sigma, left } = svd(Js);
-  return { places, tip, J, Js, sigma, left, ...verdictOf(verdictSigma(data, J, sigma), task.rank, judge) };
+  const at = svd(Js), own = ownScale(data) ? { Js, ...at } : ownTask(data, J);
+  return { places, tip, J, sigma: at.sigma, own, ...verdictOf(own.sigma, task.rank, judge) };
 }
 
 // Numbers, placements, ellipsoids and words at q (n).
 export function frameAt(data, q, families = data.families) {
   const { task, judge, sizes } = data;
-  const { places, tip, J, Js, sigma, left, ratio, status } = measure(data, q);
+  const { places, tip, J, sigma, own, ratio, status } = measure(data, q);
   const zero = status === "near-singular" ? Math.min(3 * ratio, judge.nearRtol) : judge.rtol;
-  const largest = Math.max(sigma[0], judge.size);
-  const rankAt = (tol) => sigma.filter((s) => s > tol * largest).length;
+  const largest = Math.max(own.sigma[0], judge.size);
+  const rankAt = (tol) => own.sigma.filter((s) => s > tol * largest).length;
   const rank = rankAt(zero), here = nearestFamily(data, q, families);
-  const lost = status === "regular" ? [] : losses(data, J, left.slice(rank), { tip, status, ratio });
+  const lost = status === "regular" ? [] : losses(data, J, own.left.slice(rank), { tip, status, ratio });
   const dependent = status === "regular" ? []
-    : causes(Js, task.used, task.rank, (status === "near-singular" ? zero : Math.max(1e-8, judge.rtol)) * sigma[0]);
+    : causes(own.Js, task.used, task.rank, (status === "near-singular" ? zero : Math.max(1e-8, judge.rtol)) * largest);
   return {
     q: q.slice(),
     links: places.map(({ R, t }) => [...t, ...quaternion(R)]),
@@ -51,12 +52,13 @@ export function frameAt(data, q, families = data.families) {
   };
 }
 
-// Singular values that the verdict rests on: those of the task, or, where the page says so, with
-// translations over the arm's own length.
-function verdictSigma(data, J, sigma) {
-  const { judge, task } = data;
-  if (judge.lengthScale === undefined || judge.lengthScale === task.lengthScale) return sigma;
-  return svd(taskRows(J, { ...task, lengthScale: judge.lengthScale })).sigma;
+// Whether the scale of the task is the arm's own, which verdicts are taken at.
+const ownScale = ({ judge, task }) => judge.length === task.lengthScale && judge.columns.every((c) => c === 1);
+
+// The task Jacobian at the arm's own scale, without units, and its decomposition.
+function ownTask({ judge, task }, J) {
+  const Js = taskRows(J, { ...task, lengthScale: judge.length }).map((row) => row.map((x, i) => x * judge.columns[i]));
+  return { Js, ...svd(Js) };
 }
 
 // Joints outside their limits, whole turns aside.
@@ -89,7 +91,7 @@ function losses(data, J, missing, { tip, status, ratio }) {
   }
   const tool = { position: tip.t, rotation: tip.R, size: sizeOf(J), landmarks: landmarks(data, J, tip.t) };
   const tol = hardly ? Math.max(EXACT, Math.min(3 * ratio, 0.05)) : EXACT;
-  return lostMotions(basis, J, task.lengthScale, tool, tol, hardly, judge);
+  return lostMotions(basis, J, judge.length, tool, tol, hardly);
 }
 
 // Greatest speed of the tip at unit speed of one turning joint: how long the arm is, metres.
@@ -150,7 +152,7 @@ const list = (items) => `${items.slice(0, -1).join(", ")} and ${items[items.leng
 function notes(data, q, ratio) {
   if (!data.nominal || ratio <= data.judge.rtol) return [];
   const J = jacobian(data.nominal, placements(data.nominal, q));
-  const there = verdictOf(verdictSigma(data, J, svd(taskRows(J, data.task)).sigma), data.task.rank, data.judge);
+  const there = verdictOf(ownTask(data, J).sigma, data.task.rank, data.judge);
   return there.status === "singular"
     ? [`singular if the rounded numbers of the file are made exact (nominal geometry): ratio ${there.ratio.toExponential(1)} there`]
     : [];
