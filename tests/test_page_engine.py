@@ -93,7 +93,7 @@ def flat(place: pin.SE3) -> list[float]:
 
 
 ARMS = ("ur5", "stanford", "surgical7", "panda", "kinova", "scara", "mimic")
-ODD = ("stanford at 3e8", "stanford vz,wx at 1e-10", "planar3r vx", "planar3r position at 3e8")
+ODD = ("stanford at 3e8", "stanford vz,wx at 1e-3", "planar3r vx", "planar3r position at 3e8")
 
 
 @needs_node
