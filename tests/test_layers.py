@@ -35,6 +35,7 @@ ORDER = (
     "geometry",
     "kinematics",
     "algebra",
+    "proof",
     "configuration",
     "runs",
     "families",

@@ -214,7 +214,9 @@ def analyze(
         angle_tol, snap_length = min(angle_tol, _RAW_ANGLE_TOL), 0.0
     exact = nominal_geometry(arm, angle_tol, snap_length).arm
     swept = exact if geometry == "nominal" else arm
-    forms = closed_form(arm, seconds=seconds, angle_tol=angle_tol, snap_length=snap_length)
+    forms = closed_form(
+        arm, seconds=seconds, angle_tol=angle_tol, snap_length=snap_length, prove=None
+    )
     result = sweep(
         swept,
         nominal=nominal,

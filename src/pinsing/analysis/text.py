@@ -85,16 +85,17 @@ def families_text(forms: ClosedForm, page: Page = PLAIN, degrees: bool = False) 
     if not count and forms.complete:
         head: tuple[Span, ...] = (
             "No singular configurations: the rank is the same everywhere (",
-            good("complete"),
+            _word(forms),
             f"; closed forms, {unbroken(f'{1e3 * forms.seconds:.0f} ms')}).",
         )
     else:
         what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations, "
-        state = good("complete") if forms.complete else caution("NOT complete")
-        head = what, state, f" (closed forms, {unbroken(f'{1e3 * forms.seconds:.0f} ms')}):"
+        head = what, _word(forms), f" (closed forms, {unbroken(f'{1e3 * forms.seconds:.0f} ms')}):"
     lines = [page.paragraph(*head)]
     for gap in forms.gaps:
         lines.append(page.paragraph(caution("not complete"), f": {gap}", first="  "))
+    if forms.word != "not complete":
+        lines.append(proof_text(forms, page))
     for family in forms.families:
         lines.append(page.paragraph(formula(family.text), first=f"  {family.name}  "))
         lines += [page.paragraph(text, first="      ") for text in _meaning(family)]
@@ -110,6 +111,32 @@ def families_text(forms: ClosedForm, page: Page = PLAIN, degrees: bool = False) 
     if named:
         lines.append(page.paragraph("where " + ", ".join(named), first="  "))
     return "\n".join(lines)
+
+
+def _word(forms: ClosedForm) -> Span:
+    """Proven, probable or NOT complete."""
+    if forms.word == "proven":
+        return good("proven")
+    return "probable" if forms.complete else caution("NOT complete")
+
+
+def proof_text(forms: ClosedForm, page: Page = PLAIN) -> str:
+    """What the word rests on: a certificate, or random points."""
+    proof = forms.proof
+    if proof is not None and proof.accepted:
+        size = unbroken(f"{proof.size / 1e3:.1f} kB")
+        took = unbroken(f"{1e3 * proof.check_seconds:.0f} ms")
+        return page.paragraph(
+            good("proven"), f": certificate of {size}, checked in {took}", first="  "
+        )
+    if proof is None:
+        return page.paragraph("probable: no certificate was looked for", first="  ")
+    primes = " and ".join(str(p) for p in proof.primes)
+    return page.paragraph(
+        "probable: nothing is known to be missing, but some steps were decided at random points "
+        f"modulo {primes}, each wrong with a chance below 1e-14; no certificate: {proof.reason}",
+        first="  ",
+    )
 
 
 def _meaning(family: Family) -> Iterator[str]:

@@ -1,6 +1,7 @@
 """The ``pinsing`` command: its groups, and how it ends.
 
-Exit codes: 0, the work is done; 1, done and singular, with ``--fail-if-singular`` only;
+Exit codes: 0, the work is done; 1, done and singular, with ``--fail-if-singular`` only, or a
+certificate was rejected;
 2, bad input; 130, stopped with Ctrl-C.
 """
 
@@ -15,11 +16,12 @@ import click
 
 from pinsing._version import __version__
 from pinsing.cli.at import at_command
+from pinsing.cli.families import families_command, verify_command
 from pinsing.cli.map import map_command
 from pinsing.cli.output import STOPPED, complain, say
 from pinsing.cli.plot import plot_command
 from pinsing.cli.robots import dh_command, info_command, list_command
-from pinsing.cli.singularities import analyze_command, families_command, sweep_command
+from pinsing.cli.singularities import analyze_command, sweep_command
 from pinsing.cli.view import view_command
 from pinsing.errors import PinsingError, UnknownNameError
 
@@ -80,7 +82,7 @@ def command() -> None:
 
     \b
     Exit codes:  0  done
-                 1  done and singular (only with --fail-if-singular)
+                 1  done and singular (only with --fail-if-singular); verify: rejected
                  2  bad input
                130  stopped with Ctrl-C
     """  # noqa: D301
@@ -93,6 +95,7 @@ for _part in (
     sweep_command,
     map_command,
     families_command,
+    verify_command,
     view_command,
     plot_command,
     dh_command,

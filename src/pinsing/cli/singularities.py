@@ -1,4 +1,4 @@
-"""``pinsing analyze``, ``pinsing sweep`` and ``pinsing families``: all singular configurations."""
+"""``pinsing analyze`` and ``pinsing sweep``: all singular configurations."""
 
 from __future__ import annotations
 
@@ -307,33 +307,3 @@ def analyze_command(
     if not analysis.sweep_complete:
         return STOPPED
     return int(fail_if_singular and analysis.singular)
-
-
-@click.command("families", short_help="All families as equations.")
-@arm_options
-@click.option("--latex", is_flag=True, help="Equations as LaTeX.")
-@algebra_options
-@deg_option
-@json_option
-@fail_option
-def families_command(
-    request: RobotRequest,
-    latex: bool,
-    deg: bool,
-    algebra: dict[str, Any],
-    json_target: str | Path | None,
-    fail_if_singular: bool,
-) -> int:
-    """Closed forms: every family of singular configurations of ROBOT, as equations.
-
-    With --fail-if-singular, exits with 1 if any family is reachable within the joint limits.
-    """
-    arm = request.load()
-    from pinsing.analysis.text import families_text
-    from pinsing.families import closed_form
-    from pinsing.report.latex import families_latex
-
-    found = closed_form(arm, **algebra)
-    if not emit_json(found, json_target):
-        emit(families_latex(found) if latex else families_text(found, Page.of(), deg))
-    return int(fail_if_singular and any(f.is_reachable for f in found.families))

@@ -2,6 +2,7 @@
 
 from pinsing.algebra.equation import Equation
 from pinsing.families.family import Branch, Distance, Family, JointValue
+from pinsing.families.proving import Proof, prove
 from pinsing.families.solve import ClosedForm, closed_form, joint_symbols
 
 __all__ = [
@@ -11,6 +12,8 @@ __all__ = [
     "Equation",
     "Family",
     "JointValue",
+    "Proof",
     "closed_form",
     "joint_symbols",
+    "prove",
 ]

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from pinsing.errors import OptionError
 from pinsing.families.example import readable
 from pinsing.families.family import Branch, Family
 from pinsing.families.pieces import Piece, PieceMaker
+from pinsing.families.proving import LONG, SHORT, Proof
+from pinsing.families.proving import prove as add_proof
 from pinsing.families.statement import mirror_key, statement
 from pinsing.families.zero_set import gradients, proven_empty
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
@@ -76,9 +78,11 @@ class ClosedForm(JsonResult):
         The components that ``dropped`` counts, exactly; not written to JSON.
     geometry : Nominal or None
         The exact chain that all of this is true of; not written to JSON.
+    proof : Proof or None
+        What became of the search for a certificate; None where there was none.
     """
 
-    schema: ClassVar[str] = "pinsing/closed_form/1"
+    schema: ClassVar[str] = "pinsing/closed_form/2"
 
     arm: ArmSummary
     symbols: tuple[str, ...]
@@ -93,6 +97,19 @@ class ClosedForm(JsonResult):
     seconds: float
     left_out: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
     geometry: Nominal | None = field(default=None, repr=False, metadata={"json": False})
+    proof: Proof | None = field(default=None)
+
+    @property
+    def word(self) -> str:
+        """How sure it is that nothing is missing: proven, probable, or not complete."""
+        if self.proof is not None and self.proof.accepted:
+            return "proven"
+        return "probable" if self.complete else "not complete"
+
+    @property
+    def certificate(self) -> dict[str, Any] | None:
+        """What a program that knows nothing of pinsing checks; None where nothing is proven."""
+        return None if self.proof is None else self.proof.certificate
 
     @property
     def legend(self) -> tuple[tuple[str, str], ...]:
@@ -109,7 +126,7 @@ class ClosedForm(JsonResult):
         return "\n".join([r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
 
     def __str__(self) -> str:
-        state = "complete" if self.complete else "NOT complete: " + "; ".join(self.gaps)
+        state = self.word if self.complete else "NOT complete: " + "; ".join(self.gaps)
         lines = [
             f"{self.arm.name}: {len(self.families)} families of singular configurations "
             f"(rank < {self.generic_rank}, task {self.arm.task}), {state}"
@@ -129,6 +146,8 @@ def closed_form(
     seconds: float = 10.0,
     angle_tol: float = ANGLE_TOL,
     snap_length: float = 0.0,
+    prove: bool | None = False,
+    progress: Callable[[str], None] | None = None,
 ) -> ClosedForm:
     """Find all families of singular configurations, exactly, on the nominal geometry.
 
@@ -142,6 +161,11 @@ def closed_form(
         at most, or as long as a short look at each family takes.
     angle_tol, snap_length : float
         As in ``nominal``: radians, metres.
+    prove : bool or None
+        Whether to look for a certificate that nothing is missing, for up to a minute; None: for
+        up to a second. It comes after the answer: `prove` adds one to an answer that is there.
+    progress : callable
+        Told now and then how far the search for a certificate is.
 
     Returns
     -------
@@ -185,7 +209,7 @@ def closed_form(
                 "sets were found whose equations hold at regular configurations too: left out"
             )
         families = [_named(f, i) for i, f in enumerate(sorted(stated, key=_order), 1)]
-    return ClosedForm(
+    found = ClosedForm(
         arm=summarize(arm),
         symbols=symbols,
         generic_rank=rank,
@@ -200,6 +224,9 @@ def closed_form(
         jacobian_change=geometry.jacobian_change,
         seconds=time.monotonic() - started,
     )
+    if prove is False:
+        return found
+    return add_proof(found, SHORT if prove is None else LONG, progress)
 
 
 def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:

@@ -1,0 +1,147 @@
+"""``pinsing families`` and ``pinsing verify``: closed forms, and certificates that they are all."""
+
+from __future__ import annotations
+
+import contextlib
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pinsing.cli.options import RobotRequest, arm_options, deg_option, fail_option, json_option
+from pinsing.cli.output import OutputFile, emit, emit_json, say
+from pinsing.cli.singularities import algebra_options
+from pinsing.errors import OptionError, RobotFileError
+from pinsing.prose import Page, is_terminal
+
+_REDRAW_SECONDS = 0.1
+
+
+@click.command("families", short_help="All families as equations.")
+@arm_options
+@click.option("--latex", is_flag=True, help="Equations as LaTeX.")
+@algebra_options
+@click.option(
+    "--prove/--no-prove",
+    default=None,
+    help="Look for a certificate that no family is missing, for up to a minute, or not at all.  "
+    "[default: for up to a second]",
+)
+@click.option(
+    "--certificate",
+    type=OutputFile(dash=False),
+    metavar="FILE.json",
+    help="Write the certificate there; `pinsing verify` checks it. Implies --prove.",
+)
+@deg_option
+@json_option
+@fail_option
+def families_command(
+    request: RobotRequest,
+    latex: bool,
+    deg: bool,
+    algebra: dict[str, Any],
+    prove: bool | None,
+    certificate: Path | None,
+    json_target: str | Path | None,
+    fail_if_singular: bool,
+) -> int:
+    """Closed forms: every family of singular configurations of ROBOT, as equations.
+
+    "proven": a certificate was found that nothing is missing, and the checker accepted it.
+    "probable": nothing is known to be missing, but some steps were decided at random points of
+    finite fields. "NOT complete": says what is missing. The answer comes first, a proof that
+    takes longer than a second after it.
+
+    With --fail-if-singular, exits with 1 if any family is reachable within the joint limits.
+    """
+    if certificate is not None and prove is False:
+        raise OptionError("--certificate and --no-prove exclude each other")
+    arm = request.load()
+    from pinsing.analysis.text import families_text, proof_text
+    from pinsing.families import closed_form
+    from pinsing.families import prove as add_proof
+    from pinsing.report.latex import families_latex
+
+    long = prove is True or certificate is not None
+    found = closed_form(arm, **algebra, prove=False if prove is False else None)
+    again = long and found.word != "proven"
+    if json_target is None:
+        emit(families_latex(found) if latex else families_text(found, Page.of(), deg))
+    if again:
+        with _progress() as progress:
+            found = add_proof(found, progress=progress)
+    if json_target is not None:
+        if not emit_json(found, json_target):
+            emit(families_latex(found) if latex else families_text(found, Page.of(), deg))
+    elif again and not latex:
+        emit(proof_text(found, Page.of()))
+    if certificate is not None:
+        _write(found.certificate, found.proof.reason if found.proof else "", certificate)
+    return int(fail_if_singular and any(f.is_reachable for f in found.families))
+
+
+def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
+    from pinsing.atomic_write import write_text
+    from pinsing.proof.produce import text_of
+
+    if data is None:
+        raise OptionError(f"no certificate to write: {reason}")
+    write_text(path, text_of(data) + "\n")
+    say(f"wrote {path}")
+
+
+@click.command("verify", short_help="Check a certificate.")
+@click.argument("file", metavar="FILE.json", type=click.Path(path_type=Path))
+def verify_command(file: Path) -> int:
+    """Check a certificate that `pinsing families --certificate` wrote.
+
+    Exits with 0 if the checker accepts it, with 1 if it rejects it, and says why in one line. The
+    checker is pinsing/proof/checker.py, which also runs alone: it imports nothing of pinsing.
+    """
+    from pinsing.proof.checker import LONGEST_FILE, Rejected, statement, verify
+
+    started = time.perf_counter()
+    try:
+        with file.open(encoding="utf-8") as stream:
+            text = stream.read(LONGEST_FILE + 1)
+    except OSError as error:
+        raise RobotFileError(error.strerror or "cannot be read", file) from None
+    except UnicodeDecodeError:
+        emit("rejected: the file is no text")
+        return 1
+    try:
+        data = verify(text)
+    except Rejected as reason:
+        emit(f"rejected: {reason}")
+        return 1
+    took = 1e3 * (time.perf_counter() - started)
+    emit(f"proven ({len(text) / 1e3:.1f} kB, checked in {took:.0f} ms): {statement(data)}")
+    return 0
+
+
+@contextlib.contextmanager
+def _progress() -> Iterator[Callable[[str], None]]:
+    """Callback for a line of text on a terminal, drawn over again; elsewhere nothing is said."""
+    if not is_terminal(sys.stderr):
+        say("looking for a certificate")
+        yield lambda text: None
+        return
+    drawn = 0.0
+
+    def show(text: str) -> None:
+        nonlocal drawn
+        if time.monotonic() - drawn > _REDRAW_SECONDS:
+            drawn = time.monotonic()
+            sys.stderr.write(f"\r\x1b[Klooking for a certificate: {text}")
+            sys.stderr.flush()
+
+    try:
+        yield show
+    finally:
+        if drawn:
+            sys.stderr.write("\r\x1b[K")
+            sys.stderr.flush()

@@ -1,0 +1,122 @@
+"""The search for a certificate that a closed form is all there is, and what became of it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.jacobian_matrix import constants
+from pinsing.algebra.mimic import NotFollowed
+from pinsing.algebra.prime_field import WORD_PRIME
+from pinsing.algebra.surd_ring import ring_of
+from pinsing.proof.checker import Rejected, verify
+from pinsing.proof.produce import Stated, certificate, text_of
+from pinsing.proof.tree import NotFound
+
+if TYPE_CHECKING:
+    from pinsing.families.solve import ClosedForm
+
+SHORT = 1.0
+"""Seconds that a proof may take where nobody asked for one."""
+LONG = 60.0
+"""Seconds for one that was asked for."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What became of the search for a certificate.
+
+    Attributes
+    ----------
+    accepted : bool
+        Whether there is one, and the checker accepted it.
+    reason : str
+        Why there is none; empty where there is.
+    size : int
+        Bytes of the certificate; 0 if there is none.
+    places : int
+        Case splits and what ends them.
+    seconds : float
+        Time that finding it took.
+    check_seconds : float
+        Time that the checker took.
+    primes : tuple of int
+        Primes modulo which the families were found: what rests on, where there is none.
+    certificate : dict or None
+        It; not written to JSON with the rest, but to a file of its own.
+    """
+
+    accepted: bool
+    reason: str
+    size: int
+    places: int
+    seconds: float
+    check_seconds: float
+    primes: tuple[int, ...]
+    certificate: dict[str, Any] | None = field(default=None, repr=False, metadata={"json": False})
+
+
+def prove(
+    form: ClosedForm, seconds: float = LONG, progress: Callable[[str], None] | None = None
+) -> ClosedForm:
+    """Look for a certificate that a closed form is the whole singular set, and have it checked.
+
+    Parameters
+    ----------
+    form : ClosedForm
+        As `closed_form` gave it.
+    seconds : float
+        Time for the search; the check comes on top.
+    progress : callable
+        Told now and then how far the search is.
+
+    Returns
+    -------
+    ClosedForm
+        The same, with ``proof``; complete and without gaps if the certificate was accepted.
+    """
+    started = time.monotonic()
+    try:
+        data = _made(form, seconds, progress)
+    except NotFound as reason:
+        return replace(form, proof=_none(str(reason), time.monotonic() - started))
+    found = time.monotonic()
+    text = text_of(data)
+    try:
+        verify(text)
+    except Rejected as reason:
+        return replace(form, proof=_none(f"the checker says: {reason}", found - started))
+    proof = Proof(
+        accepted=True,
+        reason="",
+        size=len(text),
+        places=len(data["places"]),
+        seconds=found - started,
+        check_seconds=time.monotonic() - found,
+        primes=(),
+        certificate=data,
+    )
+    return replace(form, proof=proof, complete=True, gaps=())
+
+
+def _made(
+    form: ClosedForm, seconds: float, progress: Callable[[str], None] | None
+) -> dict[str, Any]:
+    geometry = form.geometry
+    if geometry is None:
+        raise NotFound("the closed form was read from a file: without its exact polynomials")
+    try:
+        numbers = constants(geometry, geometry.arm.task)
+    except NotFollowed as reason:
+        raise NotFound(f"the algebra does not follow a mimic joint: {reason}") from None
+    slides = tuple(bool(p) for p in geometry.arm.prismatic)
+    ring = ring_of(slides, numbers, Budget(seconds))
+    stated = [Stated(f.name, c) for f in form.families for c in f.components]
+    return certificate(geometry, ring, form.generic_rank, stated, seconds, progress)
+
+
+def _none(reason: str, seconds: float) -> Proof:
+    return Proof(False, reason, 0, 0, seconds, 0.0, (WORD_PRIME,))

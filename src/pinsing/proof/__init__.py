@@ -1,0 +1,1 @@
+"""Certificates of completeness: made by `produce`, accepted or rejected by `checker` alone."""

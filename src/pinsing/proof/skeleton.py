@@ -1,0 +1,143 @@
+"""The part of a certificate that states the arm: its chain in exact numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+from pinsing.algebra.mimic import Drive, drives
+from pinsing.algebra.ring import Poly, Ring
+from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.surd import SQUARES, Exact, parts_of
+from pinsing.proof.checker import SCHEMA
+
+_ROOTS = ("", "s2", "s3", "s2*s3")
+
+
+def number_text(value: Exact | int) -> str:
+    """An exact number as certificates write it: ``1/2``, ``-1/4*s2 + 1/4*s2*s3``."""
+    terms = []
+    for root, part in zip(_ROOTS, parts_of(value), strict=True):
+        if part and root:
+            terms.append(root if part == 1 else f"{part}*{root}")
+        elif part:
+            terms.append(str(part))
+    return " + ".join(terms).replace("+ -", "- ") or "0"
+
+
+def roots_in(geometry: Nominal) -> tuple[int, ...]:
+    """What the numbers of a chain have square roots of: 2 or 3, both or none."""
+    numbers = [x for R in geometry.rotation for row in R for x in row]
+    numbers += [x for drive in drives(geometry)[0] for x in drive.turn]
+    used = {k for x in numbers for k, part in enumerate(parts_of(x)) if part}
+    return tuple(d for d in (2, 3) if any(SQUARES[k] % d == 0 for k in used))
+
+
+def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, Any]:
+    """A certificate of an arm that states no family, proves nothing and reduces nothing."""
+    arm = geometry.arm
+    return {
+        "schema": SCHEMA,
+        "robot": arm.name,
+        "base": arm.base,
+        "tip_frame": arm.tip,
+        "task": str(arm.task),
+        "joints": [
+            {"name": name, "kind": "prismatic" if slides else "revolute"}
+            for name, slides in zip(arm.joints, arm.prismatic, strict=True)
+        ],
+        "square_roots": list(roots),
+        **_chain(geometry),
+        "rows": list(arm.task.rows),
+        "rank": rank,
+        "reduction": [],
+        "polynomials": [],
+        "families": [],
+        "places": [],
+    }
+
+
+def _chain(geometry: Nominal) -> dict[str, Any]:
+    """Placements and motions; joints that stand still become part of a placement."""
+    chain: list[dict[str, Any]] = []
+    R, t = _identity(), [Fraction(0)] * 3
+    for i, drive in enumerate(drives(geometry)[0]):
+        t = _add(t, _turned(R, geometry.translation[i]))
+        R = _times(R, geometry.rotation[i])
+        if drive.multiple == 0:
+            R, t = _standing(R, t, drive, geometry.prismatic[i])
+            continue
+        slides = geometry.prismatic[i]
+        chain.append(
+            {
+                "rotation": [[number_text(x) for x in row] for row in R],
+                "translation": [number_text(x) for x in t],
+                "joint": drive.leader,
+                "multiple": number_text(drive.multiple),
+                "plus": number_text(drive.shift)
+                if slides
+                else [number_text(x) for x in drive.turn],
+            }
+        )
+        R, t = _identity(), [Fraction(0)] * 3
+    tip = _add(t, _turned(R, geometry.translation[-1]))
+    return {"chain": chain, "tip": [number_text(x) for x in tip]}
+
+
+def _standing(
+    R: list[list[Any]], t: list[Any], drive: Drive, slides: bool
+) -> tuple[list[list[Any]], list[Any]]:
+    """A placement, and the constant motion of a joint that stands still after it."""
+    if slides:
+        return R, _add(t, _turned(R, [Fraction(0), Fraction(0), drive.shift]))
+    c, s = drive.turn
+    zero, one = Fraction(0), Fraction(1)
+    return _times(R, [[c, -s, zero], [s, c, zero], [zero, zero, one]]), t
+
+
+def _identity() -> list[list[Any]]:
+    return [[Fraction(int(a == b)) for a in range(3)] for b in range(3)]
+
+
+def _times(A: Sequence[Sequence[Any]], B: Sequence[Sequence[Any]]) -> list[list[Any]]:
+    columns = list(zip(*B, strict=True))
+    return [[_dot(row, column) for column in columns] for row in A]
+
+
+def _turned(R: Sequence[Sequence[Any]], v: Sequence[Any]) -> list[Any]:
+    return [_dot(row, v) for row in R]
+
+
+def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
+    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+
+
+def _add(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
+    return [x + y for x, y in zip(a, b, strict=True)]
+
+
+def form_of(poly: Poly, own: Ring, context: Any, roots: Sequence[int]) -> Poly:
+    """A polynomial of an arm's ring as a form of a certificate's, z of sliders as y over x."""
+    terms: Mapping[tuple[int, ...], Exact] = own.terms(poly)
+    degrees = poly.degrees()
+    found: dict[tuple[int, ...], Any] = {}
+    for monomial, c in terms.items():
+        powers: list[int] = []
+        for j, slides in enumerate(own.prismatic):
+            first = own.start[j]
+            if slides:
+                powers += [int(degrees[first]) - monomial[first], monomial[first]]
+            else:
+                powers += monomial[first : first + 2]
+        for square, part in zip(SQUARES, parts_of(c), strict=True):
+            if part:
+                key = (*powers, *(int(square % d == 0) for d in roots))
+                found[key] = _rational(part)
+    return context.from_dict(found)
+
+
+def _rational(value: Fraction) -> Any:
+    from pinsing.algebra.ring import rational
+
+    return rational(value)

@@ -1,0 +1,395 @@
+"""Certificates: made, accepted, and rejected as soon as they are anything but true."""
+
+from __future__ import annotations
+
+import copy
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import pinsing
+from pinsing import load
+from pinsing.families import closed_form
+from pinsing.proof import checker
+from pinsing.proof.checker import Certificate, Rejected, verify
+from pinsing.proof.produce import text_of
+
+CHECKER = Path(checker.__file__)
+
+ARMS = {
+    "ur5": {"robot": "ur5"},
+    "puma560": {"robot": "puma560"},
+    "stanford": {"robot": "stanford"},
+    "surgical7": {"robot": "surgical7"},
+    "iiwa14": {"robot": "iiwa14"},
+    "panda": {"robot": "panda"},
+    "xarm7": {"robot": "xarm7"},
+    "scara": {"robot": "scara"},
+    "planar3r position": {"robot": "planar3r", "task": "position"},
+    "planar3r one row": {"robot": "planar3r", "task": "vx"},
+    "ur5 orientation": {"robot": "ur5", "task": "orientation"},
+}
+
+
+@pytest.fixture(scope="module")
+def certificates():
+    made = {}
+
+    def certificate(name):
+        if name not in made:
+            form = closed_form(load(**ARMS[name]), prove=True)
+            assert form.word == "proven", form.proof.reason
+            made[name] = form.certificate
+        return copy.deepcopy(made[name])
+
+    return certificate
+
+
+def verdict(data):
+    """What the checker says: empty if it accepts."""
+    try:
+        verify(data if isinstance(data, str) else text_of(data))
+    except Rejected as reason:
+        return str(reason)
+    return ""
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_an_arm_is_proven(name, certificates):
+    data = certificates(name)
+    assert verdict(data) == ""
+    assert len(text_of(data)) < 100_000
+    assert data["places"]
+    assert data["schema"] == "pinsing/certificate/1"
+
+
+def test_the_checker_stands_alone(tmp_path, certificates):
+    """A copy of the file, in a process that cannot import pinsing."""
+    text = CHECKER.read_text(encoding="utf-8")
+    assert "import pinsing" not in text
+    assert "from pinsing" not in text
+    alone = tmp_path / "checker.py"
+    alone.write_text(text, encoding="utf-8")
+    good, bad = tmp_path / "good.json", tmp_path / "bad.json"
+    data = certificates("ur5")
+    good.write_text(text_of(data), encoding="utf-8")
+    data["rank"] = 5
+    bad.write_text(text_of(data), encoding="utf-8")
+    code = f"import sys; sys.modules['pinsing'] = None; sys.argv[1:] = [{str(good)!r}]\n"
+    code += f"import runpy; runpy.run_path({str(alone)!r}, run_name='__main__')"
+    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run
+    assert run.stdout.startswith("ACCEPTED: ur5")
+    for path in (bad, tmp_path / "none.json"):
+        command = [sys.executable, str(alone), str(path)]
+        run = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert run.returncode == 1, run
+        assert run.stdout.startswith("REJECTED")
+        assert run.stdout.count("\n") == 1
+        assert not run.stderr
+
+
+def test_the_checker_draws_and_factors_nothing():
+    text = CHECKER.read_text(encoding="utf-8")
+    for word in ("random", "factor(", "float(", "numpy"):
+        assert word not in text.replace("no\nfactoring, no floats, no random numbers", ""), word
+
+
+# Mutants: every one is false, but those that are named -------------------------------------
+
+
+def without_family(data, k):
+    """Family k taken out; places that end in it end in the one before."""
+    data["families"].pop(k)
+    for place in data["places"]:
+        if place.get("family", -1) >= k:
+            place["family"] = max(0, place["family"] - 1)
+    return data
+
+
+MUTATED = [
+    "ur5",
+    "stanford",
+    "scara",
+    "planar3r position",
+    pytest.param("surgical7", marks=pytest.mark.slow),
+    pytest.param("iiwa14", marks=pytest.mark.slow),
+    pytest.param("panda", marks=pytest.mark.slow),
+]
+
+
+@pytest.mark.parametrize("name", MUTATED)
+def test_no_family_may_be_dropped(name, certificates):
+    for k in range(len(certificates(name)["families"])):
+        assert verdict(without_family(certificates(name), k)), k
+
+
+@pytest.mark.parametrize("name", MUTATED)
+def test_no_branch_may_be_dropped(name, certificates):
+    data = certificates(name)
+    splits = [i for i, p in enumerate(data["places"]) if p.get("cases")]
+    assert splits
+    for i in splits:
+        for k in range(len(data["places"][i]["cases"])):
+            data = certificates(name)
+            data["places"][i]["cases"].pop(k)
+            assert verdict(data), (i, k)
+
+
+@pytest.mark.parametrize("name", MUTATED)
+def test_no_two_branches_may_be_swapped(name, certificates):
+    for i, place in enumerate(certificates(name)["places"]):
+        cases = place.get("cases", [])
+        for a in range(len(cases)):
+            for b in range(a):
+                if cases[a][2] == cases[b][2]:
+                    continue
+                data = certificates(name)
+                mine = data["places"][i]["cases"]
+                mine[a][2], mine[b][2] = mine[b][2], mine[a][2]
+                # Where a case is empty whatever comes after it, a place for it is no lie.
+                if None in (cases[a][2], cases[b][2]):
+                    continue
+                assert verdict(data), (i, a, b)
+
+
+@pytest.mark.parametrize("name", MUTATED)
+def test_a_joint_value_may_not_change(name, certificates):
+    for k, family in enumerate(certificates(name)["families"]):
+        for j in family["values"]:
+            data = certificates(name)
+            x, y = data["families"][k]["values"][j]
+            data["families"][k]["values"][j] = [x, f"{y} + 1/100"] if x != "0" else ["1/100", y]
+            assert verdict(data), (k, j)
+
+
+@pytest.mark.parametrize("name", MUTATED)
+def test_a_polynomial_may_not_change(name, certificates):
+    """A sign, and a coefficient, of each."""
+    for k, text in enumerate(certificates(name)["polynomials"]):
+        data = certificates(name)
+        if " + " in text or " - " in text:
+            at = min(i for i in (text.find(" + "), text.find(" - ")) if i > 0)
+            sign = " - " if text[at : at + 3] == " + " else " + "
+            data["polynomials"][k] = text[:at] + sign + text[at + 3 :]
+        else:
+            data["polynomials"][k] = text.replace("x", "y") if "x" in text else "x" + text[1:]
+        assert verdict(data), text
+
+
+@pytest.mark.parametrize("name", MUTATED)
+def test_rank_and_rows_may_not_change(name, certificates):
+    for rank in range(7):
+        data = certificates(name)
+        if rank != data["rank"]:
+            data["rank"] = rank
+            assert verdict(data), rank
+    data = certificates(name)
+    data["rows"] = data["rows"][1:]
+    assert verdict(data)
+
+
+def determinant(data):
+    """The one minor of a 6-joint arm, and its ring."""
+    read = Certificate(data)
+    (minor,) = read.minors(read.left, {})
+    return read.ring, read.ring.stripped(minor)
+
+
+@pytest.mark.parametrize("name", ["ur5", "puma560", "stanford"])
+def test_a_length_may_not_change(name, certificates):
+    """Accepted if and only if the determinant stays what it was: then what it says is true."""
+    accepted = rejected = 0
+    ring, before = determinant(certificates(name))
+    for i in range(len(certificates(name)["chain"])):
+        for axis in range(3):
+            data = certificates(name)
+            t = data["chain"][i]["translation"]
+            t[axis] = f"{t[axis]} + 1/50"
+            same = ring.same(before, determinant(data)[1])
+            assert bool(verdict(data)) != same, (i, axis)
+            accepted, rejected = accepted + same, rejected + (not same)
+    assert accepted >= 4
+    assert rejected >= 4
+    data = certificates(name)
+    data["tip"][0] = f"{data['tip'][0]} + 1/50"
+    assert verdict(data) == ""  # for the pose the tip does not matter
+
+
+def test_a_rotation_may_not_change(certificates):
+    data = certificates("ur5")
+    data["chain"][2]["rotation"] = [["1", "0", "0"], ["0", "1", "0"], ["0", "0", "2"]]
+    assert "rotation" in verdict(data)
+    data["chain"][2]["rotation"] = [["1", "0", "0"], ["0", "1", "0"], ["0", "0", "-1"]]
+    assert "rotation" in verdict(data)
+
+
+# Hostile files --------------------------------------------------------------------------
+
+
+def test_what_claims_without_proof_is_rejected(certificates):
+    leaf = {"values": {}, "relations": []}
+    for closing in (
+        {},
+        {"too_small": True},
+        {"family": 0},
+        {"family": -1},
+        {"relation": 0, "cases": []},
+        {"minor": [[], []], "cases": []},
+        {"minor": [[0, 0, 0], [0, 1, 2]], "cases": []},
+        {"no_real_point": {"relation": 0}},
+        {"no_real_point": {"relation": 0, "squares": []}},
+    ):
+        for families in ([], certificates("ur5")["families"]):
+            data = certificates("ur5")
+            data["families"], data["places"] = families, [{**leaf, **closing}]
+            assert verdict(data), closing
+    data = certificates("ur5")
+    data["places"] = []
+    assert verdict(data)
+
+
+def test_cases_lead_forward_only(certificates):
+    data = certificates("surgical7")
+    i = next(i for i, p in enumerate(data["places"]) if i and p.get("cases"))
+    case = next(c for c in data["places"][i]["cases"] if c[2] is not None)
+    for then in (0, i, -1, 10**9, True, "1", 1.0, None):
+        case[2] = then
+        assert verdict(data), then
+
+
+@pytest.mark.parametrize(
+    "number",
+    ["NaN", "1e400", "1/0", "0x10", "", "--1", "1//2", "1.5", "x1", "9" * 5000, "s2", "inf"],
+)
+def test_odd_numbers_are_rejected(number, certificates):
+    data = certificates("ur5")
+    data["chain"][1]["translation"][0] = number
+    assert verdict(data)
+
+
+@pytest.mark.parametrize(
+    "polynomial",
+    ["", "1", "0", "x1 + 1", "x1^999*y1", "x1**2", "x99", "x1 - x1", "x1+", "x1*", "é", "x1^-1"],
+)
+def test_odd_polynomials_are_rejected(polynomial, certificates):
+    data = certificates("ur5")
+    data["polynomials"][0] = polynomial
+    assert verdict(data)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "{",
+        "[]",
+        "null",
+        "1",
+        "NaN",
+        '{"schema": "pinsing/certificate/1"}',
+        '{"schema": "pinsing/certificate/2"}',
+        '{"schema": 1, "schema": 2}',
+        "[" * 100_000,
+        '{"a":' * 50_000,
+        '{"rank": 1e5}',
+        '{"rank": Infinity}',
+        " " * 5_000_000,
+    ],
+)
+def test_what_is_no_certificate_is_rejected(text):
+    reason = verdict(text)
+    assert reason
+    assert "\n" not in reason
+    assert len(reason) < 300
+
+
+def test_keys_may_not_repeat_and_floats_may_not_be(certificates):
+    text = text_of(certificates("ur5"))
+    assert verdict(text) == ""
+    assert "twice" in verdict(text.replace('{"schema"', '{"rank":6,"schema"', 1))
+    assert verdict(text.replace('"rank":6', '"rank":6.0'))
+
+
+def test_a_relation_of_a_joint_that_is_fixed_counts_not_twice(certificates):
+    """A place may not look smaller than it is."""
+    data = certificates("ur5")
+    data["polynomials"].append("x3")
+    last = len(data["polynomials"]) - 1
+    data["families"][0]["values"] = {"2": ["1", "0"]}
+    data["families"][0]["relations"] = [last]
+    assert "fixed and free" in verdict(data)
+
+
+# Words ----------------------------------------------------------------------------------
+
+
+def test_answer_first_and_proof_on_top():
+    plain = closed_form(load("ur5"))
+    assert plain.proof is None
+    assert plain.word == "probable"
+    assert plain.certificate is None
+    proven = pinsing.families.prove(plain)
+    assert proven.word == "proven"
+    assert proven.proof.size == len(text_of(proven.certificate))
+    again = type(proven).from_json(proven.to_json())
+    assert again.word == "proven"
+    assert again.certificate is None
+    assert json.loads(proven.to_json())["proof"]["accepted"] is True
+
+
+def test_what_is_missing_is_not_proven():
+    """A closed form without one of its families finds no certificate."""
+    from dataclasses import replace
+
+    form = closed_form(load("ur5"))
+    for k in range(3):
+        less = replace(form, families=form.families[:k] + form.families[k + 1 :])
+        tried = pinsing.families.prove(less, seconds=5)
+        assert tried.word == "probable"
+        assert tried.certificate is None
+        assert tried.proof.reason
+
+
+# Commands -------------------------------------------------------------------------------
+
+
+def pinsing_command(*args):
+    command = [sys.executable, "-m", "pinsing", *map(str, args)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_a_certificate_is_written_and_verified(tmp_path):
+    path = tmp_path / "ur5.json"
+    run = pinsing_command("families", "ur5", "--certificate", path)
+    assert run.returncode == 0, run
+    assert "proven: certificate of" in run.stdout
+    run = pinsing_command("verify", path)
+    assert run.returncode == 0, run
+    assert run.stdout.startswith("proven (")
+    data = json.loads(path.read_text(encoding="utf-8"))
+    data["families"].pop()
+    path.write_text(json.dumps(data), encoding="utf-8")
+    run = pinsing_command("verify", path)
+    assert run.returncode == 1, run
+    assert run.stdout.startswith("rejected: ")
+    assert run.stdout.count("\n") == 1
+
+
+def test_what_cannot_be_verified_is_said_in_one_line(tmp_path):
+    run = pinsing_command("verify", tmp_path / "none.json")
+    assert run.returncode == 2
+    assert run.stderr.count("\n") == 1
+    folder = pinsing_command("verify", tmp_path)
+    assert folder.returncode == 2
+    assert "Traceback" not in folder.stderr
+    (tmp_path / "bytes.json").write_bytes(b"\xff\xfe\x00")
+    run = pinsing_command("verify", tmp_path / "bytes.json")
+    assert run.returncode == 1
+    assert run.stdout.startswith("rejected: ")
+    run = pinsing_command("families", "ur5", "--no-prove", "--certificate", tmp_path / "x.json")
+    assert run.returncode == 2
+    assert not (tmp_path / "x.json").exists()
