@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     )
     from pinsing.maps import MapPlan, MapResult, plan_map, sigma_map
     from pinsing.mechanism import MechanismAnalysis, analyze_mechanism
+    from pinsing.proximity.clearance import Clearance, clearance, is_clear
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
     from pinsing.robot.load_mechanism import Mechanism, load_mechanism
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
 _HOME = {
     "Analysis": "pinsing.analysis.analyze",
     "Arm": "pinsing.robot.arm",
+    "Clearance": "pinsing.proximity.clearance",
     "ClosedForm": "pinsing.families",
     "Family": "pinsing.families",
     "Finding": "pinsing.sweeps.findings",
@@ -55,11 +57,13 @@ _HOME = {
     "analyze": "pinsing.analysis.analyze",
     "analyze_mechanism": "pinsing.mechanism",
     "at": "pinsing.configuration.state",
+    "clearance": "pinsing.proximity.clearance",
     "closed_form": "pinsing.families",
     "frame_jacobian": "pinsing.kinematics.jacobian",
     "frame_jacobians": "pinsing.kinematics.jacobian",
     "generalize": "pinsing.sweeps.generalize",
     "generic_rank": "pinsing.kinematics.jacobian",
+    "is_clear": "pinsing.proximity.clearance",
     "load": "pinsing.robot.load",
     "load_mechanism": "pinsing.robot.load_mechanism",
     "nominal": "pinsing.geometry.nominal",
@@ -78,6 +82,7 @@ _HOME = {
 __all__ = [
     "Analysis",
     "Arm",
+    "Clearance",
     "ClosedForm",
     "Family",
     "Finding",
@@ -95,11 +100,13 @@ __all__ = [
     "analyze",
     "analyze_mechanism",
     "at",
+    "clearance",
     "closed_form",
     "frame_jacobian",
     "frame_jacobians",
     "generalize",
     "generic_rank",
+    "is_clear",
     "load",
     "load_mechanism",
     "nominal",

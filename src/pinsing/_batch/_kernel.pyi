@@ -1,4 +1,5 @@
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,6 +8,40 @@ MAX_RANK: int
 MAX_COLUMNS: int
 MAX_JOINTS: int
 CHUNK: int
+MAX_CONDITION_JOINTS: int
+
+class ConditionSet:
+    def __init__(self, families: int, *arrays_and_norm: Any) -> None: ...
+    def clearances(
+        self,
+        X: NDArray[np.float64],
+        lower: NDArray[np.float64],
+        upper: NDArray[np.float64],
+        family: NDArray[np.int64],
+        each: NDArray[np.float64],
+        isa: str,
+        threads: int,
+    ) -> None: ...
+    def nearest(
+        self,
+        X: NDArray[np.float64],
+        lower_limit: NDArray[np.float64],
+        upper_limit: NDArray[np.float64],
+        limited: bool,
+        far: float,
+        gap: float,
+        seconds: float,
+        boxes: int,
+        lower: NDArray[np.float64],
+        upper: NDArray[np.float64],
+        family: NDArray[np.int64],
+        used: NDArray[np.int64],
+        points: NDArray[np.float64],
+        threads: int,
+    ) -> None: ...
+    def zeros(
+        self, pieces: NDArray[np.float64], ends: NDArray[np.float64], threads: int
+    ) -> list[float]: ...
 
 def isa_names() -> list[str]: ...
 def jacobians(

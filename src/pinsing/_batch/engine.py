@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -251,3 +252,50 @@ def _output(out: Floats | None, shape: tuple[int, ...], Q: Floats) -> Floats:
     if np.may_share_memory(out, Q):
         raise ValueError("out: overlaps Q")
     return out
+
+
+class FlatConditions(Protocol):
+    """Conditions as flat arrays, named as in ``pinsing.bounds.conditions``."""
+
+    @property
+    def families(self) -> int:
+        """How many families."""
+
+    @property
+    def norm(self) -> str:
+        """The metric: "euclidean" or "max"."""
+
+
+_CONDITION_ARRAYS = (
+    "family",
+    "turn",
+    "value_start",
+    "value_joint",
+    "value",
+    "equation_start",
+    "term_start",
+    "noise",
+    "reach",
+    "curvature",
+    "steepness",
+    "sliding",
+    "amplitude",
+    "phase",
+    "rate_norm",
+    "rate_start",
+    "rate_joint",
+    "rate",
+    "power_start",
+    "power_joint",
+    "power",
+)
+
+
+def condition_set(conditions: FlatConditions) -> Any | None:
+    """Conditions in the kernel; None where it is not available or has no room for the joints."""
+    if _missing is not None:
+        return None
+    arrays = [getattr(conditions, name) for name in _CONDITION_ARRAYS]
+    if len(arrays[1]) > _kernel.MAX_CONDITION_JOINTS:
+        return None
+    return _kernel.ConditionSet(conditions.families, *arrays, conditions.norm == "max")

@@ -8,6 +8,8 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "conditions.hpp"
+
 namespace pinsing {
 
 constexpr int kMaxRank = 6;       // the smaller side of a matrix whose singular values are taken
@@ -48,6 +50,12 @@ struct Kernel {
     // A (N, m, n) -> S (N, min(m, n)), descending; same bounds
     Outcome (*svdvals)(const double* A, int m, int n, std::int64_t N, double* S, int max_sweeps,
                        double* scratch);
+    // Doubles of scratch that the next one needs.
+    std::size_t (*condition_scratch)(const Conditions&);
+    // X (N, n) -> least lower and upper bounds over the families (N,), the family of the lower one
+    // (N,), and the bounds of each family (N, families, 2) unless each is null
+    Outcome (*clearances)(const Conditions&, const double* X, std::int64_t N, double* lower,
+                          double* upper, std::int64_t* family, double* each, double* scratch);
 };
 
 extern const Kernel kernel_baseline;

@@ -8,16 +8,12 @@
 #include <nanobind/stl/vector.h>
 
 #include <algorithm>
-#include <atomic>
-#include <exception>
-#include <memory>
-#include <mutex>
-#include <new>
 #include <string>
-#include <thread>
 #include <vector>
 
 #include "kernel.hpp"
+#include "module.hpp"
+#include "share_out.hpp"
 
 namespace nb = nanobind;
 using nb::literals::operator""_a;
@@ -28,12 +24,12 @@ using pinsing::Chain;
 using pinsing::Kernel;
 using pinsing::Outcome;
 
-using In = nb::ndarray<const double, nb::c_contig, nb::device::cpu>;
-using InFlags = nb::ndarray<const bool, nb::c_contig, nb::device::cpu>;
-using Out = nb::ndarray<double, nb::c_contig, nb::device::cpu>;
-
-constexpr std::int64_t kChunk = 2048;
-constexpr int kMaxThreads = 4096;
+using pinsing::In;
+using pinsing::InFlags;
+using pinsing::kChunk;
+using pinsing::Out;
+using pinsing::require;
+using pinsing::share_out;
 
 // The kernels that this machine can run, best last.
 const std::vector<const Kernel*>& kernels() {
@@ -54,74 +50,21 @@ const std::vector<const Kernel*>& kernels() {
     return found;
 }
 
-const Kernel& kernel_named(const std::string& isa) {
+}  // namespace
+
+const Kernel& pinsing::kernel_named(const std::string& isa) {
     for (const Kernel* k : kernels())
         if (isa == k->name) return *k;
     throw nb::value_error(("this machine cannot run the instruction set '" + isa + "'").c_str());
 }
 
-void require(bool condition, const char* what) {
+void pinsing::require(bool condition, const char* what) {
     if (!condition) throw nb::value_error(what);
 }
 
-struct FreeAligned {
-    void operator()(double* p) const {
-        ::operator delete(p, std::align_val_t(pinsing::kScratchAlign));
-    }
-};
-using Scratch = std::unique_ptr<double, FreeAligned>;
+namespace {
 
-Scratch allocate(std::size_t doubles) {
-    return Scratch(static_cast<double*>(
-        ::operator new(doubles * sizeof(double), std::align_val_t(pinsing::kScratchAlign))));
-}
-
-// Runs item ranges on up to `threads` threads, without the GIL.
-// work(first, count, scratch) -> Outcome with indices relative to first.
-template <class Work>
-Outcome share_out(std::int64_t N, int threads, std::size_t scratch, Work work) {
-    const std::int64_t chunks = (N + kChunk - 1) / kChunk;
-    const int most = static_cast<int>(std::clamp<std::int64_t>(chunks, 1, kMaxThreads));
-    const int workers = std::clamp(threads, 1, most);
-    std::vector<Scratch> memory;
-    for (int i = 0; i < workers; i++) memory.push_back(allocate(scratch));
-    std::vector<std::thread> team;
-    team.reserve(static_cast<std::size_t>(workers));
-
-    std::atomic<std::int64_t> next{0};
-    std::atomic<bool> stop{false};
-    std::mutex lock;
-    Outcome total{-1, 0};
-    // Chunks are taken in order and each runs to its first bad item, so the least one is found
-    // whichever thread is faster.
-    auto run = [&](int worker) noexcept {
-        while (!stop.load(std::memory_order_relaxed)) {
-            const std::int64_t first = next.fetch_add(kChunk);
-            if (first >= N) break;
-            const Outcome part = work(first, std::min(kChunk, N - first), memory[worker].get());
-            if (part.not_finite < 0 && part.unfinished == 0) continue;
-            const std::lock_guard<std::mutex> guard(lock);
-            total.unfinished += part.unfinished;
-            if (part.not_finite >= 0) {
-                const std::int64_t item = first + part.not_finite;
-                if (total.not_finite < 0 || item < total.not_finite) total.not_finite = item;
-                stop = true;
-            }
-        }
-    };
-
-    const nb::gil_scoped_release release;
-    for (int i = 1; i < workers; i++) {
-        try {
-            team.emplace_back(run, i);
-        } catch (const std::exception&) {
-            break;  // the system gives no more threads: go on with those there are
-        }
-    }
-    run(0);
-    for (std::thread& thread : team) thread.join();
-    return total;
-}
+using pinsing::kernel_named;
 
 void refuse_not_finite(const Outcome& outcome, const char* name) {
     if (outcome.not_finite < 0) return;
@@ -238,4 +181,5 @@ NB_MODULE(_kernel, m) {
           "isa"_a, "threads"_a, "max_sweeps"_a);
     m.def("svdvals", &svdvals, "A"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a,
           "max_sweeps"_a);
+    pinsing::add_conditions(m);
 }

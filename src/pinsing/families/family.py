@@ -13,14 +13,13 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation
-from pinsing.errors import ConfigurationError
-from pinsing.families.nearest import nearest
+from pinsing.bounds.conditions import Conditions
+from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions, nearest_points
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.zero_set import ROUNDS, project, search
 from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
-_STARTS = 384
-_SPREAD = 2.5
 _PASSES = 4
 
 
@@ -31,16 +30,23 @@ class Distance(NamedTuple):
     ----------
     value : float
         Euclidean in joint space: revolute differences wrapped, in radians; prismatic ones
-        over the length scale.
+        over the length scale. The same as ``upper``.
     q : (n,) array
-        The nearest configuration of the family that was found.
+        The nearest configuration of the family that was found; NaN without any.
     exact : bool
-        True for joint-value families; else the best of several starts.
+        True for joint-value families: ``lower`` and ``upper`` are equal.
+    lower : float
+        No configuration of the family is nearer: proven, rounding included. Infinite where
+        none lies within the limits.
+    upper : float
+        How far ``q`` is.
     """
 
     value: float
     q: Array
     exact: bool
+    lower: float
+    upper: float
 
 
 @dataclass(frozen=True)
@@ -207,42 +213,79 @@ class Family(JsonResult):
             found[near] |= ok & (gap <= tol)
         return found.reshape(q.shape[:-1])
 
-    def distance(self, q: npt.ArrayLike) -> Distance:
-        """Distance from q (n,) to the family, and the nearest configuration of it.
+    def distance(
+        self,
+        q: npt.ArrayLike,
+        *,
+        gap: float = GAP,
+        seconds: float = SECONDS,
+        within_limits: bool = False,
+        weights: npt.ArrayLike | None = None,
+        norm: str = "euclidean",
+    ) -> Distance:
+        """Distance from q (n,) to the family, with a proven lower bound, and the nearest point.
 
-        Exact for families of joint values. Where equations are involved it is the best of
-        several starts of a nearest-point iteration, so an upper bound.
+        Exact for families of joint values. Where equations are involved, boxes of
+        configurations are ruled out by Taylor's theorem until the bounds are within ``gap``, or
+        the time is over: then what was reached is returned.
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Radians and metres.
+        gap : float
+            Largest ``upper - lower`` at which the search ends by itself.
+        seconds : float
+            Time for the search.
+        within_limits : bool
+            Whether only configurations within the joint limits count; then revolute
+            differences are not wrapped. The answer is infinite where there are none.
+        weights : (n,) array_like, optional
+            What joint differences are multiplied by, instead of 1 for revolute joints and
+            1 / length scale for prismatic ones.
+        norm : str
+            "euclidean", or "max" for the largest weighted difference of a joint.
 
         Raises
         ------
         ConfigurationError
-            If q has the wrong length or is not finite.
+            If q has the wrong length or is not finite, or no real point is known at all.
+        OptionError
+            If an option makes no sense.
         """
         q = self._check(q)
         if q.ndim != 1:
             raise ConfigurationError(f"distance takes one configuration, got shape {q.shape}")
-        best: Distance | None = None
-        rng = np.random.default_rng(0)
-        for branch in self.branches:
-            off = self._off_values(branch, q[None])[0]
-            fixed = float(np.linalg.norm(off))
-            target = self._put(branch, q[None])[0]
-            if branch.equations:
-                if best is not None and fixed >= best.value:
-                    continue
-                free = self._free(branch)
-                starts = target + _spread(rng, self.n) * free / self._weight()
-                found = nearest(branch.equations, target, starts, free, self._weight())
-                if found is None:
-                    continue
-                target, part = found
-                fixed = float(np.hypot(fixed, part))
-            if best is None or fixed < best.value:
-                best = Distance(fixed, target, not branch.equations)
-        if best is None:
-            raise ConfigurationError(f"family {self.name}: no real point was found on it")
-        exact = best.exact and all(not b.equations for b in self.branches)
-        return best._replace(exact=exact)
+        options = SearchOptions(gap, seconds, within_limits)
+        conditions = self.conditions(weights, norm)
+        found = nearest_points(conditions, q[None], self.lower, self.upper, options)
+        lower, upper = float(found.lower[0]), float(found.upper[0])
+        point = found.q[0]
+        if found.family[0] < 0:
+            if not within_limits:
+                raise ConfigurationError(f"family {self.name}: no real point was found on it")
+            point = np.full(self.n, np.nan)
+        exact = all(not b.equations for b in self.branches)
+        return Distance(upper, point, exact, upper if exact else lower, upper)
+
+    def conditions(
+        self, weights: npt.ArrayLike | None = None, norm: str = "euclidean"
+    ) -> Conditions:
+        """What holds on the family, as flat arrays that bounds are computed with.
+
+        Parameters
+        ----------
+        weights, norm
+            As in ``distance``.
+        """
+        if weights is None and norm == "euclidean":
+            return self._conditions
+        weight = self._weight() if weights is None else self._check_weights(weights)
+        return Conditions.of([self.branches], self.prismatic, weight, norm)
+
+    @cached_property
+    def _conditions(self) -> Conditions:
+        return Conditions.of([self.branches], self.prismatic, self._weight())
 
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Configurations of the family inside the joint limits.
@@ -323,6 +366,12 @@ class Family(JsonResult):
             raise ConfigurationError("q has a value that is not finite")
         return array
 
+    def _check_weights(self, weights: npt.ArrayLike) -> Array:
+        array = np.array(weights, dtype=float)
+        if array.shape != (self.n,):
+            raise OptionError(f"weights needs {self.n} numbers, got shape {array.shape}")
+        return array
+
     def _weight(self) -> Array:
         return np.asarray(1.0 / self.space.metric)
 
@@ -366,13 +415,3 @@ class Family(JsonResult):
                     copies = []
             fixed = [np.where(np.arange(self.n) == v.joint, c, f) for f in fixed for c in copies]
         return fixed
-
-
-def _spread(rng: np.random.Generator, n: int) -> Array:
-    """Steps away from a configuration: in all directions, and of a few joints alone."""
-    every = rng.normal(size=(_STARTS // 2, n))
-    every *= np.linspace(0, _SPREAD, len(every))[:, None] / np.linalg.norm(
-        every, axis=1, keepdims=True
-    )
-    few = np.where(rng.random(every.shape) < 0.35, rng.uniform(-np.pi, np.pi, every.shape), 0.0)
-    return np.concatenate([every, few * np.linspace(0, 1, len(few))[:, None]])

@@ -1,0 +1,224 @@
+// Sums of cosines on boxes, and the geometry of boxes, planes and cubes.
+#pragma once
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <vector>
+
+#include "conditions.hpp"
+
+namespace pinsing {
+
+constexpr int kJoints = kMaxConditionJoints;
+constexpr double kInfinity = std::numeric_limits<double>::infinity();
+
+inline double norm_of(const double* x, int d, bool largest) {
+    double total = 0.0;
+    for (int j = 0; j < d; j++)
+        total = largest ? std::max(total, std::fabs(x[j])) : total + x[j] * x[j];
+    return largest ? total : std::sqrt(total);
+}
+
+inline double joined(double x, double y, bool largest) {
+    return largest ? std::max(x, y) : std::hypot(x, y);
+}
+
+// What of a distance is left for the equations, beside that of the values.
+inline double part_of(double whole, double fixed, bool largest) {
+    if (whole == kInfinity) return kInfinity;
+    if (largest) return fixed < whole ? whole : -1.0;
+    return fixed < whole ? std::sqrt((whole - fixed) * (whole + fixed)) : -1.0;
+}
+
+// Value, gradient and bounds of one equation, its joints numbered as in a branch.
+struct Sum {
+    struct Term {
+        double amplitude, phase;
+        int rates, powers;  // how many follow in the lists below
+    };
+    std::vector<Term> terms;
+    std::vector<int> rate_joint, power_joint, power;
+    std::vector<double> rate;
+    double noise = 0.0, reach = 0.0, curvature = 0.0;
+    double unit = 1.0;  // residuals are relative to this times the size
+    bool sliding = false;
+
+    struct At {
+        double value, error, rest, size;
+        double g[kJoints];
+    };
+
+    // At x; with half-widths h also the rest of the linear approximation within the box.
+    void at(const double* x, const double* h, int d, At& out) const {
+        double value = 0.0, rest = 0.0, size = 0.0, farthest = 4.0;
+        std::fill(out.g, out.g + d, 0.0);
+        const int* rj = rate_joint.data();
+        const double* r = rate.data();
+        const int* pj = power_joint.data();
+        const int* p = power.data();
+        for (const Term& term : terms) {
+            double angle = term.phase, swing = 0.0;
+            for (int k = 0; k < term.rates; k++) {
+                angle += r[k] * x[rj[k]];
+                farthest = std::max(farthest, std::fabs(x[rj[k]]));
+                if (h != nullptr) swing += std::fabs(r[k]) * h[rj[k]];
+            }
+            const double s = std::sin(angle), c = std::cos(angle);
+            double power_now = term.amplitude;
+            for (int k = 0; k < term.powers; k++)
+                for (int i = 0; i < p[k]; i++) power_now *= x[pj[k]];
+            value += power_now * c;
+            const double turned = power_now * s;
+            for (int k = 0; k < term.rates; k++) out.g[rj[k]] -= turned * r[k];
+            double largest = std::fabs(power_now), first = 0.0, squares = 0.0;
+            double magnitude = std::fabs(term.amplitude);
+            if (term.powers > 0) {
+                largest = std::fabs(term.amplitude);
+                for (int k = 0; k < term.powers; k++) {
+                    double lowered = term.amplitude * p[k];
+                    for (int m = 0; m < term.powers; m++)
+                        for (int i = m == k ? 1 : 0; i < p[m]; i++) lowered *= x[pj[m]];
+                    out.g[pj[k]] += lowered * c;
+                    const double half = h != nullptr ? h[pj[k]] : 0.0;
+                    const double a = std::max(std::fabs(x[pj[k]]) + half, 1e-150);
+                    for (int i = 0; i < p[k]; i++) largest *= a, magnitude *= std::max(a, 1.0);
+                    first += p[k] * (half / a);
+                    squares += p[k] * (half / a) * (half / a);
+                }
+            }
+            size += magnitude;
+            if (h != nullptr)
+                rest += 0.5 * largest *
+                        (swing * swing + 2.0 * swing * first +
+                         std::max(first * first - squares, 0.0));
+            rj += term.rates;
+            r += term.rates;
+            pj += term.powers;
+            p += term.powers;
+        }
+        out.value = value;
+        out.size = size;
+        out.error = size * (noise + 4.5e-16 * reach * farthest);
+        out.rest = rest * (1.0 + 1e-12) + 2.0 * out.error;
+    }
+};
+
+// A bound of the distance from q to {x in the box: a0 + g x = target}, infinite where that is empty.
+//
+// For any multiplier m, weak duality gives
+//     distance^2 >= min over y in the box of |y - q|^2 + 2 m (a0 + g y - target),
+// whose minimiser is y = q - m g, cut to the box. The best multiplier is the root of a sum that falls
+// with it, in pieces: Newton's method between bounds. How exact it is does not matter to the truth.
+inline double to_plane(const double* q, const double* lo, const double* hi, const double* g, double a0,
+                double target, int d) {
+    double sum = a0, least = a0, most = a0, size = std::fabs(a0) + std::fabs(target), steep = 0.0;
+    double total = 0.0;
+    for (int j = 0; j < d; j++) {
+        const double y = std::min(std::max(q[j], lo[j]), hi[j]);
+        total += (y - q[j]) * (y - q[j]);
+        sum += g[j] * y;
+        least += std::min(g[j] * lo[j], g[j] * hi[j]);
+        most += std::max(g[j] * lo[j], g[j] * hi[j]);
+        size += std::fabs(g[j]) * std::max(std::fabs(lo[j]), std::fabs(hi[j]));
+        steep = std::max(steep, std::fabs(g[j]));
+    }
+    const double tolerance = 4e-16 * (d + 2) * size;
+    if (target < least - tolerance || target > most + tolerance) return kInfinity;
+    const double side = sum > target ? 1.0 : -1.0;  // of the multiplier
+    double best = std::sqrt(total) * (1.0 - 1e-15);
+    double low = 0.0, high = kInfinity, at = 0.0;  // multiplier = side * at
+    for (int iteration = 0; iteration < 60; iteration++) {
+        const double excess = side * (sum - target);
+        if (std::fabs(excess) <= tolerance) break;
+        (excess > 0.0 ? low : high) = at;
+        double slope = 0.0;
+        for (int j = 0; j < d; j++) {
+            const double z = q[j] - side * at * g[j];
+            if (z > lo[j] && z < hi[j]) slope += g[j] * g[j];
+        }
+        double next = slope > 0.0 ? at + excess / slope : kInfinity;
+        if (!(next > low && next < high))
+            next = high < kInfinity ? 0.5 * (low + high) : 2.0 * at + 0.5 / steep;
+        if (next == at || !(next < 1e200)) break;
+        at = next;
+        sum = a0;
+        total = 0.0;
+        for (int j = 0; j < d; j++) {
+            const double y = std::min(std::max(q[j] - side * at * g[j], lo[j]), hi[j]);
+            sum += g[j] * y;
+            total += (y - q[j]) * (y - q[j]);
+        }
+        const double square = total * (1.0 - 1e-15) +
+                              2.0 * at * (side * (sum - target) - tolerance);
+        if (square > 0.0) best = std::max(best, std::sqrt(square) * (1.0 - 1e-15));
+    }
+    return best;
+}
+
+// Distance from q to that set in the maximum norm: the least r at which the box and the cube of
+// half-side r around q reach the target. From below.
+inline double cube_to_plane(const double* q, const double* lo, const double* hi, const double* g,
+                     double short_of, int d, bool upward, double from) {
+    // short_of: how much a0 + g y lacks at the point y of the box nearest to q.
+    auto gain = [&](double r) {
+        double total = 0.0;
+        for (int j = 0; j < d; j++) {
+            const double y = std::min(std::max(q[j], lo[j]), hi[j]);
+            const double sign = (g[j] > 0.0) == upward ? 1.0 : -1.0;
+            const double end = sign > 0.0 ? std::min(hi[j], std::max(q[j] + r, y))
+                                          : std::max(lo[j], std::min(q[j] - r, y));
+            total += std::fabs(g[j]) * std::fabs(end - y);
+        }
+        return total;
+    };
+    double high = from;
+    for (int j = 0; j < d; j++)
+        high = std::max({high, std::fabs(hi[j] - q[j]), std::fabs(lo[j] - q[j])});
+    if (gain(high) < short_of * (1.0 - 1e-12)) return kInfinity;
+    double low = from;
+    for (int i = 0; i < 60 && high - low > 1e-13 * (1.0 + high); i++) {
+        const double middle = 0.5 * (low + high);
+        (gain(middle) < short_of ? low : high) = middle;
+    }
+    return low;
+}
+
+// Eigenvectors of a symmetric matrix (columns of V) and its eigenvalues, by Jacobi's rotations.
+inline void eigen(double* A, double* V, double* values, int d) {
+    for (int i = 0; i < d * d; i++) V[i] = i % (d + 1) == 0 ? 1.0 : 0.0;
+    for (int sweep = 0; sweep < 30; sweep++) {
+        double off = 0.0, size = 0.0;
+        for (int i = 0; i < d; i++)
+            for (int j = 0; j < d; j++) (i == j ? size : off) += A[i * d + j] * A[i * d + j];
+        if (off <= 1e-32 * size) break;
+        for (int p = 0; p < d; p++) {
+            for (int q = p + 1; q < d; q++) {
+                const double apq = A[p * d + q];
+                if (apq == 0.0) continue;
+                const double theta = (A[q * d + q] - A[p * d + p]) / (2.0 * apq);
+                const double t = (theta >= 0 ? 1.0 : -1.0) /
+                                 (std::fabs(theta) + std::sqrt(theta * theta + 1.0));
+                const double c = 1.0 / std::sqrt(t * t + 1.0), s = t * c;
+                for (int k = 0; k < d; k++) {
+                    const double x = A[k * d + p], y = A[k * d + q];
+                    A[k * d + p] = c * x - s * y;
+                    A[k * d + q] = s * x + c * y;
+                }
+                for (int k = 0; k < d; k++) {
+                    const double x = A[p * d + k], y = A[q * d + k];
+                    A[p * d + k] = c * x - s * y;
+                    A[q * d + k] = s * x + c * y;
+                }
+                for (int k = 0; k < d; k++) {
+                    const double x = V[k * d + p], y = V[k * d + q];
+                    V[k * d + p] = c * x - s * y;
+                    V[k * d + q] = s * x + c * y;
+                }
+            }
+        }
+    }
+    for (int j = 0; j < d; j++) values[j] = A[j * d + j];
+}
+
+}  // namespace pinsing

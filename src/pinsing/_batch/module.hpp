@@ -1,0 +1,23 @@
+// What the parts of the Python module share.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include <string>
+
+#include "kernel.hpp"
+
+namespace pinsing {
+
+using In = nanobind::ndarray<const double, nanobind::c_contig, nanobind::device::cpu>;
+using InFlags = nanobind::ndarray<const bool, nanobind::c_contig, nanobind::device::cpu>;
+using InWhole = nanobind::ndarray<const std::int64_t, nanobind::c_contig, nanobind::device::cpu>;
+using Out = nanobind::ndarray<double, nanobind::c_contig, nanobind::device::cpu>;
+using OutWhole = nanobind::ndarray<std::int64_t, nanobind::c_contig, nanobind::device::cpu>;
+
+const Kernel& kernel_named(const std::string& isa);
+void require(bool condition, const char* what);
+void add_conditions(nanobind::module_& m);
+
+}  // namespace pinsing

@@ -1,0 +1,46 @@
+// How far a configuration is from conditions, and where a motion meets them; one at a time.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "conditions.hpp"
+
+namespace pinsing {
+
+// Search for the nearest point of the conditions, and the proof that none is nearer.
+struct SearchOptions {
+    const double* lower;  // (n,) limits in weighted coordinates, infinite where there are none
+    const double* upper;
+    bool limited;         // only points within the limits count
+    double far;           // how far prismatic joints are looked at where nothing bounds them
+    double gap;
+    double seconds;
+    std::int64_t boxes;   // most boxes for a configuration
+};
+
+struct Nearest {
+    double lower, upper;  // infinite where there is no point
+    std::int64_t family;  // of the nearest point found; -1 for none
+    std::int64_t boxes;
+};
+
+// Nearest point of the conditions to x (n,), put into point (n,), and how near one can be at most.
+Nearest nearest_condition(const Conditions& c, const SearchOptions& options, const double* x,
+                          double* point);
+
+// A zero of an equation along a motion.
+struct Event {
+    std::int64_t segment, equation;
+    double s;      // within the segment, 0 to 1
+    double width;  // half of the interval in which it is
+    int kind;      // 1: the sign changes, once; 2: it comes within rounding of zero
+};
+
+// Zeros of equation e along a polynomial piece of a motion, (degree + 1, n) coefficients of powers of
+// s from 0 to 1, and its values at both ends. Each zero is in one of the events.
+void zeros_of_piece(const Conditions& c, std::int64_t e, const double* piece, int degree,
+                    std::int64_t segment, std::vector<Event>& events, double& first_value,
+                    double& last_value);
+
+}  // namespace pinsing

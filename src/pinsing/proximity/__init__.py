@@ -1,0 +1,1 @@
+"""How far singular configurations are: clearance, crossings, trajectories, lines, guards."""

@@ -1,0 +1,175 @@
+"""The families that distances are taken to, out of one or several closed forms."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TypeAlias
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array, Bool
+from pinsing.bounds.conditions import Conditions
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.families import ClosedForm, Family
+
+Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
+"""A closed form; or several of the same arm, such as those of two tasks."""
+
+_MADE: WeakKeyDictionary[ClosedForm, Watched] = WeakKeyDictionary()
+"""All families of a closed form, made once."""
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """Families of one arm, and the metric in which distances to them are taken.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the families; after the task where several closed forms were given.
+    families : tuple of Family
+        The families.
+    joints : tuple of str
+        Joints of the arm.
+    prismatic : (n,) array of bool
+        Which of them slide.
+    lower, upper : (n,) arrays
+        Limits, radians or metres; infinite for continuous joints.
+    weight : (n,) array
+        What joint differences are multiplied by.
+    norm : str
+        "euclidean" or "max".
+    complete : bool
+        Whether the closed forms are complete: no singular configuration lies elsewhere.
+    """
+
+    names: tuple[str, ...]
+    families: tuple[Family, ...]
+    joints: tuple[str, ...]
+    prismatic: Bool
+    lower: Array
+    upper: Array
+    weight: Array
+    norm: str
+    complete: bool
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @cached_property
+    def conditions(self) -> Conditions:
+        """All families as flat arrays."""
+        branches = [f.branches for f in self.families]
+        return Conditions.of(branches, self.prismatic, self.weight, self.norm)
+
+    def check(self, Q: npt.ArrayLike) -> Array:
+        """Return Q (..., n) as floats, or say what is wrong with it.
+
+        Raises
+        ------
+        ConfigurationError
+            If the last axis is not n long, or a number is not finite.
+        """
+        try:
+            array = np.array(Q, dtype=float)
+        except (TypeError, ValueError) as error:
+            raise ConfigurationError(f"Q is not an array of numbers: {error}") from None
+        if array.ndim == 0 or array.shape[-1] != self.n:
+            raise ConfigurationError(
+                f"a configuration has {self.n} values ({', '.join(self.joints)}), "
+                f"got shape {array.shape}"
+            )
+        if not np.isfinite(array).all():
+            where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+            raise ConfigurationError(
+                f"joint {self.joints[where[-1]]!r} is {array[where]} at index {where[:-1]}"
+            )
+        return array
+
+    def length(self, Q: Array) -> Array:
+        """Length of joint differences Q (..., n) in this metric."""
+        scaled = np.abs(Q * self.weight)
+        if self.norm == "max":
+            return np.asarray(scaled.max(axis=-1))
+        return np.asarray(np.linalg.norm(scaled, axis=-1))
+
+
+def watch(
+    forms: Forms,
+    families: Sequence[str] | None = None,
+    weights: npt.ArrayLike | None = None,
+    norm: str = "euclidean",
+) -> Watched:
+    """Choose families of closed forms by name; all that have real points by default.
+
+    Parameters
+    ----------
+    forms : ClosedForm or sequence of ClosedForm
+        Closed forms of one arm.
+    families : sequence of str, optional
+        Names, such as ``["F1", "F3"]``.
+    weights : (n,) array_like, optional
+        What joint differences are multiplied by, instead of 1 for revolute joints and
+        1 / length scale for prismatic ones.
+    norm : str
+        "euclidean" or "max".
+
+    Raises
+    ------
+    OptionError
+        If there is no closed form, or they are of different arms, or weights make no sense.
+    UnknownNameError
+        If there is no family of a name.
+    """
+    plain = isinstance(forms, ClosedForm) and families is None and weights is None
+    if plain and norm == "euclidean":
+        found = _MADE.get(forms)  # type: ignore[arg-type]
+        if found is not None:
+            return found
+    every = [forms] if isinstance(forms, ClosedForm) else list(forms)
+    if not every or not all(isinstance(f, ClosedForm) for f in every):
+        raise OptionError("forms must be a ClosedForm, or several of one arm: see closed_form")
+    first = every[0]
+    if any(f.arm.joints != first.arm.joints for f in every):
+        raise OptionError("the closed forms are of arms with different joints")
+    several = len(every) > 1
+    named = {
+        (f"{form.arm.task} {family.name}" if several else family.name): family
+        for form in every
+        for family in form.families
+    }
+    if families is None:
+        names = tuple(name for name, family in named.items() if family.real)
+    else:
+        names = tuple(dict.fromkeys([families] if isinstance(families, str) else families))
+        for name in names:
+            if name not in named:
+                raise UnknownNameError("family", str(name), named)
+    prismatic = np.array(first.arm.prismatic)
+    scale = first.arm.length_scale
+    weight = np.where(prismatic, 1 / scale, 1.0)
+    if weights is not None:
+        weight = np.array(weights, dtype=float)
+        if weight.shape != prismatic.shape:
+            raise OptionError(f"weights needs {len(prismatic)} numbers, got shape {weight.shape}")
+    chosen = Watched(
+        names=names,
+        families=tuple(named[name] for name in names),
+        joints=first.arm.joints,
+        prismatic=prismatic,
+        lower=np.array(first.arm.lower),
+        upper=np.array(first.arm.upper),
+        weight=weight,
+        norm=norm,
+        complete=all(f.complete for f in every),
+    )
+    _ = chosen.conditions  # says what is wrong with weights and norm
+    if plain and norm == "euclidean":
+        _MADE[first] = chosen
+    return chosen

@@ -1,0 +1,337 @@
+"""Distances with a proof: bounds against dense searches, both engines, metrics, bad input."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from singular_sets import arm_of, closed
+
+import pinsing
+from pinsing._batch import engine
+from pinsing.algebra.equation import Equation
+from pinsing.bounds.conditions import Conditions
+from pinsing.bounds.nearest import SearchOptions, nearest_points
+from pinsing.bounds.two_sided import two_sided
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.families import Branch, Family, JointValue
+
+ARMS = [
+    "ur5",
+    "puma560",
+    "panda",
+    "stanford",
+    "surgical7",
+    "irb1400",
+    "z1",
+    "iiwa14",
+    "xarm7",
+    "talos_arm",
+]
+needs_engine = pytest.mark.skipif(not engine.available(), reason="no compiled engine")
+
+
+def dense(family: Family, q: np.ndarray, points: np.ndarray, wrap: bool) -> float:
+    """Least distance from q to points of the family: an upper bound of the true one."""
+    d = points - q
+    if wrap:
+        d = np.where(family.prismatic, d, d - 2 * np.pi * np.round(d / (2 * np.pi)))
+    # Joints that do not matter to a branch can stay: only those of the nearest one count.
+    least = np.inf
+    for branch in family.branches:
+        on = np.array(branch.involved, dtype=int)
+        weight = np.where(family.prismatic, 1 / family.length_scale, 1.0)
+        least = min(least, float(np.linalg.norm((d * weight)[:, on], axis=1).min()))
+    return least
+
+
+def one(family: Family, branch: Branch) -> Family:
+    return dataclasses.replace(family, branches=(branch,))
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_lower_is_never_above_and_upper_never_below_a_dense_search(name: str) -> None:
+    form = closed(name)
+    rng = np.random.default_rng(3)
+    for family in form.families:
+        for branch in family.branches[:2]:
+            part = one(family, branch)
+            for limited in (False, True):
+                points = part.points(2000, rng, within_limits=limited)
+                if not len(points):
+                    continue
+                low, high = part.box(within_limits=True)
+                for q in rng.uniform(low, high, (2, part.n)):
+                    found = part.distance(q, within_limits=limited, seconds=0.5)
+                    seen = dense(part, q, points, wrap=not limited)
+                    assert found.lower <= found.upper == found.value
+                    assert found.lower <= seen + 1e-9
+                    on = part.contains(found.q, 1e-7)
+                    assert bool(on)
+                    off = (found.q - q) / np.where(part.prismatic, part.length_scale, 1.0)
+                    assert np.linalg.norm(off) == pytest.approx(found.upper, abs=1e-9)
+                    if limited:
+                        assert (found.q >= part.lower - 1e-8).all()
+                        assert (found.q <= part.upper + 1e-8).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ARMS)
+def test_bounds_against_twenty_thousand_points_of_each_family(name: str) -> None:
+    form = closed(name)
+    rng = np.random.default_rng(4)
+    for family in form.families:
+        for branch in family.branches:
+            part = one(family, branch)
+            points = part.points(20000, rng)
+            Q = rng.uniform(-np.pi, np.pi, (20, part.n))
+            quick = two_sided(part.conditions(), Q)
+            for q, lower, upper in zip(Q, quick.lower, quick.upper, strict=True):
+                found = part.distance(q)
+                seen = dense(part, q, points, wrap=True)
+                assert lower <= found.upper + 1e-12
+                assert upper >= found.lower - 1e-12
+                assert found.lower <= seen + 1e-9
+
+
+@pytest.mark.parametrize("name", ["ur5", "puma560", "irb1400", "z1"])
+def test_the_gap_closes(name: str) -> None:
+    rng = np.random.default_rng(5)
+    for family in closed(name).families:
+        for q in rng.uniform(-3, 3, (20, family.n)):
+            found = family.distance(q, seconds=20)
+            assert found.upper - found.lower <= 1e-6
+            if not family.equations:
+                assert found.exact
+                assert found.lower == found.upper == found.value
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_quick_bounds_hold_the_certified_distance(name: str) -> None:
+    form = closed(name)
+    rng = np.random.default_rng(6)
+    Q = rng.uniform(-3, 3, (6, form.arm.n))
+    near = np.concatenate([f.points(3, rng) for f in form.families])
+    Q = np.concatenate([Q, near + rng.normal(scale=1e-3, size=near.shape), near])
+    for family in form.families:
+        quick = two_sided(family.conditions(), Q)
+        exact = [family.distance(q, seconds=0.3) for q in Q]
+        assert (quick.lower <= [e.upper + 1e-13 for e in exact]).all()
+        assert (quick.upper >= [e.lower - 1e-13 for e in exact]).all()
+
+
+@needs_engine
+@pytest.mark.parametrize("name", ARMS)
+def test_the_compiled_bounds_are_those_of_numpy(name: str) -> None:
+    form = closed(name)
+    rng = np.random.default_rng(7)
+    Q = rng.uniform(-7, 7, (500, form.arm.n))
+    for norm in ("euclidean", "max"):
+        weight = np.where(form.arm.prismatic, 3.0, rng.uniform(0.5, 2, form.arm.n))
+        branches = [f.branches for f in form.families]
+        conditions = Conditions.of(branches, form.arm.prismatic, weight, norm)
+        a = two_sided(conditions, Q, each=True)
+        b = two_sided(conditions, Q, each=True, compiled=False)
+        assert a.each is not None
+        np.testing.assert_allclose(a.each, b.each, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(a.lower, a.each[..., 0].min(axis=1))
+        np.testing.assert_allclose(a.upper, a.each[..., 1].min(axis=1))
+        picked = a.each[np.arange(len(Q)), a.family, 0]
+        np.testing.assert_array_equal(picked, a.lower)
+
+
+@needs_engine
+def test_both_searches_agree() -> None:
+    form = closed("ur5")
+    conditions = form.families[2].conditions()
+    Q = np.random.default_rng(8).uniform(-3, 3, (3, 6))
+    for limited in (False, True):
+        options = SearchOptions(gap=1e-3, seconds=20, within_limits=limited)
+        limits = form.arm.lower, form.arm.upper
+        a = nearest_points(conditions, Q, *limits, options)
+        b = nearest_points(conditions, Q, *limits, options, compiled=False)
+        assert (a.upper - a.lower <= 1e-3).all()
+        assert (b.upper - b.lower <= 1e-3).all()
+        np.testing.assert_allclose(a.upper, b.upper, atol=1e-3)
+
+
+def sliding() -> Family:
+    """d1^2 + 0.5 d1 cos q2 - 0.3 = 0, a made-up family with a prismatic joint."""
+    base = closed("stanford").families[1]
+    equation = Equation(
+        joints=("d1", "q2"),
+        frequencies=np.array([[0, 0], [0, 2], [0, 0]]),
+        powers=np.array([[2, 0], [1, 0], [0, 0]]),
+        cos=np.array([1.0, 0.5, -0.3]),
+        sin=np.zeros(3),
+        shift=np.zeros(2),
+    )
+    return dataclasses.replace(
+        base,
+        branches=(Branch((), (equation,)),),
+        lower=np.array([0.2, -2.0]),
+        upper=np.array([0.9, 2.0]),
+        prismatic=np.array([True, False]),
+        length_scale=0.5,
+    )
+
+
+@pytest.mark.parametrize("norm", ["euclidean", "max"])
+@pytest.mark.parametrize("compiled", [True, False])
+def test_prismatic_joints_in_equations(norm: str, compiled: bool) -> None:
+    family = sliding()
+    angle = np.linspace(-2, 2, 40001)
+    root = 0.5 * (-0.5 * np.cos(angle) + np.sqrt(0.25 * np.cos(angle) ** 2 + 1.2))
+    other = -0.5 * np.cos(angle) - root
+    rng = np.random.default_rng(9)
+    conditions = family.conditions(norm=norm)
+    Q = np.stack([rng.uniform(-1, 2, 40), rng.uniform(-1.5, 1.5, 40)], axis=1)
+    quick = two_sided(conditions, Q, compiled=compiled)
+    options = SearchOptions(within_limits=True, gap=1e-5, seconds=5 if compiled else 0.5)
+    for i, q in enumerate(Q):
+        off = np.abs([np.append(root, other) - q[0], np.tile(angle, 2) - q[1]])
+        off[0] /= 0.5
+        true = (off.max(axis=0) if norm == "max" else np.hypot(*off)).min()
+        assert quick.lower[i] <= true + 1e-6
+        assert quick.upper[i] >= true - 1e-3
+        if compiled or i < 2:
+            inside = (root >= 0.2) & (root <= 0.9)
+            off = np.abs([root[inside] - q[0], angle[inside] - q[1]])
+            off[0] /= 0.5
+            true = (off.max(axis=0) if norm == "max" else np.hypot(*off)).min()
+            found = nearest_points(
+                conditions, q[None], family.lower, family.upper, options, compiled=compiled
+            )
+            assert found.lower[0] <= true + 1e-9
+            if compiled and engine.available():
+                assert found.upper[0] == pytest.approx(true, abs=1e-3)
+                assert found.upper[0] - found.lower[0] <= 1e-5
+
+
+def test_the_maximum_norm_and_weights() -> None:
+    family = closed("ur5").families[2]
+    rng = np.random.default_rng(10)
+    points = family.points(20000, rng)
+    weights = np.array([1, 2.0, 0.5, 1.5, 1, 1])
+    for q in rng.uniform(-3, 3, (3, 6)):
+        d = points - q
+        d = np.abs(d - 2 * np.pi * np.round(d / (2 * np.pi)))[:, list(family.branches[0].involved)]
+        w = weights[list(family.branches[0].involved)]
+        for scale, given in ((np.ones(3), None), (w, weights)):
+            largest = family.distance(q, norm="max", weights=given)
+            round_ = family.distance(q, weights=given)
+            assert largest.lower <= (d * scale).max(axis=1).min() + 1e-9
+            assert largest.upper <= round_.upper + 1e-9
+            assert largest.lower >= round_.lower / np.sqrt(3) - 1e-9
+            assert round_.lower <= np.linalg.norm(d * scale, axis=1).min()
+            if engine.available():
+                assert largest.upper - largest.lower < 1e-5
+
+
+def test_clearance_of_many() -> None:
+    form = closed("ur5")
+    rng = np.random.default_rng(11)
+    Q = rng.uniform(-3, 3, (4, 5, 6))
+    found = pinsing.clearance(form, Q)
+    assert found.lower.shape == found.upper.shape == found.family.shape == (4, 5)
+    assert set(found.nearest.ravel()) <= {"F1", "F2", "F3"}
+    sure = pinsing.clearance(form, Q, certify=True)
+    assert sure.certified
+    assert (sure.upper - sure.lower <= 1e-6).all()
+    assert (found.lower <= sure.upper).all()
+    assert (found.upper >= sure.lower).all()
+    each = [min(f.distance(q).upper for f in form.families) for q in Q.reshape(-1, 6)]
+    np.testing.assert_allclose(sure.upper.ravel(), each, atol=1e-6)
+    wrist = pinsing.clearance(form, Q, families=["F2"])
+    np.testing.assert_allclose(wrist.upper, np.abs(np.arcsin(np.sin(Q[..., 4]))), atol=1e-12)
+    again = pinsing.Clearance.from_json(found.to_json())
+    np.testing.assert_array_equal(again.lower, found.lower)
+    empty = pinsing.clearance(form, np.zeros((0, 6)))
+    assert empty.lower.shape == (0,)
+
+
+def test_families_out_of_reach_do_not_count_within_limits() -> None:
+    form = closed("z1")
+    assert [f.reachability for f in form.families][:2] == ["not reachable"] * 2
+    q = form.families[2].witness
+    assert q is not None
+    inside = pinsing.clearance(form, q, within_limits=True)
+    assert str(inside.nearest) == "F3"
+    assert inside.lower <= 1e-9
+    # No singular configuration at all within the limits: proven, infinitely far.
+    none = pinsing.clearance(form, q, families=["F1"], within_limits=True, certify=True)
+    assert none.lower == np.inf
+    assert form.families[0].distance(q, within_limits=True).lower == np.inf
+
+
+def test_is_clear() -> None:
+    form = closed("ur5")
+    rng = np.random.default_rng(12)
+    for q in rng.uniform(-3, 3, (20, 6)):
+        true = float(pinsing.clearance(form, q, certify=True).upper)
+        assert pinsing.is_clear(form, q, 0.999 * true - 1e-5)
+        assert not pinsing.is_clear(form, q, 1.001 * true + 1e-5)
+    assert not pinsing.is_clear(form, np.zeros(6), 0.0)
+
+
+def test_lower_is_zero_or_next_to_it_on_a_family() -> None:
+    for name in ("ur5", "panda", "stanford"):
+        form = closed(name)
+        for family in form.families:
+            Q = family.points(50, np.random.default_rng(13))
+            found = pinsing.clearance(form, Q, families=[family.name])
+            assert (found.lower <= 1e-9).all()
+
+
+def test_several_closed_forms() -> None:
+    arm = arm_of("planar3r")
+    forms = [pinsing.closed_form(arm.with_task(t)) for t in ("position", "vx")]
+    q = np.array([0.3, 0.5, 0.4])
+    found = pinsing.clearance(forms, q)
+    assert all(name.split()[0] in ("position", "vx") for name in found.names)
+    assert len(found.names) == sum(len(f.families) for f in forms)
+    with pytest.raises(OptionError, match="different joints"):
+        pinsing.clearance([closed("ur5"), closed("panda")], np.zeros(6))
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"families": ["F9"]}, UnknownNameError),
+        ({"weights": [1, 1]}, OptionError),
+        ({"weights": [1, 1, 1, 1, 1, 0]}, OptionError),
+        ({"weights": [1, 1, 1, 1, 1, np.nan]}, OptionError),
+        ({"norm": "manhattan"}, OptionError),
+        ({"certify": True, "gap": 0.0}, OptionError),
+        ({"certify": True, "seconds": -1.0}, OptionError),
+    ],
+)
+def test_wrong_options(options: dict[str, object], error: type[Exception]) -> None:
+    with pytest.raises(error):
+        pinsing.clearance(closed("ur5"), np.zeros(6), **options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("bad", [np.zeros(5), np.full(6, np.nan), 3.0, "nothing"])
+def test_wrong_configurations(bad: object) -> None:
+    with pytest.raises(ConfigurationError):
+        pinsing.clearance(closed("ur5"), bad)  # type: ignore[arg-type]
+
+
+def test_a_form_is_asked_for() -> None:
+    with pytest.raises(OptionError, match="closed_form"):
+        pinsing.clearance([], np.zeros(6))
+    with pytest.raises(OptionError, match="closed_form"):
+        pinsing.clearance(["ur5"], np.zeros(6))  # type: ignore[list-item]
+
+
+def test_values_that_join_an_equation_do_not_move_it() -> None:
+    """A branch of a value and an equation: both parts count, at right angles."""
+    family = closed("surgical7").families[3]
+    assert any(b.values and b.equations for b in family.branches)
+    q = family.points(1, np.random.default_rng(14))[0]
+    value: JointValue = family.branches[0].values[0]
+    near = q.copy()
+    near[value.joint] += 0.2
+    found = family.distance(near)
+    assert found.upper <= 0.2 + 1e-9
