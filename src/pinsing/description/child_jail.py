@@ -41,9 +41,30 @@ _CALLS = {
     "getrandom": (318, 278),
     "rseq": (334, 293),
 }
+# More of them for a process that reads files: everything but opening itself, which is judged.
+_READING_CALLS = {
+    "stat": (4, 79),  # arm64 has the calls with "at" only
+    "lstat": (6, 79),
+    "access": (21, 48),
+    "readlink": (89, 78),
+    "pread64": (17, 67),
+    "readv": (19, 65),
+    "fcntl": (72, 25),
+    "getcwd": (79, 17),
+    "readlinkat": (267, 78),
+    "newfstatat": (262, 79),
+    "faccessat": (269, 48),
+    "statx": (332, 291),
+    "fadvise64": (221, 223),
+    "getdents64": (217, 61),
+    "sysinfo": (99, 179),
+    "sched_getaffinity": (204, 123),
+}
+_OPENAT = (257, 56)
+_WRITING = 0o3 | 0o100 | 0o1000 | 0o2000 | 0o20000000  # access mode, create, truncate, append, temp
 _MACHINES = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
 
-_LOAD, _EQUAL, _RETURN = 0x20, 0x15, 0x06  # of the kernel's packet filter
+_LOAD, _EQUAL, _ANY_BIT, _RETURN = 0x20, 0x15, 0x45, 0x06  # of the kernel's packet filter
 _ALLOW, _ERROR_EPERM = 0x7FFF0000, 0x00050001
 _SET_SECCOMP, _FILTER_MODE, _SET_NO_NEW_PRIVILEGES = 22, 2, 38
 
@@ -106,10 +127,11 @@ def watch(refuse: Callable[[str], BaseException]) -> None:
     sys.addaudithook(hook)
 
 
-def close_in() -> str:
+def close_in(reading: bool = False) -> str:
     """Let the kernel open nothing more for this process; say why not, or return "" when it is so.
 
-    Only the files that are open now can be read and written afterwards. There is no way back.
+    Only the files that are open now can be read and written afterwards; with ``reading`` others can
+    be opened for reading, too. There is no way back.
     """
     machine = os.uname().machine if sys.platform.startswith("linux") else "any machine"
     if machine not in _MACHINES:
@@ -121,7 +143,9 @@ def close_in() -> str:
     except (ImportError, OSError, AttributeError) as error:
         return f"the kernel's filter cannot be reached ({error})"
     column, architecture = _MACHINES[machine]
-    code = _filter(sorted(numbers[column] for numbers in _CALLS.values()), architecture)
+    known = _CALLS | _READING_CALLS if reading else _CALLS
+    calls = sorted({numbers[column] for numbers in known.values()})
+    code = _filter(calls, architecture, _OPENAT[column] if reading else None)
     words = ctypes.create_string_buffer(code, len(code))
 
     class Program(ctypes.Structure):
@@ -138,17 +162,27 @@ def close_in() -> str:
     return ""
 
 
-def _filter(calls: list[int], architecture: int) -> bytes:
+def _filter(calls: list[int], architecture: int, openat: int | None) -> bytes:
     """Return the program: the right architecture and a known call, or an error."""
 
     def step(code: int, value: int, yes: int = 0, no: int = 0) -> bytes:
         return struct.pack("=HBBI", code, yes, no, value)
 
     # A jump counts the steps that it leaves out; the last two steps are "no" and "yes".
+    opening = []
+    if openat is not None:  # its third argument holds the flags
+        after = len(calls)
+        opening = [
+            step(_EQUAL, openat, 0, 3),
+            step(_LOAD, 32),
+            step(_ANY_BIT, _WRITING, 0, after + 2),
+            step(_RETURN, _ERROR_EPERM),
+        ]
     program = [
         step(_LOAD, 4),
-        step(_EQUAL, architecture, 0, len(calls) + 1),
+        step(_EQUAL, architecture, 0, len(calls) + len(opening) + 1),
         step(_LOAD, 0),
+        *opening,
         *(step(_EQUAL, number, len(calls) - i) for i, number in enumerate(calls)),
         step(_RETURN, _ERROR_EPERM),
         step(_RETURN, _ALLOW),

@@ -14,6 +14,7 @@ from pinsing._types import Array
 from pinsing.robot.reduced_model import make_names_unique
 from pinsing.robot.tip import frame_index
 from pinsing.view.body import Body
+from pinsing.view.meshes import read_geometry
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def read_links(arm: Body) -> Links:
     if source.xml is None:
         return Links(None)
     try:
-        whole = pin.buildGeomFromUrdfString(source.full_model, source.xml, pin.VISUAL)
+        whole, notes = read_geometry(source.full_model, source.xml)
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
         return Links(None, (f"its meshes cannot be read, so a skeleton stands for it: {reason}",))
@@ -61,7 +62,7 @@ def read_links(arm: Body) -> Links:
         g.parentJoint = arm.model.getJointId(original.get(name, name)) if joint else 0
         if not joint:
             g.placement = back * g.placement
-    return Links(geometry)
+    return Links(geometry, notes)
 
 
 def base_placement(arm: Body) -> pin.SE3:

@@ -21,6 +21,7 @@ from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError
 from pinsing.mechanism.motion import mechanism_at
 from pinsing.robot.load_mechanism import Mechanism
+from pinsing.view.meshes import read_geometry
 from pinsing.view.page import meshcat_script
 from pinsing.view.record import Recorder
 
@@ -158,12 +159,7 @@ class _Scene:
         source, model = self.mechanism.source, self.mechanism.model
         if source.xml is None:
             raise OptionError(f"{self.mechanism.name} has no URDF: there are no links to draw")
-        geometry = pin.buildGeomFromUrdfString(
-            model,
-            source.xml,
-            pin.GeometryType.VISUAL,
-            package_dirs=[str(d) for d in source.package_dirs],
-        )
+        geometry, _ = read_geometry(model, source.xml)
         return [(f"links/{g.name}", g) for g in geometry.geometryObjects]
 
     def _reach(self) -> float:

@@ -1,0 +1,205 @@
+"""Meshes of a robot, read in a child process with limits; one that fails is left out and named."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import coal
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing._types import Array
+from pinsing.description import child_jail
+
+SECONDS_EACH = 20.0
+_MEMORY = 2 * 2**30
+_LARGEST_FILE = 256 * 2**20
+_WORKER = Path(__file__).with_name("mesh_worker.py")
+_AS_FILES = (".dae", ".obj", ".stl")  # go into the page as they are
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """What a mesh file holds; nothing where the file itself goes into the page.
+
+    Attributes
+    ----------
+    vertices : (n, 3) array
+        In the unit of the file.
+    faces : (m, 3) array of int
+        Triangles: three vertices each, counted from 0.
+    """
+
+    vertices: Array
+    faces: npt.NDArray[np.int32]
+
+    def geometry(self) -> Any:
+        """Return the triangles as Pinocchio keeps them."""
+        model = coal.BVHModelOBBRSS()
+        model.beginModel(len(self.faces), len(self.vertices))
+        model.addVertices(np.asfortranarray(self.vertices))
+        model.addTriangles(np.asfortranarray(self.faces))
+        model.endModel()
+        return model
+
+
+def read_geometry(model: pin.Model, xml: str) -> tuple[pin.GeometryModel, tuple[str, ...]]:
+    """Return the visual geometry of a URDF, and notes on what was left out.
+
+    Parameters
+    ----------
+    model : pin.Model
+        The whole robot of that URDF.
+    xml : str
+        Checked URDF; its meshes are addresses of files.
+
+    Raises
+    ------
+    ValueError, RuntimeError
+        If Pinocchio cannot read the URDF.
+    """
+    root = ET.fromstring(xml)
+    wanted: dict[str, tuple[Path, Array]] = {}
+    for link in root.iter("link"):
+        for number, visual in enumerate(link.findall("visual")):
+            for shape in visual.findall("geometry"):
+                mesh = shape.find("mesh")
+                if mesh is None:
+                    continue
+                scale = np.array([float(x) for x in mesh.get("scale", "1 1 1").split()])
+                path = Path(mesh.get("filename", "").removeprefix("file://"))
+                wanted[f"{link.get('name')}_{number}"] = (path, scale)
+                # Pinocchio builds everything around it; the mesh takes its place below.
+                shape.remove(mesh)
+                ET.SubElement(shape, "sphere", radius="1")
+    geometry = pin.buildGeomFromUrdfString(model, ET.tostring(root, "unicode"), pin.VISUAL)
+    if not wanted:
+        return geometry, ()
+    paths = tuple(dict.fromkeys(path for path, _ in wanted.values()))
+    found = read_meshes(paths)
+    for name in [g.name for g in geometry.geometryObjects if g.name in wanted]:
+        path, scale = wanted[name]
+        mesh_read = found[path]
+        if isinstance(mesh_read, str):
+            geometry.removeGeometryObject(name)
+            continue
+        held = geometry.geometryObjects[geometry.getGeometryId(name)]
+        held.meshPath, held.meshScale = str(path), scale
+        as_file = path.suffix.lower() in _AS_FILES
+        held.geometry = coal.BVHModelOBBRSS() if as_file else mesh_read.geometry()
+    return geometry, _notes(found)
+
+
+def _notes(found: Mapping[Path, Mesh | str]) -> tuple[str, ...]:
+    failed = [(path, problem) for path, problem in found.items() if isinstance(problem, str)]
+    notes = [f"mesh {path} is not drawn: {problem}" for path, problem in failed[:3]]
+    if len(failed) > 3:
+        notes.append(f"{len(failed) - 3} more meshes are not drawn")
+    return tuple("".join(c if c.isprintable() else "?" for c in note) for note in notes)
+
+
+def read_meshes(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
+    """Read files in a child process; each gives a mesh, or what is wrong with it in words."""
+    found: dict[Path, Mesh | str] = {}
+    left = []
+    for path in paths:
+        try:
+            large = path.stat().st_size > _LARGEST_FILE
+            if large or not path.is_file():
+                found[path] = "is too large" if large else "is not a plain file"
+            else:
+                left.append(path)
+        except OSError as error:
+            found[path] = f"cannot be read: {error.strerror}"
+    while left:
+        done = _ask_child(left)
+        found.update(done)
+        if len(done) == 0:  # the child did not even start
+            found.update(dict.fromkeys(left, "the reader of meshes cannot be started"))
+            break
+        left = left[len(done) :]
+    return found
+
+
+def _ask_child(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
+    """Return what a child made of the first files; the one at which it ended comes last."""
+    request = {
+        "paths": [(str(path), path.suffix.lower() not in _AS_FILES) for path in paths],
+        "sys_path": [os.path.abspath(entry) for entry in sys.path],
+        "jail": child_jail.__file__,
+        "seconds": int(SECONDS_EACH) * len(paths) + 10,
+        "memory": _MEMORY,
+    }
+    try:
+        child = subprocess.Popen(
+            [sys.executable, "-I", "-B", str(_WORKER)],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )
+    except OSError:
+        return {}
+    assert child.stdin is not None
+    assert child.stdout is not None
+    late = threading.Event()
+
+    def stop() -> None:
+        late.set()
+        child.kill()
+
+    done: dict[Path, Mesh | str] = {}
+    try:
+        with child.stdout:
+            with child.stdin:
+                child.stdin.write(json.dumps(request).encode() + b"\n")
+            for path in paths:
+                clock = threading.Timer(SECONDS_EACH, stop)
+                clock.daemon = True
+                clock.start()
+                try:
+                    result = _receive(child.stdout)
+                finally:
+                    clock.cancel()
+                if result is None:
+                    why = (
+                        f"is not read within {SECONDS_EACH:g} s"
+                        if late.is_set()
+                        else ("needs too much memory, or breaks its reader")
+                    )
+                    done[path] = why
+                    break
+                done[path] = result
+    except (BrokenPipeError, ConnectionResetError):
+        pass
+    finally:
+        child.kill()
+        child.wait()
+    return done
+
+
+def _receive(stream: Any) -> Mesh | str | None:
+    """Return one answer of the child, None where there is none."""
+    line = stream.readline(10_000)
+    if not line.endswith(b"\n"):
+        return None
+    message = json.loads(line)
+    if "problem" in message:
+        return str(message["problem"])
+    n, m = int(message["vertices"]), int(message["faces"])
+    vertices, faces = stream.read(24 * n), stream.read(12 * m)
+    if len(vertices) != 24 * n or len(faces) != 12 * m:
+        return None
+    return Mesh(
+        np.frombuffer(vertices, dtype=np.float64).reshape(n, 3),
+        np.frombuffer(faces, dtype=np.int32).reshape(m, 3),
+    )

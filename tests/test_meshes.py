@@ -1,0 +1,210 @@
+"""Meshes are read in a child with limits; one that fails is left out and named."""
+
+from __future__ import annotations
+
+import json
+import resource
+import struct
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from urdf_texts import LIMIT, joint
+
+from pinsing import load
+from pinsing.view import Viewer, meshes
+from pinsing.view.links import read_links
+from pinsing.view.meshes import Mesh, read_meshes
+
+NAN, INF = float("nan"), float("inf")
+ROBOT = '<robot name="r">{}</robot>'
+BOMB = bytes.fromhex("676c544602000000fffffffff0ffffff4a534f4e7b7d")
+
+
+def stl(*corners: tuple[float, float, float]) -> bytes:
+    count = len(corners) // 3
+    body = b"".join(
+        struct.pack("<12fH", 0, 0, 1, *corners[3 * i], *corners[3 * i + 1], *corners[3 * i + 2], 0)
+        for i in range(count)
+    )
+    return bytes(80) + struct.pack("<I", count) + body
+
+
+def glb() -> bytes:
+    """One triangle, the binary form of glTF."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype="<f4").tobytes()
+    bounds = {"min": [0, 0, 0], "max": [1, 1, 0]}
+    accessor = {"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", **bounds}
+    header = {
+        "asset": {"version": "2.0"},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [accessor],
+        "bufferViews": [{"buffer": 0, "byteLength": len(points)}],
+        "buffers": [{"byteLength": len(points)}],
+    }
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    body = struct.pack("<II", len(text), 0x4E4F534A) + text
+    body += struct.pack("<II", len(points), 0x004E4942) + points
+    return struct.pack("<III", 0x46546C67, 2, 12 + len(body)) + body
+
+
+GOOD = stl((0, 0, 0), (1, 0, 0), (0, 1, 0))
+PLY = b"""ply
+format ascii 1.0
+element vertex 3
+property float x
+property float y
+property float z
+element face 1
+property list uchar int vertex_indices
+end_header
+0 0 0
+1 0 0
+0 2 0
+3 0 1 2
+"""
+BAD = {
+    "bomb.glb": BOMB,
+    "text.stl": b"this is not a mesh",
+    "nan.stl": stl((NAN, 0, 0), (1, 0, 0), (0, 1, 0)),
+    "inf.stl": stl((INF, 0, 0), (1, 0, 0), (0, 1, 0)),
+    "far.stl": stl((1e30, 0, 0), (1, 0, 0), (0, 1, 0)),
+    "empty.stl": b"",
+    "many.stl": bytes(80) + struct.pack("<I", 2**32 - 1) + GOOD[84:],
+    "short.obj": b"v 0 0 0\nf 1 2 999999999\n",
+    "nan.obj": b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n",
+    "deep.dae": b"<COLLADA>" * 5000,
+    "count.ply": PLY.replace(b"vertex 3", b"vertex 4000000000"),
+}
+
+
+def robot_with(*names: str, scale: str = "1 1 1") -> str:
+    shapes = "".join(
+        f'<visual><geometry><mesh filename="{name}" scale="{scale}"/></geometry></visual>'
+        for name in names
+    )
+    links = f'<link name="a"/><link name="b">{shapes}</link><link name="c"/>'
+    end = joint("j2", "b", "c", inner='<origin xyz="0 0 1"/><axis xyz="0 1 0"/>' + LIMIT)
+    return ROBOT.format(links + joint("j1", "a", "b") + end)
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_a_mesh_that_fails_is_named_and_the_others_are_read(name, tmp_path):
+    paths = [tmp_path / "first.stl", tmp_path / name, tmp_path / "last.ply"]
+    for path, content in zip(paths, (GOOD, BAD[name], PLY), strict=True):
+        path.write_bytes(content)
+    first, bad, last = read_meshes(paths).values()
+    assert isinstance(first, Mesh)
+    assert isinstance(bad, str)
+    assert bad
+    assert "\n" not in bad
+    assert isinstance(last, Mesh)
+    np.testing.assert_array_equal(last.vertices, [[0, 0, 0], [1, 0, 0], [0, 2, 0]])
+    np.testing.assert_array_equal(last.faces, [[0, 1, 2]])
+
+
+def test_a_good_file_of_the_bombs_format_is_read(tmp_path):
+    path = tmp_path / "a.glb"
+    path.write_bytes(glb())
+    found = read_meshes([path])[path]
+    assert isinstance(found, Mesh), found
+    assert sorted(map(tuple, found.vertices)) == [(0, 0, 0), (0, 1, 0), (1, 0, 0)]
+
+
+def test_a_bomb_costs_little(tmp_path):
+    path = tmp_path / "a.glb"
+    path.write_bytes(BOMB)
+    start = time.monotonic()
+    assert isinstance(read_meshes([path])[path], str)
+    assert time.monotonic() - start < 10
+    # Never the 4.3 GiB that it asks for.
+    assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 < 2.2 * 2**30
+
+
+def test_what_is_no_file(tmp_path):
+    (tmp_path / "folder.stl").mkdir()
+    names = [tmp_path / "none.stl", tmp_path / "folder.stl", Path("/dev/zero")]
+    assert all(isinstance(found, str) for found in read_meshes(names).values())
+
+
+def test_a_reader_that_does_not_end_is_ended(tmp_path, monkeypatch):
+    (tmp_path / "slow.py").write_text("import time; time.sleep(60)")
+    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "slow.py")
+    monkeypatch.setattr(meshes, "SECONDS_EACH", 0.3)
+    path = tmp_path / "a.stl"
+    path.write_bytes(GOOD)
+    assert "not read within 0.3 s" in str(read_meshes([path])[path])
+
+
+def test_a_reader_that_dies_is_started_again(tmp_path, monkeypatch):
+    (tmp_path / "dies.py").write_text("import os; os.kill(os.getpid(), 11)")
+    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "dies.py")
+    paths = [tmp_path / "a.stl", tmp_path / "b.stl"]
+    for path in paths:
+        path.write_bytes(GOOD)
+    assert all("breaks its reader" in str(found) for found in read_meshes(paths).values())
+
+
+def test_a_robot_is_drawn_without_its_bad_meshes(tmp_path):
+    for name, content in {**BAD, "good.stl": GOOD}.items():
+        (tmp_path / name).write_bytes(content)
+    file = tmp_path / "arm.urdf"
+    file.write_text(robot_with(*BAD, "good.stl"))
+    arm = load(file, task="wx,wz")
+    links = read_links(arm)
+    assert links.geometry is not None
+    assert [Path(g.meshPath).name for g in links.geometry.geometryObjects] == ["good.stl"]
+    assert any("is not drawn" in note for note in links.notes)
+    with Viewer(arm) as viewer:
+        assert any("is not drawn" in note for note in viewer.notes)
+
+
+def test_nothing_is_said_on_stderr_but_by_us(tmp_path):
+    for name, content in BAD.items():
+        (tmp_path / name).write_bytes(content)
+    file = tmp_path / "arm.urdf"
+    file.write_text(robot_with(*BAD))
+    words = ["view", str(file), "--task", "wx,wz", "--html", str(tmp_path / "page.html")]
+    run = [sys.executable, "-m", "pinsing", *words]
+    done = subprocess.run(run, capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
+    assert all(word not in done.stderr for word in ("Assimp", "assimp", "ERROR", "Traceback"))
+    assert done.stderr.count("is not drawn") >= 3
+
+
+def test_geometry_is_that_of_pinocchio(tmp_path):
+    (tmp_path / "good.stl").write_bytes(GOOD)
+    (tmp_path / "part.ply").write_bytes(PLY)
+    file = tmp_path / "arm.urdf"
+    file.write_text(robot_with("good.stl", "part.ply", scale="0.5 2 1"))
+    source = load(file, task="wx,wz").source
+    ours, notes = meshes.read_geometry(source.full_model, source.xml)
+    theirs = pin.buildGeomFromUrdfString(source.full_model, source.xml, pin.VISUAL)
+    assert notes == ()
+    assert [g.name for g in ours.geometryObjects] == [g.name for g in theirs.geometryObjects]
+    for mine, their in zip(ours.geometryObjects, theirs.geometryObjects, strict=True):
+        assert (mine.meshPath, mine.parentJoint) == (their.meshPath, their.parentJoint)
+        assert mine.placement.isApprox(their.placement)
+        np.testing.assert_array_equal(mine.meshScale, their.meshScale)
+        np.testing.assert_array_equal(mine.meshColor, their.meshColor)
+    part = ours.geometryObjects[1].geometry
+    np.testing.assert_array_equal(part.vertices(), [[0, 0, 0], [1, 0, 0], [0, 2, 0]])
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+def test_known_robots_keep_all_their_meshes(name):
+    source = load(name).source
+    ours, notes = meshes.read_geometry(source.full_model, source.xml)
+    theirs = pin.buildGeomFromUrdfString(source.full_model, source.xml, pin.VISUAL)
+    assert notes == ()
+    assert [(g.name, g.meshPath) for g in ours.geometryObjects] == [
+        (g.name, g.meshPath) for g in theirs.geometryObjects
+    ]
