@@ -122,7 +122,7 @@ def test_known_reasons(name, q, indices, reason):
             [0.1, -1, 0, 0.3, 0.8, 0.2],
             2,
             (-1.6, -1.3),
-            "one line meets axes 1, 5 and 6 and is parallel to axes 2, 3 and 4",
+            "axes 1, 5 and 6 meet a common line, and axes 2, 3 and 4 are parallel to it",
         ),
     ],
 )
@@ -141,7 +141,7 @@ def test_reasons_of_the_iiwa():
     elbow = only("iiwa14", [*q[:3], 0, *q[4:]])
     assert elbow.reason == (
         "axes 3 and 5 are collinear; "
-        "one line meets axes 1, 2, 4, 6 and 7 and is parallel to axes 3 and 5"
+        "axes 1, 2, 4, 6 and 7 meet a common line, and axes 3 and 5 are parallel to it"
     )
     both = only("iiwa14", [0.1, 0, 0.3, 0.8, 0.4, 0, 0.6])
     assert both.indices == (0, 2, 4, 6)
@@ -213,7 +213,7 @@ PX, PY, PZ = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
         (
             [(PX(), (0, 0, 0)), (RZ(), (0, 0, 0)), (RZ(), (1, 0, 0))],
             [0.1, HALF_PI, 0.3],
-            "slider 1 is perpendicular to the plane of axes 2 and 3",
+            "prismatic joint 1 is perpendicular to the plane of axes 2 and 3",
         ),
         # A slider that the second joint turns into the plane of the others.
         (
@@ -224,7 +224,7 @@ PX, PY, PZ = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
         (
             [(PX(), (0, 0, 0)), (RZ(), (0, 0, 0)), (PX(), (0.4, 0, 0))],
             [0.1, 0, 0.3],
-            "sliders 1 and 3 are parallel",
+            "prismatic joints 1 and 3 are parallel",
         ),
         # Three axes through one point, in one plane at q2 = 0.
         (

@@ -142,8 +142,8 @@ def test_words_name_what_happens() -> None:
     mechanism = shipped("planar_3rrr")
     frame = mechanism_frame(mechanism, singular("planar_3rrr", "type 2"), linkage_sizes(mechanism))
     assert "center turns about z through (" in frame["given"][0]
-    assert "with the motors held" in frame["given"][0]
-    assert frame["why"] == ["b1, c1, b2 and b3 can move while the motors rest"]
+    assert "with the actuators locked" in frame["given"][0]
+    assert frame["why"] == ["b1, c1, b2 and b3 can move although the actuators are locked"]
     mechanism = shipped("four_bar")
     frame = mechanism_frame(mechanism, singular("four_bar", "type 1"), linkage_sizes(mechanism))
     assert frame["lost"][0]["words"] == "rocker_link cannot turn about z"
@@ -174,7 +174,7 @@ def test_points_without_closed_forms_are_listed_by_what_is_in_line() -> None:
         "type 1: the leg of a1 in line",
         "type 1: the leg of a2 in line",
         "type 1: the leg of a3 in line",
-        "type 2: the motors do not hold the output",
+        "type 2: the actuators do not hold the output",
     ]
     away = [np.linalg.norm(mechanism.fold(p.q - home(mechanism))) for p in listed[3].points]
     assert away == sorted(away)

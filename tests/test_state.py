@@ -205,7 +205,7 @@ def test_near_singular_says_how_little_is_left():
     assert state.rank == state.generic_rank == 6
     assert 1e-9 < state.sigma_ratio < 1e-2
     (motion,) = state.lost
-    assert motion.words.startswith("can hardly ")
+    assert motion.words.startswith("nearly loses ")
     assert "at unit joint speed" in motion.words
     speeds = np.random.default_rng(1).normal(size=(6, 2000))
     speeds /= np.linalg.norm(speeds, axis=0)

@@ -241,7 +241,7 @@ def test_few_candidates_are_the_same_however_it_is_cut(tmp_path: Path) -> None:
     options = {"candidates": 40, "worst": 3, "keep": False}
     one = run_sweep(arm, plan, **options)
     assert len(one.candidates) == 40 < one.candidates.found
-    assert any("of which 40 are gone on with" in note for note in one.notes)
+    assert any("of which 40 are refined" in note for note in one.notes)
     assert len(one.summary.worst) == 3
     for chunk in (1, 3000, 10**6):
         again = run_sweep(arm, plan, **options, chunk=chunk, out=tmp_path / str(chunk))

@@ -185,21 +185,22 @@ def _checks(analysis: Analysis) -> Iterator[str]:
     search = analysis.random_search
     if search.starts:
         yield (
-            f"{search.starts} random starts within the limits: {search.singular} became singular, "
+            f"{search.starts} random starts within the limits: {search.singular} ended at singular "
+            f"configurations, "
             f"{search.on_family} of them on the families above"
         )
     sampled = [c for c in analysis.checks if c.samples]
     if sampled:
         worst = max(c.nominal_ratio for c in sampled)
         yield (
-            f"{sum(c.samples for c in sampled)} samples of the families: sigma_r/sigma_1 "
-            f"<= {worst:.1e} in Pinocchio (singular: <= {SINGULAR_RTOL:g})"
+            f"{sum(c.samples for c in sampled)} configurations sampled from the families: "
+            f"sigma_r/sigma_1 <= {worst:.1e} in Pinocchio (singular: <= {SINGULAR_RTOL:g})"
         )
         if analysis.closed_form.jacobian_change > 1e-12 and analysis.geometry == "both":
             by_family = ", ".join(
                 f"{c.family} {c.raw_ratio:.1e} (sigma_min {c.raw_sigma_min:.1e})" for c in sampled
             )
-            yield f"the same samples on the geometry of the file reach sigma_r/sigma_1: {by_family}"
+            yield f"the same samples on the numbers of the file: sigma_r/sigma_1 <= {by_family}"
     yield f"{analysis.seconds:.1f} s in all"
 
 
@@ -212,6 +213,7 @@ def _geometry(analysis: Analysis) -> Iterator[str]:
         more = f"; and {len(forms.snaps) - 3} more" if len(forms.snaps) > 3 else ""
         detail = f" ({'; '.join(forms.snaps[:3])}{more})"
     yield (
-        f"families are of the nominal geometry, which changes no Jacobian column by more than "
+        f"families are of the nominal geometry (rounding in the file taken out), which changes no "
+        f"Jacobian column by more than "
         f"{forms.jacobian_change:.1e}{detail}"
     )

@@ -31,11 +31,19 @@ from pinsing.prose import Page
 @click.option(
     "--nominal/--raw",
     "use_nominal",
-    help="On the nominal geometry (rounding taken out), or on the file as it is.  [default: raw]",
+    help="The nominal geometry (rounding taken out), or the numbers of the file.  [default: raw]",
 )
-@click.option("--rtol", type=float, metavar="RATIO", help="Singular at or below.  [default: 1e-9]")
 @click.option(
-    "--near-rtol", type=float, metavar="RATIO", help="Near-singular at or below.  [default: 0.01]"
+    "--rtol",
+    type=float,
+    metavar="RATIO",
+    help="Singular if sigma_r/sigma_1 is at or below this.  [default: 1e-9]",
+)
+@click.option(
+    "--near-rtol",
+    type=float,
+    metavar="RATIO",
+    help="Near-singular at or below this.  [default: 0.01]",
 )
 @deg_option
 @json_option

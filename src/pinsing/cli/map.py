@@ -54,16 +54,21 @@ if TYPE_CHECKING:
 )
 @click.option("--q", "q", metavar="Q1,Q2,...", help="Where joints that are not mapped stay.")
 @click.option("--ignore-limits", is_flag=True, help="Map whole circles.")
-@click.option("--worst", type=click.IntRange(min=1), metavar="K", help="Worst ones to keep.")
+@click.option(
+    "--worst",
+    type=click.IntRange(min=1),
+    metavar="K",
+    help="How many of the smallest ratios to keep.",
+)
 @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
 @click.option(
     "--out",
     type=click.Path(path_type=Path),
     metavar="DIR",
-    help="Keep each finished chunk; the same command goes on after any stop.",
+    help="Keep each finished chunk; the same command resumes after any stop.",
 )
 @click.option("--keep-values", is_flag=True, help="Keep all singular values in --out too.")
-@click.option("--chunk", metavar="N", help="Configurations of a chunk.")
+@click.option("--chunk", metavar="N", help="Configurations in a chunk.")
 @place_options
 @deg_option
 @json_option
@@ -90,7 +95,7 @@ def map_command(
     """How sigma_r of ROBOT is distributed over its joints, and where it is smallest.
 
     Takes any number of configurations in bounded memory. With --out DIR, a run that was
-    stopped or killed goes on where it was, to the same result. With --fail-if-singular, exits
+    stopped or killed resumes where it was, with the same result. With --fail-if-singular, exits
     with 1 if a configuration is singular.
     """
     # All that can be wrong without the robot is found before it is read.

@@ -39,7 +39,7 @@ def loops_option(run: Run) -> Callable[[F], F]:
             "--loops",
             type=click.Path(dir_okay=False, path_type=Path),
             metavar="FILE.yaml",
-            help="Loops that close ROBOT: it is the spanning tree of a mechanism.",
+            help="Closed loops of a mechanism; ROBOT is its spanning tree.",
         )
         @functools.wraps(command)
         def wrapper(*args: Any, loops: Path | None = None, **options: Any) -> Any:
@@ -119,7 +119,7 @@ def plot_loops(
             draw_linkage(mechanism, mode.q, ax)
             ax.set_title(mode.mode)
     else:
-        raise OptionError(f"{kind} is not drawn of mechanisms: map, curves and ellipsoids are")
+        raise OptionError(f"there is no {kind} plot of mechanisms: use map, curves or ellipsoids")
     figure.tight_layout()
     save_figure(figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
     plt.close(figure)
@@ -189,7 +189,7 @@ def _page(mechanism: Mechanism, inputs: Array, html: str | Path) -> None:
 
     found = curves(mechanism, inputs, 0)
     name = mechanism.inputs[0]
-    words = f"{mechanism}\n{name} moves over all it can reach, through every assembly mode"
+    words = f"{mechanism}\n{name} moves over its whole range, through every assembly mode"
     save_mechanism_page(mechanism, found[0].q[::_MODE_FRAMES], html, words)
 
 
@@ -205,7 +205,7 @@ def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
         raise ResultError(f"{path}: {error}") from None
     if saved.joints != mechanism.joints or saved.inputs != mechanism.inputs:
         raise ResultError(
-            f"{path}: is of {saved.name} with joints {', '.join(saved.joints)} driven by "
+            f"{path} is of {saved.name} with joints {', '.join(saved.joints)} driven by "
             f"{', '.join(saved.inputs)}, not of this mechanism"
         )
     return saved

@@ -92,7 +92,7 @@ def arm_options(command: F) -> F:
         "--tip",
         metavar="FRAME",
         shell_complete=completion.frames,
-        help="Frame whose motion is judged.",
+        help="Frame whose motion counts: the end effector.",
     )
     @click.option(
         "--base",
@@ -174,7 +174,7 @@ json_option = click.option(
 )
 
 fail_option = click.option(
-    "--fail-if-singular", is_flag=True, help="Exit with code 1 where a singularity is found."
+    "--fail-if-singular", is_flag=True, help="Exit with code 1 if a singularity is found."
 )
 
 
@@ -222,7 +222,7 @@ def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
     if far.size:
         i = int(far[0])
         say(
-            f"note: joint {i + 1} at {q[i]:g} rad is {q[i] / (2 * np.pi):.1f} turns; in degrees? "
-            "add --deg"
+            f"note: joint {i + 1} at {q[i]:g} rad is {q[i] / (2 * np.pi):.1f} turns; if degrees are "
+            "meant, add --deg"
         )
     return q

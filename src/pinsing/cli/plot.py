@@ -32,8 +32,8 @@ _STEPS = 400
     "configurations",
     multiple=True,
     metavar="Q1,Q2,...",
-    help="Configuration: of the ellipsoids, of the joints that a map or curves leave alone; "
-    "for along, the stations of the way, at least two.",
+    help="Configuration: of the ellipsoids; where joints stay that a map or curves do not move; "
+    "for along, the waypoints, at least two.",
 )
 @click.option(
     "--over",
@@ -68,7 +68,7 @@ def plot_command(
     curves      sigma_min along each joint, from a nominal configuration
     map         sigma_min over two joints, with the closed-form loci on top
     ellipsoids  velocity ellipsoids at a configuration
-    along       singular values on the straight way between configurations
+    along       singular values on straight joint motions between configurations
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
     """  # noqa: D301

@@ -95,7 +95,10 @@ def place_options(command: F) -> F:
         help="Threads.  [default: all processors]",
     )
     @click.option(
-        "--workers", type=click.IntRange(min=1), metavar="N", help="Processes instead of threads."
+        "--workers",
+        type=click.IntRange(min=1),
+        metavar="N",
+        help="Worker processes in place of threads.",
     )
     @click.option(
         "--dask", metavar="ADDRESS", help="Run on a dask.distributed cluster: tcp://HOST:PORT."
@@ -213,8 +216,8 @@ def _lines(meter: Meter) -> Callable[[int, int], None]:
 
 
 def say_stopped(out: Path | None) -> None:
-    """Tell how to go on after Ctrl-C."""
+    """Tell how to resume after Ctrl-C."""
     if out is None:
-        say("stopped; with --out DIR a run can be gone on with")
+        say("stopped; a run with --out DIR can be resumed")
     else:
-        say(f"stopped; what is done is in {out}: run the same command to go on")
+        say(f"stopped; what is done is in {out}: run the same command to resume")

@@ -25,7 +25,7 @@ def serve(tab: Tab, host: str, no_open: bool) -> None:
     if not is_loopback(host):
         say(
             f"warning: listening on {host}: whoever can reach this computer over the "
-            "network can see the robot and move it on the page"
+            "network can see the robot and control the page"
         )
     url = tab.url
     try:

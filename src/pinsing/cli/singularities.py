@@ -73,13 +73,13 @@ def algebra_options(command: F) -> F:
         "--angle-tol",
         type=float,
         metavar="RAD",
-        help="Angles this near to a multiple of 90 degrees are put there.  [default: 0.002]",
+        help="Angles this close to a multiple of 90 degrees count as exact.  [default: 0.002]",
     )
     @click.option(
         "--snap-length",
         type=float,
         metavar="METRES",
-        help="Shorter lengths count as zero: noise of the model file.  [default: off]",
+        help="Lengths below this count as zero: noise of the model file.  [default: off]",
     )
     @functools.wraps(command)
     def wrapper(
@@ -108,7 +108,7 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
     @click.option(
         "--nominal-q",
         metavar="Q1,Q2,...",
-        help="Configuration that joints rest at while others are swept; found if not given.",
+        help="Where joints stay while others are swept.  [default: a regular configuration]",
     )
     @click.option(
         "--special",
@@ -129,7 +129,7 @@ def _with_sweep_options(command: F, *, quiet: bool) -> F:
     )
     @click.option("--ignore-limits", is_flag=True, help="Sweep whole circles.")
     @click.option(
-        "--no-prune", is_flag=True, help="Also sweep sets that contain one already singular."
+        "--no-prune", is_flag=True, help="Also sweep sets that contain one already found singular."
     )
     @click.option("--seed", type=click.IntRange(min=0), default=0, show_default=True)
     @functools.wraps(command)
@@ -195,7 +195,7 @@ def _levels(text: str) -> tuple[int, ...]:
     shell_complete=completion.files,
     metavar="FILE.npz|DIR",
     help="Keep the result and its curves of sigma_min, as NumPy arrays; in a folder each chunk as "
-    "soon as it is done, and the same command goes on after any stop.",
+    "soon as it is done; the same command resumes after any stop.",
 )
 @click.option(
     "--keep/--no-keep",
@@ -220,9 +220,9 @@ def sweep_command(
 ) -> int:
     """The joint-angle parameterization method on ROBOT, level by level.
 
-    Every dip of sigma_min is refined to machine accuracy and generalised: the joint values
-    that force it, whatever the others. Takes any number of Jacobians in bounded memory; with
-    --out DIR, a sweep that was stopped or killed goes on where it was, to the same result.
+    Every dip of sigma_min is refined to machine accuracy and generalised to the joint values
+    that force it, whatever the others are. Takes any number of Jacobians in bounded memory; with
+    --out DIR, a sweep that was stopped or killed resumes where it was, with the same result.
     Ctrl-C stops the sweep and keeps what is done. With --fail-if-singular, exits with 1 if any
     singularity was found within the joint limits.
     """
@@ -273,7 +273,7 @@ def sweep_command(
     "--random-starts",
     type=click.IntRange(min=0),
     metavar="N",
-    help="Random configurations refined as a third opinion.  [default: 300]",
+    help="Random starts refined as an independent check.  [default: 300]",
 )
 @deg_option
 @json_option

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     "--analysis",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE.json",
-    help="Families out of the JSON of `pinsing analyze` or `families`, not computed again.",
+    help="Take the families from the JSON of `pinsing analyze` or `families`.",
 )
 @click.option(
     "--family",
@@ -52,7 +52,7 @@ if TYPE_CHECKING:
 @click.option(
     "--size", default="1200x900", show_default=True, metavar="WxH", help="Of the picture."
 )
-@click.option("--panel", is_flag=True, help="The picture shows the panel as well.")
+@click.option("--panel", is_flag=True, help="Include the side panel in the picture.")
 @click.option("--no-open", is_flag=True, help="Do not open a browser.")
 @click.option("--host", default="127.0.0.1", show_default=True, help="Address to listen on.")
 @click.option("--port", type=click.IntRange(0, 65535), help="[default: first free from 7000 on]")
@@ -139,7 +139,7 @@ def _read(path: Path, arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]
         raise ResultError(f"{path}: {error}") from None
     if saved.arm.joints != arm.joints:
         raise ResultError(
-            f"{path}: is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
+            f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
             f"not of this arm with {', '.join(arm.joints)}"
         )
     return (saved.families, ()) if isinstance(saved, ClosedForm) else _parts(saved)

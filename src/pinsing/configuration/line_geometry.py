@@ -184,7 +184,7 @@ def pose_reason(
         reason = _of_turning(axes, ids, centres, tol, nearly)
     elif not turning:
         words = "parallel" if axes.parallel(ids, tol) else "parallel to one plane"
-        reason = f"sliders {numbers(ids)} are {nearly}{words}"
+        reason = f"prismatic joints {numbers(ids)} are {nearly}{words}"
     elif axes.parallel(turning, tol) and len(turning) > 1:
         reason = _parallel_and_sliding(axes, turning, sliding, tol, nearly)
     if reason is None:
@@ -222,15 +222,16 @@ def _parallel_and_sliding(
     z = axes.direction[turning[0]]
     if not all(axes.perpendicular(i, z, tol) for i in sliding):
         return None
-    slider = _counted("slider", "sliders", sliding)
+    prismatic = _counted("prismatic joint", "prismatic joints", sliding)
     if len(turning) == 2 and len(sliding) == 1:
         apart = axes.point[turning[1]] - axes.point[turning[0]]
         gap = apart - (apart @ z) * z
         if abs(axes.direction[sliding[0]] @ gap) <= tol * axes.size:
-            return f"{slider} is {nearly}perpendicular to the plane of axes {numbers(turning)}"
+            return f"{prismatic} is {nearly}perpendicular to the plane of axes {numbers(turning)}"
         return None
     verb = "is" if len(sliding) == 1 else "are"
-    return f"axes {numbers(turning)} are parallel and {slider} {verb} {nearly}perpendicular to them"
+    parallel = f"axes {numbers(turning)} are parallel"
+    return f"{parallel} and {prismatic} {verb} {nearly}perpendicular to them"
 
 
 def _through_a_centre(
@@ -310,14 +311,23 @@ def one_line(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> 
             return None
     if not met:
         return None
-    words = [f"meets {_counted('axis', 'axes', met)}"]
-    if along:
-        words.append(f"is parallel to {_counted('axis', 'axes', along)}")
-    if across:
-        words.append(f"is perpendicular to {_counted('slider', 'sliders', across)}")
-    return f"one line {nearly}" + (
-        ", ".join(words[:-1]) + " and " + words[-1] if words[1:] else words[0]
-    )
+    return _common_line(len(axes.prismatic), met, along, across, nearly)
+
+
+def _common_line(
+    n: int, met: Sequence[int], along: Sequence[int], across: Sequence[int], nearly: str
+) -> str:
+    """Say which of n joints meet a line, are parallel to it, or perpendicular to it."""
+    who = "all axes" if len(met) == n else _counted("axis", "axes", met)
+    words = [f"{who} {nearly}{'meets' if len(met) == 1 else 'meet'} a common line"]
+    for ids, one, many, how in (
+        (along, "axis", "axes", "parallel"),
+        (across, "prismatic joint", "prismatic joints", "perpendicular"),
+    ):
+        if ids:
+            verb = "is" if len(ids) == 1 else "are"
+            words.append(f"{_counted(one, many, ids)} {verb} {nearly}{how} to it")
+    return ", ".join(words[:-1]) + ", and " + words[-1] if words[1:] else words[0]
 
 
 def position_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str = "") -> str:

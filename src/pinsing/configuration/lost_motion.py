@@ -23,6 +23,9 @@ EXACT_TOL = 1e-5
 """Share of a wrench that may be moment (or force) and still be called a pure force (moment)."""
 
 
+_NOUNS = {"translate": "translation", "rotate": "rotation", "move": "motion"}
+
+
 @dataclass(frozen=True, eq=False)
 class LostMotion:
     """One independent motion that cannot be produced.
@@ -117,7 +120,7 @@ def lost_motions(
     tol : float
         Share of a wrench that is neglected when it is called pure.
     hardly : bool
-        Say "can hardly", with the speed that is left, in place of "cannot".
+        Say "nearly loses", with the speed that is left, in place of "cannot".
     """
     forces, moments = U[:3], U[3:]
     # Coefficients of the wrenches in U without moment, and of those without force.
@@ -215,12 +218,13 @@ class _Words:
                 kind, pitch = ("translation" if through_tip else "line"), 0.0
         direction = _point_up(direction)
         speed = float(np.linalg.norm(self.J.T @ wrench))
-        what = self._say(kind, direction, point, pitch)
+        verb, where = self._say(kind, direction, point, pitch)
         if self.hardly:
             unit = "rad/s" if kind == "rotation" else "m/s"
-            words = f"can hardly {what} ({speed:.2g} {unit} at unit joint speed)"
+            noun = _NOUNS[verb]
+            words = f"nearly loses {noun} {where} ({speed:.2g} {unit} at unit joint speed)"
         else:
-            words = f"cannot {what}"
+            words = f"cannot {verb} {where}"
         return LostMotion(
             kind=kind,
             direction=direction,
@@ -232,14 +236,16 @@ class _Words:
             words=words,
         )
 
-    def _say(self, kind: str, direction: Array, point: Array, pitch: float) -> str:
+    def _say(self, kind: str, direction: Array, point: Array, pitch: float) -> tuple[str, str]:
+        """What is lost, as a verb, and where."""
         if kind in ("translation", "rotation"):
             name = axis_name(direction, self.tool.rotation)
-            return f"translate along {name}" if kind == "translation" else f"rotate about {name}"
+            turns = kind == "rotation"
+            return ("rotate", f"about {name}") if turns else ("translate", f"along {name}")
         where = self._line(direction, point)
         if kind == "line":
-            return f"move along the line {where}"
-        return f"move on the screw of pitch {pitch:.3g} m/rad about the line {where}"
+            return "move", f"along the line {where}"
+        return "move", f"on the screw of pitch {pitch:.3g} m/rad about the line {where}"
 
     def _line(self, direction: Array, point: Array) -> str:
         tool = self.tool

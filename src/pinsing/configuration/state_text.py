@@ -62,7 +62,7 @@ def _meaning(state: State) -> Iterator[Line]:
         yield "", ""
         label = "lost" if state.singular else "nearly lost"
         for motion in state.lost:
-            torque = "no" if state.singular else "hardly any"
+            torque = "no" if state.singular else "almost no"
             text = f"{motion.words}; {motion.free_wrench} needs {torque} joint torque"
             yield label, measured(text)
             label = ""
@@ -91,7 +91,10 @@ def _meaning(state: State) -> Iterator[Line]:
             yield label, measured(f"{self_motion.words} {verb} the {rest} {nearly}at rest")
             label = ""
         if state.always_idle:
-            yield "", f"(dimension {state.always_idle} at every configuration: a redundant arm)"
+            yield (
+                "",
+                f"(dimension {state.always_idle} at every configuration: the arm is redundant)",
+            )
 
 
 def _joints(state: State, degrees: bool) -> Iterator[Line]:

@@ -205,9 +205,7 @@ def closed_form(
         families = [_family(group, maker, arm, geometry) for group in grouped]
         stated = [f for f in families if not _too_large(f, maker)]
         if len(stated) < len(families):
-            gaps.append(
-                "sets were found whose equations hold at regular configurations too: left out"
-            )
+            gaps.append("sets whose equations also hold at regular configurations were left out")
         families = [_named(f, i) for i, f in enumerate(sorted(stated, key=_order), 1)]
     found = ClosedForm(
         arm=summarize(arm),
@@ -234,7 +232,7 @@ def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
     try:
         _, moved = drives(geometry)
     except NotFollowed as reason:
-        return f"the algebra does not follow a mimic joint in the chain: {reason}", ()
+        return f"the algebra cannot follow a mimic joint of the chain: {reason}", ()
     if geometry.arm.n > MAX_JOINTS:
         return (
             f"the algebra is for at most {MAX_JOINTS} joints and the chain has "

@@ -93,19 +93,19 @@ def _free(mechanism: Mechanism, at: Array, column: Array) -> Free:
     name, rate = mechanism.output, float(np.linalg.norm(turning))
     if rate <= _SMALL * max(float(np.linalg.norm(velocity)), 1.0):
         if np.linalg.norm(velocity) <= _SMALL:
-            words = f"{name} stays, but the linkage moves with the motors held"
+            words = f"{name} stays, but the linkage moves with the actuators locked"
             return Free(np.zeros(3), np.zeros(3), None, words)
         along = _unit(velocity)
-        words = f"{name} gives way along {_direction(along)} with the motors held"
+        words = f"{name} gives way along {_direction(along)} with the actuators locked"
         return Free(along, np.zeros(3), None, words)
     velocity, turning = velocity / rate, turning / rate
     if abs(velocity @ turning) > _SMALL:
-        words = f"{name} screws about {_direction(turning)} with the motors held"
+        words = f"{name} screws about {_direction(turning)} with the actuators locked"
         return Free(velocity, turning, None, words)
     centre = at + np.cross(turning, velocity)
     only_turns = not {0, 1, 2} & set(mechanism.task.rows)
     where = "" if only_turns else f" through {_point(centre)} m"
-    words = f"{name} turns about {_direction(turning)}{where} with the motors held"
+    words = f"{name} turns about {_direction(turning)}{where} with the actuators locked"
     return Free(velocity, turning, centre, words)
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _MEANING = {
     "type 1": "a direction of the output is lost",
-    "type 2": "the output moves with the actuators held",
+    "type 2": "the output moves with the actuators locked",
     "type 3": "both",
     "constraint": "more motions than the mobility",
 }

@@ -280,7 +280,7 @@ def _build(
     off_path = [j for j in lock if j not in path]
     if off_path:
         are = "joint outside the chain is" if len(off_path) == 1 else "joints outside the chain are"
-        notes += (f"{len(off_path)} {are} locked, which does not matter to it",)
+        notes += (f"{len(off_path)} {are} locked (no effect on this chain)",)
     reduced = lock_joints(model, lock, reference)
     if base != "universe":
         reroot(reduced, base)

@@ -117,10 +117,7 @@ def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = L
         if SHORTEST <= left < count and joint in joint_path(model, end, start):
             shorter.append(f"--base {_link_of(model, joint)} ({left} joints)")
     offer = f"; without joints shared with other chains: {', '.join(shorter)}" if shorter else ""
-    return (
-        f"{count} joints are many: its singular sets have so many conditions that closed forms "
-        f"may not end in time{offer}"
-    )
+    return f"{count} joints are many: the closed forms may not be complete in time{offer}"
 
 
 def chains_text(chains: Sequence[Chain], words: Sequence[str], longest: int = LONGEST) -> str:

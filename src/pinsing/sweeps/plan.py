@@ -315,7 +315,7 @@ def _effects(
     for effect in effects:
         if effect.reason:
             by_reason.setdefault(effect.reason, []).append(effect.joint)
-    notes += [f"left out: {', '.join(names)} ({why})" for why, names in by_reason.items()]
+    notes += [f"not swept: {', '.join(names)} ({why})" for why, names in by_reason.items()]
     return tuple(effects)
 
 

@@ -225,8 +225,8 @@ def run_sweep(
         found = pool.candidates(plan.samples)
         if found.found > len(found):
             notes.append(
-                f"{found.found:,} dips of sigma_min, of which {len(found):,} are gone on with: "
-                "of each combination of joints, and wherever in their ranges, the smallest"
+                f"{found.found:,} dips of sigma_min, of which {len(found):,} are refined: "
+                "the smallest of each combination of joints, spread over their ranges"
             )
         if curves is None and keep is not False:
             need = plan.n_jacobians * _PER_JACOBIAN

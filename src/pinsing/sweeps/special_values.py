@@ -35,7 +35,7 @@ def moving_ranges(arm: Arm, ignore_limits: bool, notes: list[str] | None = None)
     high = np.where(long, low + _TURN, high)
     if notes is not None and long.any():
         names = ", ".join(np.array(arm.joints)[long])
-        notes.append(f"one turn of {names} is swept: the rest of the range repeats it")
+        notes.append(f"one turn of {names} is swept: the rest of the range only repeats it")
     return np.stack([low, high], axis=1)
 
 
@@ -64,7 +64,7 @@ def uniform_configurations(
         found.append((float(value), q if ignore_limits else arm.fold(q)))
     if outside:
         places = ", ".join(outside)
-        notes.append(f"all joints at {places} at once is outside the joint limits: left out")
+        notes.append(f"not tried, being outside the joint limits: all joints at {places} at once")
     return tuple(found)
 
 
@@ -175,7 +175,7 @@ def special_values(
                     "change it, or sweep with ignore_limits"
                 )
     if merged:
-        notes.append("special values a whole turn apart are one configuration and swept once")
+        notes.append("special values a whole turn apart are swept once")
     if left_out:
         notes.append(_left_out(left_out))
     return result

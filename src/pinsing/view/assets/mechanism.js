@@ -3,9 +3,9 @@
 
 const MECHANISM_NUMBERS = [
   ["one", "\u03c3 type 1", "Smallest output motion over that of the free links: zero where the output loses a direction"],
-  ["two", "\u03c3 type 2", "Smallest motor speed of a unit motion: zero where the motors do not hold the output"],
+  ["two", "\u03c3 type 2", "Smallest actuator speed of a unit motion: zero where the actuators do not hold the output"],
   ["constraint", "\u03c3 loops", "Smallest over largest singular value of the loop closure: zero where the linkage gains a motion"],
-  ["condition", "condition", "Fastest over slowest output motion at unit motor speed"],
+  ["condition", "condition", "Fastest over slowest output motion at unit actuator speed"],
 ];
 const KIND_WORDS = { "type 1": "Type 1 singularity", "type 2": "Type 2 singularity",
                      "type 3": "Type 3 singularity", constraint: "Constraint singularity" };
@@ -15,13 +15,13 @@ const SETTLED = 180; // ms without a move
 class MechanismPanel extends Panel {
   head() {
     const { robot, joints } = this.page;
-    $("chain").title = "motors, output and its rows, and the length scale L that lengths are divided by";
+    $("chain").title = "actuated joints, output and its rows, and the length scale L that lengths are divided by";
     formula($("chain"), `${joints.length} joints \u00b7 driven by ${robot.inputs.join(", ")} \u00b7 ` +
       `output ${robot.output} (${robot.task}) \u00b7 L\u00a0=\u00a0${robot.lengthScale}\u00a0m`);
     $("bars").hidden = true;
     $("modes").hidden = false;
     $("losses-title").textContent = "What is lost, what is not held";
-    $("key-hot").textContent = "what moves while motors or output rest";
+    $("key-hot").textContent = "self-motion with actuators or output locked";
     const { translation, rotation } = this.page.settings;
     $("ellipsoid-mode").hidden = translation === null || rotation === null;
     for (const [kind, scale] of [["translation", translation], ["rotation", rotation]]) {
@@ -34,7 +34,7 @@ class MechanismPanel extends Panel {
   }
 
   numbers() {
-    const single = ["gain", "output speed", "Output speed at unit motor speed"];
+    const single = ["gain", "output speed", "Output speed at unit actuator speed"];
     return this.page.inputs.length > 1 ? MECHANISM_NUMBERS : [...MECHANISM_NUMBERS.slice(0, 3), single];
   }
 
@@ -43,14 +43,14 @@ class MechanismPanel extends Panel {
     const parts = [];
     if (translation !== null) parts.push(`1 m/s is drawn ${number(translation)} m long`);
     if (rotation !== null) parts.push(`1 rad/s ${parts.length ? "" : "is drawn "}${number(rotation)} m`);
-    return `At unit motor speed: ${parts.join(", ")}. Flat ellipses are drawn ${100 * floor}% thick, ` +
+    return `At unit actuator speed: ${parts.join(", ")}. Flat ellipses are drawn ${100 * floor}% thick, ` +
       "very long ones cut short.";
   }
 
   keys() {
     const { output } = this.page.robot;
     const pure = (this.mode ?? this.page.settings.mode) === "pure";
-    $("key-translation").textContent = `velocities of ${output}${pure ? " that do not turn it" : ""}`;
+    $("key-translation").textContent = `velocities of ${output}${pure ? " with its orientation held" : ""}`;
     const ring = this.page.settings.planar ? " (radius: how fast)" : "";
     $("key-rotation").textContent = `turning of ${output}${pure ? " in place" : ""}${ring}`;
   }
@@ -216,7 +216,7 @@ class MechanismApp extends App {
   gone() {
     this.pause();
     clearTimeout(this.timer);
-    $("nearest").textContent = "The program behind this page has ended.";
+    $("nearest").textContent = "pinsing has ended: nothing answers this page any more.";
     document.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
   }
 

@@ -32,7 +32,7 @@ const WORDS = { singular: "Singular", "near-singular": "Near-singular", regular:
 
 // What is read at an arm: label, title, and where it goes.
 const ARM_NUMBERS = [
-  ["ratio", "\u03c3 ratio", "Smallest singular value over the largest"],
+  ["ratio", "\u03c3_min/\u03c3_max", "Smallest singular value over the largest: 0 at a singularity"],
   ["sigma-min", "\u03c3 min", "Smallest singular value that is not zero everywhere"],
   ["condition", "condition", "Largest singular value over the smallest"],
   ["manipulability", "manipulability", "Product of the singular values (Yoshikawa)"],
@@ -81,8 +81,8 @@ class Panel {
 
   keys() {
     const pure = (this.mode ?? this.page.settings.mode) === "pure";
-    $("key-translation").textContent = pure ? "translations that do not turn the tool" : "all translations of the tip";
-    $("key-rotation").textContent = pure ? "rotations that do not move the tip" : "all rotations of the tool";
+    $("key-translation").textContent = pure ? "pure translations (\u03c9 = 0)" : "tip velocity, whatever the rotation";
+    $("key-rotation").textContent = pure ? "pure rotations (v = 0)" : "angular velocity, whatever the translation";
   }
 
   entries() {
@@ -104,10 +104,10 @@ class Panel {
         pose.addEventListener("click", () => this.actions.choose(index, k));
         row.append(pose);
       }
-      for (const [kind, words] of [["into", "\u25b6 into"], ["along", "\u25b6 along"]]) {
+      for (const [kind, words] of [["into", "\u25b6 approach"], ["along", "\u25b6 move within"]]) {
         if (!entry[kind]) continue;
         const play = make("button", `path ${kind}`, words);
-        play.title = kind === "into" ? "From a regular pose into this one" : "Along the family, singular all the way";
+        play.title = kind === "into" ? "From a regular configuration into this one" : "Within the family, singular all the way";
         play.addEventListener("click", () => this.actions.play(kind));
         row.append(play);
       }

@@ -69,19 +69,22 @@ function describe(u, J, L, tool, tol, hardly) {
   }
   direction = pointUp(direction);
   const speed = norm(times(transpose(J), w));
-  const what = say(kind, direction, point, pitch, tool, tol);
+  const [verb, where] = say(kind, direction, point, pitch, tool, tol);
   const words = hardly
-    ? `can hardly ${what} (${general(speed, 2)} ${kind === "rotation" ? "rad/s" : "m/s"} at unit joint speed)`
-    : `cannot ${what}`;
+    ? `nearly loses ${NOUNS[verb]} ${where} (${general(speed, 2)} ${kind === "rotation" ? "rad/s" : "m/s"} at unit joint speed)`
+    : `cannot ${verb} ${where}`;
   return { kind, direction, point, pitch, speed, words };
 }
 
+const NOUNS = { translate: "translation", rotate: "rotation", move: "motion" };
+
+// What is lost, as a verb, and where.
 function say(kind, direction, point, pitch, tool, tol) {
-  if (kind === "translation") return `translate along ${axisName(direction, tool.rotation)}`;
-  if (kind === "rotation") return `rotate about ${axisName(direction, tool.rotation)}`;
+  if (kind === "translation") return ["translate", `along ${axisName(direction, tool.rotation)}`];
+  if (kind === "rotation") return ["rotate", `about ${axisName(direction, tool.rotation)}`];
   const where = line(direction, point, tool, tol);
-  if (kind === "line") return `move along the line ${where}`;
-  return `move on the screw of pitch ${general(pitch, 3)} m/rad about the line ${where}`;
+  if (kind === "line") return ["move", `along the line ${where}`];
+  return ["move", `on the screw of pitch ${general(pitch, 3)} m/rad about the line ${where}`];
 }
 
 function line(direction, point, tool, tol) {

@@ -92,8 +92,8 @@ def _verdict(state: MechanismState) -> str:
         return f"close to {name} (measure {value:.1g})"
     return {
         "type 1": "a direction of the output is lost",
-        "type 2": "the output moves with the motors held",
-        "type 3": "a direction is lost, and the output moves with the motors held",
+        "type 2": "the output moves with the actuators locked",
+        "type 3": "a direction is lost, and the output moves with the actuators locked",
         "constraint": "the linkage gains a motion: its loops hold less than elsewhere",
     }[state.kind]
 
@@ -133,11 +133,11 @@ def _why(mechanism: Mechanism, state: MechanismState, hot: list[int]) -> list[st
         return []
     who = names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
     rest = {
-        "type 1": f"{mechanism.output} rests",
-        "type 2": "the motors rest",
-        "type 3": f"{mechanism.output} or the motors rest",
+        "type 1": f"{mechanism.output} is locked",
+        "type 2": "the actuators are locked",
+        "type 3": f"{mechanism.output} or the actuators are locked",
     }[state.kind]
-    return [f"{who} can move while {rest}"]
+    return [f"{who} can move although {rest}"]
 
 
 def _ellipsoids(

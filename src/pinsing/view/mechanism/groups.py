@@ -17,7 +17,7 @@ _ON = 1e-7
 _SAME = 1e-6
 _MEANING = {
     "type 1": "the output loses a direction",
-    "type 2": "the motors do not hold the output",
+    "type 2": "the actuators do not hold the output",
     "type 3": "type 1 and type 2 at once",
     "constraint": "the linkage gains a motion",
 }
