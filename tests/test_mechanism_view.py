@@ -147,7 +147,7 @@ def test_words_name_what_happens() -> None:
     mechanism = shipped("four_bar")
     frame = mechanism_frame(mechanism, singular("four_bar", "type 1"), linkage_sizes(mechanism))
     assert frame["lost"][0]["words"] == "rocker_link cannot turn about z"
-    assert frame["why"] == ["crank and coupler can move while rocker_link rests"]
+    assert frame["why"] == ["crank and coupler can move although rocker_link is locked"]
 
 
 # List and paths ---------------------------------------------------------------------

@@ -222,7 +222,7 @@ def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
     if far.size:
         i = int(far[0])
         say(
-            f"note: joint {i + 1} at {q[i]:g} rad is {q[i] / (2 * np.pi):.1f} turns; if degrees are "
-            "meant, add --deg"
+            f"note: joint {i + 1} at {q[i]:g} rad is {q[i] / (2 * np.pi):.1f} turns; for degrees "
+            "add --deg"
         )
     return q
