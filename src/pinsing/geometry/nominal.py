@@ -122,7 +122,7 @@ def nominal(
     if not 0 <= snap_length < math.inf:
         raise OptionError(f"snap_length must be zero or a positive length, got {snap_length!r}")
     key = (float(angle_tol), float(snap_length), bool(rational))
-    return arm.once(f"nominal {key}", lambda a: _Maker(a, flatten(a), *key).make())
+    return arm.once(f"nominal {key}", lambda: _Maker(arm, flatten(arm), *key).make())
 
 
 class _Maker:

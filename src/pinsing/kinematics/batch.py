@@ -87,10 +87,10 @@ class Batch:
             isa=self.engine,
         )
 
-    def _own_chain(self, arm: Arm) -> FlatChain:
-        chain = batch_chain(arm, "batch")
-        assert chain is not None  # "batch" raises where there is none
-        return FlatChain(chain.R, chain.t / own_scale(arm).length, chain.prismatic)
+    def _own_chain(self) -> FlatChain:
+        chain = self._chain()
+        assert chain is not None  # only the kernel has one
+        return FlatChain(chain.R, chain.t / own_scale(self.arm).length, chain.prismatic)
 
     def _chain(self) -> FlatChain | None:
         if self.engine == PINOCCHIO:

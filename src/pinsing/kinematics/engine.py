@@ -51,7 +51,7 @@ def batch_chain(arm: Arm, engine: str = "auto") -> FlatChain | None:
         if engine == "batch":
             raise EngineError(reason)
         return None
-    found = arm.once("batch_chain", _verified)
+    found = arm.once("batch_chain", lambda: _verified(arm))
     if isinstance(found, FlatChain):
         return found
     if engine == "batch":
@@ -105,7 +105,7 @@ def engine_name(arm: Arm) -> str:
     """Say in a few words what computes batches for ``arm`` on this machine."""
     if batch_chain(arm) is not None:
         return f"compiled batch kernel ({kernel.isa_names()[-1]}), checked against Pinocchio"
-    reason = kernel.unavailable_reason() or str(arm.once("batch_chain", _verified))
+    reason = kernel.unavailable_reason() or str(arm.once("batch_chain", lambda: _verified(arm)))
     return f"Pinocchio and NumPy ({reason})"
 
 

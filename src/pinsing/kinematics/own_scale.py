@@ -54,7 +54,7 @@ class OwnScale:
 
 def own_scale(arm: Arm) -> OwnScale:
     """The own scale of ``arm``, which its task rows and length scale leave as it is."""
-    return arm.once("own_scale", _own_scale)
+    return arm.once("own_scale", lambda: _own_scale(arm))
 
 
 def random_turns(arm: Arm, count: int, seed: int = _SEED) -> Array:

@@ -73,7 +73,7 @@ def generic_rank(arm: Arm) -> int:
     OptionError
         If it is zero: no joint moves the tip in any row of the task.
     """
-    return arm.once("generic_rank", _generic_rank)
+    return arm.once("generic_rank", lambda: _generic_rank(arm))
 
 
 def task_size(arm: Arm) -> float:
@@ -82,7 +82,7 @@ def task_size(arm: Arm) -> float:
     Zero for ``pose``, whose columns are never zero; else the median of sigma_1 at random
     configurations.
     """
-    return arm.once("task_size", _task_size)
+    return arm.once("task_size", lambda: _task_size(arm))
 
 
 def ratio_of(arm: Arm, own_sigma: npt.ArrayLike) -> Array:

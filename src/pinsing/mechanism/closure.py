@@ -177,10 +177,7 @@ def ranks(mechanism: Mechanism) -> Ranks:
     OptionError
         If the number of actuated joints is not the mobility.
     """
-    found = mechanism.__dict__.get("_ranks")
-    if found is None:
-        found = _ranks(mechanism)
-        mechanism.__dict__["_ranks"] = found  # follows from the frozen fields: kept with them
+    found = mechanism.once("ranks", lambda: _ranks(mechanism))
     if found.mobility != len(mechanism.actuated):
         raise OptionError(
             f"{mechanism.name} has {found.mobility} degrees of freedom, but "

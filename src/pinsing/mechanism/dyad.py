@@ -204,11 +204,7 @@ def planar_dyad(mechanism: Mechanism) -> Dyad | None:
     Asked for: one loop; each of its frames at the end of an actuated crank and a passive link, or
     of a passive link alone; all axes parallel; both frames in one plane; no other joint.
     """
-    found = mechanism.__dict__.get("_dyad", False)
-    if found is False:
-        found = _recognise(mechanism)
-        mechanism.__dict__["_dyad"] = found
-    return found  # type: ignore[no-any-return]
+    return mechanism.once("dyad", lambda: _recognise(mechanism))
 
 
 def _recognise(mechanism: Mechanism) -> Dyad | None:

@@ -92,7 +92,7 @@ def passive_determinant(mechanism: Mechanism, q: npt.ArrayLike) -> float | None:
     It has one where as many closure equations as passive joints do not vanish identically
     (planar loops); elsewhere the rows that count change with the configuration.
     """
-    rows, sign = _rows(mechanism)
+    rows, sign = mechanism.once("assembly_rows", lambda: _assembly_rows(mechanism))
     if rows is None:
         return None
     G = Loops(mechanism).scaled(mechanism.check(q))[1]
@@ -118,36 +118,31 @@ def mode_of(mechanism: Mechanism, q: npt.ArrayLike) -> str:
 
 def home(mechanism: Mechanism) -> Array:
     """The home configuration with its loops closed; a random one where home leads nowhere."""
-    found = mechanism.__dict__.get("_home")
-    if found is None:
-        loops = Loops(mechanism)
-        # The inputs stay as given if they can.
-        passive = np.isin(np.arange(mechanism.n), mechanism.passive)
-        masks: tuple[Mask, Mask] = (passive, np.ones(mechanism.n, dtype=bool))
-        for free in masks:
-            found, error = gauss_newton(loops, mechanism.home.copy(), free)
-            if error <= CLOSED:
-                break
-        else:
-            found = random_closed(mechanism, 30, np.random.default_rng(_SEED))[0]
-        found = mechanism.fold(found)
-        found.setflags(write=False)
-        mechanism.__dict__["_home"] = found
-    return np.array(found)
+    return np.array(mechanism.once("home", lambda: _home(mechanism)))
 
 
-def _rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
-    found: tuple[list[int] | None, float] | None = mechanism.__dict__.get("_assembly_rows")
-    if found is None:
-        loops = Loops(mechanism)
-        rank = ranks(mechanism).constraint
-        samples = random_closed(mechanism, 6, np.random.default_rng(_SEED))
-        stack = np.stack([loops.scaled(q)[1] for q in [home(mechanism), *samples]])
-        rows = [int(i) for i in np.flatnonzero(np.abs(stack).max(axis=(0, 2)) > 1e-9)]
-        if len(rows) != rank or rank != len(mechanism.passive):
-            found = (None, 0.0)
-        else:
-            at_home = float(np.linalg.det(stack[0][np.ix_(rows, list(mechanism.passive))]))
-            found = (rows, 1.0 if at_home >= 0 else -1.0)
-        mechanism.__dict__["_assembly_rows"] = found
-    return found
+def _home(mechanism: Mechanism) -> Array:
+    loops = Loops(mechanism)
+    # The inputs stay as given if they can.
+    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+    masks: tuple[Mask, Mask] = (passive, np.ones(mechanism.n, dtype=bool))
+    for free in masks:
+        found, error = gauss_newton(loops, mechanism.home.copy(), free)
+        if error <= CLOSED:
+            break
+    else:
+        found = random_closed(mechanism, 30, np.random.default_rng(_SEED))[0]
+    return mechanism.fold(found)
+
+
+def _assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
+    """Rows of the closure whose determinant tells assemblies apart, and its sign at home."""
+    loops = Loops(mechanism)
+    rank = ranks(mechanism).constraint
+    samples = random_closed(mechanism, 6, np.random.default_rng(_SEED))
+    stack = np.stack([loops.scaled(q)[1] for q in [home(mechanism), *samples]])
+    rows = [int(i) for i in np.flatnonzero(np.abs(stack).max(axis=(0, 2)) > 1e-9)]
+    if len(rows) != rank or rank != len(mechanism.passive):
+        return None, 0.0
+    at_home = float(np.linalg.det(stack[0][np.ix_(rows, list(mechanism.passive))]))
+    return rows, 1.0 if at_home >= 0 else -1.0

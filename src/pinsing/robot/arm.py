@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +14,9 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.robot.joint_space import JointSpace, model_q
+from pinsing.robot.memory import Memory
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import frame_index
-
-T = TypeVar("T")
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,7 +70,7 @@ class Source:
 
 
 @dataclass(frozen=True, eq=False)
-class Arm:
+class Arm(Memory):
     """A serial chain of a Pinocchio model, with the frame and the task it is judged by.
 
     Configurations are plain joint vectors ``q`` of shape (n,), radians and metres,
@@ -104,9 +102,6 @@ class Arm:
         Where it comes from.
     coupling : Coupling or None
         Mimic joints inside the chain.
-    known : dict
-        What follows from the fields above and was computed once (`once`); no part of what
-        `replace` copies.
     """
 
     name: str
@@ -122,7 +117,6 @@ class Arm:
     notes: tuple[str, ...]
     source: Source = field(repr=False)
     coupling: Coupling | None = None
-    known: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def __post_init__(self) -> None:
         scale = self.length_scale
@@ -137,12 +131,6 @@ class Arm:
     def _freeze(self) -> None:
         for array in (self.lower, self.upper, self.prismatic):
             array.setflags(write=False)
-
-    def once(self, name: str, compute: Callable[[Arm], T]) -> T:
-        """Compute what depends on the fields alone the first time; later take it from `known`."""
-        if name not in self.known:
-            self.known[name] = compute(self)
-        return cast("T", self.known[name])
 
     @cached_property
     def space(self) -> JointSpace:

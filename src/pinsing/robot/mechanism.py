@@ -14,6 +14,7 @@ from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.robot.arm import Source
 from pinsing.robot.joint_space import JointSpace, model_q
+from pinsing.robot.memory import Memory
 from pinsing.robot.task import Task
 from pinsing.robot.tip import frame_index
 
@@ -48,7 +49,7 @@ class Loop:
 
 
 @dataclass(frozen=True, eq=False)
-class Mechanism:
+class Mechanism(Memory):
     """A spanning tree with closed loops, actuated and passive joints, and an output.
 
     Configurations are joint vectors ``q`` (n,) of *all* joints of the tree, radians and
