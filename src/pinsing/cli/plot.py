@@ -108,7 +108,7 @@ def _draw(
     q = vectors[0] if vectors else None
     if kind == "map":
         assert joints is not None
-        return plot.sigma_map(
+        return plot.sigma_plane(
             arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits, degrees=deg
         )
     if kind == "ellipsoids":

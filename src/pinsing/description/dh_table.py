@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal, cast
 
 from pinsing.description.placement import Placement, Vector, modified_row, screw
-from pinsing.description.yaml_tree import Node, compose
+from pinsing.description.yaml_tree import YamlNode, compose
 
 Convention = Literal["standard", "modified"]
 JointType = Literal["revolute", "prismatic", "continuous"]
@@ -87,7 +87,7 @@ class _Units:
     pi: int
     length: Fraction
 
-    def value(self, node: Node, quantity: str) -> float:
+    def value(self, node: YamlNode, quantity: str) -> float:
         if quantity == "angle":
             return node.number(self.angle, self.pi)
         return node.number(self.length)
@@ -126,7 +126,7 @@ def read_dh(path: str | Path) -> DHTable:
     row_nodes = top["rows"].items("row")
     taken = {TIP, FLANGE, BASE} | {f"link{i}" for i in range(1, len(row_nodes) + 1)}
     for number, node in enumerate(row_nodes, start=1):
-        row = _read_row(Node(node.node, node.path, f"row {number}"), number, units)
+        row = _read_row(YamlNode(node.node, node.path, f"row {number}"), number, units)
         if row.name in taken:
             raise node.error(f"the name {row.name!r} is taken: give each joint a name of its own")
         taken.add(row.name)
@@ -140,7 +140,7 @@ def read_dh(path: str | Path) -> DHTable:
     )
 
 
-def _read_units(node: Node) -> _Units:
+def _read_units(node: YamlNode) -> _Units:
     keys = node.mapping(("angle", "length"))
     radians = keys["angle"].choice(("rad", "deg")) == "rad"
     metres = keys["length"].choice(("m", "mm")) == "m"
@@ -151,14 +151,14 @@ def _read_units(node: Node) -> _Units:
     )
 
 
-def _read_name(node: Node) -> str:
+def _read_name(node: YamlNode) -> str:
     name = node.text()
     if not _NAME.fullmatch(name):
         raise node.error(f"{name[:60]!r} is no name: use letters, digits, '_', '-' and '.'")
     return name
 
 
-def _read_dh(keys: dict[str, Node], units: _Units) -> tuple[float, float, float, float]:
+def _read_dh(keys: dict[str, YamlNode], units: _Units) -> tuple[float, float, float, float]:
     """Return alpha [rad], a [m], d [m], theta [rad]."""
     return (
         units.value(keys["alpha"], "angle"),
@@ -168,7 +168,7 @@ def _read_dh(keys: dict[str, Node], units: _Units) -> tuple[float, float, float,
     )
 
 
-def _read_row(node: Node, number: int, units: _Units) -> DHRow:
+def _read_row(node: YamlNode, number: int, units: _Units) -> DHRow:
     keys = node.mapping((*_DH_KEYS, "type"), ("limits", "name", "velocity", "effort"))
     kind = cast(JointType, keys["type"].choice(("revolute", "prismatic", "continuous")))
     quantity = "length" if kind == "prismatic" else "angle"
@@ -197,7 +197,7 @@ def _read_row(node: Node, number: int, units: _Units) -> DHRow:
     return DHRow(alpha, a, d, theta, kind, name, lower, upper, velocity, effort)
 
 
-def _read_tool(node: Node, units: _Units, convention: Convention) -> Placement:
+def _read_tool(node: YamlNode, units: _Units, convention: Convention) -> Placement:
     if not {"xyz", "rpy"} & set(node.keys()):
         alpha, a, d, theta = _read_dh(node.mapping(_DH_KEYS), units)
         if convention == "standard":

@@ -14,8 +14,8 @@ from pathlib import Path
 from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.urdf_joints import JointEntry, Mimic, check_joint, check_mimics
 from pinsing.description.urdf_links import Meshes, check_link, check_material
-from pinsing.description.urdf_source import Source, show
-from pinsing.description.urdf_tree import MAX_JOINTS, check_tree, check_unique
+from pinsing.description.urdf_source import UrdfSource, show
+from pinsing.description.urdf_tree import MAX_IN_A_TREE, check_tree, check_unique
 from pinsing.description.xacro import expand_xacro, is_xacro
 from pinsing.description.xml_tree import Node, parse_xml, read_bytes, to_text
 from pinsing.errors import RobotFileError, UnknownNameError
@@ -125,7 +125,7 @@ def read_description(
         if not Path(folder).is_dir():
             raise RobotFileError(f"the folder given for package {name!r} does not exist", folder)
     root = parse_xml(read_bytes(path), path)
-    source = Source(path)
+    source = UrdfSource(path)
     roots: tuple[Path, ...] = ()
     if is_xacro(path, root):
         expansion = expand_xacro(path, packages, xacro_args)
@@ -139,7 +139,7 @@ def read_description(
     return _describe(root, source, PackageIndex(path, packages, roots))
 
 
-def _describe(root: Node, source: Source, index: PackageIndex) -> Description:
+def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Description:
     if root.tag != "robot":
         kind = _OTHER_FORMATS.get(root.tag)
         found = f"is {kind}" if kind else f"has the root element <{root.tag[:40]}>"
@@ -149,8 +149,10 @@ def _describe(root: Node, source: Source, index: PackageIndex) -> Description:
         raise source.error("the robot has no links, so there is nothing to analyse", root)
     if not joint_nodes:
         raise source.error("the robot has no joints, so there is nothing to analyse", root)
-    if len(joint_nodes) > MAX_JOINTS:
-        raise source.error(f"{len(joint_nodes)} joints: at most {MAX_JOINTS} are supported", root)
+    if len(joint_nodes) > MAX_IN_A_TREE:
+        raise source.error(
+            f"{len(joint_nodes)} joints: at most {MAX_IN_A_TREE} are supported", root
+        )
     name = root.attributes.get("name", "").strip()
     if not name:
         name = source.path.name.partition(".")[0] or "robot"
@@ -191,7 +193,7 @@ def _describe(root: Node, source: Source, index: PackageIndex) -> Description:
     )
 
 
-def _materials(root: Node, source: Source, meshes: Meshes) -> list[Node]:
+def _materials(root: Node, source: UrdfSource, meshes: Meshes) -> list[Node]:
     """Return the materials of the robot, the first of each name, if they say anything."""
     kept: dict[str, Node] = {}
     for node in root.all("material"):

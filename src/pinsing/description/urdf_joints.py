@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
-from pinsing.description.urdf_source import LARGEST, Source, show
+from pinsing.description.urdf_source import LARGEST, UrdfSource, show
 from pinsing.description.xml_tree import Node
 from pinsing.errors import RobotFileError
 
@@ -62,7 +62,7 @@ class JointEntry:
     problem: str | None = None
 
 
-def check_joint(node: Node, source: Source) -> tuple[JointEntry, Node]:
+def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
     """Return a joint's entry, and the element that Pinocchio shall read.
 
     Raises
@@ -100,7 +100,7 @@ def check_joint(node: Node, source: Source) -> tuple[JointEntry, Node]:
     return entry, clean
 
 
-def _kind(node: Node, source: Source, what: str) -> JointKind:
+def _kind(node: Node, source: UrdfSource, what: str) -> JointKind:
     kind = source.attribute(node, "type", what)
     if kind not in KINDS:
         close = difflib.get_close_matches(kind.strip().lower(), KINDS, n=1)
@@ -109,7 +109,7 @@ def _kind(node: Node, source: Source, what: str) -> JointKind:
     return cast(JointKind, kind)
 
 
-def _end(node: Node, source: Source, what: str, tag: str) -> str:
+def _end(node: Node, source: UrdfSource, what: str, tag: str) -> str:
     element = source.one(node, tag, what)
     if element is None:
         raise source.error(f'{what} has no <{tag} link="..."/>', node)
@@ -117,7 +117,7 @@ def _end(node: Node, source: Source, what: str, tag: str) -> str:
 
 
 def _axis(
-    node: Node, source: Source, what: str, name: str
+    node: Node, source: UrdfSource, what: str, name: str
 ) -> tuple[tuple[float, float, float], Node]:
     element = source.one(node, "axis", what)
     if element is None:  # the default of URDF
@@ -137,7 +137,7 @@ def _axis(
 
 
 def _limit(
-    node: Node, source: Source, what: str, entry: JointEntry
+    node: Node, source: UrdfSource, what: str, entry: JointEntry
 ) -> tuple[JointEntry, list[Node]]:
     element = source.one(node, "limit", what)
     bounded = entry.kind != "continuous"
@@ -171,7 +171,7 @@ def _limit(
 
 
 def _without_limits(
-    source: Source, entry: JointEntry, reason: str
+    source: UrdfSource, entry: JointEntry, reason: str
 ) -> tuple[JointEntry, list[Node]]:
     cure = (
         'give it lower and upper, or make it type="continuous"'
@@ -183,7 +183,7 @@ def _without_limits(
     return replace(entry, problem=f"{reason}: {cure}"), [Node("limit", nothing, 0)]
 
 
-def _effort_and_velocity(element: Node, source: Source, what: str, name: str) -> dict[str, str]:
+def _effort_and_velocity(element: Node, source: UrdfSource, what: str, name: str) -> dict[str, str]:
     """Return both, which Pinocchio demands and kinematics does not need."""
     values = {}
     for attribute in ("effort", "velocity"):
@@ -196,7 +196,7 @@ def _effort_and_velocity(element: Node, source: Source, what: str, name: str) ->
     return values
 
 
-def _dynamics(node: Node, source: Source, what: str, name: str) -> list[Node]:
+def _dynamics(node: Node, source: UrdfSource, what: str, name: str) -> list[Node]:
     """Return the <dynamics> if it is sound; kinematics does not need it."""
     element = node.first("dynamics")
     if element is None:
@@ -212,7 +212,7 @@ def _dynamics(node: Node, source: Source, what: str, name: str) -> list[Node]:
     return [clean] if kept else []
 
 
-def _mimic(element: Node, source: Source, what: str) -> Mimic:
+def _mimic(element: Node, source: UrdfSource, what: str) -> Mimic:
     values = {"multiplier": 1.0, "offset": 0.0}
     for attribute in values:
         if attribute in element.attributes:
@@ -221,7 +221,7 @@ def _mimic(element: Node, source: Source, what: str) -> Mimic:
 
 
 def check_mimics(
-    entries: Sequence[JointEntry], elements: Sequence[Node], source: Source
+    entries: Sequence[JointEntry], elements: Sequence[Node], source: UrdfSource
 ) -> tuple[JointEntry, ...]:
     """Return the entries with every mimic resolved.
 
@@ -251,7 +251,7 @@ def check_mimics(
 
 
 def _check_leader(
-    entry: JointEntry, by_name: dict[str, JointEntry], element: Node, source: Source
+    entry: JointEntry, by_name: dict[str, JointEntry], element: Node, source: UrdfSource
 ) -> JointEntry:
     assert entry.mimic is not None
     leader = by_name.get(entry.mimic.joint)

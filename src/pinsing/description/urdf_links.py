@@ -11,7 +11,7 @@ from pathlib import Path
 
 from pinsing.description.collada import ColladaProblem, image_references
 from pinsing.description.ros_packages import MeshProblem, PackageIndex
-from pinsing.description.urdf_source import LARGEST_INERTIA, Source, show
+from pinsing.description.urdf_source import LARGEST_INERTIA, UrdfSource, show
 from pinsing.description.xml_tree import Node
 from pinsing.errors import RobotFileError
 
@@ -65,7 +65,7 @@ class Meshes:
         return notes
 
 
-def check_link(node: Node, source: Source, meshes: Meshes) -> tuple[str, Node]:
+def check_link(node: Node, source: UrdfSource, meshes: Meshes) -> tuple[str, Node]:
     """Return a link's name, and the element that Pinocchio shall read.
 
     Raises
@@ -89,7 +89,7 @@ def check_link(node: Node, source: Source, meshes: Meshes) -> tuple[str, Node]:
     return name, clean
 
 
-def _inertial(node: Node, source: Source, what: str, name: str) -> list[Node]:
+def _inertial(node: Node, source: UrdfSource, what: str, name: str) -> list[Node]:
     inertial = node.first("inertial")
     if inertial is None:
         return []
@@ -114,7 +114,7 @@ def _inertial(node: Node, source: Source, what: str, name: str) -> list[Node]:
     return [Node("inertial", {}, inertial.line, [*origin, mass, inertia])]
 
 
-def _shape(node: Node, source: Source, what: str, meshes: Meshes) -> list[Node]:
+def _shape(node: Node, source: UrdfSource, what: str, meshes: Meshes) -> list[Node]:
     """Return a checked visual or collision, nothing if its mesh cannot be had."""
     origin = source.origin(node, what)
     geometry = node.first("geometry")
@@ -146,7 +146,7 @@ def _shape(node: Node, source: Source, what: str, meshes: Meshes) -> list[Node]:
     return [Node(node.tag, named, node.line, children)]
 
 
-def check_material(node: Node, source: Source, meshes: Meshes) -> list[Node]:
+def check_material(node: Node, source: UrdfSource, meshes: Meshes) -> list[Node]:
     """Return a material with what is sound of its colour and texture; nothing if unnamed."""
     name = node.attributes.get("name", "")
     if not name:

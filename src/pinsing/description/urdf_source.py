@@ -30,7 +30,7 @@ def has_control(name: str) -> bool:
 
 
 @dataclass
-class Source:
+class UrdfSource:
     """The file under check, and what was noted about it.
 
     Attributes

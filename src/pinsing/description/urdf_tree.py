@@ -7,15 +7,17 @@ from collections import defaultdict
 from collections.abc import Sequence
 
 from pinsing.description.urdf_joints import JointEntry
-from pinsing.description.urdf_source import Source, show
+from pinsing.description.urdf_source import UrdfSource, show
 from pinsing.description.xml_tree import Node
 
-MAX_JOINTS = 5000
+MAX_IN_A_TREE = 5000
 # Pinocchio builds the tree by recursion: 10,000 joints in a row overflow its stack.
 MAX_DEPTH = 1000
 
 
-def check_unique(kind: str, names: Sequence[str], nodes: Sequence[Node], source: Source) -> None:
+def check_unique(
+    kind: str, names: Sequence[str], nodes: Sequence[Node], source: UrdfSource
+) -> None:
     """Refuse a name that two links, or two joints, share."""
     first: dict[str, Node] = {}
     for name, node in zip(names, nodes, strict=True):
@@ -26,7 +28,7 @@ def check_unique(kind: str, names: Sequence[str], nodes: Sequence[Node], source:
 
 
 def check_tree(
-    links: Sequence[str], joints: Sequence[JointEntry], nodes: Sequence[Node], source: Source
+    links: Sequence[str], joints: Sequence[JointEntry], nodes: Sequence[Node], source: UrdfSource
 ) -> str:
     """Return the root link of the tree that the joints make of the links.
 
@@ -67,7 +69,7 @@ def _check_reach(
     joints: Sequence[JointEntry],
     nodes: Sequence[Node],
     parent_joint: dict[str, JointEntry],
-    source: Source,
+    source: UrdfSource,
 ) -> str:
     roots = [link for link in links if link not in parent_joint]
     children = defaultdict(list)

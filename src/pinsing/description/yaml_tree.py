@@ -88,7 +88,7 @@ def suggestion(name: str, known: Iterable[str]) -> str:
 
 
 @dataclass(frozen=True)
-class Node:
+class YamlNode:
     """One value of a YAML file, with its place.
 
     Attributes
@@ -116,8 +116,8 @@ class Node:
             f"{self.label}: {problem}" if self.label else problem, self.path, self.line
         )
 
-    def _child(self, node: yaml.Node, label: str) -> Node:
-        child = Node(node, self.path, f"{self.label}: {label}" if self.label else label)
+    def _child(self, node: yaml.Node, label: str) -> YamlNode:
+        child = YamlNode(node, self.path, f"{self.label}: {label}" if self.label else label)
         if not node.tag.startswith("tag:yaml.org,2002:"):
             raise child.error(
                 f"the YAML tag {node.tag[:60]} is not understood: write the plain value"
@@ -130,7 +130,7 @@ class Node:
             return _show(self.node.value) if self.node.value else "nothing"
         return "a list" if isinstance(self.node, yaml.SequenceNode) else "keys and values"
 
-    def mapping(self, required: Iterable[str], optional: Iterable[str] = ()) -> dict[str, Node]:
+    def mapping(self, required: Iterable[str], optional: Iterable[str] = ()) -> dict[str, YamlNode]:
         """Return the values by key.
 
         Raises
@@ -141,10 +141,10 @@ class Node:
         required, known = tuple(required), (*required, *optional)
         if not isinstance(self.node, yaml.MappingNode):
             raise self.error(f"expected the keys {', '.join(known)}, found {self._found}")
-        values: dict[str, Node] = {}
+        values: dict[str, YamlNode] = {}
         for key_node, value_node in self.node.value:
             key = key_node.value if isinstance(key_node, yaml.ScalarNode) else "?"
-            here = Node(key_node, self.path, self.label)
+            here = YamlNode(key_node, self.path, self.label)
             if key not in known:
                 raise here.error(f"unknown key {_show(key)}: {suggestion(key, known)}")
             if key in values:
@@ -161,7 +161,7 @@ class Node:
             return ()
         return tuple(str(key.value) for key, _ in self.node.value)
 
-    def items(self, noun: str, length: int | None = None) -> list[Node]:
+    def items(self, noun: str, length: int | None = None) -> list[YamlNode]:
         """Return the entries of a list, labelled ``noun 1``, ``noun 2``, ...
 
         Raises
@@ -237,7 +237,7 @@ class Node:
             raise self.error(f"{_show(text or '')} is not a finite number") from None
 
 
-def compose(path: str | Path) -> Node:
+def compose(path: str | Path) -> YamlNode:
     """Read a YAML file.
 
     Raises
@@ -282,4 +282,4 @@ def compose(path: str | Path) -> Node:
         raise RobotFileError("nested too deeply: give a plain table", path) from None
     if node is None:
         raise RobotFileError("is empty: nothing to read", path)
-    return Node(node, path)
+    return YamlNode(node, path)

@@ -7,7 +7,8 @@ from pinsing.mechanism.feasible import curves, feasible
 from pinsing.mechanism.loci import Locus, LoopForms, loop_forms
 from pinsing.mechanism.modes import home, mode_of
 from pinsing.mechanism.motion import MechanismState, input_output, leg_form, mechanism_at, motions
-from pinsing.mechanism.singular_points import SingularPoint, find_singular, refine
+from pinsing.mechanism.singular_points import SingularPoint, find_singular
+from pinsing.mechanism.singular_points import refine_point as refine
 from pinsing.mechanism.solve import InfeasibleError, Solution, assemblies, follow, solve
 from pinsing.mechanism.trace import Trace, trace
 

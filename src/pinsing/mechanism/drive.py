@@ -57,7 +57,7 @@ def drive(mechanism: Mechanism, inputs: npt.ArrayLike, start: npt.ArrayLike) -> 
     if not ways or np.array_equal(inputs, q[list(mechanism.actuated)]):
         return solve(mechanism, inputs, q)
     found = [solve(mechanism, inputs, way) for way in ways]
-    return max(found, key=lambda s: (round(s.reached, 3), "assembly +" in s.mode))
+    return max(found, key=lambda s: (round(s.reached, 3), assembly_sign(mechanism, s.q) == "+"))
 
 
 def _ways_out(mechanism: Mechanism, q: Array) -> list[Array]:

@@ -25,7 +25,7 @@ from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.mechanism.dyad import Dyad, Side, planar_dyad
 from pinsing.mechanism.loci_roots import roots
-from pinsing.mechanism.singular_points import SingularPoint, refine
+from pinsing.mechanism.singular_points import SingularPoint, refine_point
 from pinsing.robot.load_mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -324,7 +324,7 @@ def _witness(
             if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
                 continue
             held = [] if points_only else list(mechanism.actuated[:-1])
-            point = refine(mechanism, q, kind, held)
+            point = refine_point(mechanism, q, kind, held)
             if point.converged and np.abs(mechanism.fold(point.q - q)).max() < 1e-3:
                 return point
     return None

@@ -22,6 +22,7 @@ STRAIGHT = 1e-9
 """Sine of an elbow angle up to which it counts as straight."""
 
 _SEED = 947
+_ORDER = {"+": 0, "0": 0, "-": 1, "?": 2}
 
 
 @dataclass(frozen=True)
@@ -42,6 +43,31 @@ class Elbow:
     elbow: int
     end_joint: int
     end: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class ModeSigns:
+    """A mode as data.
+
+    Attributes
+    ----------
+    assembly : str
+        ``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign.
+    elbows : tuple of str
+        ``+``, ``-`` or, at a type 1 singularity, ``0`` for each elbow, in the order of the inputs.
+    """
+
+    assembly: str
+    elbows: tuple[str, ...]
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """What modes are listed by: the home assembly first, elbows to the left first."""
+        return tuple(_ORDER[sign] for sign in (self.assembly, *self.elbows))
+
+    def __str__(self) -> str:
+        assembly = f"assembly {self.assembly}"
+        return f"{assembly}, elbows {''.join(self.elbows)}" if self.elbows else assembly
 
 
 def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
@@ -102,18 +128,22 @@ def passive_determinant(mechanism: Mechanism, q: npt.ArrayLike) -> float | None:
 def assembly_sign(mechanism: Mechanism, q: npt.ArrayLike) -> str:
     """``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign."""
     value = passive_determinant(mechanism, q)
-    if value is None:
-        return "?"
+    return "?" if value is None else _sign(value)
+
+
+def mode_at(mechanism: Mechanism, q: npt.ArrayLike) -> ModeSigns:
+    """Assembly and working mode at a closed configuration q (n,)."""
+    signs = tuple(_sign(s) for s in elbow_sines(mechanism, q).tolist())
+    return ModeSigns(assembly_sign(mechanism, q), signs)
+
+
+def _sign(value: float) -> str:
     return "0" if abs(value) <= STRAIGHT else "+" if value > 0 else "-"
 
 
 def mode_of(mechanism: Mechanism, q: npt.ArrayLike) -> str:
     """Name of the mode at a closed configuration: ``assembly +, elbows -+``."""
-    signs = "".join(
-        "0" if abs(s) <= STRAIGHT else "+" if s > 0 else "-" for s in elbow_sines(mechanism, q)
-    )
-    assembly = f"assembly {assembly_sign(mechanism, q)}"
-    return f"{assembly}, elbows {signs}" if signs else assembly
+    return str(mode_at(mechanism, q))
 
 
 def home(mechanism: Mechanism) -> Array:

@@ -84,7 +84,7 @@ class SingularPoint(JsonResult):
         return f"{self.kind} at inputs ({values}){along}; {self.mode}; measure {self.ratio:.1e}"
 
 
-def refine(
+def refine_point(
     mechanism: Mechanism,
     q: npt.ArrayLike,
     kind: str,
@@ -111,7 +111,7 @@ def find_singular(
         index = mechanism.actuated[t.moving]
         held = [j for j in mechanism.actuated if j != index]
         for kind, k in _candidates(t, index):
-            point = refine(mechanism, t.q[k], kind, held, rtol)
+            point = refine_point(mechanism, t.q[k], kind, held, rtol)
             away = np.abs(mechanism.fold(point.q - t.q[k])).max()
             if point.converged and away <= 6 * STEP:
                 _add(mechanism, found, point)
@@ -124,7 +124,7 @@ def turning_points(mechanism: Mechanism, t: Trace) -> tuple[SingularPoint, ...]:
     held = [j for j in mechanism.actuated if j != index]
     found: list[SingularPoint] = []
     for k in _turns(t, index):
-        point = refine(mechanism, t.q[k], "type 2", held)
+        point = refine_point(mechanism, t.q[k], "type 2", held)
         if point.converged and np.abs(mechanism.fold(point.q - t.q[k])).max() <= 6 * STEP:
             _add(mechanism, found, point)
     return tuple(found)

@@ -12,7 +12,7 @@ from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.mechanism.closure import CLOSED, Loops, Mask, gauss_newton, random_closed
 from pinsing.mechanism.feasible import Interval, distinct, feasible
-from pinsing.mechanism.modes import home, mode_of
+from pinsing.mechanism.modes import home, mode_at, mode_of
 from pinsing.robot.load_mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -189,14 +189,10 @@ def assemblies(
     if not found:
         raise InfeasibleError(mechanism, inputs, feasible(mechanism, inputs))
     loops = Loops(mechanism)
-    order = sorted(found, key=lambda q: (_order(mode_of(mechanism, q)), np.round(q, 6).tolist()))
+    order = sorted(found, key=lambda q: (mode_at(mechanism, q).order, np.round(q, 6).tolist()))
     return tuple(
         Solution(
             inputs, q, float(np.abs(loops.scaled(q)[0]).max()), True, mode_of(mechanism, q), 1.0, ""
         )
         for q in order
     )
-
-
-def _order(mode: str) -> str:
-    return mode.replace("+", "0").replace("-", "1")

@@ -39,7 +39,7 @@ _LINES = ("#FFFFFF", "#FF9DA7", "#A6F0C6", "#F4C7FF", "#FFFFFF", "#FF9DA7", "#A6
 _HERE = 1e-6
 
 
-def sigma_map(
+def sigma_plane(
     arm: Arm,
     joint_a: str,
     joint_b: str,

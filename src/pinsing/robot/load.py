@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pinsing.description.urdf import Description
 
 
-MAX_JOINTS = 64
+MAX_IN_A_ROW = 64
 """Joints of an arm; hours and gigabytes, not insight, lie beyond."""
 
 
@@ -266,9 +266,9 @@ def _build(
             f"{', '.join(sorted(stuck))}",
         )
     kept = [j for j in free if model.names[j] not in stuck]
-    if len(kept) > MAX_JOINTS:
+    if len(kept) > MAX_IN_A_ROW:
         raise ChainError(
-            f"{whole.label}: {len(kept)} joints in a row: at most {MAX_JOINTS} can be analysed; "
+            f"{whole.label}: {len(kept)} joints in a row: at most {MAX_IN_A_ROW} can be analysed; "
             "choose a base farther out, or name the joints to keep"
         )
     if not kept:

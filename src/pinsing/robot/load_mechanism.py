@@ -16,7 +16,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.description.yaml_tree import Node, compose, suggestion
+from pinsing.description.yaml_tree import YamlNode, compose, suggestion
 from pinsing.errors import JointError, OptionError, PinsingError
 from pinsing.robot.arm import Source
 from pinsing.robot.joint_axis import joint_axis
@@ -147,7 +147,7 @@ def _limits(model: pin.Model) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
     return np.array(lower), np.array(upper), np.array(prismatic, dtype=bool)
 
 
-def _frame(node: Node, model: pin.Model) -> str:
+def _frame(node: YamlNode, model: pin.Model) -> str:
     name = node.text()
     names = [frame.name for frame in model.frames if frame.name != "universe"]
     if name not in names:
@@ -155,7 +155,7 @@ def _frame(node: Node, model: pin.Model) -> str:
     return name
 
 
-def _loops(pairs: Node, kinds: Node, model: pin.Model) -> tuple[Loop, ...]:
+def _loops(pairs: YamlNode, kinds: YamlNode, model: pin.Model) -> tuple[Loop, ...]:
     frames = [entry.items("frame", 2) for entry in pairs.items("loop")]
     names = tuple(LOOP_KINDS)
     words = []
@@ -176,7 +176,7 @@ def _loops(pairs: Node, kinds: Node, model: pin.Model) -> tuple[Loop, ...]:
     return tuple(found)
 
 
-def _actuated(node: Node, joints: tuple[str, ...]) -> tuple[int, ...]:
+def _actuated(node: YamlNode, joints: tuple[str, ...]) -> tuple[int, ...]:
     found: list[int] = []
     for entry in node.items("joint"):
         name = entry.text()
@@ -190,7 +190,7 @@ def _actuated(node: Node, joints: tuple[str, ...]) -> tuple[int, ...]:
     return tuple(found)
 
 
-def _rows(node: Node) -> Task:
+def _rows(node: YamlNode) -> Task:
     names = []
     for entry in node.items("row"):
         names.append(entry.choice(ROW_NAMES))
@@ -200,7 +200,7 @@ def _rows(node: Node) -> Task:
         raise node.error(str(error)) from None
 
 
-def _home(node: Node | None, joints: tuple[str, ...]) -> Array:
+def _home(node: YamlNode | None, joints: tuple[str, ...]) -> Array:
     home = np.zeros(len(joints))
     if node is not None:
         for name, value in node.mapping((), joints).items():

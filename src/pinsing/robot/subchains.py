@@ -20,7 +20,7 @@ SHORTEST = 2
 
 
 @dataclass(frozen=True)
-class Chain:
+class Subchain:
     """A chain that can be analysed.
 
     Attributes
@@ -51,7 +51,7 @@ def all_chains(
     mimics: Collection[str] = (),
     shortest: int = SHORTEST,
     longest: int = LONGEST,
-) -> tuple[Chain, ...]:
+) -> tuple[Subchain, ...]:
     """Every chain of ``shortest`` to ``longest`` joints that ends in a leaf or a tool frame.
 
     Each end is taken from the root, and from the last branching on the way to it; where the way
@@ -69,7 +69,7 @@ def all_chains(
     tools = {c.last: c for c in candidates(model, mimics)}
     children = _children(model)
     ends = sorted({j for j in range(1, model.njoints) if not children[j]} | set(tools))
-    found: list[Chain] = []
+    found: list[Subchain] = []
     for end in ends:
         tool = tools.get(end)
         tip = choose_tip(model, end) if tool is None else tool.tip
@@ -78,27 +78,27 @@ def all_chains(
             joints = _moving(model, joint_path(model, end, start))
             if shortest <= len(joints) <= longest:
                 base = None if start == 0 else _link_of(model, start)
-                found.append(Chain(tip, base, joints, beyond))
+                found.append(Subchain(tip, base, joints, beyond))
     return tuple(found)
 
 
 def arm_chains(
     model: pin.Model, mimics: Collection[str] = (), longest: int = LONGEST
-) -> tuple[Chain, ...]:
+) -> tuple[Subchain, ...]:
     """Return the chains to offer to a user: arms, legs and heads, fingers left to their gripper.
 
     Each from the root, whatever its length; and where that is longer than ``longest`` joints, or
     the chain shares its first joints with another, also without the shared ones.
     """
     children = _children(model)
-    found: list[Chain] = []
+    found: list[Subchain] = []
     for candidate in candidates(model, mimics):
         starts = [0, *_branchings(model, children, candidate.last)[-1:]]
         for start in dict.fromkeys(starts):
             joints = _moving(model, joint_path(model, candidate.last, start))
             if start == 0 or len(joints) >= SHORTEST:
                 base = None if start == 0 else _link_of(model, start)
-                found.append(Chain(candidate.tip, base, joints, candidate.passed_over))
+                found.append(Subchain(candidate.tip, base, joints, candidate.passed_over))
     return tuple(found)
 
 
@@ -120,12 +120,12 @@ def long_chain_note(model: pin.Model, end: int, start: int = 0, longest: int = L
     return f"{count} joints are many: the closed forms may not be complete in time{offer}"
 
 
-def chains_text(chains: Sequence[Chain], words: Sequence[str], longest: int = LONGEST) -> str:
+def chains_text(chains: Sequence[Subchain], words: Sequence[str], longest: int = LONGEST) -> str:
     """Chains as a tree, shared joints once, with the command that analyses each.
 
     Parameters
     ----------
-    chains : sequence of Chain
+    chains : sequence of Subchain
         As ``arm_chains`` returns them.
     words : sequence of str
         The robot as the user named it, and options that every command needs (packages).
@@ -140,8 +140,8 @@ def chains_text(chains: Sequence[Chain], words: Sequence[str], longest: int = LO
 
 
 def _branches(
-    chains: Sequence[Chain],
-    parts: dict[str, Chain],
+    chains: Sequence[Subchain],
+    parts: dict[str, Subchain],
     depth: int,
     indent: str,
     robot: str,
@@ -149,7 +149,7 @@ def _branches(
     lines: list[str],
 ) -> None:
     """Append what hangs below the first ``depth`` joints, which the chains share."""
-    groups: dict[str, list[Chain]] = {}
+    groups: dict[str, list[Subchain]] = {}
     for chain in chains:
         groups.setdefault(chain.joints[depth] if depth < len(chain.joints) else "", []).append(
             chain
@@ -183,7 +183,7 @@ def _branches(
         _branches(group, parts, shared, indent + below, robot, longest, lines)
 
 
-def _offer(chain: Chain, robot: str, count: int) -> str:
+def _offer(chain: Subchain, robot: str, count: int) -> str:
     options = " ".join(map(shlex.quote, chain.options))
     return f"{count} joint{'s' if count != 1 else ''}: pinsing analyze {robot} {options}"
 

@@ -41,7 +41,7 @@ _PUSH_SIZES = (1e-2, 1e-3, 1e-4)  # radians or length scales, to see whether val
 _WALK = 0.05  # push that leads from a special member of a relation to a generic one
 _STILL = 0.1  # of the push: values of which none ends farther away are isolated
 _BACK = 1e-4  # of the push: else, a single value that ends nearer is fixed nevertheless
-_MAX_JOINTS = 12
+_MAX_IN_SUBSETS = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,9 +175,9 @@ class ConditionTester:
     ) -> None:
         if samples < 1:
             raise OptionError(f"samples must be at least 1, got {samples}")
-        if len(joints) > _MAX_JOINTS:
+        if len(joints) > _MAX_IN_SUBSETS:
             raise OptionError(
-                f"{len(joints)} joints have too many subsets; name at most {_MAX_JOINTS} joints"
+                f"{len(joints)} joints have too many subsets; name at most {_MAX_IN_SUBSETS} joints"
             )
         self.arm, self.rtol, self.joints = arm, rtol, tuple(joints)
         rng = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.mechanism.closure import CLOSED, Loops, gauss_newton
-from pinsing.mechanism.singular_points import SingularPoint, refine
+from pinsing.mechanism.singular_points import SingularPoint, refine_point
 from pinsing.mechanism.trace import trace
 from pinsing.robot.mechanism import Mechanism
 
@@ -130,7 +130,7 @@ def _followed(
         # As far on as the last step went; the first one moves the swinging joint alone.
         guess = q + mechanism.fold(q - before)
         guess[joint] = q[joint] + sign * _STEP
-        found = refine(mechanism, guess, point.kind, held)
+        found = refine_point(mechanism, guess, point.kind, held)
         if not found.converged or np.abs(mechanism.fold(found.q - q)).max() > _JUMP:
             break
         before, q = q, found.q
