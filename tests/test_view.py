@@ -236,7 +236,8 @@ def test_the_scene_has_every_node_that_frames_place() -> None:
         assert any(p.startswith(f"/pinsing/arm/{j}/hot") for p in paths)
     for kind in ("translation", "rotation"):
         assert f"/pinsing/ellipsoid/{kind}/skin" in paths
-        assert any(p.startswith(f"/pinsing/lost/{kind}/") for p in paths)
+    for part in ("arrow/shaft", "ring/ring", "line"):
+        assert f"/pinsing/lost/0/{part}" in paths
 
 
 @pytest.mark.parametrize("robot", ["ur5", "panda", "talos_arm"])

@@ -16,6 +16,7 @@ import pytest
 from arms import textbook
 from chromium import BLUE, ORANGE, PINK, near, open_page, picture, show_only, text
 
+from pinsing import closed_form
 from pinsing.robot.load import load
 from pinsing.view import Viewer
 from pinsing.view.picture import find_browser
@@ -296,3 +297,106 @@ def test_a_mechanism_s_picture_is_taken(tmp_path: Path) -> None:
     done = CliRunner().invoke(command, ["view", str(robot), "--loops", loops, "--png", str(out)])
     assert done.exit_code == 0, done.output
     assert out.read_bytes()[:4] == b"\x89PNG"
+
+
+def test_the_nearest_singular_pose_and_back(page: Any, static: Path) -> None:
+    open_page(page, static.as_uri() + "#q=0.3,0.4,0.05,0.5")
+    assert text(page, "#status") == "Regular"
+    page.locator("#nearest-pose").click()
+    page.wait_for_function("() => document.getElementById('status').textContent === 'Singular'")
+    page.locator("#nearest-pose").click()
+    page.wait_for_function("() => document.getElementById('status').textContent === 'Regular'")
+    assert page.evaluate("() => window.pinsing.view.frame.q") == [0.3, 0.4, 0.05, 0.5]
+
+
+def test_the_clearest_pose_is_clear(page: Any, static: Path) -> None:
+    arm = load("scara")
+    open_page(page, static.as_uri())
+    page.locator("#clearest-pose").click()
+    page.wait_for_function("() => document.getElementById('playing').textContent.includes('from')")
+    q = np.array(page.evaluate("() => window.pinsing.view.frame.q"))
+    said = float(text(page, "#playing").split("least ")[1].split("°")[0])
+    assert arm.within_limits(q)
+    distances = [f.distance(q).value for f in closed_form(arm).families]
+    assert np.degrees(min(distances)) >= said - 0.06
+    assert said > 60
+
+
+def test_a_pose_is_taken_along(page: Any, static: Path) -> None:
+    open_page(page, static.as_uri() + "#q=0.1,0.2,0.03,0.4")
+    for kind, words in (
+        ("flag", "--q=0.1,0.2,0.03,0.4"),
+        ("python", "q = np.array([0.1, 0.2, 0.03, 0.4])"),
+        ("link", static.as_uri() + "#q=0.1,0.2,0.03,0.4"),
+    ):
+        page.locator("#copy-as").select_option(kind)
+        page.locator("#copy").click()
+        page.wait_for_function(
+            "(w) => document.getElementById('copied').textContent.includes(w)", arg=words
+        )
+    shot = page.evaluate("() => window.pinsing.view.pictureWithLegend()")
+    assert shot.startswith("data:image/png;base64,")
+    assert len(shot) > 10_000
+
+
+def test_a_trajectory_is_dropped_onto_the_page(page: Any, static: Path) -> None:
+    arm = load("scara")
+    open_page(page, static.as_uri())
+    drop = """async ([name, text]) => {
+        const transfer = new DataTransfer();
+        transfer.items.add(new File([text], name));
+        document.dispatchEvent(new DragEvent("drop", { dataTransfer: transfer }));
+        await new Promise((resolve) => setTimeout(resolve, 400)); }"""
+    rows = [f"0.1,{x:.3f},0.2,0.02" for x in np.linspace(-0.5, 0.5, 21)]
+    header = ",".join([arm.joints[3], arm.joints[1], arm.joints[0], arm.joints[2]])
+    page.evaluate(drop, ["path.csv", "\n".join([header, *rows])])
+    page.wait_for_function("() => window.pinsing.path?.kind === 'file'")
+    said = text(page, "#playing")
+    assert "21 samples" in said
+    assert "F1" in said
+    assert page.evaluate("() => window.pinsing.path.frames.length") == 21
+    shown = page.evaluate("() => window.pinsing.path.frames[0].q")
+    assert shown == [0.2, -0.5, 0.02, 0.1]  # the columns were in another order
+    page.evaluate(drop, ["bad.csv", "1,2,x,4\n1,2,3,4"])
+    assert "no column for" in text(page, "#playing")
+    page.evaluate(drop, ["short.csv", "1,2\n"])
+    assert "2 columns for 4 joints" in text(page, "#playing")
+
+
+def test_ticks_stand_where_a_joint_meets_a_family(page: Any, static: Path) -> None:
+    open_page(page, static.as_uri() + "#q=0.3,0.4,0.05,0.5")
+    page.wait_for_selector(".joint .mark")
+    marks = page.evaluate(
+        """() => [...document.querySelectorAll(".joint")].map((row) =>
+             [...row.querySelectorAll(".mark")].map((m) => parseFloat(m.style.left)))"""
+    )
+    assert [len(m) for m in marks] == [0, 1, 0, 0]
+    assert marks[1][0] == pytest.approx(50, abs=1)  # q2 = 0, in the middle of its range
+
+
+def test_sliders_are_above_the_fold(page: Any) -> None:
+    page.set_viewport_size({"width": 1280, "height": 800})
+    with Viewer(load("panda"), skeleton=True) as viewer:
+        open_page(page, viewer.url)
+        bottom = page.evaluate(
+            """() => Math.max(...[...document.querySelectorAll(".joint")]
+                 .map((j) => j.getBoundingClientRect().bottom))"""
+        )
+    assert bottom <= 800
+
+
+def test_the_legend_never_covers_the_label(page: Any, stanford: Viewer) -> None:
+    for size in ((1280, 800), (400, 800)):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        open_page(page, stanford.url)
+        for _ in range(5):
+            page.locator("#next").click()
+            page.wait_for_timeout(150)
+            boxes = page.evaluate(
+                """() => ["label-lost", "legend"].map((id) => {
+                     const b = document.getElementById(id).getBoundingClientRect();
+                     return [b.left, b.top, b.right, b.bottom]; })"""
+            )
+            (left, top, right, bottom), (x0, y0, x1, y1) = boxes
+            if right > left:
+                assert right <= x0 or left >= x1 or bottom <= y0 or top >= y1

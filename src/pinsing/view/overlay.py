@@ -17,6 +17,13 @@ from pinsing.view.scene import draw_scene
 
 _HIDE = ("floor",)
 
+SYMBOLS = {
+    "arrow": ("translation", "line", "screw"),
+    "ring": ("rotation", "screw"),
+    "line": ("line", "screw"),
+}
+"""What each kind of lost motion is drawn as; the page does the same."""
+
 
 class Overlay:
     """Keeps the node ``pinsing`` of a visualizer up to date.
@@ -72,14 +79,13 @@ class Overlay:
             if seen:
                 pose = _place(tip, e["turn"]) @ np.diag([*e["drawn"], 1.0])
                 node[f"ellipsoid/{kind}"].set_transform(pose)
-            node[f"lost/{kind}"].set_property("visible", e["flat"] is not None)
-            if e["flat"] is not None:
-                node[f"lost/{kind}"].set_transform(_place(tip, e["flat"]))
-        lines = [m for m in frame["lost"] if m["close"] and m["kind"] in ("line", "screw")]
         for k in range(ARROWS):
-            node[f"line/{k}"].set_property("visible", k < len(lines))
-            if k < len(lines):
-                node[f"line/{k}"].set_transform(_place(lines[k]["at"], lines[k]["turn"]))
+            lost = frame["lost"][k] if k < len(frame["lost"]) else None
+            for part, kinds in SYMBOLS.items():
+                seen = lost is not None and lost["close"] and lost["kind"] in kinds
+                node[f"lost/{k}/{part}"].set_property("visible", seen)
+            if lost is not None:
+                node[f"lost/{k}"].set_transform(_place(lost["at"], lost["turn"]))
 
     def _move_robot(self, q: Array) -> None:
         if self._display is None or self._model is None:

@@ -13,7 +13,17 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
-ENGINE = ("linear", "chain", "measures", "families", "lost", "arm", "paths")
+ENGINE = (
+    "linear",
+    "chain",
+    "measures",
+    "families",
+    "lost",
+    "arm",
+    "paths",
+    "clearance",
+    "trajectory",
+)
 """Modules of the engine, each after those that it imports."""
 
 SCRIPTS = ("scene.js", "panel.js", "source.js", "main.js", "mechanism.js", "start.js")

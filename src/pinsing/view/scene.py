@@ -1,8 +1,8 @@
 """The fixed part of the scene: what there is to see. Frames then place it.
 
 Paths: ``pinsing/arm/<joint of the model>/{visual,bone,axis,hot}``, ``pinsing/tip``,
-``pinsing/ellipsoid/{translation,rotation}``, ``pinsing/lost/{translation,rotation}``,
-``pinsing/line/<number>``, ``pinsing/floor``.
+``pinsing/ellipsoid/{translation,rotation}``, ``pinsing/lost/<number>/{arrow,ring,line}``,
+``pinsing/floor``.
 """
 
 from __future__ import annotations
@@ -63,11 +63,11 @@ def draw_scene(
     _axes(node["arm"], arm, size.reach)
     _ellipsoid(node["ellipsoid/translation"], TRANSLATION)
     _ellipsoid(node["ellipsoid/rotation"], ROTATION)
-    straight_arrow(node["lost/translation"], size.reach)
-    ring_arrow(node["lost/rotation"], size.reach)
     for k in range(ARROWS):
-        line = _Rod(4 * size.reach, 0.0016 * size.reach)
-        node[f"line/{k}"].set_object(line, mg.MeshBasicMaterial(color=LOST, opacity=0.5))
+        straight_arrow(node[f"lost/{k}/arrow"], size.reach)
+        ring_arrow(node[f"lost/{k}/ring"], size.reach)
+        line = _Rod(4 * size.reach, 0.0012 * size.reach)
+        node[f"lost/{k}/line"].set_object(line, mg.MeshBasicMaterial(color=LOST, opacity=0.4))
     tip = _Sphere(0.012 * size.reach)
     node["tip"].set_object(tip, mg.MeshPhongMaterial(color=0x111827))
     _floor(node["floor"], arm, size.reach)
@@ -140,8 +140,8 @@ def _axes(node: Any, arm: Body, reach: float) -> None:
         axis, slides = joint_axis(arm.model.joints[j], arm.model.names[j])
         turn = _turn(axis)
         for name, color, length, radius in (
-            ("axis", AXIS, 0.15, 0.003),
-            ("hot", HOT, 0.42, 0.0045),
+            ("axis", AXIS, 0.15, 0.002),
+            ("hot", HOT, 0.42, 0.0025),
         ):
             material = mg.MeshPhongMaterial(color=color)
             here = node[f"{j}/{name}"]

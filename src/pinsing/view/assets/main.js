@@ -1,6 +1,8 @@
 // Ties the view, the panel, the player and the source of frames together.
 "use strict";
 
+const PATH_WORDS = { into: "approach", along: "move within" };
+
 class App {
   constructor(page, scene) {
     this.page = page;
@@ -33,7 +35,7 @@ class App {
     $("fit").addEventListener("click", () => { this.view.touched = false; this.view.fit([this.view.frame]); });
     $("reset").addEventListener("click", () => this.reset());
     $("scrub").addEventListener("input", () => { this.pause(); this.at(Number($("scrub").value)); });
-    for (const option of ["translation", "rotation", "lost", "axis", "visual", "bone", "floor"]) {
+    for (const option of ["translation", "rotation", "lost", "axis", "axes", "visual", "bone", "floor"]) {
       const box = $(`show-${option}`);
       box.checked = this.view.options[option];
       box.addEventListener("change", () => this.view.set(option, box.checked));
@@ -42,6 +44,12 @@ class App {
       radio.checked = radio.value === this.view.options.mode;
       radio.addEventListener("change", () => this.mode(radio.value));
     }
+    $("nearest-pose").addEventListener("click", () => this.nearest());
+    $("clearest-pose").addEventListener("click", () => this.clearest());
+    $("copy").addEventListener("click", () => this.copy($("copy-as").value));
+    $("save-picture").addEventListener("click", () => this.savePicture());
+    document.addEventListener("dragover", (event) => event.preventDefault());
+    document.addEventListener("drop", (event) => { event.preventDefault(); this.drop(event.dataTransfer.files[0]); });
     document.addEventListener("keydown", (event) => this.key(event));
   }
 
@@ -65,14 +73,99 @@ class App {
 
   async start() {
     const { frame, entry, pose } = await this.source.start();
-    this.select(entry, pose, false);
-    this.frame(frame);
-    this.view.fit([frame]);
+    const shared = this.shared();
+    this.select(shared ? null : entry, pose, false);
+    this.frame(shared ?? frame);
+    this.view.fit([shared ?? frame]);
   }
 
   frame(frame, dragged = -1) {
     this.view.show(frame);
     this.panel.show(frame, dragged);
+    if (this.source.marks && !this.running) {
+      clearTimeout(this.ticking);
+      this.ticking = setTimeout(() => this.panel.ticks(this.source.marks(frame.q)), 60);
+    }
+  }
+
+  // A pose in the address: #q=0.1,0.2,...
+  shared() {
+    const match = /^#q=([-+0-9.eE,]+)$/.exec(location.hash);
+    const q = match ? match[1].split(",").map(Number) : null;
+    if (!q || !this.source.compute || q.length !== this.page.joints.length || !q.every(Number.isFinite)) return null;
+    return this.source.compute(q);
+  }
+
+  // To the nearest singular pose, and back.
+  nearest() {
+    const { verdict, q } = this.view.frame;
+    if (this.before && verdict && verdict.on) { this.go(this.before); this.before = null; return; }
+    if (!verdict) return;
+    this.before = q.slice();
+    this.go(verdict.q);
+  }
+
+  go(q) {
+    ++this.turn;
+    this.select(null, 0);
+    const frame = this.source.compute(q);
+    this.frame(frame);
+    if (!this.view.touched) this.view.fit([frame]);
+  }
+
+  clearest() {
+    $("playing").textContent = "looking for the clearest pose\u2026";
+    setTimeout(() => {
+      const { q, lower } = Engine.clearestPose(this.page.engine);
+      this.go(q);
+      $("playing").textContent = `at least ${(lower * 180 / Math.PI).toFixed(1)}\u00b0 from every family`;
+    });
+  }
+
+  poseText(kind) {
+    const q = this.view.frame.q, short = q.map((v) => Number(v.toFixed(9)));
+    const link = `${location.href.split("#")[0]}#q=${short.join(",")}`;
+    return { flag: `--q=${short.join(",")}`, python: `q = np.array([${short.join(", ")}])`, link,
+             json: JSON.stringify({ robot: this.page.robot.name, joints: this.page.joints.map((j) => j.name), q }) }[kind];
+  }
+
+  async copy(kind) {
+    const text = this.poseText(kind);
+    try {
+      await navigator.clipboard.writeText(text);
+      $("copied").textContent = `copied: ${text}`;
+    } catch {
+      $("copied").textContent = text; // no right to the clipboard: here it is, to be marked by hand
+    }
+    if (kind === "link") history.replaceState(null, "", text);
+  }
+
+  savePicture() {
+    const link = make("a");
+    link.href = this.view.pictureWithLegend();
+    link.download = `${this.page.robot.name}.png`;
+    link.click();
+  }
+
+  // A trajectory file: its path through the tip, coloured by clearance, ready to be played.
+  async drop(file) {
+    if (!file || !this.source.compute) return;
+    try {
+      const rows = Engine.parseTrajectory(await file.text(), this.page.engine.joints);
+      const step = Math.max(1, Math.ceil(rows.length / 400));
+      const path = rows.filter((_, i) => i % step === 0);
+      const frames = path.map((q) => this.source.compute(q));
+      this.select(null, 0);
+      this.path = { frames, kind: "file" };
+      this.view.trail(frames.map((f) => ({ at: f.tip, clearance: f.verdict ? f.verdict.lower : Infinity })));
+      const worst = frames.reduce((a, b) => ((b.verdict?.value ?? Infinity) < (a.verdict?.value ?? Infinity) ? b : a));
+      this.scrub(0, frames.length - 1);
+      $("playing").textContent = `${file.name}: ${rows.length} samples, nearest: ${worst.verdict ? worst.verdict.text : "no family"}`;
+      this.at(0);
+      this.view.fit(frames);
+    } catch (error) {
+      $("playing").textContent = `${file.name}: ${error.message}`;
+    }
   }
 
   select(entry, pose, scroll = true) {
@@ -115,7 +208,7 @@ class App {
     $("playing").textContent = "computing the path\u2026";
     const frames = await this.source.path(this.entry, this.pose, kind);
     if (turn !== this.turn) return;
-    $("playing").textContent = frames.length ? `${kind} ${entry.name}` : `no path ${kind} ${entry.name} was found here`;
+    $("playing").textContent = frames.length ? `${PATH_WORDS[kind]} ${entry.name}` : `no way to ${PATH_WORDS[kind]} ${entry.name} was found here`;
     if (!frames.length) return;
     this.path = { frames, kind };
     this.drawn = -1;
@@ -157,17 +250,18 @@ class App {
     const { frames, kind } = this.path;
     const last = frames.length - 1;
     let begin = Number($("scrub").value);
-    if (kind === "into" && begin >= last) begin = 0;
+    if (kind !== "along" && begin >= last) begin = 0;
+    const once = kind !== "along";
     this.running = true;
     this.icon("M4 3h3v10H4zM9 3h3v10H9z");
     const path = this.path;
-    const rate = frames.length / (kind === "into" ? 2.0 : 4.0); // frames a second
+    const rate = frames.length / (once ? 2.0 : 4.0); // frames a second
     const started = performance.now() - (begin / rate) * 1000;
     const tick = (now) => {
       if (!this.running || this.path !== path) return;
       const place = Math.max(0, ((now - started) / 1000) * rate);
-      if (kind === "into" && place >= last) { this.at(last); this.pause(); return; }
-      this.at(kind === "into" ? place : place % frames.length);
+      if (once && place >= last) { this.at(last); this.pause(); return; }
+      this.at(once ? place : place % frames.length);
       requestAnimationFrame(tick);
     };
     requestAnimationFrame(tick);

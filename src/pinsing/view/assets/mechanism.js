@@ -20,7 +20,7 @@ class MechanismPanel extends Panel {
       `output ${robot.output} (${robot.task}) \u00b7 L\u00a0=\u00a0${robot.lengthScale}\u00a0m`);
     $("bars").hidden = true;
     $("modes").hidden = false;
-    $("losses-title").textContent = "What is lost, what is not held";
+    for (const part of ["poses", "take"]) $(part).hidden = true;
     $("key-hot").textContent = "self-motion with actuators or output locked";
     const { translation, rotation } = this.page.settings;
     $("ellipsoid-mode").hidden = translation === null || rotation === null;
@@ -28,8 +28,6 @@ class MechanismPanel extends Panel {
       $(`key-${kind}`).hidden = scale === null;
       $(`show-${kind}`).parentElement.hidden = scale === null;
     }
-    // What is dragged stands beside what it does.
-    $("panel").insertBefore($("joints").parentElement, $("modes").nextElementSibling);
     $("mode-menu").addEventListener("change", () => this.actions.mode(JSON.parse($("mode-menu").value)));
   }
 

@@ -120,8 +120,37 @@ class Panel {
   joints() {
     this.rows = this.page.joints.map((joint, index) => {
       const found = this.row(joint, index, true);
+      found.row.classList.add("named");
+      found.track = make("span", "track");
+      found.slider.replaceWith(found.track);
+      found.band = make("span", "band");
+      found.track.append(found.slider, found.band);
+      const name = make("span", "name");
+      name.append(formula(make("b"), joint.symbol), make("small", "", joint.name));
+      found.row.querySelector(".name").replaceWith(name);
+      found.value.after(make("small", "limits", this.limits(joint)));
       $("joints").append(found.row);
       return found;
+    });
+    $("joints-note").textContent = this.page.entries.length ? "Ticks: where a family is met when this joint alone moves." : "";
+  }
+
+  limits(joint) {
+    if (joint.limited === false) return "no limits";
+    const ends = [joint.lower, joint.upper].map((v) => joint.prismatic ? Math.round(1000 * v) : Math.round((v * 180) / Math.PI));
+    return `${ends[0]} \u2026 ${ends[1]}${joint.prismatic ? " mm" : "\u00b0"}`;
+  }
+
+  // Where each slider alone would meet a family.
+  ticks(marks) {
+    marks.forEach((found, i) => {
+      const { lower, upper } = this.page.joints[i];
+      this.rows[i].band?.replaceChildren(...found.map(({ value, name, text }) => {
+        const node = make("span", "mark");
+        node.title = `${name}: ${text}`;
+        node.style.left = `${(100 * (value - lower)) / (upper - lower)}%`;
+        return node;
+      }));
     });
   }
 
@@ -173,6 +202,7 @@ class Panel {
     $("sigma-min").textContent = number(frame.sigma[frame.genericRank - 1]);
     $("condition").textContent = number(frame.condition);
     $("manipulability").textContent = number(frame.manipulability);
+    $("nearest-pose").disabled = !frame.verdict;
     const zero = frame.status === "singular";
     $("bars").replaceChildren(...frame.sigma.slice(0, frame.genericRank).map((s, i) => {
       const bar = make("div", zero && i >= frame.rank ? "zero" : "");
@@ -184,7 +214,7 @@ class Panel {
   }
 
   losses(words) {
-    $("lost").replaceChildren(...(words.length ? words : ["nothing"]).map((w) => make("li", "", w)));
+    $("lost").replaceChildren(...words.map((w) => make("li", "", w)));
   }
 
   choose(entry, pose, scroll = true) {

@@ -1,12 +1,17 @@
 // The meshcat view: applies a frame to the scene that Python drew.
 "use strict";
 
+const LOST_LABELS = {
+  lost: { translation: "lost translation", rotation: "lost rotation", line: "lost: along this line", screw: "lost: this screw motion" },
+  nearly: { translation: "nearly lost translation", rotation: "nearly lost rotation", line: "nearly lost: along this line", screw: "nearly lost: this screw motion" },
+};
+
 class SceneView {
   constructor(element, settings) {
     this.element = element;
     this.settings = settings;
     this.options = { mode: settings.mode, translation: true, rotation: true,
-                     axis: true, lost: true, visual: settings.shapes, bone: !settings.shapes, floor: true };
+                     axis: true, axes: false, lost: true, visual: settings.shapes, bone: !settings.shapes, floor: true };
     const V = this.viewer = new MeshCat.Viewer(element);
     const fullSize = V.set_3d_pane_size.bind(V);
     V.set_3d_pane_size = () => fullSize(element.clientWidth || 1, element.clientHeight || 1);
@@ -38,8 +43,16 @@ class SceneView {
     // which three.js does not draw: give them the first.
     this.node("arm").traverse((o) => {
       if (Array.isArray(o.material)) o.material = o.material.map((m) => (Array.isArray(m) ? m[0] : m));
+      for (const m of [o.material].flat()) if (o.isMesh && m) this.lift(m);
     });
     this.lights();
+  }
+
+  // A black robot would be a black silhouette: dark paint is lifted until its shape shows.
+  lift(material) {
+    if (!material.color || material.map) return;
+    const { r, g, b } = material.color, dark = 0.16 - (0.3 * r + 0.59 * g + 0.11 * b);
+    if (dark > 0) material.color.setRGB(r + dark, g + dark, b + dark * 1.15);
   }
 
   // Meshcat's lights fade ten metres away and stand at 1.5 m: move them out with large robots.
@@ -72,38 +85,57 @@ class SceneView {
       this.node(`arm/${j}/bone`).visible = s.bone || (s.visual && !dressed);
       if (j === 0) continue;
       const hot = frame.hot.includes(this.settings.jointOf[j - 1]);
-      this.node(`arm/${j}/axis`).visible = s.axis && !hot;
+      this.node(`arm/${j}/axis`).visible = s.axes && !(s.axis && hot);
       this.node(`arm/${j}/hot`).visible = s.axis && hot;
     }
-    this.lostAt = null;
     for (const kind of ["translation", "rotation"]) {
       const e = frame.ellipsoids[s.mode][kind];
       const seen = s[kind] && e.drawn[0] > 0;
       this.node(`ellipsoid/${kind}`).visible = seen;
       if (seen) this.place(`ellipsoid/${kind}`, frame.tip, e.turn, e.drawn);
-      const lost = s.lost && s[kind] && e.flat !== null;
-      this.node(`lost/${kind}`).visible = lost;
-      if (lost) this.place(`lost/${kind}`, frame.tip, e.flat);
-      if (lost && (kind === "translation" || !this.lostAt)) {
-        const up = new MeshCat.THREE.Vector3(0, 0, (kind === "translation" ? 0.27 : 0.18) * this.settings.reach);
-        up.applyQuaternion(new MeshCat.THREE.Quaternion(...e.flat));
-        this.lostAt = [frame.tip[0] + up.x, frame.tip[1] + up.y, frame.tip[2] + up.z];
-      }
     }
+    this.showLost(this.symbols(frame));
     if (frame.free) this.showFree(frame);
-    for (let k = 0; k < this.settings.lines; k++) {
-      const m = frame.lost[k];
-      const seen = s.lost && Boolean(m) && m.close && (m.kind === "line" || m.kind === "screw");
-      this.node(`line/${k}`).visible = seen;
-      if (seen) this.place(`line/${k}`, m.at, m.turn);
-    }
     this.node("floor").visible = s.floor;
     this.viewer.set_dirty();
   }
 
+  // Each lost motion is one thing: an arrow, a ring, or both where it is a screw. Those of a
+  // mechanism are the flat directions of its ellipses.
+  symbols(frame) {
+    if (!this.options.lost) return [];
+    if (!frame.free) {
+      return frame.lost.filter((m) => m.close).map((m) => ({
+        at: m.at, turn: m.turn, label: LOST_LABELS[frame.status === "singular" ? "lost" : "nearly"][m.kind],
+        arrow: m.kind !== "rotation", ring: m.kind === "rotation" || m.kind === "screw",
+        line: m.kind === "line" || m.kind === "screw",
+      }));
+    }
+    return ["translation", "rotation"].flatMap((kind) => {
+      const { flat } = frame.ellipsoids[this.options.mode][kind];
+      if (!this.options[kind] || flat === null) return [];
+      return [{ at: frame.tip, turn: flat, label: "lost", arrow: kind === "translation", ring: kind === "rotation", line: false }];
+    });
+  }
+
+  showLost(symbols) {
+    this.lostAt = null;
+    for (let k = 0; k < this.settings.lines; k++) {
+      const m = symbols[k];
+      for (const part of ["arrow", "ring", "line"]) this.node(`lost/${k}/${part}`).visible = Boolean(m && m[part]);
+      if (!m) continue;
+      this.place(`lost/${k}`, m.at, m.turn);
+      if (this.lostAt) continue;
+      const up = new MeshCat.THREE.Vector3(0, 0, (m.arrow ? 0.27 : 0.18) * this.settings.reach);
+      up.applyQuaternion(new MeshCat.THREE.Quaternion(...m.turn));
+      this.lostAt = [m.at[0] + up.x, m.at[1] + up.y, m.at[2] + up.z];
+      this.label.textContent = m.label;
+    }
+  }
+
   // Motions of a mechanism that its actuators do not hold.
   showFree(frame) {
-    this.label.textContent = this.lostAt ? "lost" : "not held";
+    if (!this.lostAt) this.label.textContent = "not held";
     this.label.classList.toggle("free", !this.lostAt);
     for (const [kind, length] of [["translation", 0.27], ["rotation", 0.18]]) {
       const arrow = frame.free[kind];
@@ -147,7 +179,11 @@ class SceneView {
     for (const kind of ["translation", "rotation"]) {
       const e = frame.ellipsoids[this.options.mode][kind];
       e.drawn.forEach((length, k) => along(e.turn, k, length));
-      if (e.flat !== null) along(e.flat, 2, 0.27 * this.settings.reach);
+    }
+    for (const m of this.symbols(frame)) {
+      const end = new Vector3(0, 0, 0.27 * this.settings.reach).applyQuaternion(new Quaternion(...m.turn));
+      const middle = new Vector3(...m.at);
+      out.push(yUp(middle.clone().add(end)), yUp(middle.sub(end)));
     }
     return out;
   }
@@ -159,7 +195,7 @@ class SceneView {
     if (shown) this.show(shown);
     const { Vector3 } = MeshCat.THREE;
     const { camera, controls } = this.viewer;
-    const side = new Vector3(...this.settings.side).normalize();
+    const side = this.side(frames, points, new Vector3(...this.settings.side).normalize());
     const right = new Vector3(0, 1, 0).cross(side).normalize();
     const up = side.clone().cross(right);
     const centre = new Vector3();
@@ -183,12 +219,94 @@ class SceneView {
     this.viewer.set_dirty();
   }
 
+  // Where to look from: obliquely at the flat ellipsoid, so that it is seen to be flat, with the
+  // tool in front of the arm; from the usual side where nothing is flat.
+  side(frames, points, usual) {
+    const { Vector3, Quaternion } = MeshCat.THREE;
+    const frame = frames[frames.length - 1], chosen = frame.ellipsoids[this.options.mode];
+    const flats = frame.free ? [] : ["translation", "rotation"].flatMap((kind) =>
+      (this.options[kind] && chosen[kind].flat !== null ? [new Vector3(0, 0, 1).applyQuaternion(new Quaternion(...chosen[kind].flat))] : []));
+    if (!flats.length) return usual;
+    const normals = flats.map((v) => new Vector3(v.x, v.z, -v.y));
+    const tip = new Vector3(frame.tip[0], frame.tip[2], -frame.tip[1]);
+    const middle = points.reduce((sum, p) => sum.add(p), new Vector3()).multiplyScalar(1 / points.length);
+    const out = tip.clone().sub(middle).divideScalar(this.settings.reach);
+    let best = usual, score = -Infinity;
+    for (let k = 0; k < 48; k++) for (const height of [0.15, 0.35, 0.55]) {
+      const angle = (2 * Math.PI * k) / 48, level = Math.sqrt(1 - height * height);
+      const side = new Vector3(level * Math.cos(angle), height, level * Math.sin(angle));
+      // 0.35: a disc seen some twenty degrees off its edge.
+      const oblique = normals.reduce((sum, n, i) => sum - (i ? 0.4 : 1.2) * Math.abs(Math.abs(n.dot(side)) - 0.35), 0);
+      const value = oblique + 0.9 * out.dot(side) + 0.15 * usual.dot(side);
+      if (value > score) { score = value; best = side; }
+    }
+    return best;
+  }
+
+  // The way of the tip: red where a family is near, green where it is far (three degrees, thirty).
+  trail(points) {
+    const { BufferGeometry, Float32BufferAttribute, LineBasicMaterial, Line } = MeshCat.THREE;
+    if (this.drawnTrail) this.drawnTrail.parent.remove(this.drawnTrail);
+    const places = [], colors = [];
+    for (const { at, clearance } of points) {
+      places.push(...at);
+      const t = Math.min(1, Math.max(0, Math.log10(Math.max(clearance, 1e-6) / 0.052)));
+      colors.push(0.8 * (1 - t), 0.15 + 0.45 * t, 0.15 + 0.25 * t);
+    }
+    const geometry = new BufferGeometry();
+    geometry.setAttribute("position", new Float32BufferAttribute(places, 3));
+    geometry.setAttribute("color", new Float32BufferAttribute(colors, 3));
+    this.drawnTrail = new Line(geometry, new LineBasicMaterial({ vertexColors: true }));
+    this.viewer.scene_tree.find(["pinsing"]).object.add(this.drawnTrail);
+    this.viewer.set_dirty();
+  }
+
+  // The canvas with its legend and label, as a data address of a PNG.
+  pictureWithLegend() {
+    this.viewer.render();
+    const source = this.viewer.renderer.domElement, ratio = source.width / this.element.clientWidth;
+    const canvas = document.createElement("canvas");
+    Object.assign(canvas, { width: source.width, height: source.height });
+    const pen = canvas.getContext("2d");
+    pen.drawImage(source, 0, 0);
+    pen.scale(ratio, ratio);
+    pen.font = "14px system-ui, sans-serif";
+    pen.textBaseline = "middle";
+    const here = this.element.getBoundingClientRect();
+    for (const key of document.querySelectorAll("#legend .key")) {
+      const box = key.getBoundingClientRect();
+      if (!box.height) continue;
+      pen.fillStyle = getComputedStyle(key, "::before").backgroundColor;
+      pen.fillRect(box.left - here.left, box.top - here.top + box.height / 2 - 5, 11, 11);
+      pen.fillStyle = "#1c2430";
+      pen.fillText(key.textContent, box.left - here.left + 18, box.top - here.top + box.height / 2);
+    }
+    if (!this.label.hidden) {
+      const box = this.label.getBoundingClientRect();
+      pen.fillStyle = getComputedStyle(this.label).backgroundColor;
+      pen.fillRect(box.left - here.left, box.top - here.top, box.width, box.height);
+      pen.fillStyle = "#ffffff";
+      pen.fillText(this.label.textContent, box.left - here.left + 6, box.top - here.top + box.height / 2);
+    }
+    return canvas.toDataURL("image/png");
+  }
+
   placeLabel() {
-    if (!this.lostAt || document.body.classList.contains("picture")) { this.label.hidden = true; return; }
+    if (!this.lostAt) { this.label.hidden = true; return; }
     const [x, y, z] = this.lostAt;
     const p = new MeshCat.THREE.Vector3(x, z, -y).project(this.viewer.camera);
     this.label.hidden = p.z > 1;
-    this.label.style.left = `${((p.x + 1) / 2) * this.element.clientWidth}px`;
-    this.label.style.top = `${((1 - p.y) / 2) * this.element.clientHeight}px`;
+    // Inside the view, and beside the legend.
+    const { offsetWidth: wide, offsetHeight: high } = this.label, legend = document.getElementById("legend");
+    let left = ((p.x + 1) / 2) * this.element.clientWidth, top = ((1 - p.y) / 2) * this.element.clientHeight;
+    left = Math.min(Math.max(left, 4), this.element.clientWidth - wide - 14);
+    top = Math.min(Math.max(top, high), this.element.clientHeight - high);
+    const right = legend.offsetLeft + legend.offsetWidth, below = legend.offsetTop + legend.offsetHeight;
+    if (left < right && top - high / 2 < below) {
+      if (right + wide + 14 < this.element.clientWidth && right - left < below - top + high) left = right;
+      else top = below + high / 2 + 4;
+    }
+    this.label.style.left = `${left}px`;
+    this.label.style.top = `${top}px`;
   }
 }

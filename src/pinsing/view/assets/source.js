@@ -10,6 +10,14 @@ class EngineSource {
   }
 
   compute(q) { return Engine.frameAt(this.page.engine, q); }
+  // Where each joint alone would meet each family.
+  marks(q) {
+    const { engine, joints } = this.page;
+    return joints.map((joint, j) => engine.families.flatMap((f) =>
+      (f.branches.some((b) => b.equations.length > 1) ? []
+        : Engine.meetings(f, q, j, joint.lower, joint.upper, joint.prismatic).map((value) => ({ value, name: f.name, text: f.text })))));
+  }
+
   async frame(q) { return this.compute(q); }
   async pose(entry, k) { return this.compute(this.page.entries[entry].q[k]); }
 

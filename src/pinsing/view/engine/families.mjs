@@ -103,7 +103,7 @@ export const apart = (q, value, prismatic) =>
 
 // Distance { lower, upper, q, branch } from q to a family, in radians (metres over the length
 // scale): nothing is nearer than `lower`, and `q` is at `upper`. Joint values: both are equal.
-export function distance(family, q, joints, lengthScale) {
+export function distance(family, q, joints, lengthScale, boundOnly = false) {
   const weight = joints.map((j) => (j.prismatic ? 1 / lengthScale : 1));
   let best = null, lower = Infinity;
   for (const [index, branch] of family.branches.entries()) {
@@ -120,13 +120,14 @@ export function distance(family, q, joints, lengthScale) {
       under = Math.sqrt(fixed + Math.max(...bounds) ** 2);
     }
     lower = Math.min(lower, under);
-    if (best && under >= best.upper) continue;
+    if (boundOnly || (best && under >= best.upper)) continue;
     const found = branch.equations.length ? nearest(branch, placed, weight, Math.max(1e-9, under * (1 + 1e-6))) : placed;
     if (!found) continue;
     const upper = norm(found.map((x, j) =>
       weight[j] * (branch.values.some((v) => v.joint === j) ? apart(q[j], x, joints[j].prismatic) : x - q[j])));
     if (!best || upper < best.upper) best = { upper, q: found, branch: index };
   }
+  if (boundOnly) return { lower };
   return best ? { ...best, lower: Math.min(lower, best.upper) } : null;
 }
 
