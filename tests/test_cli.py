@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import json
 import os
 import shlex
@@ -16,7 +17,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from pinsing.analysis.analyze import Analysis
-from pinsing.atomic_write import check_writable, replacing, write_text
+from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
 from pinsing.configuration.state import State, at
@@ -457,17 +458,16 @@ class TestText:
 
 
 class TestFiles:
-    def test_a_failed_write_leaves_the_old_file(self, tmp_path):
+    def test_a_failed_write_leaves_the_old_file(self, tmp_path, monkeypatch):
         path = tmp_path / "a.txt"
         path.write_text("old")
 
-        def write_half() -> None:
-            with replacing(path) as temporary:
-                temporary.write_text("half")
-                raise RuntimeError
+        def full(*_: object) -> None:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
-        with pytest.raises(RuntimeError):
-            write_half()
+        monkeypatch.setattr(os, "fsync", full)
+        with pytest.raises(OutputError, match=r"cannot write .*a\.txt: No space left on device"):
+            write_bytes(path, b"half")
         assert path.read_text() == "old"
         assert list(tmp_path.iterdir()) == [path]
 

@@ -24,7 +24,7 @@ from pinsing.errors import WorkerError
 from pinsing.maps import sigma_map
 from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
-from pinsing.runs.execute import dask_cluster
+from pinsing.runs.cluster import dask_cluster
 from pinsing.sweeps.plan import plan_sweep
 from pinsing.sweeps.run import run_sweep
 

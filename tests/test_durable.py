@@ -27,7 +27,7 @@ from pinsing.errors import EngineError, OutputError
 from pinsing.maps import plan_map, sigma_map
 from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
-from pinsing.runs import run_folder as durable
+from pinsing.runs.chunk_file import pack
 from pinsing.runs.run_folder import RunFolder, open_run, recorded
 from pinsing.sweeps.npz import load_npz
 from pinsing.sweeps.plan import plan_sweep
@@ -101,13 +101,13 @@ def test_a_crash_at_any_step_of_a_write_leaves_the_old_or_the_new(
             raise Crash
 
         with monkeypatch.context() as patch:
-            patch.setattr(Path, "unlink", lambda *_, **__: None)  # the dead clean nothing up
+            patch.setattr(os, "unlink", lambda *_, **__: None)  # the dead clean nothing up
             if step == "write":
-                half = durable._packed(new, folder.digest, 0)[:50]
-                (tmp_path / "chunks" / "000000.npz.part").write_bytes(half)
+                half = pack(new, folder.digest, 0)[:50]
+                (tmp_path / "chunks" / ".000000.npz.0123456789ab.part").write_bytes(half)
             else:
                 name = {"fsync": "os.fsync", "replace": "os.replace"}.get(
-                    step, "pinsing.runs.run_folder._sync_folder"
+                    step, "pinsing.atomic_write.sync_folder"
                 )
                 patch.setattr(name, crash)
                 with pytest.raises(Crash):
@@ -125,7 +125,7 @@ def test_a_crash_while_a_run_starts(tmp_path: Path, monkeypatch: pytest.MonkeyPa
 
     for name in ("os.fsync", "os.replace"):
         with monkeypatch.context() as patch:
-            patch.setattr(Path, "unlink", lambda *_, **__: None)
+            patch.setattr(os, "unlink", lambda *_, **__: None)
             patch.setattr(name, crash)
             with pytest.raises(Crash), open_run(tmp_path, IDENTITY, 3):
                 pass
@@ -212,7 +212,7 @@ def test_a_full_disk_is_an_error_and_loses_nothing(
     def full(handle: int) -> None:
         nonlocal count
         count += 1
-        if count > 8:
+        if count > 10:
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         real(handle)
 
@@ -328,7 +328,7 @@ def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
 def test_workers_do_not_outlive_a_killed_parent(tmp_path: Path) -> None:
     code = (
         "import os, time\n"
-        "from pinsing.runs.execute import local_processes\n"
+        "from pinsing.runs.executors import local_processes\n"
         "if __name__ == '__main__':\n"
         "    with local_processes(2) as (executor, _):\n"
         "        print(*{executor.submit(os.getpid).result() for _ in range(9)}, flush=True)\n"
@@ -368,7 +368,10 @@ def test_a_damaged_chunk_is_done_again(tmp_path: Path) -> None:
     paths[3].unlink()
     told: list[str] = []
     assert sigma_map(arm, count=5 * BLOCK, chunk=1, out=out, tell=told.append).to_json() == whole
-    assert told == ["3 of 5 chunks were done before", "damaged and done again: chunks 1"]
+    assert told == [
+        "3 of 5 chunks were done before",
+        "damaged and done again: chunks 1 (it is not as it was written)",
+    ]
     assert sigma_map(arm, count=5 * BLOCK, chunk=1, out=out, tell=told.append).to_json() == whole
     assert told[-1] == "5 of 5 chunks were done before"
 
@@ -421,28 +424,33 @@ def test_all_values_are_kept_on_request(tmp_path: Path) -> None:
 
 
 def test_a_sweep_in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys.modules[run_sweep.__module__], "_CHUNK_ON_DISK", 5000)
+    monkeypatch.setattr(sys.modules[run_sweep.__module__], "_CHUNK_ON_DISK", 1000)
     arm = arms.textbook("puma560")
-    plan = plan_sweep(arm, samples=61)
+    plan = plan_sweep(arm, samples=61, levels=3)
     whole = run_sweep(arm, plan)
     out = tmp_path / "run"
 
-    def stop(done: int, total: int) -> None:
-        signal.raise_signal(signal.SIGINT)
+    stopped: list[int] = []
 
-    part = run_sweep(arm, plan, stop, out=out)
+    def stop(done: int, total: int) -> None:
+        stopped.append(done)
+        if len(stopped) == 1:
+            signal.raise_signal(signal.SIGINT)
+
+    part = run_sweep(arm, plan, stop, out=out, threads=1)
     assert not part.complete
     assert 0 < len(part.curves) < len(whole.curves)
+    kept = len(list((out / "chunks").iterdir()))  # what had begun was done, and kept
     told: list[str] = []
     rest = run_sweep(arm, plan, out=out, tell=told.append, threads=1)
-    assert told[0].startswith("1 of ")
+    assert told[0].startswith(f"{kept} of ")
     assert rest.to_json() == whole.to_json()
     damaged = out / "chunks" / "000001.npz"
     damaged.write_bytes(damaged.read_bytes()[:-9])
     named = "batch" if kernel.available() else "pinocchio"  # what auto has taken
     assert run_sweep(arm, plan, out=out, engine=named).to_json() == whole.to_json()
     with pytest.raises(OutputError, match="samples is 61 there and 62 here"):
-        run_sweep(arm, plan_sweep(arm, samples=62), out=out)
+        run_sweep(arm, plan_sweep(arm, samples=62, levels=3), out=out)
 
 
 def test_sweep_on_any_engine_and_threads() -> None:

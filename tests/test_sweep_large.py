@@ -20,7 +20,7 @@ from pinsing.errors import OptionError, OutputError, ResultError
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import sigma_ratio
 from pinsing.plot import sigma_curves
-from pinsing.runs.execute import local_processes
+from pinsing.runs.executors import local_processes
 from pinsing.sweeps import job as sweep_job
 from pinsing.sweeps.curves import CurveTable, axis_values
 from pinsing.sweeps.findings import singular_configurations

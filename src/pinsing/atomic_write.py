@@ -1,14 +1,24 @@
-"""Writing results: checked before the work is done, and never half a file."""
+"""The one place that writes files: checked before the work is done, and never half a file.
+
+A file is written under another name in the same folder, flushed to the disk, renamed, and the
+folder flushed: after any failure, kill or loss of power the old file is whole or the new one is.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
-import tempfile
-from collections.abc import Iterator
+import secrets
 from pathlib import Path
 
 from pinsing.errors import OutputError
+
+TEMPORARY = ".part"
+"""End of the name of a file that is being written; it begins with a dot."""
+
+_LONGEST = 40  # letters of a name that its temporary one keeps: names end at 255 bytes
+_NO_SYNC = frozenset({errno.EINVAL, errno.ENOTSUP, errno.EACCES, errno.EPERM})
 
 
 def check_writable(path: str | os.PathLike[str], *, inputs: tuple[str | Path, ...] = ()) -> Path:
@@ -43,42 +53,33 @@ def check_writable(path: str | os.PathLike[str], *, inputs: tuple[str | Path, ..
     except OutputError:
         raise
     except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from None
+        raise OutputError(f"cannot write {path}: {why(error)}") from None
     return path
 
 
-@contextlib.contextmanager
-def replacing(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """Give a temporary file beside ``path``, with its suffix, that takes its place at the end.
+def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
+    """Write a file, the whole of it or nothing.
 
-    If the block raises, ``path`` is as it was. A device or pipe is written to directly.
+    What a symbolic link stands for is replaced, not the link, and keeps its permissions. A
+    device or pipe is written to directly.
 
     Raises
     ------
     OutputError
-        If the file cannot be written.
+        If the file cannot be written. What was there before is as it was.
     """
     path = Path(path)
-    if _special(path):
-        yield path
-        return
-    target = _target(path)
     try:
-        handle, name = tempfile.mkstemp(target.suffix, f".{target.stem[:60]}.", target.parent)
-        os.close(handle)
-    except OSError as error:
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from None
-    temporary = Path(name)
-    try:
-        yield temporary
-        temporary.chmod(_mode(target))
-        temporary.replace(target)
-    except OSError as error:
-        if isinstance(error, OutputError):
-            raise
-        raise OutputError(f"cannot write {path}: {error.strerror or error}") from None
-    finally:
-        temporary.unlink(missing_ok=True)
+        if _special(path):
+            handle = os.open(path, os.O_WRONLY | os.O_CLOEXEC)
+            try:
+                _write_all(handle, data)
+            finally:
+                os.close(handle)
+        else:
+            replace_file(_target(path), data)
+    except (OSError, ValueError) as error:
+        raise OutputError(f"cannot write {path}: {why(error)}") from None
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -87,11 +88,77 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     Raises
     ------
     OutputError
-        If the file cannot be written.
+        As `write_bytes`.
     """
-    with replacing(path) as temporary:
-        # What a file name may hold but UTF-8 may not (a lone surrogate) is written escaped.
-        temporary.write_text(text, encoding="utf-8", errors="backslashreplace")
+    # What a file name may hold but UTF-8 may not (a lone surrogate) is written escaped.
+    write_bytes(path, text.encode("utf-8", "backslashreplace"))
+
+
+def replace_file(target: Path, data: bytes) -> None:
+    """Put ``data`` in the place of ``target``, whatever it was: a link itself, not what it means.
+
+    Raises
+    ------
+    OSError
+        As the system has it; no temporary file is left.
+    """
+    name = f".{target.name[:_LONGEST]}.{secrets.token_hex(6)}{TEMPORARY}"
+    temporary = target.with_name(name)
+    try:
+        # The system takes away what new files of this process may not have.
+        flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
+        handle = os.open(temporary, flags, 0o666)
+        try:
+            _write_all(handle, data)
+            mode = _mode(target)
+            if mode is not None:
+                os.fchmod(handle, mode)
+            os.fsync(handle)
+        finally:
+            os.close(handle)
+        os.replace(temporary, target)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(temporary)
+        raise
+    sync_folder(target.parent)
+
+
+def sync_folder(folder: Path) -> None:
+    """Make what was renamed or made in ``folder`` last through a loss of power.
+
+    Raises
+    ------
+    OSError
+        If the disk fails; not where the file system or the permissions know no such thing.
+    """
+    try:
+        handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+    except PermissionError:  # a folder may be written to but not read
+        return
+    try:
+        os.fsync(handle)
+    except OSError as error:
+        if error.errno not in _NO_SYNC:
+            raise
+    finally:
+        os.close(handle)
+
+
+def is_temporary(name: str) -> bool:
+    """Whether a file of that name may be what a killed process left of a write."""
+    return name.startswith(".") and name.endswith(TEMPORARY)
+
+
+def why(error: Exception) -> str:
+    """What the system says of a failure, without numbers and paths."""
+    return str(getattr(error, "strerror", None) or error)
+
+
+def _write_all(handle: int, data: bytes) -> None:
+    rest = memoryview(data)
+    while rest:
+        rest = rest[os.write(handle, rest) :]
 
 
 def _target(path: Path) -> Path:
@@ -103,10 +170,9 @@ def _special(path: Path) -> bool:
     return path.exists() and not path.is_file() and not path.is_dir()
 
 
-def _mode(target: Path) -> int:
-    """Permissions of the file that is replaced, or what the process gives to new files."""
-    if target.exists():
-        return target.stat().st_mode & 0o777
-    mask = os.umask(0)
-    os.umask(mask)
-    return 0o666 & ~mask
+def _mode(target: Path) -> int | None:
+    """Permissions of the file that is replaced, if there is one."""
+    try:
+        return os.lstat(target).st_mode & 0o777 if not target.is_symlink() else None
+    except FileNotFoundError:
+        return None

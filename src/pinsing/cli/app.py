@@ -1,13 +1,12 @@
 """The ``pinsing`` command: its groups, and how it ends.
 
 Exit codes: 0, the work is done; 1, done and singular, with ``--fail-if-singular`` only, or a
-certificate was rejected;
-2, bad input; 130, stopped with Ctrl-C.
+certificate was rejected; 2, bad input, or output that cannot be written; 130, stopped with Ctrl-C;
+141, the reader of a pipe has gone.
 """
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
@@ -21,7 +20,9 @@ from pinsing.cli.map import map_command
 from pinsing.cli.output import STOPPED, complain, say
 from pinsing.cli.plot import plot_command
 from pinsing.cli.robots import dh_command, info_command, list_command
+from pinsing.cli.running import WORDS
 from pinsing.cli.singularities import analyze_command, sweep_command
+from pinsing.cli.streams import READER_GONE, StdoutError, give_up_stdout, guard_streams
 from pinsing.cli.view import view_command
 from pinsing.errors import PinsingError, UnknownNameError
 
@@ -35,23 +36,43 @@ class PinsingGroup(click.Group):
         """Run a command line and exit."""
         extra["standalone_mode"] = False
         try:
-            code = super().main(args=None if args is None else list(args), **extra)
+            code = self._run(args, **extra)
             sys.stdout.flush()
+        except StdoutError as error:
+            give_up_stdout()
+            if not error.reader_gone:  # else it, such as head, has seen enough
+                complain(str(error))
+            code = READER_GONE if error.reader_gone else BAD_INPUT
+        sys.exit(code if isinstance(code, int) else 0)
+
+    def _run(self, args: Sequence[str] | None, **extra: Any) -> Any:
+        try:
+            return super().main(args=None if args is None else list(args), **extra)
         except click.UsageError as error:
-            code = _usage(error)
+            return _usage(error)
         except click.ClickException as error:
             complain(error.format_message())
-            code = BAD_INPUT
+        except StdoutError:
+            raise
         except PinsingError as error:
             complain(str(error))
-            code = BAD_INPUT
         except (KeyboardInterrupt, click.Abort):
             say("stopped")
-            code = STOPPED
-        except BrokenPipeError:  # the reader, such as head, has seen enough
-            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-            code = 0
-        sys.exit(code if isinstance(code, int) else 0)
+            return STOPPED
+        return BAD_INPUT
+
+    def make_context(
+        self,
+        info_name: str | None,
+        args: list[str],
+        parent: click.Context | None = None,
+        **extra: Any,
+    ) -> click.Context:
+        """Keep the words, for who says how to go on."""
+        words = [info_name or "pinsing", *args]
+        context = super().make_context(info_name, args, parent, **extra)
+        context.meta[WORDS] = words
+        return context
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
@@ -83,8 +104,9 @@ def command() -> None:
     \b
     Exit codes:  0  done
                  1  done and singular (only with --fail-if-singular); verify: rejected
-                 2  bad input
+                 2  bad input, or output that cannot be written
                130  stopped with Ctrl-C
+               141  whoever reads the output has gone
     """  # noqa: D301
 
 
@@ -106,8 +128,5 @@ for _part in (
 
 def main(args: Sequence[str] | None = None) -> NoReturn:
     """Run the command line and exit: the ``pinsing`` program."""
-    for stream in (sys.stdout, sys.stderr):
-        reconfigure = getattr(stream, "reconfigure", None)
-        if reconfigure is not None:  # a name that the terminal cannot show is no reason to fail
-            reconfigure(errors="backslashreplace")
+    guard_streams()
     command.main(args, prog_name="pinsing")

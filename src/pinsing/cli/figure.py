@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import io
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pinsing.atomic_write import replacing
+from pinsing.atomic_write import write_bytes
 from pinsing.cli.output import STDOUT, say
 from pinsing.errors import OutputError
 
@@ -42,13 +43,14 @@ def save_figure(figure: Figure, out: Path, **options: Any) -> None:
     # No date, and numbered marks.
     stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     metadata = stamp.get(out.suffix.lower())
+    picture = io.BytesIO()
     with (
-        replacing(out) as temporary,
         matplotlib.rc_context({"svg.hashsalt": "pinsing"}),
         warnings.catch_warnings(record=True) as heard,
     ):
         warnings.simplefilter("always")
-        figure.savefig(temporary, metadata=metadata, **options)
+        figure.savefig(picture, format=out.suffix[1:].lower(), metadata=metadata, **options)
+    write_bytes(out, picture.getvalue())
     # A robot may have a name in any script; matplotlib complains of each letter.
     missing = [w for w in heard if "missing from" in str(w.message)]
     for other in heard:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import logging
 import math
+import shlex
 import sys
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +26,9 @@ if TYPE_CHECKING:
     from concurrent.futures import Executor
 
 F = TypeVar("F", bound=Callable[..., Any])
+
+WORDS = "pinsing.words"
+"""Where a context has the words of the command line."""
 
 _ENGINES = ("auto", "batch", "pinocchio", "baseline", "avx2", "avx512")
 _BAR = 30  # columns
@@ -52,8 +58,11 @@ class Place:
     @contextlib.contextmanager
     def options(self) -> Iterator[dict[str, Any]]:
         """Keyword arguments of a run; the executor ends with the block."""
+        from pinsing.runs.inbox import second_ctrl_c_ends_process
+
         chosen: dict[str, Any] = {"engine": self.engine}
         with contextlib.ExitStack() as stack:
+            stack.enter_context(second_ctrl_c_ends_process())
             pool = self._pool(stack)
             if pool is None:
                 chosen["threads"] = self.threads
@@ -63,13 +72,14 @@ class Place:
 
     def _pool(self, stack: contextlib.ExitStack) -> tuple[Executor, int] | None:
         if self.dask is not None:
-            from pinsing.runs.execute import dask_cluster
+            from pinsing.runs.cluster import dask_cluster
 
+            stack.enter_context(_only_our_lines())
             executor, count = stack.enter_context(dask_cluster(self.dask))
             say(f"{count} dask worker threads at {self.dask}")
             return executor, count
         if self.workers is not None:
-            from pinsing.runs.execute import local_processes
+            from pinsing.runs.executors import local_processes
 
             return stack.enter_context(local_processes(self.workers))
         return None
@@ -215,9 +225,25 @@ def _lines(meter: Meter) -> Callable[[int, int], None]:
     return show
 
 
+@contextlib.contextmanager
+def _only_our_lines() -> Iterator[None]:
+    """Keep a library's log and warnings from the terminal: what matters we say ourselves."""
+    before = logging.root.manager.disable
+    logging.disable(logging.CRITICAL)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logging.disable(before)
+
+
 def say_stopped(out: Path | None) -> None:
     """Tell how to resume after Ctrl-C."""
     if out is None:
         say("stopped; a run with --out DIR can be resumed")
-    else:
-        say(f"stopped; what is done is in {out}: run the same command to resume")
+        return
+    context = click.get_current_context(silent=True)
+    words = [] if context is None else context.find_root().meta.get(WORDS, [])
+    same = f" ({shlex.join(words)})" if words else ""
+    say(f"stopped; what is done is in {out}: run the same command to resume{same}")

@@ -17,9 +17,10 @@ from pinsing.kinematics.evaluator import Evaluator, run_identity
 from pinsing.maps.plan import BLOCK, WORST, MapPlan, plan_map
 from pinsing.maps.result import MapResult, result_of
 from pinsing.robot.arm import Arm
+from pinsing.runs.chunk_file import Record
 from pinsing.runs.execute import planned_evaluator, running
-from pinsing.runs.run_folder import Record
 from pinsing.runs.tally import Tally
+from pinsing.runs.tally_check import TALLY, check_names, check_tally, finite, tally_room
 
 Progress = Callable[[int, int], object]
 """Called with the number of configurations done, and of all, after each chunk."""
@@ -63,6 +64,25 @@ class MapJob:
         """Return what computes one chunk."""
         return functools.partial(compute_map_chunk, self, index)
 
+    def span(self, index: int) -> tuple[int, int]:
+        """Numbers of the configurations of one chunk: from, and to before."""
+        start = index * self.plan.chunk
+        return start, min(self.plan.count, start + self.plan.chunk)
+
+    def check(self, index: int, record: Record) -> None:
+        """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
+        start, stop = self.span(index)
+        check_names(record, TALLY + (("sigma",) if self.keep_values else ()))
+        check_tally(record, self.plan.worst, stop - start, start, stop)
+        if self.keep_values:
+            finite(record, "sigma", (stop - start, self.evaluator.rank))
+
+    def room(self, index: int) -> int:
+        """Bytes that the arrays of a chunk take at most."""
+        start, stop = self.span(index)
+        values = 8 * self.evaluator.rank * (stop - start) if self.keep_values else 0
+        return tally_room(self.plan.worst, stop - start) + values
+
 
 def compute_map_chunk(job: MapJob, index: int) -> Record:
     """Tally of one chunk as arrays, with ``sigma`` (N, r) if values are kept.
@@ -71,8 +91,7 @@ def compute_map_chunk(job: MapJob, index: int) -> Record:
     the same operands and gives the same bits.
     """
     plan = job.plan
-    start = index * plan.chunk
-    stop = min(plan.count, start + plan.chunk)
+    start, stop = job.span(index)
     tally = Tally(plan.worst)
     kept = []
     for first in range(start, stop, BLOCK):

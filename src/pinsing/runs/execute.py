@@ -6,33 +6,25 @@ No scheduler: chunks are handed to the executor a few at a time, and taken as th
 from __future__ import annotations
 
 import contextlib
-import importlib
-import multiprocessing
-import multiprocessing.connection
+import functools
 import os
-import signal
-import threading
 from collections.abc import Callable, Generator, Iterator, Mapping
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    ProcessPoolExecutor,
-    ThreadPoolExecutor,
-    wait,
-)
-from multiprocessing import resource_tracker
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from typing import Any, Protocol
 
 from pinsing._batch.engine import cpu_count
 from pinsing.errors import OptionError, PinsingError, WorkerError
 from pinsing.kinematics.evaluator import Evaluator, evaluator, recorded_engine
 from pinsing.robot.arm import Arm
-from pinsing.runs.run_folder import Record, RunFolder, open_run, recorded
+from pinsing.runs.chunk_file import DamagedError, Record
+from pinsing.runs.cluster import lost
+from pinsing.runs.executors import local_threads
+from pinsing.runs.inbox import Inbox, ctrl_c_to
+from pinsing.runs.run_folder import RunFolder, open_run, recorded
 
 _PER_WORKER = 2  # chunks handed out at a time: one to work on, one waiting
+_NAMED = 8  # damaged chunks that are named
+_AGAIN = "what is kept in a folder is safe: run the same again"
 
 
 class Job(Protocol):
@@ -47,6 +39,12 @@ class Job(Protocol):
 
     def part(self, index: int) -> Callable[[], Record]:
         """Return what computes one chunk: small, able to be pickled, the same anywhere."""
+
+    def check(self, index: int, record: Record) -> None:
+        """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
+
+    def room(self, index: int) -> int:
+        """Bytes that the arrays of a chunk take at most."""
 
 
 Chunks = Generator[tuple[int, Record], None, None]
@@ -102,13 +100,16 @@ def running(
     """
     if executor is not None and threads is not None:
         raise OptionError("give either threads or an executor, not both")
+    inbox = Inbox()
     with contextlib.ExitStack() as stack:
+        stack.enter_context(ctrl_c_to(inbox))
         folder = None
         if out is not None:
             folder = stack.enter_context(open_run(out, job.identity(), job.chunks))
         if executor is None:
-            executor, parallel = stack.enter_context(local_threads(threads))
-        chunks = finished_chunks(job, executor, folder, parallel, tell)
+            pool = local_threads(threads, patient=lambda: inbox.asked < 2)
+            executor, parallel = stack.enter_context(pool)
+        chunks = finished_chunks(job, executor, folder, parallel, tell, inbox)
         yield stack.enter_context(contextlib.closing(chunks)), folder
 
 
@@ -118,6 +119,7 @@ def finished_chunks(
     folder: RunFolder | None = None,
     parallel: int | None = None,
     tell: Callable[[str], object] | None = None,
+    inbox: Inbox | None = None,
 ) -> Chunks:
     """Run all chunks of ``job``, in any order; those that ``folder`` has come first, as they are.
 
@@ -133,202 +135,123 @@ def finished_chunks(
         How many chunks the executor works on at once; the number of processors by default.
     tell : callable, optional
         Called with sentences on what the folder had.
+    inbox : Inbox, optional
+        When it is asked to stop, what has begun is still done, kept and yielded.
 
     Raises
     ------
+    KeyboardInterrupt
+        If the inbox was asked to stop, and some chunks are not done.
     OutputError
         If a chunk cannot be kept.
     WorkerError
         If a worker died, or failed in a way that is no error of pinsing.
     """
+    inbox = Inbox() if inbox is None else inbox
     have: set[int] = set()
     if folder is not None:
-        kept = folder.kept()
-        for index in kept:
-            record = folder.load(index)
-            if record is not None:
-                have.add(index)
-                yield index, record
-        if tell is not None and kept:
-            tell(f"{len(have)} of {job.chunks} chunks were done before")
-            damaged = sorted(have.symmetric_difference(kept))
-            if damaged:
-                tell(f"damaged and done again: chunks {', '.join(map(str, damaged))}")
+        for index, record in _kept(job, folder, inbox, tell):
+            have.add(index)
+            yield index, record
     pending: dict[Future[Record], int] = {}
     waiting = (index for index in range(job.chunks) if index not in have)
     limit = _PER_WORKER * (cpu_count() if parallel is None else parallel)
+    left = job.chunks - len(have)
     try:
-        while True:
-            for index in waiting:
-                pending[_submit(executor, job, index)] = index
-                if len(pending) >= limit:
-                    break
-            if not pending:
-                return
-            done, _ = wait(pending, return_when=FIRST_COMPLETED)
-            for future in sorted(done, key=pending.__getitem__):
-                index = pending.pop(future)
-                record = _outcome(future, index)
-                if folder is not None:
-                    folder.save(index, record)
-                yield index, record
+        while left:
+            if not inbox.asked:
+                for index in waiting:
+                    future = _submit(executor, job, index)
+                    pending[future] = index
+                    inbox.follow(future)
+                    if len(pending) >= limit:
+                        break
+            elif inbox.asked > 1 or not _begun(pending):
+                raise KeyboardInterrupt
+            done = inbox.next()
+            if done is None or done not in pending:
+                continue
+            index = pending.pop(done)
+            record = _outcome(done, job, index)
+            if folder is not None:
+                folder.save(index, record)
+            left -= 1
+            yield index, record
     finally:
         for future in pending:
             future.cancel()
 
 
+def _kept(
+    job: Job, folder: RunFolder, inbox: Inbox, tell: Callable[[str], object] | None
+) -> Iterator[tuple[int, Record]]:
+    """Chunks that the folder has; those that are damaged are told of at the end."""
+    damaged = []
+    kept = folder.kept()
+    for index in kept:
+        if inbox.asked:
+            raise KeyboardInterrupt
+        try:
+            record = folder.read(index, functools.partial(job.check, index), job.room(index))
+        except FileNotFoundError:
+            damaged.append(f"{index} (it has gone)")
+        except DamagedError as error:
+            damaged.append(f"{index} ({error})")
+        else:
+            yield index, record
+    if tell is not None and kept:
+        tell(f"{len(kept) - len(damaged)} of {job.chunks} chunks were done before")
+        if damaged:
+            more = f" and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
+            tell(f"damaged and done again: chunks {', '.join(damaged[:_NAMED])}{more}")
+
+
+def _begun(pending: dict[Future[Record], int]) -> bool:
+    """Give back what no worker has begun; whether there is something that one has."""
+    for future in [f for f in pending if f.cancel()]:
+        del pending[future]
+    return bool(pending)
+
+
 def _submit(executor: Executor, job: Job, index: int) -> Future[Record]:
     part = job.part(index)
-    # Processes that the executor starts now inherit that Ctrl-C is blocked: it is for this one.
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         return executor.submit(part)
     except BrokenExecutor as error:
         raise _died(error) from error
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
-def _outcome(future: Future[Record], index: int) -> Record:
+def _outcome(future: Future[Record], job: Job, index: int) -> Record:
     try:
         error = future.exception()
     except CancelledError as cancelled:
         error = cancelled
-    if isinstance(error, CancelledError):
-        raise WorkerError(f"chunk {index} was cancelled by the executor") from None
+    if isinstance(error, CancelledError) or type(error).__name__ == "FutureCancelledError":
+        raise WorkerError(f"chunk {index} was cancelled by the executor; {_AGAIN}") from None
     if error is None:
-        return future.result()
-    if isinstance(error, BrokenExecutor) or type(error).__name__ == "KilledWorker":
+        record = future.result()
+        try:
+            job.check(index, record)
+        except (ValueError, TypeError, AttributeError) as wrong:
+            raise WorkerError(
+                f"a worker returned something else for chunk {index}: {wrong} "
+                "(has it the same pinsing installed?)"
+            ) from None
+        return record
+    if isinstance(error, BrokenExecutor) or lost(error):
         raise _died(error) from error
     if isinstance(error, PinsingError) or not isinstance(error, Exception):
         raise error
+    said = " ".join(str(error).split())[:300]
     raise WorkerError(
-        f"a worker failed at chunk {index}: {type(error).__name__}: {error} "
+        f"a worker failed at chunk {index}: {type(error).__name__}: {said} "
         "(has it the same pinsing installed?)"
     ) from error
 
 
 def _died(error: BaseException) -> WorkerError:
+    said = " ".join(str(error).split())[:300]
     return WorkerError(
-        f"a worker process died, killed or out of memory ({error}); what is kept in a folder is "
+        f"a worker process died, killed or out of memory ({said}); what is kept in a folder is "
         "safe: run the same again, with fewer workers or smaller chunks if it was memory"
     )
-
-
-@contextlib.contextmanager
-def local_threads(threads: int | None = None) -> Iterator[tuple[Executor, int]]:
-    """Threads of this process, as many as it has processors by default."""
-    count = _count(threads, "threads")
-    executor = ThreadPoolExecutor(count, thread_name_prefix="pinsing")
-    try:
-        yield executor, count
-    finally:
-        executor.shutdown(wait=True, cancel_futures=True)
-
-
-@contextlib.contextmanager
-def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]]:
-    """Processes of this machine, as many as there are processors by default.
-
-    They leave Ctrl-C to this process, and end when it does, however that is.
-    """
-    count = _count(workers, "workers")
-    resource_tracker.ensure_running()  # else the first worker starts it, which unblocks Ctrl-C
-    executor = ProcessPoolExecutor(
-        count, mp_context=multiprocessing.get_context("spawn"), initializer=_follow_parent
-    )
-    try:
-        yield executor, count
-    finally:
-        executor.shutdown(wait=True, cancel_futures=True)
-
-
-@contextlib.contextmanager
-def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor, int]]:
-    """Workers of a running dask.distributed cluster; a chunk of a lost worker is done elsewhere.
-
-    Parameters
-    ----------
-    address : str
-        Of the scheduler, such as ``tcp://host:8786``.
-    timeout : float
-        Seconds to wait for it, and for its first worker.
-
-    Raises
-    ------
-    WorkerError
-        If dask.distributed is not installed, nothing answers, or there are no workers.
-    """
-    try:
-        distributed: Any = importlib.import_module("distributed")
-    except ImportError:
-        raise WorkerError(
-            "dask.distributed is not installed; pip install 'pinsing[cluster]'"
-        ) from None
-    try:
-        client = distributed.Client(address, timeout=timeout, set_as_default=False)
-    except (OSError, ValueError, ImportError) as error:
-        raise WorkerError(f"no dask scheduler at {address}: {error}") from None
-    try:
-        try:
-            client.wait_for_workers(1, timeout=timeout)
-        except (TimeoutError, distributed.TimeoutError):  # one class only from Python 3.11 on
-            raise WorkerError(f"the dask scheduler at {address} has no workers") from None
-        count = sum(client.nthreads().values())
-        yield _Cluster(client), count
-    finally:
-        client.close()
-
-
-class _Cluster(Executor):
-    """Calls on a dask cluster.
-
-    As ``Client.get_executor``, which however takes a result for an error if the worker that it
-    was fetched from dies right then: it asks for the state after the result.
-    """
-
-    def __init__(self, client: Any) -> None:
-        self._client = client
-
-    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        there = self._client.submit(fn, *args, pure=False, **kwargs)
-        here: Future[Any] = Future()
-
-        async def follow() -> None:
-            result, error = None, None
-            try:
-                result = await there
-            except BaseException as raised:  # whatever it is, who waits has to hear of it
-                error = raised
-            if not here.set_running_or_notify_cancel():
-                return
-            if error is None:
-                here.set_result(result)
-            else:
-                here.set_exception(error)
-
-        here.add_done_callback(lambda done: there.cancel() if done.cancelled() else None)
-        self._client.loop.add_callback(follow)
-        return here
-
-
-def _count(asked: int | None, what: str) -> int:
-    if asked is None:
-        return cpu_count()
-    if asked < 1:
-        raise OptionError(f"{what} must be at least 1, got {asked}")
-    return int(asked)
-
-
-def _follow_parent() -> None:
-    """Start of a worker process: no Ctrl-C of its own, and no life after its parent."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-    assert parent is not None  # only worker processes come here
-    watcher = threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True)
-    watcher.start()
-
-
-def _end_with(sentinel: int) -> None:
-    multiprocessing.connection.wait([sentinel])
-    os._exit(1)

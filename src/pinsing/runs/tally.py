@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.runs.chunk_file import Record
 
 Counts = npt.NDArray[np.int64]
-Record = dict[str, npt.NDArray[np.generic]]
 
 # A bin is a stretch of floats with the same exponent and leading digits: each octave in equal
 # parts. Its number is read off the bits of the float, without a logarithm or rounding.

@@ -17,10 +17,11 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.kinematics.evaluator import Evaluator, run_identity
-from pinsing.runs.run_folder import Record
+from pinsing.runs.chunk_file import Record
 from pinsing.runs.tally import Tally
+from pinsing.runs.tally_check import TALLY, check_names, check_tally, finite, tally_room, whole
 from pinsing.sweeps.curves import CurveRows, CurveTable, axis_values
-from pinsing.sweeps.minima import Pool, kinds, minima
+from pinsing.sweeps.minima import DIPS, Pool, kinds, minima
 from pinsing.sweeps.plan import SweepPlan
 
 PIECE = 32_768
@@ -75,6 +76,54 @@ class Work:
     start: int
     stop: int
     kept: Kept
+
+
+def span_of(index: int, size: int, curves: int, samples: int) -> tuple[int, int]:
+    """Numbers of the Jacobians of a chunk of ``size`` pieces: from, and to before."""
+    pieces = -(-samples // PIECE)
+    start, stop = (
+        divmod(min(piece, curves * pieces), pieces) for piece in (index * size, (index + 1) * size)
+    )
+    return start[0] * samples + start[1] * PIECE, stop[0] * samples + stop[1] * PIECE
+
+
+def regular_count(table: CurveTable, start: int, stop: int) -> int:
+    """How many of these Jacobians are of curves that are not singular throughout."""
+    samples = table.plan.samples
+    rows = table.rows(np.arange(start // samples, -(-stop // samples)))
+    first = rows.numbers * samples
+    own = np.minimum(first + samples, stop) - np.maximum(first, start)
+    return int(own[~rows.singular].sum())
+
+
+def curves_room(kept: Kept, count: int) -> int:
+    """Bytes that the arrays of a chunk of ``count`` Jacobians take at most."""
+    dips = 32 * min(kept.candidates, count)
+    return tally_room(kept.worst, count) + dips + (16 * count if kept.values else 0)
+
+
+def check_curves(record: Record, kept: Kept, start: int, stop: int, regular: int) -> None:
+    """Judge the record of a chunk, of whose Jacobians so many are not of singular curves.
+
+    Raises
+    ------
+    ValueError
+        If it cannot be that; the message says what is wrong.
+    """
+    values = ("sigma_min", "sigma_ratio")
+    check_names(record, TALLY + DIPS + ("first",) + (values if kept.values else ()))
+    check_tally(record, kept.worst, regular, start, stop)
+    whole(record, "first", (), start, start + 1)
+    found = int(whole(record, "dips_found", (), 0, regular + 1))
+    size = (min(found, kept.candidates),)
+    if (np.diff(whole(record, "dip_number", size, start, stop)) <= 0).any():
+        raise ValueError("its dips are not in order")
+    whole(record, "dip_kind", size, 0, 1 << 62)
+    for name in ("dip_sigma", "dip_ratio"):
+        finite(record, name, size)
+    if kept.values:
+        for name in values:
+            finite(record, name, (stop - start,))
 
 
 class SweepJob:
@@ -137,7 +186,7 @@ class SweepJob:
 
     def span(self, index: int) -> tuple[int, int]:
         """Numbers of the Jacobians of one chunk: from, and to before."""
-        return self._number(index * self._size), self._number((index + 1) * self._size)
+        return span_of(index, self._size, len(self.table), self.plan.samples)
 
     def part(self, index: int) -> Callable[[], Record]:
         """One chunk, with no more than it needs."""
@@ -148,10 +197,15 @@ class SweepJob:
         work = Work(self.evaluator, ranges, samples, rows, start, stop, self.kept)
         return functools.partial(compute_curves, work)
 
-    def _number(self, piece: int) -> int:
-        """Number of the first Jacobian of a piece."""
-        curve, place = divmod(min(piece, len(self.table) * self._pieces), self._pieces)
-        return curve * self.plan.samples + place * PIECE
+    def check(self, index: int, record: Record) -> None:
+        """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
+        start, stop = self.span(index)
+        check_curves(record, self.kept, start, stop, regular_count(self.table, start, stop))
+
+    def room(self, index: int) -> int:
+        """Bytes that the arrays of a chunk take at most."""
+        start, stop = self.span(index)
+        return curves_room(self.kept, stop - start)
 
 
 def compute_curves(work: Work) -> Record:

@@ -18,11 +18,14 @@ import numpy.typing as npt
 
 from pinsing._types import Array, Bool, Ints
 from pinsing.kinematics.verdict import SINGULAR_RTOL
-from pinsing.runs.run_folder import Record
+from pinsing.runs.chunk_file import Record
 from pinsing.sweeps.curves import CurveRows
 
 CANDIDATES = 65_536
 """Dips that a sweep goes on with unless asked otherwise."""
+
+DIPS = ("dips_found", "dip_number", "dip_kind", "dip_sigma", "dip_ratio")
+"""Names of the arrays of a pool."""
 
 _CELLS = 64  # parts of a range
 _RUN = 3  # singular samples in a row that are a stretch and no crossing

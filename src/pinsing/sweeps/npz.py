@@ -6,10 +6,9 @@ kept, are in the chunks of the folder; `kept_curves` goes through them one by on
 
 from __future__ import annotations
 
+import io
 import json
 import os
-import tempfile
-import zipfile
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -17,10 +16,16 @@ from typing import Any
 
 import numpy as np
 
-from pinsing.errors import OutputError, ResultError
+from pinsing.atomic_write import write_bytes
+from pinsing.errors import ResultError
+from pinsing.runs.chunk_file import DamagedError, Record, read_arrays, read_bounded
 from pinsing.runs.run_folder import RunFolder, recorded
 from pinsing.sweeps.curves import CurveTable, axis_values
+from pinsing.sweeps.job import Kept, check_curves, curves_room, regular_count, span_of
 from pinsing.sweeps.result import SweepCurve, SweepResult, curves_of
+
+_ROOM = 1 << 30  # bytes that a saved sweep may take
+_NUMBERS = ("chunks", "pieces_of_a_chunk", "worst", "candidates")  # of a plan
 
 CURVES = "sweep.npz"
 """File of the folder of a complete sweep that holds its result, with the curves if kept in it."""
@@ -42,6 +47,12 @@ def save_npz(result: SweepResult, path: str | os.PathLike[str]) -> Path:
     target = Path(path)
     if target.suffix != ".npz":
         target = target.with_name(target.name + ".npz")
+    write_bytes(target, pack_sweep(result))
+    return target
+
+
+def pack_sweep(result: SweepResult) -> bytes:
+    """Bytes of the file that `save_npz` writes."""
     joints = result.arm.joints
     samples = result.plan.samples if result.curves else 0
     fixed = np.full((len(result.curves), len(joints)), np.nan)
@@ -62,19 +73,9 @@ def save_npz(result: SweepResult, path: str | os.PathLike[str]) -> Path:
             len(fixed), samples
         ),
     }
-    try:
-        handle, name = tempfile.mkstemp(suffix=".npz.part", dir=target.parent)
-    except OSError as error:
-        raise OutputError(f"cannot write {target}: {error.strerror}") from None
-    try:
-        with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, **arrays)  # type: ignore[arg-type]
-        os.replace(name, target)
-    except OSError as error:
-        raise OutputError(f"cannot write {target}: {error.strerror}") from None
-    finally:
-        Path(name).unlink(missing_ok=True)
-    return target
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **arrays)  # type: ignore[arg-type]
+    return packed.getvalue()
 
 
 def load_npz(path: str | os.PathLike[str]) -> SweepResult:
@@ -86,14 +87,15 @@ def load_npz(path: str | os.PathLike[str]) -> SweepResult:
         If the file is missing, damaged, or something else.
     """
     try:
-        with open(path, "rb") as file, np.load(file, allow_pickle=False) as data:
-            arrays = {key: data[key] for key in data.files}
+        arrays: dict[str, Any] = dict(
+            read_arrays(read_bounded(Path(path), _ROOM, follow=True), _ROOM)
+        )
         header: dict[str, Any] = json.loads(arrays["header"].item())
         bare = SweepResult.from_dict(header)
         curves = _curves(bare, arrays)
     except OSError as error:
         raise ResultError(f"cannot read {path}: {error.strerror or error}") from None
-    except (KeyError, IndexError, TypeError, ValueError, EOFError, zipfile.BadZipFile) as error:
+    except (KeyError, IndexError, TypeError, ValueError, RecursionError, DamagedError) as error:
         if isinstance(error, ResultError):
             raise ResultError(f"{path}: {error}") from None
         raise ResultError(f"{path} is not a saved sweep, or is damaged: {error}") from None
@@ -114,17 +116,31 @@ def kept_curves(folder: str | os.PathLike[str]) -> Iterator[SweepCurve]:
         raise ResultError(f"the curves of the sweep in {root} were not kept: sweep with keep=True")
     table, samples = CurveTable(plan), plan.samples
     x = axis_values(table.ranges, samples, np.arange(samples)[None])
-    chunks = int(identity["chunks"])
+    try:
+        chunks, size, *most = (int(identity[name]) for name in _NUMBERS)
+    except (KeyError, TypeError, ValueError):
+        raise ResultError(f"the folder {root} has no plan of a sweep") from None
+    kept = Kept(True, *most)
     run = RunFolder(root, identity, chunks)
     rest = np.empty((2, 0))
     number = 0
     for index in range(chunks):
-        record = run.load(index)
-        if record is None:
+        start, stop = span_of(index, size, len(table), samples)
+        regular = regular_count(table, start, stop)
+
+        def check(
+            record: Record, start: int = start, stop: int = stop, regular: int = regular
+        ) -> None:
+            check_curves(record, kept, start, stop, regular)
+
+        try:
+            record = run.read(index, check, curves_room(kept, stop - start))
+        except (FileNotFoundError, DamagedError) as error:
+            said = "it is missing" if isinstance(error, FileNotFoundError) else error
             raise ResultError(
                 f"{run.chunk_path(index)} is missing or damaged: run the same sweep again, which "
-                "computes it anew"
-            )
+                f"computes it anew ({said})"
+            ) from None
         new = np.array([record["sigma_min"], record["sigma_ratio"]], dtype=float)
         rest = np.concatenate([rest, new], axis=1)
         count = rest.shape[1] // samples

@@ -18,14 +18,14 @@ from pinsing.errors import OptionError
 from pinsing.kinematics.evaluator import Evaluator
 from pinsing.kinematics.verdict import status_of
 from pinsing.robot.arm import Arm
+from pinsing.runs.chunk_file import Record
 from pinsing.runs.distribution import distributions, worst_points
 from pinsing.runs.execute import planned_evaluator, running
-from pinsing.runs.run_folder import Record
 from pinsing.runs.tally import Tally
 from pinsing.sweeps.curves import CurveTable, axis_values
 from pinsing.sweeps.job import Kept, SweepJob
 from pinsing.sweeps.minima import CANDIDATES, Pool
-from pinsing.sweeps.npz import CURVES, save_npz
+from pinsing.sweeps.npz import CURVES, pack_sweep
 from pinsing.sweeps.plan import SAMPLES, SweepPlan, plan_sweep
 from pinsing.sweeps.result import (
     HOW_TO_KEEP,
@@ -244,7 +244,7 @@ def run_sweep(
             candidates=found,
         )
         if folder is not None and complete:
-            save_npz(result, folder.path / CURVES)
+            folder.write_bytes(CURVES, pack_sweep(result))
     return result
 
 

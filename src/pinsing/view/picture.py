@@ -15,7 +15,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from pinsing.atomic_write import check_writable, replacing
+from pinsing.atomic_write import check_writable, write_bytes
 from pinsing.errors import OptionError, OutputError
 
 BROWSERS = (
@@ -81,8 +81,7 @@ def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) 
             raise
         finally:
             _end(process)
-    with replacing(path) as temporary:
-        temporary.write_bytes(picture)
+    write_bytes(path, picture)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:

@@ -1,0 +1,157 @@
+"""Files of arrays that may come from anybody: read within bounds, or named as damaged.
+
+A chunk is an ``.npz`` file, readable with ``numpy.load``, whose last bytes are the SHA-256 of
+all before them; it names its run and its place in it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import math
+import os
+import stat
+import zipfile
+from pathlib import Path
+from typing import cast
+
+import numpy as np
+import numpy.typing as npt
+from numpy.lib import format as npy
+
+Record = dict[str, npt.NDArray[np.generic]]
+
+_DIGEST = 64  # hexadecimal digits
+_MARK = b"sha256:"
+_HEADERS = 4096  # bytes that names and headers of an array take at most
+_ARRAYS = 64  # in a file at most
+_KINDS = "biufSU"  # of numbers and texts; nothing that holds objects
+
+
+class DamagedError(Exception):
+    """A file that does not hold what it must; the message says in which way."""
+
+
+def read_bounded(path: Path, limit: int, *, follow: bool = False) -> bytes:
+    """Content of a regular file of at most ``limit`` bytes; never waits for anybody.
+
+    Parameters
+    ----------
+    follow : bool
+        Whether the name may be that of a symbolic link.
+
+    Raises
+    ------
+    DamagedError
+        If it is a link, a device, a pipe, or larger.
+    OSError
+        If it is not there or cannot be read.
+    """
+    if not follow and path.is_symlink():
+        raise DamagedError("it is a link")
+    flags = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | (0 if follow else os.O_NOFOLLOW)
+    handle = os.open(path, flags)
+    with open(handle, "rb") as file:
+        found = os.fstat(handle)
+        if stat.S_ISDIR(found.st_mode):
+            raise DamagedError("it is a folder")
+        if not stat.S_ISREG(found.st_mode):
+            raise DamagedError("it is no file but a device or pipe")
+        data = file.read(limit + 1)
+    if len(data) > limit:
+        raise DamagedError(f"it has more than the {limit:,} bytes that it may have")
+    return data
+
+
+def read_arrays(data: bytes, room: int) -> Record:
+    """Arrays of an ``.npz`` file that take ``room`` bytes at most, all together.
+
+    Raises
+    ------
+    DamagedError
+        If it is something else, or its sizes are not what it says.
+    """
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            members = archive.infolist()
+            if len(members) > _ARRAYS:
+                raise DamagedError(f"it holds {len(members)} arrays")
+            if sum(m.file_size for m in members) > room + _HEADERS * len(members):
+                raise DamagedError("its arrays are too large")
+            record: Record = {}
+            for member in members:
+                with archive.open(member) as file:  # no more than the size that was judged
+                    content = file.read(member.file_size)
+                record[member.filename.removesuffix(".npy")] = _array(content)
+    except DamagedError:
+        raise
+    except (
+        zipfile.BadZipFile,
+        NotImplementedError,  # a way to compress that Python does not have
+        RuntimeError,  # encrypted
+        ValueError,
+        TypeError,
+        EOFError,
+        OverflowError,
+        OSError,
+        MemoryError,
+        SyntaxError,
+        RecursionError,
+        zipfile.zlib.error,  # type: ignore[attr-defined]
+        zipfile.lzma.LZMAError,  # type: ignore[attr-defined]
+    ) as error:
+        raise DamagedError(f"its arrays cannot be read ({type(error).__name__})") from None
+    if len(record) < len(members):
+        raise DamagedError("an array is in it twice")
+    return record
+
+
+def pack(record: Record, run: str, index: int) -> bytes:
+    """Bytes of a chunk: an .npz file whose comment ends in the SHA-256 of all bytes before it."""
+    buffer = io.BytesIO()
+    arrays = {**record, "_run": np.array(run), "_chunk": np.array(index)}
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    with zipfile.ZipFile(buffer, "a") as archive:
+        archive.comment = _MARK + b"0" * _DIGEST
+    body = buffer.getvalue()[:-_DIGEST]
+    return body + hashlib.sha256(body).hexdigest().encode()
+
+
+def unpack(data: bytes, run: str, index: int, room: int) -> Record:
+    """Record of a chunk.
+
+    Raises
+    ------
+    DamagedError
+        If it is not whole, of another run or place, or takes more than ``room`` bytes.
+    """
+    body, digest = data[:-_DIGEST], data[-_DIGEST:]
+    if not body.endswith(_MARK) or hashlib.sha256(body).hexdigest().encode() != digest:
+        raise DamagedError("it is not as it was written")
+    record = read_arrays(data, room + _HEADERS)
+    owner, place = record.pop("_run", None), record.pop("_chunk", None)
+    if owner is None or owner.shape or str(owner) != run:
+        raise DamagedError("it belongs to another run")
+    if place is None or place.shape or place.dtype.kind not in "iu" or int(place) != index:
+        raise DamagedError("it belongs to another place")
+    return record
+
+
+def _array(content: bytes) -> npt.NDArray[np.generic]:
+    """One .npy file, whose header is believed only as far as there are bytes."""
+    file = io.BytesIO(content)
+    version = npy.read_magic(file)
+    if version not in ((1, 0), (2, 0)):
+        raise DamagedError("an array has an unknown format")
+    reader = npy.read_array_header_1_0 if version == (1, 0) else npy.read_array_header_2_0
+    shape, fortran, dtype = reader(file)
+    if dtype.kind not in _KINDS or dtype.fields is not None:
+        raise DamagedError(f"an array has a content of kind {dtype.kind!r}")
+    begin = file.tell()
+    if min(shape, default=0) < 0 or begin + math.prod(shape) * dtype.itemsize != len(content):
+        raise DamagedError("an array has another size than it says")
+    flat = np.frombuffer(content, dtype, offset=begin) if dtype.itemsize else np.zeros(0, dtype)
+    if len(flat) != math.prod(shape):
+        raise DamagedError("an array has another size than it says")
+    array = flat.reshape(shape[::-1]).T if fortran else flat.reshape(shape)
+    return cast("npt.NDArray[np.generic]", array.copy())

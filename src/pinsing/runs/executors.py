@@ -1,0 +1,95 @@
+"""Threads of this process and processes of this machine, as executors that end well."""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import multiprocessing.connection
+import os
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import resource_tracker
+from typing import Any
+
+from pinsing._batch.engine import cpu_count
+from pinsing.errors import OptionError
+
+
+@contextlib.contextmanager
+def local_threads(
+    threads: int | None = None, patient: Callable[[], bool] = lambda: True
+) -> Iterator[tuple[Executor, int]]:
+    """Threads of this process, as many as it has processors by default.
+
+    Parameters
+    ----------
+    patient : callable
+        Asked at the end, whether to wait for what the threads are doing.
+
+    Raises
+    ------
+    OptionError
+        If there would be none.
+    """
+    count = _count(threads, "threads")
+    executor = ThreadPoolExecutor(count, thread_name_prefix="pinsing")
+    try:
+        yield executor, count
+    finally:
+        executor.shutdown(wait=patient(), cancel_futures=True)
+
+
+@contextlib.contextmanager
+def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]]:
+    """Processes of this machine, as many as there are processors by default.
+
+    They leave Ctrl-C to this process, and end when it does, however that is.
+
+    Raises
+    ------
+    OptionError
+        If there would be none.
+    """
+    count = _count(workers, "workers")
+    resource_tracker.ensure_running()  # else the first worker starts it, which unblocks Ctrl-C
+    executor = _Processes(
+        count, mp_context=multiprocessing.get_context("spawn"), initializer=_follow_parent
+    )
+    try:
+        yield executor, count
+    finally:
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+class _Processes(ProcessPoolExecutor):
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        # Processes that are started now inherit that Ctrl-C is blocked: it is for this one.
+        before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+        try:
+            return super().submit(fn, *args, **kwargs)
+        finally:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _count(asked: int | None, what: str) -> int:
+    if asked is None:
+        return cpu_count()
+    if asked < 1:
+        raise OptionError(f"{what} must be at least 1, got {asked}")
+    return int(asked)
+
+
+def _follow_parent() -> None:
+    """Start of a worker process: no Ctrl-C of its own, and no life after its parent."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    assert parent is not None  # only worker processes come here
+    watcher = threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True)
+    watcher.start()
+
+
+def _end_with(sentinel: int) -> None:
+    multiprocessing.connection.wait([sentinel])
+    os._exit(1)
