@@ -19,12 +19,13 @@ import arms
 import pytest
 from click.testing import CliRunner
 
+from pinsing._version import __version__
 from pinsing.cli.app import command
 from pinsing.errors import WorkerError
 from pinsing.maps import sigma_map
 from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
-from pinsing.runs.cluster import dask_cluster
+from pinsing.runs.cluster import call_there, dask_cluster
 from pinsing.sweeps.plan import plan_sweep
 from pinsing.sweeps.run import run_sweep
 
@@ -37,37 +38,40 @@ SECONDS = 60
 class Cluster:
     address: str
     workers: list[subprocess.Popen[bytes]]
+    scheduler: subprocess.Popen[bytes]
 
 
-def dask(*words: str) -> subprocess.Popen[bytes]:
+def dask(*words: str, **more: str) -> subprocess.Popen[bytes]:
     return subprocess.Popen(
         [sys.executable, "-m", "dask", *words],
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
-        env={**os.environ, "OMP_NUM_THREADS": "1"},
+        env={**os.environ, "OMP_NUM_THREADS": "1", **more},
     )
 
 
 @contextlib.contextmanager
-def cluster(folder: Path, workers: int) -> Iterator[Cluster]:
+def cluster(folder: Path, workers: int, there: dict[str, str] | None = None) -> Iterator[Cluster]:
     """Scheduler on the loopback interface, and worker processes without a nanny to revive them."""
     file = folder / "scheduler.json"
     where = ["--host", "127.0.0.1", "--no-dashboard"]
     with contextlib.ExitStack() as stack:
 
-        def start(*words: str) -> subprocess.Popen[bytes]:
-            process = stack.enter_context(dask(*words))
+        def start(*words: str, **more: str) -> subprocess.Popen[bytes]:
+            process = stack.enter_context(dask(*words, **more))
             stack.callback(process.kill)
             return process
 
-        start("scheduler", *where, "--port", "0", "--scheduler-file", str(file))
+        scheduler = start("scheduler", *where, "--port", "0", "--scheduler-file", str(file))
         deadline = time.monotonic() + SECONDS
         while not (file.exists() and file.stat().st_size):
             assert time.monotonic() < deadline, "the scheduler has not come up"
             time.sleep(0.05)
         address = json.loads(file.read_text())["address"]
         options = ["--no-nanny", "--nthreads", "1", "--local-directory", str(folder), *where]
-        yield Cluster(address, [start("worker", address, *options) for _ in range(workers)])
+        more = there or {}
+        started = [start("worker", address, *options, **more) for _ in range(workers)]
+        yield Cluster(address, started, scheduler)
 
 
 @pytest.fixture(scope="module")
@@ -174,6 +178,65 @@ def test_nobody_answers() -> None:
         dask_cluster("nonsense://x", timeout=0.3),
     ):
         pass
+
+
+@pytest.mark.parametrize(
+    "address", ["junk", "", "tcp://", "http://[", "tcp://127.0.0.1:99999", "inproc://x", "a b:1"]
+)
+def test_a_bad_address_is_one_line_at_once(address: str) -> None:
+    words = ["map", "planar3r", "--count", "1e4", "--dask", address]
+    before = time.monotonic()
+    done = CliRunner().invoke(command, words, catch_exceptions=False)
+    assert time.monotonic() - before < 5
+    assert done.exit_code == 2
+    errors = [x for x in done.stderr.splitlines() if not x.startswith("pinsing: note")]
+    assert len(errors) == 1
+    assert f"no dask scheduler at {address}" in errors[0]
+    assert "no address such as tcp://HOST:PORT" in errors[0]
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:
+    out = tmp_path / "run"
+    words = ["map", "planar3r", "--count", "2e6", "--chunk", "4096", "--out", str(out)]
+    with cluster(tmp_path, 2) as found:
+        child = subprocess.Popen(
+            [sys.executable, "-m", "pinsing", *words, "--dask", found.address],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+        )
+        deadline = time.monotonic() + SECONDS
+        while not (out / "chunks").is_dir() or len(os.listdir(out / "chunks")) < 3:
+            assert time.monotonic() < deadline
+            time.sleep(0.005)
+        found.scheduler.send_signal(number)
+        error = child.communicate(timeout=SECONDS)[1].decode()
+    assert child.returncode == 2, error
+    lines = [x for x in error.splitlines() if "note: " not in x and "worker threads" not in x]
+    assert len(lines) == 1, error
+    assert lines[0].startswith("pinsing: error: ")
+    assert "what is kept in a folder is safe" in lines[0]
+    kept = len(os.listdir(out / "chunks"))
+    done = CliRunner().invoke(command, words, catch_exceptions=False)
+    assert f"{kept} of 489 chunks were done before" in done.stderr
+
+
+def test_a_worker_of_another_version(tmp_path: Path) -> None:
+    old = tmp_path / "old" / "pinsing-0.0.9.dist-info"
+    old.mkdir(parents=True)
+    (old / "METADATA").write_text("Metadata-Version: 2.1\nName: pinsing\nVersion: 0.0.9\n")
+    with (
+        cluster(tmp_path, 1, {"PYTHONPATH": str(old.parent)}) as found,
+        pytest.raises(WorkerError, match=r"has pinsing 0\.0\.9 installed, and this is .*: install"),
+        dask_cluster(found.address, timeout=SECONDS),
+    ):
+        pass
+
+
+def test_a_worker_that_joined_later_with_another_version() -> None:
+    assert call_there(__version__, divmod, 7, 2) == (3, 1)
+    with pytest.raises(WorkerError, match=r"a dask worker has pinsing .* and this is 9\.9"):
+        call_there("9.9", divmod, 7, 2)
 
 
 def test_a_scheduler_without_workers(tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -27,6 +28,7 @@ from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
+    from pinsing.sweeps.findings import Finding
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -203,6 +205,9 @@ def _levels(text: str) -> tuple[int, ...]:
     help="Keep the curves in --out DIR however large they are, 16 bytes a Jacobian, or not at "
     "all.  [default: up to 64 MiB]",
 )
+@click.option(
+    "--chunk", type=click.IntRange(min=1), metavar="N", help="Jacobians of a chunk, more or less."
+)
 @place_options
 @deg_option
 @json_option
@@ -214,6 +219,7 @@ def sweep_command(
     deg: bool,
     out: Path | None,
     keep: bool | None,
+    chunk: int | None,
     place: Place,
     json_target: str | Path | None,
     fail_if_singular: bool,
@@ -243,20 +249,33 @@ def sweep_command(
     say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
     if out is not None and folder is None:  # a file is asked for its curves
         check_keep(plan, keep is not False, False)
-    with place.options() as where, run_progress() as progress:
-        result = run_sweep(swept, plan, progress, keep=keep, out=folder, tell=say, **where)
+    try:
+        with place.options() as where, run_progress() as progress:
+            result = run_sweep(
+                swept, plan, progress, keep=keep, chunk=chunk, out=folder, tell=say, **where
+            )
+    except KeyboardInterrupt:
+        say_stopped(folder)
+        return STOPPED
     if out is not None and folder is None:
         say(f"wrote {save_npz(result, out)}")
     elif folder is not None and result.complete:
         say(f"wrote {folder / CURVES}")
         if keep and not result.kept:
             say(f"the curves are in {folder}: read them with pinsing.sweeps.npz.kept_curves")
-    findings = singular_configurations(swept, result, geometry=tests)
+    findings: tuple[Finding, ...] = ()
+    told = True
+    try:
+        findings = singular_configurations(swept, result, geometry=tests)
+    except KeyboardInterrupt:  # what was swept is an answer without them
+        told = False
+        note = "stopped before the dips were refined and generalised: there are no findings"
+        result = replace(result, notes=(*result.notes, note))
     if json_target is None or not emit_json_data(
         {**result.to_dict(), "findings": encode(findings)}, json_target
     ):
-        emit(sweep_text(result, findings, Page.of(), deg))
-    if not result.complete:
+        emit(sweep_text(result, findings if told else None, Page.of(), deg))
+    if not (told and result.complete):
         say_stopped(folder)
         return STOPPED
     met = any(f.status == "singular" and f.reachable is True for f in findings)

@@ -15,6 +15,8 @@ from pinsing.errors import WorkerError
 
 _ADDRESS = re.compile(r"(?:(?:tcp|tls|ws|wss|ucx|ucxx)://)?(?:[\w.-]+|\[[0-9A-Fa-f:.%\w]+\]):(\d+)")
 
+_CONNECTION = {"CommClosedError", "ClosedClientError"}
+
 
 @contextlib.contextmanager
 def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor, int]]:
@@ -48,19 +50,20 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
         client = distributed.Client(address, timeout=timeout, set_as_default=False)
     except Exception as error:  # of whatever part of the network, down to its certificates
         raise WorkerError(f"no dask scheduler at {address}: {_first_line(error)}") from None
+    executor = _Cluster(client, address)
     try:
         count = _workers(distributed, client, address, timeout)
-        yield _Cluster(client, address), count
+        yield executor, count
     finally:
+        executor.shutdown()
         # One that has died cannot say goodbye.
         with contextlib.suppress(TimeoutError, OSError, distributed.TimeoutError):
             client.close(timeout=timeout)
 
 
 def lost(error: BaseException) -> bool:
-    """Whether a call has failed with the connection to its cluster, or with its worker."""
-    kinds = {kind.__name__ for kind in type(error).__mro__}
-    return bool(kinds & {"KilledWorker", "CommClosedError", "ClosedClientError", "SchedulerLost"})
+    """Whether a call has failed with its worker, or the way to it."""
+    return bool(_names(error) & {"KilledWorker", *_CONNECTION})
 
 
 def call_there(version: str, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
@@ -115,6 +118,10 @@ def _other_version(who: str, found: str, wanted: str) -> str:
     return f"{who} has {has} installed, and this is {wanted}: install the same there"
 
 
+def _names(error: BaseException) -> set[str]:
+    return {kind.__name__ for kind in type(error).__mro__}
+
+
 def _first_line(error: BaseException) -> str:
     lines = str(error).strip().splitlines()
     return lines[0][:300] if lines else type(error).__name__
@@ -128,7 +135,7 @@ class _Cluster(Executor):
     """
 
     def __init__(self, client: Any, address: str) -> None:
-        self._client, self._address = client, address
+        self._client, self._address, self._ours = client, address, True
 
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         if self._client.status not in ("running", "connecting"):
@@ -146,7 +153,7 @@ class _Cluster(Executor):
                 return
             if error is None:
                 here.set_result(result)
-            elif self._client.status != "running" and not isinstance(error, WorkerError):
+            elif self._ours and (self._client.status != "running" or _names(error) & _CONNECTION):
                 here.set_exception(self._gone())
             else:
                 here.set_exception(error)
@@ -155,5 +162,12 @@ class _Cluster(Executor):
         self._client.loop.add_callback(follow)
         return here
 
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """From now on the connection ends because we end it."""
+        self._ours = False
+
     def _gone(self) -> WorkerError:
-        return WorkerError(f"the dask scheduler at {self._address} has gone")
+        return WorkerError(
+            f"the dask scheduler at {self._address} has gone, or its network; what is kept in a "
+            "folder is safe: run the same again when it is back"
+        )

@@ -1,0 +1,105 @@
+"""Kill, break and cut off everything that writes; docs/durability.md says how it ended.
+
+python -m durability kills --kills 1000 --json kills.json    (from scripts/, minutes to hours)
+python -m durability failures --json failures.json           (minutes)
+python -m durability cuts --json cuts.json                   (minutes)
+python -m durability report kills.json failures.json cuts.json --out ../docs/durability.md
+"""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import json
+import os
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = parser.add_subparsers(dest="what", required=True)
+    for name in ("kills", "failures", "cuts"):
+        part = parts.add_parser(name)
+        part.add_argument("--json", type=Path, required=True)
+        part.add_argument("--seed", type=int, default=1)
+        if name == "kills":
+            part.add_argument("--kills", type=int, default=1000)
+        if name == "cuts":
+            part.add_argument("--cuts", type=int, default=200)
+    part = parts.add_parser("report")
+    part.add_argument("files", type=Path, nargs="+")
+    part.add_argument("--out", type=Path, required=True)
+    options = parser.parse_args()
+    # Before NumPy comes in: what is forked must not have threads.
+    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+    if options.what == "report":
+        from durability.report import report
+
+        found: dict[str, Any] = {}
+        for file in options.files:
+            found.update(json.loads(file.read_text()))
+        options.out.write_text(report(found), encoding="utf-8")
+        return 0
+    began = time.monotonic()
+    with tempfile.TemporaryDirectory(prefix="pinsing-durability-") as folder:
+        rows, wrong = {"kills": _kills, "failures": _failures, "cuts": _cuts}[options.what](
+            options, Path(folder)
+        )
+    minutes = (time.monotonic() - began) / 60
+    data = {options.what: rows, f"{options.what}_wrong": wrong, f"{options.what}_minutes": minutes}
+    options.json.write_text(json.dumps(data, indent=1) + "\n")
+    for line in wrong:
+        print(line, file=sys.stderr)
+    return int(bool(wrong))
+
+
+def _kills(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[str]]:
+    from durability.kills import KINDS, campaign
+
+    for module in ("pinsing.cli.app", "pinsing.maps", "pinsing.sweeps.findings", "distributed"):
+        importlib.import_module(module)  # each life is forked with them
+    rows, wrong = [], []
+    dear = {"map, worker processes": 0.1, "sweep, Dask": 0.15}  # they start slowly
+    rest = (1 - sum(dear.values())) / (len(KINDS) - len(dear))
+    for kind in KINDS:
+        place = folder / kind.replace(", ", "_").replace(" ", "_")
+        place.mkdir()
+        wanted = round(options.kills * dear.get(kind, rest) + 0.49)
+        found = campaign(kind, wanted, options.seed, place)
+        row = {"kind": kind, "chunks": found.chunks, "runs": found.runs, "early": found.early}
+        rows.append({**row, "ends": dict(found.ends), "kills": found.kills})
+        wrong += [f"{kind}: {line}" for line in found.wrong]
+        print(rows[-1], flush=True)
+    return rows, wrong
+
+
+def _failures(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[str]]:
+    from durability.failures import COMMANDS, failures
+
+    rows, wrong = [], []
+    for command in COMMANDS:
+        found, bad = failures(command, folder)
+        rows += found
+        wrong += bad
+        print(command, len(found), "rows", len(bad), "wrong", flush=True)
+    return rows, wrong
+
+
+def _cuts(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[str]]:
+    from durability.power import RUNS, cuts
+
+    rows, wrong = [], []
+    for run in RUNS:
+        found, bad = cuts(run, options.cuts, options.seed, folder)
+        rows.append(found)
+        wrong += bad
+        print(found, flush=True)
+    return rows, wrong
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,297 @@
+"""Folders of runs that somebody has been in: what is strange is named, nothing is believed."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import arms
+import numpy as np
+import pytest
+
+from pinsing.errors import OutputError, ResultError
+from pinsing.maps import sigma_map
+from pinsing.maps.plan import BLOCK
+from pinsing.runs.chunk_file import DamagedError, pack, read_arrays, read_bounded
+from pinsing.runs.run_folder import RunFolder, recorded
+from pinsing.sweeps.npz import kept_curves, load_npz
+from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.run import run_sweep
+
+COUNT = 4 * BLOCK
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("map") / "run"
+    sigma_map(arms.ur5(), count=COUNT, chunk=1, out=out)
+    return out
+
+
+@pytest.fixture
+def run(whole: Path, tmp_path: Path) -> Path:
+    return Path(shutil.copytree(whole, tmp_path / "run"))
+
+
+def resume(run: Path, whole: Path) -> list[str]:
+    """Go on with a run; what was told. All bytes are those of the run at one stretch."""
+    told: list[str] = []
+    (run / "result.json").unlink(missing_ok=True)
+    result = sigma_map(arms.ur5(), count=COUNT, chunk=1, out=run, tell=told.append)
+    assert result.complete
+    assert (run / "result.json").read_bytes() == (whole / "result.json").read_bytes()
+    for index in range(4):
+        name = f"chunks/{index:06d}.npz"
+        assert not (run / name).is_symlink()
+        assert (run / name).read_bytes() == (whole / name).read_bytes()
+    return told
+
+
+@pytest.mark.parametrize(
+    "name", ["3.npz", "0000003.npz", "²", "²²²²²².npz", "00000３.npz", "-00003.npz", " 000003.npz"]
+)
+def test_only_exact_names_count(run: Path, whole: Path, name: str) -> None:
+    shutil.copy(run / "chunks" / "000003.npz", run / "chunks" / name)
+    assert resume(run, whole) == ["4 of 4 chunks were done before"]
+    (run / "chunks" / "000003.npz").unlink()
+    assert resume(run, whole) == ["3 of 4 chunks were done before"]
+
+
+def test_folders_beside_the_chunks_are_left_alone(run: Path, whole: Path) -> None:
+    for name in ("000003.npz.part", ".000003.npz.0123456789ab.part", "notes"):
+        (run / "chunks" / name).mkdir()
+    (run / ".x.part").mkdir()
+    assert resume(run, whole) == ["4 of 4 chunks were done before"]
+    assert (run / "chunks" / "notes").is_dir()
+
+
+def test_litter_of_killed_writes_is_removed(run: Path, whole: Path) -> None:
+    litter = [run / ".plan.json.0123.part", run / "chunks" / ".000001.npz.0123.part"]
+    for path in litter:
+        path.write_bytes(b"half")
+    resume(run, whole)
+    assert not any(path.exists() for path in litter)
+
+
+STRANGE: dict[str, tuple[Callable[[Path], object], str]] = {
+    "a link to a device": (lambda p: p.symlink_to("/dev/zero"), "it is a link"),
+    "a link to another chunk": (lambda p: p.symlink_to("000001.npz"), "it is a link"),
+    "a link to nothing": (lambda p: p.symlink_to("nothing"), "it is a link"),
+    "a pipe": (lambda p: os.mkfifo(p), "a device or pipe"),
+    "nothing at all": (lambda p: p.write_bytes(b""), "not as it was written"),
+    "a terabyte of nothing": (lambda p: os.truncate(os.open(p, 65), 1 << 40), "more than the"),
+}
+
+
+@pytest.mark.parametrize("kind", STRANGE)
+def test_what_is_no_chunk_is_named_and_done_again(run: Path, whole: Path, kind: str) -> None:
+    path = run / "chunks" / "000002.npz"
+    path.unlink()
+    make, said = STRANGE[kind]
+    make(path)
+    told = resume(run, whole)
+    assert told[0] == "3 of 4 chunks were done before"
+    assert re.fullmatch(rf"damaged and done again: chunks 2 \(.*{said}.*\)", told[1])
+
+
+def test_a_folder_in_place_of_a_chunk_is_an_error_before_anything_is_computed(run: Path) -> None:
+    (run / "chunks" / "000002.npz").unlink()
+    (run / "chunks" / "000002.npz").mkdir()
+    with pytest.raises(OutputError, match=r"000002\.npz: it is a folder; remove it"):
+        sigma_map(arms.ur5(), count=COUNT, chunk=1, out=run)
+
+
+def test_chunks_that_were_deleted_are_made_again(run: Path, whole: Path) -> None:
+    shutil.rmtree(run / "chunks")
+    assert resume(run, whole) == []
+
+
+def test_chunks_that_are_deleted_during_the_run(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+
+    def tidy(done: int, total: int) -> None:
+        if done == 2 * BLOCK:
+            shutil.rmtree(out / "chunks")
+
+    assert sigma_map(arms.ur5(), count=COUNT, chunk=1, out=out, threads=1, progress=tidy).complete
+
+
+def test_chunks_elsewhere_are_refused(run: Path, tmp_path: Path) -> None:
+    (run / "chunks").rename(tmp_path / "elsewhere")
+    (run / "chunks").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(OutputError, match="chunks: it is no folder; remove it"):
+        sigma_map(arms.ur5(), count=COUNT, chunk=1, out=run)
+
+
+@pytest.mark.parametrize("name", ["plan.json", "lock"])
+@pytest.mark.parametrize("kind", ["a link to a device", "a pipe"])
+def test_plans_and_locks_that_are_no_files(run: Path, name: str, kind: str) -> None:
+    (run / name).unlink()
+    STRANGE[kind][0](run / name)
+    with pytest.raises(OutputError, match=f"cannot use .*(run|{name})"):
+        sigma_map(arms.ur5(), count=COUNT, chunk=1, out=run)
+
+
+def test_a_plan_without_end(tmp_path: Path) -> None:
+    with open(tmp_path / "plan.json", "wb") as file:
+        file.truncate(1 << 40)
+    with pytest.raises(OutputError, match="more than the"):
+        recorded(tmp_path)
+    (tmp_path / "plan.json").write_text("[" * 100_000)
+    with pytest.raises(OutputError, match="damaged"):
+        recorded(tmp_path)
+    (tmp_path / "plan.json").write_text('{"identity": {"a": NaN}, "sha256": "", "schema": 1}')
+    with pytest.raises(OutputError, match="damaged"):
+        recorded(tmp_path)
+
+
+# ---- whole files of the right run, with contents that no chunk has
+
+
+def change(record: dict[str, np.ndarray], name: str, value: object) -> dict[str, np.ndarray]:
+    return {**record, name: np.asarray(value)}
+
+
+WRONG: dict[str, Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]] = {
+    "counts too many": lambda r: change(r, "counts", r["counts"] + [1, 0, 0]),
+    "counts of a whole run": lambda r: change(r, "counts", [COUNT, 0, 0]),
+    "negative": lambda r: change(r, "counts", r["counts"] * [1, -1, -1]),
+    "more singular than seen": lambda r: change(r, "counts", [BLOCK, BLOCK, 1]),
+    "singular ones that are not among the worst": lambda r: change(
+        r, "counts", r["counts"] + [0, 1, 0]
+    ),
+    "a count of floats": lambda r: change(r, "counts", r["counts"].astype(float)),
+    "a scalar": lambda r: change(r, "counts", 4096),
+    "no such array": lambda r: {k: v for k, v in r.items() if k != "value"},
+    "an array more": lambda r: change(r, "sigma", [1.0]),
+    "not a number": lambda r: change(r, "value", r["value"] * np.nan),
+    "infinite": lambda r: change(r, "worst_sigma", r["worst_sigma"] + np.inf),
+    "a number of another chunk": lambda r: change(r, "index", r["index"] + BLOCK),
+    "worst of another chunk": lambda r: change(r, "worst_index", r["worst_index"] + BLOCK),
+    "worst twice": lambda r: change(r, "worst_index", r["worst_index"] * 0 + 2 * BLOCK),
+    "worst not in order": lambda r: change(r, "worst_ratio", r["worst_ratio"][::-1].copy()),
+    "fewer of the worst": lambda r: change(r, "worst_ratio", r["worst_ratio"][:-1]),
+    "a better worst": lambda r: change(r, "worst_ratio", r["worst_ratio"] * 0),
+    "bins that are not there": lambda r: change(r, "sigma_bins", r["sigma_bins"] + 10**6),
+    "bins before the first": lambda r: change(r, "sigma_bins", r["sigma_bins"] - 10**6),
+    "bins twice": lambda r: change(r, "ratio_bins", r["ratio_bins"] // 2),
+    "a histogram of more": lambda r: change(r, "ratio_counts", r["ratio_counts"] + 1),
+    "a histogram of nothing": lambda r: change(r, "ratio_counts", r["ratio_counts"] * 0),
+    "a histogram of another shape": lambda r: change(r, "ratio_counts", [BLOCK]),
+    "a histogram elsewhere": lambda r: change(r, "sigma_bins", r["sigma_bins"] + 1),
+    "text": lambda r: change(r, "worst_sigma", ["a"] * 20),
+    "large numbers": lambda r: change(r, "index", np.full((2, 2), 2**62)),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG)
+def test_contents_that_no_chunk_has(run: Path, whole: Path, kind: str) -> None:
+    identity = recorded(run)
+    assert identity is not None
+    folder = RunFolder(run, identity, 4)
+    record = folder.load(2)
+    assert record is not None
+    folder.save(2, WRONG[kind](record))
+    assert folder.load(2) is not None  # its bytes are whole
+    told = resume(run, whole)
+    assert told[0] == "3 of 4 chunks were done before"
+    assert told[1].startswith("damaged and done again: chunks 2 (")
+
+
+def test_a_whole_chunk_of_another_run(run: Path, whole: Path, tmp_path: Path) -> None:
+    sigma_map(arms.ur5(), count=COUNT, chunk=1, seed=1, out=tmp_path / "other")
+    shutil.copy(tmp_path / "other" / "chunks" / "000001.npz", run / "chunks")
+    assert "chunks 1 (it belongs to another run)" in resume(run, whole)[1]
+    shutil.copy(run / "chunks" / "000001.npz", run / "chunks" / "000000.npz")
+    assert "chunks 0 (it belongs to another place)" in resume(run, whole)[1]
+
+
+def test_arrays_larger_than_they_may_be_are_not_read() -> None:
+    bomb = pack({"a": np.zeros(50_000_000)}, "run", 0)
+    assert len(bomb) < 500_000
+    with pytest.raises(DamagedError, match="too large"):
+        read_arrays(bomb, 1 << 20)
+    with pytest.raises(DamagedError, match="holds 70 arrays"):
+        read_arrays(pack({f"a{i}": np.zeros(1) for i in range(68)}, "run", 0), 1 << 20)
+
+
+def test_arrays_that_hold_objects_are_not_read(tmp_path: Path) -> None:
+    np.savez(tmp_path / "x.npz", a=np.array([{}, print], dtype=object), allow_pickle=True)
+    with pytest.raises(DamagedError, match="kind 'O'"):
+        read_arrays((tmp_path / "x.npz").read_bytes(), 1 << 20)
+
+
+def test_headers_are_not_believed(tmp_path: Path) -> None:
+    np.savez(tmp_path / "x.npz", a=np.zeros(3))
+    data = (tmp_path / "x.npz").read_bytes()
+    for wrong in (b"(9,),", b"(-3,)"):
+        # Stored as it is: the header can be changed, and then the sum over it is wrong too.
+        with pytest.raises(DamagedError):
+            read_arrays(data.replace(b"(3,),", wrong), 1 << 20)
+
+
+def test_arrays_come_back_as_they_were(rng: np.random.Generator, tmp_path: Path) -> None:
+    arrays = {
+        "f": rng.normal(size=(3, 4)),
+        "fortran": np.asfortranarray(rng.normal(size=(3, 4, 2))),
+        "none": np.zeros((0, 4)),
+        "scalar": np.array(7),
+        "text": np.array("words"),
+        "bytes": np.array(b"header"),
+        "bool": np.array([True, False]),
+        "empty": np.array(""),
+    }
+    np.savez_compressed(tmp_path / "x.npz", **arrays)
+    found = read_arrays((tmp_path / "x.npz").read_bytes(), 1 << 20)
+    assert found.keys() == arrays.keys()
+    for name, array in arrays.items():
+        assert found[name].dtype == array.dtype
+        np.testing.assert_array_equal(found[name], array)
+
+
+def test_reading_never_waits(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero"), tmp_path):
+        with pytest.raises((DamagedError, OSError)):
+            read_bounded(path, 100, follow=True)
+        with pytest.raises(ResultError):
+            load_npz(path)
+
+
+# ---- sweeps
+
+
+def test_contents_that_no_chunk_of_a_sweep_has(tmp_path: Path) -> None:
+    arm, out = arms.textbook("stanford"), tmp_path / "run"
+    plan = plan_sweep(arm, levels=1, samples=2001)
+    one = run_sweep(arm, plan, keep=True, out=out, chunk=1)
+    identity = recorded(out)
+    assert identity is not None
+    folder = RunFolder(out, identity, identity["chunks"])
+    assert folder.chunks > 2
+    record = folder.load(1)
+    assert record is not None
+    assert len(record["dip_number"]) > 1
+    wrong = {
+        "first": record["first"] + 1,
+        "dips_found": record["dips_found"] + 1,
+        "dip_number": record["dip_number"][::-1].copy(),
+        "dip_kind": -record["dip_kind"] - 1,
+        "dip_sigma": record["dip_sigma"] * np.nan,
+        "dip_ratio": record["dip_ratio"][1:],
+        "sigma_min": record["sigma_min"][1:],
+        "sigma_ratio": -record["sigma_ratio"] - 1,
+        "other": record["first"],
+    }
+    for name, array in wrong.items():
+        folder.save(1, {**record, name: array})
+        with pytest.raises(ResultError, match=r"000001\.npz is missing or damaged: run the same"):
+            list(kept_curves(out))
+        told: list[str] = []
+        again = run_sweep(arm, plan, keep=True, out=out, chunk=1, tell=told.append)
+        assert told[1].startswith("damaged and done again: chunks 1 ("), name
+        assert again.to_json() == one.to_json()
+    assert len(list(kept_curves(out))) == plan.n_curves
