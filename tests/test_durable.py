@@ -321,7 +321,7 @@ def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
         os.killpg(child.pid, signal.SIGINT)  # a terminal sends it to all of them
         error = child.communicate(timeout=60)[1]
     assert child.returncode == 130
-    assert "run the same command to go on" in error
+    assert "run the same command to resume" in error
     assert "Traceback" not in error
 
 

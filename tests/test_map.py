@@ -537,7 +537,7 @@ class TestCommand:
         out = str(tmp_path / "run")
         done = run(*words, "--out", out)
         assert done.exit_code == 130
-        assert f"what is done is in {out}: run the same command to go on" in done.stderr
+        assert f"what is done is in {out}: run the same command to resume" in done.stderr
         monkeypatch.undo()
         kept = len(list((tmp_path / "run" / "chunks").iterdir()))
         assert 2 <= kept < 6
