@@ -136,13 +136,13 @@ def test_with_task_equals_loading_with_it(rng):
 
 @pytest.mark.parametrize("scale", [0, -1, math.nan, math.inf])
 def test_length_scale_is_positive(scale):
-    with pytest.raises(OptionError, match="length_scale must be a positive number of metres"):
+    with pytest.raises(OptionError, match=r"length_scale must be a (positive )?number"):
         load("ur5", length_scale=scale)
 
 
 @pytest.mark.parametrize("scale", ["long", None])
 def test_length_scale_is_a_number(scale):
-    with pytest.raises(OptionError, match="length_scale must be a number of metres"):
+    with pytest.raises(OptionError, match="length_scale must be a number"):
         load("ur5", length_scale=scale)
 
 
@@ -316,9 +316,9 @@ def test_inputs_stay_as_they_are(rng):
         (0.5, "got a single number"),
         ([0, 0, math.nan, 0, 0, 0], "joint 'elbow_joint' is nan"),
         ([0, 0, 0, 0, 0, -math.inf], "joint 'wrist_3_joint' is -inf"),
-        (["a"] * 6, "not an array of numbers"),
-        ([[0.0] * 6, [0.0] * 5], "not an array of numbers"),
-        (None, "got a single number"),
+        (["a"] * 6, "q must be numbers"),
+        ([[0.0] * 6, [0.0] * 5], "q must be numbers"),
+        (None, "q must be numbers, got None"),
         (np.zeros((2, 6)), "one joint vector"),
     ],
 )

@@ -24,6 +24,7 @@ ORDER = (
     "_types",
     "_version",
     "errors",
+    "arguments",
     "measures",
     "prose",
     "joint_text",

@@ -764,7 +764,7 @@ def test_missing_side_car_is_said():
 
 def test_wrong_vectors_are_said():
     mechanism = shipped("five_bar")
-    with pytest.raises(ConfigurationError, match="the input needs 2 values for q1, q2; got 3"):
+    with pytest.raises(ConfigurationError, match="inputs needs 2 values for q1, q2; got 3"):
         solve(mechanism, [1, 2, 3])
     with pytest.raises(ConfigurationError, match="q needs 4 values"):
         mechanism_at(mechanism, [1.0, 2.0])

@@ -9,6 +9,7 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 _LONGEST_NAME = 100
 
@@ -19,6 +20,17 @@ def _cut(name: str) -> str:
 
 class PinsingError(Exception):
     """Base of every error that pinsing raises on purpose."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # With message and data, whatever the constructor takes: workers send errors home.
+        return _restore, (type(self), self.args, self.__dict__)
+
+
+def _restore(kind: type[PinsingError], args: tuple[Any, ...], data: dict[str, Any]) -> PinsingError:
+    error = kind.__new__(kind, *args)
+    error.args = args
+    error.__dict__.update(data)
+    return error
 
 
 class RobotFileError(PinsingError, ValueError):
@@ -53,20 +65,30 @@ class UnknownNameError(PinsingError, LookupError):
     known : tuple of str
         All the names that exist.
     close : tuple of str
-        Those of them that resemble the given one.
+        Those of them that resemble the given one, or may be meant by it.
     """
 
-    def __init__(self, kind: str, name: str, known: Iterable[str], hint: str = "") -> None:
+    def __init__(
+        self,
+        kind: str,
+        name: str,
+        known: Iterable[str],
+        hint: str = "",
+        *,
+        meant: Iterable[str] = (),
+        families: str = "",
+    ) -> None:
         self.kind, self.name, self.known = kind, name, tuple(known)
         # Nothing of that length was mistyped, and comparing it takes minutes.
         alike = [k for k in self.known if len(k) <= _LONGEST_NAME]
-        self.close = tuple(difflib.get_close_matches(name[:_LONGEST_NAME], alike, n=4, cutoff=0.5))
+        near = difflib.get_close_matches(name[:_LONGEST_NAME], alike, n=4, cutoff=0.5)
+        self.close = tuple(dict.fromkeys((*meant, *near)))[:4]
         if self.close:
             help_ = "did you mean " + " or ".join(repr(c) for c in self.close) + "?"
         elif len(self.known) <= 12:
             help_ = "known: " + (", ".join(_cut(k) for k in self.known) or "none")
         else:
-            help_ = f"{len(self.known)} are known"
+            help_ = f"{len(self.known)} are known" + (f", such as {families}" if families else "")
         super().__init__(f"unknown {kind} {_cut(name)!r}: {help_}" + (f" ({hint})" if hint else ""))
 
 
@@ -81,19 +103,72 @@ class JointError(PinsingError, ValueError):
     ----------
     joint : str
         Name of the joint.
+    value : float or None
+        The value at fault, radians or metres, where it is one.
+    limits : (float, float) or None
+        Its limits, where they matter.
     """
 
-    def __init__(self, joint: str, problem: str) -> None:
-        self.joint = joint
+    def __init__(
+        self,
+        joint: str,
+        problem: str,
+        *,
+        value: float | None = None,
+        limits: tuple[float, float] | None = None,
+    ) -> None:
+        self.joint, self.value, self.limits = joint, value, limits
         super().__init__(f"joint {joint!r}: {problem}")
 
 
 class ConfigurationError(PinsingError, ValueError):
-    """A joint vector of the wrong length, not finite, or outside the limits."""
+    """A joint vector of the wrong length, not finite, or outside the limits.
+
+    Attributes
+    ----------
+    joint : str or None
+        The joint at fault, where it is one.
+    value : float or None
+        Its value, radians or metres.
+    limits : (float, float) or None
+        What it should lie between.
+    lengths : tuple of int
+        The lengths that would do, where the length is wrong.
+    """
+
+    def __init__(
+        self,
+        problem: str,
+        *,
+        joint: str | None = None,
+        value: float | None = None,
+        limits: tuple[float, float] | None = None,
+        lengths: tuple[int, ...] = (),
+    ) -> None:
+        self.joint, self.value, self.limits, self.lengths = joint, value, limits, lengths
+        super().__init__(problem)
 
 
 class OptionError(PinsingError, ValueError):
     """An argument whose value makes no sense (task, length scale, tolerance, levels, ...)."""
+
+
+class ArgumentError(OptionError, TypeError):
+    """An argument of the wrong type: a name where a loaded arm belongs, text for a number, ...
+
+    Attributes
+    ----------
+    argument : str
+        Name of the argument.
+    expected : str
+        What belongs there.
+    """
+
+    def __init__(self, argument: str, expected: str, got: str, hint: str = "") -> None:
+        self.argument, self.expected = argument, expected
+        super().__init__(
+            f"{argument} must be {expected}, got {got}" + (f": {hint}" if hint else "")
+        )
 
 
 class ResultError(PinsingError, ValueError):

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 import numpy as np
 import numpy.typing as npt
 
+from pinsing.arguments import checked
 from pinsing.errors import PinsingError, ResultError
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ class JsonResult:
         """Plain dictionary, ready for ``json.dumps``; the first key is the schema."""
         return {"schema": self.schema, **_encode_fields(self)}
 
+    @checked
     def to_json(self, indent: int | None = 2) -> str:
         """JSON text (strict: no NaN or Infinity tokens)."""
         return json.dumps(self.to_dict(), indent=indent, allow_nan=False, ensure_ascii=False)
@@ -58,6 +60,7 @@ class JsonResult:
             raise ResultError(f"damaged {cls.schema} data: {error}") from None
 
     @classmethod
+    @checked
     def from_json(cls, text: str) -> Self:
         """Rebuild from ``to_json``.
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import walk
 from pinsing.errors import OptionError
@@ -21,7 +22,7 @@ from pinsing.kinematics.verdict import SINGULAR_RTOL, measure, ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
-from pinsing.sweeps.findings import Finding, singular_configurations
+from pinsing.sweeps.findings import MAX_STARTS, Finding, singular_configurations
 from pinsing.sweeps.plan import SAMPLES
 from pinsing.sweeps.run import SweepResult, sweep
 from pinsing.sweeps.special_values import SPECIAL_ANGLES, Special
@@ -118,6 +119,7 @@ class Analysis(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/analysis/1"
+    made_by: ClassVar[str] = "pinsing.analyze(arm)"
 
     arm: ArmSummary
     geometry: str
@@ -160,6 +162,7 @@ class Analysis(JsonResult):
         return analysis_text(self)
 
 
+@checked
 def analyze(
     arm: Arm,
     nominal: npt.ArrayLike | None = None,
@@ -207,8 +210,8 @@ def analyze(
     """
     if geometry not in ("both", "raw", "nominal"):
         raise OptionError(f"geometry must be 'both', 'raw' or 'nominal', got {geometry!r}")
-    if random_starts < 0:
-        raise OptionError(f"random_starts must not be negative, got {random_starts}")
+    whole_number(random_starts, "random_starts", 0, MAX_STARTS)
+    whole_number(seed, "seed", 0, MAX_SEED)
     started = time.monotonic()
     if geometry == "raw":
         angle_tol, snap_length = min(angle_tol, _RAW_ANGLE_TOL), 0.0

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
+from pinsing.arguments import checked
 from pinsing.configuration.rank_drop import RankDrops, approach
 from pinsing.configuration.second_order import Kind, second_order_many
 from pinsing.errors import OptionError
@@ -65,6 +66,7 @@ class SingularConfiguration(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/singular-configuration/1"
+    made_by: ClassVar[str] = "pinsing.refine(arm, q)"
 
     joints: tuple[str, ...]
     q: Array
@@ -97,6 +99,7 @@ class SingularConfiguration(JsonResult):
         return text + ("" if self.within_limits else ", outside the joint limits")
 
 
+@checked
 def refine(
     arm: Arm,
     q0: npt.ArrayLike,
@@ -136,12 +139,13 @@ def refine(
     UnknownNameError
         If ``fixed`` names a joint that does not exist.
     """
-    q0 = arm.check(q0).reshape(1, arm.n)
+    q0 = arm.check_one(q0, "q0").reshape(1, arm.n)
     return refine_many(
         arm, q0, fixed=fixed, ignore_limits=ignore_limits, max_iterations=max_iterations
     )[0]
 
 
+@checked
 def refine_many(
     arm: Arm,
     Q0: npt.ArrayLike,
@@ -151,7 +155,7 @@ def refine_many(
     max_iterations: int = 60,
 ) -> tuple[SingularConfiguration, ...]:
     """``refine`` for each row of Q0 (N, n); a mask ``fixed`` may be (N, n)."""
-    Q0 = np.atleast_2d(arm.check(Q0))
+    Q0 = arm.check_many(Q0, "Q0")
     return _describe(arm, walk(arm, Q0, _free(arm, fixed), ignore_limits, max_iterations))
 
 
@@ -186,7 +190,7 @@ def walk(
 
 def describe(arm: Arm, q: npt.ArrayLike) -> SingularConfiguration:
     """All that is known of the configuration q (n,) as it is, without moving it."""
-    q = arm.check(q).reshape(1, arm.n)
+    q = arm.check_one(q).reshape(1, arm.n)
     here = RankDrops(q, *measure(arm, q), np.zeros(1, int), np.ones(1, bool))
     return _describe(arm, here)[0]
 

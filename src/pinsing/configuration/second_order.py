@@ -108,7 +108,7 @@ def classify(arm: Arm, q: npt.ArrayLike) -> Kind:
 
 def second_order(arm: Arm, q: npt.ArrayLike) -> SecondOrder:
     """Null spaces, lost directions and kind at one configuration q (n,)."""
-    return second_order_many(arm, arm.check(q).reshape(1, arm.n))[0]
+    return second_order_many(arm, arm.check_one(q).reshape(1, arm.n))[0]
 
 
 def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from pinsing import measures
 from pinsing._types import Array
+from pinsing.arguments import checked
 from pinsing.configuration.axis_dependence import (
     DEPENDENCE_RTOL,
     AxisDependence,
@@ -143,6 +144,7 @@ class State(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/state/1"
+    made_by: ClassVar[str] = "pinsing.at(arm, q)"
 
     arm: ArmSummary
     q: Array
@@ -181,6 +183,7 @@ class State(JsonResult):
         return state_text(self)
 
 
+@checked
 def at(
     arm: Arm, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL, near_rtol: float = NEAR_RTOL
 ) -> State:
@@ -203,7 +206,7 @@ def at(
         Unless 0 <= rtol <= near_rtol < 1; or if no joint ever moves the task.
     """
     check_tolerances(rtol, near_rtol)
-    q = arm.check(q)
+    q = arm.check_one(q)
     J = frame_jacobian(arm, q)
     Js = scale_rows(arm, J)
     r = generic_rank(arm)

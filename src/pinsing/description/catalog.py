@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.metadata
 import re
 from collections import Counter
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -157,7 +158,35 @@ def find_robot(name: str) -> CatalogEntry:
     for known, entry in entries.items():
         if _canonical(known) == wanted:
             return entry
-    raise UnknownNameError("robot", name, entries, hint="pinsing list shows all names")
+    raise UnknownNameError(
+        "robot",
+        name,
+        entries,
+        hint="pinsing list shows all names",
+        meant=_meant(name, entries),
+        families=_families(entries),
+    )
+
+
+def _meant(name: str, entries: Mapping[str, CatalogEntry]) -> list[str]:
+    """Return the robots that have all words of a name in their name or title: "kuka", "ur5e"."""
+    words = re.findall(r"[a-z]{3,}", name.lower()[:100])
+    titled = {known: f"{known} {entry.title}".lower() for known, entry in entries.items()}
+    return [
+        known
+        for known, said in titled.items()
+        if words and all(w in said for w in words) and entries[known].alias_of is None
+    ]
+
+
+def _families(known: Collection[str]) -> str:
+    """Return one name of each of some well-known kinds of robot."""
+    groups: dict[str, list[str]] = {}
+    for name in ("ur5", "panda", "iiwa14", *_TITLES):
+        if name in known:
+            maker = re.split(r"[\d_]", name)[0]
+            groups.setdefault(maker, []).append(name)
+    return ", ".join([names[0] for names in groups.values()][:12])
 
 
 def locate_robot(robot: str | Path) -> CatalogEntry | Path:
@@ -187,7 +216,12 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
         return find_robot(str(robot))
     except UnknownNameError as error:
         raise UnknownNameError(
-            "robot", error.name, error.known, hint="no file of that name either; see pinsing list"
+            "robot",
+            error.name,
+            error.known,
+            hint="no file of that name either; pinsing list shows all names",
+            meant=error.close,
+            families=_families(error.known),
         ) from None
 
 

@@ -56,8 +56,8 @@ class PackageIndex:
 
     Parameters
     ----------
-    file : Path
-        The description file.
+    file : Path or None
+        The description file; None for text that came without one, which has no folder.
     packages : Mapping of str to path, optional
         Folders of packages by name; they win over all else.
     roots : tuple of Path
@@ -66,11 +66,11 @@ class PackageIndex:
 
     def __init__(
         self,
-        file: Path,
+        file: Path | None,
         packages: Mapping[str, str | Path] | None = None,
         roots: tuple[Path, ...] = (),
     ) -> None:
-        self.file = Path(os.path.abspath(file))
+        self.file = None if file is None else Path(os.path.abspath(file))
         self.given = {name: Path(os.path.abspath(d)) for name, d in (packages or {}).items()}
         self._more_roots = roots
         self._found: dict[str, Path | None] = {}
@@ -121,6 +121,8 @@ class PackageIndex:
     @cached_property
     def _ancestors(self) -> tuple[Path, ...]:
         # Never the file system's root, nor the home folder: their children are not packages.
+        if self.file is None:
+            return ()
         home = Path(os.path.expanduser("~"))
         folders = []
         for folder in list(self.file.parents)[:_LEVELS_UP]:
@@ -130,12 +132,14 @@ class PackageIndex:
         return tuple(folders)
 
     @cached_property
-    def own_folder(self) -> Path:
-        """The folder that the description file and its meshes live in.
+    def own_folder(self) -> Path | None:
+        """The folder that the description file and its meshes live in, if there is a file.
 
         The package around the file, else the folder around ``urdf``, ``robots`` or ``xacro``, else
         the folder of the file.
         """
+        if self.file is None:
+            return None
         for folder in self._ancestors[:3]:
             if (folder / "package.xml").is_file():
                 return folder
@@ -187,10 +191,13 @@ class PackageIndex:
 
     def _locate(self, uri: str) -> Path:
         scheme, separator, rest = uri.partition("://")
-        if not separator:
-            return Path(os.path.normpath(self.file.parent / uri))
-        if scheme == "file":
-            return Path(os.path.normpath(self.file.parent / unquote(rest)))
+        if not separator or scheme == "file":
+            place = unquote(rest) if separator else uri
+            if self.file is None:
+                if not os.path.isabs(place):
+                    raise MeshProblem("has no folder to be looked for in", refused=True)
+                return Path(os.path.normpath(place))
+            return Path(os.path.normpath(self.file.parent / place))
         if scheme not in ("package", "model"):
             raise MeshProblem(f"{scheme}:// addresses are not opened", refused=True)
         name, _, inner = rest.lstrip("/").partition("/")
@@ -206,7 +213,8 @@ class PackageIndex:
 
     def roots(self) -> tuple[Path, ...]:
         """Return the folders that the robot's files may be in."""
-        return (self.own_folder, *self.given.values(), *self._more_roots, *self.used())
+        own = () if self.own_folder is None else (self.own_folder,)
+        return (*own, *self.given.values(), *self._more_roots, *self.used())
 
 
 def _folders(variable: str) -> list[Path]:

@@ -17,11 +17,12 @@ from pinsing.description.urdf_links import Meshes, check_link, check_material
 from pinsing.description.urdf_source import UrdfSource, show
 from pinsing.description.urdf_tree import MAX_IN_A_TREE, check_tree, check_unique
 from pinsing.description.xacro import expand_xacro, is_xacro
-from pinsing.description.xml_tree import Node, parse_xml, read_bytes, to_text
+from pinsing.description.xml_tree import Node, parse_text, parse_xml, read_bytes, to_text
 from pinsing.errors import RobotFileError, UnknownNameError
 
-__all__ = ["Description", "JointEntry", "Mimic", "read_description"]
+__all__ = ["Description", "JointEntry", "Mimic", "parse_description", "read_description"]
 
+_TEXT = Path("URDF text")  # what messages call text that came without a file
 _OTHER_FORMATS = {
     "sdf": "an SDF file",
     "mujoco": "a MuJoCo model",
@@ -40,7 +41,7 @@ class Description:
     Attributes
     ----------
     path : Path
-        The file as given.
+        The file as given; ``URDF text`` where there is none.
     xml : str
         Plain URDF: links, joints, materials. Its meshes exist, as file:// addresses.
     name : str
@@ -121,9 +122,7 @@ def read_description(
         something else. Joints that merely lack limits are left to `Description.require_usable`.
     """
     path = Path(path)
-    for name, folder in (packages or {}).items():
-        if not Path(folder).is_dir():
-            raise RobotFileError(f"the folder given for package {name!r} does not exist", folder)
+    _check_packages(packages)
     root = parse_xml(read_bytes(path), path)
     source = UrdfSource(path)
     roots: tuple[Path, ...] = ()
@@ -137,6 +136,35 @@ def read_description(
     elif xacro_args:
         raise RobotFileError("is no xacro file, so it takes no xacro arguments", path)
     return _describe(root, source, PackageIndex(path, packages, roots))
+
+
+def parse_description(text: str, packages: Mapping[str, str | Path] | None = None) -> Description:
+    """Check the text of a URDF, as it comes from ``/robot_description``.
+
+    Its meshes are taken from the folders in ``packages`` and from packages that the environment
+    names; relative addresses have no folder to be looked for in.
+
+    Raises
+    ------
+    RobotFileError
+        As `read_description`, with the line of the text and without a path; and for xacro, which
+        has to be expanded in its own place.
+    """
+    _check_packages(packages)
+    try:
+        root = parse_text(text, _TEXT)
+        if is_xacro(_TEXT, root):
+            raise RobotFileError("is xacro: give the path of the file, or expand it first", _TEXT)
+        return _describe(root, UrdfSource(_TEXT), PackageIndex(None, packages))
+    except RobotFileError as error:
+        error.path = None
+        raise
+
+
+def _check_packages(packages: Mapping[str, str | Path] | None) -> None:
+    for name, folder in (packages or {}).items():
+        if not Path(folder).is_dir():
+            raise RobotFileError(f"the folder given for package {name!r} does not exist", folder)
 
 
 def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Description:
@@ -155,8 +183,9 @@ def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Descriptio
         )
     name = root.attributes.get("name", "").strip()
     if not name:
-        name = source.path.name.partition(".")[0] or "robot"
-        source.note(f"the robot has no name: called {name!r} after its file")
+        name = "robot" if source.path == _TEXT else source.path.name.partition(".")[0] or "robot"
+        after = "" if source.path == _TEXT else " after its file"
+        source.note(f"the robot has no name: called {name!r}{after}")
 
     source.check_name(name, f"robot {show(name)}", root)
 
@@ -179,7 +208,8 @@ def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Descriptio
     robot.children += _materials(root, source, meshes)
     robot.children += [element for _, element in checked_links]
     robot.children += elements
-    folders = dict.fromkeys([*(folder.parent for folder in index.used()), index.own_folder])
+    own = () if index.own_folder is None else (index.own_folder,)
+    folders = dict.fromkeys([*(folder.parent for folder in index.used()), *own])
     return Description(
         path=source.path,
         xml=to_text(robot),

@@ -21,6 +21,7 @@ MAX_DEPTH = 100
 MAX_ELEMENTS = 500_000
 MAX_ATTRIBUTES = 100
 
+_DECLARATION = re.compile(r"\ufeff?\s*(?:<\?xml\s[^>]*\?>)?")
 _DECLARED = re.compile(rb"^\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
 _ESCAPES = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 
@@ -78,6 +79,29 @@ def read_bytes(path: Path) -> bytes:
     if not data.strip(b" \t\r\n\0"):
         raise RobotFileError("the file is empty", path)
     return data
+
+
+def parse_text(text: str, path: Path) -> Node:
+    """Return the root element of XML text that was decoded already, whatever it declares.
+
+    Raises
+    ------
+    RobotFileError
+        As `parse_xml`; ``path`` is what the message calls the text.
+    """
+    head = _DECLARATION.match(text)
+    if head is not None:  # an encoding that no longer holds, and blanks before it are no XML
+        text = "\n" * head[0].count("\n") + text[head.end() :]
+    try:
+        data = text.encode()
+    except UnicodeEncodeError as error:
+        line = text.count("\n", 0, error.start) + 1
+        raise RobotFileError("holds half a character (a lone surrogate)", path, line) from None
+    if len(data) > MAX_BYTES:
+        raise RobotFileError(
+            f"is larger than {MAX_BYTES // 2**20} MiB: not a robot description", path
+        )
+    return parse_xml(data, path)
 
 
 def parse_xml(data: bytes, path: Path) -> Node:

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation
+from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions, nearest_points
 from pinsing.errors import ConfigurationError, OptionError
@@ -21,6 +22,7 @@ from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
 _PASSES = 4
+_MOST_POINTS = 10_000_000
 
 
 class Distance(NamedTuple):
@@ -133,6 +135,7 @@ class Family(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/family/1"
+    made_by: ClassVar[str] = "pinsing.closed_form(arm).families"
 
     name: str
     text: str
@@ -182,6 +185,7 @@ class Family(JsonResult):
         """Fixed joint values of each branch, by joint index."""
         return tuple({v.joint: v.value for v in b.values} for b in self.branches)
 
+    @checked
     def contains(self, q: npt.ArrayLike, tol: float = 1e-6) -> npt.NDArray[np.bool_]:
         """Tell for q (..., n) whether a point of the family is within ``tol`` of it.
 
@@ -213,6 +217,7 @@ class Family(JsonResult):
             found[near] |= ok & (gap <= tol)
         return found.reshape(q.shape[:-1])
 
+    @checked
     def distance(
         self,
         q: npt.ArrayLike,
@@ -268,6 +273,8 @@ class Family(JsonResult):
         exact = all(not b.equations for b in self.branches)
         return Distance(upper, point, exact, upper if exact else lower, upper)
 
+    @checked
+    @checked
     def conditions(
         self, weights: npt.ArrayLike | None = None, norm: str = "euclidean"
     ) -> Conditions:
@@ -287,6 +294,7 @@ class Family(JsonResult):
     def _conditions(self) -> Conditions:
         return Conditions.of([self.branches], self.prismatic, self._weight())
 
+    @checked
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Configurations of the family inside the joint limits.
 
@@ -298,6 +306,7 @@ class Family(JsonResult):
         """
         return self.points(n, rng, within_limits=True)
 
+    @checked
     def points(
         self,
         n: int,
@@ -309,7 +318,8 @@ class Family(JsonResult):
 
         ``rounds`` is the number of batches of random starts after which a branch is given up.
         """
-        if n <= 0 or (within_limits and self.reachability == "not reachable"):
+        whole_number(n, "n", 0, _MOST_POINTS)
+        if n == 0 or (within_limits and self.reachability == "not reachable"):
             return np.zeros((0, self.n))
         found = np.zeros((0, self.n))
         for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
@@ -346,6 +356,7 @@ class Family(JsonResult):
                 break
         return np.concatenate(parts)
 
+    @checked
     def box(self, within_limits: bool) -> tuple[Array, Array]:
         """Range of each joint that points are drawn from: the limits, or whole circles.
 
@@ -359,9 +370,13 @@ class Family(JsonResult):
     # Helpers ------------------------------------------------------------------------
 
     def _check(self, q: npt.ArrayLike) -> Array:
-        array = np.array(q, dtype=float)
+        array = real_numbers(q, "q")
         if array.ndim == 0 or array.shape[-1] != self.n:
-            raise ConfigurationError(f"q needs {self.n} values, got shape {array.shape}")
+            raise ConfigurationError(
+                f"q needs {self.n} values, got shape {array.shape}; arm.q_of(q) takes them out of "
+                "a whole model's configuration",
+                lengths=(self.n,),
+            )
         if not np.isfinite(array).all():
             raise ConfigurationError("q has a value that is not finite")
         return array

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +22,7 @@ _LONGEST_STEP = 0.35
 _SEED = 9
 
 
+@runtime_checkable
 class FamilyLike(Protocol):
     """The part of a family that paths and viewers need."""
 

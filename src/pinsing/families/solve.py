@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.algebra.budget import Budget
@@ -18,9 +19,10 @@ from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Ring
 from pinsing.algebra.surd_ring import ring_of
+from pinsing.arguments import checked
 from pinsing.configuration.second_order import second_order
 from pinsing.configuration.state import State, at
-from pinsing.errors import OptionError
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.example import readable
 from pinsing.families.family import Branch, Family
 from pinsing.families.pieces import Piece, PieceMaker
@@ -83,6 +85,7 @@ class ClosedForm(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/closed_form/2"
+    made_by: ClassVar[str] = "pinsing.closed_form(arm)"
 
     arm: ArmSummary
     symbols: tuple[str, ...]
@@ -116,8 +119,11 @@ class ClosedForm(JsonResult):
         """Symbol and joint name, base to tip."""
         return tuple(zip(self.symbols, self.arm.joints, strict=True))
 
-    def family_of(self, q: Array, tol: float = 1e-6) -> Family | None:
+    @checked
+    def family_of(self, q: npt.ArrayLike, tol: float = 1e-6) -> Family | None:
         """The first family that has a point within ``tol`` of q (n,), if any."""
+        if np.ndim(q) != 1:
+            raise ConfigurationError(f"q must be one joint vector, got shape {np.shape(q)}")
         return next((f for f in self.families if bool(f.contains(q, tol))), None)
 
     def latex(self) -> str:
@@ -140,6 +146,7 @@ class ClosedForm(JsonResult):
         return "\n".join(lines)
 
 
+@checked
 def closed_form(
     arm: Arm,
     *,

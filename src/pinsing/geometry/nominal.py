@@ -21,6 +21,7 @@ from fractions import Fraction
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.geometry.chain import Chain, chain_model, flatten
 from pinsing.geometry.jacobian_bound import jacobian_change, rotation_angle
@@ -87,6 +88,7 @@ class Nominal:
         return self.jacobian_change <= 1e-12
 
 
+@checked
 def nominal(
     arm: Arm,
     angle_tol: float = ANGLE_TOL,

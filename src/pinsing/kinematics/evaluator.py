@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing._version import __version__
@@ -109,7 +110,14 @@ def recorded_engine(known: Mapping[str, Any] | None, asked: str) -> str:
 
 def _lean(arm: Arm) -> Arm:
     source = replace(
-        arm.source, path=None, xml=None, package_dirs=(), full_model=arm.model, locked=()
+        arm.source,
+        path=None,
+        xml=None,
+        package_dirs=(),
+        full_model=arm.model,
+        locked=(),
+        reference=pin.neutral(arm.model),
+        base="universe",
     )
     lean = replace(arm, source=source, notes=())
     lean.known.update(basis(arm))

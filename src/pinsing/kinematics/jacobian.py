@@ -12,7 +12,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.errors import ConfigurationError
+from pinsing.arguments import checked
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.batch import scale_rows as scale_rows
 from pinsing.kinematics.own_scale import own_scale
@@ -20,6 +20,7 @@ from pinsing.kinematics.verdict import generic_rank as generic_rank
 from pinsing.robot.arm import Arm
 
 
+@checked
 def tip_placement(arm: Arm, q: npt.ArrayLike) -> pin.SE3:
     """Placement of the tip in the base at q (n,)."""
     data = arm.model.createData()
@@ -27,6 +28,7 @@ def tip_placement(arm: Arm, q: npt.ArrayLike) -> pin.SE3:
     return pin.SE3(pin.updateFramePlacement(arm.model, data, arm.tip_id))
 
 
+@checked
 def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     """Frame Jacobian of the tip at one configuration.
 
@@ -49,6 +51,7 @@ def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     return np.array(frame_jacobians(arm, _one(arm, q), engine="pinocchio")[0])
 
 
+@checked
 def frame_jacobians(
     arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
@@ -80,11 +83,13 @@ def frame_jacobians(
     return batch(arm, engine, threads).frame_jacobians(_many(arm, Q))
 
 
+@checked
 def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     """Task Jacobian at q (n,): (m, n), translation rows over the length scale."""
     return scale_rows(arm, frame_jacobian(arm, q))
 
 
+@checked
 def task_jacobians(
     arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
@@ -92,6 +97,7 @@ def task_jacobians(
     return scale_rows(arm, frame_jacobians(arm, Q, engine=engine, threads=threads))
 
 
+@checked
 def singular_values(
     arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
@@ -165,14 +171,8 @@ def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Ar
 
 
 def _one(arm: Arm, q: npt.ArrayLike) -> Array:
-    q = arm.check(q)
-    if q.ndim != 1:
-        raise ConfigurationError(f"q must be one joint vector ({arm.n},), got shape {q.shape}")
-    return q
+    return arm.check_one(q)
 
 
 def _many(arm: Arm, Q: npt.ArrayLike) -> Array:
-    Q = np.atleast_2d(arm.check(Q))
-    if Q.ndim != 2:
-        raise ConfigurationError(f"Q must be joint vectors (N, {arm.n}), got shape {Q.shape}")
-    return Q
+    return arm.check_many(Q, "Q")

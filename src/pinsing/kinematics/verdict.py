@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.batch import Batch, batch
@@ -61,6 +62,7 @@ class Measured(NamedTuple):
     ratio: Array
 
 
+@checked
 def generic_rank(arm: Arm) -> int:
     """Rank of the task Jacobian at almost every configuration.
 

@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.own_scale import own_scale
@@ -70,6 +71,7 @@ class MapPlan(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/map-plan/1"
+    made_by: ClassVar[str] = "pinsing.plan_map(arm)"
 
     arm: ArmSummary
     sampling: str
@@ -88,6 +90,7 @@ class MapPlan(JsonResult):
         """Number of chunks."""
         return -(-self.count // self.chunk)
 
+    @checked
     def configurations(self, start: int, stop: int) -> Array:
         """Return the configurations number ``start`` to ``stop``: (stop - start, n).
 
@@ -131,6 +134,7 @@ class MapPlan(JsonResult):
         return f"{how} of {size}{self.count:,} configurations over {names}"
 
 
+@checked
 def plan_map(
     arm: Arm,
     sampling: str = "sobol",
@@ -254,7 +258,9 @@ def _ranges(
         if not within and not ignore_limits:
             raise ConfigurationError(
                 f"range [{low:g}, {high:g}] of {name} is outside its limits "
-                f"[{arm.lower[i]:g}, {arm.upper[i]:g}]; change it, or map with ignore_limits"
+                f"[{arm.lower[i]:g}, {arm.upper[i]:g}]; change it, or map with ignore_limits",
+                joint=name,
+                limits=(float(arm.lower[i]), float(arm.upper[i])),
             )
         limits[i] = low, high
     if ignore_limits:
@@ -292,15 +298,16 @@ def _base(
 ) -> Array:
     if q is None:
         return np.asarray(limits.mean(axis=1))
-    base = arm.check(q)
-    if base.shape != (arm.n,):
-        raise ConfigurationError(f"q must be one joint vector ({arm.n},), got {base.shape}")
+    base = arm.check_one(q)
     off = arm.space.outside(base)
     off[list(moving)] = False
     if off.any() and not ignore_limits:
-        name = arm.joints[int(off.argmax())]
+        i = int(off.argmax())
         raise ConfigurationError(
-            f"q is outside the limits of {name}; change it, or map with ignore_limits"
+            f"q is outside the limits of {arm.joints[i]}; change it, or map with ignore_limits",
+            joint=arm.joints[i],
+            value=float(base[i]),
+            limits=(float(arm.lower[i]), float(arm.upper[i])),
         )
     return base
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.joint_text import typed
 from pinsing.maps.plan import MapPlan
@@ -50,6 +51,7 @@ class MapResult(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/map/1"
+    made_by: ClassVar[str] = "pinsing.sigma_map(arm)"
 
     plan: MapPlan
     engine: str
@@ -62,6 +64,7 @@ class MapResult(JsonResult):
     complete: bool
     notes: tuple[str, ...]
 
+    @checked
     def head(self, page: Page = PLAIN) -> str:
         """Lines above the table of quantiles."""
         arm = self.plan.arm
@@ -83,6 +86,7 @@ class MapResult(JsonResult):
         ]
         return "\n".join(page.paragraph(*line, rest="  ") for line in lines)
 
+    @checked
     def text(self, page: Page = PLAIN, degrees: bool = False) -> str:
         """All that is worth reading, fitted to a page."""
         rows = Table(("share", "sigma_min", "ratio"), self.quantile_rows(), frozenset({0, 1, 2}))
@@ -97,6 +101,7 @@ class MapResult(JsonResult):
             rows.append((share, *(f"{value:.4g}" for value in values)))
         return tuple(rows)  # type: ignore[arg-type]
 
+    @checked
     def tail(self, degrees: bool = False, page: Page = PLAIN) -> str:
         """Lines below the table: the worst configurations, in radians or degrees, and notes."""
         lines = [f"quantiles to {100 * QUANTILE_ERROR:.1f} %; the smallest ratios:"]

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.kinematics.evaluator import Evaluator, run_identity
 from pinsing.maps.plan import BLOCK, WORST, MapPlan, plan_map
@@ -105,6 +106,7 @@ def compute_map_chunk(job: MapJob, index: int) -> Record:
     return record
 
 
+@checked
 def sigma_map(
     arm: Arm,
     sampling: str = "sobol",

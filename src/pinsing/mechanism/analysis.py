@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.arguments import checked
 from pinsing.mechanism.closure import ranks
 from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.feasible import Interval, curves, intervals
@@ -121,6 +122,7 @@ class MechanismAnalysis(JsonResult):
         return analysis_text(self)
 
 
+@checked
 def analyze_mechanism(
     mechanism: Mechanism, inputs: npt.ArrayLike | None = None
 ) -> MechanismAnalysis:

@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
 
+from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure
 from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes, plain
 from pinsing.robot.arm import Arm
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 _LOWEST = 1e-12
 
 
+@checked
 def sigma_along(
     arm: Arm,
     trajectory: npt.ArrayLike,
@@ -51,7 +49,7 @@ def sigma_along(
     ConfigurationError
         If the trajectory is not (N, n) with N at least 2, or times do not fit it.
     """
-    Q = arm.check(trajectory)
+    Q = arm.check(trajectory, "trajectory")
     if Q.ndim != 2 or len(Q) < 2:
         raise ConfigurationError(
             f"a trajectory needs two configurations or more, (N, {arm.n}); got shape {Q.shape}"

@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 
+from pinsing.arguments import checked
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.plot.style import (
@@ -29,10 +31,8 @@ from pinsing.sweeps.findings import Finding
 from pinsing.sweeps.joint_condition import JointCondition
 from pinsing.sweeps.run import SweepCurve, SweepResult
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
-
+@checked
 def sigma_curves(
     result: SweepResult,
     ax: Axes | None = None,
@@ -79,7 +79,9 @@ def sigma_curves(
         if not names:
             raise OptionError(f"the sweep has no curve with {result.set_text(dict(fixed or {}))}")
     else:
-        names = list(moving)
+        names = [moving] if isinstance(moving, str) else list(moving)
+        if not names:
+            raise OptionError("moving names no joint: leave it out for all")
     curves = [result.curve(fixed, name) for name in names]
     ax = new_axes() if ax is None else ax
     turning = [c for c in curves if not arm.prismatic[c.moving]]

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from pinsing.arguments import checked
 from pinsing.configuration.state import REGULAR, State, VelocityEllipsoid
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import SINGULAR_RTOL
@@ -16,6 +17,7 @@ _COLOR = {"translational": COLORS[0], "rotational": COLORS[4]}
 _LOST = "#C4187C"
 
 
+@checked
 def ellipsoids(state: State, ax: Any = None, *, kind: str = "both") -> Any:
     """Draw the velocity ellipsoids of a configuration, at unit joint speed.
 

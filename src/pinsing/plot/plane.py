@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import cycle
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
+from matplotlib.axes import Axes
 
 from pinsing._types import Array
+from pinsing.arguments import checked, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import Branch, Equation, Family
 from pinsing.kinematics.jacobian import singular_values
@@ -28,17 +30,16 @@ from pinsing.plot.style import (
 )
 from pinsing.robot.arm import Arm
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-
 SAMPLES = 161
 """Points to each side of the map."""
+_MOST_SAMPLES = 2000
 
 # On top of the blue to yellow of the map.
 _LINES = ("#FFFFFF", "#FF9DA7", "#A6F0C6", "#F4C7FF", "#FFFFFF", "#FF9DA7", "#A6F0C6")
 _HERE = 1e-6
 
 
+@checked
 def sigma_plane(
     arm: Arm,
     joint_a: str,
@@ -91,13 +92,12 @@ def sigma_plane(
     a, b = arm.space.index(joint_a), arm.space.index(joint_b)
     if a == b:
         raise OptionError("a map needs two different joints")
-    if samples < 2:
-        raise OptionError(f"samples must be at least 2, got {samples}")
+    whole_number(samples, "samples", 2, _MOST_SAMPLES)
     if families is None:
         from pinsing.families import closed_form
 
         families = closed_form(arm).families
-    base = regular_configuration(arm) if q is None else arm.check(q)
+    base = regular_configuration(arm) if q is None else arm.check_one(q)
     lower, upper = arm.space.range(ignore_limits)
     x, y = (np.linspace(lower[j], upper[j], samples) for j in (a, b))
     Q = np.tile(base, (samples, samples, 1))

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
+from pinsing.arguments import checked
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions, nearest_points
 from pinsing.bounds.two_sided import two_sided
 from pinsing.errors import OptionError
@@ -70,6 +71,7 @@ class Clearance(JsonResult):
         return f"{lower:.6g} to {upper:.6g} from {name}"
 
 
+@checked
 def clearance(
     forms: Forms,
     Q: npt.ArrayLike,
@@ -182,6 +184,7 @@ def _clearance(
     )
 
 
+@checked
 def is_clear(
     forms: Forms,
     q: npt.ArrayLike,

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.robot.full_q import from_full, to_full
 from pinsing.robot.joint_space import JointSpace, model_q
 from pinsing.robot.memory import Memory
 from pinsing.robot.task import Task, parse_task
@@ -74,7 +77,8 @@ class Arm(Memory):
     """A serial chain of a Pinocchio model, with the frame and the task it is judged by.
 
     Configurations are plain joint vectors ``q`` of shape (n,), radians and metres,
-    whatever Pinocchio's own ``nq`` (a continuous joint has two numbers there).
+    whatever Pinocchio's own ``nq`` (a continuous joint has two numbers there). Wherever one is
+    taken, the configuration (nq,) of the whole model that the arm is part of does as well.
 
     Attributes
     ----------
@@ -118,6 +122,8 @@ class Arm(Memory):
     source: Source = field(repr=False)
     coupling: Coupling | None = None
 
+    made_by: ClassVar[str] = 'pinsing.load("ur5")'
+
     def __post_init__(self) -> None:
         scale = self.length_scale
         if not (np.isfinite(scale) and scale > 0):
@@ -152,7 +158,10 @@ class Arm(Memory):
         """Range that a joint is swept or drawn at random over; see `JointSpace.span`."""
         return self.space.span
 
-    def with_task(self, task: Any = None, length_scale: float | None = None) -> Arm:
+    @checked
+    def with_task(
+        self, task: str | Iterable[str] | Task | None = None, length_scale: float | None = None
+    ) -> Arm:
         """Return the same arm judged by another task or length scale."""
         return replace(
             self,
@@ -160,31 +169,151 @@ class Arm(Memory):
             length_scale=self.length_scale if length_scale is None else float(length_scale),
         )
 
-    def check(self, q: npt.ArrayLike) -> Array:
+    def check(self, q: npt.ArrayLike, name: str = "q") -> Array:
         """Return ``q`` as a float array of shape (..., n), or say what is wrong with it.
+
+        Parameters
+        ----------
+        q : (..., n) or (..., nq) array_like
+            Joint vectors, radians and metres, or configurations of the whole model (``q_of``).
+        name : str
+            What messages call it.
 
         Raises
         ------
         ConfigurationError
-            If the last axis is not n long, or a number is not finite.
+            If the last axis has neither of these lengths, or a number is not finite.
         """
-        try:
-            array = np.array(q, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise ConfigurationError(f"q is not an array of numbers: {error}") from None
-        if array.ndim == 0 or array.shape[-1] != self.n:
+        array = real_numbers(q, name)
+        whole = int(self.source.full_model.nq)
+        if array.ndim == 0 or array.shape[-1] not in (self.n, whole):
             got = "a single number" if array.ndim == 0 else f"{array.shape[-1]}"
+            also = "" if whole == self.n else f", or the whole model's {whole}"
             raise ConfigurationError(
-                f"q needs {self.n} values for {', '.join(self.joints)}; got {got}"
+                f"{name} needs {self.n} values for {', '.join(self.joints)}{also}; got {got}",
+                lengths=(self.n,) if whole == self.n else (self.n, whole),
             )
-        if not np.isfinite(array).all():
-            bad = np.argwhere(~np.isfinite(array))[0]
+        bad = np.argwhere(~np.isfinite(array))
+        if len(bad):
+            value, i = float(array[tuple(bad[0])]), int(bad[0][-1])
+            chain = array.shape[-1] == self.n
+            joint = self.joints[i] if chain else None
+            which = f"joint {joint!r}" if chain else f"entry {i} of the whole model"
             raise ConfigurationError(
-                f"q of joint {self.joints[bad[-1]]!r} is {array[tuple(bad)]}; "
-                "every value must be finite"
+                f"{name} of {which} is {value}; every value must be finite",
+                joint=joint,
+                value=value,
+            )
+        return array if array.shape[-1] == self.n else from_full(self, array)
+
+    def check_one(self, q: npt.ArrayLike, name: str = "q") -> Array:
+        """As `check`, of one joint vector (n,).
+
+        Raises
+        ------
+        ConfigurationError
+            As `check`, and if there are several.
+        """
+        array = self.check(q, name)
+        if array.ndim != 1:
+            raise ConfigurationError(
+                f"{name} must be one joint vector ({self.n},), got shape {array.shape}"
             )
         return array
 
+    def check_many(self, q: npt.ArrayLike, name: str = "q") -> Array:
+        """As `check`, of joint vectors (N, n); one (n,) becomes (1, n).
+
+        Raises
+        ------
+        ConfigurationError
+            As `check`, and if there are more axes.
+        """
+        array = np.atleast_2d(self.check(q, name))
+        if array.ndim != 2:
+            raise ConfigurationError(
+                f"{name} must be joint vectors (N, {self.n}), got shape {array.shape}"
+            )
+        return array
+
+    def q_of(self, full_q: npt.ArrayLike) -> Array:
+        """Joint vector(s) of the arm in configuration(s) of the whole model it was taken from.
+
+        All functions that take ``q`` do this by themselves: they tell the two by their lengths,
+        which are equal only where both mean the same.
+
+        Parameters
+        ----------
+        full_q : (..., nq) array_like
+            As Pinocchio has it for ``source.full_model``: a floating base is seven numbers, a
+            continuous joint its cosine and sine. The place of the base and joints beside the
+            chain do not matter to the arm.
+
+        Returns
+        -------
+        (..., n) array
+            Radians and metres; continuous joints in (-pi, pi].
+
+        Raises
+        ------
+        ConfigurationError
+            If there are not nq finite numbers, or if a joint that the arm has locked between base
+            and tip, or that follows another, stands elsewhere than in the arm.
+
+        Examples
+        --------
+        >>> import pinocchio as pin, pinsing
+        >>> model = pinsing.load("panda").source.full_model  # with two fingers
+        >>> arm = pinsing.load(model)
+        >>> arm.q_of(pin.neutral(model)).shape
+        (7,)
+        """
+        array = real_numbers(full_q, "full_q")
+        whole = int(self.source.full_model.nq)
+        if array.ndim == 0 or array.shape[-1] != whole:
+            raise ConfigurationError(
+                f"full_q needs the whole model's {whole} values, got shape {array.shape}",
+                lengths=(whole,),
+            )
+        return self.check(array, "full_q")
+
+    def full_q(self, q: npt.ArrayLike, others: npt.ArrayLike | None = None) -> Array:
+        """Configuration(s) of the whole model with the arm at q: the way back from ``q_of``.
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Radians and metres.
+        others : (nq,) array_like, optional
+            The whole model's configuration that the other joints are taken from; by default the
+            one at which they were locked.
+
+        Returns
+        -------
+        (..., nq) array
+            For ``source.full_model``.
+
+        Raises
+        ------
+        ConfigurationError
+            If q or ``others`` has the wrong length or is not finite.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> arm = pinsing.load("panda")
+        >>> arm.full_q([0, 0, 0, -2, 0, 2, 0]).tolist()
+        [0.0, 0.0, 0.0, -2.0, 0.0, 2.0, 0.0, 0.0, 0.0]
+        """
+        rest = self.source.reference if others is None else real_numbers(others, "others")
+        whole = int(self.source.full_model.nq)
+        if rest.shape != (whole,) or not np.isfinite(rest).all():
+            raise ConfigurationError(
+                f"others needs {whole} finite values, got shape {rest.shape}", lengths=(whole,)
+            )
+        return to_full(self, self.check(q), rest)
+
+    @checked
     def within_limits(self, q: npt.ArrayLike, slack: float = 1e-9) -> npt.NDArray[np.bool_]:
         """Tell for q (..., n) whether all joints are inside their limits, whole turns aside.
 
@@ -192,16 +321,18 @@ class Arm(Memory):
         """
         return np.asarray(~self.space.outside(self.check(q), slack).any(axis=-1))
 
+    @checked
     def fold(self, q: npt.ArrayLike) -> Array:
         """Move revolute values of q (..., n) by whole turns, into the limits where possible.
 
         A value that cannot be brought inside ends as near to the limits as whole turns allow.
         Values of continuous joints end in [-pi, pi].
         """
-        return self.space.fold(q)
+        return self.space.fold(self.check(q))
 
+    @checked
     def model_q(self, q: npt.ArrayLike) -> Array:
-        """Pinocchio's configuration(s) for joint vector(s) q: (..., n) -> (..., model.nq)."""
+        """Configuration(s) of ``model``, the chain alone, at q: (..., n) -> (..., model.nq)."""
         q = self.check(q)
         values = q if self.coupling is None else q @ self.coupling.matrix.T + self.coupling.offset
         return model_q(self.model, values)

@@ -6,15 +6,16 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.description.urdf_source import has_control
-from pinsing.errors import ChainError, JointError, OptionError, PinsingError, UnknownNameError
+from pinsing.arguments import checked
+from pinsing.errors import ChainError, JointError, UnknownNameError
 from pinsing.robot.arm import Arm, Source
+from pinsing.robot.given import HasModel, given_file, given_model
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
 from pinsing.robot.reduced_model import lock_joints, reroot
@@ -39,14 +40,16 @@ class _Whole:
     label: str
     mimics: Mapping[str, Follow]
     description: Description | None = None
+    path: Path | None = None
     package_dirs: tuple[Path, ...] = ()
     tip: str | None = None
     base: str | None = None
     notes: tuple[str, ...] = ()
 
 
+@checked
 def load(
-    robot: str | os.PathLike[str] | pin.Model,
+    robot: str | os.PathLike[str] | pin.Model | HasModel,
     tip: str | None = None,
     base: str | None = None,
     joints: Sequence[str] | None = None,
@@ -58,10 +61,14 @@ def load(
 ) -> Arm:
     """Take the serial chain from ``base`` to ``tip`` out of a robot and lock the rest.
 
+    A floating base is locked as well: the arm is judged in the axes of its base.
+
     Parameters
     ----------
-    robot : str, path or pin.Model
-        A URDF or xacro file, the name of a known robot (``pinsing list``), or a model.
+    robot : str, path, pin.Model or object with ``.model``
+        A URDF or xacro file, the name of a known robot (``pinsing list``), the text of a URDF
+        (it begins with ``<``), a model, or a ``RobotWrapper``. Joint vectors of the arm are
+        its own (n,) or, everywhere, the whole model's configuration (nq,); see ``Arm.q_of``.
     tip : str, optional
         Frame whose motion is judged. By default the only arm's usual tool frame, or its
         farthest; several arms are refused with the list of them.
@@ -91,12 +98,6 @@ def load(
         that says what is wrong, where, and what to do.
     """
     parsed_task = parse_task(task)
-    try:
-        scale = float(length_scale)
-    except (TypeError, ValueError):
-        raise OptionError(
-            f"length_scale must be a number of metres, got {length_scale!r}"
-        ) from None
     if isinstance(joints, str):
         joints = (joints,)
     whole = _read(robot, packages, xacro_args)
@@ -122,46 +123,35 @@ def load(
     free = _free_joints(whole, path, joints, notes)
     many = long_chain_note(model, last, base_joint) if joints is None else ""
     notes += [many] if many else []
-    return _build(whole, tip, base_frame, path, free, parsed_task, scale, tuple(notes))
+    return _build(
+        whole, tip, base_frame, path, free, parsed_task, float(length_scale), tuple(notes)
+    )
 
 
 def _read(
-    robot: str | os.PathLike[str] | pin.Model,
+    robot: Any,
     packages: Mapping[str, str | Path] | None,
     xacro_args: Mapping[str, str] | None,
 ) -> _Whole:
-    if isinstance(robot, pin.Model):
-        if any("Mimic" in j.shortname() for j in robot.joints):
-            raise PinsingError(
-                "the model has Pinocchio mimic joints: build it with mimic=False, "
-                "or give the URDF file, where pinsing reads the couplings itself"
-            )
-        for name in (robot.name, *robot.names, *(frame.name for frame in robot.frames)):
-            if has_control(name):
-                raise PinsingError(
-                    f"the model has the name {name[:60]!r} with a control character: rename it"
-                )
-        # A copy: what the caller does to the model later is no business of the arm.
-        return _Whole(robot.copy(), robot.name or "model", "pin.Model", {})
-    from pinsing.description.catalog import CatalogEntry, locate_robot
-    from pinsing.description.urdf import read_description
+    model = given_model(robot)
+    if model is not None:
+        return _Whole(model, model.name or "model", "pin.Model", {})
     from pinsing.robot.build_model import build_model
 
-    found = locate_robot(robot if isinstance(robot, str) else Path(robot))
-    entry = found if isinstance(found, CatalogEntry) else None
-    path = found if isinstance(found, Path) else found.path
-    description = read_description(path, packages=packages, xacro_args=xacro_args)
+    given = given_file(robot, packages, xacro_args)
+    description, entry = given.description, given.entry
     return _Whole(
         model=build_model(description),
         name=description.name if entry is None else entry.name,
-        label=os.fspath(robot),
+        label=given.label,
         mimics={
             j.name: (j.mimic.joint, j.mimic.multiplier, j.mimic.offset)
             for j in description.joints
             if j.mimic is not None
         },
         description=description,
-        package_dirs=(*description.package_dirs, *(entry.package_dirs if entry else ())),
+        path=given.path,
+        package_dirs=given.package_dirs,
         tip=entry.tip if entry else None,
         base=entry.base if entry else None,
         notes=description.notes,
@@ -229,7 +219,10 @@ def _free_joints(
         if joint.nv == 1:
             kept.append(j)
         elif int(model.parents[j]) == 0:
-            notes.append(f"floating base: joint {model.names[j]} is locked")
+            notes.append(
+                f"floating base: joint {model.names[j]} is locked; Jacobians are in the axes of "
+                "the body that it carries"
+            )
         else:
             raise JointError(
                 model.names[j],
@@ -310,7 +303,7 @@ def _build(
         notes=notes,
         source=Source(
             label=whole.label,
-            path=whole.description.path if whole.description else None,
+            path=whole.path,
             xml=whole.description.xml if whole.description else None,
             package_dirs=whole.package_dirs,
             full_model=model,
@@ -371,7 +364,11 @@ def _limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]:
             if np.isnan(low) or np.isnan(high):
                 raise JointError(name, "its limits are not numbers; set lower and upper")
             if low > high:
-                raise JointError(name, f"lower limit {low:g} is above upper limit {high:g}")
+                raise JointError(
+                    name,
+                    f"lower limit {low:g} is above upper limit {high:g}",
+                    limits=(low, high),
+                )
             if abs(low) > 1e300 or abs(high) > 1e300:  # Pinocchio's way of saying "no limit"
                 low = -np.inf if abs(low) > 1e300 else low
                 high = np.inf if abs(high) > 1e300 else high

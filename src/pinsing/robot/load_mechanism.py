@@ -10,15 +10,18 @@ from __future__ import annotations
 import os
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.arguments import checked
 from pinsing.description.yaml_tree import YamlNode, compose, suggestion
 from pinsing.errors import JointError, OptionError, PinsingError
 from pinsing.robot.arm import Source
+from pinsing.robot.given import HasModel, given_file, given_model
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
@@ -27,8 +30,9 @@ from pinsing.robot.tip import frame_index
 __all__ = ["LOOP_KINDS", "Loop", "Mechanism", "load_mechanism"]
 
 
+@checked
 def load_mechanism(
-    robot: str | os.PathLike[str] | pin.Model,
+    robot: str | os.PathLike[str] | pin.Model | HasModel,
     loops: str | os.PathLike[str] | None = None,
     packages: Mapping[str, str | Path] | None = None,
     *,
@@ -38,8 +42,8 @@ def load_mechanism(
 
     Parameters
     ----------
-    robot : str, path or pin.Model
-        A URDF or xacro file, the name of a known robot, or a model.
+    robot : str, path, pin.Model or object with ``.model``
+        A URDF or xacro file, the name of a known robot, the text of a URDF, or a model.
     loops : path, optional
         The side-car file; by default ``NAME.loops.yaml`` beside ``NAME.urdf``.
     packages : mapping of str to path, optional
@@ -85,23 +89,18 @@ def load_mechanism(
 
 
 def _tree(
-    robot: str | os.PathLike[str] | pin.Model, packages: Mapping[str, str | Path] | None
+    robot: Any, packages: Mapping[str, str | Path] | None
 ) -> tuple[pin.Model, Source, str, tuple[str, ...]]:
-    if isinstance(robot, pin.Model):
-        model = robot.copy()
+    model = given_model(robot)
+    if model is not None:
         label, path, xml, name = "pin.Model", None, None, model.name or "mechanism"
         dirs: tuple[Path, ...] = ()
         notes: tuple[str, ...] = ()
     else:
-        from pinsing.description.catalog import CatalogEntry, locate_robot
-        from pinsing.description.urdf import read_description
         from pinsing.robot.build_model import build_model
 
-        found = locate_robot(robot if isinstance(robot, str) else Path(robot))
-        entry = found if isinstance(found, CatalogEntry) else None
-        description = read_description(
-            found.path if isinstance(found, CatalogEntry) else found, packages
-        )
+        given = given_file(robot, packages)
+        description = given.description
         mimics = [j.name for j in description.joints if j.mimic is not None]
         if mimics:
             raise JointError(
@@ -109,11 +108,8 @@ def _tree(
             )
         description.require_usable(j.name for j in description.joints if j.kind != "fixed")
         model = build_model(description)
-        label, path, xml = os.fspath(robot), description.path, description.xml
-        dirs = tuple(
-            dict.fromkeys([*(entry.package_dirs if entry else ()), *description.package_dirs])
-        )
-        name, notes = description.name, description.notes
+        label, path, xml = given.label, given.path, description.xml
+        dirs, name, notes = given.package_dirs, description.name, description.notes
     source = Source(
         label=label,
         path=path,

@@ -5,12 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.robot.arm import Source
 from pinsing.robot.joint_space import JointSpace, model_q
@@ -103,6 +105,8 @@ class Mechanism(Memory):
     source: Source = field(repr=False)
     loop_file: Path | None = None
 
+    made_by: ClassVar[str] = 'pinsing.load_mechanism("five_bar.urdf")'
+
     def __post_init__(self) -> None:
         scale = self.length_scale
         if not (np.isfinite(scale) and scale > 0):
@@ -140,6 +144,7 @@ class Mechanism(Memory):
         """Index of the output frame in ``model.frames``."""
         return frame_index(self.model, self.output)
 
+    @checked
     def with_actuated(self, names: tuple[str, ...] | list[str]) -> Mechanism:
         """Return the same mechanism driven by other joints.
 
@@ -150,7 +155,7 @@ class Mechanism(Memory):
         """
         return replace(self, actuated=tuple(self.space.index(name) for name in names))
 
-    def check(self, q: npt.ArrayLike) -> Array:
+    def check(self, q: npt.ArrayLike, name: str = "q") -> Array:
         """Return ``q`` as a float array of shape (..., n), or say what is wrong with it.
 
         Raises
@@ -158,7 +163,7 @@ class Mechanism(Memory):
         ConfigurationError
             If the last axis is not n long, or a number is not finite.
         """
-        return _numbers(q, self.joints, "q")
+        return _numbers(q, self.joints, name)
 
     def check_inputs(self, inputs: npt.ArrayLike) -> Array:
         """Return values of the actuated joints as a float array (..., n_a).
@@ -168,7 +173,7 @@ class Mechanism(Memory):
         ConfigurationError
             If the last axis is not n_a long, or a number is not finite.
         """
-        return _numbers(inputs, self.inputs, "the input")
+        return _numbers(inputs, self.inputs, "inputs")
 
     def model_q(self, q: npt.ArrayLike) -> Array:
         """Pinocchio's configuration(s) for joint vector(s) q: (..., n) -> (..., model.nq)."""
@@ -176,7 +181,7 @@ class Mechanism(Memory):
 
     def fold(self, q: npt.ArrayLike) -> Array:
         """Move revolute values of q (..., n) by whole turns to within half a turn of zero."""
-        return self.space.wrap(q)
+        return self.space.wrap(self.check(q))
 
     def __str__(self) -> str:
         loops = ", ".join(str(loop) for loop in self.loops)
@@ -187,10 +192,7 @@ class Mechanism(Memory):
 
 
 def _numbers(values: npt.ArrayLike, names: tuple[str, ...], what: str) -> Array:
-    try:
-        array = np.array(values, dtype=float)
-    except (TypeError, ValueError) as error:
-        raise ConfigurationError(f"{what} is not an array of numbers: {error}") from None
+    array = real_numbers(values, what)
     if array.ndim == 0 or array.shape[-1] != len(names):
         got = "a single number" if array.ndim == 0 else f"{array.shape[-1]}"
         raise ConfigurationError(

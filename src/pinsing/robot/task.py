@@ -54,10 +54,8 @@ def parse_task(task: str | Iterable[str] | Task) -> Task:
         if task in _NAMED:
             return Task(task, _NAMED[task])
         names = [part.strip() for part in task.split(",")]
-    elif isinstance(task, Iterable):
-        names = list(task)
     else:
-        names = []
+        names = list(task)
     unknown = [name for name in names if name not in ROW_NAMES]
     if unknown or not names:
         raise OptionError(

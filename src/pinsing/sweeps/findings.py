@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
+from pinsing.arguments import checked, whole_number
 from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import SingularConfiguration, describe, walk
 from pinsing.geometry.nominal import nominal
@@ -38,6 +39,9 @@ _CANDIDATES = 12  # configurations looked at for a representative
 _PATIENCE = 50  # points in a row without a new condition
 _BATCH = 4096  # walks at a time
 _MAX_NEAR = 12  # near-singular valleys that are stated
+
+
+MAX_STARTS = 10_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +69,7 @@ class Finding(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/finding/1"
+    made_by: ClassVar[str] = "pinsing.singular_configurations(arm, result)"
 
     status: Status
     condition: JointCondition
@@ -94,6 +99,7 @@ class _Points:
         return _Points(self.q[mask], self.ratio[mask], self.curve[mask])
 
 
+@checked
 def singular_configurations(
     arm: Arm,
     result: SweepResult,
@@ -125,6 +131,7 @@ def singular_configurations(
     exact = nominal(arm).arm if geometry is None else geometry
     plan = result.plan
     tester = ConditionTester(exact, plan.relevant, samples, SINGULAR_RTOL, plan.seed)
+    whole_number(random_starts, "random_starts", 0, MAX_STARTS)
     points = _refined(exact, result, random_starts)
     sharp = points.ratio <= SINGULAR_RTOL
     collector = _Collector(arm, exact, result, tester, points.where(sharp))

@@ -17,9 +17,10 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import SingularConfiguration
-from pinsing.errors import ConfigurationError, OptionError
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
@@ -42,6 +43,7 @@ _WALK = 0.05  # push that leads from a special member of a relation to a generic
 _STILL = 0.1  # of the push: values of which none ends farther away are isolated
 _BACK = 1e-4  # of the push: else, a single value that ends nearer is fixed nevertheless
 _MAX_IN_SUBSETS = 12
+MAX_SAMPLES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +83,7 @@ class Generalization(JsonResult):
         return text
 
 
+@checked
 def generalize(
     arm: Arm,
     configuration: SingularConfiguration | npt.ArrayLike,
@@ -126,9 +129,13 @@ def generalize(
     OptionError
         If ``samples`` is not positive or more than 12 joints matter.
     """
+    whole_number(seed, "seed", 0, MAX_SEED)
+    for name in joints or ():
+        if name not in arm.joints:
+            raise UnknownNameError("joint", name, arm.joints)
     exact = nominal(arm).arm if geometry is None else geometry
     given = configuration.q if isinstance(configuration, SingularConfiguration) else configuration
-    q = arm.fold(arm.check(given).reshape(arm.n))
+    q = arm.fold(arm.check_one(given, "configuration"))
     if _ratio(exact, q) > rtol:
         end = approach(exact, q)
         metric = own_scale(arm).columns
@@ -173,8 +180,7 @@ class ConditionTester:
         rtol: float = SINGULAR_RTOL,
         seed: int = 0,
     ) -> None:
-        if samples < 1:
-            raise OptionError(f"samples must be at least 1, got {samples}")
+        whole_number(samples, "samples", 1, MAX_SAMPLES)
         if len(joints) > _MAX_IN_SUBSETS:
             raise OptionError(
                 f"{len(joints)} joints have too many subsets; name at most {_MAX_IN_SUBSETS} joints"

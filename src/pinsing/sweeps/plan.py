@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import OptionError
 from pinsing.geometry.nominal import nominal as nominal_geometry
 from pinsing.kinematics.batch import batch
@@ -142,6 +143,7 @@ class SweepPlan(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/sweep-plan/1"
+    made_by: ClassVar[str] = "pinsing.plan_sweep(arm)"
 
     arm: ArmSummary
     nominal: Array
@@ -185,6 +187,7 @@ class SweepPlan(JsonResult):
             )
         )
 
+    @checked
     def moving(self, fixed: Iterable[int]) -> tuple[int, ...]:
         """Joints that move in turn while ``fixed`` are at special values."""
         held = set(fixed)
@@ -195,6 +198,7 @@ class SweepPlan(JsonResult):
         return f"{sets or 'no sets'}: {self.n_curves} curves, {self.n_jacobians:,} Jacobians"
 
 
+@checked
 def plan_sweep(
     arm: Arm,
     nominal: npt.ArrayLike | None = None,
@@ -226,7 +230,7 @@ def plan_sweep(
     exact = nominal_geometry(arm).arm if geometry is None else geometry
     asked = _levels(levels, arm.n)
     chosen = _joints(arm, joints)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(whole_number(seed, "seed", 0, MAX_SEED))
     notes = list(scale_notes(arm))
     q, origin = choose_nominal(arm, nominal, ignore_limits, rng)
     ranges = moving_ranges(arm, ignore_limits, notes)
@@ -261,8 +265,9 @@ def plan_sweep(
 def _levels(levels: int | Iterable[int] | None, n: int) -> tuple[int, ...]:
     if levels is None:
         return tuple(level for level in LEVELS if level < n)
-    given = range(1, levels + 1) if isinstance(levels, int | np.integer) else levels
-    asked = tuple(sorted({int(level) for level in given}))
+    if isinstance(levels, int | np.integer):
+        levels = range(1, min(int(levels), n) + 1)
+    asked = tuple(sorted({int(level) for level in levels}))
     if not asked or asked[0] < 1 or asked[-1] > n - 1:
         raise OptionError(
             f"levels must lie between 1 and {n - 1} for {n} joints, got "

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.arguments import checked, whole_number
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.kinematics.verdict import Status
 from pinsing.robot.arm_summary import ArmSummary
@@ -149,6 +150,7 @@ class SweepResult(JsonResult):
     """
 
     schema: ClassVar[str] = "pinsing/sweep/1"
+    made_by: ClassVar[str] = "pinsing.sweep(arm)"
 
     plan: SweepPlan
     uniform: tuple[UniformRow, ...]
@@ -166,6 +168,7 @@ class SweepResult(JsonResult):
         """The arm that was swept."""
         return self.plan.arm
 
+    @checked
     def curve(self, fixed: Mapping[str, float] | None, moving: str | int) -> SweepCurve:
         """Look up the curve of joint ``moving`` with ``fixed`` at special values.
 
@@ -188,7 +191,11 @@ class SweepResult(JsonResult):
         for name in (*wanted, *([moving] if isinstance(moving, str) else [])):
             if name not in names:
                 raise UnknownNameError("joint", name, names)
-        index = names.index(moving) if isinstance(moving, str) else int(moving)
+        index = (
+            names.index(moving)
+            if isinstance(moving, str)
+            else whole_number(moving, "moving", 0, len(names) - 1)
+        )
         for curve in self.curves:
             if curve.moving == index and self._same(curve.fixed, wanted):
                 return curve
@@ -202,6 +209,7 @@ class SweepResult(JsonResult):
             ": outside the plan, or left out because a part of it is singular already"
         )
 
+    @checked
     def set_text(self, fixed: Mapping[str, float]) -> str:
         """Such as ``q2 = 0, q3 = 90 deg``."""
         sliding = dict(zip(self.arm.joints, self.arm.prismatic, strict=True))

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Ints
+from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.kinematics.evaluator import Evaluator
 from pinsing.kinematics.verdict import status_of
@@ -63,6 +64,7 @@ _CHUNK, _CHUNK_ON_DISK = 16_384, 65_536
 _LARGEST_CHUNK, _CHUNKS = 524_288, 256
 
 
+@checked
 def sweep(
     arm: Arm,
     nominal: npt.ArrayLike | None = None,

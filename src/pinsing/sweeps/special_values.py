@@ -82,12 +82,16 @@ def choose_nominal(
         If the given one is singular or outside the limits, or none is regular.
     """
     if given is not None:
-        q = arm.check(given).reshape(arm.n)
+        q = arm.check_one(given, "nominal")
         if not ignore_limits and not arm.within_limits(q):
-            names = ", ".join(np.array(arm.joints)[arm.space.outside(q)])
+            bad = np.flatnonzero(arm.space.outside(q))
+            names = ", ".join(arm.joints[i] for i in bad)
             raise ConfigurationError(
                 f"the nominal configuration is outside the limits of {names}; "
-                "change it, or sweep with ignore_limits"
+                "change it, or sweep with ignore_limits",
+                joint=arm.joints[bad[0]],
+                value=float(q[bad[0]]),
+                limits=(float(arm.lower[bad[0]]), float(arm.upper[bad[0]])),
             )
         given_ratio = float(ratios(arm, q)[0])
         if given_ratio <= SINGULAR_RTOL:
@@ -157,7 +161,10 @@ def special_values(
                     raise ConfigurationError(
                         f"special value {value:g} of {name} is outside its limits "
                         f"[{arm.lower[i]:g}, {arm.upper[i]:g}]; "
-                        "change it, or sweep with ignore_limits"
+                        "change it, or sweep with ignore_limits",
+                        joint=name,
+                        value=float(value),
+                        limits=(float(arm.lower[i]), float(arm.upper[i])),
                     )
                 left_out.append(f"{name} = {value_text(value, bool(arm.prismatic[i]))}")
                 continue

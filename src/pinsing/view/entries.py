@@ -128,7 +128,7 @@ def pose_entries(arm: Arm, configurations: Iterable[npt.ArrayLike]) -> tuple[Ent
     symbols = joint_symbols(arm)
     out = []
     for number, q in enumerate(configurations, 1):
-        q = arm.check(q)
+        q = arm.check_one(q, "poses")
         text = ", ".join(
             f"{s} = {_value(x, bool(p))}" for s, x, p in zip(symbols, q, arm.prismatic, strict=True)
         )

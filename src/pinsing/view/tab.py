@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from pinsing._types import Array
+from pinsing.arguments import checked
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.view.server import Served, Server
 from pinsing.view.stage import KINDS
@@ -89,6 +90,7 @@ class Tab:
         if self._server is not None:
             self._server.send(message)
 
+    @checked
     def save_png(
         self, path: str | Path, size: tuple[int, int] = (1200, 900), panel: bool = False
     ) -> None:
@@ -118,6 +120,7 @@ class Tab:
             self._server.close()
             self._server = None
 
+    @checked
     def jupyter_cell(self, height: int = 600) -> Any:
         """The page as a notebook cell."""
         from IPython.display import HTML

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.arguments import checked
 from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError
 from pinsing.families.paths import FamilyLike
 from pinsing.robot.arm import Arm
+from pinsing.sweeps.findings import Finding
 from pinsing.view.ellipsoids import sizes
 from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import finding_entries
@@ -24,9 +25,6 @@ from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import Stage
 from pinsing.view.tab import Tab, place_in_list
-
-if TYPE_CHECKING:
-    from pinsing.sweeps.findings import Finding
 
 
 class Viewer(Tab):
@@ -66,6 +64,7 @@ class Viewer(Tab):
     >>> viewer.close()
     """
 
+    @checked
     def __init__(
         self,
         arm: Arm,
@@ -79,7 +78,7 @@ class Viewer(Tab):
         host: str = "127.0.0.1",
         port: int | None = None,
     ) -> None:
-        if not (np.isfinite(scale) and scale > 0):
+        if not 0 < scale < 1e6:
             raise OptionError(f"scale must be a positive number, got {scale!r}")
         self.arm = arm
         if families is None and poses is None and findings is None:
@@ -87,9 +86,9 @@ class Viewer(Tab):
 
             families = closed_form(arm).families
         entries = (
-            *pose_entries(arm, poses or ()),
-            *family_entries(arm, families or ()),
-            *finding_entries(arm, findings or ()),
+            *pose_entries(arm, () if poses is None else poses),
+            *family_entries(arm, () if families is None else families),
+            *finding_entries(arm, () if findings is None else findings),
         )
         size = sizes(arm, scale)
         links = Links(None) if skeleton else read_links(arm)
@@ -106,6 +105,7 @@ class Viewer(Tab):
         """What the page lists."""
         return self._stage.entries
 
+    @checked
     def show(self, q: npt.ArrayLike) -> None:
         """Move the arm, in every open tab, to q (n,), radians and metres.
 
@@ -114,8 +114,9 @@ class Viewer(Tab):
         ConfigurationError
             If q has the wrong length or is not finite.
         """
-        self._show(self.arm.check(q), None)
+        self._show(self.arm.check_one(q), None)
 
+    @checked
     def show_family(self, family: FamilyLike | str | int, pose: int = 0) -> None:
         """Move the arm to a pose of a family.
 
@@ -136,6 +137,7 @@ class Viewer(Tab):
         index = self._index(family, pose)
         self._show(self.entries[index].poses[pose], (index, pose))
 
+    @checked
     def play(self, family: FamilyLike | str | int, kind: str = "into", pose: int = 0) -> None:
         """Play a motion in every open tab: ``into`` the singular pose, or ``along`` the family."""
         self._play(self._index(family, pose), pose, kind)
@@ -153,6 +155,7 @@ class Viewer(Tab):
         """The page in one file, poses and paths inside, that needs no program behind it."""
         return static_html(f"pinsing: {self.arm.name}", self._stage.baked(), self._scene)
 
+    @checked
     def save_html(self, path: str | Path) -> None:
         """Write `html` to a file.
 

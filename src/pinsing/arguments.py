@@ -1,0 +1,306 @@
+"""What public functions take: every argument is held against its annotation.
+
+``@checked`` reads the annotations of a function once and compares each call with them, so that a
+robot's name where a loaded arm belongs, a text for a number or a masked array is one clear line
+and not a failure deep inside. Ranges and shapes are the function's own business.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import json
+import math
+import os
+import sys
+import types
+import typing
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, NamedTuple, TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.errors import ArgumentError, ConfigurationError, OptionError
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+MAX_SEED = 2**64 - 1
+
+_LONGEST = 40
+_NUMBERS = "numbers"
+
+
+class _ArrayLike:
+    """Stands for ``npt.ArrayLike``, which is a union that dissolves in any other."""
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """One kind of value: what to call it, how to know it, how to get one."""
+
+    expected: str
+    fits: Callable[[Any], bool]
+    hint: str = ""
+
+
+class _Parameter(NamedTuple):
+    name: str
+    position: int | None
+    variadic: bool
+    kind: _Kind
+
+
+def checked(function: F) -> F:
+    """Make a function compare its arguments with their annotations before it runs.
+
+    Annotations that are not understood (``Any``, type variables) let everything pass.
+
+    Raises
+    ------
+    ArgumentError
+        On a call, if an argument is of another type, or NaN where one number belongs.
+    ConfigurationError
+        On a call, if an argument that should hold numbers holds something else.
+    """
+    parameters: list[_Parameter] | None = None
+
+    @functools.wraps(function)
+    def call(*args: Any, **kwargs: Any) -> Any:
+        nonlocal parameters
+        if parameters is None:
+            parameters = _parameters(function)
+        for name, position, variadic, kind in parameters:
+            if variadic:
+                given = args[position:] if position is not None else ()
+            elif position is not None and position < len(args):
+                given = (args[position],)
+            elif name in kwargs:
+                given = (kwargs[name],)
+            else:
+                continue
+            for value in given:
+                if not kind.fits(value):
+                    raise _refusal(name, kind, value)
+        return function(*args, **kwargs)
+
+    return typing.cast(F, call)
+
+
+def real_numbers(values: npt.ArrayLike, name: str) -> Array:
+    """Return ``values`` as a new array of floats.
+
+    Parameters
+    ----------
+    values : array_like
+        Real numbers.
+    name : str
+        What the message calls them.
+
+    Raises
+    ------
+    ConfigurationError
+        If they are text, complex, masked, dates, ragged, or anything else that is no number.
+    """
+    if not _are_numbers(values):
+        raise ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(values)}")
+    return np.array(values, dtype=float)
+
+
+def whole_number(value: int, name: str, least: int, most: int) -> int:
+    """Return ``value`` if it is between ``least`` and ``most``, both included.
+
+    Raises
+    ------
+    OptionError
+        If it is not.
+    """
+    if not least <= value <= most:
+        raise OptionError(f"{name} must lie between {least:,} and {most:,}, got {_cut(str(value))}")
+    return int(value)
+
+
+def shown(value: Any) -> str:
+    """Return in a few words what a value is, whatever it is."""
+    if value is np.ma.masked:
+        return "a masked value"
+    if value is None or isinstance(value, bool | int | float | complex | np.number):
+        return _cut(f"{value}")
+    if isinstance(value, bytes | bytearray):
+        return "bytes"
+    if isinstance(value, str):
+        return f"the text {_cut(value)!r}"
+    if isinstance(value, np.ma.MaskedArray):
+        return "a masked array"
+    if isinstance(value, np.ndarray):
+        return f"an array of {value.dtype} of shape {value.shape}"
+    if isinstance(value, type):
+        return f"the class {value.__name__}"
+    kind = type(value).__name__
+    return f"{'an' if kind[:1].lower() in 'aeiou' else 'a'} {kind}"
+
+
+def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | ArgumentError:
+    if kind.expected == _NUMBERS:
+        return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}")
+    hint = kind.hint
+    if hint.startswith("pinsing.load(") and isinstance(value, str | os.PathLike):
+        hint = f"load it first, {_load_call(os.fspath(value))}"
+    elif hint:
+        hint = f"{hint} gives one"
+    return ArgumentError(name, kind.expected, shown(value), hint)
+
+
+def _load_call(robot: str | bytes) -> str:
+    short = isinstance(robot, str) and robot.isprintable() and 0 < len(robot) <= _LONGEST
+    return f"pinsing.load({json.dumps(robot if short else 'ur5', ensure_ascii=False)})"
+
+
+def _cut(text: str) -> str:
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 3] + "..."
+
+
+# Annotations --------------------------------------------------------------------------
+
+
+def _parameters(function: Callable[..., Any]) -> list[_Parameter]:
+    """Return the parameters of a function that are annotated with something to check."""
+    numpy_typing = types.SimpleNamespace(ArrayLike=_ArrayLike, NDArray=npt.NDArray)
+    names = {**sys.modules[function.__module__].__dict__, "npt": numpy_typing}
+    found = []
+    for position, (name, p) in enumerate(inspect.signature(function).parameters.items()):
+        if p.annotation is p.empty or p.kind is p.VAR_KEYWORD:
+            continue
+        try:
+            hint = eval(p.annotation, names) if isinstance(p.annotation, str) else p.annotation
+        except NameError:  # imported for type checking only
+            continue
+        kind = _kind_of(hint)
+        if kind is not None:
+            by_position = p.kind is not p.KEYWORD_ONLY
+            variadic = p.kind is p.VAR_POSITIONAL
+            found.append(_Parameter(name, position if by_position else None, variadic, kind))
+    return found
+
+
+def _kind_of(hint: Any) -> _Kind | None:
+    """Return the kind of value that an annotation asks for, None if any value may do."""
+    origin, args = typing.get_origin(hint), typing.get_args(hint)
+    if hint in _PLAIN:
+        return _PLAIN[hint]
+    if origin in (typing.Union, types.UnionType):
+        return _union([_kind_of(a) for a in args])
+    if origin is Literal:
+        return _Kind(" or ".join(map(repr, args)), lambda v: isinstance(v, str) and v in args)
+    if origin is np.ndarray:
+        return _PLAIN[_ArrayLike]
+    if origin is tuple and args and Ellipsis not in args:
+        every, size = _sequence(_kind_of(args[0])), len(args)
+        return _Kind(f"{size} values", lambda v: every.fits(v) and len(v) == size)
+    if origin in (Sequence, Iterable, list, tuple):
+        return _sequence(_kind_of(args[0]) if args else None)
+    if origin is Mapping:
+        return _mapping(_kind_of(args[0]), _kind_of(args[1]))
+    if origin is Callable or hint is Callable:
+        return _Kind("a function", callable)
+    kind = origin or hint
+    if not isinstance(kind, type) or kind is object:
+        return None
+    if getattr(kind, "_is_protocol", False) and not getattr(kind, "_is_runtime_protocol", False):
+        return None
+    if kind is os.PathLike:
+        return _Kind("a path", lambda v: isinstance(v, os.PathLike))
+    name = kind.__name__.removesuffix("Like")
+    article = "an" if name[0] in "AEIOU" else "a"
+    made_by = getattr(kind, "made_by", "")
+    return _Kind(f"{article} {name}", lambda v: isinstance(v, kind), made_by)
+
+
+def _union(kinds: list[_Kind | None]) -> _Kind | None:
+    if None in kinds:
+        return None
+    some = [k for k in kinds if k is not None]
+    said = list(dict.fromkeys(k.expected for k in some if k.expected != "None"))
+    hint = next((k.hint for k in some if k.hint), "")
+    return _Kind(" or ".join(said), lambda v: any(k.fits(v) for k in some), hint)
+
+
+def _sequence(item: _Kind | None) -> _Kind:
+    """Items are looked at where that does not use them up."""
+    text = item is not None and item.expected == "text"
+
+    def fits(value: Any) -> bool:
+        if isinstance(value, str):
+            return text
+        if isinstance(value, bytes | bytearray | Mapping) or not isinstance(value, Iterable):
+            return False
+        if isinstance(value, np.ndarray) and (text or not _are_numbers(value) or not value.ndim):
+            return False
+        return item is None or not isinstance(value, Collection) or all(map(item.fits, value))
+
+    return _Kind("names" if text else "a sequence of values", fits)
+
+
+def _mapping(key: _Kind | None, item: _Kind | None) -> _Kind:
+    def fits(value: Any) -> bool:
+        return isinstance(value, Mapping) and all(
+            (key is None or key.fits(k)) and (item is None or item.fits(v))
+            for k, v in value.items()
+        )
+
+    return _Kind("a mapping", fits)
+
+
+def _is_number(value: Any) -> bool:
+    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+        return False
+    try:
+        return not math.isnan(float(value))  # NaN is no number
+    except OverflowError:  # an integer beyond all floats
+        return False
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _are_numbers(value: Any) -> bool:
+    """Whether NumPy would make real numbers of a value without losing anything."""
+    if isinstance(value, str | bytes | bytearray | Mapping | type(None)):
+        return False
+    if isinstance(value, np.ndarray):
+        array = value
+    else:
+        if _holds_masked(value):
+            return False
+        try:
+            array = np.asarray(value)
+        except (TypeError, ValueError, OverflowError):
+            return False
+    if np.ma.isMaskedArray(value):
+        return False
+    if array.dtype.kind == "O":
+        return array.size > 0 and all(
+            isinstance(x, int | float | np.integer | np.floating) and not isinstance(x, bool)
+            for x in array.flat
+        )
+    return array.dtype.kind in "iuf"
+
+
+def _holds_masked(value: Any) -> bool:
+    return isinstance(value, list | tuple) and any(
+        np.ma.isMaskedArray(v) or v is np.ma.masked or _holds_masked(v) for v in value
+    )
+
+
+_PLAIN: dict[Any, _Kind | None] = {
+    Any: None,
+    type(None): _Kind("None", lambda v: v is None),
+    bool: _Kind("True or False", lambda v: isinstance(v, bool | np.bool_)),
+    int: _Kind("a whole number", _is_count),
+    float: _Kind("a number", _is_number),
+    str: _Kind("text", lambda v: isinstance(v, str)),
+    _ArrayLike: _Kind(_NUMBERS, lambda v: _are_numbers(v)),
+}

@@ -1,0 +1,425 @@
+"""The doors that Pinocchio users try first: their models, wrappers, texts and configurations."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from pinocchio.robot_wrapper import RobotWrapper
+from urdf_texts import LIMIT, robot
+
+import pinsing
+from pinsing.description.catalog import find_robot
+from pinsing.errors import (
+    ArgumentError,
+    ConfigurationError,
+    JointError,
+    PinsingError,
+    RobotFileError,
+    UnknownNameError,
+)
+
+
+def model_of(name: str, *base) -> pin.Model:
+    return pin.buildModelFromUrdf(str(find_robot(name).path), *base)
+
+
+def panda_q(rng, model) -> np.ndarray:
+    q = pin.randomConfiguration(model)
+    for i in range(model.nq):  # limits of fingers and all: drawn with the seed of the test
+        low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
+        q[i] = rng.uniform(max(low, -3), min(high, 3))
+    return q
+
+
+# What load takes ------------------------------------------------------------------------
+
+
+def test_a_wrapper_a_model_a_path_a_text_and_a_name_are_one_arm():
+    path = find_robot("ur5").path
+    wrapper = RobotWrapper(model_of("ur5"))
+    q = [0.1, -1.0, 1.2, 0.3, 0.5, 0.0]
+    expected = pinsing.at(pinsing.load("ur5"), q)
+    for given in (wrapper, wrapper.model, path, str(path), path.read_text()):
+        arm = pinsing.load(given)
+        assert arm.joints == expected.arm.joints
+        assert arm.tip == expected.arm.tip
+        assert np.allclose(pinsing.at(arm, q).J, expected.J, atol=1e-12)
+
+
+def test_any_object_with_a_model():
+    arm = pinsing.load(SimpleNamespace(model=model_of("ur5")))
+    assert arm.n == 6
+    with pytest.raises(ArgumentError, match="robot must be a file, the name of a robot"):
+        pinsing.load(SimpleNamespace(model="ur5"))
+    with pytest.raises(TypeError):
+        pinsing.load(RobotWrapper)
+
+
+def test_the_model_of_the_caller_stays_as_it_is():
+    model = model_of("panda")
+    before = model.copy()
+    arm = pinsing.load(model)
+    pinsing.closed_form(arm, seconds=0.2)
+    assert model == before
+    model.jointPlacements[1] = pin.SE3.Random()
+    assert arm.source.full_model == before
+
+
+@pytest.mark.parametrize("name", [None, 3, 2.5, b"ur5", [], {}, object(), np.zeros(6)])
+def test_what_is_no_robot(name):
+    with pytest.raises(ArgumentError, match=r'^robot must be .*pinsing\.load\("ur5"\)') as caught:
+        pinsing.load(name)
+    assert isinstance(caught.value, TypeError)
+    assert caught.value.argument == "robot"
+    with pytest.raises(ArgumentError):
+        pinsing.load_mechanism(name)
+
+
+TEXT = robot()
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TEXT,
+        "\n\n   \t" + TEXT,
+        "\ufeff" + TEXT,
+        '<?xml version="1.0"?>\n' + TEXT,
+        '  \n<?xml version="1.0" encoding="iso-8859-1"?>\n<!-- \u00e9 -->\n' + TEXT,
+    ],
+)
+def test_text_of_a_urdf(text):
+    arm = pinsing.load(text)
+    assert arm.n > 0
+    assert arm.source.label == "URDF text"
+    assert arm.source.path is None
+
+
+def test_text_has_the_encoding_that_it_has_not_the_one_it_declares():
+    text = robot().replace('name="r"', 'name="b\u00e9ton \u0416"')
+    arm = pinsing.load('<?xml version="1.0" encoding="latin-1"?>' + text)
+    assert arm.name == "b\u00e9ton \u0416"
+
+
+@pytest.mark.parametrize(
+    ("text", "line", "expected"),
+    [
+        ("<", None, "is not XML"),
+        ("<robot", 1, "not well-formed XML"),
+        ("\n\n<robot name='r'>\n</robt>", 4, "mismatched tag"),
+        ("<sdf/>", 1, "an SDF file"),
+        ("<html><body/></html>", 1, "a web page"),
+        ("<robot/>", 1, "has no links"),
+        ("<!DOCTYPE robot [<!ENTITY a 'b'>]><robot/>", 1, "document types and entities"),
+        ("<robot name='\ud800'/>", 1, "lone surrogate"),
+        (
+            '<?xml version="1.0"?>\n' + robot().replace(LIMIT, ""),
+            None,
+            "has no <limit>",
+        ),
+        (
+            '<robot name="r" xmlns:xacro="http://x"><xacro:property name="a" value="1"/></robot>',
+            None,
+            "is xacro: give the path",
+        ),
+    ],
+)
+def test_text_that_is_no_robot(text, line, expected):
+    with pytest.raises(RobotFileError, match=expected) as caught:
+        pinsing.load(text)
+    said = str(caught.value)
+    assert said.startswith("URDF text:")
+    assert "\n" not in said
+    assert len(said) < 300
+    if line is not None:
+        assert caught.value.line == line
+
+
+def test_text_reads_no_meshes_of_the_working_folder(tmp_path, monkeypatch):
+    """Text from a stranger has no folder: what lies where the user stands is not its own."""
+    (tmp_path / "a.stl").write_bytes(b"solid a\nendsolid a\n")
+    monkeypatch.chdir(tmp_path)
+    for address in ("a.stl", "./a.stl", "file://a.stl", f"file://{tmp_path}/a.stl", "../a.stl"):
+        visual = f'<visual><geometry><mesh filename="{address}"/></geometry></visual>'
+        text = robot(links="ab", extra=f'<link name="c">{visual}</link>')
+        arm = pinsing.load(text)
+        assert "mesh filename" not in arm.source.xml
+        given = pinsing.load(text.replace(address, "package://p/a.stl"), packages={"p": tmp_path})
+        assert "mesh filename" in given.source.xml
+
+
+def test_a_robot_that_nobody_knows():
+    with pytest.raises(UnknownNameError) as caught:
+        pinsing.load("nope")
+    said = str(caught.value)
+    assert "ur5" in said
+    assert "panda" in said
+    assert "pinsing list" in said
+    assert len(said) < 300
+    assert caught.value.name == "nope"
+    assert "ur5" in caught.value.known
+    for asked, meant in [
+        ("kuka", "iiwa14"),
+        ("ur5e", "ur5"),
+        ("Franka Emika", "panda"),
+        ("universal robots", "ur10"),
+        ("pandda", "panda"),
+    ]:
+        with pytest.raises(UnknownNameError, match="did you mean") as caught:
+            pinsing.load(asked)
+        assert meant in caught.value.close
+
+
+# Configurations of the whole model ------------------------------------------------------
+
+
+def test_a_configuration_of_the_whole_model_is_one_of_the_arm(rng):
+    """Panda has two fingers beside its seven joints."""
+    model = model_of("panda")
+    arm = pinsing.load(model)
+    assert (arm.n, model.nq) == (7, 9)
+    full = panda_q(rng, model)
+    q = arm.q_of(full)
+    assert np.array_equal(q, full[:7])
+    assert np.array_equal(arm.full_q(q, others=full), full)
+    assert np.array_equal(arm.q_of(arm.full_q(q)), q)
+    data = model.createData()
+    theirs = pin.computeFrameJacobian(
+        model, data, full, model.getFrameId(arm.tip), pin.LOCAL_WORLD_ALIGNED
+    )
+    assert np.allclose(pinsing.frame_jacobian(arm, full), theirs[:, :7], atol=1e-12)
+    Q = np.stack([panda_q(rng, model) for _ in range(5)])
+    for function in (pinsing.singular_values, pinsing.frame_jacobians, pinsing.task_jacobians):
+        assert np.array_equal(function(arm, Q), function(arm, arm.q_of(Q)))
+    assert np.array_equal(pinsing.at(arm, full).sigma, pinsing.at(arm, q).sigma)
+    assert np.array_equal(pinsing.refine(arm, full).q, pinsing.refine(arm, q).q)
+    assert arm.q_of(Q[None]).shape == (1, 5, 7)
+
+
+def test_every_function_takes_it():
+    model = model_of("panda")
+    arm = pinsing.load(model)
+    full = np.append([0.1, 0.2, 0.3, -1.5, 0.5, 1.2, 0.4], [0.01, 0.02])
+    q = full[:7]
+    plan = pinsing.plan_sweep(arm, nominal=full, levels=1, samples=5)
+    assert np.array_equal(plan.nominal, q)
+    assert np.array_equal(pinsing.plan_map(arm, count=4, q=full).base, q)
+    assert np.array_equal(arm.fold(full), arm.fold(q))
+    assert np.array_equal(arm.within_limits(full), arm.within_limits(q))
+    assert np.array_equal(arm.model_q(full), q)
+    viewer = pinsing.Viewer(arm, families=(), poses=[full], skeleton=True)
+    viewer.show(full)
+    assert np.array_equal(viewer.q, q)
+    viewer.close()
+
+
+def test_a_wrong_length_names_those_that_would_do():
+    arm = pinsing.load(model_of("panda"))
+    with pytest.raises(
+        ConfigurationError, match=r"q needs 7 values .*the whole model's 9; got 8"
+    ) as e:
+        pinsing.at(arm, np.zeros(8))
+    assert e.value.lengths == (7, 9)
+    with pytest.raises(ConfigurationError, match="got 3") as e:
+        pinsing.at(pinsing.load("ur5"), np.zeros(3))
+    assert e.value.lengths == (6,)
+    with pytest.raises(ConfigurationError, match="the whole model's 9 values"):
+        arm.q_of(np.zeros(7))
+    with pytest.raises(ConfigurationError, match="others needs 9 finite values"):
+        arm.full_q(np.zeros(7), others=np.zeros(7))
+    family = pinsing.closed_form(pinsing.load("ur5")).families[0]
+    with pytest.raises(ConfigurationError, match=r"arm\.q_of\(q\)"):
+        family.contains(np.zeros(9))
+
+
+def test_equal_lengths_mean_the_same(rng):
+    """n = nq only if every joint is on the chain, free, and one number: no choice to make."""
+    for name in ("ur5", "stanford", "puma560"):
+        arm = pinsing.load(model_of(name))
+        assert arm.n == arm.source.full_model.nq
+        q = rng.uniform(-1, 1, arm.n)
+        assert np.array_equal(arm.q_of(q), q)
+        assert np.array_equal(arm.full_q(q), q)
+
+
+def test_a_floating_base(rng):
+    """The arm is judged in the axes of its base, wherever that stands."""
+    model = model_of("ur5", pin.JointModelFreeFlyer())
+    arm, fixed = pinsing.load(model), pinsing.load("ur5")
+    assert any("floating base" in note for note in arm.notes)
+    full = pin.randomConfiguration(model, np.full(13, -1.0), np.full(13, 1.0))
+    assert full.shape == (13,)
+    q = full[7:]
+    assert np.allclose(arm.q_of(full), q)
+    ours = pinsing.frame_jacobian(arm, full)
+    assert np.allclose(ours, pinsing.frame_jacobian(fixed, q), atol=1e-12)
+    data = model.createData()
+    theirs = pin.computeFrameJacobian(
+        model, data, full, model.getFrameId(arm.tip), pin.LOCAL_WORLD_ALIGNED
+    )[:, 6:]
+    R = pin.XYZQUATToSE3(full[:7]).rotation
+    assert np.allclose(np.kron(np.eye(2), R) @ ours, theirs, atol=1e-9)
+    back = arm.full_q(q, others=full)
+    assert np.allclose(back, full)
+    assert [f.text for f in pinsing.closed_form(arm).families] == [
+        f.text for f in pinsing.closed_form(fixed).families
+    ]
+
+
+def test_continuous_joints_are_a_cosine_and_a_sine(make_model, rng):
+    model = make_model(
+        [
+            (pin.JointModelRUBZ(), pin.SE3.Identity()),
+            (pin.JointModelRY(), pin.SE3(np.eye(3), np.array([0, 0, 0.4]))),
+            (pin.JointModelRUBY(), pin.SE3(np.eye(3), np.array([0, 0, 0.3]))),
+        ],
+        tip=pin.SE3(np.eye(3), np.array([0, 0, 0.2])),
+    )
+    arm = pinsing.load(model, task="position")
+    assert (arm.n, model.nq) == (3, 5)
+    q = np.array([3.0, 0.5, -2.0])
+    full = arm.full_q(q)
+    assert np.allclose(full, [np.cos(3), np.sin(3), 0.5, np.cos(-2), np.sin(-2)])
+    assert np.allclose(arm.q_of(full), q)
+    assert np.allclose(pinsing.at(arm, full).sigma, pinsing.at(arm, q).sigma)
+    assert np.allclose(arm.q_of(pin.neutral(model)), 0)
+    full[3:] = 0
+    with pytest.raises(ConfigurationError, match="'j3' must be its cosine and sine") as caught:
+        pinsing.at(arm, full)
+    assert caught.value.joint == "j3"
+
+
+def test_a_joint_that_is_locked_in_the_chain_must_be_where_it_is(rng):
+    model = model_of("ur5")
+    some = [n for n in list(model.names)[1:] if "elbow" not in n]
+    arm = pinsing.load(model, joints=some)
+    full = arm.full_q(np.full(5, 0.3))
+    assert np.allclose(arm.q_of(full), 0.3)
+    full[2] += 0.5
+    with pytest.raises(ConfigurationError, match="is locked in this arm") as caught:
+        pinsing.singular_values(arm, full[None])
+    assert caught.value.joint == "elbow_joint"
+    assert caught.value.value == pytest.approx(0.5)
+
+
+def test_joints_beside_the_chain_do_not_matter(rng):
+    """One arm of a robot with two."""
+    model = model_of("baxter")
+    arm = pinsing.load(model, tip="left_gripper")
+    assert model.nq > arm.n
+    full = pin.neutral(model)
+    q = rng.uniform(-0.5, 0.5, arm.n)
+    full = arm.full_q(q, others=full)
+    assert np.allclose(arm.q_of(full), q)
+    other = full.copy()
+    index = [j.idx_q for j, n in zip(model.joints, model.names, strict=True) if "right" in n]
+    other[index] += 0.3
+    assert not np.array_equal(other, full)
+    assert np.array_equal(arm.q_of(other), arm.q_of(full))
+
+
+MIMIC = '<mimic joint="j1" multiplier="-2" offset="0.25"/>'
+
+
+def test_mimic_joints_follow_in_the_whole_model_too(write_urdf):
+    turn = f'<origin xyz="0.3 0 0"/><axis xyz="0 0 1"/>{LIMIT}'
+    path = write_urdf([("revolute", turn), ("revolute", turn + MIMIC), ("revolute", turn)])
+    arm = pinsing.load(path, task="vx,vy")
+    assert (arm.n, arm.source.full_model.nq) == (2, 3)
+    full = arm.full_q([0.1, 0.7])
+    assert np.allclose(full, [0.1, -0.2 + 0.25, 0.7])
+    assert np.allclose(arm.q_of(full), [0.1, 0.7])
+    with pytest.raises(ConfigurationError, match="follows another joint") as caught:
+        arm.q_of([0.1, 0.1, 0.7])
+    assert caught.value.joint == "j2"
+
+
+def test_pinocchios_own_mimic_joints_are_refused_with_the_way_round(write_urdf):
+    turn = f'<origin xyz="0.3 0 0"/><axis xyz="0 0 1"/>{LIMIT}'
+    path = write_urdf([("revolute", turn), ("revolute", turn + MIMIC)])
+    model = pin.buildModelFromUrdf(str(path), mimic=True)
+    assert any("Mimic" in j.shortname() for j in model.joints)
+    with pytest.raises(PinsingError, match="mimic=False"):
+        pinsing.load(model)
+
+
+def test_the_chain_beyond_a_base_and_the_exact_geometry(rng):
+    model = model_of("panda")
+    arm = pinsing.load(model, base="panda_link1", tip="panda_link8")
+    assert (arm.n, model.nq) == (6, 9)
+    full = panda_q(rng, model)
+    assert np.array_equal(arm.q_of(full), full[1:7])  # where joint 1 stands does not matter
+    exact = pinsing.nominal(arm).arm
+    assert np.array_equal(exact.q_of(full), full[1:7])
+    assert pinsing.singular_values(exact, full[None]).shape == (1, 6)
+
+
+def test_arms_that_travel_still_know(rng):
+    arm = pickle.loads(pickle.dumps(pinsing.load(model_of("panda"))))
+    assert np.array_equal(arm.q_of(np.arange(9) / 10), np.arange(7) / 10)
+
+
+# Errors carry data ------------------------------------------------------------------------
+
+
+def test_errors_carry_data(write_urdf, tmp_path):
+    arm = pinsing.load("ur5")
+    with pytest.raises(ConfigurationError) as caught:
+        pinsing.at(arm, [0, 0, np.nan, 0, 0, 0])
+    assert caught.value.joint == arm.joints[2]
+    assert np.isnan(caught.value.value)
+    with pytest.raises(UnknownNameError) as frame:
+        pinsing.load("ur5", tip="tool1")
+    assert frame.value.kind == "frame"
+    assert "tool0" in frame.value.close
+    model = model_of("ur5")
+    model.lowerPositionLimit[1], model.upperPositionLimit[1] = 1.0, -1.0
+    with pytest.raises(JointError) as limits:
+        pinsing.load(model)
+    assert limits.value.joint == "shoulder_lift_joint"
+    assert limits.value.limits == (1.0, -1.0)
+    path = tmp_path / "a.urdf"
+    path.write_text("<robot>\n<link></robot>")
+    with pytest.raises(RobotFileError) as damaged:
+        pinsing.load(path)
+    assert (damaged.value.path, damaged.value.line) == (path, 2)
+
+
+@pytest.mark.parametrize("where", ["sweep", "map", "special"])
+def test_errors_about_limits_have_joint_value_and_limits(where):
+    arm = pinsing.load("puma560")
+    q = np.zeros(6)
+    q[1] = -1.5
+    asked = {
+        "sweep": lambda: pinsing.plan_sweep(arm, nominal=q),
+        "map": lambda: pinsing.plan_map(arm, q=q, joints=[arm.joints[0]]),
+        "special": lambda: pinsing.plan_sweep(arm, special={arm.joints[1]: [-1.5]}),
+    }
+    with pytest.raises(ConfigurationError) as caught:
+        asked[where]()
+    assert caught.value.joint == arm.joints[1]
+    assert caught.value.value == pytest.approx(-1.5)
+    assert caught.value.limits == (arm.lower[1], arm.upper[1])
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ArgumentError("arm", "an Arm", "None", "load one"),
+        ConfigurationError("q", joint="j", value=1.0, limits=(0.0, 0.5)),
+        JointError("j", "is odd", value=1.0),
+        RobotFileError("is damaged", Path("a.urdf"), 3),
+        UnknownNameError("robot", "nope", ["a", "b"]),
+    ],
+)
+def test_errors_travel_with_their_data(error):
+    """Workers send them home by pickle."""
+    again = pickle.loads(pickle.dumps(error))
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert again.__dict__ == error.__dict__

@@ -1,0 +1,370 @@
+"""Every public function, given what it cannot use, says which argument is wrong, in one line.
+
+The test finds the functions by itself: those of ``pinsing.__all__`` and ``pinsing.plot``, and the
+methods of the public classes. A new one fails until it is given a call that works, below.
+"""
+
+from __future__ import annotations
+
+import datetime
+import functools
+import inspect
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from decimal import Decimal
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import pytest
+
+import pinsing
+import pinsing.plot
+from pinsing.errors import ArgumentError, PinsingError
+
+matplotlib.use("agg")
+FIVE_BAR = Path(__file__).parent.parent / "urdf" / "five_bar.urdf"
+
+
+class Unfit:
+    def __repr__(self) -> str:
+        return "Unfit()"
+
+
+# Never right, wherever they are given.
+NEVER = {
+    "object": Unfit(),
+    "bytes": b"ur5",
+    "complex": 1j,
+    "complex array": np.full(3, 1j),
+    "date": datetime.datetime(2020, 1, 1),
+    "dates": np.full(3, np.datetime64("2020-01-01")),
+    "objects": np.full(3, Unfit(), dtype=object),
+    "masked": np.ma.masked_array(np.zeros(3), [0, 1, 0]),
+    "masked in a list": [np.ma.masked, 0.0, 0.0],
+    "set": {Unfit()},
+}
+# Right in some places; a call that takes them ends well.
+ODD = {
+    "None": None,
+    "text": "ur5",
+    "empty": "",
+    "number": 2.5,
+    "nan": float("nan"),
+    "inf": float("inf"),
+    "minus": -1,
+    "zero": 0,
+    "huge": 10**30,
+    "yes": True,
+    "fractions": [Decimal(1), Decimal(0), Decimal(0)],
+    "nans": np.full(3, np.nan),
+    "texts": np.array(["a", "b", "c"]),
+    "numbers as text": ["0.1", "0.2", "0.3"],
+    "ragged": [[1.0], [1.0, 2.0]],
+    "list": [],
+    "one": np.zeros(1),
+    "cube": np.zeros((2, 2, 2, 3)),
+    "mapping": {"q1": "x"},
+    "float32": np.zeros(3, dtype=np.float32),
+    "ints": [0, 1, 2],
+}
+
+
+@pytest.fixture(autouse=True)
+def _somewhere(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+@functools.cache
+def arm():
+    return pinsing.load("planar3r", task="position", joints=["q1", "q2", "q3"])
+
+
+@functools.cache
+def swept():
+    return pinsing.sweep(arm(), levels=1, samples=5)
+
+
+@functools.cache
+def form():
+    return pinsing.closed_form(arm())
+
+
+@functools.cache
+def mechanism():
+    return pinsing.load_mechanism(FIVE_BAR)
+
+
+@functools.cache
+def mapped():
+    return pinsing.sigma_map(arm(), count=8)
+
+
+@functools.cache
+def viewer():
+    return pinsing.Viewer(arm(), families=form().families, skeleton=True)
+
+
+@functools.cache
+def page():
+    """A viewer whose page is quickly written."""
+    return pinsing.Viewer(arm(), families=(), skeleton=True)
+
+
+Q = (0.1, 0.5, 0.7)
+
+
+@dataclass(frozen=True)
+class Call:
+    """A call that works: who is called, and how."""
+
+    of: Callable[[], Any]
+    args: Callable[[], dict[str, Any]] = field(default=dict)
+    free: frozenset[str] = frozenset()  # parameters that may be anything
+    slow: bool = False  # what is right is tried in other tests
+
+
+def with_arm(**more: Any) -> Callable[[], dict[str, Any]]:
+    return lambda: {"arm": arm(), **more}
+
+
+CALLS = {
+    "analyze": Call(
+        lambda: pinsing.analyze, with_arm(levels=1, samples=5, random_starts=2, seconds=2.0)
+    ),
+    "analyze_mechanism": Call(
+        lambda: pinsing.analyze_mechanism, lambda: {"mechanism": mechanism()}, slow=True
+    ),
+    "at": Call(lambda: pinsing.at, with_arm(q=Q)),
+    "clearance": Call(lambda: pinsing.clearance, lambda: {"forms": form(), "Q": [Q]}),
+    "is_clear": Call(lambda: pinsing.is_clear, lambda: {"forms": form(), "q": Q, "radius": 0.01}),
+    "closed_form": Call(lambda: pinsing.closed_form, with_arm()),
+    "frame_jacobian": Call(lambda: pinsing.frame_jacobian, with_arm(q=Q)),
+    "frame_jacobians": Call(lambda: pinsing.frame_jacobians, with_arm(Q=[Q])),
+    "generalize": Call(
+        lambda: pinsing.generalize, with_arm(configuration=(0.1, 0.0, 0.0), samples=8)
+    ),
+    "generic_rank": Call(lambda: pinsing.generic_rank, with_arm()),
+    "load": Call(lambda: pinsing.load, lambda: {"robot": "planar3r"}),
+    "load_mechanism": Call(lambda: pinsing.load_mechanism, lambda: {"robot": FIVE_BAR}),
+    "nominal": Call(lambda: pinsing.nominal, with_arm()),
+    "plan_map": Call(lambda: pinsing.plan_map, with_arm(count=8)),
+    "plan_sweep": Call(lambda: pinsing.plan_sweep, with_arm(levels=1, samples=5)),
+    "refine": Call(lambda: pinsing.refine, with_arm(q0=Q)),
+    "refine_many": Call(lambda: pinsing.refine_many, with_arm(Q0=[Q])),
+    "sigma_map": Call(lambda: pinsing.sigma_map, with_arm(count=8)),
+    "singular_configurations": Call(
+        lambda: pinsing.singular_configurations, lambda: {"arm": arm(), "result": swept()}
+    ),
+    "singular_values": Call(lambda: pinsing.singular_values, with_arm(Q=[Q])),
+    "sweep": Call(lambda: pinsing.sweep, with_arm(levels=1, samples=5)),
+    "task_jacobian": Call(lambda: pinsing.task_jacobian, with_arm(q=Q)),
+    "task_jacobians": Call(lambda: pinsing.task_jacobians, with_arm(Q=[Q])),
+    "Viewer": Call(
+        lambda: closing(pinsing.Viewer),
+        lambda: {"arm": arm(), "families": (), "skeleton": True},
+        frozenset({"visualizer"}),
+    ),
+    "Viewer.jupyter_cell": Call(lambda: viewer().jupyter_cell),
+    "Viewer.play": Call(lambda: viewer().play, lambda: {"family": "F1"}),
+    "Viewer.save_html": Call(lambda: page().save_html, lambda: {"path": "page.html"}),
+    "Viewer.save_png": Call(lambda: page().save_png, lambda: {"path": "view.png"}, slow=True),
+    "Viewer.show": Call(lambda: viewer().show, lambda: {"q": Q}),
+    "Viewer.show_family": Call(lambda: viewer().show_family, lambda: {"family": "F1"}),
+    "Arm.check": Call(lambda: arm().check, lambda: {"q": Q}, frozenset({"name"})),
+    "Arm.check_one": Call(lambda: arm().check_one, lambda: {"q": Q}, frozenset({"name"})),
+    "Arm.check_many": Call(lambda: arm().check_many, lambda: {"q": [Q]}, frozenset({"name"})),
+    "Arm.fold": Call(lambda: arm().fold, lambda: {"q": Q}),
+    "Arm.full_q": Call(lambda: arm().full_q, lambda: {"q": Q}),
+    "Arm.model_q": Call(lambda: arm().model_q, lambda: {"q": Q}),
+    "Arm.q_of": Call(lambda: arm().q_of, lambda: {"full_q": Q}),
+    "Arm.with_task": Call(lambda: arm().with_task),
+    "Arm.within_limits": Call(lambda: arm().within_limits, lambda: {"q": Q}),
+    "ClosedForm.family_of": Call(lambda: form().family_of, lambda: {"q": np.array(Q)}),
+    "Family.box": Call(lambda: form().families[0].box, lambda: {"within_limits": True}),
+    "Family.conditions": Call(lambda: form().families[0].conditions),
+    "Family.contains": Call(lambda: form().families[0].contains, lambda: {"q": Q}),
+    "Family.distance": Call(lambda: form().families[0].distance, lambda: {"q": Q}),
+    "Family.points": Call(
+        lambda: form().families[0].points, lambda: {"n": 2, "rng": np.random.default_rng(0)}
+    ),
+    "Family.sample": Call(
+        lambda: form().families[0].sample, lambda: {"n": 2, "rng": np.random.default_rng(0)}
+    ),
+    "MapPlan.configurations": Call(
+        lambda: mapped().plan.configurations, lambda: {"start": 0, "stop": 8}
+    ),
+    "MapResult.head": Call(lambda: mapped().head),
+    "MapResult.tail": Call(lambda: mapped().tail),
+    "MapResult.text": Call(lambda: mapped().text),
+    "Mechanism.check": Call(
+        lambda: mechanism().check, lambda: {"q": np.zeros(4)}, frozenset({"name"})
+    ),
+    "Mechanism.check_inputs": Call(lambda: mechanism().check_inputs, lambda: {"inputs": (0, 1)}),
+    "Mechanism.fold": Call(lambda: mechanism().fold, lambda: {"q": np.zeros(4)}),
+    "Mechanism.model_q": Call(lambda: mechanism().model_q, lambda: {"q": np.zeros(4)}),
+    "Mechanism.with_actuated": Call(lambda: mechanism().with_actuated, lambda: {"names": ("q1",)}),
+    "SweepPlan.moving": Call(lambda: swept().plan.moving, lambda: {"fixed": (0,)}),
+    "SweepResult.curve": Call(lambda: swept().curve, lambda: {"fixed": None, "moving": "q2"}),
+    "SweepResult.set_text": Call(lambda: swept().set_text, lambda: {"fixed": {"q2": 0.0}}),
+    "plot.ellipsoids": Call(
+        lambda: pinsing.plot.ellipsoids, lambda: {"state": pinsing.at(arm(), Q)}
+    ),
+    "plot.sigma_along": Call(
+        lambda: pinsing.plot.sigma_along, with_arm(trajectory=[Q, (0.2, 0.5, 0.7)])
+    ),
+    "plot.sigma_curves": Call(lambda: pinsing.plot.sigma_curves, lambda: {"result": swept()}),
+    "plot.sigma_map": Call(
+        lambda: pinsing.plot.sigma_map, with_arm(joint_a="q2", joint_b="q3", samples=5)
+    ),
+    "plot.sigma_plane": Call(
+        lambda: pinsing.plot.sigma_plane, with_arm(joint_a="q2", joint_b="q3", samples=5)
+    ),
+}
+
+
+def closing(make: Callable[..., Any]) -> Callable[..., Any]:
+    @functools.wraps(make)
+    def made(**kwargs: Any) -> None:
+        make(**kwargs).close()
+
+    return made
+
+
+INTERNAL = {"once"}  # a method that other modules of pinsing keep things by
+
+
+def public() -> dict[str, Any]:
+    """All that takes arguments, by name; results are made by functions, not by hand."""
+    found = {}
+    for name in pinsing.__all__:
+        value = getattr(pinsing, name)
+        if not inspect.isclass(value):
+            found[name] = value
+            continue
+        if name == "Viewer":
+            found[name] = value
+        for method, function in inspect.getmembers(value, inspect.isfunction):
+            if (
+                method.startswith("_")
+                or method in INTERNAL
+                or not set(inspect.signature(function).parameters) - {"self"}
+            ):
+                continue
+            if function.__module__ == "pinsing.serialization":
+                continue  # one for all: tested below
+            found[f"{name}.{method}"] = function
+    for name in pinsing.plot.__all__:
+        found[f"plot.{name}"] = getattr(pinsing.plot, name)
+    return found
+
+
+PUBLIC = public()
+CASES = [
+    (name, parameter)
+    for name, call in CALLS.items()
+    for parameter in inspect.signature(PUBLIC[name]).parameters
+    if parameter not in ("self", *call.free)
+    if name in PUBLIC
+]
+
+
+def test_every_public_function_is_here():
+    assert sorted(PUBLIC) == sorted(CALLS)
+
+
+@pytest.mark.parametrize("name", [name for name, call in CALLS.items() if not call.slow])
+def test_the_calls_work(name):
+    call = CALLS[name]
+    call.of()(**call.args())
+    import matplotlib.pyplot as plt
+
+    plt.close("all")
+
+
+def wrong(name: str, parameter: str, value: Any) -> PinsingError | None:
+    """Call with one argument replaced: the error, None if the call ended well."""
+    call = CALLS[name]
+    raised: PinsingError | None = None
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        try:
+            call.of()(**{**call.args(), parameter: value})
+        except PinsingError as error:
+            raised = error
+    if raised is not None:
+        assert "\n" not in str(raised)
+        assert len(str(raised)) < 500
+    return raised
+
+
+@pytest.mark.parametrize(("name", "parameter"), CASES)
+def test_what_never_fits_is_refused_by_name(name, parameter):
+    for what, value in NEVER.items():
+        error = wrong(name, parameter, value)
+        assert error is not None, what
+        assert parameter in str(error), (what, str(error))
+
+
+@pytest.mark.parametrize(("name", "parameter"), [c for c in CASES if not CALLS[c[0]].slow])
+def test_what_may_fit_is_taken_or_refused(name, parameter):
+    import matplotlib.pyplot as plt
+
+    default = inspect.signature(PUBLIC[name]).parameters[parameter].default
+    for value in ODD.values():
+        if value is not default:
+            wrong(name, parameter, value)
+    plt.close("all")
+
+
+MADE = {
+    "arm": 'pinsing.load("ur5")',
+    "mechanism": "pinsing.load_mechanism(",
+    "result": "pinsing.sweep(arm)",
+    "state": "pinsing.at(arm, q)",
+}
+TAKERS = [case for case in CASES if case[1] in MADE]
+
+
+@pytest.mark.parametrize(("name", "parameter"), TAKERS)
+@pytest.mark.parametrize("value", ["ur5", None, 3.0, Unfit()], ids=repr)
+def test_what_belongs_there_is_told(name, parameter, value):
+    """A name, None or a number where an arm belongs: how to get one, and a TypeError too."""
+    error = wrong(name, parameter, value)
+    assert isinstance(error, ArgumentError)
+    assert isinstance(error, TypeError)
+    assert error.argument == parameter
+    assert MADE[parameter] in str(error)
+
+
+def test_the_name_given_is_the_name_to_load():
+    for given, said in [("panda", "panda"), (Path("a/b.urdf"), "a/b.urdf"), ("x" * 99, "ur5")]:
+        with pytest.raises(ArgumentError, match=rf'pinsing\.load\("{said}"\)'):
+            pinsing.at(given, [0])
+    with pytest.raises(ArgumentError, match=r'pinsing\.load\("ur5"\)'):
+        pinsing.at("<robot>\n</robot>", [0])
+
+
+@pytest.mark.parametrize("value", [*NEVER.values(), None, 3, "{}", [], {}], ids=repr)
+def test_json_of_anything_else(value):
+    with pytest.raises(PinsingError):
+        pinsing.State.from_json(value)
+    with pytest.raises(PinsingError):
+        pinsing.State.from_dict(value)
+
+
+def test_numbers_of_every_kind_count():
+    reference = pinsing.at(arm(), [0.0, 1.0, 2.0]).sigma
+    for q in (
+        (0, 1, 2),
+        np.arange(3),
+        np.arange(3, dtype=np.float32),
+        np.arange(3, dtype=np.uint8),
+        np.arange(3, dtype=object),
+        np.arange(3.0)[::-1][::-1],
+        [np.float64(0), np.int32(1), 2],
+    ):
+        assert np.allclose(pinsing.at(arm(), q).sigma, reference)
+    assert pinsing.plan_sweep(arm(), levels=np.int64(1), samples=np.int32(5)).samples == 5
