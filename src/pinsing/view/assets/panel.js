@@ -126,7 +126,7 @@ class Panel {
       found.band = make("span", "band");
       found.track.append(found.slider, found.band);
       const name = make("span", "name");
-      name.append(formula(make("b"), joint.symbol), make("small", "", joint.name));
+      name.append(formula(make("b"), joint.symbol), make("small", "", joint.name === joint.symbol ? "" : joint.name));
       found.row.querySelector(".name").replaceWith(name);
       found.value.after(make("small", "limits", this.limits(joint)));
       $("joints").append(found.row);

@@ -16,9 +16,15 @@ class SceneView {
     const fullSize = V.set_3d_pane_size.bind(V);
     V.set_3d_pane_size = () => fullSize(element.clientWidth || 1, element.clientHeight || 1);
     new ResizeObserver(() => V.set_3d_pane_size()).observe(element);
-    V.set_property(["Background"], "top_color", [0.97, 0.98, 0.99]);
-    V.set_property(["Background"], "bottom_color", [0.77, 0.82, 0.87]);
-    V.scene_tree.find(["Background"]).on_update();
+    const dark = matchMedia("(prefers-color-scheme: dark)");
+    const paint = () => {
+      V.set_property(["Background"], "top_color", dark.matches ? [0.25, 0.29, 0.34] : [0.97, 0.98, 0.99]);
+      V.set_property(["Background"], "bottom_color", dark.matches ? [0.42, 0.47, 0.53] : [0.77, 0.82, 0.87]);
+      V.scene_tree.find(["Background"]).on_update();
+      V.set_dirty();
+    };
+    paint();
+    dark.addEventListener("change", paint);
     V.set_property(["Grid"], "visible", false);
     V.set_property(["Axes"], "visible", false);
     V.camera.fov = 36;
