@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from pinsing.maps import MapPlan, MapResult, plan_map, sigma_map
     from pinsing.mechanism import MechanismAnalysis, analyze_mechanism
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
+    from pinsing.proximity.crossings import Crossing, Crossings, crossings
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
     from pinsing.robot.load_mechanism import Mechanism, load_mechanism
@@ -41,6 +42,8 @@ _HOME = {
     "Arm": "pinsing.robot.arm",
     "Clearance": "pinsing.proximity.clearance",
     "ClosedForm": "pinsing.families",
+    "Crossing": "pinsing.proximity.crossings",
+    "Crossings": "pinsing.proximity.crossings",
     "Family": "pinsing.families",
     "Finding": "pinsing.sweeps.findings",
     "MapPlan": "pinsing.maps",
@@ -59,6 +62,7 @@ _HOME = {
     "at": "pinsing.configuration.state",
     "clearance": "pinsing.proximity.clearance",
     "closed_form": "pinsing.families",
+    "crossings": "pinsing.proximity.crossings",
     "frame_jacobian": "pinsing.kinematics.jacobian",
     "frame_jacobians": "pinsing.kinematics.jacobian",
     "generalize": "pinsing.sweeps.generalize",
@@ -84,6 +88,8 @@ __all__ = [
     "Arm",
     "Clearance",
     "ClosedForm",
+    "Crossing",
+    "Crossings",
     "Family",
     "Finding",
     "MapPlan",
@@ -102,6 +108,7 @@ __all__ = [
     "at",
     "clearance",
     "closed_form",
+    "crossings",
     "frame_jacobian",
     "frame_jacobians",
     "generalize",

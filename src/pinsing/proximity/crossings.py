@@ -1,0 +1,277 @@
+"""Where a motion meets singular configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation
+from pinsing.bounds.conditions import Conditions
+from pinsing.bounds.two_sided import sum_at, two_sided
+from pinsing.bounds.zeros import SIMPLE, Zeros, zeros_along
+from pinsing.families import Branch, JointValue
+from pinsing.proximity.contacts import contacts
+from pinsing.proximity.motion import Motion, motion_of
+from pinsing.proximity.watched import Forms, Watched, watch
+from pinsing.serialization import JsonResult
+
+_MERGED = 1e-9
+"""Joint-space length within which events of one equation are one."""
+_ALONG = 1e-3
+"""Joint-space length from which on an interval of zeros is called "along"."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crossing:
+    """One meeting of a motion with a family.
+
+    Attributes
+    ----------
+    t : float
+        Time at which it begins; the number of the waypoint where no times were given.
+    t_end : float
+        Where it ends: the same but for "along".
+    q : (n,) array
+        The configuration at ``t``.
+    family : str
+        Name of the family.
+    kind : str
+        "crossing": the motion goes through, from one side to the other. "touch": it comes to
+        the family, within rounding of it, and stays on its side; for families of several
+        conditions, which have no sides, it comes within 1e-6 of it. "along": it stays on it.
+    """
+
+    t: float
+    t_end: float
+    q: Array
+    family: str
+    kind: str
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings(JsonResult):
+    """All meetings of a motion with families, in the order of time.
+
+    Attributes
+    ----------
+    events : tuple of Crossing
+        None is missing: every other part of the motion is proven to be off the families.
+    names : tuple of str
+        The families that were looked at.
+    complete : bool
+        Whether the closed form is complete: else other singular configurations may be met.
+    """
+
+    schema: ClassVar[str] = "pinsing/crossings/1"
+
+    events: tuple[Crossing, ...]
+    names: tuple[str, ...]
+    complete: bool
+
+    def __iter__(self) -> Iterator[Crossing]:
+        return iter(self.events)
+
+    def __len__(self) -> int:
+        return len(self.events)
+
+    def __getitem__(self, index: int) -> Crossing:
+        return self.events[index]
+
+
+def crossings(
+    forms: Forms,
+    motion: Any,
+    t: npt.ArrayLike | None = None,
+    *,
+    families: Sequence[str] | None = None,
+) -> Crossings:
+    """Find all places at which a motion meets a family of singular configurations, with proof.
+
+    Parameters
+    ----------
+    forms : ClosedForm or sequence of ClosedForm
+        Of one arm.
+    motion : (N, n) array_like, or an object with ``c`` (k, m, n) and ``x`` (m + 1,)
+        Waypoints joined by straight segments in joint space, in radians and metres, as they are
+        (not wrapped); or a piecewise polynomial as SciPy's PPoly and CubicSpline hold it.
+    t : (N,) array_like, optional
+        Times of waypoints, ascending; 0, 1, 2, ... by default.
+    families : sequence of str, optional
+        Names; by default all that have real points.
+
+    Returns
+    -------
+    Crossings
+        In the order of time.
+
+    Raises
+    ------
+    ConfigurationError
+        If the motion has the wrong shape, or a value that is not finite.
+    OptionError, UnknownNameError
+        If times do not ascend, or there is no family of a name.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> form = pinsing.closed_form(pinsing.load("ur5"))
+    >>> [c.family for c in pinsing.crossings(form, [[0, -1, 1, 0, 1, 0], [0, -1, 1, 0, -1, 0]])]
+    ['F2']
+    """
+    watched = watch(forms, families)
+    return crossings_of(watched, motion_of(watched, motion, t))
+
+
+def crossings_of(watched: Watched, motion: Motion) -> Crossings:
+    """All meetings of a motion with watched families."""
+    surfaces, of_equation, thin = _split(watched)
+    found = _on_surfaces(surfaces, of_equation, motion)
+    found += [(u, end, f, "touch") for f, u, end in contacts(watched, thin, motion)]
+    found.sort(key=lambda item: item[:3])
+    events = []
+    if found:
+        first = np.array([item[0] for item in found])
+        last = np.array([item[1] for item in found])
+        Q, begin, end = motion.at(first), motion.time(first), motion.time(last)
+        rows = zip(found, Q, begin, end, strict=True)
+        for (_, _, f, kind), q, b, e in rows:
+            long = kind == "along" or (kind == "touch" and e > b)
+            events.append(
+                Crossing(float(b), float(e) if long else float(b), q, watched.names[f], kind)
+            )
+    return Crossings(tuple(events), watched.names, watched.complete)
+
+
+def _split(watched: Watched) -> tuple[Conditions, list[int], dict[int, list[Branch]]]:
+    """Branches of one condition as equations, with their families; and the branches of several."""
+    surfaces: list[list[Branch]] = []
+    of_equation: list[int] = []
+    thin: dict[int, list[Branch]] = {}
+    for f, family in enumerate(watched.families):
+        for branch in family.branches:
+            if len(branch.values) + len(branch.equations) > 1:
+                thin.setdefault(f, []).append(branch)
+                continue
+            equations = branch.equations or (_as_equation(watched, branch.values[0]),)
+            surfaces.append([Branch((), tuple(equations))])
+            of_equation.append(f)
+    conditions = Conditions.of(surfaces, watched.prismatic, watched.weight)
+    return conditions, of_equation, thin
+
+
+def _as_equation(watched: Watched, value: JointValue) -> Equation:
+    """A joint at a value as an equation that changes its sign there."""
+    n, j = watched.n, value.joint
+    zero = np.zeros(n, dtype=np.int64)
+    unit = np.where(np.arange(n) == j, 1, 0).astype(np.int64)
+    names = watched.joints
+    if watched.prismatic[j]:
+        powers, size = np.stack([unit, zero]), np.array([1.0, -value.value])
+        keep = size != 0.0
+        powers, size = powers[keep], size[keep]
+        return Equation(names, np.zeros_like(powers), powers, size, 0 * size, np.zeros(n))
+    shift = np.where(np.arange(n) == j, -value.value, 0.0)  # sin((q - v) / 2)
+    return Equation(names, unit[None], zero[None], np.zeros(1), np.ones(1), shift)
+
+
+def _on_surfaces(
+    conditions: Conditions, of_equation: list[int], motion: Motion
+) -> list[tuple[float, float, int, str]]:
+    zeros = _near_zeros(conditions, motion)
+    step = _lengths(conditions, motion)
+    near = 1e-12 + _MERGED / np.maximum(step, 1e-300)  # in s, of each piece
+    out = []
+    for e, f in enumerate(of_equation):
+        starts, ends, simple = _intervals(conditions, e, zeros, motion)
+        for first, last in _groups(starts, ends, np.minimum(near, 1e-3)):
+            u, end = float(starts[first]), float(ends[first:last].max())
+            kind = _kind(conditions, e, motion, u, end, simple[first:last])
+            if kind is None:
+                continue
+            Q = motion.at(np.linspace(u, end, 4)) * conditions.weight
+            long = bool(np.linalg.norm(Q - Q[0], axis=1).max() > _ALONG)
+            out.append((u, end, f, "along" if long else kind))
+    return out
+
+
+def _lengths(c: Conditions, motion: Motion) -> Array:
+    """Bounds (m,) of the lengths of pieces."""
+    scaled = c.scaled(motion.pieces[:, 1:])
+    return np.asarray(np.sqrt(np.einsum("mkn,mkn->mk", scaled, scaled)).sum(axis=1))
+
+
+def _near_zeros(c: Conditions, motion: Motion) -> Zeros:
+    """Zeros along the pieces that the bounds at their ends do not rule out."""
+    lower = two_sided(c, motion.at(np.arange(len(motion.pieces) + 1.0)), each=True).each
+    assert lower is not None
+    length = _lengths(c, motion)
+    both = (lower[:-1, :, 0] + lower[1:, :, 0]).min(axis=1, initial=np.inf)
+    near = np.flatnonzero(both <= length * (1 + 1e-9) + 1e-9)
+    found = zeros_along(c, np.ascontiguousarray(motion.pieces[near]))
+    ends = np.full((len(motion.pieces), *found.ends.shape[1:]), np.nan)
+    ends[near] = found.ends
+    return replace(found, piece=near[found.piece], ends=ends)
+
+
+def _intervals(
+    c: Conditions, e: int, zeros: Zeros, motion: Motion
+) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    """Events of one equation as intervals of places, in order, and which are simple zeros."""
+    mine = zeros.equation == e
+    at = zeros.piece[mine] + zeros.s[mine]
+    start, end = at - zeros.width[mine], at + zeros.width[mine]
+    simple = zeros.kind[mine] == SIMPLE
+    # At the joints of pieces: a change of sign from one piece to the next, or a value that cannot
+    # be told from zero.
+    before, after = zeros.ends[:, e, 1], zeros.ends[:, e, 0]
+    known = np.isfinite(before[:-1]) & np.isfinite(after[1:])  # else far from zero
+    change = np.flatnonzero(known & ((before[:-1] < 0) != (after[1:] < 0))) + 1
+    size = float(c.amplitude[c.term_start[e] : c.term_start[e + 1]].sum())
+    values = np.fmin(np.abs(np.append(after, before[-1])), np.abs(np.append(after[0], before)))
+    small = np.flatnonzero(values <= 1e-9 * size)
+    if len(small):
+        here = sum_at(c, e, c.scaled(motion.at(small.astype(float))))
+        small = small[np.abs(here.value) <= 4 * here.error]
+    nodes = np.concatenate([change, small]).astype(float)
+    start, end = np.concatenate([start, nodes]), np.concatenate([end, nodes])
+    flags = np.concatenate([simple, np.ones(len(change), bool), np.zeros(len(small), bool)])
+    order = np.argsort(start, kind="stable")
+    return start[order], end[order], flags[order]
+
+
+def _groups(start: Array, end: Array, near: Array) -> list[tuple[int, int]]:
+    """Runs of intervals that overlap, or nearly so."""
+    groups: list[tuple[int, int]] = []
+    reach = -np.inf
+    for i in range(len(start)):
+        piece = min(int(start[i]), len(near) - 1)
+        if groups and start[i] - reach <= near[piece]:
+            groups[-1] = (groups[-1][0], i + 1)
+        else:
+            groups.append((i, i + 1))
+            reach = -np.inf
+        reach = max(reach, end[i])
+    return groups
+
+
+def _kind(
+    c: Conditions, e: int, motion: Motion, u: float, end: float, simple: npt.NDArray[np.bool_]
+) -> str | None:
+    """Whether the sign differs before and after an event."""
+    if len(simple) == 1 and simple[0]:
+        return "crossing"
+    last = float(len(motion.pieces))
+    width = max(end - u, 1e-9)
+    for reach in 4.0 ** np.arange(12):  # far enough out for the sign to be seen
+        sides = np.clip([u - reach * width, end + reach * width], 0.0, last)
+        if sides[0] == u or sides[1] == end:
+            return "touch"  # at an end of the motion
+        at = sum_at(c, e, c.scaled(motion.at(sides)))
+        if (np.abs(at.value) > 2 * at.error).all():
+            return "crossing" if (at.value[0] < 0) != (at.value[1] < 0) else "touch"
+    return "touch"
