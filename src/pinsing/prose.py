@@ -218,16 +218,9 @@ class Page:
         count = len(table.header)
         widths = [max(columns(row[k]) for row in rows) for k in range(count)]
         room = self.width - 2 * (count - 1)
-        while sum(widths) > room:  # take from the widest what it has more than the next
-            widest = max(range(count), key=lambda k: widths[k])
-            others = [w for w in widths if w < widths[widest]]
-            equal = [k for k in range(count) if widths[k] == widths[widest]]
-            over = -(-(sum(widths) - room) // len(equal))
-            least = max(max(others, default=0), _LEAST // 2, widths[widest] - over)
-            if least >= widths[widest]:
-                break  # as narrow as it gets: such a table runs over
-            for k in equal:
-                widths[k] = least
+        words = [max(columns(w) for r in rows for w in r[k].split() or ("",)) for k in range(count)]
+        widths = _narrowed(widths, words, room)  # between words where that does
+        widths = _narrowed(widths, [min(w, _LEAST // 2) for w in words], room)
         lines: list[str] = []
         for row in rows:
             cells = [self._cell(cell, widths[k]) for k, cell in enumerate(row)]
@@ -278,6 +271,17 @@ class Table:
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     right: frozenset[int] = frozenset()
+
+
+def _narrowed(widths: Sequence[int], least: Sequence[int], room: int) -> list[int]:
+    """Widths that fit the room, taken from the widest first and never below the least."""
+    widths = list(widths)
+    while sum(widths) > room:
+        spare = [k for k, width in enumerate(widths) if width > least[k]]
+        if not spare:
+            break  # as narrow as it gets: such a table runs over
+        widths[max(spare, key=lambda k: widths[k])] -= 1
+    return widths
 
 
 def _aligned(text: str, width: int, right: bool) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -12,6 +13,9 @@ from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_opti
 from pinsing.cli.output import STDOUT, OutputFile, emit, emit_json, emit_json_data, say
 from pinsing.errors import ChainError, OptionError
 from pinsing.prose import Page, Table
+
+if TYPE_CHECKING:
+    from pinsing.description.catalog import CatalogEntry
 
 
 @click.command("info", short_help="What pinsing makes of a robot, before any analysis.")
@@ -83,14 +87,16 @@ def list_command(word: str, json_target: str | Path | None) -> None:
         ]
         if emit_json_data({"schema": "pinsing/robots/1", "robots": robots}, json_target):
             return
-    rows = tuple(
-        (e.name, f"same as {e.alias_of}" if e.alias_of else e.title, e.source, e.note)
-        for e in entries
-    )
+    rows = tuple((e.name, _what(e), e.source) for e in entries)
     if rows:
-        emit(Page.of().table(Table(("name", "robot", "from", "note"), rows)))
+        emit(Page.of().table(Table(("name", "robot", "from"), rows)))
     else:
         say(f"no known robot has {word!r} in its name")
+
+
+def _what(entry: CatalogEntry) -> str:
+    text = f"same as {entry.alias_of}" if entry.alias_of else entry.title
+    return f"{text} ({entry.note})" if entry.note else text
 
 
 @click.command("dh", short_help="DH table to URDF.")
