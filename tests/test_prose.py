@@ -93,12 +93,12 @@ class TestPage:
         assert not Page.of(Terminal()).colour
 
     @pytest.mark.parametrize(
-        ("columns_", "width"),
-        [("80", 80), ("10", NARROWEST), ("900", WIDEST), ("", 100), ("x", 100)],
+        ("given", "width"), [("80", 80), ("10", NARROWEST), ("900", WIDEST), ("", 100), ("x", 100)]
     )
-    def test_columns_set_by_hand(self, monkeypatch, columns_, width):
-        monkeypatch.setenv("COLUMNS", columns_)
-        assert Page.of(io.StringIO()).width == width
+    def test_columns_count_where_a_terminal_does_not_tell(self, monkeypatch, given, width):
+        monkeypatch.setenv("COLUMNS", given)
+        assert Page.of(Terminal()).width == width
+        assert Page.of(io.StringIO()).width == 100
 
     def test_lines_break_at_spaces_alone(self):
         page = Page(60)
@@ -206,7 +206,7 @@ def run(*words: str) -> str:
 def test_lines_are_as_long_as_the_page_is_wide(words, monkeypatch):
     longest = []
     for width in (60, 100, 200):
-        monkeypatch.setenv("COLUMNS", str(width))
+        monkeypatch.setattr("pinsing.prose.WIDTH", width)
         lines = run(*words).splitlines()
         assert len(lines) >= 2
         # Paths stay whole, to be copied.
@@ -230,7 +230,7 @@ def test_a_mechanism_fits_the_page_in_degrees_and_radians():
 
 @pytest.mark.parametrize("width", [60, 200])
 def test_a_terminal_is_filled_and_not_overrun(width):
-    shown = ANSI.sub("", in_terminal(width, "analyze", "ur5", "--levels", "1"))
+    shown = ANSI.sub("", in_terminal(width, "analyze", "ur5", "--levels", "1", COLUMNS="80"))
     longest = max(map(columns, shown.splitlines()))
     assert width - 40 < longest <= width
     assert "Assumed:" in shown
@@ -250,9 +250,9 @@ def test_verdicts_are_coloured_on_a_terminal_alone():
 
 
 @pytest.mark.parametrize("robot", ["ur5", "stanford", "xarm7"])
-@pytest.mark.parametrize(("deg", "width"), [(False, "100"), (True, "60")])
+@pytest.mark.parametrize(("deg", "width"), [(False, 100), (True, 60)])
 def test_what_is_shown_of_a_family_can_be_pasted(robot, deg, width, monkeypatch):
-    monkeypatch.setenv("COLUMNS", width)
+    monkeypatch.setattr("pinsing.prose.WIDTH", width)
     text = run("families", robot, *(["--deg"] if deg else []))
     examples = re.findall(r"e\.g\. (.*(?:\n {9,}.*)*)\n((?: {8}\w.*\n)+)", text)
     assert len(examples) == len(re.findall(r"(?m)^  F\d+ ", text)) > 0

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import re
-import shutil
 import sys
 import unicodedata
 from collections.abc import Iterable, Sequence
@@ -136,16 +135,19 @@ class Page:
     def of(stream: TextIO | None = None) -> Page:
         """The terminal behind ``stream`` (stdout), or a plain page of 100 columns.
 
-        The variable COLUMNS sets the width anywhere, as it does for other programs.
+        COLUMNS counts only where a terminal does not tell its width: programs that use readline
+        leave it to their children, whatever these write to.
         """
         stream = sys.stdout if stream is None else stream
+        if not stream.isatty():
+            return Page(WIDTH)
+        try:
+            width = os.get_terminal_size(stream.fileno()).columns
+        except (OSError, ValueError):  # no file behind it
+            width = 0
         asked = os.environ.get("COLUMNS", "")
-        width = int(asked) if asked.isdecimal() and int(asked) > 0 else 0
-        if not width and stream.isatty():
-            try:
-                width = os.get_terminal_size(stream.fileno()).columns
-            except (OSError, ValueError):  # a terminal that does not tell, or no file behind it
-                width = shutil.get_terminal_size((WIDTH, 24)).columns
+        if not width and asked.isdecimal():
+            width = int(asked)
         width = min(max(width, NARROWEST), WIDEST) if width else WIDTH
         return Page(width, shows_colour(stream))
 
