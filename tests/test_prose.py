@@ -242,7 +242,7 @@ def test_verdicts_are_coloured_on_a_terminal_alone():
     shown = in_terminal(100, *singular)
     assert "\x1b[1;31mSINGULAR\x1b[0m: rank 5" in shown
     assert "\x1b[33mnear-singular\x1b[0m" in in_terminal(100, *near)
-    assert ", \x1b[32mcomplete\x1b[0m (closed" in in_terminal(100, "families", "puma560")
+    assert ", \x1b[32mproven\x1b[0m (closed" in in_terminal(100, "families", "puma560")
     assert "\x1b" not in in_terminal(100, *singular, NO_COLOR="1")
     piped = CliRunner().invoke(command, list(singular)).output
     assert "SINGULAR" in piped
