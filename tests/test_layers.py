@@ -28,6 +28,7 @@ ORDER = (
     "measures",
     "prose",
     "joint_text",
+    "notebook",
     "serialization",
     "atomic_write",
     "description",

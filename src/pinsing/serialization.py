@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from pinsing.arguments import checked
 from pinsing.errors import PinsingError, ResultError
+from pinsing.notebook import one_line
 
 if TYPE_CHECKING:
     from typing_extensions import Self
@@ -28,6 +29,11 @@ class JsonResult:
     """
 
     schema: ClassVar[str]
+
+    def __init_subclass__(cls) -> None:
+        # Here, since a dataclass writes one of all its fields where the class itself has none.
+        if "__repr__" not in cls.__dict__:
+            cls.__repr__ = _one_line  # type: ignore[method-assign]
 
     def to_dict(self) -> dict[str, Any]:
         """Plain dictionary, ready for ``json.dumps``; the first key is the schema."""
@@ -74,6 +80,11 @@ class JsonResult:
         except (ValueError, RecursionError) as error:
             raise ResultError(f"not JSON: {error}") from None
         return cls.from_dict(data)
+
+
+def _one_line(self: Any) -> str:
+    plain = type(self).__dict__.get("__str__") is None
+    return one_line(type(self).__name__, "" if plain else str(self))
 
 
 def _encode_fields(value: Any) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.geometry.nominal import ANGLE_TOL
 from pinsing.geometry.nominal import nominal as nominal_geometry
 from pinsing.kinematics.verdict import SINGULAR_RTOL, measure, ratios
+from pinsing.notebook import text, verdict
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -160,6 +161,18 @@ class Analysis(JsonResult):
         from pinsing.analysis.text import analysis_text
 
         return analysis_text(self)
+
+    def _repr_latex_(self) -> str:
+        """For notebooks: the families."""
+        return self.closed_form.latex()
+
+    def _repr_html_(self) -> str:
+        """For notebooks, which prefer it: the families, and whether the checks agree."""
+        if self.agree:
+            checks = verdict("sweep and random search agree", "good")
+        else:
+            checks = verdict("CONTRADICTIONS:", "alarm") + text(" " + "; ".join(self.problems))
+        return f"{self.closed_form._repr_html_()}<p>{checks}</p>"
 
 
 @checked

@@ -38,6 +38,7 @@ from pinsing.kinematics.verdict import (
     scale_notes,
     status_of,
 )
+from pinsing.notebook import formula, name, table, text, verdict
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -181,6 +182,40 @@ class State(JsonResult):
         from pinsing.configuration.state_text import state_text
 
         return state_text(self)
+
+    def _repr_latex_(self) -> str:
+        """For notebooks: rank and ratio."""
+        r = self.generic_rank
+        return (
+            rf"$$\operatorname{{rank}} J = {self.rank},\quad r = {r},\quad "
+            rf"\sigma_{{{r}}}/\sigma_1 = {_latex_number(self.sigma_ratio)}$$"
+        )
+
+    def _repr_html_(self) -> str:
+        """For notebooks, which prefer it: verdict in colour, what is lost and why."""
+        tone = {SINGULAR: "alarm", NEAR_SINGULAR: "caution"}.get(self.status, "good")
+        said = "SINGULAR" if self.status == SINGULAR else self.status
+        ratio = rf"\sigma_{{{self.generic_rank}}}/\sigma_1 = {_latex_number(self.sigma_ratio)}"
+        rows = [
+            (text("verdict"), f"{verdict(said, tone)} {formula(ratio)}"),
+            (text("rank"), f"{self.rank} {text('of')} {self.generic_rank}"),
+            *(
+                (name(joint), text(f"{value:.6g} {'m' if slides else 'rad'}"))
+                for joint, value, slides in zip(
+                    self.arm.joints, self.q, self.arm.prismatic, strict=True
+                )
+            ),
+            *((text("lost"), text(motion.words)) for motion in self.lost),
+            *((text("why"), text(dependence.reason)) for dependence in self.dependences),
+            *((text("note"), text(note)) for note in self.notes),
+        ]
+        return f"<p>{name(self.arm.name)} {text('tip')} {name(self.arm.tip)}</p>{table(rows)}"
+
+
+def _latex_number(value: float) -> str:
+    """A number with its power of ten written as one."""
+    mantissa, _, exponent = f"{value:.2g}".partition("e")
+    return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
 
 
 @checked

@@ -18,6 +18,7 @@ from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions, nearest_points
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.zero_set import ROUNDS, project, search
+from pinsing.notebook import formula, name, table, text, verdict
 from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
@@ -366,6 +367,26 @@ class Family(JsonResult):
 
     def __str__(self) -> str:
         return f"{self.name}: {self.text}"
+
+    def _repr_latex_(self) -> str:
+        """For notebooks."""
+        return f"$${self.latex}$$"
+
+    def _repr_html_(self) -> str:
+        """For notebooks, which prefer it: the equations typeset, and what else is known."""
+        return table([self.html_row()])
+
+    def html_row(self) -> tuple[str, ...]:
+        """Cells of HTML: name, equations, kind, reachability, reason."""
+        if self.reachability == "reachable":
+            where = verdict("within the limits", "alarm")
+        else:
+            where = text(
+                "outside the limits"
+                if self.reachability == "not reachable"
+                else "none found within the limits"
+            )
+        return (name(self.name), formula(self.latex), text(self.kind), where, text(self.reason))
 
     # Helpers ------------------------------------------------------------------------
 

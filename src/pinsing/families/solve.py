@@ -34,6 +34,7 @@ from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.geometry.snap import Snap
 from pinsing.geometry.surd import Surd
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.notebook import formula, name, table, text, verdict
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -130,6 +131,28 @@ class ClosedForm(JsonResult):
         """All families as a LaTeX ``align*`` environment, every equation written out."""
         rows = [rf"\text{{{f.name}:}}\quad & {f.latex}" for f in self.families]
         return "\n".join([r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
+
+    def _repr_latex_(self) -> str:
+        """For notebooks."""
+        return self.latex()
+
+    def _repr_html_(self) -> str:
+        """For notebooks, which prefer it: the families in a table, equations typeset."""
+        good = verdict(self.word, "good")
+        state = good if self.complete else verdict("NOT complete", "caution")
+        count = len(self.families)
+        head = (
+            f"{name(self.arm.name)} {text(f'(task {self.arm.task}, generic rank')} "
+            f"{self.generic_rank}{text('):')} {count} "
+            f"{text('family' if count == 1 else 'families')} {text('of singular configurations,')} "
+            f"{state}"
+        )
+        rows = [f.html_row() for f in self.families]
+        header = ("", "singular where", "kind", "reachable", "why")
+        legend = ", ".join(f"{formula(s)} = {name(j)}" for s, j in self.legend if s != j)
+        gaps = "".join(f"<p>{verdict('not complete:', 'caution')} {text(g)}</p>" for g in self.gaps)
+        where = f"<p>{text('where')} {legend}</p>" if legend else ""
+        return f"<p>{head}</p>{table(rows, header) if rows else ''}{where}{gaps}"
 
     def __str__(self) -> str:
         state = self.word if self.complete else "NOT complete: " + "; ".join(self.gaps)

@@ -15,6 +15,7 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.notebook import one_line
 from pinsing.robot.full_q import from_full, to_full
 from pinsing.robot.joint_space import JointSpace, model_q
 from pinsing.robot.memory import Memory
@@ -336,6 +337,9 @@ class Arm(Memory):
         q = self.check(q)
         values = q if self.coupling is None else q @ self.coupling.matrix.T + self.coupling.offset
         return model_q(self.model, values)
+
+    def __repr__(self) -> str:
+        return one_line("Arm", str(self))
 
     def __str__(self) -> str:
         return (

@@ -14,6 +14,7 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.notebook import one_line
 from pinsing.robot.arm import Source
 from pinsing.robot.joint_space import JointSpace, model_q
 from pinsing.robot.memory import Memory
@@ -182,6 +183,9 @@ class Mechanism(Memory):
     def fold(self, q: npt.ArrayLike) -> Array:
         """Move revolute values of q (..., n) by whole turns to within half a turn of zero."""
         return self.space.wrap(self.check(q))
+
+    def __repr__(self) -> str:
+        return one_line("Mechanism", str(self))
 
     def __str__(self) -> str:
         loops = ", ".join(str(loop) for loop in self.loops)
