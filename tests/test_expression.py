@@ -12,7 +12,7 @@ from singular_sets import RIGHT, Array, Joint, arm_of, build, closed
 from pinsing.algebra.equation import equation, format_angle
 from pinsing.algebra.ring import Poly, Ring, make_ring
 from pinsing.families import Equation, closed_form
-from pinsing.families.zero_set import fix_joint, never_zero, proven_empty, roots_of
+from pinsing.families.zero_set import fix_joint, never_zero, proven_empty
 
 NAMES = ("puma560", "irb1400", "ur5", "surgical7", "panda", "xarm7", "z1", "kinova", "so101")
 
@@ -265,28 +265,6 @@ def in_one(cos: list[float], sin: list[float], frequencies: list[int]) -> Equati
         np.array(sin),
         np.zeros(3),
     )
-
-
-def test_roots_of_one_joint() -> None:
-    simple = in_one([0.0, 0.25], [1.0, 0.0], [2, 0])  # sin q + 1/4
-    np.testing.assert_allclose(np.sin(roots_of(simple)), -0.25, atol=1e-14)
-    assert len(roots_of(simple)) == 2
-    half = in_one([1.0], [0.0], [1])  # cos(q / 2)
-    np.testing.assert_allclose(roots_of(half), [np.pi])
-    assert not len(roots_of(in_one([0.0, 2.0], [1.0, 0.0], [2, 0])))
-
-
-@pytest.mark.parametrize("angle", [0.7417777599619590, -2.4, 3.0, 0.1])
-def test_double_roots_keep_all_digits(angle: float) -> None:
-    # 1 - cos(q - angle) touches zero and does not cross it.
-    touching = in_one([-np.cos(angle), 1.0], [-np.sin(angle), 0.0], [2, 0])
-    np.testing.assert_allclose(roots_of(touching), [angle], atol=1e-12)
-
-
-def test_two_near_roots_stay_two() -> None:
-    gap = 1e-3
-    near = in_one([-1.0, np.cos(gap)], [0.0, 0.0], [2, 0])  # cos q = cos(gap)
-    np.testing.assert_allclose(roots_of(near), [-gap, gap], rtol=1e-9)
 
 
 @pytest.mark.parametrize("seed", range(6))

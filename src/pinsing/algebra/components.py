@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from pinsing.algebra.budget import BudgetExceeded
+from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.generic_points import SlicePoint
+from pinsing.algebra.restate import restated
 from pinsing.algebra.ring import Poly, Ring, Value
 
 
@@ -107,7 +108,7 @@ class Found:
                 return True
         return False
 
-    def irredundant(self) -> list[Component]:
+    def irredundant(self, time: Budget) -> list[Component]:
         """Components that lie in no other one, by division or by all of their points.
 
         Where a system has some of its points in common with others, it is stated again by the
@@ -140,9 +141,27 @@ class Found:
                 continue
             if not self._unaccounted(others):
                 kept = rest
-        out = [c for c, _ in kept]
+        out = [part for c, own in kept for part in self._parts(c, own, time)]
         while left := self._unaccounted(out):
             out.append(left)
+        return out
+
+    def _parts(self, c: Component, own: list[SlicePoint], time: Budget) -> list[Component]:
+        """A system of more equations than its codimension, part by part and stated by fewer."""
+        count = c.codimension - len(c.values)
+        if not own or len(c.relations) <= count:
+            return [c]
+        try:
+            parts = restated(c.relations, own, count, self.ring, time)
+        except BudgetExceeded:
+            return [c]
+        out = []
+        for relations, _ in parts:
+            fixed = dict(f for r in relations if (f := self.ring.joint_value(r)))
+            left = tuple(r for r in relations if not self.ring.joint_value(r))
+            put = [self.ring.strip(self.ring.substitute(r, fixed)) for r in left]
+            left = tuple(sorted((r for r in put if r != 0), key=len))
+            out.append(replace(c, values={**c.values, **fixed}, relations=left))
         return out
 
     def _unaccounted(self, kept: Sequence[Component]) -> Component | None:

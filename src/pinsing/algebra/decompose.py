@@ -70,7 +70,7 @@ class Decomposition:
                 if depth
                 else str(reason)
             )
-        self.components: list[Component] = self._found.irredundant()
+        self.components: list[Component] = self._found.irredundant(time)
         self.second = ask_again(self.asked, self.components, ring, time)
         self.gaps += self.second.gaps
 

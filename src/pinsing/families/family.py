@@ -64,11 +64,44 @@ class JointValue:
         Radians in (-pi, pi], or metres.
     rational : bool
         True if its half-angle tangent (or its length) is rational; else an algebraic number.
+    minimal : tuple of int
+        Where several joints' values depend on each other: coefficients, the constant first, of
+        the irreducible polynomial that the tangent of half the angle (counted from where the
+        nominal geometry has its zero) or the length is a root of.
     """
 
     joint: int
     value: float
     rational: bool
+    minimal: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class KindPart:
+    """Boundary or interior on a part of a family.
+
+    Attributes
+    ----------
+    kind : str
+        "boundary", "interior" or "undecided".
+    where : str
+        The condition of the part; empty if it is all of the family, or just a share of it.
+    share : float
+        Of the points that were looked at.
+    points : int
+        How many were looked at in all.
+    """
+
+    kind: str
+    where: str
+    share: float
+    points: int
+
+    def __str__(self) -> str:
+        if self.where:
+            return f"{self.kind} at {self.where}"
+        count = round(self.share * self.points)
+        return self.kind if count == self.points else f"{self.kind} at {count} of {self.points}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +142,13 @@ class Family(JsonResult):
     real : bool
         Whether a real point is known.
     reachability : str
-        "reachable" (with ``witness``), "not reachable" (proven), or "none found".
+        "reachable" (with ``witness``), "at the joint limit" (beyond it by less than the angle
+        tolerance, as by a rounded 1.5708; see ``limits_met``), "not reachable" (proven), or
+        "none found".
+    limit_tolerance : (n,) array or None
+        By how much the limits count as wider; None: by nothing.
+    limits_met : tuple of str
+        Limits that the family lies a little beyond, with both numbers.
     witness : (n,) array or None
         A configuration of the family inside the joint limits.
     generic : (n,) array or None
@@ -119,7 +158,10 @@ class Family(JsonResult):
     lost : tuple of str
         The motion lost there, in words.
     kind : str
-        "boundary", "interior" or "undecided", at the generic point.
+        "boundary", "interior" or "undecided" where all points that were looked at agree; else
+        "varies", and ``kinds`` says where, or how often.
+    kinds : tuple of KindPart
+        Each kind that was met.
     reason : str
         Which joint axes are dependent there, and why.
     raw_ratio : float or None
@@ -158,6 +200,9 @@ class Family(JsonResult):
     upper: Array
     prismatic: npt.NDArray[np.bool_]
     length_scale: float
+    kinds: tuple[KindPart, ...] = ()
+    limit_tolerance: Array | None = None
+    limits_met: tuple[str, ...] = ()
     components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
 
     @property
@@ -174,7 +219,8 @@ class Family(JsonResult):
     @property
     def is_reachable(self) -> bool | None:
         """True, False (proven), or None if no point within the limits was found."""
-        return {"reachable": True, "not reachable": False}.get(self.reachability)
+        known = {"reachable": True, "at the joint limit": True, "not reachable": False}
+        return known.get(self.reachability)
 
     @property
     def equations(self) -> tuple[Equation, ...]:
@@ -363,7 +409,10 @@ class Family(JsonResult):
 
         Where a limit is infinite, a whole turn (or two length scales) from the other one.
         """
-        return self.space.range(not within_limits)
+        lower, upper = self.space.range(not within_limits)
+        if within_limits and self.limit_tolerance is not None:
+            return lower - self.limit_tolerance, upper + self.limit_tolerance
+        return lower, upper
 
     def __str__(self) -> str:
         return f"{self.name}: {self.text}"
@@ -447,7 +496,7 @@ class Family(JsonResult):
                     first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
                     turns = range(math.ceil(first), math.floor(last) + 1)
                     copies = [v.value + 2 * np.pi * k for k in turns]
-                elif not self.lower[v.joint] - 1e-9 <= v.value <= self.upper[v.joint] + 1e-9:
+                elif not low <= v.value <= high:
                     copies = []
             fixed = [np.where(np.arange(self.n) == v.joint, c, f) for f in fixed for c in copies]
         return fixed

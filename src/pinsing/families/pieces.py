@@ -6,14 +6,17 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.algebra.budget import Budget
+from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation, equation, scale_to_lengths
+from pinsing.algebra.finite_system import AlgebraicValue, NotFinite, real_solutions
 from pinsing.algebra.mimic import own_offsets
+from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.families.family import Branch, JointValue
@@ -22,17 +25,11 @@ from pinsing.families.zero_set import (
     fix_joint,
     never_zero,
     proven_empty,
-    roots_of,
     search,
 )
 from pinsing.geometry.nominal import Nominal
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
-
-_TRIALS = 4
-_DECIDES = 1e-5
-"""sigma_r / sigma_1 that tells singular from regular: a point where surfaces touch each other
-is known to half of the digits only."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +47,7 @@ class Piece:
     real : bool
         Whether a real point is known.
     codimension : int
-        Complex codimension.
+        Joints minus the dimension: real where only that is known to be smaller.
     component : Component
         What it was made of, exactly.
     """
@@ -74,8 +71,11 @@ class PieceMaker:
         symbols: Sequence[str],
         seed: int,
         time: Budget,
+        angle_tol: float,
     ) -> None:
         self.geometry, self.ring, self.rank, self.time = geometry, ring, rank, time
+        self.undecided: list[str] = []
+        self.angle_tol = angle_tol
         self.symbols = tuple(symbols)
         self.offset = own_offsets(geometry)
         self.rng = np.random.default_rng(seed)
@@ -89,35 +89,112 @@ class PieceMaker:
         self.lower = np.where(slides[0], np.minimum(arm.lower, -reach), -reach)
         self.upper = np.where(slides[1], np.maximum(arm.upper, reach), reach)
 
-    def make(self, component: Component) -> Piece | None:
-        """The piece of a component; None if it is proven to have no real point."""
+    def make(self, component: Component) -> list[Piece]:
+        """The pieces of a component; none if it is proven to have no real point.
+
+        What neither is proven to be empty nor has a point that was found is a piece of its own.
+        """
         fixed = [self._value(j, v) for j, v in component.values.items()]
-        alone = [p for p in component.relations if len(self.ring.joints_of(p)) == 1]
-        others = [p for p in component.relations if len(self.ring.joints_of(p)) > 1]
-        choices: list[list[JointValue]] = []
-        for p in alone:
-            roots = self._roots(p)
-            if not roots:
-                return None
-            choices.append(roots)
+        determined = self._determined(component.relations)
+        solved = [p for p in component.relations if set(self.ring.joints_of(p)) <= determined]
+        others = [p for p in component.relations if p not in solved]
+        real = None if solved or len(others) != 1 else self._real_part(others[0])
+        if real is not None:  # smaller than the set of complex zeros
+            combinations = real
+            minimal: list[Equation] = []
+            codimension = len(fixed) + len(self.ring.joints_of(others[0]))
+            others = []
+        else:
+            combinations, minimal = self._solutions(solved)
+            codimension = component.codimension
         equations = [self._equation(p) for p in others]
         branches = []
-        for combination in itertools.product(*choices):
-            branches += self._branches([*fixed, *combination], equations, bool(alone))
-        if not branches:
-            return None
+        for combination in combinations:
+            branches += self._branches([*fixed, *combination], equations)
         alive = [b for b in branches if not self._empty(b)]
         if not alive:
-            return None
-        known = [b for b in alive if self.find(b, 1).size]
-        return Piece(
-            branches=tuple(known or alive),
-            solved=tuple(self._equation(p) for p in alone),
-            proof="algebra" if component.proven else "generic points",
-            real=bool(known),
-            codimension=component.codimension,
-            component=component,
+            return []
+        sure = len(others) == 1 and not solved and changes_sign(others[0], self.ring)
+        known = [b for b in alive if sure or self.find(b, 1).size]
+        unknown = [b for b in alive if b not in known]
+        proof = "algebra" if component.proven else "generic points"
+        return [
+            Piece(tuple(part), tuple(minimal), proof, found, codimension, component)
+            for part, found in ((known, True), (unknown, False))
+            if part
+        ]
+
+    def lies_in_another(
+        self, component: Component, pieces: Sequence[Piece], components: Sequence[Component]
+    ) -> bool:
+        """Whether all real points of a component, isolated ones, lie in other components."""
+        if all(p.codimension == component.codimension for p in pieces):
+            return False
+        others = [c for c in components if c is not component]
+        return all(
+            any(self._at_exact_values_of(b, c) for c in others) for p in pieces for b in p.branches
         )
+
+    def _at_exact_values_of(self, branch: Branch, component: Component) -> bool:
+        """Whether rational joint values put a branch of nothing else into a component."""
+        values: dict[int, Value] = {}
+        for v in branch.values:
+            if not v.rational or branch.equations:
+                return False
+            top, bottom = (0, 1) if not v.minimal else (-v.minimal[0], v.minimal[1])
+            exact = Fraction(top, bottom)
+            if self.ring.prismatic[v.joint]:
+                values[v.joint] = (exact,)
+            elif v.minimal:
+                values[v.joint] = (Fraction(1), exact)
+            else:
+                values[v.joint] = (Fraction(0), Fraction(1))
+        return all(values.get(j) == x for j, x in component.values.items()) and all(
+            self.ring.substitute(r, values) == 0 for r in component.relations
+        )
+
+    def _determined(self, relations: Sequence[Poly]) -> set[int]:
+        """Joints that have finitely many values: alone in an equation, or with others of these."""
+        joints = [set(self.ring.joints_of(p)) for p in relations]
+        together = set().union(*joints)
+        if len(together) > 1 and len(together) <= len(relations):
+            return together
+        out: set[int] = set()
+        while new := next((j - out for j in joints if len(j - out) == 1), None):
+            out |= new
+        return out
+
+    def _solutions(self, polys: Sequence[Poly]) -> tuple[list[list[JointValue]], list[Equation]]:
+        """All real values of the joints of a system, and one equation a joint for print."""
+        if not polys:
+            return [[]], []
+        if all(len(self.ring.joints_of(p)) == 1 for p in polys):
+            roots = [self._roots(p) for p in polys]
+            return [list(c) for c in itertools.product(*roots)], [self._equation(p) for p in polys]
+        try:
+            found = real_solutions(polys, self.ring, self.time)
+        except (NotFinite, BudgetExceeded):
+            self.undecided.append("joint values that depend on each other were not told apart")
+            return [], []
+        return [[self._algebraic(j, v) for j, v in s.items()] for s in found], []
+
+    def _algebraic(self, joint: int, value: AlgebraicValue) -> JointValue:
+        if self.ring.prismatic[joint]:
+            return JointValue(joint, float(value.ball), value.rational, value.minimal)
+        angle = value.angle() - float(self.offset[joint])
+        return JointValue(joint, wrap(angle), value.rational, value.minimal)
+
+    def _real_part(self, poly: Poly) -> list[list[JointValue]] | None:
+        """All real zeros of a polynomial, where these are less than a hypersurface; else None."""
+        if len(self.ring.joints_of(poly)) < 2 or changes_sign(poly, self.ring):
+            return None
+        try:
+            found = isolated_zeros(poly, self.ring, self.time)
+        except (NotFinite, BudgetExceeded):
+            found = None
+        if found is None:
+            return None
+        return [[self._algebraic(j, v) for j, v in s.items()] for s in found]
 
     def find(self, branch: Branch, count: int, rounds: int = 6) -> Array:
         """Points (k, n) of a branch over whole circles, k up to ``count``.
@@ -168,39 +245,16 @@ class PieceMaker:
         made = equation(poly, self.ring, self.symbols, self.offset)
         return scale_to_lengths(made, self.lengths)
 
-    def _branches(
-        self, values: list[JointValue], equations: list[Equation], check: bool
-    ) -> list[Branch]:
-        """Put irrational values into the equations, and drop choices of roots that are regular.
-
-        An equation that is left with one joint is solved for it in turn.
-        """
+    def _branches(self, values: list[JointValue], equations: list[Equation]) -> list[Branch]:
+        """The equations with irrational values put into them; none if one is a constant then."""
         left: list[Equation] = list(equations)
         for v in values:
-            if not v.rational:
+            if not v.rational or v.minimal:
                 put = [fix_joint(e, v.joint, v.value) for e in left]
                 left = _distinct([e for e in put if e is not None])
         if any(not e.involved for e in left):
-            return []  # a nonzero constant: this root goes with another one
-        single = next((e for e in left if len(e.involved) == 1 and not e.powers.any()), None)
-        if single is not None and check:
-            joint = single.involved[0]
-            rest = [e for e in left if e is not single]
-            return [
-                branch
-                for root in roots_of(single)
-                for branch in self._branches(
-                    [*values, JointValue(joint, wrap(float(root)), False)], rest, check
-                )
-            ]
-        branch = Branch(tuple(sorted(values, key=lambda v: v.joint)), tuple(left))
-        return [branch] if not check or self._singular(branch) else []
-
-    def _singular(self, branch: Branch) -> bool:
-        points = self.find(branch, _TRIALS, rounds=2)
-        if not len(points):
-            return True  # nothing known against it
-        return bool((self.ratios(points) <= _DECIDES).all())
+            return []  # far above rounding: this root goes with another one
+        return [Branch(tuple(sorted(values, key=lambda v: v.joint)), tuple(left))]
 
     def ratios(self, points: Array, arm: Arm | None = None) -> Array:
         """sigma_r / sigma_1 of the nominal arm (or ``arm``) at points (N, n)."""

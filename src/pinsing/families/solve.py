@@ -20,16 +20,13 @@ from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.arguments import checked
-from pinsing.configuration.second_order import second_order
-from pinsing.configuration.state import State, at
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families.example import readable
-from pinsing.families.family import Branch, Family
+from pinsing.families.describe import describe
+from pinsing.families.family import Family
 from pinsing.families.pieces import Piece, PieceMaker
 from pinsing.families.proving import LONG, SHORT, Proof
 from pinsing.families.proving import prove as add_proof
-from pinsing.families.statement import mirror_key, statement
-from pinsing.families.zero_set import gradients, proven_empty
+from pinsing.families.statement import mirror_key
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.geometry.snap import Snap
 from pinsing.geometry.surd import Surd
@@ -41,7 +38,6 @@ from pinsing.serialization import JsonResult
 
 _SEED = 20
 _WITNESSES = 6
-_TRIED = 40
 _TO_DESCRIBE = 0.25
 """Share of the time that there is for describing families, however long finding them took."""
 
@@ -70,7 +66,8 @@ class ClosedForm(JsonResult):
     gaps : tuple of str
         Why not complete.
     dropped : int
-        Components over the complex numbers that were proven to have no real point.
+        Components over the complex numbers that were proven to have no real point, or to have
+        all of them on a family that is stated.
     snaps : tuple of str
         What the nominal geometry moved, with sizes.
     jacobian_change : float
@@ -228,15 +225,20 @@ def closed_form(
             ring, search = _search(geometry, arm, rank, left)
         gaps += list(dict.fromkeys(search.gaps))
         left = max(seconds - (time.monotonic() - started), _TO_DESCRIBE * seconds)
-        maker = PieceMaker(geometry, ring, rank, symbols, _SEED, Budget(left))
+        maker = PieceMaker(geometry, ring, rank, symbols, _SEED, Budget(left), angle_tol)
         pieces = [maker.make(c) for c in search.components]
-        left_out = [c for c, p in zip(search.components, pieces, strict=True) if p is None]
-        grouped = _join([p for p in pieces if p is not None])
-        families = [_family(group, maker, arm, geometry) for group in grouped]
-        stated = [f for f in families if not _too_large(f, maker)]
-        if len(stated) < len(families):
-            gaps.append("sets whose equations also hold at regular configurations were left out")
-        families = [_named(f, i) for i, f in enumerate(sorted(stated, key=_order), 1)]
+        gaps += list(dict.fromkeys(maker.undecided))
+        left_out = [c for c, p in zip(search.components, pieces, strict=True) if not p]
+        inside = [
+            bool(p) and maker.lies_in_another(c, p, search.components)
+            for c, p in zip(search.components, pieces, strict=True)
+        ]
+        left_out += [c for c, within in zip(search.components, inside, strict=True) if within]
+        grouped = _join(
+            [p for parts, within in zip(pieces, inside, strict=True) if not within for p in parts]
+        )
+        families = [describe(group, maker, arm, geometry) for group in grouped]
+        families = [_named(f, i) for i, f in enumerate(sorted(families, key=_order), 1)]
     found = ClosedForm(
         arm=summarize(arm),
         symbols=symbols,
@@ -281,14 +283,6 @@ def _search(geometry: Nominal, arm: Arm, rank: int, seconds: float) -> tuple[Rin
     return ring, Decomposition(matrix, rank, ring, time_left)
 
 
-def _too_large(family: Family, maker: PieceMaker) -> bool:
-    """Whether some point of a family, of many that are tried, is regular."""
-    if family.proof == "algebra":
-        return False
-    points = family.points(_TRIED, np.random.default_rng(_SEED), rounds=maker.rounds())
-    return bool(len(points)) and float(maker.ratios(points).max()) > 1e-8
-
-
 def joint_symbols(arm: Arm) -> tuple[str, ...]:
     """q1, q2, d3, ...: the joint's number from the base, d where it slides."""
     return tuple(f"{'d' if s else 'q'}{i}" for i, s in enumerate(arm.prismatic, 1))
@@ -297,115 +291,8 @@ def joint_symbols(arm: Arm) -> tuple[str, ...]:
 def _join(pieces: Sequence[Piece]) -> list[list[Piece]]:
     groups: dict[object, list[Piece]] = {}
     for piece in pieces:
-        groups.setdefault(mirror_key(piece), []).append(piece)
+        groups.setdefault((piece.real, mirror_key(piece)), []).append(piece)
     return list(groups.values())
-
-
-def _family(group: list[Piece], maker: PieceMaker, arm: Arm, geometry: Nominal) -> Family:
-    branches = tuple(b for p in group for b in p.branches)
-    solved = group[0].solved
-    prismatic = [bool(p) for p in arm.prismatic]
-    involved = sorted({j for b in branches for j in b.involved})
-    draft = Family(
-        name="",
-        text=statement(branches, solved, maker.symbols, prismatic),
-        latex=statement(branches, solved, maker.symbols, prismatic, latex=True),
-        branches=branches,
-        joints=tuple(arm.joints[j] for j in involved),
-        codimension=group[0].codimension,
-        proof=min((p.proof for p in group), key=["generic points", "algebra"].index),
-        real=any(p.real for p in group),
-        reachability="none found",
-        witness=None,
-        generic=None,
-        rank=None,
-        lost=(),
-        kind="undecided",
-        reason="",
-        raw_ratio=None,
-        lower=np.array(arm.lower),
-        upper=np.array(arm.upper),
-        prismatic=np.array(arm.prismatic),
-        length_scale=arm.length_scale,
-        components=tuple(p.component for p in group),
-    )
-    if not draft.real:
-        return draft
-    rng = np.random.default_rng(_SEED)
-    inside = draft.points(_WITNESSES, rng, within_limits=True, rounds=maker.rounds())
-    if len(inside):
-        reachability = "reachable"
-    else:
-        reachability = "none found" if maker.time.over else _unreachable(draft)
-    points = inside if len(inside) else draft.points(_WITNESSES, rng, rounds=maker.rounds())
-    return _described(draft, reachability, inside, points, arm, geometry, maker)
-
-
-def _unreachable(family: Family) -> str:
-    """Whether that no point lies within the limits can be proven."""
-    lower, upper = family.box(within_limits=True)
-    endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
-    for branch in family.branches:
-        cut = any(endless[list(e.involved)].any() for e in branch.equations)
-        if family._placed(branch, within_limits=True) and not (
-            branch.equations and not cut and proven_empty(branch.equations, lower, upper)
-        ):
-            return "none found"
-    return "not reachable"
-
-
-def _described(
-    draft: Family,
-    reachability: str,
-    inside: Array,
-    points: Array,
-    arm: Arm,
-    geometry: Nominal,
-    maker: PieceMaker,
-) -> Family:
-    if not len(points):
-        return replace(draft, reachability=reachability)
-    exact = geometry.arm
-    branch = next((b for b in draft.branches if _on(draft, b, points[0])), draft.branches[0])
-    generic = readable(draft, branch, points[0], exact, within_limits=bool(len(inside)))
-    state = at(exact, generic, rtol=1e-8)
-    raw = None
-    if not geometry.exact:
-        raw = float(maker.ratios(points, arm).max())
-    return replace(
-        draft,
-        codimension=_codimension(branch, generic, draft.codimension),
-        reachability=reachability,
-        witness=generic if len(inside) else None,
-        generic=generic,
-        rank=state.rank,
-        lost=(*(str(x) for x in state.lost), *_everywhere(state)),
-        kind=second_order(exact, generic).kind,
-        reason="; ".join(str(d) for d in state.dependences),
-        raw_ratio=raw,
-    )
-
-
-def _everywhere(state: State) -> list[str]:
-    """A remark where some of the motions lost at a point are lost at every other as well."""
-    if state.always_missing == 0 or not state.lost:
-        return []
-    return [f"{state.always_missing} of these {len(state.lost)} is missing at every configuration"]
-
-
-def _on(family: Family, branch: Branch, q: Array) -> bool:
-    return bool(replace(family, branches=(branch,)).contains(q))
-
-
-def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
-    """Joints fixed plus independent gradients at q; the complex one where gradients vanish."""
-    if not branch.equations:
-        return len(branch.values)
-    A = gradients(branch.equations, q[None])[0]
-    independent = int((np.linalg.svd(A, compute_uv=False) > 1e-7).sum())
-    if independent == 0:
-        return complex_codimension
-    return len(branch.values) + independent
 
 
 def _order(family: Family) -> tuple[int, int, int, tuple[str, ...]]:

@@ -16,6 +16,8 @@ _ON = 1e-13
 """A residual this small, relative to the sum of an equation's coefficients, is zero."""
 _TOUCHING = 1e-12
 _NEARLY = 1e-10
+_MARGIN = 1e-8
+"""Of the sum of an equation's coefficients: more than all rounding, in them and in their sums."""
 _STEEP, _FLAT = 1e-6, 1e-10
 """Smallest slope that a step is divided by, relative to the largest, near the set and else."""
 _BOXES = 40_000
@@ -203,7 +205,8 @@ def proven_empty(equations: Sequence[Equation], lower: Array, upper: Array) -> b
     """Whether the equations have no common zero in a box, proven by subdivision.
 
     A box in which some equation is larger at the centre than its slopes allow it to change
-    within holds no zero; any other is halved. False means: not proven.
+    within holds no zero; any other is halved. Every comparison leaves room for rounding (a sum
+    of thousands of terms is right to 1e-12 of their sizes). False means: not proven.
     """
     used = np.zeros(len(lower), dtype=bool)
     for e in equations:
@@ -225,7 +228,9 @@ def proven_empty(equations: Sequence[Equation], lower: Array, upper: Array) -> b
         worst = np.zeros_like(centers)
         for e, slope in zip(equations, steep, strict=True):
             value = np.abs(e(centers))
-            alive &= value <= halves @ slope + max(1e-12, 10 * e.accuracy) * e.size
+            alive &= (
+                value <= halves @ slope * (1 + _MARGIN) + max(_MARGIN, 10 * e.accuracy) * e.size
+            )
             worst = np.maximum(worst, halves * slope / e.size)
         centers, halves, worst = centers[alive], halves[alive], worst[alive]
         if not len(centers):
@@ -247,63 +252,7 @@ def never_zero(equation: Equation) -> bool:
         return False
     size = np.hypot(equation.cos, equation.sin)
     constant = ~(equation.frequencies != 0).any(axis=1)
-    return bool(size[constant].sum() > size[~constant].sum() * (1 + 1e-12))
-
-
-def roots_of(equation: Equation) -> Array:
-    """All values of its only joint at which an equation in one revolute joint is zero.
-
-    The equation is a polynomial in e^(i q / 2) (or e^(i q)); its roots on the unit circle
-    are polished by Newton's method, double ones on the derivative, where they are simple.
-
-    Returns
-    -------
-    (k,) array
-        Angles in (-pi, pi], ascending.
-    """
-    (joint,) = equation.involved
-    frequency = equation.frequencies[:, joint]
-    step = 1 if equation.half_angle else 2
-    top = int(np.abs(frequency).max())
-    coefficients = np.zeros(2 * top // step + 1, dtype=complex)
-    for k, c, s in zip(frequency, equation.cos, equation.sin, strict=True):
-        phase = np.exp(0.5j * k * equation.shift[joint])
-        value = 0.5 * (c - 1j * s) * phase
-        coefficients[(top + k) // step] += value
-        coefficients[(top - k) // step] += np.conj(value)
-    roots = np.roots(coefficients[::-1])
-    near = roots[np.abs(np.abs(roots) - 1) < 1e-4]
-    q = np.zeros((len(near), equation.frequencies.shape[1]))
-    q[:, joint] = np.angle(near) * (2 / step)
-    free = np.zeros(q.shape[1], dtype=bool)
-    free[joint] = True
-    q, ok = project([equation], q, free)
-    q = _polish_double(equation, joint, q[ok])
-    angles = np.remainder(q[:, joint], 2 * np.pi)
-    angles = np.where(angles > np.pi, angles - 2 * np.pi, angles)
-    kept: list[float] = []
-    for angle in sorted(angles):
-        if all(abs(np.remainder(angle - a + np.pi, 2 * np.pi) - np.pi) > 1e-6 for a in kept):
-            kept.append(float(angle))
-    return np.array(kept)
-
-
-def _polish_double(equation: Equation, joint: int, q: Array) -> Array:
-    """Roots q (k, n), those at which the slope vanishes too known to all digits.
-
-    The equation itself tells them to half of the digits only.
-    """
-    rate = equation.frequencies[:, joint] / 2
-    slope = replace(equation, cos=rate * equation.sin, sin=-rate * equation.cos)
-    size = float(slope.size)
-    double = np.flatnonzero(np.abs(slope(q)) <= 1e-5 * size)
-    free = np.arange(q.shape[1]) == joint
-    moved, ok = project([slope], q[double], free)
-    ok &= np.abs(moved[:, joint] - q[double, joint]) <= 1e-5
-    ok &= np.abs(equation(moved)) <= _ON * equation.size
-    q = q.copy()
-    q[double[ok]] = moved[ok]
-    return q
+    return bool(size[constant].sum() > size[~constant].sum() + _MARGIN * equation.unit)
 
 
 def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:

@@ -1,0 +1,143 @@
+"""What the real zeros of one irreducible polynomial are: a hypersurface, or less.
+
+A polynomial that is positive somewhere and negative elsewhere has a hypersurface of real
+zeros. One that is not has its real zeros where all derivatives vanish as well: often some
+points only, such as the stretched arm in 0.3 cos q2 + 0.2 cos(q2+q3) + 0.5 = 0.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+from flint import fmpq, fmpz_poly
+
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.finite_system import NotFinite, Solution, real_solutions
+from pinsing.algebra.ring import Poly, Ring
+from pinsing.geometry.surd import Surd, parts_of
+
+_POINTS = 256
+_SEED = 3
+_FAR = 1e-6
+"""A value with square roots counts as positive from this share of its terms on."""
+
+
+def changes_sign(poly: Poly, ring: Ring) -> bool:
+    """Whether a polynomial takes both signs, shown by its values at rational points.
+
+    One of odd degree in some revolute joint does: a whole turn changes its sign.
+    """
+    if any(_degree(poly, j, ring) % 2 for j in ring.joints_of(poly) if not ring.prismatic[j]):
+        return True
+    rng = np.random.default_rng(_SEED)
+    seen = set()
+    for _ in range(_POINTS):
+        seen.add(_sign(poly, [int(k) for k in rng.integers(-9, 10, ring.nvars)], ring))
+        if {1, -1} <= seen:
+            return True
+    return False
+
+
+def _sign(poly: Poly, point: Sequence[int], ring: Ring) -> int:
+    """Sign of the value at a point, 0 where it is not told from zero."""
+    if ring.rational:
+        value = poly(*(fmpq(x) for x in point))
+        return int(value > 0) - int(value < 0)
+    total: Fraction | Surd = Fraction(0)
+    size = 0.0
+    for m, c in ring.terms(poly).items():
+        factor = 1
+        for x, e in zip(point, m, strict=True):
+            factor *= x**e
+        total = total + c * factor
+        size += sum(abs(float(p)) for p in parts_of(c)) * 2.5 * abs(factor)
+    value = float(total)
+    return 0 if abs(value) <= _FAR * size else (1 if value > 0 else -1)
+
+
+def _degree(poly: Poly, joint: int, ring: Ring) -> int:
+    """Degree in both variables of a joint, in which the polynomial is homogeneous."""
+    m = next(iter(poly.to_dict()))
+    return sum(int(m[v]) for v in ring.variables(joint))
+
+
+def isolated_zeros(poly: Poly, ring: Ring, time: Budget) -> list[Solution] | None:
+    """All real zeros of a polynomial that is proven not to change its sign; else None.
+
+    Raises
+    ------
+    NotFinite
+        If these are not isolated.
+    """
+    if not ring.rational or any(ring.prismatic[j] for j in ring.joints_of(poly)):
+        return None
+    if not semidefinite(poly, ring, time):
+        return None
+    used = [v for j in ring.joints_of(poly) for v in ring.variables(j)]
+    slopes = [poly.derivative(v) for v in used]
+    found = real_solutions([poly, *(s for s in slopes if s != 0)], ring, time)
+    if any(len(s) < len(ring.joints_of(poly)) for s in found):
+        raise NotFinite
+    return found
+
+
+def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
+    """Whether it is proven that a polynomial over the rationals never changes its sign.
+
+    Factors of odd multiplicity must not. One in a single joint has no real root then; one of
+    degree two in a joint, A x^2 + B x y + C y^2, has a discriminant B^2 - 4 A C that is nowhere
+    positive.
+    """
+    for f, multiplicity in poly.factor()[1]:
+        time.check()
+        joints = ring.joints_of(f)
+        if multiplicity % 2 == 0 or not joints:
+            continue
+        if len(joints) == 1:
+            if not _without_roots(f, joints[0], ring):
+                return False
+            continue
+        if not any(
+            _degree(f, j, ring) == 2 and _never_positive(_discriminant(f, j, ring), ring, time)
+            for j in joints
+        ):
+            return False
+    return True
+
+
+def _never_positive(poly: Poly, ring: Ring, time: Budget) -> bool:
+    if poly == 0:
+        return True
+    signs = {
+        _sign(poly, point, ring)
+        for point in itertools.islice(itertools.product((1, 2, -3), repeat=ring.nvars), 40)
+    }
+    return 1 not in signs and -1 in signs and semidefinite(poly, ring, time)
+
+
+def _discriminant(poly: Poly, joint: int, ring: Ring) -> Poly:
+    x, y = ring.variables(joint)
+    parts = {0: {}, 1: {}, 2: {}}  # type: dict[int, dict[tuple[int, ...], object]]
+    for m, c in poly.to_dict().items():
+        rest = tuple(0 if i in (x, y) else int(e) for i, e in enumerate(m))
+        parts[int(m[y])][rest] = c
+    a, b, c = (poly.context().from_dict(parts[k]) for k in (0, 1, 2))
+    return b * b - 4 * a * c
+
+
+def _without_roots(poly: Poly, joint: int, ring: Ring) -> bool:
+    """Whether a polynomial in one joint has no real root."""
+    terms = ring.terms(poly)
+    v = ring.variables(joint)[-1]
+    scale = 1
+    for c in terms.values():
+        scale *= parts_of(c)[0].denominator
+    line = [0] * (max(m[v] for m in terms) + 1)
+    for m, c in terms.items():
+        line[m[v]] = int(parts_of(c)[0] * scale)
+    if len(line) - 1 < _degree(poly, joint, ring):
+        return False  # y is free of x: a root at 180 degrees
+    return all(z.imag != 0 for z, _ in fmpz_poly(line).complex_roots())

@@ -1,0 +1,137 @@
+"""A system of equations, stated by what its own points say: part by part, and shorter.
+
+Where a part of the common zeros does not depend on a joint, every coefficient with respect to
+that joint's variables vanishes on it; where a polynomial falls into factors, one of them does.
+Stated by these the part is smaller, never larger, than the system: whatever is zero here makes
+all of the system's polynomials zero. That nothing of the part is lost its points show.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from flint import Ordering, fmpz_mpoly_ctx, fmpz_mpoly_vec
+
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.generic_points import SlicePoint
+from pinsing.algebra.ring import Poly, Ring
+
+_MOST = 60
+"""Equations after which expanding is given up."""
+_LIMITS = (60, 200, 5_000)
+"""Of a Groebner basis: polynomials, terms, bits of coefficients."""
+
+Part = tuple[tuple[Poly, ...], list[SlicePoint]]
+
+
+def restated(
+    relations: Sequence[Poly], points: list[SlicePoint], count: int, ring: Ring, time: Budget
+) -> list[Part]:
+    """The parts of a system, each with equations and the points that are on it.
+
+    Parameters
+    ----------
+    relations : sequence of Poly
+        The system.
+    points : list of SlicePoint
+        Generic points of all of its parts that are meant.
+    count : int
+        How many independent equations there are.
+    ring : Ring
+        Its ring.
+    time : Budget
+        Asked before each factorization.
+    """
+    polys = _distinct(_expanded(relations, points, ring), ring)
+    chosen: list[Poly] = []
+    for p in polys:
+        time.check_factor(len(p))
+        factors = ring.factors(p)
+        whole = [f for f in factors if all(s.is_zero(f) for s in points)]
+        if whole:
+            chosen.append(min(whole, key=len))
+            continue
+        for f in factors:
+            on = [s for s in points if s.is_zero(f)]
+            if on and len(on) < len(points):
+                off = [s for s in points if s not in on]
+                return [
+                    *restated(relations, on, count, ring, time),
+                    *restated(relations, off, count, ring, time),
+                ]
+        return [(tuple(relations), points)]  # a point on none of the factors: leave it
+    kept = _distinct(chosen, ring)
+    return [(_fewest(kept, count, ring), points)]
+
+
+def _expanded(relations: Sequence[Poly], points: Sequence[SlicePoint], ring: Ring) -> list[Poly]:
+    """Coefficients with respect to all joints that no part of the points depends on."""
+    polys = list(relations)
+    for j in sorted({j for p in polys for j in ring.joints_of(p)}):
+        coefficients = [c for p in polys for c in _coefficients(p, j, ring)]
+        if len(coefficients) > _MOST:
+            continue
+        if all(s.is_zero(c) for c in coefficients for s in points):
+            polys = coefficients
+    return polys
+
+
+def _coefficients(poly: Poly, joint: int, ring: Ring) -> list[Poly]:
+    variables = set(ring.variables(joint))
+    parts: dict[tuple[int, ...], dict[tuple[int, ...], object]] = {}
+    for m, c in poly.to_dict().items():
+        key = tuple(int(m[v]) for v in sorted(variables))
+        rest = tuple(0 if i in variables else int(e) for i, e in enumerate(m))
+        parts.setdefault(key, {})[rest] = c
+    return [ring.strip(poly.context().from_dict(terms)) for terms in parts.values()]
+
+
+def _distinct(polys: Sequence[Poly], ring: Ring) -> list[Poly]:
+    """The polynomials, the short ones first, without multiples of earlier ones."""
+    kept: list[Poly] = []
+    for p in sorted(polys, key=len):
+        factors = [k for k in kept if len(k) <= len(p)]
+        if not any(_divides(k, p, ring) for k in factors):
+            kept.append(p)
+    return kept
+
+
+def _divides(k: Poly, p: Poly, ring: Ring) -> bool:
+    if ring.rational:
+        return bool(divmod(p, k)[1] == 0)
+    return bool(p == k)
+
+
+def _fewest(polys: list[Poly], count: int, ring: Ring) -> tuple[Poly, ...]:
+    """The first ``count`` polynomials, if all others lie in their ideal; else all."""
+    if len(polys) <= count or not ring.rational:
+        return tuple(polys)
+    names = polys[0].context().names()
+    context = fmpz_mpoly_ctx.get(list(names), Ordering.degrevlex)
+
+    def integral(p: Poly) -> object:
+        terms = p.to_dict()
+        scale = math.lcm(*(int(c.q) for c in terms.values()))
+        return context.from_dict({m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()})
+
+    few = fmpz_mpoly_vec([integral(p) for p in polys[:count]], context)
+    basis, done = few.buchberger_naive(limits=_LIMITS)
+    if not done:
+        return tuple(polys)
+    over_q = [polys[0].context().from_dict(dict(g.to_dict())) for g in basis]
+    if all(_reduced(p, over_q) == 0 for p in polys[count:]):
+        return tuple(polys[:count])
+    return tuple(polys)
+
+
+def _reduced(poly: Poly, basis: Sequence[Poly]) -> Poly:
+    """Remainder of division by all of a basis."""
+    before = None
+    while poly != 0 and poly != before:
+        before = poly
+        for g in basis:
+            poly = divmod(poly, g)[1]
+            if poly == 0:
+                break
+    return poly

@@ -1,0 +1,162 @@
+"""From pieces of the singular set to families with points, limits, kinds and words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.configuration.state import State, at
+from pinsing.families.example import readable
+from pinsing.families.family import Branch, Family
+from pinsing.families.kinds import kinds_of
+from pinsing.families.pieces import Piece, PieceMaker
+from pinsing.families.statement import statement
+from pinsing.families.zero_set import gradients, proven_empty
+from pinsing.geometry.nominal import Nominal
+from pinsing.robot.arm import Arm
+
+_SEED = 20
+_WITNESSES = 24
+_LENGTH_TOL = 1e-6
+"""Metres by which a family may lie beyond the limit of a prismatic joint and be at it."""
+_SAME = 1e-9
+_INDEPENDENT = 1e-7
+"""Singular values of gradients that count, relative to the largest."""
+
+
+def describe(group: Sequence[Piece], maker: PieceMaker, arm: Arm, geometry: Nominal) -> Family:
+    """The family of some pieces that are mirror images of each other."""
+    branches = tuple(b for p in group for b in p.branches)
+    solved = group[0].solved
+    prismatic = [bool(p) for p in arm.prismatic]
+    involved = sorted({j for b in branches for j in b.involved})
+    draft = Family(
+        name="",
+        text=statement(branches, solved, maker.symbols, prismatic),
+        latex=statement(branches, solved, maker.symbols, prismatic, latex=True),
+        branches=branches,
+        joints=tuple(arm.joints[j] for j in involved),
+        codimension=group[0].codimension,
+        proof=min((p.proof for p in group), key=["generic points", "algebra"].index),
+        real=any(p.real for p in group),
+        reachability="none found",
+        witness=None,
+        generic=None,
+        rank=None,
+        lost=(),
+        kind="undecided",
+        reason="",
+        raw_ratio=None,
+        lower=np.array(arm.lower),
+        upper=np.array(arm.upper),
+        prismatic=np.array(arm.prismatic),
+        length_scale=arm.length_scale,
+        components=tuple(p.component for p in group),
+    )
+    if not draft.real:
+        return draft
+    rng = np.random.default_rng(_SEED)
+    inside = draft.points(_WITNESSES, rng, within_limits=True, rounds=maker.rounds())
+    reachability = "reachable" if len(inside) else "none found"
+    if not len(inside):
+        tolerance = np.where(arm.prismatic, _LENGTH_TOL, maker.angle_tol)
+        wider = replace(draft, limit_tolerance=tolerance)
+        inside = wider.points(_WITNESSES, rng, within_limits=True, rounds=maker.rounds())
+        if len(inside):
+            draft, reachability = wider, "at the joint limit"
+            draft = replace(draft, limits_met=_limits_met(draft, inside[0], maker.symbols))
+        elif not maker.time.over:
+            reachability = _unreachable(wider)
+    points = inside if len(inside) else draft.points(_WITNESSES, rng, rounds=maker.rounds())
+    return _described(draft, reachability, inside, points, arm, geometry, maker)
+
+
+def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, ...]:
+    """Which limits a point lies beyond, within the tolerance, with both numbers."""
+    said = []
+    for j, value in enumerate(q):
+        for limit, beyond in ((family.lower[j], -1.0), (family.upper[j], 1.0)):
+            if beyond * (value - limit) > _SAME / 10:
+                unit = "m" if family.prismatic[j] else "rad"
+                said.append(
+                    f"{symbols[j]} = {value:.10g} {unit}, its limit {limit:.10g} {unit}, "
+                    f"{abs(value - limit):.1e} {unit} apart"
+                )
+    return tuple(said)
+
+
+def _unreachable(family: Family) -> str:
+    """Whether that no point lies within the limits can be proven."""
+    lower, upper = family.box(within_limits=True)
+    endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
+    for branch in family.branches:
+        cut = any(endless[list(e.involved)].any() for e in branch.equations)
+        if family._placed(branch, within_limits=True) and not (
+            branch.equations and not cut and proven_empty(branch.equations, lower, upper)
+        ):
+            return "none found"
+    return "not reachable"
+
+
+def _described(
+    draft: Family,
+    reachability: str,
+    inside: Array,
+    points: Array,
+    arm: Arm,
+    geometry: Nominal,
+    maker: PieceMaker,
+) -> Family:
+    if not len(points):
+        return replace(draft, reachability=reachability)
+    exact = geometry.arm
+    branch = next((b for b in draft.branches if _on(draft, b, points[0])), draft.branches[0])
+    strictly = bool(len(inside)) and reachability == "reachable"
+    generic = readable(draft, branch, points[0], exact, within_limits=strictly)
+    state = at(exact, generic, rtol=1e-8)
+    raw = None
+    if not geometry.exact:
+        raw = float(maker.ratios(points, arm).max())
+    kinds = kinds_of(draft, points, exact, maker)
+    return replace(
+        draft,
+        codimension=_codimension(branch, generic, draft.codimension),
+        reachability=reachability,
+        witness=generic if len(inside) else None,
+        generic=generic,
+        rank=state.rank,
+        lost=(*(str(x) for x in state.lost), *_everywhere(state)),
+        kind=kinds[0].kind if len(kinds) == 1 else "varies",
+        kinds=kinds,
+        reason="; ".join(str(d) for d in state.dependences),
+        raw_ratio=raw,
+    )
+
+
+def _everywhere(state: State) -> list[str]:
+    """A remark where some of the motions lost at a point are lost at every other as well."""
+    if state.always_missing == 0 or not state.lost:
+        return []
+    return [f"{state.always_missing} of these {len(state.lost)} is missing at every configuration"]
+
+
+def _on(family: Family, branch: Branch, q: Array) -> bool:
+    return bool(replace(family, branches=(branch,)).contains(q))
+
+
+def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
+    """Joints fixed plus independent gradients at q; the complex one where gradients vanish.
+
+    A single equation that is left by now changes its sign, or nothing better is known of it:
+    its set has the codimension of the complex one.
+    """
+    if not branch.equations:
+        return len(branch.values)
+    if len(branch.equations) == 1:
+        return complex_codimension
+    sizes = np.linalg.svd(gradients(branch.equations, q[None])[0], compute_uv=False)
+    independent = int((sizes > _INDEPENDENT * max(float(sizes[0]), 1e-300)).sum())
+    return max(complex_codimension, len(branch.values) + independent)

@@ -1,0 +1,61 @@
+"""Boundary or interior, piece by piece of a family."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.configuration.second_order import second_order_many
+from pinsing.families.family import Branch, Family, KindPart
+from pinsing.families.statement import statement
+from pinsing.families.zero_set import residuals
+from pinsing.robot.arm import Arm
+
+if TYPE_CHECKING:
+    from pinsing.families.pieces import PieceMaker
+
+_SHORT = 60
+"""Characters that a condition may have to be named as the place of a kind."""
+
+
+def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tuple[KindPart, ...]:
+    """What kind of singularity the points (N, n) of a family are, and where which.
+
+    One part if all that could be decided agree. Where whole branches are of one kind each, such
+    as q3 = 0 and q3 = 180 degrees, the parts are named by these; else they are shares of the
+    points.
+    """
+    found = [s.kind for s in second_order_many(arm, points)]
+    counts = Counter(found)
+    total = len(found)
+    if len(counts) == 1:
+        return (KindPart(found[0], "", 1.0, total),)
+    owner = _owners(family, points)
+    by_branch = {b: Counter(k for k, o in zip(found, owner, strict=True) if o == b) for b in owner}
+    if len(by_branch) == len(family.branches) and all(len(c) == 1 for c in by_branch.values()):
+        places = {
+            kind: _place([family.branches[b] for b, c in by_branch.items() if kind in c], maker)
+            for kind in counts
+        }
+        if all(len(place) <= _SHORT for place in places.values()):
+            return tuple(KindPart(k, places[k], n / total, total) for k, n in counts.most_common())
+    return tuple(KindPart(k, "", n / total, total) for k, n in counts.most_common())
+
+
+def _place(branches: Sequence[Branch], maker: PieceMaker) -> str:
+    """The condition of some branches: where the values of all differ, these."""
+    return statement(branches, (), maker.symbols, [bool(p) for p in maker.ring.prismatic])
+
+
+def _owners(family: Family, points: Array) -> list[int]:
+    """The branch that each point lies on."""
+    off = np.empty((len(family.branches), len(points)))
+    for i, branch in enumerate(family.branches):
+        off[i] = np.linalg.norm(family._off_values(branch, points), axis=-1)
+        if branch.equations:
+            off[i] += np.abs(residuals(branch.equations, points)).max(axis=-1)
+    return [int(i) for i in off.argmin(axis=0)]
