@@ -110,6 +110,7 @@ def families_text(forms: ClosedForm, page: Page = PLAIN, degrees: bool = False) 
     named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]
     if named:
         lines.append(page.paragraph("where " + ", ".join(named), first="  "))
+    lines += [page.paragraph(hint, first="  ") for hint in forms.hints]
     return "\n".join(lines)
 
 
@@ -131,11 +132,24 @@ def proof_text(forms: ClosedForm, page: Page = PLAIN) -> str:
         )
     if proof is None:
         return page.paragraph("probable: no certificate was looked for", first="  ")
-    primes = " and ".join(str(p) for p in proof.primes)
     return page.paragraph(
-        "probable: nothing is known to be missing, but some steps were decided at random points "
-        f"modulo {primes}, each wrong with a chance below 1e-14; no certificate: {proof.reason}",
+        f"probable: nothing is known to be missing, but {_random_steps(forms)}; "
+        f"no certificate: {proof.reason}",
         first="  ",
+    )
+
+
+def _random_steps(forms: ClosedForm) -> str:
+    """What rests on random points of finite fields, with primes and seeds."""
+    steps = forms.random_steps
+    if steps is None or not steps.systems:
+        return "the generic rank was taken at random points of two finite fields"
+    primes = " and ".join(str(p) for p in steps.primes)
+    seeds = " and ".join(str(s) for s in steps.seeds)
+    systems = "one system" if steps.systems == 1 else f"{steps.systems} systems"
+    return (
+        f"{systems} of equations rested on random points modulo {primes} (seeds {seeds}), "
+        "each verdict wrong with a chance below 1e-14"
     )
 
 

@@ -74,7 +74,6 @@ class PieceMaker:
         angle_tol: float,
     ) -> None:
         self.geometry, self.ring, self.rank, self.time = geometry, ring, rank, time
-        self.undecided: list[str] = []
         self.angle_tol = angle_tol
         self.symbols = tuple(symbols)
         self.offset = own_offsets(geometry)
@@ -95,9 +94,7 @@ class PieceMaker:
         What neither is proven to be empty nor has a point that was found is a piece of its own.
         """
         fixed = [self._value(j, v) for j, v in component.values.items()]
-        determined = self._determined(component.relations)
-        solved = [p for p in component.relations if set(self.ring.joints_of(p)) <= determined]
-        others = [p for p in component.relations if p not in solved]
+        solved, others = self._solvable(component)
         real = None if solved or len(others) != 1 else self._real_part(others[0])
         if real is not None:  # smaller than the set of complex zeros
             combinations = real
@@ -105,7 +102,8 @@ class PieceMaker:
             codimension = len(fixed) + len(self.ring.joints_of(others[0]))
             others = []
         else:
-            combinations, minimal = self._solutions(solved)
+            combinations, minimal, unsolved = self._solutions(solved)
+            others += unsolved
             codimension = component.codimension
         equations = [self._equation(p) for p in others]
         branches = []
@@ -153,30 +151,41 @@ class PieceMaker:
             self.ring.substitute(r, values) == 0 for r in component.relations
         )
 
-    def _determined(self, relations: Sequence[Poly]) -> set[int]:
-        """Joints that have finitely many values: alone in an equation, or with others of these."""
-        joints = [set(self.ring.joints_of(p)) for p in relations]
-        together = set().union(*joints)
-        if len(together) > 1 and len(together) <= len(relations):
-            return together
-        out: set[int] = set()
-        while new := next((j - out for j in joints if len(j - out) == 1), None):
-            out |= new
-        return out
+    def _solvable(self, component: Component) -> tuple[list[Poly], list[Poly]]:
+        """The relations that fix joint values, and the others.
 
-    def _solutions(self, polys: Sequence[Poly]) -> tuple[list[list[JointValue]], list[Equation]]:
-        """All real values of the joints of a system, and one equation a joint for print."""
-        if not polys:
-            return [[]], []
-        if all(len(self.ring.joints_of(p)) == 1 for p in polys):
-            roots = [self._roots(p) for p in polys]
-            return [list(c) for c in itertools.product(*roots)], [self._equation(p) for p in polys]
-        try:
-            found = real_solutions(polys, self.ring, self.time)
-        except (NotFinite, BudgetExceeded):
-            self.undecided.append("joint values that depend on each other were not told apart")
-            return [], []
-        return [[self._algebraic(j, v) for j, v in s.items()] for s in found], []
+        A joint has finitely many values where it is alone in a relation, or alone with others of
+        these; or all joints do, where there are as many of them as the component has equations.
+        """
+        relations = list(component.relations)
+        joints = [set(self.ring.joints_of(p)) for p in relations]
+        fixed = set().union(*joints)
+        if len(fixed) != component.codimension - len(component.values):
+            fixed = set()
+            while new := next((j - fixed for j in joints if len(j - fixed) == 1), None):
+                fixed |= new
+        solved = [p for p, j in zip(relations, joints, strict=True) if j <= fixed]
+        return solved, [p for p in relations if p not in solved]
+
+    def _solutions(
+        self, polys: Sequence[Poly]
+    ) -> tuple[list[list[JointValue]], list[Equation], list[Poly]]:
+        """Real values of joints, one equation a joint for print, and what was not solved."""
+        alone = [p for p in polys if len(self.ring.joints_of(p)) == 1]
+        together = [p for p in polys if len(self.ring.joints_of(p)) > 1]
+        if together:
+            try:
+                found = real_solutions(polys, self.ring, self.time)
+            except (NotFinite, BudgetExceeded):
+                pass  # they stay equations
+            else:
+                return [[self._algebraic(j, v) for j, v in s.items()] for s in found], [], []
+        roots = [self._roots(p) for p in alone]
+        return (
+            [list(c) for c in itertools.product(*roots)],
+            [self._equation(p) for p in alone],
+            together,
+        )
 
     def _algebraic(self, joint: int, value: AlgebraicValue) -> JointValue:
         if self.ring.prismatic[joint]:

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
-from pinsing.algebra.prime_field import WORD_PRIME
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.proof.checker import Rejected, verify
 from pinsing.proof.produce import Stated, certificate, text_of
@@ -82,13 +81,13 @@ def prove(
     try:
         data = _made(form, seconds, progress)
     except NotFound as reason:
-        return replace(form, proof=_none(str(reason), time.monotonic() - started))
+        return replace(form, proof=_none(form, str(reason), time.monotonic() - started))
     found = time.monotonic()
     text = text_of(data)
     try:
         verify(text)
     except Rejected as reason:
-        return replace(form, proof=_none(f"the checker says: {reason}", found - started))
+        return replace(form, proof=_none(form, f"the checker says: {reason}", found - started))
     proof = Proof(
         accepted=True,
         reason="",
@@ -118,5 +117,6 @@ def _made(
     return certificate(geometry, ring, form.generic_rank, stated, seconds, progress)
 
 
-def _none(reason: str, seconds: float) -> Proof:
-    return Proof(False, reason, 0, 0, seconds, 0.0, (WORD_PRIME,))
+def _none(form: ClosedForm, reason: str, seconds: float) -> Proof:
+    primes = () if form.random_steps is None else form.random_steps.primes
+    return Proof(False, reason, 0, 0, seconds, 0.0, primes)

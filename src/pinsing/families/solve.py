@@ -18,11 +18,13 @@ from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Ring
+from pinsing.algebra.second_prime import RandomSteps
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.describe import describe
 from pinsing.families.family import Family
+from pinsing.families.hints import SNAP, small_offset, snap_hint
 from pinsing.families.pieces import Piece, PieceMaker
 from pinsing.families.proving import LONG, SHORT, Proof
 from pinsing.families.proving import prove as add_proof
@@ -38,7 +40,9 @@ from pinsing.serialization import JsonResult
 
 _SEED = 20
 _WITNESSES = 6
-_TO_DESCRIBE = 0.25
+_FOR_SEARCH = 0.9
+"""Share of the time that there is for finding components; describing them needs some too."""
+_TO_DESCRIBE = 0.1
 """Share of the time that there is for describing families, however long finding them took."""
 
 MAX_JOINTS = 12
@@ -78,6 +82,11 @@ class ClosedForm(JsonResult):
         The components that ``dropped`` counts, exactly; not written to JSON.
     geometry : Nominal or None
         The exact chain that all of this is true of; not written to JSON.
+    hints : tuple of str
+        What might be worth trying, such as ``snap_length`` for the small offsets of a drawing.
+    random_steps : RandomSteps or None
+        What of the answer rests on random points of finite fields: how many systems of
+        equations, modulo which primes, by which seeds; None where no search was begun.
     proof : Proof or None
         What became of the search for a certificate; None where there was none.
     """
@@ -99,6 +108,8 @@ class ClosedForm(JsonResult):
     left_out: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
     geometry: Nominal | None = field(default=None, repr=False, metadata={"json": False})
     proof: Proof | None = field(default=None)
+    hints: tuple[str, ...] = ()
+    random_steps: RandomSteps | None = None
 
     @property
     def word(self) -> str:
@@ -163,6 +174,7 @@ class ClosedForm(JsonResult):
         named = [f"{s} = {j}" for s, j in self.legend if s != j]
         if named:
             lines.append("  where " + ", ".join(named))
+        lines += [f"  {hint}" for hint in self.hints]
         return "\n".join(lines)
 
 
@@ -184,8 +196,8 @@ def closed_form(
         A serial arm.
     seconds : float
         Time after which the algebra is given up; what was found till then is returned,
-        with ``complete`` False and the reason. Describing that takes a quarter of it more
-        at most, or as long as a short look at each family takes.
+        with ``complete`` False and the reason. Describing that ends as soon, or as a short
+        look at each family is taken.
     angle_tol, snap_length : float
         As in ``nominal``: radians, metres.
     prove : bool or None
@@ -213,21 +225,22 @@ def closed_form(
     families: list[Family] = []
     gaps: list[str] = []
     left_out: list[Component] = []
+    steps: RandomSteps | None = None
     obstacle, moved = _obstacle(geometry)
     if obstacle is not None:
         gaps.append(obstacle)
     elif arm.n > 0 and rank > 0:
-        ring, search = _search(geometry, arm, rank, seconds)
+        ring, search = _search(geometry, arm, rank, _FOR_SEARCH * seconds)
         if search.stopped and not ring.rational:
             # Square roots were too much: with rational twists close by, and that is stated.
             geometry = nominal(arm, angle_tol, snap_length, rational=True)
-            left = max(seconds - (time.monotonic() - started), 0.1 * seconds)
+            left = max(_FOR_SEARCH * seconds - (time.monotonic() - started), 0.1 * seconds)
             ring, search = _search(geometry, arm, rank, left)
         gaps += list(dict.fromkeys(search.gaps))
+        steps = search.second
         left = max(seconds - (time.monotonic() - started), _TO_DESCRIBE * seconds)
         maker = PieceMaker(geometry, ring, rank, symbols, _SEED, Budget(left), angle_tol)
         pieces = [maker.make(c) for c in search.components]
-        gaps += list(dict.fromkeys(maker.undecided))
         left_out = [c for c, p in zip(search.components, pieces, strict=True) if not p]
         inside = [
             bool(p) and maker.lies_in_another(c, p, search.components)
@@ -239,6 +252,12 @@ def closed_form(
         )
         families = [describe(group, maker, arm, geometry) for group in grouped]
         families = [_named(f, i) for i, f in enumerate(sorted(families, key=_order), 1)]
+    hints: tuple[str, ...] = ()
+    left = (1 - _FOR_SEARCH) * seconds + seconds - (time.monotonic() - started)
+    if snap_length == 0 and (offset := small_offset(geometry)) and left > 0:
+        snapped = closed_form(arm, seconds=left / 2, angle_tol=angle_tol, snap_length=SNAP)
+        if [f.text for f in snapped.families] != [f.text for f in families]:
+            hints = (snap_hint(offset, snapped.families, snapped.complete),)
     found = ClosedForm(
         arm=summarize(arm),
         symbols=symbols,
@@ -253,6 +272,8 @@ def closed_form(
         snaps=tuple(str(s) for s in (*geometry.snaps, *moved)),
         jacobian_change=geometry.jacobian_change,
         seconds=time.monotonic() - started,
+        hints=hints,
+        random_steps=steps,
     )
     if prove is False:
         return found

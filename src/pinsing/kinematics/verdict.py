@@ -16,6 +16,7 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.geometry.exact_rank import exact_generic_rank
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.batch import Batch, batch
 from pinsing.kinematics.engine import PINOCCHIO
@@ -66,9 +67,9 @@ class Measured(NamedTuple):
 def generic_rank(arm: Arm) -> int:
     """Rank of the task Jacobian at almost every configuration.
 
-    Taken on the nominal geometry, at random configurations: the greatest rank found there
-    is the generic one, since a lower rank has probability zero. On the raw geometry a
-    rounded angle could pretend a motion of relative size 1e-6.
+    Taken on the nominal geometry, exactly (`pinsing.geometry.exact_rank`): no tolerance, no
+    length scale. On the raw geometry a rounded angle could pretend a motion of relative size
+    1e-6. With mimic joints it is the greatest rank of random configurations at the own scale.
 
     Raises
     ------
@@ -160,17 +161,26 @@ def scale_notes(arm: Arm) -> Iterator[str]:
 
 
 def _generic_rank(arm: Arm) -> int:
-    exact = nominal(arm).arm
+    geometry = nominal(arm)
+    found = _sampled_rank(geometry.arm) if arm.coupling is not None else None
+    rank = exact_generic_rank(geometry, arm.task.rows) if found is None else found
+    if rank == 0:
+        raise OptionError(
+            f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
+            "rows; choose other rows"
+        )
+    return rank
+
+
+def _sampled_rank(exact: Arm) -> int:
+    """The same of an arm with mimic joints, by floats: these may follow by any multiple."""
     # Whole circles, not the limits: a joint that hardly moves still has a generic rank.
     J = batch(exact).frame_jacobians(random_turns(exact, _RANK_SAMPLES))
     scale = own_scale(exact)
     sigma = np.linalg.svd(scale.apply(exact, J), compute_uv=False)
     largest = max(float(np.abs(J[:, :3]).max()) / scale.length, float(np.abs(J[:, 3:]).max()))
     if sigma.max() <= SINGULAR_RTOL * largest:
-        raise OptionError(
-            f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
-            "rows; choose other rows"
-        )
+        return 0
     return int((sigma > SINGULAR_RTOL * sigma[:, :1]).sum(axis=1).max())
 
 

@@ -1,0 +1,33 @@
+"""What a user may want to try: offsets of a drawing that are hardly meant."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pinsing.families.family import Family
+from pinsing.geometry.nominal import Nominal
+
+SNAP = 1e-3
+"""Metres; shorter offsets in a longer arm are often those of a drawing."""
+_LONG = 100 * SNAP
+
+
+def small_offset(geometry: Nominal) -> float | None:
+    """The largest coordinate of a placement that is shorter than ``SNAP``, metres, if there is one.
+
+    None for a small arm, to which a millimetre is much.
+    """
+    lengths = [abs(float(x)) for row in geometry.translation for x in row]
+    if sum(lengths) < _LONG:
+        return None
+    return max((x for x in lengths if 0 < x < SNAP), default=None)
+
+
+def snap_hint(offset: float, families: Sequence[Family], complete: bool) -> str:
+    """One line: what the families are without the small offsets."""
+    found = " | ".join(f.text for f in families) or "no singular configurations"
+    whole = "" if complete else " (not complete)"
+    return (
+        f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: "
+        f"--snap-length {SNAP:g} puts them to zero and gives {found}{whole}"
+    )
