@@ -127,7 +127,7 @@ def test_raw_geometry_is_said():
     for f in findings.values():
         assert f.configuration.sigma_ratio <= 1e-9
         assert 1e-9 < f.raw_ratio < 1e-5
-        assert "the file as it is reaches" in str(f)
+        assert "on the file as it is the ratio is" in str(f)
 
 
 def test_singular_only_outside_the_limits():

@@ -190,7 +190,7 @@ def test_iiwa_forced_sets_and_negatives():
     for fixed in ({"q2": 0.0}, {"q6": 0.0}, {"q3": 0.0, "q5": 0.0}, {"q2": 0.0, "q3": 0.0}):
         for moving in {"q2", "q3", "q4", "q5", "q6"} - set(fixed):
             assert result.curve(fixed, moving).sigma_ratio.max() > 1e-3
-    assert "outside the limits" in " ".join(result.notes)  # 180 deg of every joint
+    assert "outside the joint limits" in " ".join(result.notes)  # 180 deg of every joint
     assert not any(abs(v) > 3 for c in result.curves for v in c.fixed.values())
 
 
@@ -339,7 +339,7 @@ def test_arms_without_combinations():
 
 def test_text(stanford):
     text = str(stanford)
-    assert "nominal configuration (pi/3)" in text
+    assert "nominal configuration (60 degrees, as in the paper)" in text
     assert "all joints at 90 deg: sigma_min = 0.209, regular" in text
     assert "q5 = 180 deg: singular whatever the others" in text
     assert "not swept: q1, q6 (does not change sigma_min)" in text

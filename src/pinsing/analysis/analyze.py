@@ -24,8 +24,8 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
 from pinsing.sweeps.findings import MAX_STARTS, Finding, singular_configurations
-from pinsing.sweeps.plan import SAMPLES
-from pinsing.sweeps.run import SweepResult, sweep
+from pinsing.sweeps.plan import SAMPLES, SweepOptions, planned_sweep
+from pinsing.sweeps.run import SweepResult, run_sweep
 from pinsing.sweeps.special_values import SPECIAL_ANGLES, Special
 
 ON_FAMILY_TOL = 1e-5
@@ -233,19 +233,8 @@ def analyze(
     forms = closed_form(
         arm, seconds=seconds, angle_tol=angle_tol, snap_length=snap_length, prove=None
     )
-    result = sweep(
-        swept,
-        nominal=nominal,
-        special=special,
-        levels=levels,
-        samples=samples,
-        joints=joints,
-        ignore_limits=ignore_limits,
-        prune=prune,
-        progress=progress,
-        seed=seed,
-        geometry=exact,
-    )
+    options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
+    result = run_sweep(swept, planned_sweep(swept, options, exact), progress)
     findings = singular_configurations(swept, result, geometry=exact)
     search = _random_search(exact, forms, random_starts, seed)
     checks = _check_families(swept, exact, forms, seed)

@@ -20,14 +20,9 @@ from pinsing.maps.result import MapResult, result_of
 from pinsing.robot.arm import Arm
 from pinsing.runs.chunk_file import Record
 from pinsing.runs.execute import planned_evaluator, running
+from pinsing.runs.options import Progress, RunOptions, Tell
 from pinsing.runs.tally import Tally
 from pinsing.runs.tally_check import TALLY, check_names, check_tally, finite, tally_room
-
-Progress = Callable[[int, int], object]
-"""Called with the number of configurations done, and of all, after each chunk."""
-
-Tell = Callable[[str], object]
-"""Called with a sentence about what goes on."""
 
 RESULT = "result.json"
 """File of a folder that holds the result of a complete map."""
@@ -196,8 +191,6 @@ def sigma_map(
     WorkerError
         If a worker died, or failed.
     """
-    if keep_values and out is None:
-        raise OptionError("keep_values needs a folder to keep them in: give out")
     plan = plan_map(
         arm,
         sampling,
@@ -212,16 +205,25 @@ def sigma_map(
         chunk=chunk,
         keep_values=keep_values,
     )
-    job = MapJob(plan, planned_evaluator(arm, engine, out), keep_values)
+    options = RunOptions(out, engine, threads, executor, parallel, progress, tell)
+    return run_map(arm, plan, options, keep_values)
+
+
+def run_map(
+    arm: Arm, plan: MapPlan, options: RunOptions | None = None, keep_values: bool = False
+) -> MapResult:
+    """Run a plan that was made for ``arm``; see `sigma_map`."""
+    options = RunOptions() if options is None else options
+    if keep_values and options.out is None:
+        raise OptionError("keep_values needs a folder to keep them in: give out")
+    job = MapJob(plan, planned_evaluator(arm, options), keep_values)
     tally, notes = Tally(plan.worst), []
-    with running(
-        job, out=out, threads=threads, executor=executor, parallel=parallel, tell=tell
-    ) as (chunks, folder):
+    with running(job, options) as (chunks, folder):
         try:
             for _, record in chunks:
                 tally.join(Tally.from_record(record, plan.worst))
-                if progress is not None:
-                    progress(tally.done, plan.count)
+                if options.progress is not None:
+                    options.progress(tally.done, plan.count)
         except KeyboardInterrupt:
             notes.append(f"stopped after {tally.done:,} of {plan.count:,} configurations")
         if not tally.done:

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import os
 from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
 from typing import Any, Protocol
@@ -19,7 +18,8 @@ from pinsing.robot.arm import Arm
 from pinsing.runs.chunk_file import DamagedError, Record
 from pinsing.runs.cluster import lost
 from pinsing.runs.executors import local_threads
-from pinsing.runs.inbox import Inbox, ctrl_c_to
+from pinsing.runs.inbox import Inbox
+from pinsing.runs.options import RunOptions
 from pinsing.runs.run_folder import RunFolder, open_run, recorded
 
 _PER_WORKER = 2  # chunks handed out at a time: one to work on, one waiting
@@ -50,46 +50,24 @@ class Job(Protocol):
 Chunks = Generator[tuple[int, Record], None, None]
 """Numbers and records of chunks, as they are done."""
 
-Folder = str | os.PathLike[str]
 
-
-def planned_evaluator(arm: Arm, engine: str, out: Folder | None) -> Evaluator:
-    """Fix the engine of a run: that which ``out`` was begun with, if it has been.
+def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
+    """Fix the engine of a run: that which its folder was begun with, if it has been.
 
     Raises
     ------
     EngineError, OptionError
         As `pinsing.kinematics.evaluator.evaluator`.
     OutputError
-        If ``out`` holds a plan that cannot be read.
+        If ``options.out`` holds a plan that cannot be read.
     """
-    return evaluator(arm, recorded_engine(None if out is None else recorded(out), engine))
+    known = None if options.out is None else recorded(options.out)
+    return evaluator(arm, recorded_engine(known, options.engine))
 
 
 @contextlib.contextmanager
-def running(
-    job: Job,
-    *,
-    out: Folder | None = None,
-    threads: int | None = None,
-    executor: Executor | None = None,
-    parallel: int | None = None,
-    tell: Callable[[str], object] | None = None,
-) -> Iterator[tuple[Chunks, RunFolder | None]]:
+def running(job: Job, options: RunOptions) -> Iterator[tuple[Chunks, RunFolder | None]]:
     """Run ``job`` for as long as the block lasts: its chunks as they are done, and its folder.
-
-    Parameters
-    ----------
-    job : Job
-        What to do.
-    out : path-like, optional
-        Folder that each finished chunk is put in before it is yielded.
-    threads : int, optional
-        Of this process; as many as it may use by default.
-    executor : Executor, optional
-        Takes the chunks instead of threads.
-    parallel, tell
-        As `finished_chunks`.
 
     Raises
     ------
@@ -98,18 +76,16 @@ def running(
     OutputError, WorkerError
         As `pinsing.runs.run_folder.open_run` and `finished_chunks`.
     """
-    if executor is not None and threads is not None:
+    executor, parallel = options.executor, options.parallel
+    if executor is not None and options.threads is not None:
         raise OptionError("give either threads or an executor, not both")
-    inbox = Inbox()
     with contextlib.ExitStack() as stack:
-        stack.enter_context(ctrl_c_to(inbox))
         folder = None
-        if out is not None:
-            folder = stack.enter_context(open_run(out, job.identity(), job.chunks))
+        if options.out is not None:
+            folder = stack.enter_context(open_run(options.out, job.identity(), job.chunks))
         if executor is None:
-            pool = local_threads(threads, patient=lambda: inbox.asked < 2)
-            executor, parallel = stack.enter_context(pool)
-        chunks = finished_chunks(job, executor, folder, parallel, tell, inbox)
+            executor, parallel = stack.enter_context(local_threads(options.threads))
+        chunks = finished_chunks(job, executor, folder, parallel, options.tell)
         yield stack.enter_context(contextlib.closing(chunks)), folder
 
 

@@ -198,6 +198,40 @@ class SweepPlan(JsonResult):
         return f"{sets or 'no sets'}: {self.n_curves} curves, {self.n_jacobians:,} Jacobians"
 
 
+@dataclass(frozen=True, eq=False)
+class SweepOptions:
+    """What is to be swept, as it is asked for; see `pinsing.sweep`.
+
+    Attributes
+    ----------
+    nominal : (n,) array_like or None
+        Configuration that the joints rest at, radians or metres; found if not given.
+    special : sequence of float, or mapping of joint names to such
+        Special values of the revolute joints, radians, or of single joints.
+    levels : int, iterable of int, or None
+        How many joints are at special values at once; an int means 1 up to it.
+    samples : int
+        Points of a curve.
+    joints : sequence of str or None
+        Joints that take part; all that change sigma_min by default.
+    ignore_limits : bool
+        Sweep whole circles.
+    prune : bool
+        Leave out sets that contain one that is singular whatever the others.
+    seed : int
+        Of all random values.
+    """
+
+    nominal: npt.ArrayLike | None = None
+    special: Special = SPECIAL_ANGLES
+    levels: int | Iterable[int] | None = None
+    samples: int = SAMPLES
+    joints: Sequence[str] | None = None
+    ignore_limits: bool = False
+    prune: bool = True
+    seed: int = 0
+
+
 @checked
 def plan_sweep(
     arm: Arm,
@@ -223,21 +257,28 @@ def plan_sweep(
     UnknownNameError
         If a joint does not exist.
     """
+    options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
+    return planned_sweep(arm, options, geometry)
+
+
+def planned_sweep(arm: Arm, options: SweepOptions, geometry: Arm | None = None) -> SweepPlan:
+    """As `plan_sweep`, of options that travel together."""
+    samples, ignore_limits, seed = options.samples, options.ignore_limits, options.seed
     if not 3 <= samples <= _MAX_SAMPLES:
         raise OptionError(
             f"a curve needs at least 3 samples, and at most {_MAX_SAMPLES:,}; got {samples}"
         )
     exact = nominal_geometry(arm).arm if geometry is None else geometry
-    asked = _levels(levels, arm.n)
-    chosen = _joints(arm, joints)
+    asked = _levels(options.levels, arm.n)
+    chosen = _joints(arm, options.joints)
     rng = np.random.default_rng(whole_number(seed, "seed", 0, MAX_SEED))
     notes = list(scale_notes(arm))
-    q, origin = choose_nominal(arm, nominal, ignore_limits, rng)
+    q, origin = choose_nominal(arm, options.nominal, ignore_limits, rng)
     ranges = moving_ranges(arm, ignore_limits, notes)
-    values = special_values(arm, special, ignore_limits, notes)
-    uniform = uniform_configurations(arm, q, special, ignore_limits, notes)
+    values = special_values(arm, options.special, ignore_limits, notes)
+    uniform = uniform_configurations(arm, q, options.special, ignore_limits, notes)
     effects = _effects(arm, exact, q, chosen, values, ranges, rng, notes)
-    planned = _combinations(exact, effects, asked, prune, seed)
+    planned = _combinations(exact, effects, asked, options.prune, seed)
     for level in asked:
         if level > sum(e.swept for e in effects):
             notes.append(f"level {level} is empty: fewer joints than that change sigma_min")
@@ -254,7 +295,7 @@ def plan_sweep(
         levels=planned,
         samples=samples,
         ignore_limits=ignore_limits,
-        prune=prune,
+        prune=options.prune,
         seed=seed,
         n_curves=n_curves,
         n_jacobians=n_curves * samples + len(uniform),

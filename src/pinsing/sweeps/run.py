@@ -7,7 +7,7 @@ and the rest stay at the nominal configuration (paper, Section 3.2, steps (1) to
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from concurrent.futures import Executor
 
 import numpy as np
@@ -22,12 +22,13 @@ from pinsing.robot.arm import Arm
 from pinsing.runs.chunk_file import Record
 from pinsing.runs.distribution import distributions, worst_points
 from pinsing.runs.execute import planned_evaluator, running
+from pinsing.runs.options import Progress, RunOptions, Tell
 from pinsing.runs.tally import Tally
 from pinsing.sweeps.curves import CurveTable, axis_values
 from pinsing.sweeps.job import Kept, SweepJob
 from pinsing.sweeps.minima import CANDIDATES, Pool
 from pinsing.sweeps.npz import CURVES, pack_sweep
-from pinsing.sweeps.plan import SAMPLES, SweepPlan, plan_sweep
+from pinsing.sweeps.plan import SAMPLES, SweepOptions, SweepPlan, planned_sweep
 from pinsing.sweeps.result import (
     HOW_TO_KEEP,
     SweepCurve,
@@ -47,9 +48,6 @@ __all__ = [
     "run_sweep",
     "sweep",
 ]
-
-Progress = Callable[[int, int], object]
-"""Called with the number of Jacobians done, and of all, after each chunk."""
 
 KEEP_BYTES = 64 << 20
 """Curves are part of the result up to this size: 16 bytes for each Jacobian."""
@@ -123,9 +121,8 @@ def sweep(
     ConfigurationError, OptionError, UnknownNameError
         As ``plan_sweep``.
     """
-    plan = plan_sweep(
-        arm, nominal, special, levels, samples, joints, ignore_limits, prune, seed, geometry
-    )
+    options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
+    plan = planned_sweep(arm, options, geometry)
     return run_sweep(arm, plan, progress, keep=keep)
 
 
@@ -143,7 +140,7 @@ def run_sweep(
     threads: int | None = None,
     executor: Executor | None = None,
     parallel: int | None = None,
-    tell: Callable[[str], object] | None = None,
+    tell: Tell | None = None,
 ) -> SweepResult:
     """Run a plan that was made for ``arm``.
 
@@ -199,18 +196,23 @@ def run_sweep(
     for name, number in (("worst", worst), ("candidates", candidates), ("chunk", chunk)):
         if number is not None and number < 1:
             raise OptionError(f"{name} must be at least 1, got {number}")
+    options = RunOptions(out, engine, threads, executor, parallel, progress, tell)
     inside = check_keep(plan, keep, out is not None)
     kept = Kept(keep is not False and (inside or keep is True), int(worst), int(candidates))
     size = _chunk(plan, kept.values, out is not None) if chunk is None else int(chunk)
-    job = SweepJob(plan, planned_evaluator(arm, engine, out), size, kept)
+    job = SweepJob(plan, planned_evaluator(arm, options), size, kept)
+    return _run(job, options, inside, keep)
+
+
+def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) -> SweepResult:
+    """All chunks of a sweep, joined; the curves too if they fit ``inside`` the result."""
+    plan, kept = job.plan, job.kept
     uniform = _uniform(job.evaluator, plan)
     tally, pool = Tally(kept.worst), Pool(kept.candidates)
     curves = _Curves(job.table) if inside and kept.values else None
     notes = list(plan.notes)
     done = 0
-    with running(
-        job, out=out, threads=threads, executor=executor, parallel=parallel, tell=tell
-    ) as (chunks, folder):
+    with running(job, options) as (chunks, folder):
         try:
             for index, record in chunks:
                 tally.join(Tally.from_record(record, kept.worst))
@@ -219,8 +221,8 @@ def run_sweep(
                     curves.add(record)
                 start, stop = job.span(index)
                 done += stop - start
-                if progress is not None:
-                    progress(len(uniform) + done, plan.n_jacobians)
+                if options.progress is not None:
+                    options.progress(len(uniform) + done, plan.n_jacobians)
         except KeyboardInterrupt:
             notes.append(_stopped(done, len(job.table), plan.samples))
         complete = done == len(job.table) * plan.samples
