@@ -58,12 +58,13 @@ ORDER = (
 # Arrows upward that are allowed, importer and imported; one that nothing uses is an error.
 EXCEPTIONS: frozenset[tuple[str, str]] = frozenset()
 
-# Modules that word or complete a result, which calls them, and the module whose type they name.
+# Modules that word, complete or convert an object, which calls them, and whose type they name.
 TYPES = {
     ("pinsing.analysis.text", "pinsing.analysis.analyze"),
     ("pinsing.configuration.state_text", "pinsing.configuration.state"),
     ("pinsing.families.proving", "pinsing.families.solve"),
     ("pinsing.mechanism.text", "pinsing.mechanism.analysis"),
+    ("pinsing.robot.full_q", "pinsing.robot.arm"),
     ("pinsing.sweeps.text", "pinsing.sweeps.findings"),
     ("pinsing.sweeps.text", "pinsing.sweeps.result"),
 }
