@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pinsing.mechanism import MechanismAnalysis, analyze_mechanism
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
     from pinsing.proximity.crossings import Crossing, Crossings, crossings
+    from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
     from pinsing.robot.load_mechanism import Mechanism, load_mechanism
@@ -56,10 +57,12 @@ _HOME = {
     "State": "pinsing.configuration.state",
     "SweepPlan": "pinsing.sweeps.plan",
     "SweepResult": "pinsing.sweeps.run",
+    "TrajectoryCheck": "pinsing.proximity.trajectory",
     "Viewer": "pinsing.view.viewer",
     "analyze": "pinsing.analysis.analyze",
     "analyze_mechanism": "pinsing.mechanism",
     "at": "pinsing.configuration.state",
+    "check_trajectory": "pinsing.proximity.trajectory",
     "clearance": "pinsing.proximity.clearance",
     "closed_form": "pinsing.families",
     "crossings": "pinsing.proximity.crossings",
@@ -102,10 +105,12 @@ __all__ = [
     "State",
     "SweepPlan",
     "SweepResult",
+    "TrajectoryCheck",
     "Viewer",
     "analyze",
     "analyze_mechanism",
     "at",
+    "check_trajectory",
     "clearance",
     "closed_form",
     "crossings",

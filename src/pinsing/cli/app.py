@@ -15,6 +15,7 @@ import click
 
 from pinsing._version import __version__
 from pinsing.cli.at import at_command
+from pinsing.cli.check import check_command
 from pinsing.cli.families import families_command, verify_command
 from pinsing.cli.map import map_command
 from pinsing.cli.output import STOPPED, complain, say
@@ -114,6 +115,7 @@ for _part in (
     info_command,
     analyze_command,
     at_command,
+    check_command,
     sweep_command,
     map_command,
     families_command,

@@ -1,0 +1,124 @@
+"""``pinsing check``: a trajectory."""
+
+from __future__ import annotations
+
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import click
+
+from pinsing.cli.figure import check_figure, save_figure
+from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
+from pinsing.cli.output import OutputFile, emit, emit_json, say
+from pinsing.cli.running import run_progress
+from pinsing.errors import OptionError
+
+_ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
+
+
+def angle(text: str, option: str) -> float:
+    """Radians from ``3deg``, ``0.05rad`` or ``0.05``.
+
+    Raises
+    ------
+    OptionError
+        If it is no positive angle.
+    """
+    match = _ANGLE.fullmatch(text)
+    try:
+        value = float(match.group(1)) if match else math.nan
+    except ValueError:
+        value = math.nan
+    if not (value > 0 and math.isfinite(value)):
+        raise OptionError(f"{option}: {text!r} is no positive angle such as 3deg or 0.05rad")
+    return math.radians(value) if match and match.group(2) in ("deg", "°") else value
+
+
+@click.command("check", short_help="Whether a trajectory meets or nears singularities.")
+@arm_options
+@click.argument("file", type=click.Path(path_type=Path))
+@deg_option
+@click.option(
+    "--near",
+    default="5deg",
+    show_default=True,
+    metavar="ANGLE",
+    help="Tell the stretches within this distance.",
+)
+@click.option(
+    "--fail-within",
+    metavar="ANGLE",
+    help="Exit with code 1 unless it is proven to stay farther away than this.",
+)
+@click.option(
+    "--family", "families", multiple=True, metavar="NAME", help="Only this family; repeatable."
+)
+@click.option(
+    "--tip-speed",
+    type=float,
+    default=1.0,
+    show_default=True,
+    metavar="SPEED",
+    help="Tip speed (m/s, rad/s) whose cost in joint speeds is judged.",
+)
+@click.option(
+    "--plot",
+    "plot",
+    type=OutputFile(dash=False),
+    metavar="FILE",
+    help="Draw the clearance along the trajectory (png, pdf, svg).",
+)
+@json_option
+def check_command(
+    request: RobotRequest,
+    file: Path,
+    deg: bool,
+    near: str,
+    fail_within: str | None,
+    families: tuple[str, ...],
+    tip_speed: float,
+    plot: Path | None,
+    json_target: str | Path | None,
+) -> int:
+    """Check the trajectory in FILE: which singularities it meets, when, and how near it comes.
+
+    FILE is CSV (joint names in any order, or none; a column t or time), NPY or NPZ (q, t).
+    Between samples joints move linearly; what is said to be clear is proven clear.
+
+    Example: pinsing check ur5 path.csv --deg --fail-within 3deg
+    """
+    bound = angle(near, "--near")
+    if plot is not None:
+        check_figure(plot)
+    fail = None if fail_within is None else angle(fail_within, "--fail-within")
+    arm = request.load()
+    from pinsing.families import closed_form
+    from pinsing.proximity.trajectory import check_trajectory
+    from pinsing.proximity.trajectory_file import read_trajectory
+    from pinsing.proximity.trajectory_text import details, summary
+
+    read = read_trajectory(file, arm, deg)
+    for note in read.notes:
+        say(f"note: {note}")
+    form = closed_form(arm)
+    with run_progress() as progress:
+        check = check_trajectory(
+            arm,
+            read.Q,
+            read.t,
+            forms=form,
+            families=families or None,
+            near=bound,
+            tip_speed=tip_speed,
+            progress=progress,
+        )
+    if plot is not None:
+        from pinsing.plot.clearance import clearance_along
+
+        axes: Any = clearance_along(form, read.Q, read.t, families=families or None)
+        save_figure(axes.figure, plot, bbox_inches="tight")
+    if not emit_json(check, json_target):
+        emit(summary(check, deg) + "\n\n" + details(check, deg))
+    return int(fail is not None and not check.clearance > fail)

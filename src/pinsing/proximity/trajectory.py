@@ -1,0 +1,228 @@
+"""check_trajectory: whether, when and where a trajectory meets or nears singular configurations."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.arguments import checked
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families import closed_form
+from pinsing.proximity.crossings import Crossing
+from pinsing.proximity.motion import check_times
+from pinsing.proximity.passage import Approach, Passage, Stretch
+from pinsing.proximity.speeds import Excess, Speeds
+from pinsing.proximity.watched import Forms, watch
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.serialization import JsonResult
+
+NEAR = np.radians(5.0)
+"""Clearance below which a stretch is told, radians."""
+
+TIP_SPEED = 1.0
+
+_CHUNK = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryCheck(JsonResult):
+    """What a trajectory meets.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    samples : int
+        How many configurations were given; between them joints move linearly.
+    timed : bool
+        Whether times were given; else t counts samples from 0, and speeds are not judged.
+    t_first, t_last : float
+        Times of the first and the last sample.
+    crossings : tuple of Crossing
+        Meetings with families, in the order of time; none is missing, unless ``cut``.
+    cut : bool
+        Whether there were more meetings or stretches than are listed.
+    approaches : tuple of Approach
+        The nearest approach to each family, the nearest first.
+    near : float
+        The clearance that stretches are told for.
+    stretches : tuple of Stretch
+        Where the clearance is, or may be, below ``near``.
+    trend : str
+        "toward", "away" or "steady": how the clearance changes at the end of the motion.
+    too_fast : tuple of Excess
+        Where joint speeds of the motion exceed the limits of the description.
+    too_abrupt : tuple of Excess
+        Where joint accelerations exceed ``acceleration_limits``, if those were given.
+    costly : tuple of Excess
+        Where some tip velocity of size ``tip_speed`` would need a joint speed above its limit.
+    tip_speed : float
+        Metres per second over the length scale, or radians per second.
+    jumps : tuple of Excess
+        Steps between two samples that are no motion: over half a turn, or far longer than the
+        others.
+    outside : tuple of Excess
+        Where joints are outside their limits.
+    complete : bool
+        Whether the closed form is complete: else other singular configurations may be met.
+    notes : tuple of str
+        What was assumed, and what could not be judged.
+    """
+
+    schema: ClassVar[str] = "pinsing/trajectory_check/1"
+
+    arm: ArmSummary
+    samples: int
+    timed: bool
+    t_first: float
+    t_last: float
+    crossings: tuple[Crossing, ...]
+    cut: bool
+    approaches: tuple[Approach, ...]
+    near: float
+    stretches: tuple[Stretch, ...]
+    trend: str
+    too_fast: tuple[Excess, ...]
+    too_abrupt: tuple[Excess, ...]
+    costly: tuple[Excess, ...]
+    tip_speed: float
+    jumps: tuple[Excess, ...]
+    outside: tuple[Excess, ...]
+    complete: bool
+    notes: tuple[str, ...]
+
+    @property
+    def clearance(self) -> float:
+        """Proven: the motion is nowhere nearer to a family; infinite without families."""
+        if self.crossings:
+            return 0.0
+        return min((a.lower for a in self.approaches), default=np.inf)
+
+
+@checked
+def check_trajectory(
+    arm: Arm,
+    Q: npt.ArrayLike,
+    t: npt.ArrayLike | None = None,
+    *,
+    forms: Forms | None = None,
+    families: Sequence[str] | None = None,
+    near: float = NEAR,
+    tip_speed: float = TIP_SPEED,
+    acceleration_limits: npt.ArrayLike | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> TrajectoryCheck:
+    """Check a trajectory: what it meets, how near it comes, and where joints would be too fast.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm.
+    Q : (N, n) array_like
+        Samples, radians and metres; joints move linearly between them. A ``numpy.memmap`` is
+        read in pieces, so that memory stays bounded.
+    t : (N,) array_like, optional
+        Seconds, ascending. Without them speeds are not judged, and t counts samples from 0.
+    forms : ClosedForm or sequence of ClosedForm, optional
+        Of the arm; computed if not given.
+    families : sequence of str, optional
+        Names of the families that count; by default all that have real points.
+    near : float
+        Clearance in radians (or metres over the length scale) below which stretches are told.
+    tip_speed : float
+        Size of the tip velocities (metres per second over the length scale, radians per second)
+        whose cost in joint speeds is judged.
+    acceleration_limits : (n,) array_like, optional
+        Radians or metres per second squared; descriptions have none.
+    progress : callable, optional
+        Called with samples done and samples in all.
+
+    Returns
+    -------
+    TrajectoryCheck
+        With ``str()``: a summary to act on.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no sample, or samples have the wrong shape or a value that is not finite.
+    OptionError, UnknownNameError
+        If times do not ascend, an option makes no sense, or there is no family of a name.
+    """
+    if not near > 0:
+        raise OptionError(f"near must be positive, got {near!r}")
+    if not tip_speed > 0:
+        raise OptionError(f"tip_speed must be positive, got {tip_speed!r}")
+    watched = watch(closed_form(arm) if forms is None else forms, families)
+    if watched.joints != arm.joints:
+        raise OptionError("the closed form is of an arm with other joints")
+    samples = Q if isinstance(Q, np.ndarray) else np.asarray(Q, dtype=float)
+    if samples.ndim != 2 or samples.shape[1] != arm.n:
+        raise ConfigurationError(
+            f"a trajectory has shape (N, {arm.n}), one column a joint "
+            f"({', '.join(arm.joints)}); got {samples.shape}"
+        )
+    N = len(samples)
+    if N == 0:
+        raise ConfigurationError("the trajectory has no sample")
+    times = check_times(t, N)
+    passage = Passage(watched, near)
+    limits = _accelerations(arm, acceleration_limits)
+    speeds = Speeds(arm, tip_speed, limits, t is not None)
+    for first in range(0, N, _CHUNK):
+        last = min(first + _CHUNK, N)
+        # One sample to each side, so that what happens at the seams is seen as a whole.
+        low, high = max(first - 2, 0), min(last + 2, N)
+        part = watched.check(samples[low:high])
+        passage.feed(times[low:high], part, first - low, last - low, last == N)
+        speeds.feed(times[low:high], part, first - low, last - low)
+        if progress is not None:
+            progress(last, N)
+    met = passage.finish()
+    return TrajectoryCheck(
+        arm=summarize(arm),
+        samples=N,
+        timed=t is not None,
+        t_first=float(times[0]),
+        t_last=float(times[-1]),
+        crossings=met.crossings,
+        cut=met.cut,
+        approaches=met.approaches,
+        near=float(near),
+        stretches=met.stretches,
+        trend=met.trend,
+        too_fast=speeds.found("speed"),
+        too_abrupt=speeds.found("acceleration"),
+        costly=speeds.found("cost"),
+        tip_speed=float(tip_speed),
+        jumps=speeds.found("jump"),
+        outside=speeds.found("outside"),
+        complete=watched.complete,
+        notes=_notes(arm, t is not None, limits is not None, watched.complete),
+    )
+
+
+def _accelerations(arm: Arm, given: npt.ArrayLike | None) -> Array | None:
+    if given is None:
+        return None
+    limits = np.array(given, dtype=float)
+    if limits.shape != (arm.n,) or not (limits > 0).all():
+        raise OptionError(f"acceleration_limits needs {arm.n} positive numbers")
+    return limits
+
+
+def _notes(arm: Arm, timed: bool, accelerations: bool, complete: bool) -> tuple[str, ...]:
+    notes = ["between samples joints are taken to move linearly"]
+    if not timed:
+        notes.append("no times given: joint speeds and accelerations were not judged")
+    elif not accelerations:
+        notes.append("robot descriptions hold no acceleration limits: none were judged")
+    if not complete:
+        notes.append("the closed form is not complete: other singular configurations may be met")
+    return tuple(notes)

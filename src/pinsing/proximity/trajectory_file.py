@@ -1,0 +1,192 @@
+"""Trajectories out of files: CSV, NPY, NPZ."""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.errors import ConfigurationError
+from pinsing.robot.arm import Arm
+
+_TIME = re.compile(r"(?i)(t|time|times|timestamp|seconds|secs?)(\s*[\[(_]?\s*s(ec(onds)?)?[\])]?)?")
+_ROWS = 100_000
+_SAMPLES = ("q", "Q", "positions", "position", "samples")
+_TIMES = ("t", "time", "times")
+
+
+@dataclass(frozen=True, eq=False)
+class TrajectoryFile:
+    """What a file says.
+
+    Attributes
+    ----------
+    Q : (N, n) array
+        Samples in the order of the arm's joints, radians and metres.
+    t : (N,) array or None
+        Times, as they are in the file.
+    notes : tuple of str
+        How its columns were read.
+    """
+
+    Q: Array
+    t: Array | None
+    notes: tuple[str, ...]
+
+
+def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFile:
+    """Read a trajectory for an arm.
+
+    A CSV file has a header with the names of all joints, in any order, and perhaps a column of
+    times (t, time, ...); or none, and then one column a joint, base to tip, perhaps after one of
+    times. An NPY file has an array like that; an NPZ file arrays ``q`` (N, n) and perhaps ``t``.
+
+    Parameters
+    ----------
+    path : Path
+        The file; its name ends in .npy, .npz, or in anything else for text.
+    arm : Arm
+        The arm.
+    degrees : bool
+        Whether angles are in degrees.
+
+    Raises
+    ------
+    ConfigurationError
+        If the file cannot be read, its columns do not fit the arm, or it holds no sample.
+    """
+    try:
+        kind = path.suffix.lower()
+        if kind == ".npy":
+            found = _columns(path, arm, np.load(path, mmap_mode="r", allow_pickle=False))
+        elif kind == ".npz":
+            found = _npz(path, arm)
+        else:
+            found = _text(path, arm)
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise ConfigurationError(f"cannot read {path}: {reason}") from None
+    except (ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
+        if isinstance(error, ConfigurationError):
+            raise
+        reason = " ".join(str(error).split())
+        raise ConfigurationError(f"cannot read {path}: {reason}") from None
+    if not len(found.Q):
+        raise ConfigurationError(f"{path}: no sample in it")
+    if not degrees:
+        return found
+    Q = np.where(arm.prismatic, found.Q, np.radians(found.Q))
+    return TrajectoryFile(Q, found.t, found.notes)
+
+
+def _columns(path: Path, arm: Arm, array: Array) -> TrajectoryFile:
+    """Columns without names: one a joint, perhaps after one of times."""
+    if array.dtype.names is not None or array.dtype.kind not in "fiu":
+        raise ConfigurationError(f"{path}: an array of numbers is needed, got {array.dtype}")
+    if array.ndim == 1 and len(array):
+        array = array[None]
+    if array.ndim != 2 or array.shape[1] not in (arm.n, arm.n + 1):
+        raise ConfigurationError(
+            f"{path}: {arm.n} columns are needed, one a joint ({', '.join(arm.joints)}), or one "
+            f"more with times first; got shape {array.shape}"
+        )
+    if array.shape[1] == arm.n:
+        notes = ("columns are the joints, base to tip; no times",)
+        return TrajectoryFile(np.asarray(array, dtype=float), None, notes)
+    notes = ("the first column is time, the others the joints, base to tip",)
+    return TrajectoryFile(
+        np.asarray(array[:, 1:], dtype=float), np.asarray(array[:, 0], dtype=float), notes
+    )
+
+
+def _npz(path: Path, arm: Arm) -> TrajectoryFile:
+    with np.load(path, allow_pickle=False) as arrays:
+        samples = next((name for name in _SAMPLES if name in arrays), None)
+        times = next((name for name in _TIMES if name in arrays), None)
+        if samples is None:
+            held = ", ".join(arrays.files) or "nothing"
+            raise ConfigurationError(f"{path}: an array 'q' of samples is needed; found {held}")
+        found = _columns(path, arm, arrays[samples])
+        if times is None:
+            return found
+        return TrajectoryFile(found.Q, np.asarray(arrays[times], dtype=float), ())
+
+
+def _text(path: Path, arm: Arm) -> TrajectoryFile:
+    # Marks of byte order come from spreadsheets.
+    with path.open(encoding="utf-8-sig", errors="replace") as file:
+        number, line = 1, ""
+        for number, raw in enumerate(file, 1):  # noqa: B007
+            line = raw.strip()
+            if line and not line.startswith("#"):
+                break
+            line = ""
+        if not line:
+            raise ConfigurationError(f"{path}: no sample in it")
+        separator = next((s for s in (",", ";", "\t") if s in line), None)
+        words = [w.strip().strip("\"'") for w in line.split(separator)]
+        named = any(_number(w) is None for w in words)
+        parts = [] if named else [_rows(path, io.StringIO(line), separator, len(words), number)]
+        done = number
+        while True:
+            part = _rows(path, file, separator, len(words), done + 1)
+            if not len(part):
+                break
+            parts.append(part)
+            done += len(part)
+    table = np.concatenate(parts) if parts else np.zeros((0, len(words)))
+    if not named:
+        return _columns(path, arm, table)
+    order, time = _order(path, arm, words)
+    notes = () if time is not None else ("no column of times",)
+    return TrajectoryFile(table[:, order], None if time is None else table[:, time], notes)
+
+
+def _rows(path: Path, file: io.TextIOBase, separator: str | None, width: int, first: int) -> Array:
+    """The next rows of a table, (K, width); ``first`` is the line they begin at."""
+    import warnings
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # an end of file is no surprise
+        try:
+            table = np.loadtxt(file, delimiter=separator, max_rows=_ROWS, ndmin=2, comments="#")
+        except ValueError as error:
+            words = " ".join(str(error).split())
+            raise ConfigurationError(f"{path}: after line {first}: {words}") from None
+    if table.size and table.shape[1] != width:
+        raise ConfigurationError(
+            f"{path}: {width} columns at first, {table.shape[1]} from line {first} on"
+        )
+    return np.asarray(table, dtype=float).reshape(-1, width)
+
+
+def _order(path: Path, arm: Arm, words: Sequence[str]) -> tuple[list[int], int | None]:
+    """Column of each joint, and that of times."""
+    time = [i for i, w in enumerate(words) if w not in arm.joints and _TIME.fullmatch(w)]
+    unknown = [w for i, w in enumerate(words) if w not in arm.joints and i not in time]
+    if unknown:
+        raise ConfigurationError(
+            f"{path}: unknown column {unknown[0]!r}: the joints are {', '.join(arm.joints)}, "
+            "and times are in a column 't' or 'time'"
+        )
+    twice = [w for w in words if list(words).count(w) > 1]
+    if twice or len(time) > 1:
+        name = twice[0] if twice else words[time[1]]
+        raise ConfigurationError(f"{path}: column {name!r} is there twice")
+    missing = [j for j in arm.joints if j not in words]
+    if missing:
+        raise ConfigurationError(f"{path}: no column for joint {missing[0]!r}")
+    return [list(words).index(j) for j in arm.joints], time[0] if time else None
+
+
+def _number(word: str) -> float | None:
+    try:
+        return float(word)
+    except ValueError:
+        return None

@@ -1,0 +1,148 @@
+"""A trajectory check in words: five lines to act on, and the list behind them."""
+
+from __future__ import annotations
+
+import math
+
+from pinsing.proximity.speeds import Excess
+from pinsing.proximity.trajectory import TrajectoryCheck
+
+_LISTED = 8
+
+
+def summary(check: TrajectoryCheck, degrees: bool = True) -> str:
+    """Five lines: what is met, what is near, the end, speeds, and what to do."""
+    return "\n".join(
+        [_met(check), _nearest(check), _near(check, degrees), _speeds(check), _advice(check)]
+    )
+
+
+def details(check: TrajectoryCheck, degrees: bool = True) -> str:
+    """Every meeting, approach and excess, the first of each kind."""
+    lines: list[str] = []
+    if check.crossings:
+        lines.append("meetings:")
+        for c in check.crossings[:_LISTED]:
+            until = f" to {c.t_end:.6g}" if c.t_end > c.t else ""
+            q = ", ".join(_joint(check, j, float(x), degrees) for j, x in enumerate(c.q))
+            lines.append(f"  t = {c.t:.6g}{until}: {c.kind} {c.family}, q = {q}")
+        lines += _more(len(check.crossings), check.cut)
+    lines.append("nearest approach to each family:")
+    for a in check.approaches:
+        lines.append(
+            f"  {a.family}: {_angle(a.upper)} at t = {a.t:.6g}, "
+            f"nowhere below {_angle(a.lower)} (proven)"
+        )
+    if check.stretches:
+        lines.append(f"within {_angle(check.near)}:")
+        for s in check.stretches[:_LISTED]:
+            least = f"{_angle(s.clearance)} from {s.family}"
+            lines.append(f"  t = {s.t:.6g} to {s.t_end:.6g}: at least {least}")
+        lines += _more(len(check.stretches), False)
+    for name, found in (
+        ("joint speeds above their limits", check.too_fast),
+        ("joint accelerations above the limits given", check.too_abrupt),
+        (f"tip speed {check.tip_speed:g} not possible in every direction", check.costly),
+        ("jumps between two samples", check.jumps),
+        ("outside the joint limits", check.outside),
+    ):
+        if found:
+            lines.append(f"{name}:")
+            lines += [f"  {_excess(e)}" for e in found[:_LISTED]]
+            lines += _more(len(found), False)
+    return "\n".join([*lines, *(f"note: {n}" for n in check.notes)])
+
+
+def _angle(x: float) -> str:
+    """Distance in joint space; degrees where it is one of angles."""
+    return f"{math.degrees(x):.3g}°" if math.isfinite(x) else "any distance"
+
+
+def _joint(check: TrajectoryCheck, j: int, value: float, degrees: bool) -> str:
+    if degrees and not check.arm.prismatic[j]:
+        return f"{math.degrees(value):.2f}°"
+    return f"{value:.5g}"
+
+
+def _more(count: int, cut: bool) -> list[str]:
+    if count <= _LISTED:
+        return []
+    return [f"  and {count - _LISTED} more" + (" and others" if cut else "")]
+
+
+def _excess(e: Excess) -> str:
+    return (
+        f"{e.joint}: {e.worst:.4g} at t = {e.t_worst:.6g} (limit {e.limit:.4g}), "
+        f"t = {e.t:.6g} to {e.t_end:.6g}"
+    )
+
+
+def _met(check: TrajectoryCheck) -> str:
+    if not check.crossings:
+        return f"Meets no singular configuration: {check.samples} samples, proven in between."
+    first = check.crossings[0]
+    names = sorted({c.family for c in check.crossings})
+    times = "once" if len(check.crossings) == 1 else f"{len(check.crossings)} times"
+    return (
+        f"SINGULAR {times} ({', '.join(names)}): first at t = {first.t:.6g}, "
+        f"{first.kind} {first.family}."
+    )
+
+
+def _nearest(check: TrajectoryCheck) -> str:
+    if not check.approaches:
+        return "There is no family of singular configurations to come near to."
+    a = next((x for x in check.approaches if x.upper > 0), check.approaches[0])
+    return f"Nearest without meeting: {_angle(a.upper)} from {a.family} at t = {a.t:.6g}."
+
+
+def _near(check: TrajectoryCheck, degrees: bool) -> str:
+    total = sum(s.t_end - s.t for s in check.stretches)
+    span = check.t_last - check.t_first
+    share = f"{100 * total / span:.2g} % of the time" if span > 0 else "all of it"
+    if not check.stretches:
+        words = f"Never within {_angle(check.near)}"
+    else:
+        words = f"Within {_angle(check.near)} in {len(check.stretches)} stretches, {share}"
+    ends = {"toward": "it ends moving toward", "away": "it ends moving away from"}
+    end = ends.get(check.trend)
+    return words + (f"; {end} the nearest family." if end else ".")
+
+
+def _speeds(check: TrajectoryCheck) -> str:
+    parts = []
+    if check.jumps:
+        parts.append(f"{len(check.jumps)} jumps between samples ({check.jumps[0].joint})")
+    if check.too_fast:
+        parts.append(f"joint speeds above limits {len(check.too_fast)} times")
+    if check.too_abrupt:
+        parts.append(f"joint accelerations above limits {len(check.too_abrupt)} times")
+    if check.outside:
+        parts.append(f"outside joint limits ({check.outside[0].joint})")
+    if not check.timed:
+        parts.append("no times, so speeds were not judged")
+    words = "; ".join(parts) if parts else "Joint speeds and limits are kept"
+    return words[0].upper() + words[1:] + "."
+
+
+def _advice(check: TrajectoryCheck) -> str:
+    if check.jumps:
+        e = check.jumps[0]
+        return f"Look first at the jump of {e.joint} at t = {e.t:.6g}: is it wrapped by a turn?"
+    if check.crossings:
+        c = check.crossings[0]
+        return (
+            f"Plan around t = {c.t:.6g}: there tip speeds are lost; other inverse kinematics "
+            f"solutions may stay on one side of {c.family}."
+        )
+    if check.too_fast:
+        e = max(check.too_fast, key=lambda x: x.worst / x.limit)
+        return (
+            f"Slow down to {100 * e.limit / e.worst:.3g} % around t = {e.t_worst:.6g} ({e.joint})."
+        )
+    if check.stretches:
+        s = min(check.stretches, key=lambda x: x.clearance)
+        return f"Slow down, or keep away from {s.family}, around t = {s.t:.6g} to {s.t_end:.6g}."
+    if not check.complete:
+        return "The closed form is not complete: look at singular values along it as well."
+    return "Nothing to do."

@@ -1,0 +1,316 @@
+"""Trajectories checked: what they meet, files of all sorts, the command."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from singular_sets import arm_of, closed
+
+import pinsing
+from pinsing._types import Array
+from pinsing.cli.app import command
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.proximity import passage, trajectory
+from pinsing.proximity.trajectory import check_trajectory
+from pinsing.proximity.trajectory_file import read_trajectory
+from pinsing.proximity.trajectory_text import details, summary
+
+CLEAR = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
+
+
+def path(n: int, wrist: tuple[float, float]) -> tuple[Array, Array]:
+    """A UR5 whose wrist goes from one angle to another while the rest moves a little."""
+    s = np.linspace(0, 1, n)
+    Q = CLEAR + 0.1 * np.sin(3 * s)[:, None] * np.ones(6)
+    Q[:, 4] = wrist[0] + (wrist[1] - wrist[0]) * s
+    return Q, 4.0 * s
+
+
+def run(*args: object) -> int:
+    with pytest.raises(SystemExit) as ended:
+        command.main([str(a) for a in args])
+    return int(ended.value.code or 0)
+
+
+def test_what_a_crossing_path_meets() -> None:
+    Q, t = path(401, (-1.0, 1.0))
+    check = check_trajectory(arm_of("ur5"), Q, t, forms=closed("ur5"))
+    assert [(c.family, c.kind) for c in check.crossings] == [("F2", "crossing")]
+    assert check.crossings[0].t == pytest.approx(2.0, abs=1e-9)
+    assert check.clearance == 0.0
+    wrist = next(a for a in check.approaches if a.family == "F2")
+    assert wrist.upper == wrist.lower == 0.0
+    (stretch,) = [s for s in check.stretches if s.family == "F2"]
+    assert stretch.t == pytest.approx(2.0 - 2 * check.near, abs=0.02)
+    assert stretch.t_end == pytest.approx(2.0 + 2 * check.near, abs=0.02)
+    assert check.trend in ("away", "toward")
+    text = summary(check)
+    assert len(text.splitlines()) == 5
+    assert text.startswith("SINGULAR once (F2): first at t = 2, crossing F2.")
+    assert "F2" in details(check)
+    again = pinsing.TrajectoryCheck.from_json(check.to_json())
+    assert again.crossings[0].t == check.crossings[0].t
+
+
+def test_a_clear_path_is_proven_clear() -> None:
+    Q, t = path(201, (-1.4, -0.4))
+    form = closed("ur5")
+    check = check_trajectory(arm_of("ur5"), Q, t, forms=form)
+    assert not check.crossings
+    assert check.trend == "toward"
+    dense = np.concatenate(
+        [
+            a + np.linspace(0, 1, 5)[:, None] * (b - a)
+            for a, b in zip(Q[:-1:10], Q[1::10], strict=False)
+        ]
+    )
+    for approach in check.approaches:
+        true = pinsing.clearance(form, dense, families=[approach.family], certify=True)
+        assert approach.lower <= true.upper.min() + 1e-9
+        assert approach.upper <= true.upper.min() + 1e-6
+        assert approach.lower >= 0.5 * approach.upper
+        here = pinsing.clearance(form, approach.q, families=[approach.family], certify=True)
+        assert approach.upper == pytest.approx(float(here.upper), abs=1e-5)
+    nearest = check.approaches[0]
+    assert nearest.family == "F2"
+    assert nearest.upper == pytest.approx(0.4, abs=1e-9)
+    assert nearest.t == pytest.approx(4.0)
+    assert 0 < check.clearance <= 0.4
+    assert "Meets no singular configuration" in summary(check)
+
+
+def test_pieces_of_any_size_say_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+    t = np.linspace(0, 10, 901)
+    Q = np.stack([np.sin((i + 1) * 0.6 * t + i) * 2 for i in range(6)], axis=1)
+    arm, form = arm_of("ur5"), closed("ur5")
+    whole = check_trajectory(arm, Q, t, forms=form)
+    assert len(whole.crossings) > 5
+    for size in (7, 100, 450):
+        monkeypatch.setattr(trajectory, "_CHUNK", size)
+        part = check_trajectory(arm, Q, t, forms=form)
+        assert [(c.family, c.kind) for c in part.crossings] == [
+            (c.family, c.kind) for c in whole.crossings
+        ]
+        np.testing.assert_allclose(
+            [c.t for c in part.crossings], [c.t for c in whole.crossings], atol=1e-9
+        )
+        assert len(part.stretches) == len(whole.stretches)
+        assert [(e.joint, e.t, e.t_end) for e in part.too_fast] == [
+            (e.joint, e.t, e.t_end) for e in whole.too_fast
+        ]
+        for a, b in zip(part.approaches, whole.approaches, strict=True):
+            assert a.upper == pytest.approx(b.upper, abs=1e-6)
+    assert len(whole.stretches) <= passage._MOST
+
+
+def test_speeds_jumps_and_limits() -> None:
+    arm = arm_of("ur5")
+    limit = float(np.asarray(arm.model.velocityLimit)[0])
+    Q = np.tile(CLEAR, (101, 1))
+    t = np.linspace(0, 1, 101)
+    Q[:, 0] += 0.5 * limit * t
+    Q[50:61, 0] += np.linspace(0, 1, 11) * 1.0 * 0.1 * limit  # 1.5 times the limit for 0.1 s
+    Q[61:, 0] += 0.1 * limit
+    check = check_trajectory(arm, Q, t, forms=closed("ur5"))
+    (fast,) = check.too_fast
+    assert fast.joint == arm.joints[0]
+    assert (fast.t, fast.t_end) == pytest.approx((0.5, 0.6))
+    assert fast.worst == pytest.approx(1.5 * limit)
+    assert not check.jumps
+    slow = check_trajectory(arm, Q, 2 * t, forms=closed("ur5"))
+    assert not slow.too_fast
+    sharp = check_trajectory(arm, Q, t, forms=closed("ur5"), acceleration_limits=np.full(6, 5.0))
+    assert {round(e.t, 2) for e in sharp.too_abrupt} == {0.5, 0.6}
+    Q[70:, 5] -= 2 * np.pi
+    Q[:, 1] -= 7.0
+    wrong = check_trajectory(arm, Q, t, forms=closed("ur5"))
+    (jump,) = wrong.jumps
+    assert (jump.joint, jump.t) == (arm.joints[5], pytest.approx(0.69))
+    assert {e.joint for e in wrong.outside} == {arm.joints[1]}
+    untimed = check_trajectory(arm, Q, forms=closed("ur5"))
+    assert not untimed.timed
+    assert not untimed.too_fast
+    assert any("no times" in note for note in untimed.notes)
+
+
+def test_where_tip_speeds_cost_too_much() -> None:
+    Q, t = path(201, (-1.0, 1.0))
+    arm = arm_of("ur5")
+    check = check_trajectory(arm, Q, t, forms=closed("ur5"), tip_speed=0.25)
+    assert check.costly
+    # By hand, at every sample: the longest row of the pseudoinverse.
+    rows = np.linalg.norm(np.linalg.pinv(pinsing.task_jacobians(arm, Q)), axis=2) * 0.25
+    over = rows > np.asarray(arm.model.velocityLimit)
+    for j, name in enumerate(arm.joints):
+        told = np.zeros(len(t), dtype=bool)
+        for e in check.costly:
+            if e.joint == name:
+                told |= (t >= e.t) & (t <= e.t_end)
+        # On the singularity itself some velocity cannot be had at all.
+        assert told[over[:, j]].all()
+        assert not told[~over[:, j] & (np.abs(Q[:, 4]) > 1e-6)].any()
+
+
+def test_one_sample_and_a_rest() -> None:
+    for Q in (CLEAR[None], np.tile(CLEAR, (5, 1))):
+        check = check_trajectory(arm_of("ur5"), Q, forms=closed("ur5"))
+        assert not check.crossings
+        assert check.trend == "steady"
+        true = pinsing.clearance(closed("ur5"), CLEAR, certify=True)
+        assert check.clearance <= float(true.upper)
+        assert check.approaches[0].upper == pytest.approx(float(true.upper), abs=1e-6)
+    singular = CLEAR * [1, 1, 1, 1, 0, 1]
+    check = check_trajectory(arm_of("ur5"), singular[None], forms=closed("ur5"))
+    assert [c.family for c in check.crossings] == ["F2"]
+
+
+def test_bad_arrays() -> None:
+    arm, form = arm_of("ur5"), closed("ur5")
+    with pytest.raises(ConfigurationError, match="no sample"):
+        check_trajectory(arm, np.zeros((0, 6)), forms=form)
+    with pytest.raises(ConfigurationError, match="one column a joint"):
+        check_trajectory(arm, np.zeros((4, 7)), forms=form)
+    with pytest.raises(OptionError, match="ascend"):
+        check_trajectory(arm, np.zeros((2, 6)), [1.0, 0.5], forms=form)
+    with pytest.raises(OptionError, match="other joints"):
+        check_trajectory(arm, np.zeros((2, 6)), forms=closed("puma560"))
+    with pytest.raises(OptionError, match="near"):
+        check_trajectory(arm, np.zeros((2, 6)), forms=form, near=-1.0)
+
+
+# Files ------------------------------------------------------------------------------------
+
+
+def test_files_of_all_kinds_read_alike(tmp_path: Path) -> None:
+    arm = arm_of("ur5")
+    Q, t = path(30, (-1.0, 1.0))
+    order = [3, 1, 0, 5, 4, 2]
+    header = ",".join(["time", *(arm.joints[j] for j in order)])
+    table = np.column_stack([t, Q[:, order]])
+    named, plain, spaced = (tmp_path / n for n in ("named.csv", "plain.csv", "spaced.txt"))
+    np.savetxt(named, table, delimiter=",", header=header, comments="", fmt="%.17g")
+    np.savetxt(plain, np.column_stack([t, Q]), delimiter=";", fmt="%.17g")
+    np.savetxt(spaced, Q, header="a comment", fmt="%.17g")
+    np.save(tmp_path / "a.npy", Q)
+    np.savez(tmp_path / "b.npz", q=Q, t=t)
+    for name, timed in (
+        ("named.csv", True),
+        ("plain.csv", True),
+        ("spaced.txt", False),
+        ("a.npy", False),
+        ("b.npz", True),
+    ):
+        read = read_trajectory(tmp_path / name, arm)
+        np.testing.assert_array_equal(read.Q, Q)
+        assert (read.t is not None) == timed
+        if read.t is not None:
+            np.testing.assert_array_equal(read.t, t)
+    degrees = read_trajectory(tmp_path / "a.npy", arm, degrees=True)
+    np.testing.assert_allclose(degrees.Q, np.radians(Q))
+
+
+def test_a_long_file_is_read_whole(tmp_path: Path) -> None:
+    arm = arm_of("ur5")
+    Q = np.round(np.random.default_rng(0).uniform(-1, 1, (250_001, 6)), 3)
+    for header in ("", ",".join(arm.joints)):
+        np.savetxt(tmp_path / "long.csv", Q, delimiter=",", fmt="%.3f", header=header, comments="")
+        np.testing.assert_array_equal(read_trajectory(tmp_path / "long.csv", arm).Q, Q)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "no sample"),
+        ("# nothing\n\n", "no sample"),
+        ("t,a,b\n1,2,3\n", "unknown column 'a'"),
+        ("1,2,3\n", "6 columns"),
+        ("1,2,3,4,5,6\n1,2,3\n", "line"),
+        ("1,2,3,4,5,6\n1,2,x,4,5,6\n", "'x'"),
+        ("shoulder_pan_joint,shoulder_lift_joint\n1,2\n", "no column for joint"),
+        ("t,t,shoulder_pan_joint\n1,2,3\n", "twice"),
+    ],
+)
+def test_bad_files(
+    tmp_path: Path, text: str, words: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "bad.csv"
+    file.write_text(text)
+    assert run("check", "ur5", file) == 2
+    error = capsys.readouterr().err
+    assert words in error
+    assert "Traceback" not in error
+
+
+def test_other_bad_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Q, t = path(5, (-1.0, 1.0))
+    np.savez(tmp_path / "no.npz", x=Q)
+    np.savez(tmp_path / "back.npz", q=Q, t=t[::-1])
+    np.savez(tmp_path / "nan.npz", q=Q, t=np.where(t == t[2], np.nan, t))
+    np.save(tmp_path / "objects.npy", np.array([{}]), allow_pickle=True)
+    (tmp_path / "noise.npy").write_bytes(b"\x93NUMPY nonsense")
+    (tmp_path / "noise.npz").write_bytes(b"PK nonsense")
+    hole = Q.copy()
+    hole[2, 3] = np.inf
+    np.save(tmp_path / "hole.npy", hole)
+    for name, words in (
+        ("no.npz", "array 'q'"),
+        ("back.npz", "ascend"),
+        ("nan.npz", "nan"),
+        ("objects.npy", "objects.npy"),
+        ("noise.npy", "noise.npy"),
+        ("noise.npz", "noise.npz"),
+        ("missing.csv", "cannot read"),
+        ("hole.npy", "inf"),
+        (".", "cannot read"),
+    ):
+        assert run("check", "ur5", tmp_path / name) == 2, name
+        error = capsys.readouterr().err
+        assert words in error
+        assert error.count("error:") == 1
+
+
+# The command --------------------------------------------------------------------------------
+
+
+def test_the_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Q, t = path(51, (-1.4, -0.4))
+    file = tmp_path / "path.npz"
+    np.savez(file, q=Q, t=t)
+    assert run("check", "ur5", file) == 0
+    out = capsys.readouterr().out
+    assert out.startswith("Meets no singular configuration: 51 samples")
+    assert run("check", "ur5", file, "--fail-within", "3deg") == 0
+    assert run("check", "ur5", file, "--fail-within", "30deg") == 1
+    capsys.readouterr()
+    assert run("check", "ur5", file, "--json", "-", "--near", "0.5rad", "--family", "F2") == 0
+    data = json.loads(capsys.readouterr().out)
+    assert data["schema"] == "pinsing/trajectory_check/1"
+    assert [a["family"] for a in data["approaches"]] == ["F2"]
+    assert len(data["stretches"]) == 1
+    picture = tmp_path / "a.png"
+    assert run("check", "ur5", file, "--plot", picture) == 0
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    np.savez(file, q=np.degrees(Q), t=t)
+    assert run("check", "ur5", file, "--deg", "--fail-within", "3deg") == 0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [
+        ["--near", "wide"],
+        ["--near", "-3deg"],
+        ["--fail-within", "0"],
+        ["--family", "F9"],
+        ["--tip-speed", "-1"],
+        ["--plot", "picture.txt"],
+    ],
+)
+def test_bad_options(
+    options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    np.save(tmp_path / "a.npy", path(5, (-1.0, 1.0))[0])
+    assert run("check", "ur5", tmp_path / "a.npy", *options) == 2
+    assert "error" in capsys.readouterr().err
