@@ -24,8 +24,9 @@ def serve(tab: Tab, host: str, no_open: bool) -> None:
 
     if not is_loopback(host):
         say(
-            f"warning: listening on {host}: whoever can reach this computer over the "
-            "network can see the robot and control the page"
+            f"warning: listening on {host}: other computers can reach the page. Whoever knows "
+            "the address below can see the robot and control the page; nothing is encrypted, so "
+            "whoever listens on the network learns the address"
         )
     url = tab.url
     try:

@@ -32,9 +32,9 @@ _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.mjs";', re.MULTILINE)
 _EXPORT = re.compile(r"^export (const|function\*?|class) (\w+)", re.MULTILINE)
 
 # Nothing is ever fetched from elsewhere; meshcat adds styles, and textures as data.
-_LIVE_POLICY = (
+LIVE_POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
-    "img-src 'self' data: blob:; connect-src 'self' data: blob: ws: wss:; worker-src blob:; "
+    "img-src 'self' data: blob:; connect-src 'self' data: blob:; worker-src blob:; "
     "base-uri 'none'; form-action 'none'"
 )
 _STATIC_POLICY = (
@@ -88,7 +88,7 @@ def live_html(title: str) -> str:
     """The page that fetches its parts from the server."""
     return Template(asset("page.html")).substitute(
         title=html.escape(title),
-        head=_policy(_LIVE_POLICY) + '\n<link rel="icon" href="data:,">',
+        head=_policy(LIVE_POLICY) + '\n<link rel="icon" href="data:,">',
         style='<link rel="stylesheet" href="page.css">',
         data="",
         scripts='<script src="meshcat.js"></script>\n<script src="page.js"></script>',

@@ -1,49 +1,32 @@
-"""The web server of a live page: inside this process, on loopback, gone when it ends."""
+"""The web server of a live page: inside this process, on loopback, gone when it ends.
+
+Its address holds a random token, without which nothing is answered: other users of the computer,
+and pages of other sites, cannot guess it. A second token is for notebooks, whose pages frame ours;
+under the first no page may do so.
+"""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
-import ipaddress
 import json
-import os
-import socket
+import secrets
 import threading
-from collections.abc import Callable, Mapping
-from typing import Any, Protocol
+from typing import Any
 from urllib.parse import urlsplit
 
 from tornado.httpserver import HTTPServer
-from tornado.web import Application, HTTPError, RequestHandler
-from tornado.websocket import WebSocketClosedError, WebSocketHandler
+from tornado.web import Application
 
-from pinsing.errors import OptionError, PinsingError
-from pinsing.view.page import asset, live_html, meshcat_script, script
+from pinsing.view.handlers import Live, Nothing, Part, Served, Site
+from pinsing.view.listen import bind, is_address, is_loopback
+from pinsing.view.messages import LONGEST
+from pinsing.view.page import LIVE_POLICY, asset, live_html, meshcat_script, script
 
-FIRST_PORT = 7000
-_TRIED_PORTS = 100
-_LONGEST_MESSAGE = 64 * 1024
+__all__ = ["Served", "Server", "is_loopback"]
+
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
-
-
-class Served(Protocol):
-    """What a server needs to know of what it serves."""
-
-    @property
-    def name(self) -> str:
-        """Name of the robot, for the title of the page."""
-
-    def page(self, live: bool) -> dict[str, Any]:
-        """The fixed part of a page, ready for JSON."""
-
-    def answer(self, request: Mapping[str, Any]) -> Any:
-        """Answer a question of a page, its ``want``, ready for JSON.
-
-        Raises
-        ------
-        PinsingError
-            If it cannot be answered; the page is told why.
-        """
+_FAREWELL = 0.3
 
 
 class Server:
@@ -70,12 +53,25 @@ class Server:
         self, stage: Served, scene: bytes, host: str = "127.0.0.1", port: int | None = None
     ) -> None:
         self.host = host
-        self._sockets = _bind(host, port)
+        self._sockets = bind(host, port)
         self.port = int(self._sockets[0].getsockname()[1])
-        self._clients: set[_Live] = set()
+        self._token, self._framed = secrets.token_urlsafe(24), secrets.token_urlsafe(24)
+        policies = {
+            self._token: f"{LIVE_POLICY}; frame-ancestors 'none'",
+            self._framed: LIVE_POLICY,
+        }
+        self._site = Site(stage, _texts(stage, scene), policies, self._is_ours)
         self._loop = asyncio.new_event_loop()
         self._http: HTTPServer | None = None
-        self._app = _application(stage, scene, self._clients, self._is_ours)
+        self._app = Application(
+            [
+                (r"/([^/]+)/live", Live, {"site": self._site}),
+                (r"/([^/]+)/([^/]*)", Part, {"site": self._site}),
+                (r".*", Nothing, {"site": self._site}),
+            ],
+            log_function=lambda handler: None,
+            websocket_max_message_size=LONGEST,
+        )
         ready = threading.Event()
         self._thread = threading.Thread(
             target=self._run, args=(ready,), name="pinsing view", daemon=True
@@ -86,14 +82,23 @@ class Server:
     @property
     def url(self) -> str:
         """Address of the page."""
+        return f"{self._origin}/{self._token}/"
+
+    @property
+    def framed_url(self) -> str:
+        """Address of the page for a frame within another, as of a notebook."""
+        return f"{self._origin}/{self._framed}/"
+
+    @property
+    def _origin(self) -> str:
         everywhere = self.host in ("", "0.0.0.0", "::")
         host = "127.0.0.1" if everywhere else self.host
-        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}/"
+        return f"http://{f'[{host}]' if ':' in host else host}:{self.port}"
 
     @property
     def pages(self) -> int:
         """How many pages are open."""
-        return len(self._clients)
+        return len(self._site.clients)
 
     def send(self, message: dict[str, Any]) -> None:
         """Send a message to every open page."""
@@ -109,7 +114,9 @@ class Server:
 
     def _run(self, ready: threading.Event) -> None:
         asyncio.set_event_loop(self._loop)
-        self._http = HTTPServer(self._app)
+        self._http = HTTPServer(
+            self._app, max_body_size=LONGEST, max_header_size=LONGEST, idle_connection_timeout=60
+        )
         self._http.add_sockets(self._sockets)
         self._loop.call_soon(ready.set)
         self._loop.run_forever()
@@ -119,18 +126,24 @@ class Server:
     def _stop(self) -> None:
         assert self._http is not None
         self._http.stop()
-        for client in list(self._clients):
+        for client in list(self._site.clients):
             client.close()
         self._loop.create_task(self._finish())
 
     async def _finish(self) -> None:
         assert self._http is not None
         with contextlib.suppress(asyncio.TimeoutError):
-            await asyncio.wait_for(self._http.close_all_connections(), timeout=2)
+            await asyncio.wait_for(self._http.close_all_connections(), timeout=_FAREWELL)
+        for client in list(self._site.clients):
+            client.drop()
+        # What waits for a link to take an answer ends with the link.
+        others = asyncio.all_tasks() - {asyncio.current_task()}
+        if others:
+            await asyncio.wait(others, timeout=_FAREWELL)
         self._loop.stop()
 
     def _broadcast(self, text: str) -> None:
-        for client in list(self._clients):
+        for client in list(self._site.clients):
             client.tell(text)
 
     def _is_ours(self, host: str) -> bool:
@@ -138,76 +151,17 @@ class Server:
         with contextlib.suppress(ValueError):
             parts = urlsplit(f"//{host}")
             name, port = parts.hostname or "", parts.port
-            if (80 if port is None else port) != self.port:
+            if (80 if port is None else port) != self.port or parts.username is not None:
                 return False
             if self.host in _LOOPBACK:
                 return name in _LOOPBACK
-            return name == self.host or name in _LOOPBACK or _is_address(name)
+            return name == self.host or name in _LOOPBACK or is_address(name)
         return False
 
 
-def is_loopback(host: str) -> bool:
-    """Whether only this computer can reach a server on ``host``."""
-    with contextlib.suppress(ValueError):
-        return ipaddress.ip_address(host).is_loopback
-    return host == "localhost"
-
-
-def _is_address(name: str) -> bool:
-    # A bare address cannot be pointed elsewhere by somebody's name server.
-    with contextlib.suppress(ValueError):
-        ipaddress.ip_address(name)
-        return True
-    return False
-
-
-def _bind(host: str, port: int | None) -> list[socket.socket]:
-    if port is not None and not 0 <= port <= 65535:
-        raise OptionError(f"port must be between 0 and 65535, got {port}")
-    tries = [port] if port is not None else [*range(FIRST_PORT, FIRST_PORT + _TRIED_PORTS), 0]
-    problem: OSError | None = None
-    for candidate in tries:
-        try:
-            return _listen(host, candidate)
-        except socket.gaierror:
-            raise OptionError(f"there is no address {host!r} to listen on") from None
-        except OSError as error:
-            problem = error
-    reason = (problem.strerror if problem else None) or str(problem)
-    raise OptionError(f"cannot listen on {host} port {port}: {reason}; leave out --port") from None
-
-
-def _listen(host: str, port: int) -> list[socket.socket]:
-    """Sockets on every address that ``host`` stands for, on one port."""
-    sockets: list[socket.socket] = []
-    try:
-        found = socket.getaddrinfo(
-            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        )
-        for family, kind, protocol, _, address in dict.fromkeys(found):
-            if sockets and port == 0:  # the one that the system chose
-                address = (address[0], sockets[0].getsockname()[1], *address[2:])
-            here = socket.socket(family, kind, protocol)
-            sockets.append(here)
-            if os.name != "nt":
-                here.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            if family == socket.AF_INET6:
-                here.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
-            here.setblocking(False)
-            here.bind(address)
-            here.listen(128)
-    except OSError:
-        for here in sockets:
-            here.close()
-        raise
-    return sockets
-
-
-def _application(
-    stage: Served, scene: bytes, clients: set[_Live], is_ours: Callable[[str], bool]
-) -> Application:
+def _texts(stage: Served, scene: bytes) -> dict[str, tuple[str, str | bytes]]:
     page = json.dumps(stage.page(live=True), allow_nan=False)
-    texts = {
+    return {
         "": ("text/html", live_html(f"pinsing: {stage.name}")),
         "page.css": ("text/css", asset("page.css")),
         "page.js": ("text/javascript", script()),
@@ -215,80 +169,3 @@ def _application(
         "page.json": ("application/json", page),
         "scene": ("application/octet-stream", scene),
     }
-    common = {"is_ours": is_ours}
-    return Application(
-        [
-            (r"/live", _Live, {**common, "stage": stage, "clients": clients}),
-            (r"/(.*)", _Part, {**common, "texts": texts}),
-        ],
-        log_function=lambda handler: None,
-        websocket_max_message_size=_LONGEST_MESSAGE,
-    )
-
-
-class _Part(RequestHandler):  # type: ignore[misc,unused-ignore]
-    """A file of the page, held in memory."""
-
-    def initialize(
-        self, is_ours: Callable[[str], bool], texts: dict[str, tuple[str, str | bytes]]
-    ) -> None:
-        self.is_ours, self.texts = is_ours, texts
-
-    def prepare(self) -> None:
-        if not self.is_ours(self.request.host):
-            raise HTTPError(403)
-
-    def set_default_headers(self) -> None:
-        self.set_header("Cache-Control", "no-store")
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
-        self.set_header("Referrer-Policy", "no-referrer")
-
-    def get(self, name: str) -> None:
-        if name not in self.texts:
-            raise HTTPError(404)
-        kind, content = self.texts[name]
-        charset = "; charset=utf-8" if isinstance(content, str) else ""
-        self.set_header("Content-Type", kind + charset)
-        self.write(content)
-
-
-class _Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
-    """Answers the questions of one page."""
-
-    def initialize(
-        self, is_ours: Callable[[str], bool], stage: Served, clients: set[_Live]
-    ) -> None:
-        self.is_ours, self.stage, self.clients = is_ours, stage, clients
-
-    def check_origin(self, origin: str) -> bool:
-        host = self.request.host
-        return self.is_ours(host) and urlsplit(origin).netloc.lower() == host.lower()
-
-    def open(self, *args: str, **kwargs: str) -> None:
-        if self.request.headers.get("Origin") is None:
-            self.close(1008, "a page of this server is expected")
-            return
-        self.clients.add(self)
-
-    def on_close(self) -> None:
-        self.clients.discard(self)
-
-    def tell(self, text: str) -> None:
-        """Send a text, if the page is still there."""
-        with contextlib.suppress(WebSocketClosedError):
-            # It may still close while the text is on its way: asked for, the failure is no news.
-            sent = self.write_message(text)
-            sent.add_done_callback(lambda done: done.cancelled() or done.exception())
-
-    def on_message(self, message: str | bytes) -> None:
-        number: Any = None
-        try:
-            request = json.loads(message)
-            number = request["id"]
-            answer: dict[str, Any] = {"id": number, "answer": self.stage.answer(request)}
-        except PinsingError as error:
-            answer = {"id": number, "error": str(error)}
-        except (ValueError, KeyError, TypeError, RecursionError):
-            answer = {"id": number, "error": "this request is not understood"}
-        self.tell(json.dumps(answer, allow_nan=False))

@@ -131,8 +131,10 @@ class Tab:
         return self._iframe(600)
 
     def _iframe(self, height: int) -> str:
+        self.url  # noqa: B018 (starts the server)
+        assert self._server is not None
         return (
-            f'<div><iframe src="{html.escape(self.url)}" style="width: 100%; '
+            f'<div><iframe src="{html.escape(self._server.framed_url)}" style="width: 100%; '
             f'height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
             "</iframe></div>"
         )

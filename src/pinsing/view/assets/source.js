@@ -44,7 +44,7 @@ class LiveSource {
     this.number = 0;
     this.opened = new Promise((resolve, reject) => {
       const scheme = location.protocol === "https:" ? "wss:" : "ws:";
-      this.socket = new WebSocket(`${scheme}//${location.host}/live`);
+      this.socket = new WebSocket(`${scheme}//${location.host}${location.pathname}live`);
       this.socket.onopen = resolve;
       this.socket.onerror = reject;
       this.socket.onclose = () => handlers.gone();

@@ -1,0 +1,198 @@
+"""What the server of a live page answers: files of the page, and a link over which it asks.
+
+Every request must come to the right host, under an address that holds one of the server's tokens;
+a link must come from a page of this server as well. All of that is judged before anything is read
+or upgraded.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from tornado.iostream import StreamClosedError
+from tornado.web import HTTPError, RequestHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+from pinsing.errors import PinsingError
+from pinsing.view.messages import BadMessage, read_message
+
+MOST_PAGES = 64
+_MOST_UNREAD = 8 * 2**20
+_PATIENCE = 30.0
+
+
+class Served(Protocol):
+    """What a server needs to know of what it serves."""
+
+    @property
+    def name(self) -> str:
+        """Name of the robot, for the title of the page."""
+
+    def page(self, live: bool) -> dict[str, Any]:
+        """The fixed part of a page, ready for JSON."""
+
+    def answer(self, request: Mapping[str, Any]) -> Any:
+        """Answer a question of a page, its ``want``, ready for JSON.
+
+        Raises
+        ------
+        PinsingError
+            If it cannot be answered; the page is told why.
+        """
+
+
+@dataclass
+class Site:
+    """What all requests share.
+
+    Attributes
+    ----------
+    stage : Served
+        What is shown.
+    texts : Mapping
+        Type and content of the page's files, by name.
+    policies : Mapping
+        Content security policy of pages, by the token in their address.
+    is_ours : callable
+        Whether a Host header names this server.
+    clients : set
+        Links that are open.
+    """
+
+    stage: Served
+    texts: Mapping[str, tuple[str, str | bytes]]
+    policies: Mapping[str, str]
+    is_ours: Callable[[str], bool]
+    clients: set[Live] = field(default_factory=set)
+
+    def policy(self, host: str, token: str) -> str:
+        """Return the policy for a request.
+
+        Raises
+        ------
+        HTTPError
+            403 for a wrong host or token.
+        """
+        if self.is_ours(host):
+            for known, policy in self.policies.items():
+                if hmac.compare_digest(known.encode(), token.encode()):
+                    return policy
+        raise HTTPError(403)
+
+
+class Part(RequestHandler):  # type: ignore[misc,unused-ignore]
+    """A file of the page, held in memory."""
+
+    def initialize(self, site: Site) -> None:
+        """Take what all requests share."""
+        self.site = site
+
+    def prepare(self) -> None:
+        """Judge host and token."""
+        policy = self.site.policy(self.request.host, self.path_args[0] or "")
+        self.set_header("Content-Security-Policy", policy)
+
+    def set_default_headers(self) -> None:
+        """Keep the page out of caches, and its address to itself."""
+        self.set_header("Cache-Control", "no-store")
+        self.set_header("X-Content-Type-Options", "nosniff")
+        self.set_header("Cross-Origin-Resource-Policy", "same-origin")
+        self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'")
+
+    def get(self, _token: str, name: str) -> None:
+        """Send the file."""
+        if name not in self.site.texts:
+            raise HTTPError(404)
+        kind, content = self.site.texts[name]
+        charset = "; charset=utf-8" if isinstance(content, str) else ""
+        self.set_header("Content-Type", kind + charset)
+        self.write(content)
+
+
+class Nothing(Part):
+    """Any address without a token."""
+
+    def prepare(self) -> None:
+        """Refuse."""
+        raise HTTPError(403)
+
+
+class Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
+    """Answers the questions of one page."""
+
+    def initialize(self, site: Site) -> None:
+        """Take what all requests share."""
+        self.site = site
+        self.unread = 0
+
+    def prepare(self) -> None:
+        """Judge host, token and origin, before anything is upgraded."""
+        host = self.request.host
+        self.site.policy(host, self.path_args[0] or "")
+        origin = self.request.headers.get("Origin", "").lower()
+        if origin not in (f"http://{host}".lower(), f"https://{host}".lower()):
+            raise HTTPError(403)
+        if len(self.site.clients) >= MOST_PAGES:
+            raise HTTPError(503)
+
+    def check_origin(self, origin: str) -> bool:
+        """Whether a page is ours: `prepare` has judged that."""
+        return True
+
+    def open(self, *args: str, **kwargs: str) -> None:
+        """Count this page."""
+        self.site.clients.add(self)
+
+    def on_close(self) -> None:
+        """Count it no more."""
+        self.site.clients.discard(self)
+
+    def tell(self, text: str) -> None:
+        """Send a text, if the page is still there; one that does not read is let go."""
+        if self.unread + len(text) > _MOST_UNREAD:
+            self.drop()
+            return
+        task = asyncio.ensure_future(self.send(text))
+        task.add_done_callback(lambda done: done.cancelled() or done.exception())
+
+    async def send(self, text: str) -> None:
+        """Send a text and wait until it has gone."""
+        self.unread += len(text)
+        try:
+            await self.write_message(text)
+        except (WebSocketClosedError, StreamClosedError):
+            self.drop()
+        finally:
+            self.unread -= len(text)
+
+    def drop(self) -> None:
+        """End the link without asking the other side."""
+        self.site.clients.discard(self)
+        if self.ws_connection is not None:
+            with contextlib.suppress(StreamClosedError, AttributeError):
+                self.ws_connection.stream.close()
+
+    async def on_message(self, message: str | bytes) -> None:
+        """Answer one question; the next is read when the answer has gone."""
+        number: int | None = None
+        try:
+            request = read_message(message)
+            number = request["id"]
+            text = json.dumps(
+                {"id": number, "answer": self.site.stage.answer(request)}, allow_nan=False
+            )
+        except (PinsingError, BadMessage) as error:
+            text = json.dumps({"id": number, "error": str(error)})
+        except (ValueError, TypeError, LookupError, ArithmeticError, RecursionError):
+            text = json.dumps({"id": number, "error": "this request is not understood"})
+        try:
+            await asyncio.wait_for(self.send(text), _PATIENCE)
+        except asyncio.TimeoutError:
+            self.drop()

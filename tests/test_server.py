@@ -1,0 +1,331 @@
+"""The server of a live page against other sites, other users, and tabs that misbehave."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pinsing.errors import OptionError
+from pinsing.view.messages import LONGEST, BadMessage, read_message
+from pinsing.view.server import Server
+
+KEY = "AAAAAAAAAAAAAAAAAAAAAA=="
+
+
+class Stage:
+    """Answers with as many letters as asked for."""
+
+    name = "test"
+
+    def page(self, live: bool) -> dict[str, Any]:
+        return {}
+
+    def answer(self, request: Any) -> Any:
+        if request["want"] == "nan":
+            return float("nan")
+        if request["want"] == "error":
+            raise OptionError("no such thing")
+        return "x" * request["want"]
+
+
+@pytest.fixture
+def server() -> Iterator[Server]:
+    made = Server(Stage(), b"scene", port=0)
+    yield made
+    made.close()
+
+
+def token(server: Server) -> str:
+    return server.url.split("/")[3]
+
+
+def raw(server: Server, path: str, **headers: str) -> tuple[int, str]:
+    """Send a request as given; return its status and the head of the answer."""
+    sent = {
+        "Host": f"127.0.0.1:{server.port}",
+        **{k.replace("_", "-"): v for k, v in headers.items()},
+    }
+    lines = [f"GET {path} HTTP/1.1", *(f"{k}: {v}" for k, v in sent.items()), "", ""]
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as link:
+        link.sendall("\r\n".join(lines).encode("latin-1"))
+        head = link.recv(65536).decode("latin-1")
+    return int(head.split()[1]), head.split("\r\n\r\n")[0]
+
+
+def upgrade(server: Server, path: str, **headers: str) -> int:
+    origin = f"http://127.0.0.1:{server.port}"
+    wanted = {"Upgrade": "websocket", "Connection": "Upgrade", "Origin": origin}
+    wanted |= {"Sec-WebSocket-Version": "13", "Sec-WebSocket-Key": KEY}
+    wanted |= {k.replace("_", "-"): v for k, v in headers.items()}
+    return raw(server, path, **{k: v for k, v in wanted.items() if v})[0]
+
+
+def test_the_right_page_gets_through(server: Server) -> None:
+    assert upgrade(server, f"/{token(server)}/live") == 101
+    assert raw(server, f"/{token(server)}/page.json")[0] == 200
+
+
+def test_the_reproduction_of_a_foreign_host_is_refused(server: Server) -> None:
+    evil = f"evil.com:{server.port}"
+    for path in ("/live", f"/{token(server)}/live"):
+        assert upgrade(server, path, Host=evil, Origin=f"http://{evil}") == 403
+        assert (
+            upgrade(server, path, Host=evil, Origin=f"http://{evil}", Sec_Fetch_Site="none") == 403
+        )
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [
+        {"Origin": ""},
+        {"Origin": "null"},
+        {"Origin": "http://["},
+        {"Origin": "http://evil.com"},
+        {"Origin": "http://127.0.0.1:1"},
+        {"Origin": "", "Sec_Fetch_Site": "none"},
+        {"Origin": "http://evil.com", "Sec_Fetch_Site": "same-origin"},
+        {"Origin": "", "Sec_Websocket_Origin": "http://127.0.0.1"},
+        {"Host": "["},
+        {"Host": "127.0.0.1"},
+        {"Host": "127.0.0.1:99999999"},
+        {"Host": "a@127.0.0.1:7000"},
+        {"Host": "127.0.0.1.evil.com:7000"},
+    ],
+)
+def test_a_link_from_elsewhere_is_refused_before_it_is_upgraded(
+    server: Server, headers: dict[str, str]
+) -> None:
+    headers = {k: v.replace("7000", str(server.port)) for k, v in headers.items()}
+    assert upgrade(server, f"/{token(server)}/live", **headers) in (400, 403)
+    assert server.pages == 0
+
+
+@pytest.mark.parametrize(
+    "path", ["/", "/live", "/page.json", "/scene", "//scene", "/x/scene", "/x/live"]
+)
+def test_without_the_token_there_is_nothing(server: Server, path: str) -> None:
+    assert raw(server, path)[0] == 403
+    assert upgrade(server, path) == 403
+
+
+def test_tokens_are_long_and_new_each_time(server: Server) -> None:
+    other = Server(Stage(), b"", port=0)
+    found = {token(server), token(other), server.framed_url.split("/")[3]}
+    other.close()
+    assert len(found) == 3
+    assert all(len(text) >= 32 for text in found)
+    wrong = token(server)[:-1] + ("A" if token(server)[-1] != "A" else "B")
+    assert raw(server, f"/{wrong}/scene")[0] == 403
+
+
+def test_headers_keep_the_page_to_itself(server: Server) -> None:
+    for path in ("", "page.js", "scene", "nothing"):
+        _, head = raw(server, f"/{token(server)}/{path}")
+        assert "frame-ancestors 'none'" in head
+        assert "Content-Security-Policy: default-src 'none'" in head
+        assert "no-referrer" in head
+    _, head = raw(server, f"/{token(server)}/")
+    assert "connect-src 'self'" in head
+    assert "ws:" not in head
+    _, head = raw(server, "/")
+    assert "frame-ancestors 'none'" in head
+    framed = server.framed_url.split("/")[3]
+    assert "frame-ancestors" not in raw(server, f"/{framed}/")[1]
+
+
+# Messages -----------------------------------------------------------------------------
+
+BAD = {
+    "NaN as id": '{"id":NaN}',
+    "NaN": '{"id":1,"q":[NaN]}',
+    "infinity": '{"id":1,"q":-Infinity}',
+    "too large for a double": '{"id":1,"q":1e999}',
+    "huge integer": '{"id":1,"q":' + "9" * 5000 + "}",
+    "integer beyond doubles": '{"id":1,"q":99999999999999999}',
+    "huge id": '{"id":123456789012345678901}',
+    "id is text": '{"id":"1"}',
+    "id is true": '{"id":true}',
+    "negative id": '{"id":-1}',
+    "no id": "{}",
+    "list": "[1]",
+    "deep": "[" * 9 + "]" * 9,
+    "very deep": "[" * 30_000,
+    "no JSON": "{",
+    "empty": "",
+    "long": '{"id":1,"q":"' + "x" * LONGEST + '"}',
+    "no UTF-8": b"\xff",
+}
+
+
+@pytest.mark.parametrize("case", BAD)
+def test_a_bad_message_is_refused_quickly(case: str) -> None:
+    start = time.monotonic()
+    with pytest.raises(BadMessage):
+        read_message(BAD[case])
+    assert time.monotonic() - start < 0.5
+
+
+def test_a_good_message_is_read() -> None:
+    text = '{"id": 3, "want": "frame", "q": [1, -2.5, 1e-9]}'
+    assert read_message(text)["q"] == read_message(text.encode())["q"] == [1, -2.5, 1e-9]
+
+
+class Tab:
+    """A page that speaks WebSocket over a plain socket."""
+
+    def __init__(self, server: Server, buffer: int | None = None) -> None:
+        self.link = socket.socket()
+        if buffer is not None:
+            self.link.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, buffer)
+        self.link.settimeout(10)
+        host = f"127.0.0.1:{server.port}"
+        self.link.connect(("127.0.0.1", server.port))
+        lines = [f"GET /{token(server)}/live HTTP/1.1", f"Host: {host}", f"Origin: http://{host}"]
+        lines += ["Upgrade: websocket", "Connection: Upgrade", "Sec-WebSocket-Version: 13"]
+        self.link.sendall("\r\n".join([*lines, f"Sec-WebSocket-Key: {KEY}", "", ""]).encode())
+        head = b""
+        while not head.endswith(b"\r\n\r\n"):
+            head += self.link.recv(1)
+        assert b"101" in head
+
+    def send(self, text: str) -> None:
+        data = text.encode()
+        size = struct.pack("!BH", 0xFE, len(data)) if len(data) > 125 else bytes([0x80 | len(data)])
+        self.link.sendall(b"\x81" + size + bytes(4) + data)
+
+    def read(self) -> dict[str, Any]:
+        first, size = self.exactly(2)
+        assert first == 0x81
+        if size == 126:
+            (size,) = struct.unpack("!H", self.exactly(2))
+        elif size == 127:
+            (size,) = struct.unpack("!Q", self.exactly(8))
+        found: dict[str, Any] = json.loads(self.exactly(size))
+        return found
+
+    def exactly(self, size: int) -> bytes:
+        data = b""
+        while len(data) < size:
+            part = self.link.recv(size - len(data))
+            if not part:
+                raise EOFError
+            data += part
+        return data
+
+
+def test_bad_messages_get_an_answer_and_the_link_lives_on(server: Server) -> None:
+    tab = Tab(server)
+    for text in ('{"id":NaN}', '{"id":1,"want":"nan"}', '{"id":2,"want":"error"}', '{"id":3}'):
+        tab.send(text)
+        assert "error" in tab.read()
+    tab.send('{"id":4,"want":3}')
+    assert tab.read() == {"id": 4, "answer": "xxx"}
+    tab.link.close()
+
+
+def test_tabs_that_do_not_read_harm_nobody_else(server: Server) -> None:
+    deaf = [Tab(server, buffer=4096) for _ in range(5)]
+    for tab in deaf:
+        tab.link.settimeout(0.2)
+        for k in range(200):
+            try:
+                tab.send(json.dumps({"id": k, "want": 1_000_000}))
+            except OSError:  # the server reads no more from it
+                break
+    good = Tab(server)
+    for k in range(20):
+        start = time.monotonic()
+        good.send(json.dumps({"id": k, "want": 1000}))
+        assert good.read()["id"] == k
+        assert time.monotonic() - start < 2
+    for _ in range(50):
+        server.send({"shown": "x" * 1_000_000})
+        assert "shown" in good.read()
+    good.send('{"id":99,"want":1}')
+    assert good.read()["id"] == 99
+    assert server.pages <= 1 + len(deaf)
+    start = time.monotonic()
+    server.close()
+    assert time.monotonic() - start < 1.5
+    for tab in (*deaf, good):
+        tab.link.close()
+
+
+def test_more_tabs_than_anyone_opens_are_refused(server: Server, monkeypatch: Any) -> None:
+    monkeypatch.setattr("pinsing.view.handlers.MOST_PAGES", 3)
+    tabs = [Tab(server) for _ in range(3)]
+    assert upgrade(server, f"/{token(server)}/live") == 503
+    for tab in tabs:
+        tab.link.close()
+
+
+# The command --------------------------------------------------------------------------
+
+
+@pytest.fixture
+def command() -> Iterator[tuple[subprocess.Popen[str], str]]:
+    run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
+    process = subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    yield process, process.stdout.readline().strip()
+    process.kill()
+    process.communicate()
+
+
+def tab_of(url: str) -> Tab:
+    class There:
+        port = int(url.split(":")[2].split("/")[0])
+
+    There.url = url  # type: ignore[attr-defined]
+    return Tab(There)  # type: ignore[arg-type]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+def test_ctrl_c_ends_within_a_second_with_tabs_open(
+    command: tuple[subprocess.Popen[str], str],
+) -> None:
+    process, url = command
+    tabs = [tab_of(url) for _ in range(5)]
+    waiting = socket.create_connection(("127.0.0.1", int(url.split(":")[2].split("/")[0])))
+    waiting.sendall(b"GET / HTTP/1.1\r\n")
+    start = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    _, said = process.communicate(timeout=10)
+    assert time.monotonic() - start < 2  # one second, and the interpreter's own end
+    assert process.returncode == 0
+    assert "Traceback" not in said
+    for tab in tabs:
+        tab.link.close()
+    waiting.close()
+
+
+@pytest.mark.skipif(not Path("/proc/self/net/tcp").exists(), reason="Linux")
+def test_no_port_is_open_but_the_one(command: tuple[subprocess.Popen[str], str]) -> None:
+    process, url = command
+    assert urllib.request.urlopen(url).status == 200
+    mine = set()
+    for entry in Path(f"/proc/{process.pid}/fd").iterdir():
+        try:
+            mine.add(os.readlink(entry))
+        except OSError:
+            continue
+    listening = []
+    for table in ("tcp", "tcp6"):
+        for line in Path(f"/proc/{process.pid}/net/{table}").read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[3] == "0A" and f"socket:[{fields[9]}]" in mine:
+                listening.append(fields[1])
+    port = int(url.split(":")[2].split("/")[0])
+    assert listening == [f"0100007F:{port:04X}"]
