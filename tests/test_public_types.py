@@ -140,6 +140,11 @@ CALLS = {
     "at": Call(lambda: pinsing.at, with_arm(q=Q)),
     "clearance": Call(lambda: pinsing.clearance, lambda: {"forms": form(), "Q": [Q]}),
     "is_clear": Call(lambda: pinsing.is_clear, lambda: {"forms": form(), "q": Q, "radius": 0.01}),
+    "crossings": Call(
+        lambda: pinsing.crossings,
+        lambda: {"forms": form(), "motion": [Q, (0.2, -0.5, 0.7)]},
+        frozenset({"motion"}),
+    ),
     "closed_form": Call(lambda: pinsing.closed_form, with_arm()),
     "frame_jacobian": Call(lambda: pinsing.frame_jacobian, with_arm(q=Q)),
     "frame_jacobians": Call(lambda: pinsing.frame_jacobians, with_arm(Q=[Q])),

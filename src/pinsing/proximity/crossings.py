@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
+from pinsing.arguments import checked
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.two_sided import sum_at, two_sided
 from pinsing.bounds.zeros import SIMPLE, Zeros, zeros_along
@@ -83,6 +84,7 @@ class Crossings(JsonResult):
         return self.events[index]
 
 
+@checked
 def crossings(
     forms: Forms,
     motion: Any,
