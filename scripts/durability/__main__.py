@@ -28,6 +28,7 @@ def main() -> int:
         part.add_argument("--seed", type=int, default=1)
         if name == "kills":
             part.add_argument("--kills", type=int, default=1000)
+            part.add_argument("--kind", action="append", help="one of them only; repeatable")
         if name == "cuts":
             part.add_argument("--cuts", type=int, default=200)
     part = parts.add_parser("report")
@@ -41,7 +42,8 @@ def main() -> int:
 
         found: dict[str, Any] = {}
         for file in options.files:
-            found.update(json.loads(file.read_text()))
+            for key, value in json.loads(file.read_text()).items():
+                found[key] = found[key] + value if key in found else value
         options.out.write_text(report(found), encoding="utf-8")
         return 0
     began = time.monotonic()
@@ -63,12 +65,12 @@ def _kills(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[s
     for module in ("pinsing.cli.app", "pinsing.maps", "pinsing.sweeps.findings", "distributed"):
         importlib.import_module(module)  # each life is forked with them
     rows, wrong = [], []
-    dear = {"map, worker processes": 0.1, "sweep, Dask": 0.15}  # they start slowly
-    rest = (1 - sum(dear.values())) / (len(KINDS) - len(dear))
-    for kind in KINDS:
+    share = dict.fromkeys(KINDS, 0.26)
+    share |= {"map, worker processes": 0.07, "sweep, Dask": 0.15}  # they start slowly
+    for kind in options.kind or KINDS:
         place = folder / kind.replace(", ", "_").replace(" ", "_")
         place.mkdir()
-        wanted = round(options.kills * dear.get(kind, rest) + 0.49)
+        wanted = round(options.kills * share[kind])
         found = campaign(kind, wanted, options.seed, place)
         row = {"kind": kind, "chunks": found.chunks, "runs": found.runs, "early": found.early}
         rows.append({**row, "ends": dict(found.ends), "kills": found.kills})

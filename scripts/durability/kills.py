@@ -24,7 +24,7 @@ from pathlib import Path
 _HANG = 120.0  # seconds that no life takes
 _STOPPED = 130
 
-MAP = ("map", "ur5", "--count", "330000", "--chunk", "4096")
+MAP = ("map", "stanford", "--count", "330000", "--chunk", "4096")
 SWEEP = ("sweep", "stanford", "--levels", "1,2", "--samples", "2001", "--chunk", "1", "--no-keep")
 
 # ADDRESS is put in when the scheduler has one.
@@ -105,7 +105,7 @@ def _one_run(
     for _ in range(10 * kills + 100):
         how = rng.choice(["SIGKILL", "SIGKILL", "SIGINT", "SIGINT twice"])
         early = rng.random() < _EARLY
-        after = rng.uniform(0, longest if early else longest / 8)
+        after = rng.uniform(0, longest if early else longest / 16)
         enough = found.kills >= kills
         code, said = life(words, out, None if enough else (how, after, not early))
         ended = {"SIGKILL": -signal.SIGKILL}.get(how, _STOPPED)

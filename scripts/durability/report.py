@@ -1,0 +1,90 @@
+"""docs/durability.md, out of what was measured."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from typing import Any
+
+
+def report(found: dict[str, Any]) -> str:
+    """The whole page, as Markdown; parts that were not measured say so."""
+    parts = [
+        "# What failures, kills and a loss of power leave\n\n"
+        "Made by `scripts/durability` (`python -m durability kills|failures|cuts`, then `report`)."
+        " Every file that pinsing writes goes through one function: written under another name in "
+        "the same folder, flushed, renamed, and the folder flushed.\n",
+        _kills(found),
+        _failures(found),
+        _cuts(found),
+    ]
+    return "\n".join(parts)
+
+
+def _kills(found: dict[str, Any]) -> str:
+    rows = found.get("kills")
+    if rows is None:
+        return "## Kills\n\nNot measured.\n"
+    lines = [
+        "## Kills\n",
+        "Runs in a folder are ended at random moments by SIGKILL, by Ctrl-C, or by Ctrl-C twice, "
+        "one life in ten anywhere from its start, the others while chunks come in; then the same "
+        "command is run again, until the run is complete. Every file of the folder must then be "
+        "byte for byte that of a run at one stretch, with nothing else beside it.\n",
+        "| run | chunks | SIGKILL | Ctrl-C | Ctrl-C, ended at once | kills | before its plan "
+        "| runs completed, all identical |",
+        "|---|" + "---:|" * 7,
+    ]
+    total = sum(row["kills"] for row in rows)
+    for row in rows:
+        ends = [row["ends"].get(name, 0) for name in ("SIGKILL", "SIGINT", "SIGINT twice")]
+        cells = [row["chunks"], *ends, row["kills"], row["early"], row["runs"]]
+        lines.append(f"| {row['kind']} | {' | '.join(map(str, cells))} |")
+    wrong = found.get("kills_wrong", [])
+    lines.append(f"\n{total:,} kills in all; {len(wrong)} that went wrong.\n")
+    return "\n".join([*lines, *(f"- {line}" for line in wrong)])
+
+
+def _failures(found: dict[str, Any]) -> str:
+    rows = found.get("failures")
+    if rows is None:
+        return "## Each operation fails in turn\n\nNot measured.\n"
+    lines = [
+        "## Each operation fails in turn\n",
+        "Each operation on a file of each command fails once in each of these ways. Afterwards "
+        "the old file is whole or the new one is, no other file is left, the message is one line "
+        "and the exit code 2; a run in a folder goes on to identical bytes. A folder that may be "
+        "written to but not read (EACCES when it is opened) is not flushed, and is no error.\n",
+        "| command | operation | error | cases | as it must be | new file is there | exit code |",
+        "|---|---|---|---:|---:|---:|---|",
+    ]
+    for row in rows:
+        codes = ", ".join(map(str, row["exit"]))
+        lines.append(
+            f"| `{row['command']}` | {row['operation']} | {row['error']} | {row['cases']} "
+            f"| {row['good']} | {row['new']} | {codes} |"
+        )
+    count: dict[str, int] = defaultdict(int)
+    for row in rows:
+        count["cases"] += row["cases"]
+        count["good"] += row["good"]
+    lines.append(f"\n{count['cases']:,} cases; {count['cases'] - count['good']} that went wrong.\n")
+    return "\n".join(lines)
+
+
+def _cuts(found: dict[str, Any]) -> str:
+    rows = found.get("cuts")
+    if rows is None:
+        return "## Loss of power\n\nNot measured.\n"
+    lines = [
+        "## Loss of power\n",
+        "After a random number of the operations of a run, the disk is put into a state that a "
+        "file system may come up with: of files that were not flushed nothing, a part, or zeros; "
+        "of folders that were not flushed any of the new names, in any order. The same command "
+        "must then go on to identical bytes.\n",
+        "| command | operations of a run | cuts | gone on to identical bytes |",
+        "|---|---:|---:|---:|",
+    ]
+    for row in rows:
+        cells = [f"`{row['command']}`", row["operations"], row["cuts"], row["good"]]
+        lines.append(f"| {' | '.join(map(str, cells))} |")
+    return "\n".join(lines) + "\n"
