@@ -21,6 +21,7 @@ from typing import Any
 from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpq_poly
 
 SCHEMA = "pinsing/certificate/1"
+EYE = [["1", "0", "0"], ["0", "1", "0"], ["0", "0", "1"]]
 LONGEST_FILE, MOST_TERMS, SHORT = 4_000_000, 60_000, 200  # characters, terms, terms
 NUMBER = re.compile(r"(\d{1,400})(?:/(\d{1,400}))?", re.ASCII)
 POWER = re.compile(r"([xys]\d{1,2})(?:\^(\d{1,2}))?", re.ASCII)
@@ -28,7 +29,8 @@ MALFORMED = (ArithmeticError, AttributeError, LookupError, MemoryError, TypeErro
 Poly = Any  # fmpq_mpoly: python-flint ships no types
 Matrix = list[list[Poly]]
 Values = dict[int, tuple[Poly, Poly]]  # joint: x, y
-Where = tuple[dict[int, tuple[Poly, Poly]], list[Poly]]  # joint values and relations
+Where = tuple[Values, list[Poly]]  # joint values and relations
+Step = tuple[Matrix, Matrix, Poly]  # a rigid motion and its inverse, both times a unit; it
 Chosen = tuple[int, ...]
 
 
@@ -125,16 +127,10 @@ class Ring:
         return poly
 
     def same(self, a: Poly, b: Poly) -> bool:
-        """Whether two polynomials that are not zero are one up to a constant factor."""
-        m = a.monomial(0)[: 2 * len(self.pairs)]
-
-        def part(poly: Poly) -> Poly:  # its coefficient of m
-            terms = poly.to_dict().items()
-            return self.context.from_dict(
-                {(*(0 for _ in m), *k[len(m) :]): c for k, c in terms if k[: len(m)] == m}
-            )
-
-        return bool(part(b) != 0 and self.reduced(a * part(b) - b * part(a)) == 0)
+        """Whether two polynomials are one up to a constant, which their values at a point tell."""
+        at = {j: (self.one, (5 + 3 * j) * self.one) for j in range(len(self.pairs))}
+        p, q = self.put(a, at), self.put(b, at)
+        return bool(q != 0 and self.reduced(a * q - b * p) == 0)
 
     def put(self, poly: Poly, values: Values) -> Poly:
         """The polynomial with some joints at values."""
@@ -264,70 +260,70 @@ class Certificate:
         return values, relations
 
     def jacobian(self, chain: list[dict[str, Any]], tip: list[str]) -> Matrix:
-        """Task Jacobian, its columns times units; in a middle link's frame where that is free."""
+        """Task Jacobian, columns times units, in a frame that leaves its rank the task's."""
         ring, steps = self.ring, [self.step(link) for link in chain]
-        need(len(tip) == 3 and 0 < len(chain) <= 16, "the chain is too long, or the tip no point")
-        all_alike = self.rows in ([0, 1, 2, 3, 4, 5], [0, 1, 2], [3, 4, 5])
-        middle = len(chain) // 2 if all_alike else 0  # where 0 is the base
-        point = [[ring.constant(text)] for text in [*tip, "1"]]
-        screws: list[tuple[int, Matrix, Poly]] = []  # link, what takes points to velocities, unit
-        ways = [(i, *steps[i]) for i in reversed(range(middle, len(chain)))]
-        ways += [(i, steps[i][1], steps[i][0], steps[i][2]) for i in range(middle)]
-        for i, there, back, unit in ways:
-            axis = [[ring.zero] * 4 for _ in range(4)]
+        need(0 < len(chain) <= 16, "the chain is too long")
+        middle = len(chain) // 2 if len(self.rows) == 6 else len(chain)  # else seen from the tip
+        screws: dict[int, tuple[Matrix, Poly]] = {}  # matrices that take points to velocities
+        for i in [*reversed(range(middle, len(chain))), *range(middle)]:
+            there, back, unit = steps[i] if i >= middle else (steps[i][1], steps[i][0], steps[i][2])
+            own = [[ring.zero] * 4 for _ in range(4)]
             if self.slides[chain[i]["joint"]]:
-                axis[2][3] = ring.one
+                own[2][3] = ring.one
             else:
-                axis[1][0], axis[0][1] = ring.one, -ring.one
-            if i >= middle:
-                screws.append((i, axis, ring.one))
-                point = self.times(there, point)
-            for m, (k, X, u) in enumerate(screws):
-                if (k < middle) == (i < middle):  # seen from the next link on the way
-                    X = self.times(self.times(there, X), back)
-                    screws[m] = k, [[divmod(x, unit)[0] for x in row] for row in X], u * unit
-            if i < middle:
-                screws.append((i, axis, ring.one))
+                own[1][0], own[0][1] = ring.one, -ring.one
+            carried = [k for k in screws if (k < middle) == (i < middle)]
+            screws[i] = own, ring.one
+            for k in [*carried, i] if i >= middle else carried:  # to the next link on the way
+                X = self.times(self.times(there, screws[k][0]), back)
+                X = [[divmod(x, unit)[0] for x in row] for row in X]
+                screws[k] = X, screws[k][1] * unit
+        if len(self.rows) < 6:  # at the tip, and in base axes where axes matter
+            A, B, _ = self.with_inverse(self.placed(EYE, tip))
+            if self.rows not in ([0, 1, 2], [3, 4, 5]):
+                T = functools.reduce(self.times, (there for there, _, _ in steps))
+                T = [[*row[:3], x] for row, x in zip(T, [*[ring.zero] * 3, T[3][3]], strict=True)]
+                A, B = self.times(A, flipped(T)), self.times(T, B)
+            screws = {i: (self.times(self.times(B, X), A), u) for i, (X, u) in screws.items()}
         columns = [([ring.zero] * 6, ring.one) for _ in self.slides]
-        for i, X, unit in screws:
-            column = [row[3] for row in X[:3]] + [X[2][1], X[0][2], X[1][0]]
-            if len(self.rows) < 6:  # the velocity of the tip, not of the frame's origin
-                turning = [x * point[3][0] for x in column[3:]]
-                column, unit = (
-                    [x for (x,) in self.times(X, point)[:3]] + turning,
-                    unit * point[3][0],
-                )
-            (total, common), times = columns[chain[i]["joint"]], ring.constant(chain[i]["multiple"])
-            new = [a * unit + times * b * common for a, b in zip(total, column, strict=True)]
-            columns[chain[i]["joint"]] = [ring.reduced(x) for x in new], common * unit
+        for i, (X, unit) in screws.items():
+            times, (total, common) = ring.constant(chain[i]["multiple"]), columns[chain[i]["joint"]]
+            screw = [X[0][3], X[1][3], X[2][3], X[2][1], X[0][2], X[1][0]]
+            sums = [a * unit + times * b * common for a, b in zip(total, screw, strict=True)]
+            columns[chain[i]["joint"]] = [ring.reduced(x) for x in sums], common * unit
         return self.primitive([[column[r] for r in self.rows] for column, _ in columns])
 
-    def step(self, link: dict[str, Any]) -> tuple[Matrix, Matrix, Poly]:
-        """Placement and motion of a joint, about or along z; the inverse; a unit both are times."""
-        ring, o, one, j = self.ring, self.ring.zero, self.ring.one, whole(link["joint"])
-        texts = link["rotation"], [link["translation"]]
-        R, t = ([[ring.constant(x) for x in row] for row in rows] for rows in texts)
-        need([len(row) for row in R] == [3, 3, 3] and len(t[0]) == 3, "a placement is none")
-        square = [[one if a == b else o for a in range(3)] for b in range(3)]
-        proper = self.minors_of(R)((0, 1, 2), (0, 1, 2)) == one
-        need(self.times(R, flipped(R)) == square and proper, "a rotation is none")
-        aside = [[-x for x in row] for row in self.times(flipped(R), flipped(t))]
-        P, Q = (
-            [r + d for r, d in zip(*A, strict=True)] for A in ((R, flipped(t)), (flipped(R), aside))
-        )
-        (x, y), u, turns = ring.pairs[j], one, link["multiple"]
+    def step(self, link: dict[str, Any]) -> Step:
+        """Placement of a joint, and its motion about or along z."""
+        ring, o, j, turns = self.ring, self.ring.zero, whole(link["joint"]), link["multiple"]
+        (x, y), c, s, z, u = ring.pairs[j], ring.one, o, o, ring.one
         if self.slides[j]:
-            z, u = ring.constant(turns) * y + ring.constant(link["plus"]) * x, x
-            M, W = ([[x, o, o, o], [o, x, o, o], [o, o, x, d], [o, o, o, x]] for d in (z, -z))
+            z, c, u = ring.constant(turns) * y + ring.constant(link["plus"]) * x, x, x
         else:
             c, s = (ring.constant(text) for text in link["plus"])
             need(abs(int(turns)) < 7 and ring.reduced(c * c + s * s) == 1, "no angle or multiple")
             for _ in range(abs(int(turns))):
                 a, b = x * x - y * y, 2 * x * y * (1 if int(turns) > 0 else -1)
                 c, s, u = ring.reduced(c * a - s * b), ring.reduced(c * b + s * a), u * ring.unit[j]
-            M, W = ([[c, -d, o, o], [d, c, o, o], [o, o, u, o], [o, o, o, u]] for d in (s, -s))
-        last = [[o, o, o, one]]
-        return self.times(P + last, M), self.times(W, Q + last), u
+        M = [[c, -s, o, o], [s, c, o, o], [o, o, u, z], [o, o, o, u]]
+        return self.with_inverse(self.times(self.placed(link["rotation"], link["translation"]), M))
+
+    def placed(self, rotation: list[list[str]], translation: list[str]) -> Matrix:
+        """A constant rigid motion, if it is one."""
+        R, t = [[self.ring.constant(x) for x in row] for row in rotation], translation
+        need([len(row) for row in R] == [3, 3, 3] and len(t) == 3, "a placement is no 3 x 3 and 3")
+        straight = [[self.ring.constant(x) for x in row] for row in EYE]
+        proper = self.minors_of(R)((0, 1, 2), (0, 1, 2)) == 1
+        need(proper and self.times(R, flipped(R)) == straight, "a rotation is none")
+        G = [[*row, self.ring.constant(x)] for row, x in zip(R, t, strict=True)]
+        return [*G, [*[self.ring.zero] * 3, self.ring.one]]
+
+    def with_inverse(self, G: Matrix) -> Step:
+        """A rigid motion times a unit, its inverse times the same, and the unit."""
+        unit, R = G[3][3], flipped([row[:3] for row in G[:3]])
+        t = self.times(R, [[row[3]] for row in G[:3]])
+        B = [[*row, divmod(-x, unit)[0]] for row, (x,) in zip(R, t, strict=True)]
+        return G, [*B, G[3]], unit
 
     def times(self, A: Matrix, B: Matrix) -> Matrix:
         """Product of two matrices."""
@@ -430,7 +426,7 @@ class Certificate:
             for k, times, _ in place["cases"]:
                 for _ in range(whole(times)):
                     product = ring.reduced(product * self.polys[whole(k)])
-            vanishing = ring.stripped(self.vanishing(place, values, relations))
+            vanishing = ring.stripped(ring.reduced(self.vanishing(place, values, relations)))
             need(vanishing != 0, "a polynomial that is zero everywhere tells nothing")
             need(ring.same(vanishing, ring.stripped(product)), "the cases are not all factors")
             for k, _, then in place["cases"]:
@@ -444,6 +440,8 @@ class Certificate:
         if "resultant" in place:
             a, b, j = (whole(k) for k in place["resultant"])
             return ring.resultant(relations[a], relations[b], j)
+        if "sum" in place:
+            return sum((ring.parse(p) * relations[whole(k)] for p, k in place["sum"]), ring.zero)
         rows, columns = (tuple(whole(k) for k in part) for part in place["minor"])
         need(len(rows) == len(columns) == self.left, "a minor is of another size")
         minor = ring.stripped(self.at(values)(rows, columns))

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from typing import Any
 
 from pinsing.algebra.components import Component
-from pinsing.algebra.ring import Ring
+from pinsing.algebra.ring import Ring, Value
 from pinsing.geometry.nominal import Nominal
-from pinsing.proof.checker import Certificate, Rejected, verify
+from pinsing.proof.checker import Certificate, Rejected, Values, verify
 from pinsing.proof.reduction import find_reduction
 from pinsing.proof.skeleton import form_of, number_text, roots_in, skeleton
 from pinsing.proof.tree import NotFound, Place, Tree
@@ -61,20 +61,13 @@ def certificate(
         data["reduction"] = find_reduction(draft)
         context = draft.ring.context
         polynomials = _Table()
+        tidy = Tree(draft, seconds)
         for s in stated:
             c = s.component
             forms = [form_of(p, ring, context, roots) for p in c.relations]
-            data["families"].append(
-                {
-                    "name": s.name,
-                    "values": {
-                        str(j): [number_text(x) for x in (v if len(v) == 2 else (1, v[0]))]
-                        for j, v in sorted(c.values.items())
-                    },
-                    "relations": [polynomials.index(_tidied(draft, f)) for f in forms],
-                    "least_codimension": c.codimension,
-                }
-            )
+            for part in tidy.parts(_constants(draft, c.values), forms):
+                entry = {"name": s.name, **_where(part, polynomials)}
+                data["families"].append({**entry, "least_codimension": c.codimension})
         data["polynomials"] = polynomials.texts
         read = Certificate(data)
         root = Tree(read, seconds, progress).root()
@@ -83,27 +76,28 @@ def certificate(
     order = _ordered(root)
     number = {id(place): k for k, place in enumerate(order)}
     for place in order:
-        data["places"].append(
-            {
-                "values": {str(j): [str(x), str(y)] for j, (x, y) in sorted(place.values.items())},
-                "relations": [polynomials.index(p) for p in place.relations],
-                **place.entry,
-            }
-        )
-        if place.cases or not _is_leaf(place.entry):
-            data["places"][-1]["cases"] = [
+        entry = {**_where(place, polynomials), **place.entry}
+        if not any(key in entry for key in ("family", "too_small", "no_real_point")):
+            entry["cases"] = [
                 [polynomials.index(f), times, None if then is None else number[id(then)]]
                 for f, times, then in place.cases
             ]
+        data["places"].append(entry)
     return data
 
 
-def _is_leaf(entry: Mapping[str, Any]) -> bool:
-    return any(key in entry for key in ("family", "too_small", "no_real_point"))
+def _constants(draft: Certificate, values: Mapping[int, Value]) -> Values:
+    """Joint values as points of the certificate's ring."""
+    points = {j: v if len(v) == 2 else (1, v[0]) for j, v in values.items()}
+    number = draft.ring.constant
+    return {j: (number(number_text(x)), number(number_text(y))) for j, (x, y) in points.items()}
 
 
-def _tidied(draft: Certificate, form: Any) -> Any:
-    return Tree(draft, 1.0, None).tidy(form)
+def _where(place: Place, polynomials: _Table) -> dict[str, Any]:
+    return {
+        "values": {str(j): [str(x), str(y)] for j, (x, y) in sorted(place.values.items())},
+        "relations": [polynomials.index(p) for p in place.relations],
+    }
 
 
 class _Table:

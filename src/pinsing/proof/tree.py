@@ -21,6 +21,10 @@ from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.surd_ring import SurdRing
 from pinsing.proof.checker import Certificate, Rejected, Values, Where
 
+_MANY = 3
+"""Relations beyond which no more are made of them."""
+_LONG = 2000
+"""Product of terms beyond which two relations are not combined."""
 _TRIED = 8
 """Polynomials to split by that are tried at a place before it is given up."""
 
@@ -162,21 +166,20 @@ class Tree:
         ring, joints = self.ring, self.ring.joints(f)
         if len(joints) > 1 or ring.degree(f, joints[0]) > 1:
             return self._place(values, [*relations, f])
-        j = joints[0]
-        x = ring.put(f, {j: (ring.zero, ring.one)})
-        y = -ring.put(f, {j: (ring.one, ring.zero)})
-        at = {j: self._scaled(x, y)}
+        at = self._value_of(f)
         left = [ring.stripped(ring.put(p, at)) for p in relations]
         if any(p != 0 and not ring.joints(p) for p in left):
             return None
         distinct = {str(p): p for p in map(self.tidy, left) if p != 0}
         return self._place({**values, **at}, list(distinct.values()))
 
-    def _scaled(self, x: Poly, y: Poly) -> tuple[Poly, Poly]:
-        """The same point with its first coordinate 1, or its second one if that is 0."""
-        lead = x if x != 0 else y
-        inverse = self._inverse(lead)
-        return self.ring.reduced(x * inverse), self.ring.reduced(y * inverse)
+    def _value_of(self, f: Poly) -> Values:
+        """The joint that a factor fixes, its x made 1, or else its y."""
+        ring, (j,) = self.ring, self.ring.joints(f)
+        x = ring.put(f, {j: (ring.zero, ring.one)})
+        y = -ring.put(f, {j: (ring.one, ring.zero)})
+        inverse = self._inverse(x if x != 0 else y)
+        return {j: (ring.reduced(x * inverse), ring.reduced(y * inverse))}
 
     def _inverse(self, number: Poly) -> Poly:
         terms = self._algebra.terms(number)
@@ -190,6 +193,33 @@ class Tree:
         if isinstance(self._algebra, SurdRing):
             return self._algebra.monic(poly)
         return poly / _content(poly)
+
+    def parts(self, values: Values, relations: Sequence[Poly]) -> list[Place]:
+        """Common zeros of relations as the union of simpler ones: reduced by each other, factored.
+
+        Where the longer of two relations is the sum of a multiple of the shorter one and a
+        product, each factor of that makes a part.
+        """
+        relations = sorted((p for p in map(self.tidy, relations) if p != 0), key=len)
+        if any(not self.ring.joints(p) for p in relations):
+            return []
+        for k, p in enumerate(relations):
+            others = relations[:k] + relations[k + 1 :]
+            for r in relations[:k]:
+                rest = self.ring.stripped(self.ring.reduced(divmod(p, r)[1]))
+                if len(rest) < len(p):
+                    return self.parts(values, [*others, rest])
+            factors = [f for f, _ in self.factors(p)]
+            if len(factors) > 1 or self._fixes(p):
+                return [place for f in factors for place in self._part(values, others, f)]
+        return [Place(values, relations)]
+
+    def _part(self, values: Values, others: list[Poly], f: Poly) -> list[Place]:
+        if not self._fixes(f):
+            return self.parts(values, [*others, f])
+        at = self._value_of(f)
+        left = [self.ring.stripped(self.ring.put(p, at)) for p in others]
+        return self.parts({**values, **at}, left)
 
     # What to split by ---------------------------------------------------------------
 
@@ -207,7 +237,11 @@ class Tree:
         if relations and whole <= len(relations):
             if self.ring.codimension_at_least(whole, relations):
                 yield from self._coefficients(relations, minors)
-            yield from self._resultants(relations)
+            if len(relations) > 1:
+                yield from self._toward_families(values, relations)
+            if len(relations) <= _MANY:
+                yield from self._resultants(relations)
+                yield from self._sums(relations)
         yield from minors
 
     def _minors(
@@ -232,12 +266,78 @@ class Tree:
 
     def _resultants(self, relations: list[Poly]) -> Iterator[tuple[dict[str, Any], Poly]]:
         for (a, p), (b, g) in itertools.combinations(enumerate(relations), 2):
-            if len(p) * len(g) > 2000:
+            if len(p) * len(g) > _LONG:
                 continue
             for j in set(self.ring.joints(p)) & set(self.ring.joints(g)):
                 poly = self.ring.stripped(self.ring.resultant(p, g, j))
                 if poly != 0:
                     yield {"resultant": [a, b, j]}, poly
+
+    def _toward_families(
+        self, values: Values, relations: list[Poly]
+    ) -> Iterator[tuple[dict[str, Any], Poly]]:
+        """A relation that is, but for a multiple of another one, that of a family times others."""
+        wanted = {
+            str(p): p
+            for at, equations in self.certificate.families
+            if self.certificate.lies_in(values, relations, (at, []))
+            for p in (self.ring.put(e, values) for e in equations)
+            if not self.ring.vanishes(p, relations)
+        }
+        for f in wanted.values():
+            for a, p in enumerate(relations):
+                for j in set(self.ring.joints(p)) & set(self.ring.joints(f)):
+                    if len(p) * len(f) <= _LONG and self.ring.degree(p, j) >= self.ring.degree(
+                        f, j
+                    ):
+                        times, product, rest = self._divided(p, f, j)
+                        yield from self._as_sum(times, product, rest, a, relations)
+
+    def _as_sum(
+        self, times: Poly, product: Poly, rest: Poly, a: int, relations: list[Poly]
+    ) -> Iterator[tuple[dict[str, Any], Poly]]:
+        if product == 0:
+            return
+        for b, g in enumerate(relations):
+            if b == a or not self.ring.divides(g, rest):
+                continue
+            more = -self.ring.reduced(divmod(rest, g)[0])
+            if self.ring.reduced(more * g + rest) == 0:
+                terms = [[str(times), a]] + ([[str(more), b]] if more != 0 else [])
+                yield {"sum": terms}, self.ring.stripped(product)
+            return
+
+    def _divided(self, p: Poly, f: Poly, j: int) -> tuple[Poly, Poly, Poly]:
+        """Division of forms by y of a joint: times p = product + rest, product a multiple of f."""
+        (x, y), (low, lead) = self.ring.pairs[j], self.ring.lead(f, j)
+        times, product, rest = self.ring.one, self.ring.zero, p
+        while rest != 0 and (top := self.ring.lead(rest, j))[0] >= low:
+            more = top[1] * f * y ** (top[0] - low) * x ** (self.ring.degree(rest, j) - top[0])
+            if low < self.ring.degree(f, j):
+                return times, self.ring.zero, rest
+            times = self.ring.reduced(times * lead)
+            product = self.ring.reduced(product * lead + more)
+            rest = self.ring.reduced(rest * lead - more)
+        return times, product, rest
+
+    def _sums(self, relations: list[Poly]) -> Iterator[tuple[dict[str, Any], Poly]]:
+        """Two relations times polynomials, so that the highest powers of some y cancel."""
+        for (a, p), (b, g) in itertools.permutations(enumerate(relations), 2):
+            if len(p) * len(g) > _LONG:
+                continue
+            for j in set(self.ring.joints(p)) & set(self.ring.joints(g)):
+                more = self.ring.degree(p, j) - self.ring.degree(g, j)
+                if more < 0:
+                    continue
+                (top_p, lead_p), (top_g, lead_g) = self.ring.lead(p, j), self.ring.lead(g, j)
+                _x, y = self.ring.pairs[j]
+                if top_p - top_g != more:
+                    continue
+                factors = lead_g, -lead_p * y**more
+                poly = self.ring.reduced(p * factors[0] + g * factors[1])
+                poly = self.ring.stripped(poly)
+                if poly != 0 and not any(self.ring.divides(q, poly) for q in relations):
+                    yield {"sum": [[str(factors[0]), a], [str(factors[1]), b]]}, poly
 
     def _coefficients(
         self, relations: list[Poly], minors: list[tuple[dict[str, Any], Poly]]
