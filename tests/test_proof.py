@@ -28,6 +28,7 @@ ARMS = {
     "panda": {"robot": "panda"},
     "xarm7": {"robot": "xarm7"},
     "scara": {"robot": "scara"},
+    "so101": {"robot": "so101"},
     "planar3r position": {"robot": "planar3r", "task": "position"},
     "planar3r one row": {"robot": "planar3r", "task": "vx"},
     "ur5 orientation": {"robot": "ur5", "task": "orientation"},

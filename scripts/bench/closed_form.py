@@ -35,7 +35,7 @@ from typing import Any
 
 from pinsing.algebra.jacobian_matrix import independent_rows, jacobian_matrix
 from pinsing.algebra.ring import make_ring
-from pinsing.families import ClosedForm, closed_form
+from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
@@ -189,7 +189,7 @@ def limited(
 
 def best_time(arm: Arm, rounds: int) -> tuple[ClosedForm, float]:
     forms = [closed_form(arm) for _ in range(rounds)]
-    return forms[0], min(f.seconds for f in forms)
+    return prove(forms[0]), min(f.seconds for f in forms)
 
 
 def table(rows: Sequence[Sequence[str]], head: Sequence[str]) -> str:
@@ -213,10 +213,13 @@ def families_row(name: str, arm: Arm, form: ClosedForm, seconds: float) -> list[
         str(form.generic_rank),
         f"{len(form.families)} ({counts})",
         str(inside),
-        "yes" if form.complete else "no",
+        form.word,
         "yes" if form.fully_decomposed else "no",
         "exact" if change <= 1e-12 else f"{change:.0e}",
+        f"{form.proof.size / 1e3:.1f} kB" if form.proof and form.proof.size else "none",
         f"{1000 * seconds:.0f} ms",
+        f"{form.proof.seconds:.2f} s" if form.proof else "none",
+        f"{1000 * form.proof.check_seconds:.0f} ms" if form.proof else "none",
     ]
 
 
@@ -229,8 +232,13 @@ HEAD = [
     "complete",
     "fully decomposed",
     "geometry moved",
+    "certificate",
     "time",
+    "proof",
+    "check",
 ]
+TIMES = 3
+"""Columns at the end that are times."""
 
 PAGE = """# Closed forms, arm by arm
 
@@ -239,12 +247,15 @@ Written by `python scripts/bench/closed_form.py --write docs/closed_forms.md`;
 
 *Families*: components of the real singular set over whole circles, mirror images joined.
 *Reachable*: how many of them have a configuration inside the joint limits.
-*Complete*: nothing can be missing; the search ended and every branch was decided.
+*Complete*: proven (there is a certificate, and the checker accepted it), probable, or not complete;
+see [proof.md](proof.md).
 *Fully decomposed*: every family has joint values and at most one equation; else one family
 is left as a system of equations.
 *Geometry moved*: bound of the change of any column of the Jacobian that rounding the
 file's numbers to exact ones makes (length scale 1 m).
+*Certificate*: its size.
 *Time*: one core, best of five; it takes in everything, from the geometry to the words.
+*Proof*, *check*: finding the certificate, once, and checking it with `checker.py`.
 
 {table}
 
@@ -256,7 +267,7 @@ def compare(old: str, new: str) -> list[str]:
 
     def rows(text: str) -> list[str]:
         lines = [line for line in text.splitlines() if line.startswith("| ")]
-        return ["|".join(cell.strip() for cell in line.split("|")[:-2]) for line in lines]
+        return ["|".join(cell.strip() for cell in line.split("|")[: -1 - TIMES]) for line in lines]
 
     a, b = rows(old), rows(new)
     return [x for x in b if x not in a] + [f"gone: {x}" for x in a if x not in b]
@@ -290,7 +301,10 @@ def main() -> None:
         if not page and not options.no_sympy:
             row += [limited(t, spec, options.sympy_limit) for t in (trigonometric, polynomial)]
         rows.append(row)
-        print(f"{name}: {len(form.families)} families, {1000 * seconds:.0f} ms", file=sys.stderr)
+        print(
+            f"{name}: {len(form.families)} families, {1000 * seconds:.0f} ms, {form.word}",
+            file=sys.stderr,
+        )
     head = HEAD if page or options.no_sympy else [*HEAD, "Sympy, trig.", "Sympy, poly."]
     text = table(rows, head)
     if options.check:

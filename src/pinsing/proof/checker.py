@@ -205,6 +205,7 @@ class Ring:
         if poly == 0 or any(self.divides(p, poly) for p in relations):
             return True
         outside: list[Poly] = []  # zero where a way to divide, by other joints' y, tells nothing
+        relations = sorted(relations, key=lambda p: len(self.joints(p)))
         own = [{*self.joints(p)} for p in relations]
         own = [js.difference(*own[:k]) for k, js in enumerate(own)]
         for ways in itertools.product(*own) if len(relations) > 1 else ():

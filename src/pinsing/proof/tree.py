@@ -207,12 +207,15 @@ class Tree:
             others = relations[:k] + relations[k + 1 :]
             for r in relations[:k]:
                 rest = self.ring.stripped(self.ring.reduced(divmod(p, r)[1]))
-                if len(rest) < len(p):
+                if self._is_simpler(rest, p):
                     return self.parts(values, [*others, rest])
             factors = [f for f, _ in self.factors(p)]
             if len(factors) > 1 or self._fixes(p):
                 return [place for f in factors for place in self._part(values, others, f)]
         return [Place(values, relations)]
+
+    def _is_simpler(self, rest: Poly, p: Poly) -> bool:
+        return bool(rest == 0 or len(rest) < len(p) or len(self.factors(rest)) > 1)
 
     def _part(self, values: Values, others: list[Poly], f: Poly) -> list[Place]:
         if not self._fixes(f):
@@ -237,7 +240,8 @@ class Tree:
         if relations and whole <= len(relations):
             if self.ring.codimension_at_least(whole, relations):
                 yield from self._coefficients(relations, minors)
-            if len(relations) > 1:
+            if 1 < len(relations) <= _MANY + 1:
+                yield from self._remainders(relations)
                 yield from self._toward_families(values, relations)
             if len(relations) <= _MANY:
                 yield from self._resultants(relations)
@@ -272,6 +276,15 @@ class Tree:
                 poly = self.ring.stripped(self.ring.resultant(p, g, j))
                 if poly != 0:
                     yield {"resultant": [a, b, j]}, poly
+
+    def _remainders(self, relations: list[Poly]) -> Iterator[tuple[dict[str, Any], Poly]]:
+        """A relation less a multiple of a shorter one, if that is shorter or a product."""
+        for b, p in enumerate(relations):
+            for a, r in enumerate(relations[:b]):
+                quotient, rest = divmod(p, r)
+                rest = self.ring.stripped(self.ring.reduced(rest))
+                if rest != 0 and quotient != 0 and self._is_simpler(rest, p):
+                    yield {"sum": [["1", b], [str(self.ring.reduced(-quotient)), a]]}, rest
 
     def _toward_families(
         self, values: Values, relations: list[Poly]
