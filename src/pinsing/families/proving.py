@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
-from pinsing.algebra.budget import Budget
+from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
 from pinsing.algebra.surd_ring import ring_of
@@ -78,31 +78,42 @@ def prove(
         The same, with ``proof``; complete and without gaps if the certificate was accepted.
     """
     started = time.monotonic()
-    try:
-        data = _made(form, seconds, progress)
-    except NotFound as reason:
-        return replace(form, proof=_none(form, str(reason), time.monotonic() - started))
-    found = time.monotonic()
-    text = text_of(data)
-    try:
-        verify(text)
-    except Rejected as reason:
-        return replace(form, proof=_none(form, f"the checker says: {reason}", found - started))
-    proof = Proof(
-        accepted=True,
-        reason="",
-        size=len(text),
-        places=len(data["places"]),
-        seconds=found - started,
-        check_seconds=time.monotonic() - found,
-        primes=(),
-        certificate=data,
-    )
-    return replace(form, proof=proof, complete=True, gaps=())
+    reason = ""
+    for in_parts in (False, True):
+        left = seconds - (time.monotonic() - started)
+        if left <= 0:
+            break
+        try:
+            data = _made(form, left, progress, in_parts)
+            found = time.monotonic()
+            text = text_of(data)
+            verify(text)
+        except NotFound as problem:
+            reason = str(problem)
+        except Rejected as problem:
+            reason = f"the checker says: {problem}"
+        except (BudgetExceeded, OverflowError, RecursionError) as problem:
+            reason = f"the search for one was given up: {problem}"
+        else:
+            proof = Proof(
+                accepted=True,
+                reason="",
+                size=len(text),
+                places=len(data["places"]),
+                seconds=found - started,
+                check_seconds=time.monotonic() - found,
+                primes=(),
+                certificate=data,
+            )
+            return replace(form, proof=proof, complete=True, gaps=())
+    return replace(form, proof=_none(form, reason, time.monotonic() - started))
 
 
 def _made(
-    form: ClosedForm, seconds: float, progress: Callable[[str], None] | None
+    form: ClosedForm,
+    seconds: float,
+    progress: Callable[[str], None] | None,
+    in_parts: bool,
 ) -> dict[str, Any]:
     geometry = form.geometry
     if geometry is None:
@@ -114,7 +125,11 @@ def _made(
     slides = tuple(bool(p) for p in geometry.arm.prismatic)
     ring = ring_of(slides, numbers, Budget(seconds))
     stated = [Stated(f.name, c) for f in form.families for c in f.components]
-    return certificate(geometry, ring, form.generic_rank, stated, seconds, progress)
+    # Half of the time for the first way, so that some is left for the second.
+    share = seconds if in_parts else seconds / 2
+    return certificate(
+        geometry, ring, form.generic_rank, stated, share, progress, in_parts=in_parts
+    )
 
 
 def _none(form: ClosedForm, reason: str, seconds: float) -> Proof:

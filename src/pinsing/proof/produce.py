@@ -31,6 +31,7 @@ def certificate(
     stated: Sequence[Stated],
     seconds: float,
     progress: Callable[[str], None] | None = None,
+    in_parts: bool = False,
 ) -> dict[str, Any]:
     """A certificate that the singular set of an arm is the union of some components.
 
@@ -48,6 +49,9 @@ def certificate(
         Time for the search of a tree of cases.
     progress : callable
         Told now and then how far that is.
+    in_parts : bool
+        State each component as the union of simpler ones where its equations fall apart. That
+        finds proofs where the equations as they are do not, and the other way round.
 
     Raises
     ------
@@ -65,7 +69,9 @@ def certificate(
         for s in stated:
             c = s.component
             forms = [form_of(p, ring, context, roots) for p in c.relations]
-            for part in tidy.parts(_constants(draft, c.values), forms):
+            values = _constants(draft, c.values)
+            whole = [Place(values, [tidy.tidy(f) for f in forms])]
+            for part in tidy.parts(values, forms) if in_parts else whole:
                 entry = {"name": s.name, **_where(part, polynomials)}
                 data["families"].append({**entry, "least_codimension": c.codimension})
         data["polynomials"] = polynomials.texts

@@ -23,6 +23,8 @@ from pinsing.proof.checker import Certificate, Rejected, Values, Where
 
 _MANY = 3
 """Relations beyond which no more are made of them."""
+_MOST = 5
+"""Relations beyond which a place is not split: splits that say nothing new go on for ever."""
 _LONG = 2000
 """Product of terms beyond which two relations are not combined."""
 _TRIED = 8
@@ -66,6 +68,7 @@ class Tree:
     ) -> None:
         self.certificate, self.ring, self._progress = certificate, certificate.ring, progress
         self._until = time.monotonic() + seconds
+        self._budget = Budget(seconds)
         self._places: dict[object, Place | NotFound | None] = {}
         self._factors: dict[str, list[tuple[Poly, int]]] = {}
         self._algebra = self._ring_to_factor_in(seconds)
@@ -136,6 +139,8 @@ class Tree:
             if self._has_no_real_point(p):
                 place.entry = {"no_real_point": {"relation": k}}
                 return place
+        if len(relations) > _MOST:
+            raise NotFound(f"more and more relations at {place_text(place)}")
         failure = NotFound(f"nothing to split {place_text(place)} by")
         for entry, poly in itertools.islice(self._splits(values, relations), _TRIED):
             try:
@@ -206,8 +211,9 @@ class Tree:
         for k, p in enumerate(relations):
             others = relations[:k] + relations[k + 1 :]
             for r in relations[:k]:
-                rest = self.ring.stripped(self.ring.reduced(divmod(p, r)[1]))
-                if self._is_simpler(rest, p):
+                quotient, rest = divmod(p, r)
+                rest = self.ring.stripped(self.ring.reduced(rest))
+                if quotient != 0 and self._is_simpler(rest, p):
                     return self.parts(values, [*others, rest])
             factors = [f for f, _ in self.factors(p)]
             if len(factors) > 1 or self._fixes(p):
@@ -381,6 +387,7 @@ class Tree:
         key = str(poly)
         if key not in self._factors:
             left = self.ring.stripped(poly)
+            self._budget.check_factor(len(left))
             if isinstance(self._algebra, SurdRing):
                 self._factors[key] = self._with_roots(left)
             else:
