@@ -14,11 +14,18 @@ from pinsing.algebra.finite_system import NotFinite, real_solutions
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros, semidefinite
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
+from pinsing.analysis.analyze import analyze
+from pinsing.analysis.stages import Stages
+from pinsing.analysis.text import analysis_text, families_text
 from pinsing.families import closed_form
+from pinsing.geometry.nominal import nominal
 from pinsing.geometry.surd import cosine
-from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.verdict import ratios
+from pinsing.plot.curves import _singular as singular_values_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
+from pinsing.sweeps.findings import singular_configurations
+from pinsing.sweeps.run import sweep
 
 RIGHT = math.pi / 2
 
@@ -67,12 +74,10 @@ def test_joint_values_that_depend_on_each_other_are_stated_exactly():
     assert lines == {(5453, -10_000_000, 5453)}
     rng = np.random.default_rng(1)
     q = family.points(40, rng)
-    sigma = singular_values(form.geometry.arm, q)
-    assert (sigma[:, 5] / sigma[:, 0]).max() < 1e-13
+    assert ratios(form.geometry.arm, q).max() < 1e-13
     for q2, q4 in ((found[0][0], found[1][1]), (found[1][0], found[0][1])):  # roots that do not fit
         q[:, 1], q[:, 3] = math.radians(q2), math.radians(q4)
-        sigma = singular_values(form.geometry.arm, q)
-        assert (sigma[:, 5] / sigma[:, 0]).min() > 1e-9
+        assert ratios(form.geometry.arm, q).min() > 1e-9
     assert any("snap-length 0.001" in line for line in form.hints)
 
 
@@ -146,3 +151,106 @@ def test_signs(ring):
     assert (float(zero[0].ball), float(zero[1].ball)) == (1.0, 0.5)
     hidden = sum_of_squares * 1000 - (x1**2 + y1**2) * (x2**2 + y2**2)  # negative nearby
     assert not semidefinite(hidden, ring, time)
+
+
+def test_boundary_or_interior_is_said_of_each_piece():
+    """The stretched arm is at the boundary of its workspace, the folded one is not."""
+    form = closed_form(load("planar3r", task="position"))
+    (family,) = form.families
+    assert family.kind == "varies"
+    boundary, interior = family.kinds
+    assert (boundary.kind, boundary.where) == ("boundary", "q2 = 0° and q3 = 0°")
+    assert interior.kind == "interior"
+    text = families_text(form)
+    assert "boundary at q2 = 0" in text.replace("\u00a0", " ")
+    puma = closed_form(load("puma560"))
+    assert [f.kind for f in puma.families] == ["boundary", "interior", "boundary"]
+
+
+def test_a_rounded_limit_is_met():
+    """Limits of 1.570796325, 1.8e-9 short of 90 degrees, as a published PUMA has them."""
+    rows = [Joint(d=0.4), Joint(alpha=RIGHT, limits=(0.1, 1.570796325))]
+    rows.append(Joint(alpha=-RIGHT, a=0.3))
+    (family,) = closed_form(build(rows, task="orientation")).families
+    assert family.text == "q2 = 0° or 180°"
+    rows[1] = Joint(alpha=RIGHT, theta=RIGHT, limits=(0.1, 1.570796325))
+    (family,) = closed_form(build(rows, task="orientation")).families
+    assert family.text == "q2 = ±90°"
+    assert family.reachability == "at the joint limit"
+    assert family.is_reachable
+    (said,) = family.limits_met
+    assert "1.570796327" in said
+    assert "1.570796325" in said
+    assert "1.8e-09" in said
+    rows[1] = Joint(alpha=RIGHT, theta=RIGHT, limits=(0.1, 1.5))  # 4 degrees short
+    (family,) = closed_form(build(rows, task="orientation")).families
+    assert family.reachability == "not reachable"
+    arm = build([*rows[:1], Joint(alpha=RIGHT, limits=(0.1, 1.570796325)), rows[2]])
+    values = sweep(arm, levels=1, samples=20).plan.effects[1].special
+    assert np.isclose(values, RIGHT, atol=1e-8).any()
+
+
+@pytest.mark.parametrize("scale", [3e8, 1e-10])
+def test_no_length_scale_hides_a_singularity(scale):
+    form = closed_form(load("puma560", length_scale=scale))
+    assert form.generic_rank == 6
+    assert len(form.families) == 3
+    assert all(f.rank == 5 for f in form.families)
+
+
+def test_an_analysis_gives_what_it_has_when_the_time_is_up():
+    arm = load("iiwa14")
+    found = analyze(arm, seconds=0.2)
+    assert found.seconds < 4.0  # some stage may have been in the middle of a step
+    assert found.missing
+    assert "time of 0.2 s was up" in analysis_text(found).replace("\u00a0", " ")
+
+
+def test_ctrl_c_keeps_the_closed_forms(monkeypatch):
+    def interrupted(*args: object, **rest: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("pinsing.analysis.analyze.singular_configurations", interrupted)
+    found = analyze(load("stanford"), seconds=120.0)
+    assert len(found.families) == 3
+    assert found.missing[0] == "findings of the sweep: stopped before its end"
+    assert not found.findings
+    assert not found.problems
+    stages = Stages(60.0)
+
+    def stage() -> int:
+        raise KeyboardInterrupt
+
+    assert stages.run("first", stage, 7) == 7
+    assert stages.run("second", lambda: 1, 0) == 0
+    assert stages.missing == ["first: stopped before its end", "second: not begun, stopped"]
+
+
+@pytest.mark.parametrize("name", ["ur5", "puma560"])
+def test_a_curve_is_marked_at_every_true_zero(name):
+    """Also where a relation between joints holds, and at no valley that is no zero."""
+    arm = load(name)
+    form = closed_form(arm)
+    result = sweep(arm, levels=1)
+    findings = singular_configurations(arm, result)
+    exact = nominal(arm).arm
+    met = 0
+    for curve in result.curves:
+        if curve.sigma_ratio.max() < 1e-9:  # singular all along
+            continue
+        marks = singular_values_of(curve, result.arm, findings)
+        line = np.repeat(result.plan.nominal[None], 2000, axis=0)
+        line[:, curve.moving] = np.linspace(curve.x[0], curve.x[-1], 2000)
+        for joint, value in curve.fixed.items():
+            line[:, arm.joints.index(joint)] = value
+        at = np.repeat(line[:1], len(marks), axis=0)
+        at[:, curve.moving] = marks
+        assert (ratios(exact, at) <= 1e-8).all()
+        for family in form.families:
+            for e in family.equations:
+                value = e(line)
+                crossed = np.flatnonzero(value[1:] * value[:-1] < 0)
+                for x in line[crossed, curve.moving]:
+                    assert np.abs(marks - x).min(initial=9.0) < 0.01, (curve.moving, x)
+                    met += 1
+    assert met

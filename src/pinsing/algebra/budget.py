@@ -31,6 +31,10 @@ class Budget:
         """Whether the time has run out."""
         return time.monotonic() > self._deadline
 
+    def at_least(self, share: float) -> Budget:
+        """What is left, or a share of the whole if that is more."""
+        return Budget(max(self._deadline - time.monotonic(), share * self.seconds))
+
     def check(self, term_products: float = 0.0) -> None:
         """Raise BudgetExceeded unless a step of about so many term products fits in."""
         expected = term_products / _TERM_PRODUCTS_PER_SECOND

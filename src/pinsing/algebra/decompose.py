@@ -33,6 +33,8 @@ from pinsing.algebra.zeros import Undecided
 
 _SHORTEST = 5
 """Equations of a long system among which fewer that say the same are looked for."""
+_TO_ASK = 0.1
+"""Share of the time for asking the second prime, however long the search took."""
 _RESULTANT_TERMS = 2_000
 """Largest product of term counts for which a symbolic resultant is tried."""
 
@@ -71,7 +73,7 @@ class Decomposition:
                 else str(reason)
             )
         self.components: list[Component] = self._found.irredundant(time)
-        self.second = ask_again(self.asked, self.components, ring, time)
+        self.second = ask_again(self.asked, self.components, ring, time.at_least(_TO_ASK))
         self.gaps += self.second.gaps
 
     # Branches -----------------------------------------------------------------------

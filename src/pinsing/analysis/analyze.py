@@ -11,6 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.analysis.stages import Stages
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import walk
@@ -36,6 +37,11 @@ _VALLEY = 1e-2
 _RAW_ANGLE_TOL = 1e-10
 _FAMILY_SAMPLES = 60
 _ROUNDING = 1e-6
+
+SECONDS = 60.0
+"""Time that an analysis may take."""
+_ALGEBRA = 1 / 3
+_BATCH = 100
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +121,8 @@ class Analysis(JsonResult):
         Contradictions: each is a bug of pinsing, or of the file; empty if all agree.
     seconds : float
         Time it took.
+    missing : tuple of str
+        Stages that were cut short, by the time or by Ctrl-C.
     sweep : SweepResult or None
         The curves; not written to JSON.
     """
@@ -134,6 +142,7 @@ class Analysis(JsonResult):
     notes: tuple[str, ...]
     problems: tuple[str, ...]
     seconds: float
+    missing: tuple[str, ...] = ()
     sweep: SweepResult | None = field(default=None, repr=False, metadata={"json": False})
 
     @property
@@ -187,7 +196,7 @@ def analyze(
     ignore_limits: bool = False,
     prune: bool = True,
     random_starts: int = 300,
-    seconds: float = 10.0,
+    seconds: float = SECONDS,
     angle_tol: float = ANGLE_TOL,
     snap_length: float = 0.0,
     geometry: str = "both",
@@ -204,7 +213,10 @@ def analyze(
         As in ``sweep``.
     random_starts : int
         Random configurations within the limits that are refined as a third opinion.
-    seconds, angle_tol, snap_length
+    seconds : float
+        Time for all of it, of which closed forms may take a third. What there is when it is up,
+        or at Ctrl-C, is returned, and ``missing`` says what is not.
+    angle_tol, snap_length
         As in ``closed_form``.
     geometry : str
         "both", "raw" or "nominal".
@@ -230,15 +242,44 @@ def analyze(
         angle_tol, snap_length = min(angle_tol, _RAW_ANGLE_TOL), 0.0
     exact = nominal_geometry(arm, angle_tol, snap_length).arm
     swept = exact if geometry == "nominal" else arm
+    stages = Stages(seconds)
     forms = closed_form(
-        arm, seconds=seconds, angle_tol=angle_tol, snap_length=snap_length, prove=None
+        arm, seconds=_ALGEBRA * seconds, angle_tol=angle_tol, snap_length=snap_length, prove=None
     )
     options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
-    result = run_sweep(swept, planned_sweep(swept, options, exact), progress)
-    findings = singular_configurations(swept, result, geometry=exact)
-    search = _random_search(exact, forms, random_starts, seed)
-    checks = _check_families(swept, exact, forms, seed)
-    owners = tuple(_owner(forms, f) for f in findings)
+    result = stages.run(
+        "sweep",
+        lambda: run_sweep(
+            swept, planned_sweep(swept, options, exact), stages.watched(progress)
+        ),
+        None,
+    )
+    nothing: tuple[Finding, ...] = ()
+    findings = stages.run(
+        "findings of the sweep",
+        lambda: (
+            nothing
+            if result is None
+            else singular_configurations(swept, result, geometry=exact, until=stages.until)
+        ),
+        nothing,
+    )
+    search = stages.run(
+        "random search",
+        lambda: _random_search(exact, forms, random_starts, seed, stages),
+        RandomSearch(0, 0, 0, ()),
+    )
+    unchecked: tuple[FamilyCheck, ...] = ()
+    checks = stages.run(
+        "samples of the families",
+        lambda: _check_families(swept, exact, forms, seed, stages),
+        unchecked,
+    )
+    unowned = ("",) * len(findings)
+    owners = stages.run(
+        "families of the findings", lambda: tuple(_owner(forms, f) for f in findings), unowned
+    )
+    compared = findings if owners is not unowned else nothing
     return Analysis(
         arm=summarize(arm),
         geometry=geometry,
@@ -247,11 +288,12 @@ def analyze(
         family_of=owners,
         checks=checks,
         random_search=search,
-        jacobians=result.done - len(result.uniform),
-        sweep_complete=result.complete,
-        notes=result.notes,
-        problems=tuple(_problems(forms, findings, owners, checks, search)),
+        jacobians=0 if result is None else result.done - len(result.uniform),
+        sweep_complete=result is not None and result.complete,
+        notes=() if result is None else result.notes,
+        problems=tuple(_problems(forms, compared, owners[: len(compared)], checks, search)),
         seconds=time.monotonic() - started,
+        missing=tuple(stages.missing),
         sweep=result,
     )
 
@@ -261,12 +303,21 @@ def _owner(forms: ClosedForm, finding: Finding) -> str:
     return "" if family is None else family.name
 
 
-def _random_search(exact: Arm, forms: ClosedForm, starts: int, seed: int) -> RandomSearch:
+def _random_search(
+    exact: Arm, forms: ClosedForm, starts: int, seed: int, stages: Stages
+) -> RandomSearch:
     if starts == 0:
         return RandomSearch(0, 0, 0, ())
     rng = np.random.default_rng(seed)
-    ends = walk(exact, exact.space.sample(starts, rng))
-    found = ends.q[ends.ratio <= SINGULAR_RTOL]
+    begin = exact.space.sample(starts, rng)
+    reached = []
+    for k in range(0, starts, _BATCH):
+        if k and stages.over:
+            starts = k
+            break
+        ends = walk(exact, begin[k : k + _BATCH])
+        reached.append(ends.q[ends.ratio <= SINGULAR_RTOL])
+    found = np.concatenate(reached)
     on = np.zeros(len(found), dtype=bool)
     for family in forms.families:
         if on.all():
@@ -284,11 +335,13 @@ def _random_search(exact: Arm, forms: ClosedForm, starts: int, seed: int) -> Ran
 
 
 def _check_families(
-    swept: Arm, exact: Arm, forms: ClosedForm, seed: int
+    swept: Arm, exact: Arm, forms: ClosedForm, seed: int, stages: Stages
 ) -> tuple[FamilyCheck, ...]:
     rng = np.random.default_rng(seed)
     checks = []
     for family in forms.families:
+        if stages.over:
+            break
         points = family.points(_FAMILY_SAMPLES, rng)
         if not len(points):
             checks.append(FamilyCheck(family.name, 0, 0.0, 0.0, 0.0))

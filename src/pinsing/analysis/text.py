@@ -63,6 +63,8 @@ def analysis_text(analysis: Analysis, page: Page = PLAIN, degrees: bool = False)
     near = [f for f in analysis.findings if f.status == "near-singular"]
     if near:
         lines += _points(page, "Near-singular valleys:", map(finding_spans, near))
+    if analysis.missing:
+        lines += _points(page, caution("Missing:"), ((text,) for text in analysis.missing))
     if analysis.problems:
         bad = alarm("CONTRADICTIONS (please report them):")
         lines += _points(page, bad, ((p,) for p in analysis.problems), "  ! ")

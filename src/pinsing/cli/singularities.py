@@ -70,7 +70,9 @@ def geometry_options(command: F) -> F:
 def algebra_options(command: F) -> F:
     """Add the options of closed forms; the command gets those that were given as ``algebra``."""
 
-    @click.option("--seconds", type=float, metavar="S", help="Time for the algebra.  [default: 10]")
+    @click.option(
+        "--seconds", type=float, metavar="S", help="Time for the answer.  [default: 10, analyze 60]"
+    )
     @click.option(
         "--angle-tol",
         type=float,
@@ -323,6 +325,6 @@ def analyze_command(
         emit(analysis_text(analysis, Page.of(), deg))
     for problem in analysis.problems:
         say(f"WARNING: {problem}")
-    if not analysis.sweep_complete:
+    if analysis.missing or not analysis.sweep_complete:
         return STOPPED
     return int(fail_if_singular and analysis.singular)

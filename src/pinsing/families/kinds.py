@@ -41,8 +41,14 @@ def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tupl
             kind: _place([family.branches[b] for b, c in by_branch.items() if kind in c], maker)
             for kind in counts
         }
+        longest = max(places, key=lambda k: len(places[k]))
+        if len(places[longest]) > _SHORT:
+            places[longest] = ""  # named by what the others are not
         if all(len(place) <= _SHORT for place in places.values()):
-            return tuple(KindPart(k, places[k], n / total, total) for k, n in counts.most_common())
+            return tuple(
+                KindPart(k, places[k] or "all other points", counts[k] / total, total)
+                for k in sorted(places, key=lambda k: places[k] == "")
+            )
     return tuple(KindPart(k, "", n / total, total) for k, n in counts.most_common())
 
 

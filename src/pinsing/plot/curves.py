@@ -131,6 +131,10 @@ def sigma_curves(
     return ax
 
 
+_SAME = 1e-7
+"""Values of a joint closer than this are one zero of a curve."""
+
+
 def _has(result: SweepResult, fixed: Mapping[str, float] | None, name: str) -> bool:
     try:
         result.curve(fixed, name)
@@ -158,12 +162,23 @@ def _singular(curve: SweepCurve, arm: ArmSummary, findings: Iterable[Finding]) -
     for finding in findings:
         if curve.number not in finding.curves or finding.status != "singular":
             continue
-        value = finding.condition.fixed.get(name)
-        if value is None or not _on_curve(finding.condition, curve, name, arm):
-            continue
-        copies = [value] if arm.prismatic[curve.moving] else value + 2 * np.pi * np.arange(-2, 3)
+        values = [x for number, x in finding.zeros if number == curve.number]
+        stated = finding.condition.fixed.get(name)
+        if stated is not None and _on_curve(finding.condition, curve, name, arm):
+            values.append(stated)
+        turns = [0.0] if arm.prismatic[curve.moving] else 2 * np.pi * np.arange(-2, 3)
+        copies = [value + turn for value in values for turn in turns]
         found += [x for x in copies if curve.x[0] - 1e-9 <= x <= curve.x[-1] + 1e-9]
-    return np.unique(np.round(found, 9))
+    return _apart(found)
+
+
+def _apart(values: Iterable[float]) -> np.ndarray:
+    """Values in order, those that are the same but for rounding once."""
+    kept: list[float] = []
+    for x in sorted(values):
+        if not kept or x - kept[-1] > _SAME:
+            kept.append(float(x))
+    return np.array(kept)
 
 
 def _on_curve(condition: JointCondition, curve: SweepCurve, moving: str, arm: ArmSummary) -> bool:

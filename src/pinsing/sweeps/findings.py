@@ -8,6 +8,8 @@ or the relation between joints, that it is an instance of.
 from __future__ import annotations
 
 import itertools
+import math
+import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import ClassVar
@@ -19,7 +21,7 @@ from pinsing._types import Array, Bool
 from pinsing.arguments import checked, whole_number
 from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import SingularConfiguration, describe, walk
-from pinsing.geometry.nominal import nominal
+from pinsing.geometry.nominal import ANGLE_TOL, nominal
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, Status, ratios
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
@@ -66,6 +68,9 @@ class Finding(JsonResult):
     curves : tuple of int
         Numbers of those curves in the plan: where all are kept, indices of the curves of the
         result.
+    zeros : tuple of (int, float)
+        Curve, and value of its moving joint at which it is zero itself: there only that joint
+        had to move from where the dip was sampled.
     """
 
     schema: ClassVar[str] = "pinsing/finding/1"
@@ -78,6 +83,7 @@ class Finding(JsonResult):
     reachable: bool | None
     seen: int
     curves: tuple[int, ...]
+    zeros: tuple[tuple[int, float], ...] = ()
 
     def __str__(self) -> str:
         from pinsing.sweeps.text import finding_spans
@@ -89,14 +95,18 @@ class Finding(JsonResult):
 
 @dataclass(frozen=True, eq=False)
 class _Points:
-    """Ends of walks: q (P, n), sigma_r / sigma_1 (P,), curve index or -1 (P,)."""
+    """Ends of walks: q (P, n), sigma_r / sigma_1 (P,), curve index or -1 (P,).
+
+    ``at`` (P,) is the value of the curve's moving joint where the curve itself is zero, else NaN.
+    """
 
     q: Array
     ratio: Array
     curve: npt.NDArray[np.intp]
+    at: Array
 
     def where(self, mask: Bool) -> _Points:
-        return _Points(self.q[mask], self.ratio[mask], self.curve[mask])
+        return _Points(self.q[mask], self.ratio[mask], self.curve[mask], self.at[mask])
 
 
 @checked
@@ -107,6 +117,7 @@ def singular_configurations(
     samples: int = SAMPLES,
     random_starts: int = 0,
     geometry: Arm | None = None,
+    until: float = math.inf,
 ) -> tuple[Finding, ...]:
     """State what a sweep of ``arm`` has found.
 
@@ -122,6 +133,9 @@ def singular_configurations(
         Refine that many random configurations as well, beside the dips.
     geometry : Arm, optional
         Geometry to refine and test on, instead of the nominal one of ``arm``.
+    until : float
+        Time of ``time.monotonic()`` at which no further dip is refined or generalised: then what
+        was found by then is returned.
 
     Returns
     -------
@@ -132,7 +146,7 @@ def singular_configurations(
     plan = result.plan
     tester = ConditionTester(exact, plan.relevant, samples, SINGULAR_RTOL, plan.seed)
     whole_number(random_starts, "random_starts", 0, MAX_STARTS)
-    points = _refined(exact, result, random_starts)
+    points = _refined(exact, result, random_starts, until)
     sharp = points.ratio <= SINGULAR_RTOL
     collector = _Collector(arm, exact, result, tester, points.where(sharp))
     table = CurveTable(plan)
@@ -141,21 +155,21 @@ def singular_configurations(
         values = np.zeros(arm.n)
         values[list(held)] = list(fixed.values())
         collector.add(tester.condition(held, values), table.of_set(fixed))
-    collector.explain()
-    findings = collector.findings()
+    collector.explain(until)
+    findings = collector.findings(until)
     blunt = points.where(~sharp & (points.ratio <= NEAR_RTOL))
-    findings += _valleys(arm, exact, result, blunt, findings, samples)
+    findings += _valleys(arm, exact, result, blunt, findings, samples, until)
     return tuple(findings)
 
 
-def _refined(exact: Arm, result: SweepResult, random_starts: int) -> _Points:
+def _refined(exact: Arm, result: SweepResult, random_starts: int, until: float) -> _Points:
     """Ends of the walks from all dips, uniform rows that are not regular, and random starts."""
     plan = result.plan
     relevant = np.isin(np.arange(exact.n), plan.relevant)
     table, dips = CurveTable(plan), result.candidates
     starts = table.configurations(dips.curve, dips.sample)
     moving = table.rows(dips.curve).moving[:, None] == np.arange(exact.n)
-    along = _along(exact, starts, moving, plan.ignore_limits)
+    along = _along(exact, starts, moving, plan.ignore_limits, until)
     extra = [
         q for q, row in zip(plan.uniform, result.uniform, strict=True) if row.status != "regular"
     ]
@@ -163,19 +177,26 @@ def _refined(exact: Arm, result: SweepResult, random_starts: int) -> _Points:
     extra += list(exact.space.sample(random_starts, rng, plan.ignore_limits))
     q = np.array([*along, *extra]).reshape(-1, exact.n)
     ratio = _ratios(exact, q)
+    at = np.full(len(q), np.nan)
+    on = np.flatnonzero(ratio[: len(dips.curve)] <= SINGULAR_RTOL)
+    at[on] = q[on, table.rows(dips.curve).moving[on]]
     # What stays blunt along its own curve may still be near a singularity of all joints.
     blunt = np.flatnonzero(ratio > SINGULAR_RTOL)
     for some in _batches(blunt):
+        if time.monotonic() > until:
+            break
         ends = walk(exact, q[some], relevant, plan.ignore_limits)
         q[some], ratio[some] = ends.q, ends.ratio
     curves = np.concatenate([dips.curve, np.full(len(extra), -1)]).astype(np.intp)
-    return _Points(exact.fold(q), ratio, curves)
+    return _Points(exact.fold(q), ratio, curves, at)
 
 
-def _along(exact: Arm, starts: Array, moving: Bool, ignore_limits: bool) -> Array:
+def _along(exact: Arm, starts: Array, moving: Bool, ignore_limits: bool, until: float) -> Array:
     """Refine each start along its own moving joint: special values stay what they are."""
     found = starts.copy()
     for some in _batches(np.arange(len(starts))):
+        if time.monotonic() > until:
+            break
         ends = approach(exact, starts[some], moving[some], bounded=not ignore_limits)
         found[some] = np.where(ends.singular[:, None], ends.q, starts[some])
     return found
@@ -229,7 +250,7 @@ class _Collector:
         fewer = itertools.combinations(held, len(held) - 1)
         return np.asarray(forced(held) & ~np.any([forced(s) for s in fewer], axis=0))
 
-    def explain(self) -> None:
+    def explain(self, until: float = math.inf) -> None:
         """Generalise points until every one lies on a condition.
 
         On a raw geometry with rounded angles hardly a point does, to the tolerance: then, when
@@ -237,7 +258,7 @@ class _Collector:
         """
         idle = 0
         for i in range(len(self.points.q)):
-            if self.explained[i] or idle >= _PATIENCE:
+            if self.explained[i] or idle >= _PATIENCE or time.monotonic() > until:
                 continue
             before = len(self.conditions)
             for condition in self.tester.conditions(self.tester.snap(self.points.q[i])):
@@ -245,10 +266,12 @@ class _Collector:
             self.explained[i] = True
             idle = 0 if len(self.conditions) > before else idle + 1
 
-    def findings(self) -> list[Finding]:
+    def findings(self, until: float = math.inf) -> list[Finding]:
         """One a condition, in the order of print."""
-        found = []
+        found: list[Finding] = []
         for condition, curves, rows in zip(self.conditions, self.curves, self.members, strict=True):
+            if found and time.monotonic() > until:
+                break
             candidates, reachable = self._candidates(condition, rows)
             chosen = _representative(self.exact, candidates)
             found.append(
@@ -260,6 +283,11 @@ class _Collector:
                     reachable=reachable,
                     seen=len(curves),
                     curves=tuple(dict.fromkeys(curves)),
+                    zeros=tuple(
+                        (int(self.points.curve[i]), float(self.points.at[i]))
+                        for i in rows.tolist()
+                        if np.isfinite(self.points.at[i])
+                    ),
                 )
             )
         return sorted(found, key=lambda f: _order(self.arm, f))
@@ -274,7 +302,8 @@ class _Collector:
         fixed = [exact.joints.index(name) for name in condition.fixed]
         Q[:, fixed] = list(condition.fixed.values())
         Q = exact.fold(Q)
-        inside = bool(exact.within_limits(np.where(np.isin(np.arange(exact.n), fixed), Q[0], rest)))
+        held = np.where(np.isin(np.arange(exact.n), fixed), Q[0], rest)
+        inside = bool(exact.within_limits(held, ANGLE_TOL))  # a rounded limit is met
         if not condition.related:
             return Q, inside
         seen = exact.fold(self.points.q[rows])
@@ -326,6 +355,7 @@ def _valleys(
     points: _Points,
     known: list[Finding],
     samples: int,
+    until: float = math.inf,
 ) -> list[Finding]:
     """Near-singular dips that lead to no singularity, deepest first, each stated once."""
     beside = np.zeros(len(points.q), dtype=bool)
@@ -338,7 +368,7 @@ def _valleys(
     tester = ConditionTester(exact, plan.relevant, samples, NEAR_RTOL, plan.seed)
     left = np.ones(len(points.q), dtype=bool)
     found: list[Finding] = []
-    while left.any() and len(found) < _MAX_NEAR:
+    while left.any() and len(found) < _MAX_NEAR and time.monotonic() <= until:
         i = int(np.flatnonzero(left)[0])
         left[i] = False
         for condition in tester.plain_conditions(points.q[i]):

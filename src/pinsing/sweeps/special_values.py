@@ -11,8 +11,10 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.geometry.nominal import ANGLE_TOL
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, ratios
 from pinsing.robot.arm import Arm
+from pinsing.robot.joint_space import SLACK
 from pinsing.sweeps.joint_condition import value_text
 
 SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
@@ -156,7 +158,8 @@ def special_values(
             row = np.zeros(arm.n)
             row[i] = value
             folded = value if ignore_limits else float(arm.fold(row)[i])
-            if not ignore_limits and not arm.lower[i] - 1e-9 <= folded <= arm.upper[i] + 1e-9:
+            room = SLACK if arm.prismatic[i] else ANGLE_TOL  # files say 1.5707 for 90 degrees
+            if not ignore_limits and not arm.lower[i] - room <= folded <= arm.upper[i] + room:
                 if name in by_joint:
                     raise ConfigurationError(
                         f"special value {value:g} of {name} is outside its limits "
