@@ -101,7 +101,7 @@ def test_rounded_geometry_is_told_apart():
     assert both.agree
     for check in both.checks:
         assert check.nominal_ratio <= 1e-9 < check.raw_ratio < 1e-5
-    assert "geometry of the file" in str(both)
+    assert "numbers of the file" in str(both)
     nominal = analyze(arm, geometry="nominal", random_starts=50)
     assert all(c.raw_ratio <= 1e-9 for c in nominal.checks)
 

@@ -172,7 +172,7 @@ def test_text_and_legend() -> None:
     form = closed("ur5")
     text = str(form)
     assert "3 families" in text
-    assert "complete" in text
+    assert "probable" in text
     assert "NOT" not in text
     assert all(f.text in text for f in form.families)
     assert form.legend[2] == ("q3", "elbow_joint")

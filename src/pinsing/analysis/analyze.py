@@ -249,9 +249,7 @@ def analyze(
     options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
     result = stages.run(
         "sweep",
-        lambda: run_sweep(
-            swept, planned_sweep(swept, options, exact), stages.watched(progress)
-        ),
+        lambda: run_sweep(swept, planned_sweep(swept, options, exact), stages.watched(progress)),
         None,
     )
     nothing: tuple[Finding, ...] = ()
