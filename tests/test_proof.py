@@ -315,6 +315,26 @@ def test_keys_may_not_repeat_and_floats_may_not_be(certificates):
     assert verdict(text.replace('"rank":6', '"rank":6.0'))
 
 
+def test_what_would_take_for_ever_is_rejected(certificates):
+    """Long polynomials in a resultant, and to a high power."""
+    powers = range(21)
+    text = " + ".join(
+        f"x1^{a}*y1^{20 - a}*x2^{b}*y2^{20 - b}*x3^{c}*y3^{20 - c}"
+        for a in powers
+        for b in powers
+        for c in powers
+    )
+    data = certificates("ur5")
+    data["polynomials"] += [text, text.replace("+", "-")]
+    last = len(data["polynomials"]) - 1
+    place = {"values": {}, "relations": [last, last - 1], "resultant": [0, 1, 0], "cases": []}
+    data["places"].append(place)
+    assert "too long" in verdict(data)
+    data["places"][-1] = {**place, "relation": 0, "cases": [[last, 50, None]]}
+    del data["places"][-1]["resultant"]
+    assert "too long" in verdict(data)
+
+
 def test_a_relation_of_a_joint_that_is_fixed_counts_not_twice(certificates):
     """A place may not look smaller than it is."""
     data = certificates("ur5")

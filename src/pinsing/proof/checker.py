@@ -22,6 +22,7 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx, fmpq_poly
 
 SCHEMA = "pinsing/certificate/1"
 EYE = [["1", "0", "0"], ["0", "1", "0"], ["0", "0", "1"]]
+MOST_WORK = 5_000_000  # products of terms in one step, so that no file keeps the checker for ever
 LONGEST_FILE, MOST_TERMS, SHORT = 4_000_000, 60_000, 200  # characters, terms, terms
 NUMBER = re.compile(r"(\d{1,400})(?:/(\d{1,400}))?", re.ASCII)
 POWER = re.compile(r"([xys]\d{1,2})(?:\^(\d{1,2}))?", re.ASCII)
@@ -42,6 +43,11 @@ def need(truth: bool, otherwise: str) -> None:
     """Reject unless something holds."""
     if not truth:
         raise Rejected(otherwise)
+
+
+def bounded(a: Poly, b: Poly, times: int = 1) -> None:
+    """Reject what would take too long: a product of two polynomials, or so many."""
+    need(len(a) * len(b) * times <= MOST_WORK, "polynomials are too long")
 
 
 def whole(number: Any) -> int:
@@ -154,6 +160,7 @@ class Ring:
         fewer_p, fewer_g = self.degree(p, joint) - top_p, self.degree(g, joint) - top_g
         if fewer_p and fewer_g:
             return self.zero  # x = 0 is a root of both
+        bounded(p, g, self.degree(p, joint) + self.degree(g, joint))
         found = self.reduced(p.subs({x: 1}).resultant(g.subs({x: 1}), y))
         return self.reduced(found * lead_g**fewer_p * lead_p**fewer_g)
 
@@ -218,6 +225,8 @@ class Ring:
                 p, left = p.subs({x: 1}), left.subs({x: 1})
                 while left != 0 and (top := self.lead(left, j))[0] >= degree:
                     shift = self.pairs[j][1] ** (top[0] - degree)
+                    bounded(left, lead)
+                    bounded(p, top[1])
                     left = self.reduced(left * lead - top[1] * p * shift)
             outside += [times] if left == 0 else []
             # No component of so few relations has a larger codimension: none is in ``outside``.
@@ -374,6 +383,7 @@ class Certificate:
             for k, j in enumerate(columns):
                 if M[rows[0]][j] != 0:
                     rest = minor(rows[1:], columns[:k] + columns[k + 1 :])
+                    bounded(M[rows[0]][j], rest)
                     total = self.ring.reduced(total + (-1) ** k * M[rows[0]][j] * rest)
             return total
 
@@ -426,6 +436,7 @@ class Certificate:
             product = ring.one
             for k, times, _ in place["cases"]:
                 for _ in range(whole(times)):
+                    bounded(product, self.polys[whole(k)])
                     product = ring.reduced(product * self.polys[whole(k)])
             vanishing = ring.stripped(ring.reduced(self.vanishing(place, values, relations)))
             need(vanishing != 0, "a polynomial that is zero everywhere tells nothing")

@@ -25,6 +25,8 @@ _MANY = 3
 """Relations beyond which no more are made of them."""
 _MOST = 5
 """Relations beyond which a place is not split: splits that say nothing new go on for ever."""
+_SHORT = 200
+"""Terms of all relations beyond which they are not divided by each other."""
 _LONG = 2000
 """Product of terms beyond which two relations are not combined."""
 _TRIED = 8
@@ -246,7 +248,8 @@ class Tree:
         if relations and whole <= len(relations):
             if self.ring.codimension_at_least(whole, relations):
                 yield from self._coefficients(relations, minors)
-            if 1 < len(relations) <= _MANY + 1:
+            short = sum(map(len, relations)) <= _SHORT
+            if 1 < len(relations) <= _MANY + 1 and short:
                 yield from self._remainders(relations)
                 yield from self._toward_families(values, relations)
             if len(relations) <= _MANY:
