@@ -45,7 +45,9 @@ Relations = tuple[Poly, ...]
 class Decomposition:
     """Runs the search and collects components, and what stopped it where it did not finish."""
 
-    def __init__(self, matrix: Matrix, rank: int, ring: Ring, time: Budget) -> None:
+    def __init__(
+        self, matrix: Matrix | Callable[[], Matrix], rank: int, ring: Ring, time: Budget
+    ) -> None:
         self.ring = ring
         self.time = time
         self._found = Found(ring)
@@ -56,10 +58,12 @@ class Decomposition:
         self._seen: set[object] = set()
         self.asked: list[Question] = []
         self._later: list[tuple[int, Callable[[], None]]] = []
-        rows, reduced = reduce_matrix(matrix, rank, ring)
-        self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
+        self.bound = 1
         depth = 0
         try:
+            given = matrix() if callable(matrix) else matrix
+            rows, reduced = reduce_matrix(given, rank, ring, time)
+            self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
             self._search(Place({}, rows, reduced, self.bound))
             while self._later:
                 first = min(range(len(self._later)), key=lambda i: self._later[i][0])
@@ -368,7 +372,7 @@ class Decomposition:
 
     def _reduced(self, place: Place) -> Place | None:
         """The place with a smaller matrix, unless all of it is singular (noted), or none."""
-        matrix, rank = reduce_matrix(place.matrix, place.rank, self.ring)
+        matrix, rank = reduce_matrix(place.matrix, place.rank, self.ring, self.time)
         if rank <= 0:
             return None
         if not matrix or min(len(matrix), len(matrix[0])) < rank:

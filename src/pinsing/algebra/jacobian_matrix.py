@@ -130,7 +130,9 @@ def constants(geometry: Nominal, task: Task) -> list[Exact]:
     return placed + [x for drive in drives(geometry)[0] for x in drive.turn]
 
 
-def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
+def jacobian_matrix(
+    geometry: Nominal, ring: Ring, task: Task, time: Budget | None = None
+) -> Matrix:
     """Task Jacobian as polynomials, up to nonzero row operations and column factors.
 
     The reference point is moved into the chain only for the full pose, and the axes only
@@ -141,6 +143,8 @@ def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
     ------
     NotFollowed
         If a mimic joint in the chain cannot be written in polynomials.
+    BudgetExceeded
+        If ``time`` is given, and over.
     """
     chain = _Chain(geometry, ring)
     frames, base, tip = chain.joint_frames(chain.n // 2, _in_base(task))
@@ -148,6 +152,8 @@ def jacobian_matrix(geometry: Nominal, ring: Ring, task: Task) -> Matrix:
     zero = ring.zero
     by_leader: dict[int, list[tuple[Drive, list[Poly], Poly]]] = {}
     for j, frame in enumerate(frames):
+        if time is not None:
+            time.check()
         z = [row[2] for row in frame.R]  # over frame.d
         if geometry.prismatic[j]:
             v, w, scale = [x * ring.one for x in z], [zero] * 3, frame.d
@@ -227,7 +233,9 @@ def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
     return kept
 
 
-def reduce_matrix(matrix: Matrix, rank: int, ring: Ring) -> tuple[Matrix, int]:
+def reduce_matrix(
+    matrix: Matrix, rank: int, ring: Ring, time: Budget | None = None
+) -> tuple[Matrix, int]:
     """Use up pivots that never vanish.
 
     Parameters
@@ -245,6 +253,8 @@ def reduce_matrix(matrix: Matrix, rank: int, ring: Ring) -> tuple[Matrix, int]:
     """
     rows = _without_zeros(independent_rows(matrix, ring))
     while rows and rank > 0:
+        if time is not None:
+            time.check()
         pivot = _unit(rows, ring)
         if pivot is None:
             break
@@ -254,6 +264,8 @@ def reduce_matrix(matrix: Matrix, rank: int, ring: Ring) -> tuple[Matrix, int]:
         for k, row in enumerate(rows):
             if k == i:
                 continue
+            if time is not None:
+                time.check()
             if row[j] == 0:
                 rest.append([x for c, x in enumerate(row) if c != j])
             else:

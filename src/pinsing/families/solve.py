@@ -14,7 +14,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
+from pinsing.algebra.jacobian_matrix import Matrix, constants, jacobian_matrix
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Ring
 from pinsing.algebra.second_prime import RandomSteps
@@ -299,7 +299,10 @@ def _search(geometry: Nominal, arm: Arm, rank: int, seconds: float) -> tuple[Rin
     # With square roots only half of the time, so that some is left to do without.
     time_left = Budget(seconds / 2 if any(isinstance(x, Surd) for x in numbers) else seconds)
     ring = ring_of(tuple(bool(p) for p in arm.prismatic), numbers, time_left)
-    matrix = jacobian_matrix(geometry, ring, arm.task)
+
+    def matrix() -> Matrix:
+        return jacobian_matrix(geometry, ring, arm.task, time_left)
+
     return ring, Decomposition(matrix, rank, ring, time_left)
 
 
