@@ -28,6 +28,7 @@ ORDER = (
     "measures",
     "prose",
     "joint_text",
+    "mathml",
     "notebook",
     "serialization",
     "atomic_write",

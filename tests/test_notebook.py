@@ -11,6 +11,7 @@ import pytest
 from urdf_texts import LIMIT, joint
 
 import pinsing
+from pinsing.mathml import mathml
 from pinsing.notebook import one_line
 
 HOSTILE = """<img src=x onerror="alert(1)">$x^{$</code></table>&amp;"""
@@ -45,10 +46,11 @@ def test_html_is_well_formed_and_has_the_equations(results):
             continue
         shown = result._repr_html_()
         ElementTree.fromstring(f"<div>{shown}</div>")
-        assert shown.count("$") % 2 == 0
+        assert "$" not in shown  # nothing waits for MathJax
+        assert "<math>" in shown
         assert result._repr_latex_()
     _, form, family, _, analysis, state = results[:6]
-    assert all(f.latex.split()[0] in form._repr_html_() for f in form.families)
+    assert all(mathml(f.latex) in form._repr_html_() for f in form.families)
     assert family.latex in family._repr_latex_()
     assert form.word in form._repr_html_()
     assert "SINGULAR" in state._repr_html_()
@@ -69,10 +71,79 @@ def test_names_are_text_in_notebooks():
     ):
         shown = result._repr_html_()
         root = ElementTree.fromstring(f"<div>{shown}</div>")
-        allowed = {"div", "p", "code", "span", "strong", "table", "thead", "tbody"}
-        assert {e.tag for e in root.iter()} <= allowed | {"tr", "th", "td"}
+        allowed = {
+            "div",
+            "p",
+            "code",
+            "span",
+            "strong",
+            "table",
+            "thead",
+            "tbody",
+            "tr",
+            "th",
+            "td",
+        }
+        math = {"math", "mi", "mn", "mo", "msub", "msup", "mtext", "mrow", "mspace"}
+        assert {e.tag for e in root.iter()} <= allowed | math
         named = [e for e in root.iter() if e.text and "onerror" in e.text]
         assert named
         assert all(e.tag in ("code", "span") and "mathjax_ignore" in e.get("class") for e in named)
         assert not re.search(r"<img", shown)
         assert HOSTILE not in result._repr_latex_()
+
+
+def words(shown: str) -> str:
+    """The text that is left where a page takes the elements away."""
+    return " ".join("".join(ElementTree.fromstring(f"<p>{shown}</p>").itertext()).split())
+
+
+@pytest.mark.parametrize(
+    ("latex", "read"),
+    [
+        (r"q_{3} = 0^\circ\ \text{or}\ 180^\circ", "q3 = 0° or 180°"),
+        (r"0.4 \cos q_{2} - 0.3 \sin (q_{2}+q_{12}) = 0", "0.4 cos q2 − 0.3 sin ( q2 + q12 ) = 0"),
+        (r"q_{1}+q_{2} = -9.5^\circ \pmod{360^\circ}", "q1 + q2 = − 9.5° (mod 360°)"),
+        (r"d_{3}^{2} = 0.1\,\mathrm{m}", "d32 = 0.1 m"),
+        (r"\sigma_{6}/\sigma_1 = 2 \cdot 10^{-17}", "σ6 / σ1 = 2 · 10−17"),
+        (r"q_{5} = \pm 90^\circ", "q5 = ± 90°"),
+    ],
+)
+def test_mathml_of_what_pinsing_writes(latex, read):
+    assert words(mathml(latex)) == read
+
+
+def test_mathml_divides_sums_and_keeps_signs_at_their_numbers():
+    assert mathml(r"\cos q_{1} + 2 \sin (q_{1}-q_{2}) = 0").count("<math>") == 2
+    assert mathml(r"q_{1} = -5^\circ\ \text{or}\ -7^\circ").count('<mo form="prefix">−</mo>') == 2
+    assert mathml("a - b").count('<mo form="infix">−</mo>') == 1
+
+
+@pytest.mark.parametrize(
+    "latex",
+    [
+        r"\frac{1}{2}",
+        "q_",
+        "}",
+        "{",
+        "{" * 50_000,
+        "_2",
+        "q^}",
+        r"\text{<b>",
+        r"\text",
+        "é",
+        r"\href{x}{y}",
+    ],
+)
+def test_mathml_shows_what_it_does_not_know_as_it_is(latex):
+    shown = mathml(latex)
+    assert words(shown) == latex
+    assert shown.startswith('<code class="tex2jax_ignore mathjax_ignore">')
+
+
+@pytest.mark.parametrize("robot", ["ur5", "puma560", "stanford", "surgical7", "panda", "scara"])
+def test_mathml_knows_all_that_closed_forms_write(robot):
+    form = pinsing.closed_form(pinsing.load(robot), seconds=5)
+    assert form.families
+    assert not any("<code" in mathml(f.latex) for f in form.families)
+    assert all("<code" not in mathml(e.latex()) for f in form.families for e in f.equations)

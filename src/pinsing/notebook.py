@@ -1,5 +1,6 @@
-"""Results in a notebook: HTML with equations typeset by the page, and one-line texts.
+"""Results in a notebook: HTML with equations as MathML, and one-line texts.
 
+Nothing has to be fetched to read them, and nothing is known of the page around: it may be dark.
 Names come out of files that anybody may have written. They are escaped and stand in ``<code>``,
 which MathJax leaves alone: a name is neither an element nor mathematics.
 """
@@ -9,7 +10,12 @@ from __future__ import annotations
 import html
 from collections.abc import Iterable, Sequence
 
+from pinsing.mathml import mathml
+
 _COLORS = {"alarm": "#b00020", "caution": "#8a5a00", "good": "#1b6e3c"}
+"""Grounds that white is read on; a page's own ground is not known."""
+_DOTS = {"alarm": "#e5484d", "caution": "#b7791f", "good": "#2f9e5f"}
+"""Seen on white and on black."""
 _LONGEST = 110
 
 
@@ -31,19 +37,34 @@ def name(words: str) -> str:
     return f'<code class="tex2jax_ignore mathjax_ignore">{html.escape(words)}</code>'
 
 
-def formula(latex: str) -> str:
-    """LaTeX of our own making, to be typeset."""
-    return f"${html.escape(latex)}$"
+def formula(latex: str, short: str = "") -> str:
+    """LaTeX of our own making, typeset; behind ``short``, where that is given."""
+    typeset = f'<span style="font-size:115%">{mathml(latex)}</span>'
+    return f"<details><summary>{text(short)}</summary>{typeset}</details>" if short else typeset
+
+
+def legend(named: Iterable[tuple[str, str]]) -> str:
+    """What the symbols of equations stand for: pairs of LaTeX and a name out of a file."""
+    kept = '<span style="white-space:nowrap">'
+    pairs = [f"{kept}{formula(symbol)} =</span> {name(joint)}" for symbol, joint in named]
+    return f"<p>{text('where')} {', '.join(pairs)}</p>" if pairs else ""
 
 
 def verdict(words: str, tone: str) -> str:
-    """A verdict in colour: ``alarm``, ``caution`` or ``good``."""
-    return f'<strong style="color:{_COLORS[tone]}">{text(words)}</strong>'
+    """A verdict on a ground of its colour: ``alarm``, ``caution`` or ``good``."""
+    style = f"background:{_COLORS[tone]};color:#fff;padding:0.1em 0.45em;border-radius:0.25em"
+    return f'<strong style="{style}">{text(words)}</strong>'
+
+
+def marked(words: str, tone: str) -> str:
+    """Words behind a dot of a colour, for the many rows of a table."""
+    dot = f'<span style="color:{_DOTS[tone]}">●</span>'
+    return f'<span style="white-space:nowrap">{dot}&#160;{text(words)}</span>'
 
 
 def table(rows: Iterable[Sequence[str]], header: Sequence[str] = ()) -> str:
-    """Rows of cells that are HTML already."""
-    left = 'style="text-align:left"'
+    """Rows of cells that are HTML already; a line of their words breaks where it must."""
+    left = 'style="text-align:left;vertical-align:top;white-space:normal"'
     head = "".join(f"<th {left}>{text(h)}</th>" for h in header)
     body = "".join(
         "<tr>" + "".join(f"<td {left}>{cell}</td>" for cell in row) + "</tr>" for row in rows

@@ -190,10 +190,7 @@ class _Style:
         return r"\pmod{360^\circ}" if self.latex else "(mod 360°)"
 
     def joint(self, name: str) -> str:
-        if not self.latex:
-            return name
-        head, digits = name.rstrip("0123456789"), name[len(name.rstrip("0123456789")) :]
-        return f"{head}_{{{digits}}}" if digits else head
+        return latex_symbol(name) if self.latex else name
 
     def power(self, name: str, exponent: int) -> str:
         if exponent == 1:
@@ -212,6 +209,13 @@ class _Style:
 
 _PLAIN = _Style("cos", "sin", False)
 _LATEX = _Style(r"\cos ", r"\sin ", True)
+
+
+def latex_symbol(symbol: str) -> str:
+    """``q_{12}`` for q12."""
+    head = symbol.rstrip("0123456789")
+    digits = symbol[len(head) :]
+    return f"{head}_{{{digits}}}" if digits else head
 
 
 def format_angle(radians: float, latex: bool = False) -> str:

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition
-from pinsing.algebra.equation import Equation
+from pinsing.algebra.equation import Equation, latex_symbol
 from pinsing.algebra.jacobian_matrix import Matrix, constants, jacobian_matrix
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Ring
@@ -22,7 +22,7 @@ from pinsing.algebra.surd_ring import ring_of
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.describe import describe
-from pinsing.families.family import Family
+from pinsing.families.family import HEADER, Family
 from pinsing.families.hints import SNAP, small_offset, snap_hint
 from pinsing.families.pieces import Piece, PieceMaker
 from pinsing.families.proving import LONG, SHORT, Proof
@@ -32,7 +32,7 @@ from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.geometry.snap import Snap
 from pinsing.geometry.surd import Surd
 from pinsing.kinematics.jacobian import generic_rank
-from pinsing.notebook import formula, name, table, text, verdict
+from pinsing.notebook import legend, name, table, text, verdict
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -145,8 +145,10 @@ class ClosedForm(JsonResult):
 
     def _repr_html_(self) -> str:
         """For notebooks, which prefer it: the families in a table, equations typeset."""
-        good = verdict(self.word, "good")
-        state = good if self.complete else verdict("NOT complete", "caution")
+        tones = {"proven": "good", "not complete": "caution"}
+        said = self.word if self.complete else "NOT complete"
+        tone = tones.get(self.word)
+        state = verdict(said, tone) if tone else f"<strong>{text(said)}</strong>"
         count = len(self.families)
         head = (
             f"{name(self.arm.name)} {text(f'(task {self.arm.task}, generic rank')} "
@@ -155,11 +157,9 @@ class ClosedForm(JsonResult):
             f"{state}"
         )
         rows = [f.html_row() for f in self.families]
-        header = ("", "singular where", "kind", "reachable", "why")
-        legend = ", ".join(f"{formula(s)} = {name(j)}" for s, j in self.legend if s != j)
         gaps = "".join(f"<p>{verdict('not complete:', 'caution')} {text(g)}</p>" for g in self.gaps)
-        where = f"<p>{text('where')} {legend}</p>" if legend else ""
-        return f"<p>{head}</p>{table(rows, header) if rows else ''}{where}{gaps}"
+        where = legend((latex_symbol(s), j) for s, j in self.legend if s != j)
+        return f"<p>{head}</p>{table(rows, HEADER) if rows else ''}{where if rows else ''}{gaps}"
 
     def __str__(self) -> str:
         state = self.word if self.complete else "NOT complete: " + "; ".join(self.gaps)

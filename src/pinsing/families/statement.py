@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pinsing.algebra.equation import Equation, format_angle
+from pinsing.algebra.equation import Equation, format_angle, latex_symbol
 from pinsing.families.family import Branch
 from pinsing.families.pieces import Piece
 
@@ -118,7 +118,7 @@ def _value_texts(
 def _joint_text(
     symbol: str, values: Sequence[float], slides: bool, equation: Equation | None, latex: bool
 ) -> str:
-    name = _latex_symbol(symbol) if latex else symbol
+    name = latex_symbol(symbol) if latex else symbol
     known = f"{name} = {_set_text(values, slides, latex)}"
     if equation is None or slides:
         return known
@@ -130,12 +130,16 @@ def _joint_text(
 def _set_text(values: Sequence[float], slides: bool, latex: bool) -> str:
     if slides:
         return (r"\ \text{or}\ " if latex else " or ").join(
-            f"{v:.6g} m" if v else "0" for v in values
+            f"{v:.6g}{_metres(latex)}" if v else "0" for v in values
         )
     if len(values) == 2 and abs(values[0] + values[1]) < 1e-12:
         return (r"\pm " if latex else "±") + format_angle(abs(values[1]), latex)
     ordered = sorted(values, key=lambda v: (abs(v), v))
     return (r"\ \text{or}\ " if latex else " or ").join(format_angle(v, latex) for v in ordered)
+
+
+def _metres(latex: bool) -> str:
+    return r"\,\mathrm{m}" if latex else " m"
 
 
 def _sine_or_cosine(equation: Equation, name: str, latex: bool) -> str | None:
@@ -152,7 +156,3 @@ def _sine_or_cosine(equation: Equation, name: str, latex: bool) -> str | None:
     kind, head = ("sin", pair[1]) if pair[0] == 0 else ("cos", pair[0])
     value = -equation.cos[constant] / head
     return f"{chr(92) if latex else ''}{kind} {name} = {value:.10g}"
-
-
-def _latex_symbol(symbol: str) -> str:
-    return f"{symbol[0]}_{{{symbol[1:]}}}"
