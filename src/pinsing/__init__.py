@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from pinsing.mechanism import MechanismAnalysis, analyze_mechanism
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
     from pinsing.proximity.crossings import Crossing, Crossings, crossings
+    from pinsing.proximity.line import LineCheck, check_line
     from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
@@ -47,6 +48,7 @@ _HOME = {
     "Crossings": "pinsing.proximity.crossings",
     "Family": "pinsing.families",
     "Finding": "pinsing.sweeps.findings",
+    "LineCheck": "pinsing.proximity.line",
     "MapPlan": "pinsing.maps",
     "MapResult": "pinsing.maps",
     "Mechanism": "pinsing.robot.load_mechanism",
@@ -62,6 +64,7 @@ _HOME = {
     "analyze": "pinsing.analysis.analyze",
     "analyze_mechanism": "pinsing.mechanism",
     "at": "pinsing.configuration.state",
+    "check_line": "pinsing.proximity.line",
     "check_trajectory": "pinsing.proximity.trajectory",
     "clearance": "pinsing.proximity.clearance",
     "closed_form": "pinsing.families",
@@ -95,6 +98,7 @@ __all__ = [
     "Crossings",
     "Family",
     "Finding",
+    "LineCheck",
     "MapPlan",
     "MapResult",
     "Mechanism",
@@ -110,6 +114,7 @@ __all__ = [
     "analyze",
     "analyze_mechanism",
     "at",
+    "check_line",
     "check_trajectory",
     "clearance",
     "closed_form",

@@ -17,6 +17,7 @@ from pinsing._version import __version__
 from pinsing.cli.at import at_command
 from pinsing.cli.check import check_command
 from pinsing.cli.families import families_command, verify_command
+from pinsing.cli.line import line_command
 from pinsing.cli.map import map_command
 from pinsing.cli.output import STOPPED, complain, say
 from pinsing.cli.plot import plot_command
@@ -116,6 +117,7 @@ for _part in (
     analyze_command,
     at_command,
     check_command,
+    line_command,
     sweep_command,
     map_command,
     families_command,

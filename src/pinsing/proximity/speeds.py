@@ -49,11 +49,7 @@ class Speeds:
         self, arm: Arm, tip_speed: float, accelerations: Array | None, timed: bool
     ) -> None:
         self.arm, self.timed, self.accelerations = arm, timed, accelerations
-        limits = np.asarray(arm.model.velocityLimit, dtype=float)
-        known = arm.coupling is None and limits.shape == (arm.n,)
-        # No limit is written as zero or as a very large number.
-        limits = limits if known else np.full(arm.n, np.inf)
-        self.limits = np.where((limits > 0) & (limits < 1e6), limits, np.inf)
+        self.limits = limits_of(arm)
         self.tip_speed = tip_speed
         self.rank = generic_rank(arm)
         self._found: dict[str, list[Excess]] = {}
@@ -165,3 +161,15 @@ class Speeds:
 def _merged(a: Excess, b: Excess) -> Excess:
     worse = b if abs(b.worst - b.limit) > abs(a.worst - a.limit) else a
     return replace(worse, t=a.t, t_end=b.t_end)
+
+
+def limits_of(arm: Arm) -> Array:
+    """Speed limits (n,) of the joints, radians or metres per second; infinite where none are known.
+
+    A description writes no limit as zero or as a very large number; of arms with mimic joints,
+    whose limits belong to other joints too, none are taken.
+    """
+    limits = np.asarray(arm.model.velocityLimit, dtype=float)
+    if arm.coupling is not None or limits.shape != (arm.n,):
+        return np.full(arm.n, np.inf)
+    return np.where((limits > 0) & (limits < 1e6), limits, np.inf)

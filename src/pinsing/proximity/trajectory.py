@@ -104,6 +104,11 @@ class TrajectoryCheck(JsonResult):
             return 0.0
         return min((a.lower for a in self.approaches), default=np.inf)
 
+    def __str__(self) -> str:
+        from pinsing.proximity.trajectory_text import summary
+
+        return summary(self)
+
 
 @checked
 def check_trajectory(

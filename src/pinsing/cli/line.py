@@ -1,0 +1,115 @@
+"""``pinsing line``: a straight line of the tip."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    fail_option,
+    joint_vector,
+    json_option,
+    parse_numbers,
+)
+from pinsing.cli.output import emit, emit_json
+from pinsing.errors import OptionError
+
+if TYPE_CHECKING:
+    from pinsing.proximity.line import LineCheck
+
+_LISTED = 12
+
+
+@click.command("line", short_help="Whether the tip can follow a straight line (MoveL).")
+@arm_options
+@click.option(
+    "--q",
+    "q",
+    required=True,
+    metavar="Q1,Q2,...",
+    help="Where it starts: joint values, base to tip, radians (or --deg) and metres.",
+)
+@click.option(
+    "--to",
+    "target",
+    required=True,
+    metavar="X,Y,Z[,R,P,Y]",
+    help="Target of the tip in the base frame: metres; roll, pitch, yaw, or as it is.",
+)
+@click.option(
+    "--speed", type=float, default=0.25, show_default=True, metavar="M/S", help="Tip speed."
+)
+@deg_option
+@json_option
+@fail_option
+def line_command(
+    request: RobotRequest,
+    q: str,
+    target: str,
+    speed: float,
+    deg: bool,
+    json_target: str | Path | None,
+    fail_if_singular: bool,
+) -> int:
+    """Follow a straight line of the tip: where it ends, what it meets, which speed is possible.
+
+    Example: pinsing line ur5 --q 10,-70,75,-90,-80,0 --deg --to 0.3,0.2,0.5
+    """
+    parse_numbers(q, "--q", deg)
+    pose = parse_numbers(target, "--to", deg)
+    if len(pose) not in (3, 6):
+        raise OptionError(f"--to needs 3 numbers (x, y, z) or 6 (and roll, pitch, yaw): {target!r}")
+    if deg:
+        pose[3:] = [math.radians(x) for x in pose[3:]]
+    arm = request.load()
+    from pinsing.proximity.line import check_line
+
+    line = check_line(arm, joint_vector(arm, q, "--q", deg), pose, speed)
+    if not emit_json(line, json_target):
+        emit(_text(line, deg))
+    met = line.outcome == "singular" or bool(line.crossings)
+    return int(fail_if_singular and met)
+
+
+def _text(line: LineCheck, deg: bool) -> str:
+    turns = [not p for p in line.arm.prismatic]
+    q = ", ".join(
+        f"{math.degrees(x):.3f}°" if deg and turn else f"{x:.6g}"
+        for x, turn in zip(line.q_end, turns, strict=True)
+    )
+    whole = f"{line.length:.6g}"
+    lines = {
+        "reached": f"The line is followed to its end, {whole} m, at q = {q}.",
+        "singular": f"SINGULAR: the line ends after {line.s_end:.9g} of {whole} m on "
+        f"{line.family}, at q = {q}; beyond it this posture has no solution.",
+        "undecided": f"NOT DECIDED: the line was followed for {line.s_end:.6g} of {whole} m, to "
+        f"q = {q}.",
+    }[line.outcome]
+    out = [lines]
+    for c in line.crossings[:_LISTED]:
+        if not (line.outcome == "singular" and c.t >= line.s_end - 1e-9):
+            out.append(f"  {c.kind} {c.family} at {c.t:.6g} m")
+    for a in line.approaches:
+        if a.upper > 0:
+            near = f"{math.degrees(a.upper):.3g}°"
+            out.append(f"  nearest to {a.family}: {near}, at {a.t:.6g} m")
+    if line.allowed_speed < line.speed:
+        out.append(
+            f"At {line.speed:g} m/s joints are too fast; {line.allowed_speed:.4g} m/s keeps all "
+            "limits on all of it."
+        )
+    else:
+        out.append(f"At {line.speed:g} m/s all joints keep their speed limits.")
+    for o in line.too_fast[:_LISTED]:
+        out.append(
+            f"  {o.joint}: {o.worst:.4g} (limit {o.limit:.4g}) from {o.s:.6g} to {o.s_end:.6g} m; "
+            f"allowed there: {o.allowed:.4g} m/s"
+        )
+    out += [f"note: {n}" for n in line.notes]
+    return "\n".join(out)
