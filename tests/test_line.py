@@ -160,7 +160,7 @@ def test_other_bad_input() -> None:
     arm, form = arm_of("ur5"), closed("ur5")
     q = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
     with pytest.raises(ConfigurationError, match="no length"):
-        check_line(arm, q, tip(arm, q).homogeneous, forms=form)
+        check_line(arm, q, tip(arm, q).translation, forms=form)
     with pytest.raises(OptionError, match="speed"):
         check_line(arm, q, [0.1, 0.2, 0.3], -1.0, forms=form)
     # From a singular configuration: it ends where it starts, or is refused.

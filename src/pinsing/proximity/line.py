@@ -178,7 +178,7 @@ def check_line(
     if watched.joints != arm.joints:
         raise OptionError("the closed form is of an arm with other joints")
     line = Line.to(arm, q, _target(pose))
-    if line.length == 0:
+    if line.length < 1e-9:
         raise ConfigurationError("the line has no length: the tip is at the target already")
     tracked = track(arm, line, q)
     outcome, family, located = ("reached", "", False)
