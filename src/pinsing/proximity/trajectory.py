@@ -104,11 +104,6 @@ class TrajectoryCheck(JsonResult):
             return 0.0
         return min((a.lower for a in self.approaches), default=np.inf)
 
-    def __str__(self) -> str:
-        from pinsing.proximity.trajectory_text import summary
-
-        return summary(self)
-
 
 @checked
 def check_trajectory(
@@ -151,7 +146,7 @@ def check_trajectory(
     Returns
     -------
     TrajectoryCheck
-        With ``str()``: a summary to act on.
+        ``pinsing.proximity.trajectory_text.summary`` puts it into five lines.
 
     Raises
     ------
