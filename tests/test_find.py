@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from pinsing.errors import OptionError, UnknownNameError
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import sigma_ratio
@@ -189,6 +190,15 @@ def test_same_again_and_json():
     assert [f.to_json() for f in one] == [f.to_json() for f in two]
     for f in one:
         assert Finding.from_json(f.to_json()).to_json() == f.to_json()
+
+
+def test_another_arm_is_refused():
+    """Both have six joints: the numbers would fit, and mean nothing."""
+    result = sweep(load("stanford"), levels=1, samples=7)
+    with pytest.raises(OptionError, match=r"sweep is of stanford .* not of ur5"):
+        singular_configurations(load("ur5"), result)
+    with pytest.raises(UnknownNameError, match="unknown joint 'elbow_joint'"):
+        result.set_text({"elbow_joint": 0.0})
 
 
 def test_dips():

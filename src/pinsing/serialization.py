@@ -36,22 +36,54 @@ class JsonResult:
             cls.__repr__ = _one_line  # type: ignore[method-assign]
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain dictionary, ready for ``json.dumps``; the first key is the schema."""
+        """Plain dictionary, ready for ``json.dumps``; the first key is the schema.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.at(pinsing.load("planar3r"), [0, 0, 1]).to_dict()["status"]
+        'singular'
+        """
         return {"schema": self.schema, **_encode_fields(self)}
 
     @checked
     def to_json(self, indent: int | None = 2) -> str:
-        """JSON text (strict: no NaN or Infinity tokens)."""
+        """JSON text (strict: no NaN or Infinity tokens).
+
+        Parameters
+        ----------
+        indent : int or None
+            Spaces of each level; None for one line.
+
+        Examples
+        --------
+        >>> import pathlib, pinsing
+        >>> state = pinsing.at(pinsing.load("planar3r"), [0, 0, 1])
+        >>> pathlib.Path("state.json").write_text(state.to_json()) > 1000
+        True
+        """
         return json.dumps(self.to_dict(), indent=indent, allow_nan=False, ensure_ascii=False)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any]) -> Self:
         """Rebuild from ``to_dict``.
 
+        Parameters
+        ----------
+        data : mapping
+            What ``to_dict`` has made, or ``json.loads`` of what ``to_json`` has.
+
         Raises
         ------
         ResultError
             If the schema is another one, or a field is missing.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> state = pinsing.at(pinsing.load("planar3r"), [0, 0, 1])
+        >>> pinsing.State.from_dict(state.to_dict()).rank
+        2
         """
         found = data.get("schema") if isinstance(data, Mapping) else None
         if found != cls.schema:
@@ -70,10 +102,22 @@ class JsonResult:
     def from_json(cls, text: str) -> Self:
         """Rebuild from ``to_json``.
 
+        Parameters
+        ----------
+        text : str
+            JSON.
+
         Raises
         ------
         ResultError
             If the text is not JSON, of another schema, or incomplete.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> state = pinsing.at(pinsing.load("planar3r"), [0, 0, 1])
+        >>> pinsing.State.from_json(state.to_json()).rank
+        2
         """
         try:
             data = json.loads(text)

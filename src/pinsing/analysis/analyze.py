@@ -232,6 +232,13 @@ def analyze(
     ------
     PinsingError
         As ``sweep`` and ``closed_form``.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.analyze(pinsing.load("planar3r"))
+    >>> [f.text for f in found.families], found.complete, found.agree
+    (['q2 = 0° or 180°'], True, True)
     """
     if geometry not in ("both", "raw", "nominal"):
         raise OptionError(f"geometry must be 'both', 'raw' or 'nominal', got {geometry!r}")

@@ -138,6 +138,15 @@ def refine(
         If q0 has the wrong length or is not finite.
     UnknownNameError
         If ``fixed`` names a joint that does not exist.
+    OptionError
+        If ``fixed`` is neither names nor a mask.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.refine(pinsing.load("planar3r"), [0.3, 0.1, 1])
+    >>> found.status, found.kind, bool(abs(found.q[1]) < 1e-9)
+    ('singular', 'boundary', True)
     """
     q0 = arm.check_one(q0, "q0").reshape(1, arm.n)
     return refine_many(
@@ -154,7 +163,40 @@ def refine_many(
     ignore_limits: bool = False,
     max_iterations: int = 60,
 ) -> tuple[SingularConfiguration, ...]:
-    """``refine`` for each row of Q0 (N, n); a mask ``fixed`` may be (N, n)."""
+    """Walk from each of many configurations, as `refine` does from one.
+
+    Parameters
+    ----------
+    arm : Arm
+        Any arm.
+    Q0 : (N, n) array_like
+        Starts, radians or metres.
+    fixed : joint names, (n,) or (N, n) mask, optional
+        Joints that keep their value, at all starts or at each.
+    ignore_limits, max_iterations
+        As in ``refine``.
+
+    Returns
+    -------
+    tuple of SingularConfiguration
+        One for each start.
+
+    Raises
+    ------
+    ConfigurationError
+        If Q0 has the wrong shape or is not finite.
+    OptionError
+        If ``fixed`` is neither names nor such a mask.
+    UnknownNameError
+        If ``fixed`` names a joint that does not exist.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.refine_many(pinsing.load("planar3r"), [[0.3, 0.1, 1], [0, 3, 1]])
+    >>> [c.q[1].round(3).item() + 0 for c in found]
+    [0.0, 3.142]
+    """
     Q0 = arm.check_many(Q0, "Q0")
     return _describe(arm, walk(arm, Q0, _free(arm, fixed), ignore_limits, max_iterations))
 

@@ -233,12 +233,24 @@ def at(
     rtol, near_rtol : float
         sigma_r / sigma_1 at or below which q is called singular, or near-singular.
 
+    Returns
+    -------
+    State
+        With ``str()``: all of it in words.
+
     Raises
     ------
     ConfigurationError
         If q has the wrong length or is not finite.
     OptionError
         Unless 0 <= rtol <= near_rtol < 1; or if no joint ever moves the task.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> state = pinsing.at(pinsing.load("ur5"), [0, -1.2, 0, -1, -1.5, 0])
+    >>> state.status, state.rank, state.generic_rank
+    ('singular', 5, 6)
     """
     check_tolerances(rtol, near_rtol)
     q = arm.check_one(q)

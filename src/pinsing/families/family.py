@@ -252,6 +252,23 @@ class Family(JsonResult):
             Radians and metres.
         tol : float
             Distance in joint space (radians; metres over the length scale).
+
+        Returns
+        -------
+        (...) array of bool
+            True where the family is that near.
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length or is not finite.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> wrist = pinsing.closed_form(pinsing.load("stanford")).families[2]  # q5 = 0, 180°
+        >>> wrist.contains([[0, 1, 0.3, 1, 0, 0], [0, 1, 0.3, 1, 0.1, 0]])
+        array([ True, False])
         """
         q = self._check(q)
         flat = q.reshape(-1, self.n)
@@ -306,12 +323,24 @@ class Family(JsonResult):
         norm : str
             "euclidean", or "max" for the largest weighted difference of a joint.
 
+        Returns
+        -------
+        Distance
+            ``lower`` and ``upper`` bounds, and the nearest point ``q`` (n,).
+
         Raises
         ------
         ConfigurationError
             If q has the wrong length or is not finite, or no real point is known at all.
         OptionError
             If an option makes no sense.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> wrist = pinsing.closed_form(pinsing.load("stanford")).families[2]  # q5 = 0, 180°
+        >>> wrist.distance([0, 1, 0.3, 1, 0.25, 0]).value
+        0.25
         """
         q = self._check(q)
         if q.ndim != 1:
@@ -329,7 +358,6 @@ class Family(JsonResult):
         return Distance(upper, point, exact, upper if exact else lower, upper)
 
     @checked
-    @checked
     def conditions(
         self, weights: npt.ArrayLike | None = None, norm: str = "euclidean"
     ) -> Conditions:
@@ -339,6 +367,16 @@ class Family(JsonResult):
         ----------
         weights, norm
             As in ``distance``.
+
+        Returns
+        -------
+        Conditions
+            Flat arrays of this family alone.
+
+        Raises
+        ------
+        OptionError
+            If an option makes no sense.
         """
         if weights is None and norm == "euclidean":
             return self._conditions
@@ -353,11 +391,31 @@ class Family(JsonResult):
     def sample(self, n: int, rng: np.random.Generator) -> Array:
         """Configurations of the family inside the joint limits.
 
+        Parameters
+        ----------
+        n : int
+            How many.
+        rng : np.random.Generator
+            Where they are drawn from.
+
         Returns
         -------
         (k, n) array
             k is ``n``, or less (down to 0) where ``n`` were not found; ``reachability``
             says whether that there are none is proven.
+
+        Raises
+        ------
+        OptionError
+            If ``n`` is negative.
+
+        Examples
+        --------
+        >>> import numpy as np, pinsing
+        >>> family = pinsing.closed_form(pinsing.load("stanford")).families[0]
+        >>> Q = family.sample(5, np.random.default_rng(0))
+        >>> Q.shape, bool(family.contains(Q).all())
+        ((5, 6), True)
         """
         return self.points(n, rng, within_limits=True)
 
@@ -369,9 +427,37 @@ class Family(JsonResult):
         within_limits: bool = False,
         rounds: int = ROUNDS,
     ) -> Array:
-        """Like ``sample``, over whole circles unless ``within_limits``.
+        """Configurations of the family, over whole circles unless ``within_limits``.
 
-        ``rounds`` is the number of batches of random starts after which a branch is given up.
+        Parameters
+        ----------
+        n : int
+            How many.
+        rng : np.random.Generator
+            Where they are drawn from.
+        within_limits : bool
+            Whether only configurations within the joint limits count, as in ``sample``.
+        rounds : int
+            Number of batches of random starts after which a branch is given up.
+
+        Returns
+        -------
+        (k, n) array
+            k is ``n``, or less (down to 0) where ``n`` were not found. Sliding joints leave their
+            limits where no point is found otherwise.
+
+        Raises
+        ------
+        OptionError
+            If ``n`` is negative.
+
+        Examples
+        --------
+        >>> import numpy as np, pinsing
+        >>> family = pinsing.closed_form(pinsing.load("ur5")).families[2]
+        >>> Q = family.points(5, np.random.default_rng(0))
+        >>> bool(abs(family.equations[0](Q)).max() < 1e-9)
+        True
         """
         whole_number(n, "n", 0, _MOST_POINTS)
         if n == 0 or (within_limits and self.reachability == "not reachable"):
@@ -416,6 +502,16 @@ class Family(JsonResult):
         """Range of each joint that points are drawn from: the limits, or whole circles.
 
         Where a limit is infinite, a whole turn (or two length scales) from the other one.
+
+        Parameters
+        ----------
+        within_limits : bool
+            The limits, instead of whole circles.
+
+        Returns
+        -------
+        (n,) array, (n,) array
+            Lower and upper ends, radians and metres.
         """
         lower, upper = self.space.range(not within_limits)
         if within_limits and self.limit_tolerance is not None:

@@ -88,6 +88,15 @@ class ClosedForm(JsonResult):
         equations, modulo which primes, by which seeds; None where no search was begun.
     proof : Proof or None
         What became of the search for a certificate; None where there was none.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> for family in pinsing.closed_form(pinsing.load("ur5")).families:
+    ...     print(family.name, family.text, family.kind)
+    F1 q3 = 0° or 180° boundary
+    F2 q5 = 0° or 180° interior
+    F3 0.425 cos q2 + 0.39225 cos(q2+q3) - 0.09465 sin(q2+q3+q4) = 0 boundary
     """
 
     schema: ClassVar[str] = "pinsing/closed_form/2"
@@ -129,13 +138,40 @@ class ClosedForm(JsonResult):
 
     @checked
     def family_of(self, q: npt.ArrayLike, tol: float = 1e-6) -> Family | None:
-        """The first family that has a point within ``tol`` of q (n,), if any."""
+        """The first family that has a point within ``tol`` of q (n,), if any.
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Radians and metres.
+        tol : float
+            Distance in joint space (radians; metres over the length scale).
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length or is not finite.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> form = pinsing.closed_form(pinsing.load("stanford"))
+        >>> form.family_of([0, 1, 0.3, 1, 0, 0])
+        <Family: F3: q5 = 0° or 180°>
+        """
         if np.ndim(q) != 1:
             raise ConfigurationError(f"q must be one joint vector, got shape {np.shape(q)}")
         return next((f for f in self.families if bool(f.contains(q, tol))), None)
 
     def latex(self) -> str:
-        """All families as a LaTeX ``align*`` environment, every equation written out."""
+        """All families as a LaTeX ``align*`` environment, every equation written out.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> "q_{2} = 0" in pinsing.closed_form(pinsing.load("scara")).latex()
+        True
+        """
         rows = [rf"\text{{{f.name}:}}\quad & {f.latex}" for f in self.families]
         return "\n".join([r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
 
@@ -214,6 +250,15 @@ def closed_form(
     ------
     OptionError
         If ``seconds`` is not positive, or a tolerance makes no sense.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> form = pinsing.closed_form(pinsing.load("stanford"))
+    >>> [family.text for family in form.families]
+    ['q2 = 0° or 180°', 'd3 = 0', 'q5 = 0° or 180°']
+    >>> form.complete
+    True
     """
     if not seconds > 0:
         raise OptionError(f"seconds must be positive, got {seconds!r}")

@@ -118,6 +118,13 @@ def nominal(
     ------
     OptionError
         If a tolerance is negative or not finite, or ``angle_tol`` is 45 degrees or more.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> exact = pinsing.nominal(pinsing.load("ur5"))
+    >>> exact.snaps[0].what, exact.snaps[0].nominal, exact.jacobian_change < 1e-10
+    ('angle', 0.0, True)
     """
     if not 0 <= angle_tol < math.pi / 4:
         raise OptionError(f"angle_tol must lie in [0, pi/4) radians, got {angle_tol!r}")

@@ -34,6 +34,8 @@ def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
 
     Parameters
     ----------
+    arm : Arm
+        The arm, from ``load``.
     q : (n,) array_like
         Radians or metres.
 
@@ -47,6 +49,15 @@ def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     ------
     ConfigurationError
         If q has the wrong length or is not finite.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> J = pinsing.frame_jacobian(pinsing.load("planar3r"), [0, 0.5, 1])
+    >>> J[[0, 1, 5]].round(3)  # vx, vy, wz
+    array([[-0.343, -0.343, -0.199],
+           [ 0.677,  0.277,  0.014],
+           [ 1.   ,  1.   ,  1.   ]])
     """
     return np.array(frame_jacobians(arm, _one(arm, q), engine="pinocchio")[0])
 
@@ -59,6 +70,8 @@ def frame_jacobians(
 
     Parameters
     ----------
+    arm : Arm
+        The arm, from ``load``.
     Q : (N, n) array_like
         Radians or metres.
     engine : str
@@ -79,13 +92,47 @@ def frame_jacobians(
         If Q is not of that shape or not finite.
     EngineError
         If the engine asked for is not there, or disagrees with Pinocchio.
+
+    Examples
+    --------
+    >>> import numpy as np, pinsing
+    >>> Q = np.random.default_rng(0).uniform(-1, 1, (1000, 6))
+    >>> pinsing.frame_jacobians(pinsing.load("ur5"), Q).shape
+    (1000, 6, 6)
     """
     return batch(arm, engine, threads).frame_jacobians(_many(arm, Q))
 
 
 @checked
 def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
-    """Task Jacobian at q (n,): (m, n), translation rows over the length scale."""
+    """Task Jacobian at one configuration: the rows of the task, translation rows scaled.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm, from ``load``.
+    q : (n,) array_like
+        Radians or metres; or (nq,), the whole model's configuration.
+
+    Returns
+    -------
+    (m, n) array
+        The m rows of ``arm.task`` out of ``frame_jacobian``; rows vx, vy, vz divided by
+        ``arm.length_scale``.
+
+    Raises
+    ------
+    ConfigurationError
+        If q has the wrong length or is not finite.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> arm = pinsing.load("planar3r", task="vx,vy")
+    >>> pinsing.task_jacobian(arm, [0, 0.5, 1]).round(3)
+    array([[-0.343, -0.343, -0.199],
+           [ 0.677,  0.277,  0.014]])
+    """
     return scale_rows(arm, frame_jacobian(arm, q))
 
 
@@ -93,7 +140,36 @@ def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
 def task_jacobians(
     arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
-    """Task Jacobians at Q (N, n): (N, m, n). Options as for ``frame_jacobians``."""
+    """Task Jacobians at many configurations.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm, from ``load``.
+    Q : (N, n) array_like
+        Radians or metres; or (N, nq), the whole model's configurations.
+    engine, threads
+        As in ``frame_jacobians``.
+
+    Returns
+    -------
+    (N, m, n) array
+        As ``task_jacobian``.
+
+    Raises
+    ------
+    ConfigurationError
+        If Q is not of that shape or not finite.
+    EngineError
+        If the engine asked for is not there, or disagrees with Pinocchio.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> arm = pinsing.load("planar3r", task="vx,vy")
+    >>> pinsing.task_jacobians(arm, [[0, 0.5, 1], [0, 0.1, 1]]).shape
+    (2, 2, 3)
+    """
     return scale_rows(arm, frame_jacobians(arm, Q, engine=engine, threads=threads))
 
 
@@ -101,10 +177,38 @@ def task_jacobians(
 def singular_values(
     arm: Arm, Q: npt.ArrayLike, *, engine: str = "auto", threads: int | None = None
 ) -> Array:
-    """Singular values of the task Jacobian at Q (N, n), largest first: (N, r).
+    """Singular values of the task Jacobian at many configurations, largest first.
 
-    ``r`` is the generic rank: the last column is the measure sigma_r that vanishes
-    at singular configurations (sigma_min in the paper). Options as for ``frame_jacobians``.
+    Parameters
+    ----------
+    arm : Arm
+        The arm, from ``load``.
+    Q : (N, n) array_like
+        Radians or metres; or (N, nq), the whole model's configurations.
+    engine, threads
+        As in ``frame_jacobians``.
+
+    Returns
+    -------
+    (N, r) array
+        r is the generic rank: the last column is the measure sigma_r that vanishes at singular
+        configurations (sigma_min in the paper).
+
+    Raises
+    ------
+    ConfigurationError
+        If Q is not of that shape or not finite.
+    EngineError
+        If the engine asked for is not there, or disagrees with Pinocchio.
+    OptionError
+        If no joint moves the tip in any row of the task.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> arm = pinsing.load("planar3r")
+    >>> pinsing.singular_values(arm, [[0, 0, 1], [0, 1, 1]])[:, -1].round(3)
+    array([0.   , 0.128])
     """
     sigma = batch(arm, engine, threads).sigma(_many(arm, Q))
     return np.asarray(sigma[:, : generic_rank(arm)])

@@ -71,10 +71,21 @@ def generic_rank(arm: Arm) -> int:
     length scale. On the raw geometry a rounded angle could pretend a motion of relative size
     1e-6. With mimic joints it is the greatest rank of random configurations at the own scale.
 
+    Parameters
+    ----------
+    arm : Arm
+        The arm, from ``load``.
+
     Raises
     ------
     OptionError
         If it is zero: no joint moves the tip in any row of the task.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> pinsing.generic_rank(pinsing.load("planar3r")), pinsing.generic_rank(pinsing.load("ur5"))
+    (3, 6)
     """
     return arm.once("generic_rank", lambda: _generic_rank(arm))
 

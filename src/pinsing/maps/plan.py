@@ -92,12 +92,29 @@ class MapPlan(JsonResult):
 
     @checked
     def configurations(self, start: int, stop: int) -> Array:
-        """Return the configurations number ``start`` to ``stop``: (stop - start, n).
+        """Return the configurations of some numbers.
+
+        Parameters
+        ----------
+        start, stop : int
+            The first, and the one after the last, counted from 0.
+
+        Returns
+        -------
+        (stop - start, n) array
+            Radians and metres.
 
         Raises
         ------
         OptionError
             If there are none of these numbers.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> plan = pinsing.plan_map(pinsing.load("scara"), "grid", steps=3, joints=["q2"])
+        >>> plan.configurations(0, 3)[:, 1].round(2)
+        array([-2.62,  0.  ,  2.62])
         """
         if not 0 <= start <= stop <= self.count:
             raise OptionError(
@@ -150,7 +167,17 @@ def plan_map(
     chunk: int | None = None,
     keep_values: bool = False,
 ) -> MapPlan:
-    """Plan a map; the parameters are those of `sigma_map`.
+    """Choose the configurations of a map, and compute nothing yet.
+
+    Parameters
+    ----------
+    arm, sampling, count, steps, joints, ranges, q, ignore_limits, seed, worst, chunk, keep_values
+        As in ``sigma_map``; ``keep_values`` only makes chunks smaller.
+
+    Returns
+    -------
+    MapPlan
+        What `sigma_map` would look at.
 
     Raises
     ------
@@ -160,6 +187,12 @@ def plan_map(
         If an option makes no sense.
     UnknownNameError
         If a joint or sampling does not exist.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> pinsing.plan_map(pinsing.load("planar3r"), "grid", steps=90).count
+    8100
     """
     if sampling not in SAMPLINGS:
         raise UnknownNameError("sampling", sampling, SAMPLINGS)

@@ -66,7 +66,13 @@ class MapResult(JsonResult):
 
     @checked
     def head(self, page: Page = PLAIN) -> str:
-        """Lines above the table of quantiles."""
+        """Lines above the table of quantiles.
+
+        Parameters
+        ----------
+        page : Page
+            Width and colour (`pinsing.prose`); plain text of 100 columns by default.
+        """
         arm = self.plan.arm
         of = "" if self.complete else f" ({self.done:,} done)"
         near = self.singular + self.near_singular
@@ -88,7 +94,22 @@ class MapResult(JsonResult):
 
     @checked
     def text(self, page: Page = PLAIN, degrees: bool = False) -> str:
-        """All that is worth reading, fitted to a page."""
+        """All that is worth reading, fitted to a page.
+
+        Parameters
+        ----------
+        page : Page
+            Width and colour (`pinsing.prose`); plain text of 100 columns by default.
+        degrees : bool
+            Angles in degrees, labelled, instead of radians.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> result = pinsing.sigma_map(pinsing.load("planar3r"), count=1000)
+        >>> print(result.text(degrees=True).splitlines()[0])
+        map of planar3r: Sobol sample of 1,000 configurations over q2, q3
+        """
         rows = Table(("share", "sigma_min", "ratio"), self.quantile_rows(), frozenset({0, 1, 2}))
         return "\n\n".join([self.head(page), page.table(rows), self.tail(degrees, page)])
 
@@ -103,7 +124,15 @@ class MapResult(JsonResult):
 
     @checked
     def tail(self, degrees: bool = False, page: Page = PLAIN) -> str:
-        """Lines below the table: the worst configurations, in radians or degrees, and notes."""
+        """Lines below the table: the worst configurations, in radians or degrees, and notes.
+
+        Parameters
+        ----------
+        degrees : bool
+            Angles in degrees, labelled, instead of radians.
+        page : Page
+            Width and colour (`pinsing.prose`); plain text of 100 columns by default.
+        """
         lines = [f"quantiles to {100 * QUANTILE_ERROR:.1f} %; the smallest ratios:"]
         for point in self.worst[:_SHOWN_WORST]:
             room = page.width - 34

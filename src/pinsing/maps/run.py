@@ -190,6 +190,13 @@ def sigma_map(
         If ``out`` cannot be used, holds another run, or the disk is full.
     WorkerError
         If a worker died, or failed.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> result = pinsing.sigma_map(pinsing.load("planar3r"), count=4096)
+    >>> result.done, result.singular, result.near_singular
+    (4096, 0, 276)
     """
     plan = plan_map(
         arm,

@@ -48,6 +48,14 @@ def sigma_along(
     ------
     ConfigurationError
         If the trajectory is not (N, n) with N at least 2, or times do not fit it.
+
+    Examples
+    --------
+    >>> import numpy as np, pinsing
+    >>> from pinsing import plot
+    >>> Q = np.linspace([0, -1, 1], [0, 1, 1], 50)
+    >>> plot.sigma_along(pinsing.load("planar3r"), Q).get_yscale()
+    'log'
     """
     Q = arm.check(trajectory, "trajectory")
     if Q.ndim != 2 or len(Q) < 2:

@@ -72,6 +72,13 @@ def sigma_curves(
         If a joint does not exist.
     OptionError
         If the sweep has no such curve, or has not kept its curves.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> from pinsing import plot
+    >>> plot.sigma_curves(pinsing.sweep(pinsing.load("planar3r"))).get_xlabel()
+    'joint angle [rad]'
     """
     arm = result.arm
     if moving is None:

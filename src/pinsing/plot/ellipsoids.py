@@ -42,6 +42,14 @@ def ellipsoids(state: State, ax: Any = None, *, kind: str = "both") -> Any:
     ------
     OptionError
         If ``kind`` is another word, or ``ax`` is not three-dimensional.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> from pinsing import plot
+    >>> axes = plot.ellipsoids(pinsing.at(pinsing.load("planar3r"), [0, 0.5, 1]))
+    >>> axes.get_title()
+    'planar3r: regular'
     """
     if kind not in (*KINDS, "both"):
         raise OptionError(f"unknown kind {kind!r}: translational, rotational or both")

@@ -88,6 +88,14 @@ def sigma_plane(
         If both joints are the same.
     ConfigurationError
         If q has the wrong length or is not finite.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> from pinsing import plot
+    >>> axes = plot.sigma_plane(pinsing.load("planar3r"), "q2", "q3", samples=41)
+    >>> axes.get_legend().get_texts()[0].get_text()
+    'F1: q2 = 0° or 180°'
     """
     a, b = arm.space.index(joint_a), arm.space.index(joint_b)
     if a == b:

@@ -209,10 +209,22 @@ def is_clear(
     radius : float
         Not negative.
 
+    Returns
+    -------
+    bool
+        True only if it is proven.
+
     Raises
     ------
     ConfigurationError, OptionError, UnknownNameError
         As in ``clearance``.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> form = pinsing.closed_form(pinsing.load("stanford"))
+    >>> pinsing.is_clear(form, [0, 1, 0.3, 1, 1, 0], 0.1)
+    True
     """
     if not radius >= 0:
         raise OptionError(f"radius must not be negative, got {radius!r}")

@@ -154,6 +154,13 @@ def check_trajectory(
         If there is no sample, or samples have the wrong shape or a value that is not finite.
     OptionError, UnknownNameError
         If times do not ascend, an option makes no sense, or there is no family of a name.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> check = pinsing.check_trajectory(pinsing.load("planar3r"), [[0, -0.5, 1], [0, 0.5, 1]])
+    >>> [(c.family, c.kind, round(c.t, 6)) for c in check.crossings]
+    [('F1', 'crossing', 0.5)]
     """
     if not near > 0:
         raise OptionError(f"near must be positive, got {near!r}")

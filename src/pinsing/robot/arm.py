@@ -163,7 +163,26 @@ class Arm(Memory):
     def with_task(
         self, task: str | Iterable[str] | Task | None = None, length_scale: float | None = None
     ) -> Arm:
-        """Return the same arm judged by another task or length scale."""
+        """Return the same arm judged by another task or length scale.
+
+        Parameters
+        ----------
+        task : str, iterable of str or Task, optional
+            As in ``load``; the same one if not given.
+        length_scale : float, optional
+            Metres; the same one if not given.
+
+        Raises
+        ------
+        OptionError
+            If there is no such task, or the length scale is not positive.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load("planar3r").with_task("vx,vy", length_scale=0.4)
+        <Arm: planar3r: 3 joints, base_link -> tool0, task vx,vy, length scale 0.4 m>
+        """
         return replace(
             self,
             task=self.task if task is None else parse_task(task),
@@ -184,6 +203,13 @@ class Arm(Memory):
         ------
         ConfigurationError
             If the last axis has neither of these lengths, or a number is not finite.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load("planar3r").check([0, 0.5])
+        Traceback (most recent call last):
+        pinsing.errors.ConfigurationError: q needs 3 values for q1, q2, q3; got 2
         """
         array = real_numbers(q, name)
         whole = int(self.source.full_model.nq)
@@ -210,10 +236,23 @@ class Arm(Memory):
     def check_one(self, q: npt.ArrayLike, name: str = "q") -> Array:
         """As `check`, of one joint vector (n,).
 
+        Parameters
+        ----------
+        q : (..., n) or (..., nq) array_like
+            As in ``check``.
+        name : str
+            What messages call it.
+
         Raises
         ------
         ConfigurationError
             As `check`, and if there are several.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load("planar3r").check_one([0, 1, 2])
+        array([0., 1., 2.])
         """
         array = self.check(q, name)
         if array.ndim != 1:
@@ -225,10 +264,23 @@ class Arm(Memory):
     def check_many(self, q: npt.ArrayLike, name: str = "q") -> Array:
         """As `check`, of joint vectors (N, n); one (n,) becomes (1, n).
 
+        Parameters
+        ----------
+        q : (..., n) or (..., nq) array_like
+            As in ``check``.
+        name : str
+            What messages call it.
+
         Raises
         ------
         ConfigurationError
             As `check`, and if there are more axes.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load("planar3r").check_many([0, 1, 2])
+        array([[0., 1., 2.]])
         """
         array = np.atleast_2d(self.check(q, name))
         if array.ndim != 2:
@@ -319,6 +371,29 @@ class Arm(Memory):
         """Tell for q (..., n) whether all joints are inside their limits, whole turns aside.
 
         A revolute value counts as inside when it is so after some whole turns.
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Radians and metres.
+        slack : float
+            How far beyond a limit still counts as inside, radians or metres.
+
+        Returns
+        -------
+        (...) array of bool
+            True where no joint is outside.
+
+        Raises
+        ------
+        ConfigurationError
+            As ``check``.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load("scara").within_limits([[0, 1, 0.1, 0], [0, 3, 0.1, 0]])
+        array([ True, False])
         """
         return np.asarray(~self.space.outside(self.check(q), slack).any(axis=-1))
 
@@ -328,12 +403,58 @@ class Arm(Memory):
 
         A value that cannot be brought inside ends as near to the limits as whole turns allow.
         Values of continuous joints end in [-pi, pi].
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Radians and metres.
+
+        Returns
+        -------
+        (..., n) array
+            Radians and metres.
+
+        Raises
+        ------
+        ConfigurationError
+            As ``check``.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load("scara").fold([7, 1, 0.1, 0]).round(4)
+        array([0.7168, 1.    , 0.1   , 0.    ])
         """
         return self.space.fold(self.check(q))
 
     @checked
     def model_q(self, q: npt.ArrayLike) -> Array:
-        """Configuration(s) of ``model``, the chain alone, at q: (..., n) -> (..., model.nq)."""
+        """Configuration(s) of ``model``, the chain alone, at q.
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Radians and metres.
+
+        Returns
+        -------
+        (..., model.nq) array
+            As Pinocchio has it: a continuous joint is its cosine and sine.
+
+        Raises
+        ------
+        ConfigurationError
+            As ``check``.
+
+        Examples
+        --------
+        >>> import pinocchio as pin, pinsing
+        >>> arm = pinsing.load("planar3r")
+        >>> data = arm.model.createData()
+        >>> pin.forwardKinematics(arm.model, data, arm.model_q([0, 0, 0]))
+        >>> pin.updateFramePlacement(arm.model, data, arm.tip_id).translation.round(3)[0].item()
+        0.9
+        """
         q = self.check(q)
         values = q if self.coupling is None else q @ self.coupling.matrix.T + self.coupling.offset
         return model_q(self.model, values)

@@ -96,6 +96,15 @@ def load(
     PinsingError
         RobotFileError, UnknownNameError, ChainError, JointError or OptionError: one line
         that says what is wrong, where, and what to do.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> arm = pinsing.load("ur5")
+    >>> arm.n, arm.tip, arm.task.name
+    (6, 'tool0', 'pose')
+    >>> pinsing.load("ur5", tip="wrist_3_link", task="position").task.rows
+    (0, 1, 2)
     """
     parsed_task = parse_task(task)
     if isinstance(joints, str):

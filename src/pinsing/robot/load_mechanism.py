@@ -51,11 +51,23 @@ def load_mechanism(
     length_scale : float
         Metres; lengths are divided by it before singular values are taken.
 
+    Returns
+    -------
+    Mechanism
+        With everything that was assumed in ``mechanism.notes``.
+
     Raises
     ------
     PinsingError
         RobotFileError with file and line where the side-car or the tree is wrong, UnknownNameError,
         JointError or OptionError: one line that says what is wrong, where, and what to do.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> mechanism = pinsing.load_mechanism("five_bar")
+    >>> mechanism.n, mechanism.inputs
+    (4, ('q1', 'q2'))
     """
     model, source, name, notes = _tree(robot, packages)
     if loops is None:

@@ -149,39 +149,119 @@ class Mechanism(Memory):
     def with_actuated(self, names: tuple[str, ...] | list[str]) -> Mechanism:
         """Return the same mechanism driven by other joints.
 
+        Parameters
+        ----------
+        names : sequence of str
+            The joints that drive it.
+
         Raises
         ------
         UnknownNameError
             If a joint does not exist.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load_mechanism("four_bar").with_actuated(["rocker"]).inputs
+        ('rocker',)
         """
         return replace(self, actuated=tuple(self.space.index(name) for name in names))
 
     def check(self, q: npt.ArrayLike, name: str = "q") -> Array:
         """Return ``q`` as a float array of shape (..., n), or say what is wrong with it.
 
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Radians and metres.
+        name : str
+            What messages call it.
+
         Raises
         ------
         ConfigurationError
             If the last axis is not n long, or a number is not finite.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load_mechanism("four_bar").check([0, 1, 2])
+        array([0., 1., 2.])
         """
         return _numbers(q, self.joints, name)
 
     def check_inputs(self, inputs: npt.ArrayLike) -> Array:
         """Return values of the actuated joints as a float array (..., n_a).
 
+        Parameters
+        ----------
+        inputs : (..., n_a) array_like
+            Radians and metres.
+
         Raises
         ------
         ConfigurationError
             If the last axis is not n_a long, or a number is not finite.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load_mechanism("five_bar").check_inputs([1, 2])
+        array([1., 2.])
         """
         return _numbers(inputs, self.inputs, "inputs")
 
     def model_q(self, q: npt.ArrayLike) -> Array:
-        """Pinocchio's configuration(s) for joint vector(s) q: (..., n) -> (..., model.nq)."""
+        """Pinocchio's configuration(s) for joint vector(s) q.
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            All joints of the tree, radians and metres.
+
+        Returns
+        -------
+        (..., model.nq) array
+            For ``model``: a continuous joint is its cosine and sine.
+
+        Raises
+        ------
+        ConfigurationError
+            As ``check``.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> mechanism = pinsing.load_mechanism("four_bar")  # its three joints turn without limits
+        >>> mechanism.model_q(mechanism.home).shape
+        (6,)
+        """
         return model_q(self.model, self.check(q))
 
     def fold(self, q: npt.ArrayLike) -> Array:
-        """Move revolute values of q (..., n) by whole turns to within half a turn of zero."""
+        """Move revolute values of q (..., n) by whole turns to within half a turn of zero.
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            All joints of the tree, radians and metres.
+
+        Returns
+        -------
+        (..., n) array
+            Radians and metres.
+
+        Raises
+        ------
+        ConfigurationError
+            As ``check``.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.load_mechanism("four_bar").fold([7, 0.5, 1.8]).round(4)
+        array([0.7168, 0.5   , 1.8   ])
+        """
         return self.space.wrap(self.check(q))
 
     def __repr__(self) -> str:

@@ -22,7 +22,15 @@ class Memory:
     known: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
 
     def once(self, name: str, compute: Callable[[], T]) -> T:
-        """Compute what depends on the fields alone the first time; later take it from `known`."""
+        """Compute what depends on the fields alone the first time; later take it from `known`.
+
+        Parameters
+        ----------
+        name : str
+            What it is kept under.
+        compute : callable
+            Called without arguments, the first time.
+        """
         if name not in self.known:
             self.known[name] = compute()
         return cast("T", self.known[name])

@@ -21,6 +21,7 @@ from pinsing._types import Array, Bool
 from pinsing.arguments import checked, whole_number
 from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import SingularConfiguration, describe, walk
+from pinsing.errors import OptionError
 from pinsing.geometry.nominal import ANGLE_TOL, nominal
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, Status, ratios
 from pinsing.robot.arm import Arm
@@ -141,9 +142,26 @@ def singular_configurations(
     -------
     tuple of Finding
         Joint values first, fewest first; then relations; then near-singular valleys.
+
+    Raises
+    ------
+    OptionError
+        If the sweep is of an arm with other joints, or a number makes no sense.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> arm = pinsing.load("planar3r")
+    >>> pinsing.singular_configurations(arm, pinsing.sweep(arm))[0]
+    <Finding: q2 = 0, whatever the others (boundary)>
     """
-    exact = nominal(arm).arm if geometry is None else geometry
     plan = result.plan
+    if plan.arm.joints != arm.joints:
+        raise OptionError(
+            f"the sweep is of {plan.arm.name} ({', '.join(plan.arm.joints)}), not of {arm.name} "
+            f"({', '.join(arm.joints)}): sweep the same arm"
+        )
+    exact = nominal(arm).arm if geometry is None else geometry
     tester = ConditionTester(exact, plan.relevant, samples, SINGULAR_RTOL, plan.seed)
     whole_number(random_starts, "random_starts", 0, MAX_STARTS)
     points = _refined(exact, result, random_starts, until)

@@ -128,6 +128,12 @@ def generalize(
         If the configuration is not singular, nor within 0.01 of one that is.
     OptionError
         If ``samples`` is not positive or more than 12 joints matter.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> pinsing.generalize(pinsing.load("ur5"), [0.4, -1.2, 0.8, -1, 0, 0.3])
+    <Generalization: wrist_2_joint = 0, whatever the others>
     """
     whole_number(seed, "seed", 0, MAX_SEED)
     for name in joints or ():

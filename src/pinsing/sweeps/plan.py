@@ -189,7 +189,25 @@ class SweepPlan(JsonResult):
 
     @checked
     def moving(self, fixed: Iterable[int]) -> tuple[int, ...]:
-        """Joints that move in turn while ``fixed`` are at special values."""
+        """Joints that move in turn while ``fixed`` are at special values.
+
+        Parameters
+        ----------
+        fixed : iterable of int
+            Indices of joints.
+
+        Returns
+        -------
+        tuple of int
+            Indices of the others that are swept.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> plan = pinsing.plan_sweep(pinsing.load("ur5"))
+        >>> plan.swept, plan.moving([1])
+        ((1, 2, 3, 4), (2, 3, 4))
+        """
         held = set(fixed)
         return tuple(i for i in self.swept if i not in held)
 
@@ -245,7 +263,17 @@ def plan_sweep(
     seed: int = 0,
     geometry: Arm | None = None,
 ) -> SweepPlan:
-    """Choose what to sweep and count what it costs; see ``pinsing.sweep``.
+    """Choose what to sweep and count what it costs.
+
+    Parameters
+    ----------
+    arm, nominal, special, levels, samples, joints, ignore_limits, prune, seed, geometry
+        As in ``sweep``.
+
+    Returns
+    -------
+    SweepPlan
+        What `sweep` would compute.
 
     Raises
     ------
@@ -256,6 +284,12 @@ def plan_sweep(
         If levels, samples or special values make no sense, or too many sets result.
     UnknownNameError
         If a joint does not exist.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> pinsing.plan_sweep(pinsing.load("planar3r"))
+    <SweepPlan: 4 sets of 1: 3 curves, 547 Jacobians>
     """
     options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
     return planned_sweep(arm, options, geometry)

@@ -179,18 +179,28 @@ class SweepResult(JsonResult):
         moving : str or int
             Name or index of the joint.
 
+        Returns
+        -------
+        SweepCurve
+            Its ``x`` and ``sigma_min``, among others.
+
         Raises
         ------
         UnknownNameError
             If a joint does not exist.
         OptionError
             If there is no such curve, or the curves are not kept.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> curve = pinsing.sweep(pinsing.load("planar3r")).curve({}, "q2")
+        >>> curve.x.shape, curve.sigma_min.max().round(3).item()
+        ((181,), 0.206)
         """
         names = self.arm.joints
         wanted = dict(fixed or {})
-        for name in (*wanted, *([moving] if isinstance(moving, str) else [])):
-            if name not in names:
-                raise UnknownNameError("joint", name, names)
+        self._known((*wanted, *([moving] if isinstance(moving, str) else [])))
         index = (
             names.index(moving)
             if isinstance(moving, str)
@@ -211,9 +221,32 @@ class SweepResult(JsonResult):
 
     @checked
     def set_text(self, fixed: Mapping[str, float]) -> str:
-        """Such as ``q2 = 0, q3 = 90 deg``."""
+        """Special values in words.
+
+        Parameters
+        ----------
+        fixed : mapping of str to float
+            Radians or metres, by names of joints.
+
+        Raises
+        ------
+        UnknownNameError
+            If a joint does not exist.
+
+        Examples
+        --------
+        >>> import math, pinsing
+        >>> pinsing.sweep(pinsing.load("planar3r")).set_text({"q2": 0, "q3": math.pi / 2})
+        'q2 = 0, q3 = 90 deg'
+        """
+        self._known(fixed)
         sliding = dict(zip(self.arm.joints, self.arm.prismatic, strict=True))
         return ", ".join(f"{n} = {value_text(v, bool(sliding[n]))}" for n, v in fixed.items())
+
+    def _known(self, joints: Iterable[str]) -> None:
+        for name in joints:
+            if name not in self.arm.joints:
+                raise UnknownNameError("joint", name, self.arm.joints)
 
     def _same(self, one: Mapping[str, float], other: Mapping[str, float]) -> bool:
         if set(one) != set(other):

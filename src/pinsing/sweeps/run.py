@@ -109,7 +109,7 @@ def sweep(
         Geometry for the tests whether a set is singular whatever the others, instead of the
         nominal geometry of ``arm``.
     keep : bool, optional
-        As for `run_sweep`.
+        Keep the curves. By default they are part of the result up to 4 million Jacobians.
 
     Returns
     -------
@@ -120,6 +120,13 @@ def sweep(
     ------
     ConfigurationError, OptionError, UnknownNameError
         As ``plan_sweep``.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> result = pinsing.sweep(pinsing.load("planar3r"))
+    >>> len(result.curves), result.complete
+    (3, True)
     """
     options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
     plan = planned_sweep(arm, options, geometry)

@@ -115,14 +115,29 @@ class Tab:
         take_picture(self.url + ("" if panel else "#picture"), path, size)
 
     def close(self) -> None:
-        """Stop the server."""
+        """Stop the server.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> viewer = pinsing.Viewer(pinsing.load("planar3r"), skeleton=True)
+        >>> viewer.url  # starts it
+        'http://127.0.0.1:...'
+        >>> viewer.close()
+        """
         if self._server is not None:
             self._server.close()
             self._server = None
 
     @checked
     def jupyter_cell(self, height: int = 600) -> Any:
-        """The page as a notebook cell."""
+        """The page as a notebook cell.
+
+        Parameters
+        ----------
+        height : int
+            Pixels.
+        """
         from IPython.display import HTML
 
         return HTML(self._iframe(height))  # type: ignore[no-untyped-call]

@@ -57,11 +57,10 @@ class Viewer(Tab):
 
     Examples
     --------
-    >>> from pinsing.robot.load import load
-    >>> from pinsing.view import Viewer
-    >>> viewer = Viewer(load("stanford"), skeleton=True)
-    >>> viewer.show([0, 1, 0.3, 0, 0, 0])
-    >>> viewer.close()
+    >>> import pinsing
+    >>> with pinsing.Viewer(pinsing.load("planar3r"), skeleton=True) as viewer:
+    ...     print([entry.name for entry in viewer.entries])
+    ['F1']
     """
 
     @checked
@@ -107,12 +106,25 @@ class Viewer(Tab):
 
     @checked
     def show(self, q: npt.ArrayLike) -> None:
-        """Move the arm, in every open tab, to q (n,), radians and metres.
+        """Move the arm, in every open tab.
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Radians and metres.
 
         Raises
         ------
         ConfigurationError
             If q has the wrong length or is not finite.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> viewer = pinsing.Viewer(pinsing.load("planar3r"), skeleton=True)
+        >>> viewer.show([0, 0.5, 1])
+        >>> viewer.q
+        array([0. , 0.5, 1. ])
         """
         self._show(self.arm.check_one(q), None)
 
@@ -133,13 +145,46 @@ class Viewer(Tab):
             If the list has no such family.
         OptionError
             If it has no such pose within the limits.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> viewer = pinsing.Viewer(pinsing.load("planar3r"), skeleton=True)
+        >>> viewer.show_family("F1")
+        >>> pinsing.at(viewer.arm, viewer.q).status
+        'singular'
         """
         index = self._index(family, pose)
         self._show(self.entries[index].poses[pose], (index, pose))
 
     @checked
     def play(self, family: FamilyLike | str | int, kind: str = "into", pose: int = 0) -> None:
-        """Play a motion in every open tab: ``into`` the singular pose, or ``along`` the family."""
+        """Play a motion in every open tab.
+
+        Parameters
+        ----------
+        family : Family, str or int
+            The family, its name, or its place in the list.
+        kind : str
+            ``into`` the singular pose, or ``along`` the family.
+        pose : int
+            Which of its poses, counted from 0.
+
+        Raises
+        ------
+        UnknownNameError
+            If the list has no such family.
+        OptionError
+            If there is no such pose, or no such kind of motion.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> viewer = pinsing.Viewer(pinsing.load("planar3r"), skeleton=True)
+        >>> viewer.play("F2")
+        Traceback (most recent call last):
+        pinsing.errors.UnknownNameError: unknown family 'F2': did you mean 'F1'?
+        """
         self._play(self._index(family, pose), pose, kind)
 
     def _show(self, q: Array, chosen: tuple[int, int] | None) -> None:
@@ -152,16 +197,35 @@ class Viewer(Tab):
         return place_in_list([(e.name, len(e.poses)) for e in self.entries], wanted, pose)
 
     def html(self) -> str:
-        """The page in one file, poses and paths inside, that needs no program behind it."""
+        """The page in one file, poses and paths inside, that needs no program behind it.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.Viewer(pinsing.load("planar3r"), skeleton=True).html().splitlines()[0]
+        '<!DOCTYPE html>'
+        """
         return static_html(f"pinsing: {self.arm.name}", self._stage.baked(), self._scene)
 
     @checked
     def save_html(self, path: str | Path) -> None:
         """Write `html` to a file.
 
+        Parameters
+        ----------
+        path : path-like
+            The file.
+
         Raises
         ------
         OutputError
             If it cannot be written.
+
+        Examples
+        --------
+        >>> import pathlib, pinsing
+        >>> pinsing.Viewer(pinsing.load("planar3r"), skeleton=True).save_html("arm.html")
+        >>> pathlib.Path("arm.html").is_file()
+        True
         """
         write_text(path, self.html())

@@ -1,0 +1,249 @@
+"""Docstrings of the public API: every argument described, every function with a working example."""
+
+from __future__ import annotations
+
+import doctest
+import inspect
+import re
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import pytest
+from matplotlib import pyplot
+
+import pinsing
+from pinsing import plot
+
+matplotlib.use("agg")
+
+# What other modules call and no user would: described, but without an example of its own.
+PLUMBING = {
+    "Arm.once",
+    "Family.box",
+    "Family.conditions",
+    "Family.html_row",
+    "MapPlan.identity",
+    "MapResult.head",
+    "MapResult.quantile_rows",
+    "MapResult.tail",
+    "Mechanism.once",
+}
+# An example would need what a test run has not: a desktop, IPython, a browser.
+ELSEWHERE = {"Viewer.jupyter_cell", "Viewer.open", "Viewer.save_png"}
+
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+
+
+@dataclass(frozen=True)
+class Public:
+    """A public function, method or class; inherited methods by the class that has them."""
+
+    name: str
+    value: Callable[..., Any]
+
+    @property
+    def doc(self) -> str:
+        return inspect.getdoc(self.value) or ""
+
+    @property
+    def arguments(self) -> tuple[str, ...]:
+        names = inspect.signature(self.value).parameters
+        return tuple(n for n in names if n not in ("self", "cls"))
+
+
+def methods(name: str, kind: type) -> Iterator[Public]:
+    for attribute in dir(kind):
+        value = inspect.getattr_static(kind, attribute)
+        value = getattr(value, "__func__", value)  # of a class method
+        if attribute.startswith("_") or not inspect.isfunction(value):
+            continue
+        if value.__module__.startswith("pinsing."):
+            yield Public(f"{name}.{attribute}", value)
+
+
+def public() -> dict[str, Public]:
+    found: dict[str, Public] = {}
+    for module in (pinsing, plot):
+        for name in module.__all__:
+            value = getattr(module, name)
+            label = f"{module.__name__}.{name}".removeprefix("pinsing.")
+            found[label] = Public(label, value)
+            if inspect.isclass(value):
+                found |= {m.name: m for m in methods(label, value)}
+    return found
+
+
+PUBLIC = public()
+CLASSES = {name for name, p in PUBLIC.items() if inspect.isclass(p.value)}
+# Those that all results inherit are shown once, in the class that everybody meets first.
+JSON = {"to_dict", "to_json", "from_dict", "from_json"}
+SHARED = {n for n in PUBLIC if n.rpartition(".")[2] in JSON and not n.startswith("State.")}
+SHOWN = sorted(set(PUBLIC) - CLASSES - PLUMBING - ELSEWHERE - SHARED)
+
+
+def section(doc: str, title: str) -> list[str]:
+    """Lines of a section of a docstring in numpydoc style, without its heading."""
+    lines = doc.splitlines()
+    heads = [
+        i
+        for i, (text, rule) in enumerate(pairwise(lines))
+        if text.strip() and re.fullmatch("-{3,}", rule)
+    ]
+    for head, end in pairwise([*heads, len(lines)]):
+        if lines[head] == title:
+            return lines[head + 2 : end]
+    return []
+
+
+def described(doc: str) -> dict[str, str]:
+    """What a docstring says of each argument: its sections Parameters and Attributes."""
+    found: dict[str, list[str]] = {}
+    names: list[str] = []
+    for line in (*section(doc, "Parameters"), *section(doc, "Attributes")):
+        if line[:1].strip():
+            names = [name.strip(" *") for name in line.split(" : ")[0].split(",")]
+            found |= {name: [] for name in names}
+        elif line.strip():
+            for name in names:
+                found[name].append(line.strip())
+    return {name: " ".join(words) for name, words in found.items()}
+
+
+def examples(p: Public) -> list[doctest.Example]:
+    return doctest.DocTestParser().get_examples(p.doc, p.name)
+
+
+@pytest.mark.parametrize("name", sorted(PUBLIC))
+def test_every_argument_is_described(name):
+    p = PUBLIC[name]
+    if name == "PinsingError":
+        return  # an exception takes what Exception takes
+    words = described(p.doc)
+    missing = [a for a in p.arguments if not words.get(a)]
+    assert not missing, f"{name}: the docstring says nothing of {', '.join(missing)}"
+    invented = [w for w in words if w not in p.arguments and not hasattr(p.value, w)]
+    assert not invented, f"{name}: there is no argument {', '.join(invented)}"
+
+
+@pytest.mark.parametrize("name", SHOWN)
+def test_every_function_has_an_example(name):
+    lines = section(PUBLIC[name].doc, "Examples")
+    assert lines, f"{name}: the docstring has no section Examples"
+    found = examples(PUBLIC[name])
+    assert any(e.want for e in found), f"{name}: its example shows no result, and proves nothing"
+    assert len(lines) <= 10, f"{name}: its example is too long to be read at a glance"
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in sorted(set(PUBLIC) - SHARED) if ">>>" in PUBLIC[n].doc]
+)
+def test_examples_are_true(name, tmp_path, monkeypatch):
+    """Each by itself, as somebody would paste it: it imports what it needs."""
+    monkeypatch.chdir(tmp_path)
+    p = PUBLIC[name]
+    test = doctest.DocTestParser().get_doctest(p.doc, {}, name, name, 0)
+    said: list[str] = []
+    doctest.DocTestRunner(optionflags=FLAGS).run(test, out=said.append)
+    pyplot.close("all")
+    assert not said, "".join(said)
+
+
+def test_the_lists_hold_nothing_else():
+    assert set(PUBLIC) >= PLUMBING | ELSEWHERE
+    shown = [n for n in PLUMBING | ELSEWHERE if section(PUBLIC[n].doc, "Examples")]
+    assert not shown, f"these have an example by now: {', '.join(shown)}"
+
+
+def test_no_example_stands_where_it_is_not_run():
+    known = {inspect.unwrap(p.value) for p in PUBLIC.values()}
+    homes = {Path(inspect.getsourcefile(v) or "") for v in known}
+    source = Path(pinsing.__file__).parent
+    elsewhere = [
+        str(path.relative_to(source))
+        for path in sorted(source.rglob("*.py"))
+        if path not in homes and re.search(r"^ *>>> ", path.read_text(), re.MULTILINE)
+    ]
+    assert elsewhere == []
+
+
+def test_a_docstring_is_read_as_it_is_written():
+    doc = inspect.cleandoc(
+        """Do it.
+
+        Parameters
+        ----------
+        a, b : (n,) array_like
+            Radians.
+
+            And more.
+        c
+        *rest : int
+            Others.
+
+        Raises
+        ------
+        d : none
+            No argument.
+        """
+    )
+    assert described(doc) == {
+        "a": "Radians. And more.",
+        "b": "Radians. And more.",
+        "c": "",
+        "rest": "Others.",
+    }
+    assert section(doc, "Examples") == []
+
+
+def test_a_wrong_example_is_found(tmp_path, monkeypatch):
+    def wrong():
+        """Do it.
+
+        Examples
+        --------
+        >>> 1 + 1
+        3
+        """
+
+    monkeypatch.setitem(PUBLIC, "wrong", Public("wrong", wrong))
+    test_every_function_has_an_example("wrong")
+    with pytest.raises(AssertionError, match="Expected"):
+        test_examples_are_true("wrong", tmp_path, monkeypatch)
+
+
+def test_an_undocumented_argument_is_found(monkeypatch):
+    def bare(arm, q, extra=0):
+        """Do it.
+
+        Parameters
+        ----------
+        arm, q
+            As in ``at``.
+        other : int
+            None of its own.
+        """
+
+    monkeypatch.setitem(PUBLIC, "bare", Public("bare", bare))
+    with pytest.raises(AssertionError, match="says nothing of extra"):
+        test_every_argument_is_described("bare")
+    with pytest.raises(AssertionError, match="no section Examples"):
+        test_every_function_has_an_example("bare")
+
+
+def test_an_invented_argument_is_found(monkeypatch):
+    def more(arm):
+        """Do it.
+
+        Parameters
+        ----------
+        arm, other : Arm
+            One of them is no argument.
+        """
+
+    monkeypatch.setitem(PUBLIC, "more", Public("more", more))
+    with pytest.raises(AssertionError, match="no argument other"):
+        test_every_argument_is_described("more")
