@@ -166,6 +166,13 @@ def check_line(
         If q0 or the pose make no sense, or the line starts at a singular configuration.
     OptionError
         If speed or near are not positive.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> line = pinsing.check_line(pinsing.load("planar3r"), [0, 1, 0.5], [1, 0.5, 0])
+    >>> line.outcome, line.family, round(line.s_end, 4), round(line.length, 4)
+    ('singular', 'F1', 0.0875, 0.4265)
     """
     if not speed > 0:
         raise OptionError(f"speed must be positive, got {speed!r}")
