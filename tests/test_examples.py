@@ -129,6 +129,32 @@ def test_every_argument_is_described(name):
     assert not invented, f"{name}: there is no argument {', '.join(invented)}"
 
 
+def referred(name: str, words: str) -> Public | None:
+    """Where "As in ``this``" leads: a public name, or another method of the same class."""
+    found = re.match(r"As in ``([\w.]+)``", words)
+    if found is None:
+        return None
+    here = f"{name.rpartition('.')[0]}.{found[1]}"
+    assert {here, found[1]} & set(PUBLIC), f"{name}: there is no {found[1]} to look at"
+    return PUBLIC.get(here) or PUBLIC[found[1]]
+
+
+@pytest.mark.parametrize("name", sorted(set(PUBLIC) - CLASSES))
+def test_references_lead_to_a_description(name):
+    for argument, words in described(PUBLIC[name].doc).items():
+        there = referred(name, words)
+        if there is not None:
+            found = described(there.doc).get(argument)
+            assert found, f"{name}: {there.name} says nothing of {argument}"
+            assert referred(there.name, found) is not PUBLIC[name], f"{name}: {argument}: a circle"
+
+
+@pytest.mark.parametrize("name", [n for n in SHOWN if "." not in n.removeprefix("plot.")])
+def test_every_function_says_what_it_returns(name):
+    assert section(PUBLIC[name].doc, "Returns"), f"{name}: no section Returns"
+    assert section(PUBLIC[name].doc, "Raises"), f"{name}: no section Raises"
+
+
 @pytest.mark.parametrize("name", SHOWN)
 def test_every_function_has_an_example(name):
     lines = section(PUBLIC[name].doc, "Examples")
@@ -232,6 +258,23 @@ def test_an_undocumented_argument_is_found(monkeypatch):
         test_every_argument_is_described("bare")
     with pytest.raises(AssertionError, match="no section Examples"):
         test_every_function_has_an_example("bare")
+
+
+def test_a_reference_into_the_void_is_found(monkeypatch):
+    def lost(arm, q):
+        """Do it.
+
+        Parameters
+        ----------
+        arm, q
+            As in ``load``.
+        """
+
+    monkeypatch.setitem(PUBLIC, "lost", Public("lost", lost))
+    with pytest.raises(AssertionError, match="load says nothing of arm"):
+        test_references_lead_to_a_description("lost")
+    with pytest.raises(AssertionError, match="no section Returns"):
+        test_every_function_says_what_it_returns("lost")
 
 
 def test_an_invented_argument_is_found(monkeypatch):

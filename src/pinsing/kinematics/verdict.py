@@ -76,6 +76,11 @@ def generic_rank(arm: Arm) -> int:
     arm : Arm
         The arm, from ``load``.
 
+    Returns
+    -------
+    int
+        r; a configuration is singular where the rank is below it.
+
     Raises
     ------
     OptionError
