@@ -21,7 +21,6 @@ from pinsing import analyze, closed_form, load
 from pinsing.description.urdf import read_description
 from pinsing.description.yaml_tree import MAX_BYTES, compose
 from pinsing.errors import PinsingError, RobotFileError
-from pinsing.report.latex import families_latex
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
 SECRET = b"the secret that no page may hold, 2f9c61"
@@ -250,7 +249,7 @@ def test_names_are_text_in_pages_and_in_latex(named):
     name, path = named
     arm = load(path)
     form = closed_form(arm, seconds=5)
-    latex = families_latex(form)
+    latex = form.latex(legend=True)
     for line in latex.splitlines():
         legend = line.startswith("% q")
         # What a name says stands behind the sign of a comment, or nowhere.

@@ -63,7 +63,10 @@ EXCEPTIONS: frozenset[tuple[str, str]] = frozenset()
 TYPES = {
     ("pinsing.analysis.text", "pinsing.analysis.analyze"),
     ("pinsing.configuration.state_text", "pinsing.configuration.state"),
+    ("pinsing.families.html", "pinsing.families.family"),
+    ("pinsing.families.html", "pinsing.families.solve"),
     ("pinsing.families.proving", "pinsing.families.solve"),
+    ("pinsing.families.text", "pinsing.families.solve"),
     ("pinsing.mechanism.text", "pinsing.mechanism.analysis"),
     ("pinsing.robot.full_q", "pinsing.robot.arm"),
     ("pinsing.sweeps.text", "pinsing.sweeps.findings"),

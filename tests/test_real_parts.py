@@ -16,8 +16,9 @@ from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.analysis.analyze import analyze
 from pinsing.analysis.stages import Stages
-from pinsing.analysis.text import analysis_text, families_text
+from pinsing.analysis.text import analysis_text
 from pinsing.families import closed_form
+from pinsing.families.text import families_text
 from pinsing.geometry.nominal import nominal
 from pinsing.geometry.surd import cosine
 from pinsing.kinematics.verdict import ratios

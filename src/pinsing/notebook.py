@@ -11,6 +11,7 @@ import html
 from collections.abc import Iterable, Sequence
 
 from pinsing.mathml import mathml
+from pinsing.prose import visible
 
 _COLORS = {"alarm": "#b00020", "caution": "#8a5a00", "good": "#1b6e3c"}
 """Grounds that white is read on; a page's own ground is not known."""
@@ -22,7 +23,7 @@ _LONGEST = 110
 def one_line(kind: str, text: str) -> str:
     """Return ``<kind: first line of text>``, short and without control characters."""
     first = text.strip().splitlines()[0] if text.strip() else ""
-    first = "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in first)
+    first = visible(first)
     cut = first if len(first) <= _LONGEST else first[: _LONGEST - 3] + "..."
     return f"<{kind}: {cut}>" if cut else f"<{kind}>"
 

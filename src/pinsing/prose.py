@@ -92,8 +92,13 @@ def safe(text: str, painted: bool = False) -> str:
     if painted:
         plain, codes = _PAINT.split(text), [*_PAINT.findall(text), ""]
         return "".join(safe(p) + code for p, code in zip(plain, codes, strict=True))
+    return visible(text, keep="\n\t")
+
+
+def visible(text: str, keep: str = "") -> str:
+    """A text with an escape in place of each character that is not shown, as of a line break."""
     return "".join(
-        c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode("ascii")
+        c if c.isprintable() or c in keep else c.encode("unicode_escape").decode("ascii")
         for c in text
     )
 

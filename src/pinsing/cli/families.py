@@ -61,22 +61,21 @@ def families_command(
     if certificate is not None and prove is False:
         raise OptionError("--certificate and --no-prove exclude each other")
     arm = request.load()
-    from pinsing.analysis.text import families_text, proof_text
     from pinsing.families import closed_form
     from pinsing.families import prove as add_proof
-    from pinsing.report.latex import families_latex
+    from pinsing.families.text import families_text, proof_text
 
     long = prove is True or certificate is not None
     found = closed_form(arm, **algebra, prove=False if prove is False else None)
     again = long and found.word != "proven"
     if json_target is None:
-        emit(families_latex(found) if latex else families_text(found, Page.of(), deg))
+        emit(found.latex(legend=True) if latex else families_text(found, Page.of(), deg))
     if again:
         with _progress() as progress:
             found = add_proof(found, progress=progress)
     if json_target is not None:
         if not emit_json(found, json_target):
-            emit(families_latex(found) if latex else families_text(found, Page.of(), deg))
+            emit(found.latex(legend=True) if latex else families_text(found, Page.of(), deg))
     elif again and not latex:
         emit(proof_text(found, Page.of()))
     if certificate is not None:

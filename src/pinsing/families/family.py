@@ -12,25 +12,16 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.algebra.components import Component
-from pinsing.algebra.equation import Equation, latex_symbol
+from pinsing.algebra.equation import Equation
 from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions, nearest_points
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.zero_set import ROUNDS, project, search
-from pinsing.notebook import formula, legend, marked, name, table, text
 from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
-HEADER = ("", "singular where", "kind", "reachable", "why")
-"""Of the cells of ``Family.html_row``."""
 _PASSES = 4
-_WITHIN = {
-    "reachable": ("alarm", "within the limits"),
-    "at the joint limit": ("alarm", "at the joint limit"),
-    "not reachable": ("good", "outside the limits"),
-    "none found": ("", "none found within the limits"),
-}
 _MOST_POINTS = 10_000_000
 
 
@@ -527,23 +518,9 @@ class Family(JsonResult):
 
     def _repr_html_(self) -> str:
         """For notebooks, which prefer it: the equations typeset, and what else is known."""
-        involved = sorted({j for b in self.branches for j in b.involved})
-        symbols = [f"{'d' if self.prismatic[j] else 'q'}{j + 1}" for j in involved]
-        named = [(latex_symbol(s), j) for s, j in zip(symbols, self.joints, strict=False) if s != j]
-        return table([self.html_row()], HEADER) + legend(named)
+        from pinsing.families.html import family_html
 
-    def html_row(self) -> tuple[str, ...]:
-        """Cells of HTML: name, equations, kind, reachability, reason."""
-        tone, words = _WITHIN[self.reachability]
-        short = self.text if "terms]" in self.text else ""
-        kind = "; ".join(str(part) for part in self.kinds) if self.kind == "varies" else self.kind
-        return (
-            name(self.name),
-            formula(self.latex, short),
-            text(kind),
-            marked(words, tone) if tone else text(words),
-            text(self.reason),
-        )
+        return family_html(self)
 
     # Helpers ------------------------------------------------------------------------
 

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition
-from pinsing.algebra.equation import Equation, latex_symbol
+from pinsing.algebra.equation import Equation
 from pinsing.algebra.jacobian_matrix import Matrix, constants, jacobian_matrix
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Ring
@@ -22,7 +22,7 @@ from pinsing.algebra.surd_ring import ring_of
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.describe import describe
-from pinsing.families.family import HEADER, Family
+from pinsing.families.family import Family
 from pinsing.families.hints import SNAP, small_offset, snap_hint
 from pinsing.families.pieces import Piece, PieceMaker
 from pinsing.families.proving import LONG, SHORT, Proof
@@ -32,7 +32,7 @@ from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.geometry.snap import Snap
 from pinsing.geometry.surd import Surd
 from pinsing.kinematics.jacobian import generic_rank
-from pinsing.notebook import legend, name, table, text, verdict
+from pinsing.prose import visible
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -163,8 +163,14 @@ class ClosedForm(JsonResult):
             raise ConfigurationError(f"q must be one joint vector, got shape {np.shape(q)}")
         return next((f for f in self.families if bool(f.contains(q, tol))), None)
 
-    def latex(self) -> str:
+    @checked
+    def latex(self, legend: bool = False) -> str:
         """All families as a LaTeX ``align*`` environment, every equation written out.
+
+        Parameters
+        ----------
+        legend : bool
+            Whether comments before it say which joint each symbol is.
 
         Examples
         --------
@@ -172,8 +178,11 @@ class ClosedForm(JsonResult):
         >>> "q_{2} = 0" in pinsing.closed_form(pinsing.load("scara")).latex()
         True
         """
-        rows = [rf"\text{{{f.name}:}}\quad & {f.latex}" for f in self.families]
-        return "\n".join([r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
+        rows = [rf"  \text{{{f.name}:}} \quad & {f.latex}" for f in self.families]
+        rows = rows or [r"  & \text{no singular configurations known}"]
+        # A line break in a name would end the comment, and what follows would be run.
+        said = [f"% {s} = {visible(joint)}" for s, joint in self.legend if legend and s != joint]
+        return "\n".join([*said, r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
 
     def _repr_latex_(self) -> str:
         """For notebooks."""
@@ -181,36 +190,14 @@ class ClosedForm(JsonResult):
 
     def _repr_html_(self) -> str:
         """For notebooks, which prefer it: the families in a table, equations typeset."""
-        tones = {"proven": "good", "not complete": "caution"}
-        said = self.word if self.complete else "NOT complete"
-        tone = tones.get(self.word)
-        state = verdict(said, tone) if tone else f"<strong>{text(said)}</strong>"
-        count = len(self.families)
-        head = (
-            f"{name(self.arm.name)} {text(f'(task {self.arm.task}, generic rank')} "
-            f"{self.generic_rank}{text('):')} {count} "
-            f"{text('family' if count == 1 else 'families')} {text('of singular configurations,')} "
-            f"{state}"
-        )
-        rows = [f.html_row() for f in self.families]
-        gaps = "".join(f"<p>{verdict('not complete:', 'caution')} {text(g)}</p>" for g in self.gaps)
-        where = legend((latex_symbol(s), j) for s, j in self.legend if s != j)
-        return f"<p>{head}</p>{table(rows, HEADER) if rows else ''}{where if rows else ''}{gaps}"
+        from pinsing.families.html import families_html
+
+        return families_html(self)
 
     def __str__(self) -> str:
-        state = self.word if self.complete else "NOT complete: " + "; ".join(self.gaps)
-        lines = [
-            f"{self.arm.name}: {len(self.families)} families of singular configurations "
-            f"(rank < {self.generic_rank}, task {self.arm.task}), {state}"
-        ]
-        width = max((len(f.name) for f in self.families), default=0)
-        for f in self.families:
-            lines.append(f"  {f.name:{width}}  {f.text}")
-        named = [f"{s} = {j}" for s, j in self.legend if s != j]
-        if named:
-            lines.append("  where " + ", ".join(named))
-        lines += [f"  {hint}" for hint in self.hints]
-        return "\n".join(lines)
+        from pinsing.families.text import families_text
+
+        return families_text(self, brief=True)
 
 
 @checked
