@@ -25,7 +25,6 @@ PLUMBING = {
     "Arm.once",
     "Family.box",
     "Family.conditions",
-    "Family.html_row",
     "MapPlan.identity",
     "MapResult.head",
     "MapResult.quantile_rows",
