@@ -9,10 +9,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from pinsing.errors import OptionError, UnknownNameError
+from pinsing.errors import OptionError, ResultError, UnknownNameError
+from pinsing.families import closed_form
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import singular_values
-from pinsing.measures import sigma_ratio
+from pinsing.measures import Reachability, sigma_ratio
 from pinsing.robot.load import load
 from pinsing.sweeps.findings import Finding, singular_configurations
 from pinsing.sweeps.minima import dips
@@ -206,3 +207,32 @@ def test_dips():
     assert dips(np.array([1.0, 2.0, 1.0])).tolist() == [0, 2]
     assert dips(np.array([2.0, 1.0, 1.0, 2.0])).tolist() == [1]
     assert dips(np.full(5, 0.3)).tolist() == []
+
+
+def test_reachability_is_one_word_in_families_and_findings():
+    """And JSON stays what it was: a text of a family, true, false or null of a finding."""
+    arm = load("scara")
+    findings = singular_configurations(arm, sweep(arm, levels=1, samples=9))
+    assert {Reachability.INSIDE, Reachability.OUTSIDE} == {f.reachability for f in findings}
+    for found in findings:
+        data = found.to_dict()
+        assert "reachability" not in data
+        assert data["reachable"] is found.reachable is found.reachability.known
+        assert Finding.from_dict(data).reachability is found.reachability
+    form = closed_form(load("panda"))
+    data = form.to_dict()["families"]
+    assert {f["reachability"] for f in data} == {"reachable", "not reachable"}
+    assert all(type(f["reachability"]) is str for f in data)
+    again = type(form).from_json(form.to_json())
+    assert [f.reachability for f in again.families] == [f.reachability for f in form.families]
+    assert all(isinstance(f.reachability, Reachability) for f in again.families)
+    with pytest.raises(ResultError, match="damaged"):
+        type(form).from_json(form.to_json().replace('"not reachable"', '"perhaps"'))
+    with pytest.raises(ResultError, match="damaged"):
+        Finding.from_dict({**findings[0].to_dict(), "reachable": "yes"})
+    assert [Reachability.of(r.known) for r in Reachability] == [
+        Reachability.INSIDE,
+        Reachability.INSIDE,
+        Reachability.OUTSIDE,
+        Reachability.UNKNOWN,
+    ]

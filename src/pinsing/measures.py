@@ -6,6 +6,7 @@ All of them work on stacks: J has shape (..., m, n), with rows in one unit
 
 from __future__ import annotations
 
+from enum import Enum
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -20,6 +21,43 @@ NEAR_RTOL = 1e-2
 """sigma_r / sigma_1 at or below this, and above SINGULAR_RTOL, is near-singular."""
 
 Status = Literal["singular", "near-singular", "regular"]
+
+
+class Reachability(str, Enum):
+    """Whether a set of configurations has one within the joint limits.
+
+    The members are the texts that JSON holds: ``Reachability.INSIDE == "reachable"``.
+    """
+
+    INSIDE = "reachable"
+    AT_LIMIT = "at the joint limit"
+    OUTSIDE = "not reachable"
+    UNKNOWN = "none found"
+
+    @property
+    def known(self) -> bool | None:
+        """True, False (proven), or None if no configuration within the limits was found."""
+        return {"OUTSIDE": False, "UNKNOWN": None}.get(self.name, True)
+
+    @property
+    def words(self) -> str:
+        """The same in a sentence."""
+        return {
+            "INSIDE": "within the joint limits",
+            "AT_LIMIT": "at the joint limit",
+            "OUTSIDE": "outside the joint limits",
+            "UNKNOWN": "no point found within the joint limits",
+        }[self.name]
+
+    @staticmethod
+    def of(known: bool | None) -> Reachability:
+        """The member that ``known`` tells of."""
+        if known is None:
+            return Reachability.UNKNOWN
+        return Reachability.INSIDE if known else Reachability.OUTSIDE
+
+    def __str__(self) -> str:
+        return self.value
 
 
 class Ellipsoid(NamedTuple):

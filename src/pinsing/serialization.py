@@ -6,8 +6,9 @@ import dataclasses
 import json
 import types
 import typing
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from collections.abc import Callable, Mapping
+from enum import Enum
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +21,25 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 T = TypeVar("T")
+
+
+class Written(NamedTuple):
+    """How a field stands in JSON, where not as it is: its metadata under "json".
+
+    Attributes
+    ----------
+    name : str
+        Its key.
+    encode, decode : callable
+        From the value to what JSON has, and back.
+    kind : type
+        What JSON has there.
+    """
+
+    name: str
+    encode: Callable[[Any], Any]
+    decode: Callable[[Any], Any]
+    kind: Any
 
 
 class JsonResult:
@@ -132,8 +152,14 @@ def _one_line(self: Any) -> str:
 
 
 def _encode_fields(value: Any) -> dict[str, Any]:
-    fields = dataclasses.fields(value)
-    return {f.name: encode(getattr(value, f.name)) for f in fields if f.metadata.get("json", True)}
+    out = {}
+    for f in dataclasses.fields(value):
+        written = f.metadata.get("json", True)
+        if isinstance(written, Written):
+            out[written.name] = encode(written.encode(getattr(value, f.name)))
+        elif written:
+            out[f.name] = encode(getattr(value, f.name))
+    return out
 
 
 def encode(value: Any) -> Any:
@@ -151,6 +177,8 @@ def encode(value: Any) -> Any:
         return [encode(v) for v in value]
     if isinstance(value, np.bool_ | np.integer):
         return value.item()
+    if isinstance(value, Enum):
+        return value.value
     return value
 
 
@@ -159,8 +187,14 @@ def _decode(kind: Any, value: Any) -> Any:
     if dataclasses.is_dataclass(kind) and isinstance(kind, type):
         hints = typing.get_type_hints(kind)
         data = _expect(dict, value)
-        fields = [f for f in dataclasses.fields(kind) if f.metadata.get("json", True)]
-        return kind(**{f.name: _decode(hints[f.name], data[f.name]) for f in fields})
+        read = {}
+        for f in dataclasses.fields(kind):
+            written = f.metadata.get("json", True)
+            if isinstance(written, Written):
+                read[f.name] = written.decode(_decode(written.kind, data[written.name]))
+            elif written:
+                read[f.name] = _decode(hints[f.name], data[f.name])
+        return kind(**read)
     if origin in (typing.Union, types.UnionType):
         if value is None and type(None) in args:
             return None
@@ -179,6 +213,8 @@ def _decode(kind: Any, value: Any) -> Any:
         if isinstance(value, bool):
             raise TypeError("found true or false where a number belongs")
         return float(value)
+    if isinstance(kind, type) and issubclass(kind, Enum):
+        return kind(value)
     if kind in (int, bool, str):
         return _expect(kind, value)
     return value

@@ -16,6 +16,7 @@ from pinsing.families.pieces import Piece, PieceMaker
 from pinsing.families.statement import statement
 from pinsing.families.zero_set import gradients, proven_empty
 from pinsing.geometry.nominal import Nominal
+from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 
 _SEED = 20
@@ -42,7 +43,7 @@ def describe(group: Sequence[Piece], maker: PieceMaker, arm: Arm, geometry: Nomi
         codimension=group[0].codimension,
         proof=min((p.proof for p in group), key=["generic points", "algebra"].index),
         real=any(p.real for p in group),
-        reachability="none found",
+        reachability=Reachability.UNKNOWN,
         witness=None,
         generic=None,
         rank=None,
@@ -60,13 +61,13 @@ def describe(group: Sequence[Piece], maker: PieceMaker, arm: Arm, geometry: Nomi
         return draft
     rng = np.random.default_rng(_SEED)
     inside = draft.points(_WITNESSES, rng, within_limits=True, rounds=maker.rounds())
-    reachability = "reachable" if len(inside) else "none found"
+    reachability = Reachability.INSIDE if len(inside) else Reachability.UNKNOWN
     if not len(inside):
         tolerance = np.where(arm.prismatic, _LENGTH_TOL, maker.angle_tol)
         wider = replace(draft, limit_tolerance=tolerance)
         inside = wider.points(_WITNESSES, rng, within_limits=True, rounds=maker.rounds())
         if len(inside):
-            draft, reachability = wider, "at the joint limit"
+            draft, reachability = wider, Reachability.AT_LIMIT
             draft = replace(draft, limits_met=_limits_met(draft, inside[0], maker.symbols))
         elif not maker.time.over:
             reachability = _unreachable(wider)
@@ -88,7 +89,7 @@ def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, 
     return tuple(said)
 
 
-def _unreachable(family: Family) -> str:
+def _unreachable(family: Family) -> Reachability:
     """Whether that no point lies within the limits can be proven."""
     lower, upper = family.box(within_limits=True)
     endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
@@ -97,13 +98,13 @@ def _unreachable(family: Family) -> str:
         if family._placed(branch, within_limits=True) and not (
             branch.equations and not cut and proven_empty(branch.equations, lower, upper)
         ):
-            return "none found"
-    return "not reachable"
+            return Reachability.UNKNOWN
+    return Reachability.OUTSIDE
 
 
 def _described(
     draft: Family,
-    reachability: str,
+    reachability: Reachability,
     inside: Array,
     points: Array,
     arm: Arm,
@@ -114,7 +115,7 @@ def _described(
         return replace(draft, reachability=reachability)
     exact = geometry.arm
     branch = next((b for b in draft.branches if _on(draft, b, points[0])), draft.branches[0])
-    strictly = bool(len(inside)) and reachability == "reachable"
+    strictly = bool(len(inside)) and reachability is Reachability.INSIDE
     generic = readable(draft, branch, points[0], exact, within_limits=strictly)
     state = at(exact, generic, rtol=1e-8)
     raw = None

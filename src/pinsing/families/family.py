@@ -18,6 +18,7 @@ from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions, nearest_points
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.zero_set import ROUNDS, project, search
+from pinsing.measures import Reachability
 from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
@@ -140,10 +141,10 @@ class Family(JsonResult):
         decided at random points of every component, exactly, modulo a prime of 62 bits.
     real : bool
         Whether a real point is known.
-    reachability : str
-        "reachable" (with ``witness``), "at the joint limit" (beyond it by less than the angle
-        tolerance, as by a rounded 1.5708; see ``limits_met``), "not reachable" (proven), or
-        "none found".
+    reachability : Reachability
+        A text too: "reachable" (with ``witness``), "at the joint limit" (beyond it by less
+        than the angle tolerance, as by a rounded 1.5708; see ``limits_met``), "not reachable"
+        (proven), or "none found".
     limit_tolerance : (n,) array or None
         By how much the limits count as wider; None: by nothing.
     limits_met : tuple of str
@@ -187,7 +188,7 @@ class Family(JsonResult):
     codimension: int
     proof: str
     real: bool
-    reachability: str
+    reachability: Reachability
     witness: Array | None
     generic: Array | None
     rank: int | None
@@ -218,8 +219,7 @@ class Family(JsonResult):
     @property
     def is_reachable(self) -> bool | None:
         """True, False (proven), or None if no point within the limits was found."""
-        known = {"reachable": True, "at the joint limit": True, "not reachable": False}
-        return known.get(self.reachability)
+        return self.reachability.known
 
     @property
     def equations(self) -> tuple[Equation, ...]:
@@ -451,7 +451,7 @@ class Family(JsonResult):
         True
         """
         whole_number(n, "n", 0, _MOST_POINTS)
-        if n == 0 or (within_limits and self.reachability == "not reachable"):
+        if n == 0 or (within_limits and self.reachability is Reachability.OUTSIDE):
             return np.zeros((0, self.n))
         found = np.zeros((0, self.n))
         for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits

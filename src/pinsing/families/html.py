@@ -12,12 +12,7 @@ if TYPE_CHECKING:
     from pinsing.families.solve import ClosedForm
 
 _HEADER = ("", "singular where", "kind", "reachable", "why")
-_WITHIN = {
-    "reachable": ("alarm", "within the limits"),
-    "at the joint limit": ("alarm", "at the joint limit"),
-    "not reachable": ("good", "outside the limits"),
-    "none found": ("", "none found within the limits"),
-}
+_TONES: dict[bool | None, str] = {True: "alarm", False: "good"}
 
 
 def families_html(forms: ClosedForm) -> str:
@@ -51,7 +46,7 @@ def _where(named: tuple[tuple[str, str], ...]) -> str:
 
 
 def _row(family: Family) -> tuple[str, ...]:
-    tone, words = _WITHIN[family.reachability]
+    tone, words = _TONES.get(family.is_reachable), family.reachability.words
     varies = family.kind == "varies"
     kind = "; ".join(str(part) for part in family.kinds) if varies else family.kind
     return (

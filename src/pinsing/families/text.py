@@ -110,12 +110,6 @@ def _random_steps(forms: ClosedForm) -> str:
 
 def _meaning(family: Family) -> Iterator[str]:
     n = family.n
-    where = {
-        "reachable": "within the joint limits",
-        "at the joint limit": "at the joint limit",
-        "not reachable": "outside the joint limits",
-        "none found": "no point found within the joint limits",
-    }[family.reachability]
     if not family.real:
         yield "no real point found"
         return
@@ -125,7 +119,7 @@ def _meaning(family: Family) -> Iterator[str]:
         kind = f"{family.kind}, " if family.kind != "undecided" else ""
     size = f"codimension {family.codimension} of {n}"
     proof = "" if family.proof == "algebra" else ", checked at generic points"
-    yield f"{kind}{where}; {size}{proof}"
+    yield f"{kind}{family.reachability.words}; {size}{proof}"
     yield from family.limits_met
     if family.reason:
         yield family.reason

@@ -154,7 +154,7 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
     else:
         every = two_sided(watched.conditions, Q, each=True).each
         assert every is not None
-        inside = np.array([f.reachability != "not reachable" for f in watched.families])
+        inside = np.array([f.is_reachable is not False for f in watched.families])
         least = np.where(inside, every[..., 0], np.inf)
         lower = least.min(axis=1, initial=np.inf)
         upper = np.full(len(Q), np.inf)

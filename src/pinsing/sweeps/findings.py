@@ -11,7 +11,7 @@ import itertools
 import math
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -24,8 +24,9 @@ from pinsing.configuration.refine import SingularConfiguration, describe, walk
 from pinsing.errors import OptionError
 from pinsing.geometry.nominal import ANGLE_TOL, nominal
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, Status, ratios
+from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
-from pinsing.serialization import JsonResult
+from pinsing.serialization import JsonResult, Written
 from pinsing.sweeps.curves import CurveTable
 from pinsing.sweeps.generalize import SAMPLES, ConditionTester
 from pinsing.sweeps.joint_condition import JointCondition
@@ -61,9 +62,9 @@ class Finding(JsonResult):
         A representative, on the nominal geometry; within the limits if one was found.
     raw_ratio : float
         sigma_r / sigma_1 of the representative on the raw geometry.
-    reachable : bool or None
-        Exists within the limits (True: the representative), does not (False: a fixed value is
-        outside), or none was found (None).
+    reachability : Reachability
+        Whether one exists within the limits (then the representative does), does not (a fixed
+        value is outside), or none was found. JSON has it as ``reachable``: true, false or null.
     seen : int
         Number of dips, and of curves that are singular all along, that led here.
     curves : tuple of int
@@ -81,10 +82,17 @@ class Finding(JsonResult):
     condition: JointCondition
     configuration: SingularConfiguration
     raw_ratio: float
-    reachable: bool | None
+    reachability: Reachability = field(
+        metadata={"json": Written("reachable", lambda r: r.known, Reachability.of, bool | None)}
+    )
     seen: int
     curves: tuple[int, ...]
     zeros: tuple[tuple[int, float], ...] = ()
+
+    @property
+    def reachable(self) -> bool | None:
+        """True, False (proven), or None if no configuration within the limits was found."""
+        return self.reachability.known
 
     def __str__(self) -> str:
         from pinsing.sweeps.text import finding_spans
@@ -298,7 +306,7 @@ class _Collector:
                     condition=condition,
                     configuration=chosen,
                     raw_ratio=float(_ratios(self.arm, chosen.q)[0]),
-                    reachable=reachable,
+                    reachability=Reachability.of(reachable),
                     seen=len(curves),
                     curves=tuple(dict.fromkeys(curves)),
                     zeros=tuple(
@@ -400,7 +408,7 @@ def _valleys(
                     condition=condition,
                     configuration=chosen,
                     raw_ratio=float(_ratios(arm, chosen.q)[0]),
-                    reachable=True if chosen.within_limits else None,
+                    reachability=Reachability.of(True if chosen.within_limits else None),
                     seen=int(rows.sum()),
                     curves=tuple(dict.fromkeys(curves)),
                 )
