@@ -11,6 +11,7 @@ from __future__ import annotations
 import argparse
 import importlib
 import json
+import math
 import os
 import sys
 import tempfile
@@ -28,9 +29,12 @@ def main() -> int:
         part.add_argument("--seed", type=int, default=1)
         if name == "kills":
             part.add_argument("--kills", type=int, default=1000)
+            part.add_argument("--minutes", type=float, default=math.inf, help="of each kind at most")
             part.add_argument("--kind", action="append", help="one of them only; repeatable")
         if name == "cuts":
             part.add_argument("--cuts", type=int, default=200)
+        if name == "failures":
+            part.add_argument("--command", action="append", help="one of them only; repeatable")
     part = parts.add_parser("report")
     part.add_argument("files", type=Path, nargs="+")
     part.add_argument("--out", type=Path, required=True)
@@ -71,7 +75,7 @@ def _kills(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[s
         place = folder / kind.replace(", ", "_").replace(" ", "_")
         place.mkdir()
         wanted = round(options.kills * share[kind])
-        found = campaign(kind, wanted, options.seed, place)
+        found = campaign(kind, wanted, options.seed, place, 60 * options.minutes)
         row = {"kind": kind, "chunks": found.chunks, "runs": found.runs, "early": found.early}
         rows.append({**row, "ends": dict(found.ends), "kills": found.kills})
         wrong += [f"{kind}: {line}" for line in found.wrong]
@@ -83,7 +87,7 @@ def _failures(options: argparse.Namespace, folder: Path) -> tuple[list[Any], lis
     from durability.failures import COMMANDS, failures
 
     rows, wrong = [], []
-    for command in COMMANDS:
+    for command in options.command or COMMANDS:
         found, bad = failures(command, folder)
         rows += found
         wrong += bad

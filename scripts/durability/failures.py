@@ -52,6 +52,11 @@ COMMANDS: dict[str, tuple[tuple[str, ...], str, bool]] = {
     ),
     "map --json": (("map", "planar3r", "--count", "5000", "--json", "OUT"), "map.json", False),
     "at --json": (("at", "planar3r", "--q", "0,1,0", "--json", "OUT"), "at.json", False),
+    "families --certificate": (
+        ("families", "planar3r", "--certificate", "OUT"),
+        "certificate.json",
+        False,
+    ),
     "view --html": (("view", "planar3r", "--html", "OUT"), "page.html", False),
     "plot .png": (
         ("plot", "ellipsoids", "planar3r", "--q", "0,1,0", "--dpi", "30", "--out", "OUT"),

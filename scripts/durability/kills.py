@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 import os
 import random
 import shutil
@@ -68,11 +69,14 @@ class Campaign:
         return sum(self.ends.values())
 
 
-def campaign(kind: str, kills: int, seed: int, folder: Path) -> Campaign:
-    """Kill runs of one kind until there were so many kills; complete the last one."""
+def campaign(
+    kind: str, kills: int, seed: int, folder: Path, seconds: float = math.inf
+) -> Campaign:
+    """Kill runs of one kind, so often or for so long; complete the last one."""
     words = KINDS[kind]
     rng = random.Random(f"{kind} {seed}")
     found = Campaign()
+    limit = time.monotonic() + seconds
     with contextlib.ExitStack() as stack:
         if "ADDRESS" in words:
             address = stack.enter_context(dask(folder))
@@ -86,9 +90,9 @@ def campaign(kind: str, kills: int, seed: int, folder: Path) -> Campaign:
             return found
         expected = contents(whole)
         found.chunks = len(expected) - 2  # and the plan and the result
-        while found.kills < kills and len(found.wrong) < 5:
+        while found.kills < kills and len(found.wrong) < 5 and time.monotonic() < limit:
             out = folder / f"run{found.runs}"
-            _one_run([*words, "--out", str(out)], out, longest, rng, found, kills)
+            _one_run([*words, "--out", str(out)], out, longest, rng, found, kills, limit)
             if contents(out) != expected:
                 other = contents(out)
                 names = [n for n in {**expected, **other} if expected.get(n) != other.get(n)]
@@ -100,13 +104,19 @@ def campaign(kind: str, kills: int, seed: int, folder: Path) -> Campaign:
 
 
 def _one_run(
-    words: list[str], out: Path, longest: float, rng: random.Random, found: Campaign, kills: int
+    words: list[str],
+    out: Path,
+    longest: float,
+    rng: random.Random,
+    found: Campaign,
+    kills: int,
+    limit: float,
 ) -> None:
     for _ in range(10 * kills + 100):
         how = rng.choice(["SIGKILL", "SIGKILL", "SIGINT", "SIGINT twice"])
         early = rng.random() < _EARLY
         after = rng.uniform(0, longest if early else longest / 16)
-        enough = found.kills >= kills
+        enough = found.kills >= kills or time.monotonic() >= limit
         code, said = life(words, out, None if enough else (how, after, not early))
         ended = {"SIGKILL": -signal.SIGKILL}.get(how, _STOPPED)
         if code == 0:
