@@ -1,10 +1,11 @@
 #!/usr/bin/env python
-"""Feed pinsing with broken robot files, and count how each case ends.
+"""Feed pinsing with broken input of every kind that it reads, and count how each case ends.
 
-Every case must end in a result, or in one clear line with exit code 2; within 10 seconds (of
-processor time; 45 on the clock, whatever else runs) and 2 GiB; never in a traceback, a crash or
-a hang. Cases run in worker processes with limits of their own; a worker that dies or is late is
-replaced, and the case is reported with its seed.
+Robot files (URDF, xacro, DH tables, loops), expressions of xacro, meshes, folders of runs, results
+and certificates as JSON, messages of a page. Every case must end in a result, or in one clear line
+with exit code 2; within 10 seconds (of processor time; 45 on the clock, whatever else runs) and
+2 GiB; never in a traceback, a crash or a hang. Cases run in worker processes with limits of their
+own; a worker that dies or is late is replaced, and the case is reported with its seed.
 """
 
 from __future__ import annotations
@@ -13,8 +14,11 @@ import argparse
 import contextlib
 import importlib
 import io
+import itertools
 import json
+import math
 import os
+import random
 import resource
 import select
 import subprocess
@@ -23,34 +27,25 @@ import tempfile
 import threading
 import time
 import traceback
-from collections import Counter, defaultdict
+import warnings
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
+import fuzz_targets
+from fuzz_folders import run_folder
+from fuzz_judge import Wrong
 from fuzz_mutants import bases, mutant
+from fuzz_report import FILES, GOOD, KINDS, MEMORY, SECONDS, Outcome, report, table
 
-SECONDS = 10.0
 HANG = 45.0
-MEMORY = 2 * 2**30
-KINDS = ("urdf", "xacro", "dh", "loops")
-GOOD = ("result", "refused")
+# Of the cases, where no kind is asked for.
+SHARES = {"urdf": 0.06, "xacro": 0.02, "dh": 0.04, "loops": 0.04, "run": 0.02, "mesh": 0.01}
+SHARES |= {"expression": 0.35, "result": 0.16, "certificate": 0.15, "message": 0.15}
 SUFFIX = {"urdf": "arm.urdf", "xacro": "arm.xacro", "dh": "arm.yaml", "loops": "arm.loops.yaml"}
 _URDFS = ("ur5_robot", "panda", "z1", "talos_left_arm", "so101", "kinova")
 _TREES = ("four_bar", "five_bar", "planar_3rrr")
-
-
-@dataclass(frozen=True)
-class Outcome:
-    """How a case ended: result, refused, or one of the ways that must not be."""
-
-    kind: str
-    seed: int
-    outcome: str
-    said: str
-    seconds: float
 
 
 def sources() -> dict[str, list[str]]:
@@ -73,6 +68,8 @@ def sources() -> dict[str, list[str]]:
 
 def run_case(kind: str, seed: int, files: dict[str, list[str]], folder: Path) -> tuple[str, str]:
     """Run one case in this process; return its outcome and what was said."""
+    if kind not in FILES:
+        return _run_target(kind, seed, folder)
     index = seed % len(files[kind])
     path = folder / SUFFIX[kind]
     path.write_bytes(mutant(seed, kind, files[kind][index]))
@@ -83,6 +80,20 @@ def run_case(kind: str, seed: int, files: dict[str, list[str]], folder: Path) ->
         if outcome != "result":
             break
     return outcome, said
+
+
+def _run_target(kind: str, seed: int, folder: Path) -> tuple[str, str]:
+    rng = random.Random(f"{kind} {seed}")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", SyntaxWarning)  # of expressions that look odd
+        try:
+            if kind == "run":
+                return run_folder(rng, folder, _call)
+            return fuzz_targets.TARGETS[kind](rng, folder)
+        except Wrong as error:
+            return "unclear", str(error)
+        except Exception:
+            return "traceback", traceback.format_exc(limit=-4)
 
 
 def _calls(kind: str, seed: int, index: int, path: Path) -> list[list[str]]:
@@ -243,7 +254,7 @@ class Worker:
 
 def fuzz(cases: Iterable[tuple[str, int]], workers: int) -> Iterator[Outcome]:
     """Run cases over some worker processes; yield how each ended, in no certain order."""
-    todo = iter(list(cases))
+    todo = iter(cases)
     lock = threading.Lock()
     results: list[Outcome] = []
     done = threading.Semaphore(0)
@@ -282,67 +293,14 @@ def fuzz(cases: Iterable[tuple[str, int]], workers: int) -> Iterator[Outcome]:
         thread.join()
 
 
-def table(outcomes: list[Outcome]) -> str:
-    """Counts by kind of file, as Markdown."""
-    columns = [*GOOD, "traceback", "unclear", "late", "hang", "crash"]
-    lines = [
-        "| file | cases | " + " | ".join(columns) + " | slowest |",
-        "|---|" + "---:|" * (len(columns) + 2),
-    ]
-    for kind in (*KINDS, "all"):
-        chosen = [o for o in outcomes if kind in (o.kind, "all")]
-        if chosen:
-            count = Counter(o.outcome for o in chosen)
-            slowest = max(o.seconds for o in chosen)
-            cells = [str(count[c]) for c in columns]
-            lines.append(f"| {kind} | {len(chosen)} | {' | '.join(cells)} | {slowest:.1f} s |")
-    return "\n".join(lines)
-
-
-def reasons(outcomes: list[Outcome], limit: int) -> str:
-    """The commonest refusals, their names and numbers left out, as Markdown."""
-    import re
-
-    groups: dict[str, list[Outcome]] = defaultdict(list)
-    for o in outcomes:
-        if o.outcome == "refused":
-            text = re.sub(r"^\S*/(arm|made)\.\w+(\.yaml)?(:\d+)?: ", "", o.said)
-            text = re.sub(r"(\"|').*?\1|<[^>]*>|[-+]?\d[\d.e+-]*", "…", text).replace("|", "/")
-            groups[text[:110]].append(o)
-    common = sorted(groups.items(), key=lambda g: -len(g[1]))[:limit]
-    return "\n".join(f"| {len(found)} | {text} |" for text, found in common)
-
-
-def report(outcomes: list[Outcome], seed: int) -> str:
-    """The whole report, as Markdown."""
-    return f"""# Fuzzing: broken robot files, and how each ended
-
-Made by `scripts/fuzz.py --cases {len(outcomes)} --seed {seed} --report docs/fuzz.md`. Good URDF,
-xacro, DH and loop files are broken: attributes dropped, numbers turned to nan, inf, 1e308, nothing
-or text; elements and lines removed, moved, doubled, renamed; joints hung into loops; expressions
-that fail, never end, or reach for the machine; wrong encodings, truncated and flipped bytes, 10 MB
-of one thing, deep nesting, rows and crowds of thousands of joints, entities of all kinds. Each goes
-through `pinsing info` (every eighth URDF and xacro through `pinsing analyze` as well), `pinsing dh`
-and then `info`, or the loading and closing of a mechanism, in a process with {SECONDS:g} s of
-processor time and {MEMORY // 2**30} GiB.
-
-{table(outcomes)}
-
-*result*: exit code 0 and an answer. *refused*: exit code 2 and one line that is printable and
-shorter than 2,000 characters. All other columns have to be zero; a shorter, seeded run is part of
-the tests.
-
-## The commonest refusals
-
-| cases | line |
-|---:|---|
-{reasons(outcomes, 40)}
-"""
+def _until(limit: float, cases: Iterable[tuple[str, int]]) -> Iterator[tuple[str, int]]:
+    return itertools.takewhile(lambda case: time.monotonic() < limit, cases)
 
 
 def main(argv: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--cases", type=int, default=3000, help="in all")
+    parser.add_argument("--minutes", type=float, default=math.inf, help="no new case after them")
     parser.add_argument("--seed", type=int, default=0, help="the first one")
     parser.add_argument("--kind", choices=KINDS, action="append", help="default: all")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
@@ -360,15 +318,16 @@ def main(argv: list[str] | None = None) -> int:
             for kind in kinds:
                 print(kind, *run_case(kind, options.one, sources(), Path(folder)), sep="\n")
         return 0
-    share = {"urdf": 0.4, "xacro": 0.2, "dh": 0.2, "loops": 0.2}
-    whole = sum(share[k] for k in kinds)
+    whole = sum(SHARES[k] for k in kinds)
     cases = [
         (kind, options.seed + i)
         for kind in kinds
-        for i in range(round(options.cases * share[kind] / whole))
+        for i in range(round(options.cases * SHARES[kind] / whole))
     ]
+    random.Random(options.seed).shuffle(cases)  # so that a part of them is of every kind
+    limit = time.monotonic() + 60 * options.minutes
     outcomes = []
-    for number, o in enumerate(fuzz(cases, options.workers), 1):
+    for number, o in enumerate(fuzz(_until(limit, cases), options.workers), 1):
         outcomes.append(o)
         if o.outcome not in GOOD:
             print(f"{o.kind} {o.seed}: {o.outcome}: {o.said}", flush=True)

@@ -89,7 +89,11 @@ def build(folder: Path, isas: list[str], jobs: int) -> Path:
     source = Path(nanobind.source_dir())
     includes = [source.parent / "ext/robin_map/include", nanobind.include_dir()]
     includes += [sysconfig.get_path("include")]
-    common = [*FLAGS, *(f"-I{p}" for p in includes), *(f"-DPINSING_HAVE_{i.upper()}=1" for i in isas)]
+    common = [
+        *FLAGS,
+        *(f"-I{p}" for p in includes),
+        *(f"-DPINSING_HAVE_{i.upper()}=1" for i in isas),
+    ]
     batch = ROOT / "src/pinsing/_batch"
     sources = [
         (path, ISA.get(path.stem.removeprefix("kernel_"), ()))

@@ -34,7 +34,9 @@ def test_each_operation_fails_in_turn(tools: Any, tmp_path: Path, command: str) 
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("command", ["map --out DIR", "sweep --out DIR", "families --certificate", "view --html", "dh"])
+@pytest.mark.parametrize(
+    "command", ["map --out DIR", "sweep --out DIR", "families --certificate", "view --html", "dh"]
+)
 def test_each_operation_fails_in_turn_in_long_commands(
     tools: Any, tmp_path: Path, command: str
 ) -> None:

@@ -27,7 +27,7 @@ from pinsing.errors import EngineError, OutputError
 from pinsing.maps import plan_map, sigma_map
 from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
-from pinsing.runs.chunk_file import pack
+from pinsing.runs.chunk_file import Record, pack
 from pinsing.runs.run_folder import RunFolder, open_run, recorded
 from pinsing.sweeps.npz import load_npz
 from pinsing.sweeps.plan import plan_sweep
@@ -451,6 +451,31 @@ def test_a_sweep_in_a_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
     assert run_sweep(arm, plan, out=out, engine=named).to_json() == whole.to_json()
     with pytest.raises(OutputError, match="samples is 61 there and 62 here"):
         run_sweep(arm, plan_sweep(arm, samples=62, levels=3), out=out)
+
+
+@pytest.mark.parametrize("kind", ["map", "sweep"])
+def test_ctrl_c_in_the_middle_of_a_write_raises_nothing_there(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An exception in the middle of NumPy's writer would be another one at the end."""
+    arm, out = arms.textbook("stanford"), tmp_path / "run"
+    whole: list[int] = []
+
+    def interrupted(record: Record, run: str, index: int) -> bytes:
+        data = pack(record, run, index)
+        if not whole:
+            signal.raise_signal(signal.SIGINT)  # an exception of it would come at the next line
+        whole.append(index)
+        return data
+
+    monkeypatch.setattr("pinsing.runs.run_folder.pack", interrupted)
+    if kind == "map":
+        assert not sigma_map(arm, count=9 * BLOCK, chunk=BLOCK, threads=1, out=out).complete
+    else:
+        plan = plan_sweep(arm, samples=2001, levels=1)
+        assert not run_sweep(arm, plan, chunk=1, threads=1, out=out).complete
+    assert whole
+    assert len(list((out / "chunks").iterdir())) == len(whole)
 
 
 def test_sweep_on_any_engine_and_threads() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import sys
 from collections import Counter
@@ -34,9 +35,50 @@ def test_broken_files_end_in_a_result_or_in_one_clear_line(fuzz):
         assert ended["refused"] > ended["result"] // 4, kind
 
 
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [
+        ("expression", 1500),
+        ("result", 250),
+        ("certificate", 200),
+        ("message", 300),
+        ("run", 25),
+        ("mesh", 2),
+    ],
+)
+def test_other_broken_input_ends_so_too(fuzz, kind, count):
+    cases = [(kind, 70_000 + i) for i in range(count)]
+    outcomes = list(fuzz.fuzz(cases, workers=1))
+    assert len(outcomes) == count
+    assert [o for o in outcomes if o.outcome not in fuzz.GOOD] == []
+    assert {o.outcome for o in outcomes} == set(fuzz.GOOD) or kind == "mesh"
+
+
+def test_an_expression_with_another_value_is_noticed(fuzz, monkeypatch):
+    import operator
+
+    from pinsing.description import xacro_expression
+
+    other = {**xacro_expression._BINARY, ast.FloorDiv: operator.truediv}
+    monkeypatch.setattr(xacro_expression, "_BINARY", other)
+    outcomes = [fuzz.run_case("expression", seed, {}, Path()) for seed in range(400)]
+    assert any("Python says" in said for outcome, said in outcomes if outcome == "unclear")
+
+
+def test_a_run_that_believes_its_folder_is_noticed(fuzz, monkeypatch, tmp_path):
+    """Chunks that are not judged: some forged one comes through, or ends in a traceback."""
+    from pinsing.runs import run_folder
+
+    read = run_folder.RunFolder.read
+    believing = lambda self, index, check=None, room=1 << 28: read(self, index)  # noqa: E731
+    monkeypatch.setattr(run_folder.RunFolder, "read", believing)
+    outcomes = [fuzz.run_case("run", seed, {}, tmp_path)[0] for seed in range(60)]
+    assert set(outcomes) - set(fuzz.GOOD)
+
+
 def test_the_same_seed_makes_the_same_file(fuzz):
     files = fuzz.sources()
-    for kind in fuzz.KINDS:
+    for kind in fuzz.FILES:
         made = [fuzz.mutant(seed, kind, files[kind][0]) for seed in range(30)]
         assert made == [fuzz.mutant(seed, kind, files[kind][0]) for seed in range(30)]
         assert len(set(made)) > 15

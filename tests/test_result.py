@@ -212,3 +212,31 @@ def test_values_that_the_result_itself_refuses():
 def test_results_of_one_kind_are_not_taken_for_another():
     with pytest.raises(ResultError, match=r"found 'pinsing.test.Choosy/1'"):
         Tree.from_json(Choosy(1.0).to_json())
+
+
+@dataclass(frozen=True)
+class Shown(JsonResult):
+    schema: ClassVar[str] = "pinsing.test.Shown/1"
+
+    names: tuple[str, ...]
+    values: npt.NDArray[np.float64]
+
+    def __str__(self) -> str:
+        return ", ".join(f"{n} = {v}" for n, v in zip(self.names, self.values, strict=True))
+
+
+def test_parts_that_do_not_fit_each_other_are_refused_at_once() -> None:
+    good = Shown(("a", "b"), np.array([1.0, 2.0])).to_dict()
+    assert str(Shown.from_dict(good)) == "a = 1.0, b = 2.0"
+    with pytest.raises(ResultError, match="its parts do not fit together"):
+        Shown.from_dict({**good, "values": [1.0]})
+
+
+@pytest.mark.parametrize("bad", ["a" * 5000, "\x1b[31m\n", "\ud800" * 300])
+def test_refusals_stay_short_and_printable(bad: str) -> None:
+    good = Shown(("a",), np.array([1.0])).to_dict()
+    for data in ({**good, "values": [bad]}, {**good, "schema": bad}, {**good, "values": {bad: 1}}):
+        with pytest.raises(ResultError) as caught:
+            Shown.from_dict(data)
+        assert len(str(caught.value)) < 400
+        assert str(caught.value).isprintable()

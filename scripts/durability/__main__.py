@@ -29,7 +29,9 @@ def main() -> int:
         part.add_argument("--seed", type=int, default=1)
         if name == "kills":
             part.add_argument("--kills", type=int, default=1000)
-            part.add_argument("--minutes", type=float, default=math.inf, help="of each kind at most")
+            part.add_argument(
+                "--minutes", type=float, default=math.inf, help="of each kind at most"
+            )
             part.add_argument("--kind", action="append", help="one of them only; repeatable")
         if name == "cuts":
             part.add_argument("--cuts", type=int, default=200)

@@ -69,9 +69,7 @@ class Campaign:
         return sum(self.ends.values())
 
 
-def campaign(
-    kind: str, kills: int, seed: int, folder: Path, seconds: float = math.inf
-) -> Campaign:
+def campaign(kind: str, kills: int, seed: int, folder: Path, seconds: float = math.inf) -> Campaign:
     """Kill runs of one kind, so often or for so long; complete the last one."""
     words = KINDS[kind]
     rng = random.Random(f"{kind} {seed}")
@@ -115,7 +113,7 @@ def _one_run(
     for _ in range(10 * kills + 100):
         how = rng.choice(["SIGKILL", "SIGKILL", "SIGINT", "SIGINT twice"])
         early = rng.random() < _EARLY
-        after = rng.uniform(0, longest if early else longest / 16)
+        after = rng.uniform(0, longest if early else longest / 40)
         enough = found.kills >= kills or time.monotonic() >= limit
         code, said = life(words, out, None if enough else (how, after, not early))
         ended = {"SIGKILL": -signal.SIGKILL}.get(how, _STOPPED)
@@ -187,6 +185,8 @@ def _live(words: list[str], said: Path) -> None:
         for number, handle in ((0, null), (1, null), (2, err)):
             os.dup2(handle, number)
         sys.stderr = os.fdopen(2, "w", buffering=1)
+        # It is ignored where this was started in the background.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
         from pinsing.cli import main
 
         try:

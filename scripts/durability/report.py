@@ -34,6 +34,7 @@ def _kills(found: dict[str, Any]) -> str:
         "| runs completed, all identical |",
         "|---|" + "---:|" * 7,
     ]
+    rows = _by_kind(rows)
     total = sum(row["kills"] for row in rows)
     for row in rows:
         ends = [row["ends"].get(name, 0) for name in ("SIGKILL", "SIGINT", "SIGINT twice")]
@@ -42,6 +43,20 @@ def _kills(found: dict[str, Any]) -> str:
     wrong = found.get("kills_wrong", [])
     lines.append(f"\n{total:,} kills in all; {len(wrong)} that went wrong.\n")
     return "\n".join([*lines, *(f"- {line}" for line in wrong)])
+
+
+def _by_kind(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """One row of each kind, whose campaigns are added up."""
+    kinds: dict[str, dict[str, Any]] = {}
+    for row in rows:
+        whole = kinds.setdefault(
+            row["kind"], {**row, "ends": {}, "kills": 0, "early": 0, "runs": 0}
+        )
+        for name, count in row["ends"].items():
+            whole["ends"][name] = whole["ends"].get(name, 0) + count
+        for name in ("kills", "early", "runs"):
+            whole[name] += row[name]
+    return list(kinds.values())
 
 
 def _failures(found: dict[str, Any]) -> str:

@@ -96,7 +96,8 @@ class JsonResult:
         Raises
         ------
         ResultError
-            If the schema is another one, or a field is missing.
+            If the schema is another one, a field is missing, or what they hold does not fit
+            together.
 
         Examples
         --------
@@ -107,15 +108,20 @@ class JsonResult:
         """
         found = data.get("schema") if isinstance(data, Mapping) else None
         if found != cls.schema:
-            raise ResultError(f"expected data of schema {cls.schema!r}, found {found!r}")
+            raise ResultError(f"expected data of schema {cls.schema!r}, found {found!r:.80}")
         try:
-            return typing.cast(
-                "Self", _decode(cls, {k: v for k, v in data.items() if k != "schema"})
-            )
+            made = _decode(cls, {k: v for k, v in data.items() if k != "schema"})
         except KeyError as error:
             raise ResultError(f"damaged {cls.schema} data: {error} is missing") from None
-        except (TypeError, ValueError, OverflowError, PinsingError) as error:
-            raise ResultError(f"damaged {cls.schema} data: {error}") from None
+        except (TypeError, ValueError, OverflowError, RecursionError, PinsingError) as error:
+            raise ResultError(f"damaged {cls.schema} data: {_short(error)}") from None
+        try:  # rows too few, or numbers of what there is not: found here and not later
+            str(made)
+        except _UNFIT as error:
+            raise ResultError(
+                f"damaged {cls.schema} data: its parts do not fit together ({_short(error)})"
+            ) from None
+        return typing.cast("Self", made)
 
     @classmethod
     @checked
@@ -142,8 +148,16 @@ class JsonResult:
         try:
             data = json.loads(text)
         except (ValueError, RecursionError) as error:
-            raise ResultError(f"not JSON: {error}") from None
+            raise ResultError(f"not JSON: {_short(error)}") from None
         return cls.from_dict(data)
+
+
+_UNFIT = (TypeError, ValueError, LookupError, ArithmeticError, AttributeError, RecursionError)
+
+
+def _short(error: Exception) -> str:
+    text = "".join(c if c.isprintable() else "?" for c in str(error))
+    return text if len(text) <= 200 else f"{text[:200]}..."
 
 
 def _one_line(self: Any) -> str:

@@ -18,7 +18,7 @@ from pinsing.robot.arm import Arm
 from pinsing.runs.chunk_file import DamagedError, Record
 from pinsing.runs.cluster import lost
 from pinsing.runs.executors import local_threads
-from pinsing.runs.inbox import Inbox
+from pinsing.runs.inbox import Inbox, ctrl_c_to
 from pinsing.runs.options import RunOptions
 from pinsing.runs.run_folder import RunFolder, open_run, recorded
 
@@ -69,6 +69,8 @@ def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
 def running(job: Job, options: RunOptions) -> Iterator[tuple[Chunks, RunFolder | None]]:
     """Run ``job`` for as long as the block lasts: its chunks as they are done, and its folder.
 
+    So long Ctrl-C raises nothing by itself: see `pinsing.runs.inbox`.
+
     Raises
     ------
     OptionError
@@ -79,13 +81,16 @@ def running(job: Job, options: RunOptions) -> Iterator[tuple[Chunks, RunFolder |
     executor, parallel = options.executor, options.parallel
     if executor is not None and options.threads is not None:
         raise OptionError("give either threads or an executor, not both")
+    inbox = Inbox()
     with contextlib.ExitStack() as stack:
+        stack.enter_context(ctrl_c_to(inbox))
         folder = None
         if options.out is not None:
             folder = stack.enter_context(open_run(options.out, job.identity(), job.chunks))
         if executor is None:
-            executor, parallel = stack.enter_context(local_threads(options.threads))
-        chunks = finished_chunks(job, executor, folder, parallel, options.tell)
+            pool = local_threads(options.threads, patient=lambda: inbox.asked < 2)
+            executor, parallel = stack.enter_context(pool)
+        chunks = finished_chunks(job, executor, folder, parallel, options.tell, inbox)
         yield stack.enter_context(contextlib.closing(chunks)), folder
 
 

@@ -82,7 +82,7 @@ class Stage:
         """
         if request["want"] == "start":
             return self.start()
-        raise OptionError(f"unknown request {request['want']!r}")
+        raise OptionError(f"unknown request {request['want']!r:.60}")
 
     def frame(self, q: npt.ArrayLike) -> dict[str, Any]:
         """Everything at q (n,), as the page computes it for itself."""
