@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import functools
 import importlib
 import io
 import itertools
@@ -84,12 +85,12 @@ def run_case(kind: str, seed: int, files: dict[str, list[str]], folder: Path) ->
 
 def _run_target(kind: str, seed: int, folder: Path) -> tuple[str, str]:
     rng = random.Random(f"{kind} {seed}")
+    targets = {**fuzz_targets.TARGETS, "run": functools.partial(run_folder, call=_call)}
+    target = targets[kind]
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", SyntaxWarning)  # of expressions that look odd
         try:
-            if kind == "run":
-                return run_folder(rng, folder, _call)
-            return fuzz_targets.TARGETS[kind](rng, folder)
+            return target(rng, folder)
         except Wrong as error:
             return "unclear", str(error)
         except Exception:

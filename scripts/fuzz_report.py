@@ -62,6 +62,7 @@ _FOUND = """
 - A result out of JSON whose parts do not fit each other (rows too few, two names for three joints)
   was accepted, and failed when it was shown. `from_json` says so now.
 - Refusals repeated whatever was in the JSON at any length. They quote 200 characters at most.
+- A certificate whose families lack their names was accepted, and then could not be told of.
 - A page that asks for what there is not got all of its own message back; 60 characters now.
 """
 

@@ -38,10 +38,10 @@ def test_broken_files_end_in_a_result_or_in_one_clear_line(fuzz):
 @pytest.mark.parametrize(
     ("kind", "count"),
     [
-        ("expression", 1500),
-        ("result", 250),
-        ("certificate", 200),
-        ("message", 300),
+        ("expression", 1000),
+        ("result", 120),
+        ("certificate", 120),
+        ("message", 120),
         ("run", 25),
         ("mesh", 2),
     ],
@@ -72,8 +72,8 @@ def test_a_run_that_believes_its_folder_is_noticed(fuzz, monkeypatch, tmp_path):
     read = run_folder.RunFolder.read
     believing = lambda self, index, check=None, room=1 << 28: read(self, index)  # noqa: E731
     monkeypatch.setattr(run_folder.RunFolder, "read", believing)
-    outcomes = [fuzz.run_case("run", seed, {}, tmp_path)[0] for seed in range(60)]
-    assert set(outcomes) - set(fuzz.GOOD)
+    cases = (fuzz.run_case("run", seed, {}, tmp_path)[0] for seed in range(60))
+    assert any(outcome not in fuzz.GOOD for outcome in cases)
 
 
 def test_the_same_seed_makes_the_same_file(fuzz):

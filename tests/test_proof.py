@@ -414,3 +414,10 @@ def test_what_cannot_be_verified_is_said_in_one_line(tmp_path):
     run = pinsing_command("families", "ur5", "--no-prove", "--certificate", tmp_path / "x.json")
     assert run.returncode == 2
     assert not (tmp_path / "x.json").exists()
+
+
+def test_families_without_names_are_rejected(certificates):
+    data = certificates("stanford")
+    for family in data["families"]:
+        del family["name"]
+    assert "malformed" in verdict(data)

@@ -7,9 +7,11 @@ import re
 import shutil
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import arms
 import numpy as np
+import numpy.typing as npt
 import pytest
 
 from pinsing.errors import OutputError, ResultError
@@ -271,27 +273,37 @@ def test_contents_that_no_chunk_of_a_sweep_has(tmp_path: Path) -> None:
     identity = recorded(out)
     assert identity is not None
     folder = RunFolder(out, identity, identity["chunks"])
-    assert folder.chunks > 2
-    record = folder.load(1)
-    assert record is not None
-    assert len(record["dip_number"]) > 1
-    wrong = {
-        "first": record["first"] + 1,
-        "dips_found": record["dips_found"] + 1,
-        "dip_number": record["dip_number"][::-1].copy(),
-        "dip_kind": -record["dip_kind"] - 1,
-        "dip_sigma": record["dip_sigma"] * np.nan,
-        "dip_ratio": record["dip_ratio"][1:],
-        "sigma_min": record["sigma_min"][1:],
-        "sigma_ratio": -record["sigma_ratio"] - 1,
-        "other": record["first"],
+    records = {i: folder.read(i) for i in range(folder.chunks)}
+    enough = [i for i, record in records.items() if len(record["dip_number"]) > 1]
+    wrong: dict[str, Callable[[npt.NDArray[Any]], npt.NDArray[Any]]] = {
+        "first": lambda a: a + 1,
+        "dips_found": lambda a: a + 1,
+        "dip_number": lambda a: a[::-1].copy(),
+        "dip_kind": lambda a: -a - 1,
+        "dip_sigma": lambda a: a * np.nan,
+        "dip_ratio": lambda a: a[1:],
+        "sigma_min": lambda a: a[1:],
+        "sigma_ratio": lambda a: -a - 1,
+        "other": lambda a: a,
     }
-    for name, array in wrong.items():
-        folder.save(1, {**record, name: array})
-        with pytest.raises(ResultError, match=r"000001\.npz is missing or damaged: run the same"):
+    damaged = dict(zip(enough, wrong.items(), strict=False))  # each in a chunk of its own
+    assert len(damaged) == len(wrong)
+    for index, (name, change) in damaged.items():
+        record = records[index]
+        folder.save(index, {**record, name: change(record.get(name, record["first"]))})
+        message = rf"{index:06d}\.npz is missing or damaged: run the same"
+        with pytest.raises(ResultError, match=message):
             list(kept_curves(out))
-        told: list[str] = []
-        again = run_sweep(arm, plan, keep=True, out=out, chunk=1, tell=told.append)
-        assert told[1].startswith("damaged and done again: chunks 1 ("), name
-        assert again.to_json() == one.to_json()
+        folder.save(index, record)
+    for index, (name, change) in damaged.items():
+        record = records[index]
+        folder.save(index, {**record, name: change(record.get(name, record["first"]))})
+    told: list[str] = []
+    again = run_sweep(arm, plan, keep=True, out=out, chunk=1, tell=told.append)
+    assert told[0].startswith(f"{folder.chunks - len(wrong)} of {folder.chunks} chunks")
+    assert told[1].startswith(f"damaged and done again: chunks {enough[0]} (")
+    assert again.to_json() == one.to_json()
+    assert {i: pack(folder.read(i), "", i) for i in records} == {
+        i: pack(record, "", i) for i, record in records.items()
+    }
     assert len(list(kept_curves(out))) == plan.n_curves

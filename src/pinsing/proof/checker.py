@@ -534,6 +534,7 @@ def verify(text: str) -> dict[str, Any]:
             text, object_pairs_hook=unique, parse_float=no_number, parse_constant=no_number
         )
         Certificate(data).check()
+        statement(data)  # names prove nothing, but are said
     except (*MALFORMED, RecursionError) as error:
         raise Rejected(f"malformed ({type(error).__name__}: {str(error)[:80]})") from None
     return dict(data)
