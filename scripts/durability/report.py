@@ -42,7 +42,8 @@ def _kills(found: dict[str, Any]) -> str:
         lines.append(f"| {row['kind']} | {' | '.join(map(str, cells))} |")
     wrong = found.get("kills_wrong", [])
     lines.append(f"\n{total:,} kills in all; {len(wrong)} that went wrong.\n")
-    return "\n".join([*lines, *(f"- {line}" for line in wrong)])
+    notes = [f"{note}\n" for note in found.get("kills_notes", [])]
+    return "\n".join([*lines, *(f"- {line}" for line in wrong), *notes])
 
 
 def _by_kind(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
