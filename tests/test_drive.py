@@ -16,6 +16,7 @@ from pinsing.mechanism.trace import trace
 from pinsing.robot.mechanism import Mechanism
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]
+FIRST = [*NAMES[:2], pytest.param("planar_3rrr", marks=pytest.mark.slow)]
 
 
 def moved(mechanism: Mechanism, q: np.ndarray, k: int, value: float) -> np.ndarray:
@@ -43,7 +44,7 @@ def test_long_drags_never_change_the_assembly_mode(name: str, rng: np.random.Gen
     assert 5 < stopped < 55
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FIRST)
 def test_a_stretch_ends_where_driving_does(name: str, rng: np.random.Generator) -> None:
     mechanism = shipped(name)
     q = home(mechanism)
@@ -110,7 +111,7 @@ def test_limits_of_the_joint_end_a_stretch() -> None:
     assert {p.kind for p in found.points} == {"type 1"}
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", FIRST)
 def test_type_2_is_left_to_where_the_loops_close(name: str) -> None:
     mechanism = shipped(name)
     ends = [p for p in analyzed(name).points if p.range_end]

@@ -280,6 +280,7 @@ def test_names_are_text_in_figures(named, tmp_path):
         assert not tags & {"script", "img", "a", "foreignObject"}
 
 
+@pytest.mark.slow
 def test_names_of_a_mechanism_are_text(tmp_path):
     hostile = """</script><img src=x onerror='alert(1)'>$x^{$\u202e"""
     folder = Path(__file__).parent.parent / "urdf"

@@ -48,7 +48,9 @@ def work(arm: Arm) -> dict[str, Any]:
     }
 
 
-@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize(
+    "robot", ["ur5", "stanford", pytest.param("panda", marks=pytest.mark.slow)]
+)
 def test_threads_share_an_arm(robot):
     arm = load(robot)
     alone = work(arm)
@@ -77,6 +79,7 @@ def test_threads_load_robots_side_by_side(capfd):
     assert capfd.readouterr().err == "still here\n"
 
 
+@pytest.mark.slow
 def test_results_do_not_change_with_the_number_of_threads():
     code = (
         "import sys; from pinsing import load, singular_values, analyze; import numpy as np\n"

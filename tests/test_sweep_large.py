@@ -251,6 +251,7 @@ def test_few_candidates_are_the_same_however_it_is_cut(tmp_path: Path) -> None:
     assert {"q5 = 0", "a relation between q2 and q3"} <= found <= whole
 
 
+@pytest.mark.slow
 def test_long_curves_in_pieces(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     arm = arms.textbook("stanford")
     plan = plan_sweep(arm, levels=1, samples=700)
@@ -451,6 +452,7 @@ def count_and_peak(step: int, levels: int, samples: int, find: bool) -> tuple[in
     return int(count), float(peak)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_sweep() -> None:
     _, small = count_and_peak(90, 1, 101, False)
     count, large = count_and_peak(15, 2, 2401, False)
