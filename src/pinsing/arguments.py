@@ -145,12 +145,23 @@ def shown(value: Any) -> str:
 def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | ArgumentError:
     if kind.expected == _NUMBERS:
         return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}")
+    if _holds_nan(value):
+        return ConfigurationError(f"{name} holds a value that is not finite")
     hint = kind.hint
     if hint.startswith("pinsing.load(") and isinstance(value, str | os.PathLike):
         hint = f"load it first, {_load_call(os.fspath(value))}"
     elif hint:
         hint = f"{hint} gives one"
     return ArgumentError(name, kind.expected, shown(value), hint)
+
+
+def _holds_nan(value: Any) -> bool:
+    """Whether NaN stands somewhere in lists, tuples and dicts."""
+    if isinstance(value, Mapping):
+        return any(map(_holds_nan, value.values()))
+    if isinstance(value, list | tuple):
+        return any(map(_holds_nan, value))
+    return isinstance(value, float | np.floating) and math.isnan(value)
 
 
 def _load_call(robot: str | bytes) -> str:

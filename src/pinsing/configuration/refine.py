@@ -209,7 +209,7 @@ def walk(
     max_iterations: int = 60,
 ) -> RankDrops:
     """The walks of ``refine_many``, without a description of where they end."""
-    start = np.atleast_2d(arm.fold(Q0))
+    start = np.atleast_2d(arm.space.fold(Q0))
     mask = np.broadcast_to(True if free is None else free, start.shape)
     inside = arm.within_limits(start) & (not ignore_limits)
     start = np.where(inside[:, None], np.clip(start, arm.lower, arm.upper), start)
@@ -227,7 +227,7 @@ def walk(
             q[kept], sigma[kept], ratio[kept] = got.q[take], got.sigma[take], got.ratio[take]
             converged[kept] = got.converged[take]
         rows = np.flatnonzero(~inside | (ratio > SINGULAR_RTOL))
-    return RankDrops(arm.fold(q), sigma, ratio, iterations, converged)
+    return RankDrops(arm.space.fold(q), sigma, ratio, iterations, converged)
 
 
 def describe(arm: Arm, q: npt.ArrayLike) -> SingularConfiguration:

@@ -31,7 +31,7 @@ from pinsing.description.xacro_files import XacroFiles
 from pinsing.description.xml_tree import MAX_BYTES, Node
 from pinsing.errors import RobotFileError
 
-TIMEOUT_SECONDS = 6
+TIMEOUT_SECONDS = 12
 _MEMORY = 2 * 2**30
 _LONGEST_ANSWER = 256 * 2**20
 _WALL = True  # tests leave it out, to see that nothing depends on it

@@ -205,7 +205,7 @@ def random_closed(
         q[free] = drawn[free]
         q, error = gauss_newton(loops, q, free)
         if error <= CLOSED:
-            out.append(mechanism.fold(q))
+            out.append(mechanism.space.wrap(q))
     return out
 
 

@@ -80,7 +80,7 @@ def stretch(mechanism: Mechanism, q: npt.ArrayLike, moving: int) -> Stretch:
     q = mechanism.check(q)
     index = mechanism.actuated[moving]
     curve = trace(mechanism, q, moving)
-    away = np.abs(mechanism.fold(curve.q - q)).max(axis=1)
+    away = np.abs(mechanism.space.wrap(curve.q - q)).max(axis=1)
     here = int(np.argmin(away))
     count = len(curve.q)
     if curve.closed:

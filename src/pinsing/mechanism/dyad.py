@@ -114,7 +114,7 @@ class Dyad:
             turned = 0.0 if side.crank is None else side.crank_sign * q[..., side.crank]
             angle = np.arctan2(reach[..., 1], reach[..., 0]) - side.rod_angle - turned
             q[..., side.pin] = side.pin_sign * angle
-        return self.mechanism.fold(q)
+        return self.mechanism.space.wrap(q)
 
     def link_directions(self, q: npt.ArrayLike, side: int) -> tuple[Array, Array]:
         """Unit vectors (..., 2) along the crank and the rod of a side at q (..., n)."""
@@ -150,7 +150,10 @@ class Dyad:
             return tuple(self._free(inputs, turn) for turn in (0.0, np.pi))
         found = [self.configuration(inputs, left) for left in (True, False)]
         found = [q for q in found if np.isfinite(q).all()]
-        if len(found) == 2 and np.abs(self.mechanism.fold(found[0] - found[1])).max() <= 1e-12:
+        if (
+            len(found) == 2
+            and np.abs(self.mechanism.space.wrap(found[0] - found[1])).max() <= 1e-12
+        ):
             found.pop()
         return tuple(found)
 
@@ -179,7 +182,7 @@ class Dyad:
                 q = np.zeros(self.mechanism.n)
                 for joint, value in {**one, **two}.items():
                     q[joint] = value
-                out.append(self.mechanism.fold(q))
+                out.append(self.mechanism.space.wrap(q))
         return tuple(out)
 
     def _leg(self, side: Side, point: Array, angle: float) -> dict[int, float]:
@@ -195,7 +198,7 @@ class Dyad:
         for side in self.sides:
             turned = 0.0 if side.crank is None else side.crank_sign * q[side.crank]
             q[side.pin] = side.pin_sign * (turn - side.rod_angle - turned)
-        return self.mechanism.fold(q)
+        return self.mechanism.space.wrap(q)
 
 
 def planar_dyad(mechanism: Mechanism) -> Dyad | None:

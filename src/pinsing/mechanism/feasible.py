@@ -49,7 +49,7 @@ def distinct(mechanism: Mechanism, found: Sequence[Array], tol: float = _SAME) -
     """Configurations (n,) that are not the same up to whole turns."""
     out: list[Array] = []
     for q in found:
-        if all(np.abs(mechanism.fold(q - other)).max() > tol for other in out):
+        if all(np.abs(mechanism.space.wrap(q - other)).max() > tol for other in out):
             out.append(q)
     return out
 

@@ -325,7 +325,7 @@ def _witness(
                 continue
             held = [] if points_only else list(mechanism.actuated[:-1])
             point = refine_point(mechanism, q, kind, held)
-            if point.converged and np.abs(mechanism.fold(point.q - q)).max() < 1e-3:
+            if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
                 return point
     return None
 

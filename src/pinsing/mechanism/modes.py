@@ -162,7 +162,7 @@ def _home(mechanism: Mechanism) -> Array:
             break
     else:
         found = random_closed(mechanism, 30, np.random.default_rng(_SEED))[0]
-    return mechanism.fold(found)
+    return mechanism.space.wrap(found)
 
 
 def _assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:

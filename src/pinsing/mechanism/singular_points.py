@@ -112,7 +112,7 @@ def find_singular(
         held = [j for j in mechanism.actuated if j != index]
         for kind, k in _candidates(t, index):
             point = refine_point(mechanism, t.q[k], kind, held, rtol)
-            away = np.abs(mechanism.fold(point.q - t.q[k])).max()
+            away = np.abs(mechanism.space.wrap(point.q - t.q[k])).max()
             if point.converged and away <= 6 * STEP:
                 _add(mechanism, found, point)
     return tuple(sorted(found, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
@@ -125,14 +125,14 @@ def turning_points(mechanism: Mechanism, t: Trace) -> tuple[SingularPoint, ...]:
     found: list[SingularPoint] = []
     for k in _turns(t, index):
         point = refine_point(mechanism, t.q[k], "type 2", held)
-        if point.converged and np.abs(mechanism.fold(point.q - t.q[k])).max() <= 6 * STEP:
+        if point.converged and np.abs(mechanism.space.wrap(point.q - t.q[k])).max() <= 6 * STEP:
             _add(mechanism, found, point)
     return tuple(found)
 
 
 def _add(mechanism: Mechanism, found: list[SingularPoint], point: SingularPoint) -> None:
     for i, other in enumerate(found):
-        if np.abs(mechanism.fold(point.q - other.q)).max() <= _SAME:
+        if np.abs(mechanism.space.wrap(point.q - other.q)).max() <= _SAME:
             # Found as type 1 and as type 2: what both say together is the kind.
             if point.range_end and not other.range_end and point.kind == other.kind:
                 found[i] = point
@@ -243,7 +243,7 @@ def _solve(system: _System, q: Array) -> Array:
 
 def _point(loops: Loops, q: Array, kind: str, held: Sequence[int], rtol: float) -> SingularPoint:
     mechanism = loops.mechanism
-    q = mechanism.fold(q)
+    q = mechanism.space.wrap(q)
     closure = float(np.abs(loops.scaled(q)[0]).max())
     found = _motions(loops, q, rtol)
     ratio = {

@@ -53,7 +53,7 @@ class Trace:
     def passes(self, mechanism: Mechanism, q: Array, tol: float = STEP) -> bool:
         """Whether the curve runs through q (n,), whole turns aside."""
         units = mechanism.space.metric
-        away = mechanism.fold(q - self.q) / units
+        away = mechanism.space.wrap(q - self.q) / units
         k = int(np.argmin(np.abs(away).max(axis=1)))
         # Off the curve by its curvature only, along it by up to a step.
         along = away[k] @ self.direction[k]
@@ -170,14 +170,14 @@ class _Curve:
 
     def _back(self, start: Array, first: Array, q: Array, t: Array, step: float) -> bool:
         """Whether the step from q leads over the start, in the same direction."""
-        gap = self.mechanism.fold(start - q) / self.units
+        gap = self.mechanism.space.wrap(start - q) / self.units
         along = float(gap @ t)
         across = float(np.abs(gap - along * t).max())
         return bool(0 <= along <= step and across <= step / 4 and first @ t > 0.5)
 
     def _same_turns(self, start: Array, near: Array) -> Array:
         """The start, moved by the whole turns that the curve has made."""
-        return np.asarray(near + self.mechanism.fold(start - near))
+        return np.asarray(near + self.mechanism.space.wrap(start - near))
 
     def measure(self, q: Array) -> Motions:
         return _motions(self.loops, q, SINGULAR_RTOL)

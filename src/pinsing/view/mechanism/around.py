@@ -86,7 +86,7 @@ def _working(mechanism: Mechanism, q: Array) -> list[dict[str, Any]]:
 
 def _modes(mechanism: Mechanism, q: Array, found: list[Array]) -> list[dict[str, Any]]:
     """Each mode once, the present one always among them; those of one name numbered."""
-    away = [float(np.abs(mechanism.fold(x - q)).max()) for x in found]
+    away = [float(np.abs(mechanism.space.wrap(x - q)).max()) for x in found]
     here = int(np.argmin(away)) if away and min(away) <= _SAME else None
     if here is None:
         found, here = [q, *found], 0

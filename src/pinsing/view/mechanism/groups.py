@@ -113,12 +113,12 @@ def _count(points: list[SingularPoint]) -> tuple[str, ...]:
 
 
 def _away(mechanism: Mechanism, point: SingularPoint, start: Array) -> float:
-    return float(np.linalg.norm(mechanism.fold(point.q - start)))
+    return float(np.linalg.norm(mechanism.space.wrap(point.q - start)))
 
 
 def _distinct(mechanism: Mechanism, points: list[SingularPoint]) -> tuple[SingularPoint, ...]:
     out: list[SingularPoint] = []
     for p in points:
-        if all(np.abs(mechanism.fold(p.q - x.q)).max() > _SAME for x in out):
+        if all(np.abs(mechanism.space.wrap(p.q - x.q)).max() > _SAME for x in out):
             out.append(p)
     return tuple(out)

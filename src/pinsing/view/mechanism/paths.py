@@ -35,7 +35,7 @@ def into(mechanism: Mechanism, point: SingularPoint, frames: int = FRAMES) -> Ar
             continue
         ease = (1 - np.cos(np.linspace(0, np.pi, frames))) / 2
         path = _between(mechanism, _unrolled(mechanism, way)[::-1], ease)
-        path[-1] += mechanism.fold(point.q - path[-1])
+        path[-1] += mechanism.space.wrap(point.q - path[-1])
         return path
     return np.zeros((0, mechanism.n))
 
@@ -65,7 +65,7 @@ def _way_out(mechanism: Mechanism, q: Array, moving: int) -> Array | None:
     """Rows from q to the most regular configuration to one side; None if there is none."""
     curve = trace(mechanism, q, moving)
     measure = np.minimum(curve.input_ratio, curve.output_ratio)
-    here = int(np.argmin(np.abs(mechanism.fold(curve.q - q)).max(axis=1)))
+    here = int(np.argmin(np.abs(mechanism.space.wrap(curve.q - q)).max(axis=1)))
     count = len(curve.q)
     if curve.closed:  # the last sample is the first again
         ways = [(here + step * np.arange(count - 1)) % (count - 1) for step in (1, -1)]
@@ -98,7 +98,7 @@ def _until(q: Array, measure: Array) -> int:
 
 def _unrolled(mechanism: Mechanism, q: Array) -> Array:
     """Rows moved by whole turns so that each is beside the one before."""
-    steps = mechanism.fold(np.diff(q, axis=0))
+    steps = mechanism.space.wrap(np.diff(q, axis=0))
     return np.concatenate([q[:1], q[0] + np.cumsum(steps, axis=0)])
 
 
@@ -128,10 +128,10 @@ def _followed(
     q = before = point.q
     for _ in range(round(_SWING / _STEP)):
         # As far on as the last step went; the first one moves the swinging joint alone.
-        guess = q + mechanism.fold(q - before)
+        guess = q + mechanism.space.wrap(q - before)
         guess[joint] = q[joint] + sign * _STEP
         found = refine_point(mechanism, guess, point.kind, held)
-        if not found.converged or np.abs(mechanism.fold(found.q - q)).max() > _JUMP:
+        if not found.converged or np.abs(mechanism.space.wrap(found.q - q)).max() > _JUMP:
             break
         before, q = q, found.q
         out.append(q)
