@@ -63,6 +63,8 @@ _FOUND = """
   was accepted, and failed when it was shown. `from_json` says so now.
 - Refusals repeated whatever was in the JSON at any length. They quote 200 characters at most.
 - A certificate whose families lack their names was accepted, and then could not be told of.
+- A URDF number of ten million digits took minutes to read (the one hang in the table, on the
+  version before). It is refused, in less than a second.
 - A page that asks for what there is not got all of its own message back; 60 characters now.
 """
 

@@ -68,6 +68,10 @@ BAD_JOINTS = {
     "overflow": (joint(inner='<origin xyz="1e999 0 0"/>' + LIMIT), "too large"),
     "absurd": (joint(inner='<origin xyz="1e308 0 0"/>' + LIMIT), "too large, at most 1e+06"),
     "text": (joint(inner='<origin xyz="one 0 0"/>' + LIMIT), "'one' is not a number"),
+    "a number without end": (
+        joint(inner=f'<origin xyz="{"9" * 2_000_000}x 0 0"/>' + LIMIT),
+        "a number of 2,000,001 characters",
+    ),
     "python number": (joint(inner='<origin xyz="1_0 0 0"/>' + LIMIT), "'1_0' is not a number"),
     "hexadecimal": (joint(inner='<origin xyz="0x1 0 0"/>' + LIMIT), "'0x1' is not a number"),
     "other digits": (joint(inner='<origin xyz="١ 0 0"/>' + LIMIT), "is not a number"),

@@ -12,6 +12,7 @@ from pinsing.description.xml_tree import Node
 from pinsing.errors import RobotFileError
 
 # As strict as urdfdom, which reads no "nan", "inf", hexadecimal or "1_000".
+_LONGEST_NUMBER = 1000
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _NOT_FINITE = re.compile(r"[+-]?(?:nan(?:\(.*\))?|inf|infinity)", re.IGNORECASE)
 # No robot has a link, an angle or a mass of that size; a finger on the keyboard has.
@@ -98,6 +99,9 @@ class UrdfSource:
         for word in words:
             if _NOT_FINITE.fullmatch(word):
                 raise self.error(f"{at}: {word} is not a finite number", node)
+            if len(word) > _LONGEST_NUMBER and not word[:50].strip("+-.0123456789"):
+                # The expression below would take the square of that many steps.
+                raise self.error(f"{at}: a number of {len(word):,} characters: round it", node)
             if not _NUMBER.fullmatch(word):
                 hint = ": a xacro expression? name the file .xacro" if "${" in text else ""
                 raise self.error(f"{at}: {show(word, 30)} is not a number{hint}", node)
