@@ -90,6 +90,8 @@ def test_the_same_seed_makes_the_same_file(fuzz):
         (0, "families\n", "pinsing: note: x\n", "result"),
         (2, "", "pinsing: note: x\npinsing: error: arm.urdf:3: no axis\n", "refused"),
         (0, "", "", "unclear"),
+        (130, "what there is\n", "", "result"),
+        (130, "", "", "unclear"),
         (0, "ok\n", "pinsing: error: no\n", "unclear"),
         (1, "", "pinsing: error: no\n", "unclear"),
         (2, "", "", "unclear"),
