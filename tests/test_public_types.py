@@ -114,6 +114,7 @@ def page():
 
 
 Q = (0.1, 0.5, 0.7)
+LINE = (0.1, 0.7, 0.3, 0.2, 0.6, 0.1)
 
 
 @dataclass(frozen=True)
@@ -140,6 +141,13 @@ CALLS = {
     "at": Call(lambda: pinsing.at, with_arm(q=Q)),
     "clearance": Call(lambda: pinsing.clearance, lambda: {"forms": form(), "Q": [Q]}),
     "is_clear": Call(lambda: pinsing.is_clear, lambda: {"forms": form(), "q": Q, "radius": 0.01}),
+    "check_line": Call(
+        lambda: pinsing.check_line,
+        lambda: {"arm": pinsing.load("stanford"), "q0": LINE, "pose": [0.1, 0.2, 0.3]},
+        slow=True,
+    ),
+    "check_trajectory": Call(lambda: pinsing.check_trajectory, with_arm(Q=[Q, (0.2, -0.5, 0.7)])),
+    "ClosedForm.latex": Call(lambda: form().latex, lambda: {"legend": True}),
     "crossings": Call(
         lambda: pinsing.crossings,
         lambda: {"forms": form(), "motion": [Q, (0.2, -0.5, 0.7)]},

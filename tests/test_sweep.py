@@ -312,7 +312,7 @@ def test_damaged_files_and_missing_folders(stanford, tmp_path):
         ({"samples": 2}, OptionError, "at least 3"),
         ({"joints": ["q22"]}, NoName, "q22"),
         ({"special": {"q22": [0.0]}}, NoName, "q22"),
-        ({"special": (0.0, np.nan)}, OptionError, "not finite"),
+        ({"special": (0.0, np.nan)}, ConfigurationError, "not finite"),
         ({"special": {"d1": [0.3]}}, ConfigurationError, "d1.*ignore_limits"),
         ({"special": np.linspace(-3, 3, 40), "levels": 5}, OptionError, "too many"),
     ],

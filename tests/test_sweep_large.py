@@ -18,7 +18,7 @@ from click.testing import CliRunner
 from pinsing.cli.app import command
 from pinsing.errors import OptionError, OutputError, ResultError
 from pinsing.kinematics.jacobian import singular_values
-from pinsing.measures import sigma_ratio
+from pinsing.kinematics.verdict import ratios
 from pinsing.plot import sigma_curves
 from pinsing.runs.executors import local_processes
 from pinsing.sweeps import job as sweep_job
@@ -219,7 +219,7 @@ def test_candidates_are_where_they_say(surgical: SweepResult) -> None:
     Q = CurveTable(surgical.plan).configurations(found.curve, found.sample)
     sigma = singular_values(arms.textbook("surgical7"), Q)
     np.testing.assert_array_equal(sigma[:, -1], found.sigma_min)
-    np.testing.assert_array_equal(sigma_ratio(sigma), found.sigma_ratio)
+    np.testing.assert_array_equal(ratios(arms.textbook("surgical7"), Q), found.sigma_ratio)
 
 
 def test_the_same_however_it_is_cut(tmp_path: Path, surgical: SweepResult) -> None:

@@ -205,6 +205,8 @@ def _kind_of(hint: Any) -> _Kind | None:
         return _union([_kind_of(a) for a in args])
     if origin is Literal:
         return _Kind(" or ".join(map(repr, args)), lambda v: isinstance(v, str) and v in args)
+    if hint == npt.NDArray[np.bool_]:
+        return _Kind("a mask", _is_mask)
     if origin is np.ndarray:
         return _PLAIN[_ArrayLike]
     if origin is tuple and args and Ellipsis not in args:
@@ -275,6 +277,15 @@ def _is_number(value: Any) -> bool:
 
 def _is_count(value: Any) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool)
+
+
+def _is_mask(value: Any) -> bool:
+    """Whether a value is true or false, joint by joint."""
+    if isinstance(value, np.ndarray):
+        return value.dtype.kind == "b" and not np.ma.isMaskedArray(value)
+    if isinstance(value, list | tuple):
+        return len(value) > 0 and all(isinstance(v, bool | np.bool_) or _is_mask(v) for v in value)
+    return False
 
 
 def _are_numbers(value: Any) -> bool:

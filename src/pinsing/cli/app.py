@@ -1,8 +1,8 @@
 """The ``pinsing`` command: its groups, and how it ends.
 
 Exit codes: 0, the work is done; 1, done and singular, with ``--fail-if-singular`` only, or a
-certificate was rejected; 2, bad input, or output that cannot be written; 130, stopped with Ctrl-C;
-141, the reader of a pipe has gone.
+certificate was rejected; 2, bad input, or output that cannot be written; 130, stopped with Ctrl-C
+or out of time; 141, the reader of a pipe has gone.
 """
 
 from __future__ import annotations
@@ -107,7 +107,7 @@ def command() -> None:
     Exit codes:  0  done
                  1  done and singular (only with --fail-if-singular); verify: rejected
                  2  bad input, or output that cannot be written
-               130  stopped with Ctrl-C
+               130  stopped with Ctrl-C, or out of time: what is missing is said
                141  whoever reads the output has gone
     """  # noqa: D301
 

@@ -104,7 +104,7 @@ def refine(
     arm: Arm,
     q0: npt.ArrayLike,
     *,
-    fixed: Sequence[str] | npt.ArrayLike | None = None,
+    fixed: Sequence[str] | Bool | Sequence[bool] | None = None,
     ignore_limits: bool = False,
     max_iterations: int = 60,
 ) -> SingularConfiguration:
@@ -159,7 +159,7 @@ def refine_many(
     arm: Arm,
     Q0: npt.ArrayLike,
     *,
-    fixed: Sequence[str] | npt.ArrayLike | None = None,
+    fixed: Sequence[str] | Bool | Sequence[bool] | None = None,
     ignore_limits: bool = False,
     max_iterations: int = 60,
 ) -> tuple[SingularConfiguration, ...]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -204,6 +204,10 @@ class Family(JsonResult):
     limit_tolerance: Array | None = None
     limits_met: tuple[str, ...] = ()
     components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
+
+    def __getstate__(self) -> dict[str, Any]:
+        # Exact polynomials live in a ring of this process: like JSON, pickles go without them.
+        return {**self.__dict__, "components": ()}
 
     @property
     def n(self) -> int:

@@ -115,6 +115,11 @@ class ClosedForm(JsonResult):
     seconds: float
     left_out: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
     geometry: Nominal | None = field(default=None, repr=False, metadata={"json": False})
+
+    def __getstate__(self) -> dict[str, Any]:
+        # As in `Family`: exact polynomials stay in this process, and what was proven with them.
+        return {**self.__dict__, "left_out": (), "geometry": None}
+
     proof: Proof | None = field(default=None)
     hints: tuple[str, ...] = ()
     random_steps: RandomSteps | None = None
