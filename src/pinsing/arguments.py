@@ -145,7 +145,7 @@ def shown(value: Any) -> str:
 def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | ArgumentError:
     if kind.expected == _NUMBERS:
         return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}")
-    if _holds_nan(value):
+    if isinstance(value, Mapping | list | tuple) and _holds_nan(value):
         return ConfigurationError(f"{name} holds a value that is not finite")
     hint = kind.hint
     if hint.startswith("pinsing.load(") and isinstance(value, str | os.PathLike):
