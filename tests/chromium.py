@@ -16,7 +16,7 @@ HOT = (0xD5, 0x5E, 0x00)
 
 def open_page(page: Any, url: str) -> None:
     page.goto(url)
-    page.wait_for_selector("body[data-ready=yes]", timeout=30_000)
+    page.wait_for_selector("body[data-ready=yes]", timeout=90_000)
 
 
 def picture(page: Any) -> np.ndarray:

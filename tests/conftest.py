@@ -103,6 +103,7 @@ def page(browser: Any) -> Iterator[Any]:
     from chromium import SIZE
 
     tab = browser.new_page(viewport=SIZE)
+    tab.set_default_timeout(90_000)  # drawn by the processor, beside another browser
     said: list[str] = []
     tab.on("console", lambda m: said.append(m.text) if m.type in ("error", "warning") else None)
     tab.on("pageerror", lambda e: said.append(str(e)))
