@@ -20,6 +20,8 @@ _MARGIN = 1e-8
 """Of the sum of an equation's coefficients: more than all rounding, in them and in their sums."""
 _STEEP, _FLAT = 1e-6, 1e-10
 """Smallest slope that a step is divided by, relative to the largest, near the set and else."""
+_CANCELLED = 32.0
+"""Coefficients this many times the accuracy of an equation, and smaller, have cancelled."""
 _BOXES = 40_000
 _LONG_SYSTEM = 4
 _SHARE = 0.2
@@ -277,14 +279,17 @@ def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
         total = gathered.setdefault(key, [0.0, 0.0])
         total[0] += cos[t]
         total[1] += sign * sin[t] if len(lead) else 0.0  # a constant has no sine
-    keep = [k for k, (c, s) in gathered.items() if np.hypot(c, s) > 1e-10 * equation.size]
+    # What is left of terms that cancel is rounding; anything larger is a term, however small.
+    rounding = _CANCELLED * max(equation.accuracy, 1e-15) * equation.size
+    keep = [k for k, (c, s) in gathered.items() if np.hypot(c, s) > rounding]
     if not keep:
         return None
+    dropped = sum(math.hypot(*gathered[k]) for k in gathered if k not in keep)
     index = [rows[k] for k in keep]
     left = sum(math.hypot(*gathered[k]) for k in keep)
     return replace(
         equation,
-        accuracy=equation.accuracy * equation.size / min(left, equation.size),
+        accuracy=(equation.accuracy * equation.size + dropped) / min(left, equation.size),
         frequencies=frequencies[index],
         powers=powers[index],
         cos=np.array([gathered[k][0] for k in keep]),
