@@ -15,7 +15,8 @@ from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import Reachability, sigma_ratio
 from pinsing.robot.load import load
-from pinsing.sweeps.findings import Finding, singular_configurations
+from pinsing.sweeps.finding import Finding
+from pinsing.sweeps.findings import singular_configurations
 from pinsing.sweeps.minima import dips
 from pinsing.sweeps.run import sweep
 

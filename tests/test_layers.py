@@ -69,8 +69,6 @@ TYPES = {
     ("pinsing.families.text", "pinsing.families.solve"),
     ("pinsing.mechanism.text", "pinsing.mechanism.analysis"),
     ("pinsing.robot.full_q", "pinsing.robot.arm"),
-    ("pinsing.sweeps.text", "pinsing.sweeps.findings"),
-    ("pinsing.sweeps.text", "pinsing.sweeps.result"),
 }
 
 # Slow to import, and who may do so when imported itself; all others within a function.

@@ -31,7 +31,8 @@ if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
     from pinsing.robot.load_mechanism import Mechanism, load_mechanism
-    from pinsing.sweeps.findings import Finding, singular_configurations
+    from pinsing.sweeps.finding import Finding
+    from pinsing.sweeps.findings import singular_configurations
     from pinsing.sweeps.generalize import generalize
     from pinsing.sweeps.plan import SweepPlan, plan_sweep
     from pinsing.sweeps.run import SweepResult, sweep
@@ -47,7 +48,7 @@ _HOME = {
     "Crossing": "pinsing.proximity.crossings",
     "Crossings": "pinsing.proximity.crossings",
     "Family": "pinsing.families",
-    "Finding": "pinsing.sweeps.findings",
+    "Finding": "pinsing.sweeps.finding",
     "LineCheck": "pinsing.proximity.line",
     "MapPlan": "pinsing.maps",
     "MapResult": "pinsing.maps",

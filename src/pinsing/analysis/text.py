@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from pinsing.families.text import families_text
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
-from pinsing.sweeps.text import finding_spans
+from pinsing.sweeps.finding import finding_spans
 
 if TYPE_CHECKING:
     from pinsing.analysis.analyze import Analysis

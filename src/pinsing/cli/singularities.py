@@ -28,7 +28,7 @@ from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
-    from pinsing.sweeps.findings import Finding
+    from pinsing.sweeps.finding import Finding
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -242,8 +242,8 @@ def sweep_command(
     from pinsing.sweeps.findings import singular_configurations
     from pinsing.sweeps.npz import CURVES, save_npz
     from pinsing.sweeps.plan import plan_sweep
+    from pinsing.sweeps.result import sweep_text
     from pinsing.sweeps.run import check_keep, run_sweep
-    from pinsing.sweeps.text import sweep_text
 
     tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
     swept = tests if geometry == "nominal" else arm

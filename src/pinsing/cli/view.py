@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pinsing.analysis.analyze import Analysis
     from pinsing.families import Family
     from pinsing.robot.arm import Arm
-    from pinsing.sweeps.findings import Finding
+    from pinsing.sweeps.finding import Finding
 
 
 @click.command("view", short_help="See singular poses and velocity ellipsoids in a browser.")

@@ -27,7 +27,7 @@ from pinsing.plot.style import (
     value_label,
 )
 from pinsing.robot.arm_summary import ArmSummary
-from pinsing.sweeps.findings import Finding
+from pinsing.sweeps.finding import Finding
 from pinsing.sweeps.joint_condition import JointCondition
 from pinsing.sweeps.run import SweepCurve, SweepResult
 

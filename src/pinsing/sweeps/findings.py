@@ -11,8 +11,7 @@ import itertools
 import math
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
-from typing import ClassVar
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -23,11 +22,11 @@ from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import SingularConfiguration, describe, walk
 from pinsing.errors import OptionError
 from pinsing.geometry.nominal import ANGLE_TOL, nominal
-from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, Status, ratios
+from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, ratios
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
-from pinsing.serialization import JsonResult, Written
 from pinsing.sweeps.curves import CurveTable
+from pinsing.sweeps.finding import Finding
 from pinsing.sweeps.generalize import SAMPLES, ConditionTester
 from pinsing.sweeps.joint_condition import JointCondition
 from pinsing.sweeps.result import SweepResult
@@ -46,60 +45,6 @@ _MAX_NEAR = 12  # near-singular valleys that are stated
 
 
 MAX_STARTS = 10_000_000
-
-
-@dataclass(frozen=True, eq=False)
-class Finding(JsonResult):
-    """A set of singular (or near-singular) configurations that a sweep has found.
-
-    Attributes
-    ----------
-    status : str
-        ``singular`` or ``near-singular``.
-    condition : JointCondition
-        What forces it, whatever the other joints.
-    configuration : SingularConfiguration
-        A representative, on the nominal geometry; within the limits if one was found.
-    raw_ratio : float
-        sigma_r / sigma_1 of the representative on the raw geometry.
-    reachability : Reachability
-        Whether one exists within the limits (then the representative does), does not (a fixed
-        value is outside), or none was found. JSON has it as ``reachable``: true, false or null.
-    seen : int
-        Number of dips, and of curves that are singular all along, that led here.
-    curves : tuple of int
-        Numbers of those curves in the plan: where all are kept, indices of the curves of the
-        result.
-    zeros : tuple of (int, float)
-        Curve, and value of its moving joint at which it is zero itself: there only that joint
-        had to move from where the dip was sampled.
-    """
-
-    schema: ClassVar[str] = "pinsing/finding/1"
-    made_by: ClassVar[str] = "pinsing.singular_configurations(arm, result)"
-
-    status: Status
-    condition: JointCondition
-    configuration: SingularConfiguration
-    raw_ratio: float
-    reachability: Reachability = field(
-        metadata={"json": Written("reachable", lambda r: r.known, Reachability.of, bool | None)}
-    )
-    seen: int
-    curves: tuple[int, ...]
-    zeros: tuple[tuple[int, float], ...] = ()
-
-    @property
-    def reachable(self) -> bool | None:
-        """True, False (proven), or None if no configuration within the limits was found."""
-        return self.reachability.known
-
-    def __str__(self) -> str:
-        from pinsing.sweeps.text import finding_spans
-
-        return "".join(x if isinstance(x, str) else x.text for x in finding_spans(self)).replace(
-            "\u00a0", " "
-        )
 
 
 @dataclass(frozen=True, eq=False)

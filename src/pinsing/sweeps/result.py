@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -12,11 +12,14 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import checked, whole_number
 from pinsing.errors import OptionError, UnknownNameError
+from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import Status
+from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
 from pinsing.robot.arm_summary import ArmSummary
 from pinsing.runs.distribution import Distribution, Point
 from pinsing.serialization import JsonResult
 from pinsing.sweeps.curves import CurveTable
+from pinsing.sweeps.finding import Finding, finding_spans
 from pinsing.sweeps.joint_condition import value_text
 from pinsing.sweeps.minima import Candidates
 from pinsing.sweeps.plan import SweepPlan
@@ -27,6 +30,7 @@ HOW_TO_KEEP = (
 )
 """What is to be done where curves are needed and there are none."""
 
+_DIGITS = 9
 _SHOWN = ((0.01, "1 %"), (0.1, "10 %"), (0.5, "median"))
 
 
@@ -258,9 +262,62 @@ class SweepResult(JsonResult):
         return bool((np.abs(turns) < 1e-9).all() and (np.abs(shifts) < 1e-9).all())
 
     def __str__(self) -> str:
-        from pinsing.sweeps.text import sweep_text
-
         return sweep_text(self)
+
+
+def sweep_text(
+    result: SweepResult,
+    findings: Sequence[Finding] | None = None,
+    page: Page = PLAIN,
+    degrees: bool = False,
+) -> str:
+    """What was swept, what was found, and what was left out.
+
+    Parameters
+    ----------
+    result : SweepResult
+        What to print.
+    findings : sequence of Finding, optional
+        What `singular_configurations` made of it, if that was asked.
+    page : Page
+        What it is fitted to.
+    degrees : bool
+        Configurations in degrees.
+    """
+    room = page.width - 2
+    lines = [page.paragraph(*spans, rest="  ") for spans in _swept(result, degrees, room)]
+    if findings is not None:
+        title: Span = "Found, refined and generalised:" if findings else "Nothing singular found."
+        lines += ["", page.paragraph(title)]
+        lines += [page.paragraph(*finding_spans(f), first="  - ") for f in findings]
+    if result.notes:
+        lines += ["", "Notes:"]
+        lines += [page.paragraph(note, first="  - ") for note in result.notes]
+    return "\n".join(lines)
+
+
+def _swept(result: SweepResult, degrees: bool, room: int) -> Iterator[tuple[Span, ...]]:
+    plan = result.plan
+    yield (f"sweep of {result.arm.name}: {plan}",)
+    at = typed(plan.nominal, result.arm.prismatic, degrees, _DIGITS, room=room)
+    origin = {
+        "given": "as given",
+        "pi/3": "60 degrees, as in the paper",
+        "random": "the best conditioned of some random ones",
+    }.get(plan.nominal_origin, plan.nominal_origin)
+    sigma = unbroken(f"sigma_min = {plan.nominal_sigma[-1]:.6g}")
+    yield (f"nominal configuration ({origin}): {at}; {sigma}",)
+    for row in result.uniform:
+        value = unbroken(value_text(row.value))
+        yield (
+            f"all joints at {value}: {unbroken(f'sigma_min = {row.sigma_min:.3g}')}, ",
+            verdict(row.status),
+        )
+    for fixed in plan.forced:
+        condition = unbroken(result.set_text(fixed)).replace(",\u00a0", ", ")
+        yield f"{condition}: ", alarm("singular"), " whatever the others"
+    if result.summary is not None:
+        yield (str(result.summary),)
 
 
 def curves_of(

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.families import Branch, JointValue, joint_symbols
 from pinsing.robot.arm import Arm
-from pinsing.sweeps.findings import Finding
+from pinsing.sweeps.finding import Finding
 from pinsing.view.entries import Entry, choose_poses
 
 

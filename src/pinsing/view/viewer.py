@@ -14,7 +14,7 @@ from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError
 from pinsing.families.paths import FamilyLike
 from pinsing.robot.arm import Arm
-from pinsing.sweeps.findings import Finding
+from pinsing.sweeps.finding import Finding
 from pinsing.view.ellipsoids import sizes
 from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import finding_entries
