@@ -26,7 +26,7 @@ from pinsing.maps import sigma_map
 from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
 from pinsing.runs.cluster import call_there, dask_cluster
-from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.planning import plan_sweep
 from pinsing.sweeps.run import run_sweep
 
 distributed = pytest.importorskip("distributed", reason="the extra 'cluster' is not installed")

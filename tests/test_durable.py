@@ -30,7 +30,7 @@ from pinsing.robot.load import load
 from pinsing.runs.chunk_file import Record, pack
 from pinsing.runs.run_folder import RunFolder, open_run, recorded
 from pinsing.sweeps.npz import load_npz
-from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.planning import plan_sweep
 from pinsing.sweeps.run import SweepResult, run_sweep
 
 IDENTITY = {"kind": "test", "size": 3}

@@ -20,7 +20,7 @@ from pinsing.maps.plan import BLOCK
 from pinsing.runs.chunk_file import DamagedError, pack, read_arrays, read_bounded
 from pinsing.runs.run_folder import RunFolder, recorded
 from pinsing.sweeps.npz import kept_curves, load_npz
-from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.planning import plan_sweep
 from pinsing.sweeps.run import run_sweep
 
 COUNT = 4 * BLOCK

@@ -15,7 +15,8 @@ from pinsing.errors import ConfigurationError, OptionError, OutputError, ResultE
 from pinsing.errors import UnknownNameError as NoName
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.sweeps.npz import load_npz, save_npz
-from pinsing.sweeps.plan import SweepPlan, plan_sweep
+from pinsing.sweeps.plan import SweepPlan
+from pinsing.sweeps.planning import plan_sweep
 from pinsing.sweeps.run import SweepResult, run_sweep, sweep
 
 PI = np.pi

@@ -26,7 +26,7 @@ from pinsing.sweeps.curves import CurveTable, axis_values
 from pinsing.sweeps.findings import singular_configurations
 from pinsing.sweeps.minima import Pool, dips, minima
 from pinsing.sweeps.npz import kept_curves, load_npz
-from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.planning import plan_sweep
 from pinsing.sweeps.run import SweepResult, run_sweep, sweep
 
 SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name

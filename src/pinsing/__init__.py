@@ -34,7 +34,8 @@ if TYPE_CHECKING:
     from pinsing.sweeps.finding import Finding
     from pinsing.sweeps.findings import singular_configurations
     from pinsing.sweeps.generalize import generalize
-    from pinsing.sweeps.plan import SweepPlan, plan_sweep
+    from pinsing.sweeps.plan import SweepPlan
+    from pinsing.sweeps.planning import plan_sweep
     from pinsing.sweeps.run import SweepResult, sweep
     from pinsing.view.viewer import Viewer
 
@@ -79,7 +80,7 @@ _HOME = {
     "load_mechanism": "pinsing.robot.load_mechanism",
     "nominal": "pinsing.geometry.nominal",
     "plan_map": "pinsing.maps",
-    "plan_sweep": "pinsing.sweeps.plan",
+    "plan_sweep": "pinsing.sweeps.planning",
     "refine": "pinsing.configuration.refine",
     "refine_many": "pinsing.configuration.refine",
     "sigma_map": "pinsing.maps",

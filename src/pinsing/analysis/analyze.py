@@ -26,7 +26,8 @@ from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
 from pinsing.sweeps.finding import Finding
 from pinsing.sweeps.findings import MAX_STARTS, singular_configurations
-from pinsing.sweeps.plan import SAMPLES, SweepOptions, planned_sweep
+from pinsing.sweeps.plan import SAMPLES, SweepOptions
+from pinsing.sweeps.planning import planned_sweep
 from pinsing.sweeps.run import SweepResult, run_sweep
 from pinsing.sweeps.special_values import SPECIAL_ANGLES, Special
 

@@ -241,7 +241,7 @@ def sweep_command(
     from pinsing.serialization import encode
     from pinsing.sweeps.findings import singular_configurations
     from pinsing.sweeps.npz import CURVES, save_npz
-    from pinsing.sweeps.plan import plan_sweep
+    from pinsing.sweeps.planning import plan_sweep
     from pinsing.sweeps.result import sweep_text
     from pinsing.sweeps.run import check_keep, run_sweep
 

@@ -28,7 +28,8 @@ from pinsing.sweeps.curves import CurveTable, axis_values
 from pinsing.sweeps.job import Kept, SweepJob
 from pinsing.sweeps.minima import CANDIDATES, Pool
 from pinsing.sweeps.npz import CURVES, pack_sweep
-from pinsing.sweeps.plan import SAMPLES, SweepOptions, SweepPlan, planned_sweep
+from pinsing.sweeps.plan import SAMPLES, SweepOptions, SweepPlan
+from pinsing.sweeps.planning import planned_sweep
 from pinsing.sweeps.result import (
     HOW_TO_KEEP,
     SweepCurve,
