@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pinsing.analysis import analyze as module
-from pinsing.analysis.analyze import Analysis, analyze
+from pinsing.analysis.analyze import analyze
+from pinsing.analysis.result import Analysis
 from pinsing.errors import OptionError, ResultError
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import singular_values

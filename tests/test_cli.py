@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
-from pinsing.analysis.analyze import Analysis
+from pinsing.analysis.result import Analysis
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers

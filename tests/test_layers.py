@@ -61,13 +61,11 @@ EXCEPTIONS: frozenset[tuple[str, str]] = frozenset()
 
 # Modules that word, complete or convert an object, which calls them, and whose type they name.
 TYPES = {
-    ("pinsing.analysis.text", "pinsing.analysis.analyze"),
     ("pinsing.configuration.state_text", "pinsing.configuration.state"),
     ("pinsing.families.html", "pinsing.families.family"),
     ("pinsing.families.html", "pinsing.families.solve"),
     ("pinsing.families.proving", "pinsing.families.solve"),
     ("pinsing.families.text", "pinsing.families.solve"),
-    ("pinsing.mechanism.text", "pinsing.mechanism.analysis"),
     ("pinsing.robot.full_q", "pinsing.robot.arm"),
 }
 

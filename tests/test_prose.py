@@ -22,7 +22,7 @@ from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
 from pinsing.joint_text import typed
 from pinsing.mechanism import analyze_mechanism
-from pinsing.mechanism.text import analysis_text
+from pinsing.mechanism.result import analysis_text
 from pinsing.prose import (
     NARROWEST,
     WIDEST,

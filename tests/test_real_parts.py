@@ -15,8 +15,8 @@ from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros, semi
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.analysis.analyze import analyze
+from pinsing.analysis.result import analysis_text
 from pinsing.analysis.stages import Stages
-from pinsing.analysis.text import analysis_text
 from pinsing.families import closed_form
 from pinsing.families.text import families_text
 from pinsing.geometry.nominal import nominal

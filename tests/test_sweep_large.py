@@ -437,7 +437,7 @@ def count_and_peak(step: int, levels: int, samples: int, find: bool) -> tuple[in
         "from pinsing.sweeps.findings import singular_configurations\n"
         "from pinsing.robot.load import load\n"
         "from pinsing.sweeps.run import run_sweep\n"
-        "from pinsing.sweeps.plan import plan_sweep\n"
+        "from pinsing.sweeps.planning import plan_sweep\n"
         "arm = load('panda')\n"
         f"special = tuple(np.deg2rad(np.arange(-180, 180, {step})).tolist())\n"
         f"plan = plan_sweep(arm, special=special, levels=({levels},), samples={samples})\n"

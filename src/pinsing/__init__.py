@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from pinsing._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from pinsing.analysis.analyze import Analysis, analyze
+    from pinsing.analysis.analyze import analyze
+    from pinsing.analysis.result import Analysis
     from pinsing.configuration.refine import SingularConfiguration, refine, refine_many
     from pinsing.configuration.state import State, at
     from pinsing.errors import PinsingError
@@ -42,7 +43,7 @@ if TYPE_CHECKING:
 # Where each public name lives: imported when first used, so that `import pinsing` and the
 # command line's --help wait for neither Pinocchio nor NumPy.
 _HOME = {
-    "Analysis": "pinsing.analysis.analyze",
+    "Analysis": "pinsing.analysis.result",
     "Arm": "pinsing.robot.arm",
     "Clearance": "pinsing.proximity.clearance",
     "ClosedForm": "pinsing.families",

@@ -4,31 +4,28 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
-from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.analysis.result import Analysis, FamilyCheck, RandomSearch
 from pinsing.analysis.stages import Stages
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import walk
 from pinsing.errors import OptionError
-from pinsing.families import ClosedForm, Family, closed_form
+from pinsing.families import ClosedForm, closed_form
 from pinsing.geometry.nominal import ANGLE_TOL
 from pinsing.geometry.nominal import nominal as nominal_geometry
 from pinsing.kinematics.verdict import SINGULAR_RTOL, measure, ratios
-from pinsing.notebook import text, verdict
 from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
-from pinsing.serialization import JsonResult
+from pinsing.robot.arm_summary import summarize
 from pinsing.sweeps.finding import Finding
 from pinsing.sweeps.findings import MAX_STARTS, singular_configurations
 from pinsing.sweeps.plan import SAMPLES, SweepOptions
 from pinsing.sweeps.planning import planned_sweep
-from pinsing.sweeps.run import SweepResult, run_sweep
+from pinsing.sweeps.run import run_sweep
 from pinsing.sweeps.special_values import SPECIAL_ANGLES, Special
 
 ON_FAMILY_TOL = 1e-5
@@ -44,146 +41,6 @@ SECONDS = 60.0
 """Time that an analysis may take."""
 _ALGEBRA = 1 / 3
 _BATCH = 100
-
-
-@dataclass(frozen=True, eq=False)
-class FamilyCheck:
-    """What Pinocchio says of configurations sampled on a family.
-
-    Attributes
-    ----------
-    family : str
-        Its name.
-    samples : int
-        Configurations, over whole circles.
-    nominal_ratio : float
-        Largest sigma_r / sigma_1 on the nominal geometry; singular if within SINGULAR_RTOL.
-    raw_ratio, raw_sigma_min : float
-        Largest sigma_r / sigma_1, and sigma_r, on the geometry of the file.
-    """
-
-    family: str
-    samples: int
-    nominal_ratio: float
-    raw_ratio: float
-    raw_sigma_min: float
-
-
-@dataclass(frozen=True, eq=False)
-class RandomSearch:
-    """Singular configurations that were looked for without any plan or algebra.
-
-    Attributes
-    ----------
-    starts : int
-        Random configurations within the limits that were refined.
-    singular : int
-        How many became singular to SINGULAR_RTOL.
-    on_family : int
-        How many of those lie on a family, or in a valley of sigma_r so flat that the zero next
-        to them does.
-    off : tuple of (n,) arrays
-        The others.
-    """
-
-    starts: int
-    singular: int
-    on_family: int
-    off: tuple[Array, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class Analysis(JsonResult):
-    """Everything found about the singular configurations of an arm.
-
-    Attributes
-    ----------
-    arm : ArmSummary
-        The arm.
-    geometry : str
-        "both" (curves on the raw geometry, families and tests on the nominal one), "raw" or
-        "nominal" (everything on one).
-    closed_form : ClosedForm
-        The families.
-    findings : tuple of Finding
-        What the sweep found, refined and generalised.
-    family_of : tuple of str
-        Name of the family of each finding, or an empty string.
-    checks : tuple of FamilyCheck
-        Samples of each family, judged by Pinocchio.
-    random_search : RandomSearch
-        The search that is independent of both.
-    jacobians : int
-        Jacobians that the sweep took.
-    sweep_complete : bool
-        False if the sweep was stopped.
-    notes : tuple of str
-        Notes of the sweep.
-    problems : tuple of str
-        Contradictions: each is a bug of pinsing, or of the file; empty if all agree.
-    seconds : float
-        Time it took.
-    missing : tuple of str
-        Stages that were cut short, by the time or by Ctrl-C.
-    sweep : SweepResult or None
-        The curves; not written to JSON.
-    """
-
-    schema: ClassVar[str] = "pinsing/analysis/1"
-    made_by: ClassVar[str] = "pinsing.analyze(arm)"
-
-    arm: ArmSummary
-    geometry: str
-    closed_form: ClosedForm
-    findings: tuple[Finding, ...]
-    family_of: tuple[str, ...]
-    checks: tuple[FamilyCheck, ...]
-    random_search: RandomSearch
-    jacobians: int
-    sweep_complete: bool
-    notes: tuple[str, ...]
-    problems: tuple[str, ...]
-    seconds: float
-    missing: tuple[str, ...] = ()
-    sweep: SweepResult | None = field(default=None, repr=False, metadata={"json": False})
-
-    @property
-    def families(self) -> tuple[Family, ...]:
-        """The families of the closed form."""
-        return self.closed_form.families
-
-    @property
-    def complete(self) -> bool:
-        """Whether no singular configuration can be missing."""
-        return self.closed_form.complete
-
-    @property
-    def agree(self) -> bool:
-        """Whether closed forms, sweep and random search contradict each other nowhere."""
-        return not self.problems
-
-    @property
-    def singular(self) -> bool:
-        """Whether a singular configuration within the joint limits is known."""
-        reachable = any(f.is_reachable for f in self.families)
-        return reachable or any(f.reachable and f.status == "singular" for f in self.findings)
-
-    def __str__(self) -> str:
-        from pinsing.analysis.text import analysis_text
-
-        return analysis_text(self)
-
-    def _repr_latex_(self) -> str:
-        """For notebooks: the families."""
-        return self.closed_form.latex()
-
-    def _repr_html_(self) -> str:
-        """For notebooks, which prefer it: the families, and whether the checks agree."""
-        if self.agree:
-            checks = verdict("sweep and random search agree", "good")
-        else:
-            checks = verdict("CONTRADICTIONS:", "alarm") + text(" " + "; ".join(self.problems))
-        return f"{self.closed_form._repr_html_()}<p>{checks}</p>"
 
 
 @checked

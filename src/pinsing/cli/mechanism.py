@@ -61,7 +61,7 @@ def analyze_loops(
 ) -> int:
     """``analyze --loops``: modes, ranges, singular points and loci of a mechanism."""
     from pinsing.mechanism import analyze_mechanism
-    from pinsing.mechanism.text import analysis_text
+    from pinsing.mechanism.result import analysis_text
 
     mechanism = read(loops, options)
     analysis = analyze_mechanism(mechanism)

@@ -320,7 +320,7 @@ def analyze_command(
     with run_progress() as progress:
         analysis = analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
     if not emit_json(analysis, json_target):
-        from pinsing.analysis.text import analysis_text
+        from pinsing.analysis.result import analysis_text
 
         emit(analysis_text(analysis, Page.of(), deg))
     for problem in analysis.problems:

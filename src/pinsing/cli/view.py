@@ -15,7 +15,7 @@ from pinsing.cli.serving import picture_size, read_json, serve
 from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:
-    from pinsing.analysis.analyze import Analysis
+    from pinsing.analysis.result import Analysis
     from pinsing.families import Family
     from pinsing.robot.arm import Arm
     from pinsing.sweeps.finding import Finding
@@ -127,7 +127,7 @@ def _find(arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
 
 def _read(path: Path, arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
-    from pinsing.analysis.analyze import Analysis
+    from pinsing.analysis.result import Analysis
     from pinsing.families import ClosedForm
 
     data = read_json(path)

@@ -1,12 +1,13 @@
 """Closed loops: solving, modes and singularities of mechanisms."""
 
-from pinsing.mechanism.analysis import MechanismAnalysis, analyze_mechanism
+from pinsing.mechanism.analysis import analyze_mechanism
 from pinsing.mechanism.closure import constraint_jacobian, output_jacobian, ranks, residual, split
 from pinsing.mechanism.drive import Stretch, drive, stretch
 from pinsing.mechanism.feasible import curves, feasible
 from pinsing.mechanism.loci import Locus, LoopForms, loop_forms
 from pinsing.mechanism.modes import home, mode_of
 from pinsing.mechanism.motion import MechanismState, input_output, leg_form, mechanism_at, motions
+from pinsing.mechanism.result import MechanismAnalysis
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
 from pinsing.mechanism.singular_points import refine_point as refine
 from pinsing.mechanism.solve import InfeasibleError, Solution, assemblies, follow, solve

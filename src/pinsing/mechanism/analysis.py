@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import ClassVar
-
 import numpy as np
 import numpy.typing as npt
 
@@ -16,110 +13,13 @@ from pinsing.mechanism.feasible import Interval, curves, intervals
 from pinsing.mechanism.loci import LoopForms, loop_forms
 from pinsing.mechanism.loci_roots import roots
 from pinsing.mechanism.modes import home, mode_of
-from pinsing.mechanism.motion import MechanismState, mechanism_at
+from pinsing.mechanism.motion import mechanism_at
+from pinsing.mechanism.result import Check, MechanismAnalysis, Mode
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
-from pinsing.mechanism.solve import Solution, assemblies
+from pinsing.mechanism.solve import assemblies
 from pinsing.robot.load_mechanism import Mechanism
-from pinsing.serialization import JsonResult
 
 _AGREE = 1e-9
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """A mode that the mechanism has at the analysed output position.
-
-    Attributes
-    ----------
-    name : str
-        Assembly and working mode.
-    q : (n,) array
-        All joints, radians and metres.
-    """
-
-    name: str
-    q: Array
-
-
-@dataclass(frozen=True)
-class Check:
-    """One agreement between the sweep and the closed forms.
-
-    Attributes
-    ----------
-    words : str
-        What was compared.
-    passed : bool
-        Whether it agrees.
-    """
-
-    words: str
-    passed: bool
-
-
-@dataclass(frozen=True, eq=False)
-class MechanismAnalysis(JsonResult):
-    """What was found out about a mechanism.
-
-    Attributes
-    ----------
-    name, source, loop_file : str
-        Where it comes from.
-    joints, inputs : tuple of str
-        All joints, and the actuated ones.
-    loops : tuple of str
-        What is held together.
-    output, task : str
-        Frame and rows of the output.
-    length_scale : float
-        Metres.
-    mobility, constraint_rank, constraint_rows : int
-        Degrees of freedom; independent and written closure equations.
-    state : MechanismState
-        At the configuration analysed.
-    assemblies : tuple of Solution
-        All ways to close the loops at its inputs.
-    working : tuple of Mode
-        All ways to reach its output position; empty where no closed form lists them.
-    ranges : dict of str to tuple of Interval
-        For each input, the others held, where the loops close.
-    points : tuple of SingularPoint
-        Singular points along the curves of each input, the others held.
-    forms : LoopForms or None
-        The loci as equations, where the algebra is at hand.
-    checks : tuple of Check
-        Sweep against closed forms.
-    notes : tuple of str
-        What was assumed.
-    """
-
-    schema: ClassVar[str] = "pinsing/mechanism-analysis/1"
-
-    name: str
-    source: str
-    loop_file: str
-    joints: tuple[str, ...]
-    inputs: tuple[str, ...]
-    loops: tuple[str, ...]
-    output: str
-    task: str
-    length_scale: float
-    mobility: int
-    constraint_rank: int
-    constraint_rows: int
-    state: MechanismState
-    assemblies: tuple[Solution, ...]
-    working: tuple[Mode, ...]
-    ranges: dict[str, tuple[Interval, ...]]
-    points: tuple[SingularPoint, ...]
-    forms: LoopForms | None
-    checks: tuple[Check, ...]
-    notes: tuple[str, ...]
-
-    def __str__(self) -> str:
-        from pinsing.mechanism.text import analysis_text
-
-        return analysis_text(self)
 
 
 @checked

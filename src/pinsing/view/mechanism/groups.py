@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.mechanism.analysis import MechanismAnalysis
 from pinsing.mechanism.loci import Locus
 from pinsing.mechanism.modes import STRAIGHT, elbow_sines, elbows, home
+from pinsing.mechanism.result import MechanismAnalysis
 from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
 

@@ -6,8 +6,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing.errors import OptionError
-from pinsing.mechanism.analysis import MechanismAnalysis, analyze_mechanism
+from pinsing.mechanism.analysis import analyze_mechanism
 from pinsing.mechanism.drive import drive
+from pinsing.mechanism.result import MechanismAnalysis
 from pinsing.mechanism.solve import assemblies
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.links import Links, read_links

@@ -1,19 +1,21 @@
-"""A mechanism's analysis in words."""
+"""What was found out about a mechanism, and its text for people."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import ClassVar
 
+from pinsing._types import Array
 from pinsing.joint_text import typed
+from pinsing.mechanism.feasible import Interval
+from pinsing.mechanism.loci import LoopForms
+from pinsing.mechanism.motion import MechanismState
+from pinsing.mechanism.singular_points import SingularPoint
+from pinsing.mechanism.solve import Solution
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
-
-if TYPE_CHECKING:
-    from pinsing._types import Array
-    from pinsing.mechanism.analysis import MechanismAnalysis
-    from pinsing.mechanism.feasible import Interval
+from pinsing.serialization import JsonResult
 
 _MEANING = {
     "type 1": "a direction of the output is lost",
@@ -24,6 +26,101 @@ _MEANING = {
 
 Line = tuple[str, tuple[Span, ...]]
 """An indent, and what follows it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mode:
+    """A mode that the mechanism has at the analysed output position.
+
+    Attributes
+    ----------
+    name : str
+        Assembly and working mode.
+    q : (n,) array
+        All joints, radians and metres.
+    """
+
+    name: str
+    q: Array
+
+
+@dataclass(frozen=True)
+class Check:
+    """One agreement between the sweep and the closed forms.
+
+    Attributes
+    ----------
+    words : str
+        What was compared.
+    passed : bool
+        Whether it agrees.
+    """
+
+    words: str
+    passed: bool
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismAnalysis(JsonResult):
+    """What was found out about a mechanism.
+
+    Attributes
+    ----------
+    name, source, loop_file : str
+        Where it comes from.
+    joints, inputs : tuple of str
+        All joints, and the actuated ones.
+    loops : tuple of str
+        What is held together.
+    output, task : str
+        Frame and rows of the output.
+    length_scale : float
+        Metres.
+    mobility, constraint_rank, constraint_rows : int
+        Degrees of freedom; independent and written closure equations.
+    state : MechanismState
+        At the configuration analysed.
+    assemblies : tuple of Solution
+        All ways to close the loops at its inputs.
+    working : tuple of Mode
+        All ways to reach its output position; empty where no closed form lists them.
+    ranges : dict of str to tuple of Interval
+        For each input, the others held, where the loops close.
+    points : tuple of SingularPoint
+        Singular points along the curves of each input, the others held.
+    forms : LoopForms or None
+        The loci as equations, where the algebra is at hand.
+    checks : tuple of Check
+        Sweep against closed forms.
+    notes : tuple of str
+        What was assumed.
+    """
+
+    schema: ClassVar[str] = "pinsing/mechanism-analysis/1"
+
+    name: str
+    source: str
+    loop_file: str
+    joints: tuple[str, ...]
+    inputs: tuple[str, ...]
+    loops: tuple[str, ...]
+    output: str
+    task: str
+    length_scale: float
+    mobility: int
+    constraint_rank: int
+    constraint_rows: int
+    state: MechanismState
+    assemblies: tuple[Solution, ...]
+    working: tuple[Mode, ...]
+    ranges: dict[str, tuple[Interval, ...]]
+    points: tuple[SingularPoint, ...]
+    forms: LoopForms | None
+    checks: tuple[Check, ...]
+    notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        return analysis_text(self)
 
 
 def analysis_text(
