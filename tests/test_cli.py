@@ -20,7 +20,8 @@ from pinsing.analysis.result import Analysis
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
-from pinsing.configuration.state import State, at
+from pinsing.configuration.at import at
+from pinsing.configuration.state import State
 from pinsing.errors import ConfigurationError, OutputError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.jacobian import task_jacobian

@@ -61,7 +61,6 @@ EXCEPTIONS: frozenset[tuple[str, str]] = frozenset()
 
 # Modules that word, complete or convert an object, which calls them, and whose type they name.
 TYPES = {
-    ("pinsing.configuration.state_text", "pinsing.configuration.state"),
     ("pinsing.families.html", "pinsing.families.family"),
     ("pinsing.families.html", "pinsing.families.solve"),
     ("pinsing.families.proving", "pinsing.families.solve"),

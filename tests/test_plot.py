@@ -20,7 +20,7 @@ from matplotlib.contour import ContourSet
 from mpl_toolkits.mplot3d import Axes3D
 
 from pinsing import plot
-from pinsing.configuration.state import at
+from pinsing.configuration.at import at
 from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values

@@ -10,9 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pinsing.configuration.at import at
 from pinsing.configuration.lost_motion import Tool, lost_motions, nice_basis
-from pinsing.configuration.state import State, at
-from pinsing.configuration.state_text import state_text
+from pinsing.configuration.state import State, state_text
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.geometry.nominal import nominal
 from pinsing.robot.arm import Arm

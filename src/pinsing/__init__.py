@@ -10,8 +10,9 @@ from pinsing._version import __version__ as __version__
 if TYPE_CHECKING:
     from pinsing.analysis.analyze import analyze
     from pinsing.analysis.result import Analysis
+    from pinsing.configuration.at import at
     from pinsing.configuration.refine import SingularConfiguration, refine, refine_many
-    from pinsing.configuration.state import State, at
+    from pinsing.configuration.state import State
     from pinsing.errors import PinsingError
     from pinsing.families import ClosedForm, Family, closed_form
     from pinsing.geometry.nominal import Nominal, nominal
@@ -66,7 +67,7 @@ _HOME = {
     "Viewer": "pinsing.view.viewer",
     "analyze": "pinsing.analysis.analyze",
     "analyze_mechanism": "pinsing.mechanism",
-    "at": "pinsing.configuration.state",
+    "at": "pinsing.configuration.at",
     "check_line": "pinsing.proximity.line",
     "check_trajectory": "pinsing.proximity.trajectory",
     "clearance": "pinsing.proximity.clearance",

@@ -67,8 +67,8 @@ def at_command(
     """
     parse_numbers(q, "--q", deg)  # a slip of the pen, before the robot is read
     arm = request.load()
-    from pinsing.configuration.state import at
-    from pinsing.configuration.state_text import state_text
+    from pinsing.configuration.at import at
+    from pinsing.configuration.state import state_text
     from pinsing.geometry.nominal import nominal
     from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 

@@ -112,7 +112,7 @@ def _draw(
             arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits, degrees=deg
         )
     if kind == "ellipsoids":
-        from pinsing.configuration.state import at
+        from pinsing.configuration.at import at
         from pinsing.plot.plane import regular_configuration
 
         return plot.ellipsoids(at(arm, regular_configuration(arm) if q is None else q))

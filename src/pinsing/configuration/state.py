@@ -1,4 +1,4 @@
-"""Everything about one configuration."""
+"""What is known of one configuration, and its text for people."""
 
 from __future__ import annotations
 
@@ -7,45 +7,20 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
-import numpy.typing as npt
 
-from pinsing import measures
+from pinsing import notebook
 from pinsing._types import Array
-from pinsing.arguments import checked
-from pinsing.configuration.axis_dependence import (
-    DEPENDENCE_RTOL,
-    AxisDependence,
-    axis_dependences,
-    landmarks,
-)
-from pinsing.configuration.lost_motion import EXACT_TOL, LostMotion, Tool, lost_motions
-from pinsing.geometry.nominal import nominal
-from pinsing.kinematics.jacobian import (
-    frame_jacobian,
-    frame_jacobians,
-    scale_rows,
-    tip_placement,
-)
-from pinsing.kinematics.own_scale import own_scale, random_turns
-from pinsing.kinematics.verdict import (
-    NEAR_RTOL,
-    SINGULAR_RTOL,
-    check_tolerances,
-    generic_rank,
-    rank_of,
-    ratio_of,
-    ratios,
-    scale_notes,
-    status_of,
-)
-from pinsing.notebook import formula, name, table, text, verdict
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.configuration.axis_dependence import AxisDependence
+from pinsing.configuration.lost_motion import LostMotion, axis_name, vector
+from pinsing.prose import PLAIN, Page, Span, measured, unbroken, verdict
+from pinsing.robot.arm_summary import ArmSummary
 from pinsing.serialization import JsonResult
 
 SINGULAR, NEAR_SINGULAR, REGULAR = "singular", "near-singular", "regular"
 
-_SEED = 77041
+_LABEL = 18
+
+Line = tuple[str, Span | tuple[Span, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,8 +154,6 @@ class State(JsonResult):
         return self.status == SINGULAR
 
     def __str__(self) -> str:
-        from pinsing.configuration.state_text import state_text
-
         return state_text(self)
 
     def _repr_latex_(self) -> str:
@@ -193,23 +166,24 @@ class State(JsonResult):
 
     def _repr_html_(self) -> str:
         """For notebooks, which prefer it: verdict in colour, what is lost and why."""
+        text = notebook.text
         tone = {SINGULAR: "alarm", NEAR_SINGULAR: "caution"}.get(self.status, "good")
         said = "SINGULAR" if self.status == SINGULAR else self.status
         ratio = rf"\sigma_{{{self.generic_rank}}}/\sigma_1 = {_latex_number(self.sigma_ratio)}"
+        values = zip(self.arm.joints, self.q, self.arm.prismatic, strict=True)
         rows = [
-            (text("verdict"), f"{verdict(said, tone)} {formula(ratio)}"),
+            (text("verdict"), f"{notebook.verdict(said, tone)} {notebook.formula(ratio)}"),
             (text("rank"), f"{self.rank} {text('of')} {self.generic_rank}"),
             *(
-                (name(joint), text(f"{value:.6g} {'m' if slides else 'rad'}"))
-                for joint, value, slides in zip(
-                    self.arm.joints, self.q, self.arm.prismatic, strict=True
-                )
+                (notebook.name(joint), text(f"{value:.6g} {'m' if slides else 'rad'}"))
+                for joint, value, slides in values
             ),
             *((text("lost"), text(motion.words)) for motion in self.lost),
             *((text("why"), text(dependence.reason)) for dependence in self.dependences),
             *((text("note"), text(note)) for note in self.notes),
         ]
-        return f"<p>{name(self.arm.name)} {text('tip')} {name(self.arm.tip)}</p>{table(rows)}"
+        arm, tip = notebook.name(self.arm.name), notebook.name(self.arm.tip)
+        return f"<p>{arm} {text('tip')} {tip}</p>{notebook.table(rows)}"
 
 
 def _latex_number(value: float) -> str:
@@ -218,170 +192,131 @@ def _latex_number(value: float) -> str:
     return rf"{mantissa} \cdot 10^{{{int(exponent)}}}" if exponent else mantissa
 
 
-@checked
-def at(
-    arm: Arm, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL, near_rtol: float = NEAR_RTOL
-) -> State:
-    """Everything about the configuration q (n,), radians and metres, of an arm.
+def state_text(state: State, degrees: bool = False, page: Page = PLAIN) -> str:
+    """All that is worth reading about a state, aligned, with units.
 
     Parameters
     ----------
-    arm : Arm
-        Any arm; its geometry is taken as it is (the raw one, unless it is ``nominal(arm).arm``).
-    q : (n,) array_like
-        Radians or metres; may lie outside the limits, which is then said.
-    rtol, near_rtol : float
-        sigma_r / sigma_1 at or below which q is called singular, or near-singular.
-
-    Returns
-    -------
-    State
-        With ``str()``: all of it in words.
-
-    Raises
-    ------
-    ConfigurationError
-        If q has the wrong length or is not finite.
-    OptionError
-        Unless 0 <= rtol <= near_rtol < 1; or if no joint ever moves the task.
-
-    Examples
-    --------
-    >>> import pinsing
-    >>> state = pinsing.at(pinsing.load("ur5"), [0, -1.2, 0, -1, -1.5, 0])
-    >>> state.status, state.rank, state.generic_rank
-    ('singular', 5, 6)
+    state : State
+        What to print.
+    degrees : bool
+        Print revolute joint values in degrees.
+    page : Page
+        What it is fitted to.
     """
-    check_tolerances(rtol, near_rtol)
-    q = arm.check_one(q)
-    J = frame_jacobian(arm, q)
-    Js = scale_rows(arm, J)
-    r = generic_rank(arm)
-    scale = own_scale(arm)
-    U, sigma, Vt = np.linalg.svd(scale.apply(arm, J))
-    ratio = float(ratio_of(arm, sigma))
-    status = status_of(ratio, rtol, near_rtol)
-    # Nearly lost is what is not better than sigma_r, give or take a factor.
-    zero = {SINGULAR: rtol, NEAR_SINGULAR: min(3 * ratio, near_rtol), REGULAR: rtol}[status]
-    rank = rank_of(arm, sigma, zero)
-    place = tip_placement(arm, q)
-    position, rotation = np.array(place.translation), np.array(place.rotation)
-    lost: tuple[LostMotion, ...] = ()
-    always_missing = 0
-    dependences: tuple[AxisDependence, ...] = ()
-    if status != REGULAR:
-        never = never_produced(arm)
-        missing = _in_all_rows(arm, _without(U[:, rank:], never))
-        always_missing = len(arm.task.rows) - r - never.shape[1]
-        hardly = status == NEAR_SINGULAR
-        tool = Tool(position, rotation, _size(J), landmarks(arm, J, position))
-        tol = max(EXACT_TOL, min(3 * ratio, 0.05)) if hardly else EXACT_TOL
-        lost = lost_motions(missing, J, scale.length, arm.length_scale, tool, tol, hardly)
-        dependences = axis_dependences(arm, q, zero if hardly else max(DEPENDENCE_RTOL, rtol))
-    outside = tuple(np.array(arm.joints)[arm.space.outside(q)].tolist())
-    return State(
-        arm=summarize(arm),
-        q=q,
-        within_limits=not outside,
-        outside=outside,
-        tip_position=position,
-        tip_rotation=rotation,
-        J=J,
-        sigma=measures.singular_values(Js),
-        rank=rank_of(arm, sigma, rtol),
-        generic_rank=r,
-        sigma_ratio=ratio,
-        rtol=rtol,
-        near_rtol=near_rtol,
-        status=status,
-        manipulability=float(measures.manipulability(Js, r)),
-        condition_number=float(measures.condition_number(Js, r)),
-        determinant=float(measures.determinant(Js)),
-        translational=_ellipsoid(J[:3], position, "m/s"),
-        rotational=_ellipsoid(J[3:], position, "rad/s"),
-        lost=lost,
-        always_missing=always_missing,
-        self_motions=_self_motions(scale.columns[:, None] * Vt[rank:].T, arm.prismatic),
-        always_idle=arm.n - r,
-        dependences=dependences,
-        notes=tuple(_notes(arm, q, r, ratio, rtol)),
-    )
+    return page.fields(_lines(state, degrees), _LABEL)
 
 
-def _ellipsoid(rows: Array, center: Array, unit: str) -> VelocityEllipsoid:
-    axes, radii = measures.velocity_ellipsoid(rows)
-    return VelocityEllipsoid(center, axes, radii, unit)
+def _lines(state: State, degrees: bool) -> Iterator[Line]:
+    arm = state.arm
+    yield "arm", f"{arm.name}, tip {arm.tip}, base {arm.base}"
+    yield "", f"task {arm.task}, length scale {arm.length_scale:g} m"
+    yield from _joints(state, degrees)
+    yield "", ""
+    yield "status", _verdict(state)
+    yield from _meaning(state)
+    yield "", ""
+    yield "sigma", "  ".join(_short(s) for s in state.sigma)
+    yield "manipulability", _short(state.manipulability)
+    yield "condition number", _short(state.condition_number)
+    yield _determinant_label(state), _short(state.determinant)
+    yield "", ""
+    yield "tip position", measured(f"{vector(state.tip_position, 4)} m")
+    yield from _ellipsoid("translation", state.translational, state.tip_rotation)
+    yield from _ellipsoid("rotation", state.rotational, state.tip_rotation)
+    for note in state.notes:
+        yield "", ""
+        yield "note", note
 
 
-def _size(J: Array) -> float:
-    """Greatest speed of the tip at unit speed of one joint: how long the arm is, metres."""
-    turning = np.linalg.norm(J[3:], axis=0) > 0
-    return float(np.linalg.norm(J[:3, turning], axis=0).max(initial=0.0)) or 1.0
+def _meaning(state: State) -> Iterator[Line]:
+    """What cannot be done, why, and what moves although the tip rests."""
+    if state.lost:
+        yield "", ""
+        label = "lost" if state.singular else "nearly lost"
+        for motion in state.lost:
+            torque = "no" if state.singular else "almost no"
+            text = f"{motion.words}; {motion.free_wrench} needs {torque} joint torque"
+            yield label, measured(text)
+            label = ""
+        if state.always_missing:
+            are = "is" if state.always_missing == 1 else "are"
+            yield (
+                "",
+                f"({state.always_missing} of these {len(state.lost)} {are} missing at every "
+                f"configuration: the arm reaches rank {state.generic_rank} in a task of "
+                f"{_rows(state)} rows)",
+            )
+    if state.dependences:
+        yield "", ""
+        label = "why"
+        for dependence in state.dependences:
+            yield label, dependence.reason
+            yield "", f"({', '.join(dependence.joints)})"
+            label = ""
+    if state.self_motions:
+        yield "", ""
+        nearly = "nearly " if state.status == "near-singular" else ""
+        label = "self-motion"
+        for self_motion in state.self_motions:
+            verb = "leaves" if np.count_nonzero(self_motion.direction) == 1 else "leave"
+            rest = "tip" if state.arm.task == "pose" else "task"
+            yield label, measured(f"{self_motion.words} {verb} the {rest} {nearly}at rest")
+            label = ""
+        if state.always_idle:
+            yield (
+                "",
+                f"(dimension {state.always_idle} at every configuration: the arm is redundant)",
+            )
 
 
-def never_produced(arm: Arm) -> Array:
-    """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
-    exact = nominal(arm).arm
-    J = frame_jacobians(exact, random_turns(exact, 6, _SEED))
-    U, sigma, _ = np.linalg.svd(np.concatenate(list(own_scale(exact).apply(exact, J)), axis=1))
-    return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
+def _joints(state: State, degrees: bool) -> Iterator[Line]:
+    arm = state.arm
+    width = max(len(name) for name in arm.joints)
+    label = "q"
+    for i, name in enumerate(arm.joints):
+        value, unit = state.q[i], "rad"
+        if arm.prismatic[i]:
+            unit = "m"
+        elif degrees:
+            value, unit = np.degrees(value), "deg"
+        outside = "  (outside its limits)" if name in state.outside else ""
+        left = unbroken(f"{i + 1:>2} {name:<{width}}")
+        yield label, f"{left} {unbroken(f'{value:>11.6g} {unit}')}{outside}"
+        label = ""
 
 
-def _without(U: Array, other: Array) -> Array:
-    """Orthonormal basis of what is left of the columns of U (m, d) beside those of ``other``."""
-    rest = U - other @ (other.T @ U)
-    left, sigma, _ = np.linalg.svd(rest, full_matrices=False)
-    return np.asarray(left[:, sigma > 0.5])
+def _verdict(state: State) -> tuple[Span, ...]:
+    r = state.generic_rank
+    ratio = unbroken(f"sigma_{r}/sigma_1 = {state.sigma_ratio:.2g}")
+    if state.status == "singular":
+        said = verdict(state.status, "SINGULAR")
+        return said, f": rank {state.rank} instead of {r} ({ratio} <= {state.rtol:g})"
+    if state.status == "near-singular":
+        more = f"(singular from {state.rtol:g}); rank {state.rank}"
+        return verdict(state.status), f": {ratio} <= {state.near_rtol:g} {more}"
+    more = f"(near-singular from {state.near_rtol:g})"
+    return verdict(state.status), f": rank {state.rank}, {ratio} {more}"
 
 
-def _in_all_rows(arm: Arm, U: Array) -> Array:
-    """Task directions (m, d) as directions (6, d), zero in the rows that the task leaves out."""
-    out = np.zeros((6, U.shape[1]))
-    out[list(arm.task.rows)] = U
-    return out
+def _determinant_label(state: State) -> str:
+    m, n = _rows(state), state.arm.n
+    return "det J" if m == n else "det J J^T" if m < n else "det J^T J"
 
 
-def _self_motions(V: Array, prismatic: npt.NDArray[np.bool_]) -> tuple[SelfMotion, ...]:
-    """Null space V (n, d) by combinations of few joints: Gauss-Jordan with column pivoting."""
-    V = V.copy()
-    d = V.shape[1]
-    pivots: list[int] = []
-    for k in range(d):
-        free = [i for i in range(len(V)) if i not in pivots]
-        pivot = max(free, key=lambda i: float(np.abs(V[i, k:]).max().round(9)))
-        column = k + int(np.argmax(np.abs(V[pivot, k:])))
-        V[:, [k, column]] = V[:, [column, k]]
-        V[:, k] /= V[pivot, k]
-        others = [c for c in range(d) if c != k]
-        V[:, others] -= np.outer(V[:, k], V[pivot, others])
-        pivots.append(pivot)
-    V /= np.abs(V).max(axis=0, initial=1e-300)
-    V[np.abs(V) < 1e-9] = 0.0
-    order = sorted(range(d), key=lambda c: int(np.flatnonzero(V[:, c])[0]))
-    return tuple(_self_motion(V[:, c], prismatic) for c in order)
+def _rows(state: State) -> int:
+    named = {"pose": 6, "position": 3, "orientation": 3}
+    return named.get(state.arm.task) or len(state.arm.task.split(","))
 
 
-def _self_motion(v: Array, prismatic: npt.NDArray[np.bool_]) -> SelfMotion:
-    first = v[np.flatnonzero(np.abs(v) > 1e-6)[0]]
-    v = v * np.sign(first) + 0.0
-    parts = [
-        f"joint {i + 1} at {v[i]:+.3g} {'m/s' if prismatic[i] else 'rad/s'}"
-        for i in np.flatnonzero(np.abs(v) > 1e-6)
-    ]
-    words = parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1]
-    return SelfMotion(v, words)
+def _ellipsoid(what: str, ellipsoid: VelocityEllipsoid, rotation: Array) -> Iterator[Line]:
+    label = f"{what} speed"
+    verb = "along" if what == "translation" else "about"
+    for radius, direction in zip(ellipsoid.radii, ellipsoid.axes.T, strict=True):
+        speed = unbroken(f"{_short(radius):>9} {ellipsoid.unit}")
+        yield label, measured(f"{speed} {verb} {axis_name(direction, rotation)}")
+        label = ""
 
 
-def _notes(arm: Arm, q: Array, r: int, ratio: float, rtol: float) -> Iterator[str]:
-    """Say what the verdict stands on, and where the file's rounded numbers hide a singularity."""
-    yield from scale_notes(arm)
-    exact = nominal(arm)
-    if exact.exact or ratio <= rtol:
-        return
-    there = float(ratios(exact.arm, q)[0])
-    if there <= rtol:
-        yield (
-            "singular if the rounded numbers of the file are made exact (nominal geometry, which "
-            f"changes no Jacobian column by more than {exact.jacobian_change:.1e}): "
-            f"sigma_{r}/sigma_1 = {there:.1e} there"
-        )
+def _short(value: float) -> str:
+    return f"{value + 0.0:.4g}"  # no minus zero

@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.configuration.state import State, at
+from pinsing.configuration.at import at
+from pinsing.configuration.state import State
 from pinsing.families.example import readable
 from pinsing.families.family import Branch, Family
 from pinsing.families.kinds import kinds_of

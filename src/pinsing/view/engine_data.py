@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.configuration.at import never_produced
 from pinsing.configuration.axis_dependence import arm_centres, moving_columns
-from pinsing.configuration.state import never_produced
 from pinsing.families.family import Branch
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.own_scale import own_scale

@@ -9,7 +9,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.configuration.state import REGULAR, State, at
+from pinsing.configuration.at import at
+from pinsing.configuration.state import REGULAR, State
 from pinsing.measures import Ellipsoid
 from pinsing.robot.arm import Arm
 from pinsing.serialization import encode
