@@ -61,10 +61,6 @@ EXCEPTIONS: frozenset[tuple[str, str]] = frozenset()
 
 # Modules that word, complete or convert an object, which calls them, and whose type they name.
 TYPES = {
-    ("pinsing.families.html", "pinsing.families.family"),
-    ("pinsing.families.html", "pinsing.families.solve"),
-    ("pinsing.families.proving", "pinsing.families.solve"),
-    ("pinsing.families.text", "pinsing.families.solve"),
     ("pinsing.robot.full_q", "pinsing.robot.arm"),
 }
 

@@ -18,7 +18,7 @@ from pinsing.analysis.analyze import analyze
 from pinsing.analysis.result import analysis_text
 from pinsing.analysis.stages import Stages
 from pinsing.families import closed_form
-from pinsing.families.text import families_text
+from pinsing.families.form import families_text
 from pinsing.geometry.nominal import nominal
 from pinsing.geometry.surd import cosine
 from pinsing.kinematics.verdict import ratios

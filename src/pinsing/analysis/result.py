@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from pinsing._types import Array
 from pinsing.families import ClosedForm, Family
-from pinsing.families.text import families_text
+from pinsing.families.form import families_text
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.notebook import text, verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken

@@ -63,7 +63,7 @@ def families_command(
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.families import prove as add_proof
-    from pinsing.families.text import families_text, proof_text
+    from pinsing.families.form import families_text, proof_text
 
     long = prove is True or certificate is not None
     found = closed_form(arm, **algebra, prove=False if prove is False else None)

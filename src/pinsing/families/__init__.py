@@ -2,8 +2,9 @@
 
 from pinsing.algebra.equation import Equation
 from pinsing.families.family import Branch, Distance, Family, JointValue
-from pinsing.families.proving import Proof, prove
-from pinsing.families.solve import ClosedForm, closed_form, joint_symbols
+from pinsing.families.form import ClosedForm, Proof
+from pinsing.families.proving import prove
+from pinsing.families.solve import closed_form, joint_symbols
 
 __all__ = [
     "Branch",

@@ -17,6 +17,7 @@ from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions, nearest_points
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families.html import families_table, family_row
 from pinsing.families.zero_set import ROUNDS, project, search
 from pinsing.measures import Reachability
 from pinsing.robot.joint_space import JointSpace
@@ -522,9 +523,16 @@ class Family(JsonResult):
 
     def _repr_html_(self) -> str:
         """For notebooks, which prefer it: the equations typeset, and what else is known."""
-        from pinsing.families.html import family_html
+        involved = sorted({j for b in self.branches for j in b.involved})
+        symbols = [f"{'d' if self.prismatic[j] else 'q'}{j + 1}" for j in involved]
+        return families_table([self.html_row()], zip(symbols, self.joints, strict=False))
 
-        return family_html(self)
+    def html_row(self) -> tuple[str, ...]:
+        """Its cells in a table of families."""
+        varies = self.kind == "varies"
+        kind = "; ".join(str(part) for part in self.kinds) if varies else self.kind
+        short = self.text if "terms]" in self.text else ""
+        return family_row(self.name, self.latex, short, kind, self.reachability, self.reason)
 
     # Helpers ------------------------------------------------------------------------
 

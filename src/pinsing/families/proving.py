@@ -4,58 +4,22 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from dataclasses import replace
+from typing import Any
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
 from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.form import ClosedForm, Proof
 from pinsing.proof.checker import Rejected, verify
 from pinsing.proof.produce import Stated, certificate, text_of
 from pinsing.proof.tree import NotFound
-
-if TYPE_CHECKING:
-    from pinsing.families.solve import ClosedForm
 
 SHORT = 1.0
 """Seconds that a proof may take where nobody asked for one."""
 LONG = 60.0
 """Seconds for one that was asked for."""
-
-
-@dataclass(frozen=True)
-class Proof:
-    """What became of the search for a certificate.
-
-    Attributes
-    ----------
-    accepted : bool
-        Whether there is one, and the checker accepted it.
-    reason : str
-        Why there is none; empty where there is.
-    size : int
-        Bytes of the certificate; 0 if there is none.
-    places : int
-        Case splits and what ends them.
-    seconds : float
-        Time that finding it took.
-    check_seconds : float
-        Time that the checker took.
-    primes : tuple of int
-        Primes modulo which the families were found: what rests on, where there is none.
-    certificate : dict or None
-        It; not written to JSON with the rest, but to a file of its own.
-    """
-
-    accepted: bool
-    reason: str
-    size: int
-    places: int
-    seconds: float
-    check_seconds: float
-    primes: tuple[int, ...]
-    certificate: dict[str, Any] | None = field(default=None, repr=False, metadata={"json": False})
 
 
 def prove(

@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
-from typing import Any, ClassVar
-
-import numpy as np
-import numpy.typing as npt
+from dataclasses import replace
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
@@ -20,22 +16,21 @@ from pinsing.algebra.ring import Ring
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.arguments import checked
-from pinsing.errors import ConfigurationError, OptionError
+from pinsing.errors import OptionError
 from pinsing.families.describe import describe
 from pinsing.families.family import Family
+from pinsing.families.form import ClosedForm
 from pinsing.families.hints import SNAP, small_offset, snap_hint
 from pinsing.families.pieces import Piece, PieceMaker
-from pinsing.families.proving import LONG, SHORT, Proof
+from pinsing.families.proving import LONG, SHORT
 from pinsing.families.proving import prove as add_proof
 from pinsing.families.statement import mirror_key
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.geometry.snap import Snap
 from pinsing.geometry.surd import Surd
 from pinsing.kinematics.jacobian import generic_rank
-from pinsing.prose import visible
 from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
-from pinsing.serialization import JsonResult
+from pinsing.robot.arm_summary import summarize
 
 _SEED = 20
 _WITNESSES = 6
@@ -46,163 +41,6 @@ _TO_DESCRIBE = 0.1
 
 MAX_JOINTS = 12
 """Beyond it the algebra needs more memory than there is before it can be stopped."""
-
-
-@dataclass(frozen=True, eq=False)
-class ClosedForm(JsonResult):
-    """The singular set of an arm, as families.
-
-    Attributes
-    ----------
-    arm : ArmSummary
-        The arm.
-    symbols : tuple of str
-        How the equations name its joints, base to tip: q1, q2, d3, ...
-    generic_rank : int
-        Singular means: rank below this.
-    families : tuple of Family
-        Their union is the singular set, where ``complete``.
-    complete : bool
-        Whether nothing can be missing: the search ended, and every branch was decided.
-    fully_decomposed : bool
-        Whether every family has joint values and at most one equation.
-    gaps : tuple of str
-        Why not complete.
-    dropped : int
-        Components over the complex numbers that were proven to have no real point, or to have
-        all of them on a family that is stated.
-    snaps : tuple of str
-        What the nominal geometry moved, with sizes.
-    jacobian_change : float
-        Bound of what that changes in any column of the task Jacobian.
-    seconds : float
-        Time it took.
-    left_out : tuple of Component
-        The components that ``dropped`` counts, exactly; not written to JSON.
-    geometry : Nominal or None
-        The exact chain that all of this is true of; not written to JSON.
-    hints : tuple of str
-        What might be worth trying, such as ``snap_length`` for the small offsets of a drawing.
-    random_steps : RandomSteps or None
-        What of the answer rests on random points of finite fields: how many systems of
-        equations, modulo which primes, by which seeds; None where no search was begun.
-    proof : Proof or None
-        What became of the search for a certificate; None where there was none.
-
-    Examples
-    --------
-    >>> import pinsing
-    >>> for family in pinsing.closed_form(pinsing.load("ur5")).families:
-    ...     print(family.name, family.text, family.kind)
-    F1 q3 = 0° or 180° boundary
-    F2 q5 = 0° or 180° interior
-    F3 0.425 cos q2 + 0.39225 cos(q2+q3) - 0.09465 sin(q2+q3+q4) = 0 boundary
-    """
-
-    schema: ClassVar[str] = "pinsing/closed_form/2"
-    made_by: ClassVar[str] = "pinsing.closed_form(arm)"
-
-    arm: ArmSummary
-    symbols: tuple[str, ...]
-    generic_rank: int
-    families: tuple[Family, ...]
-    complete: bool
-    fully_decomposed: bool
-    gaps: tuple[str, ...]
-    dropped: int
-    snaps: tuple[str, ...]
-    jacobian_change: float
-    seconds: float
-    left_out: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
-    geometry: Nominal | None = field(default=None, repr=False, metadata={"json": False})
-
-    def __getstate__(self) -> dict[str, Any]:
-        # As in `Family`: exact polynomials stay in this process, and what was proven with them.
-        return {**self.__dict__, "left_out": (), "geometry": None}
-
-    proof: Proof | None = field(default=None)
-    hints: tuple[str, ...] = ()
-    random_steps: RandomSteps | None = None
-
-    @property
-    def word(self) -> str:
-        """How sure it is that nothing is missing: proven, probable, or not complete."""
-        if self.proof is not None and self.proof.accepted:
-            return "proven"
-        return "probable" if self.complete else "not complete"
-
-    @property
-    def certificate(self) -> dict[str, Any] | None:
-        """What a program that knows nothing of pinsing checks; None where nothing is proven."""
-        return None if self.proof is None else self.proof.certificate
-
-    @property
-    def legend(self) -> tuple[tuple[str, str], ...]:
-        """Symbol and joint name, base to tip."""
-        return tuple(zip(self.symbols, self.arm.joints, strict=True))
-
-    @checked
-    def family_of(self, q: npt.ArrayLike, tol: float = 1e-6) -> Family | None:
-        """The first family that has a point within ``tol`` of q (n,), if any.
-
-        Parameters
-        ----------
-        q : (n,) array_like
-            Radians and metres.
-        tol : float
-            Distance in joint space (radians; metres over the length scale).
-
-        Raises
-        ------
-        ConfigurationError
-            If q has the wrong length or is not finite.
-
-        Examples
-        --------
-        >>> import pinsing
-        >>> form = pinsing.closed_form(pinsing.load("stanford"))
-        >>> form.family_of([0, 1, 0.3, 1, 0, 0])
-        <Family: F3: q5 = 0° or 180°>
-        """
-        if np.ndim(q) != 1:
-            raise ConfigurationError(f"q must be one joint vector, got shape {np.shape(q)}")
-        return next((f for f in self.families if bool(f.contains(q, tol))), None)
-
-    @checked
-    def latex(self, legend: bool = False) -> str:
-        """All families as a LaTeX ``align*`` environment, every equation written out.
-
-        Parameters
-        ----------
-        legend : bool
-            Whether comments before it say which joint each symbol is.
-
-        Examples
-        --------
-        >>> import pinsing
-        >>> "q_{2} = 0" in pinsing.closed_form(pinsing.load("scara")).latex()
-        True
-        """
-        rows = [rf"  \text{{{f.name}:}} \quad & {f.latex}" for f in self.families]
-        rows = rows or [r"  & \text{no singular configurations known}"]
-        # A line break in a name would end the comment, and what follows would be run.
-        said = [f"% {s} = {visible(joint)}" for s, joint in self.legend if legend and s != joint]
-        return "\n".join([*said, r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
-
-    def _repr_latex_(self) -> str:
-        """For notebooks."""
-        return self.latex()
-
-    def _repr_html_(self) -> str:
-        """For notebooks, which prefer it: the families in a table, equations typeset."""
-        from pinsing.families.html import families_html
-
-        return families_html(self)
-
-    def __str__(self) -> str:
-        from pinsing.families.text import families_text
-
-        return families_text(self, brief=True)
 
 
 @checked

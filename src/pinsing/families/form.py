@@ -1,0 +1,356 @@
+"""A closed form: all families of an arm, how sure they are all, and their text for people."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing import notebook
+from pinsing.algebra.components import Component
+from pinsing.algebra.second_prime import RandomSteps
+from pinsing.arguments import checked
+from pinsing.errors import ConfigurationError
+from pinsing.families.family import Family
+from pinsing.families.html import families_table
+from pinsing.geometry.nominal import Nominal
+from pinsing.joint_text import typed
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
+from pinsing.robot.arm_summary import ArmSummary
+from pinsing.serialization import JsonResult
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What became of the search for a certificate.
+
+    Attributes
+    ----------
+    accepted : bool
+        Whether there is one, and the checker accepted it.
+    reason : str
+        Why there is none; empty where there is.
+    size : int
+        Bytes of the certificate; 0 if there is none.
+    places : int
+        Case splits and what ends them.
+    seconds : float
+        Time that finding it took.
+    check_seconds : float
+        Time that the checker took.
+    primes : tuple of int
+        Primes modulo which the families were found: what rests on, where there is none.
+    certificate : dict or None
+        It; not written to JSON with the rest, but to a file of its own.
+    """
+
+    accepted: bool
+    reason: str
+    size: int
+    places: int
+    seconds: float
+    check_seconds: float
+    primes: tuple[int, ...]
+    certificate: dict[str, Any] | None = field(default=None, repr=False, metadata={"json": False})
+
+
+@dataclass(frozen=True, eq=False)
+class ClosedForm(JsonResult):
+    """The singular set of an arm, as families.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    symbols : tuple of str
+        How the equations name its joints, base to tip: q1, q2, d3, ...
+    generic_rank : int
+        Singular means: rank below this.
+    families : tuple of Family
+        Their union is the singular set, where ``complete``.
+    complete : bool
+        Whether nothing can be missing: the search ended, and every branch was decided.
+    fully_decomposed : bool
+        Whether every family has joint values and at most one equation.
+    gaps : tuple of str
+        Why not complete.
+    dropped : int
+        Components over the complex numbers that were proven to have no real point, or to have
+        all of them on a family that is stated.
+    snaps : tuple of str
+        What the nominal geometry moved, with sizes.
+    jacobian_change : float
+        Bound of what that changes in any column of the task Jacobian.
+    seconds : float
+        Time it took.
+    left_out : tuple of Component
+        The components that ``dropped`` counts, exactly; not written to JSON.
+    geometry : Nominal or None
+        The exact chain that all of this is true of; not written to JSON.
+    hints : tuple of str
+        What might be worth trying, such as ``snap_length`` for the small offsets of a drawing.
+    random_steps : RandomSteps or None
+        What of the answer rests on random points of finite fields: how many systems of
+        equations, modulo which primes, by which seeds; None where no search was begun.
+    proof : Proof or None
+        What became of the search for a certificate; None where there was none.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> for family in pinsing.closed_form(pinsing.load("ur5")).families:
+    ...     print(family.name, family.text, family.kind)
+    F1 q3 = 0° or 180° boundary
+    F2 q5 = 0° or 180° interior
+    F3 0.425 cos q2 + 0.39225 cos(q2+q3) - 0.09465 sin(q2+q3+q4) = 0 boundary
+    """
+
+    schema: ClassVar[str] = "pinsing/closed_form/2"
+    made_by: ClassVar[str] = "pinsing.closed_form(arm)"
+
+    arm: ArmSummary
+    symbols: tuple[str, ...]
+    generic_rank: int
+    families: tuple[Family, ...]
+    complete: bool
+    fully_decomposed: bool
+    gaps: tuple[str, ...]
+    dropped: int
+    snaps: tuple[str, ...]
+    jacobian_change: float
+    seconds: float
+    left_out: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
+    geometry: Nominal | None = field(default=None, repr=False, metadata={"json": False})
+
+    def __getstate__(self) -> dict[str, Any]:
+        # As in `Family`: exact polynomials stay in this process, and what was proven with them.
+        return {**self.__dict__, "left_out": (), "geometry": None}
+
+    proof: Proof | None = field(default=None)
+    hints: tuple[str, ...] = ()
+    random_steps: RandomSteps | None = None
+
+    @property
+    def word(self) -> str:
+        """How sure it is that nothing is missing: proven, probable, or not complete."""
+        if self.proof is not None and self.proof.accepted:
+            return "proven"
+        return "probable" if self.complete else "not complete"
+
+    @property
+    def certificate(self) -> dict[str, Any] | None:
+        """What a program that knows nothing of pinsing checks; None where nothing is proven."""
+        return None if self.proof is None else self.proof.certificate
+
+    @property
+    def legend(self) -> tuple[tuple[str, str], ...]:
+        """Symbol and joint name, base to tip."""
+        return tuple(zip(self.symbols, self.arm.joints, strict=True))
+
+    @checked
+    def family_of(self, q: npt.ArrayLike, tol: float = 1e-6) -> Family | None:
+        """The first family that has a point within ``tol`` of q (n,), if any.
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Radians and metres.
+        tol : float
+            Distance in joint space (radians; metres over the length scale).
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length or is not finite.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> form = pinsing.closed_form(pinsing.load("stanford"))
+        >>> form.family_of([0, 1, 0.3, 1, 0, 0])
+        <Family: F3: q5 = 0° or 180°>
+        """
+        if np.ndim(q) != 1:
+            raise ConfigurationError(f"q must be one joint vector, got shape {np.shape(q)}")
+        return next((f for f in self.families if bool(f.contains(q, tol))), None)
+
+    @checked
+    def latex(self, legend: bool = False) -> str:
+        """All families as a LaTeX ``align*`` environment, every equation written out.
+
+        Parameters
+        ----------
+        legend : bool
+            Whether comments before it say which joint each symbol is.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> "q_{2} = 0" in pinsing.closed_form(pinsing.load("scara")).latex()
+        True
+        """
+        rows = [rf"  \text{{{f.name}:}} \quad & {f.latex}" for f in self.families]
+        rows = rows or [r"  & \text{no singular configurations known}"]
+        # A line break in a name would end the comment, and what follows would be run.
+        said = [f"% {s} = {visible(joint)}" for s, joint in self.legend if legend and s != joint]
+        return "\n".join([*said, r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
+
+    def _repr_latex_(self) -> str:
+        """For notebooks."""
+        return self.latex()
+
+    def _repr_html_(self) -> str:
+        """For notebooks, which prefer it: the families in a table, equations typeset."""
+        return families_html(self)
+
+    def __str__(self) -> str:
+        return families_text(self, brief=True)
+
+
+def families_text(
+    forms: ClosedForm, page: Page = PLAIN, degrees: bool = False, brief: bool = False
+) -> str:
+    """The list of families with what each means, and a configuration of each to paste.
+
+    Parameters
+    ----------
+    forms : ClosedForm
+        What to print.
+    page : Page
+        What it is fitted to.
+    degrees : bool
+        Configurations to paste in degrees.
+    brief : bool
+        The conditions alone, with the arm that they are of.
+    """
+    lines = [page.paragraph(*_head(forms, brief))]
+    for gap in forms.gaps:
+        lines.append(page.paragraph(caution("not complete"), f": {gap}", first="  "))
+    if forms.word != "not complete" and not brief:
+        lines.append(proof_text(forms, page))
+    for family in forms.families:
+        lines.append(page.paragraph(formula(family.text), first=f"  {family.name}  "))
+        if not brief:
+            lines += [page.paragraph(text, first="      ") for text in _meaning(family)]
+            lines += _example(family, forms, page, degrees)
+    long = [f.name for f in forms.families if " terms]" in f.text]
+    if long:
+        lines.append(
+            page.paragraph(
+                f"f(...) of {', '.join(long)}: `pinsing families --latex` writes it out", first="  "
+            )
+        )
+    named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]
+    if named and forms.families:
+        lines.append(page.paragraph("where " + ", ".join(named), first="  "))
+    lines += [page.paragraph(hint, first="  ") for hint in forms.hints]
+    return "\n".join(lines)
+
+
+def _head(forms: ClosedForm, brief: bool) -> tuple[Span, ...]:
+    count = len(forms.families)
+    took = unbroken(f"{1e3 * forms.seconds:.0f} ms")
+    arm = f"{forms.arm.name}, task {forms.arm.task} (generic rank {forms.generic_rank}): "
+    if not count and forms.complete:
+        what = "no singular configurations: the rank is the same everywhere ("
+        if brief:
+            return arm, what, _word(forms), ")"
+        return what.capitalize(), _word(forms), f"; closed forms, {took})."
+    what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations, "
+    if brief:
+        return arm, what, _word(forms)
+    return what, _word(forms), f" (closed forms, {took}):"
+
+
+def _word(forms: ClosedForm) -> Span:
+    """Proven, probable or NOT complete."""
+    if forms.word == "proven":
+        return good("proven")
+    return "probable" if forms.complete else caution("NOT complete")
+
+
+def proof_text(forms: ClosedForm, page: Page = PLAIN) -> str:
+    """What the word rests on: a certificate, or random points."""
+    proof = forms.proof
+    if proof is not None and proof.accepted:
+        size = unbroken(f"{proof.size / 1e3:.1f} kB")
+        took = unbroken(f"{1e3 * proof.check_seconds:.0f} ms")
+        return page.paragraph(
+            good("proven"), f": certificate of {size}, checked in {took}", first="  "
+        )
+    if proof is None:
+        return page.paragraph("probable: no certificate was looked for", first="  ")
+    return page.paragraph(
+        f"probable: nothing is known to be missing, but {_random_steps(forms)}; "
+        f"no certificate: {proof.reason}",
+        first="  ",
+    )
+
+
+def _random_steps(forms: ClosedForm) -> str:
+    """What rests on random points of finite fields, with primes and seeds."""
+    steps = forms.random_steps
+    if steps is None or not steps.systems:
+        return "the generic rank was taken at random points of two finite fields"
+    primes = " and ".join(str(p) for p in steps.primes)
+    seeds = " and ".join(str(s) for s in steps.seeds)
+    systems = "one system" if steps.systems == 1 else f"{steps.systems} systems"
+    return (
+        f"{systems} of equations rested on random points modulo {primes} (seeds {seeds}), "
+        "each verdict wrong with a chance below 1e-14"
+    )
+
+
+def _meaning(family: Family) -> Iterator[str]:
+    n = family.n
+    if not family.real:
+        yield "no real point found"
+        return
+    if family.kind == "varies":
+        kind = "; ".join(str(part) for part in family.kinds) + ", "
+    else:
+        kind = f"{family.kind}, " if family.kind != "undecided" else ""
+    size = f"codimension {family.codimension} of {n}"
+    proof = "" if family.proof == "algebra" else ", checked at generic points"
+    yield f"{kind}{family.reachability.words}; {size}{proof}"
+    yield from family.limits_met
+    if family.reason:
+        yield family.reason
+
+
+def _example(family: Family, forms: ClosedForm, page: Page, degrees: bool) -> Iterator[str]:
+    """A configuration of the family, to be pasted after ``pinsing at``, and what is lost there."""
+    if family.generic is None:
+        return
+    rounded = family.raw_ratio is not None and family.raw_ratio > SINGULAR_RTOL
+    first = f"      e.g. {'--nominal ' if rounded else ''}"
+    loose = set(range(family.n)).difference(*(b.involved for b in family.branches))
+    q = typed(family.generic, family.prismatic, degrees, loose=loose, room=page.width - len(first))
+    yield page.paragraph(q, first=first, rest=" " * 13)
+    for text in family.lost:
+        yield page.paragraph(measured(text), first="        ")
+
+
+def families_html(forms: ClosedForm) -> str:
+    """The families in a table, and how sure it is that none is missing."""
+    text = notebook.text
+    tone = {"proven": "good", "not complete": "caution"}.get(forms.word)
+    said = forms.word if forms.complete else "NOT complete"
+    state = notebook.verdict(said, tone) if tone else f"<strong>{text(said)}</strong>"
+    count = len(forms.families)
+    head = (
+        f"{notebook.name(forms.arm.name)} {text(f'(task {forms.arm.task}, generic rank')} "
+        f"{forms.generic_rank}{text('):')} {count} "
+        f"{text('family' if count == 1 else 'families')} {text('of singular configurations,')} "
+        f"{state}"
+    )
+    gaps = "".join(
+        f"<p>{notebook.verdict('not complete:', 'caution')} {text(g)}</p>" for g in forms.gaps
+    )
+    rows = [f.html_row() for f in forms.families]
+    shown = families_table(rows, forms.legend) if rows else ""
+    return f"<p>{head}</p>{shown}{gaps}"
