@@ -14,8 +14,9 @@ from pinsing.configuration.axis_dependence import axis_dependences, dependent_ax
 from pinsing.errors import ConfigurationError
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian
-from pinsing.robot.arm import Arm, Coupling
+from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
+from pinsing.robot.source import Coupling
 
 HALF_PI = np.pi / 2
 

@@ -59,11 +59,6 @@ ORDER = (
 # Arrows upward that are allowed, importer and imported; one that nothing uses is an error.
 EXCEPTIONS: frozenset[tuple[str, str]] = frozenset()
 
-# Modules that word, complete or convert an object, which calls them, and whose type they name.
-TYPES = {
-    ("pinsing.robot.full_q", "pinsing.robot.arm"),
-}
-
 # Slow to import, and who may do so when imported itself; all others within a function.
 HEAVY = {
     "click": {"cli"},
@@ -85,7 +80,6 @@ class Import:
     imported: str
     line: int
     at_import: bool  # neither in a function nor for type checking only
-    typing_only: bool = False
 
     def __str__(self) -> str:
         return f"{self.importer}, line {self.line}: imports {self.imported}"
@@ -108,22 +102,20 @@ def imports_of(module: str) -> list[Import]:
     return list(walk(tree, module, package, True))
 
 
-def walk(
-    node: ast.AST, module: str, package: str, at_import: bool, typing_only: bool = False
-) -> Iterator[Import]:
+def walk(node: ast.AST, module: str, package: str, at_import: bool) -> Iterator[Import]:
     for child in ast.iter_child_nodes(node):
         now = at_import
         if isinstance(child, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
             now = False
         if isinstance(child, ast.If) and "TYPE_CHECKING" in ast.unparse(child.test):
             for part in child.body:
-                yield from walk(ast.Module([part], []), module, package, False, True)
+                yield from walk(ast.Module([part], []), module, package, False)
             for part in child.orelse:
                 yield from walk(ast.Module([part], []), module, package, at_import)
             continue
         if isinstance(child, ast.Import):
             for alias in child.names:
-                yield Import(module, alias.name, child.lineno, now, typing_only)
+                yield Import(module, alias.name, child.lineno, now)
         elif isinstance(child, ast.ImportFrom):
             base = child.module or ""
             if child.level:
@@ -132,9 +124,9 @@ def walk(
             for alias in child.names:
                 inner = f"{base}.{alias.name}"
                 inner = inner if inner in MODULES else base
-                yield Import(module, inner, child.lineno, now, typing_only)
+                yield Import(module, inner, child.lineno, now)
         else:
-            yield from walk(child, module, package, now, typing_only)
+            yield from walk(child, module, package, now)
 
 
 def room(module: str) -> str:
@@ -241,19 +233,12 @@ def test_circles_are_seen():
 
 
 def test_no_module_imports_itself_by_way_of_others():
-    """Imports within functions count: what a module needs later, it needs."""
-    assert not circle((i.importer, i.imported) for i in OWN if not i.typing_only)
+    """What a module needs within a function, or for a type alone, it needs.
 
-
-def test_names_of_types_close_a_circle_only_where_it_is_listed():
-    """``__str__`` of a result calls the module that words it, which names the type it words."""
-    firm = [(i.importer, i.imported) for i in OWN if not i.typing_only]
-    closing = {
-        (i.importer, i.imported)
-        for i in OWN
-        if i.typing_only and circle([*firm, (i.importer, i.imported)])
-    }
-    assert closing == TYPES
+    Two that need each other are one thing, or lack a third below both: a result stands with its
+    text in one module, what makes it in another above.
+    """
+    assert not circle((i.importer, i.imported) for i in OWN)
 
 
 @pytest.mark.parametrize("library", HEAVY)

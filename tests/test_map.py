@@ -38,8 +38,8 @@ from pinsing.maps import MapResult, plan_map, sigma_map, sobol
 from pinsing.maps.plan import BLOCK
 from pinsing.maps.sample import grid_axis, grid_points, unit_points
 from pinsing.measures import sigma_ratio
-from pinsing.robot.arm import Coupling
 from pinsing.robot.load import load
+from pinsing.robot.source import Coupling
 from pinsing.runs.executors import local_processes
 from pinsing.runs.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers
 

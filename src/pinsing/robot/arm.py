@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -16,61 +15,12 @@ from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.notebook import one_line
-from pinsing.robot.full_q import from_full, to_full
 from pinsing.robot.joint_space import JointSpace, model_q
 from pinsing.robot.memory import Memory
+from pinsing.robot.source import Coupling, Source
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import frame_index
-
-
-@dataclass(frozen=True, eq=False)
-class Coupling:
-    """Mimic joints inside the chain: model joints = ``matrix @ q + offset``.
-
-    Attributes
-    ----------
-    matrix : (nv, n) array
-        One row a joint of the model, one column a free joint of the arm.
-    offset : (nv,) array
-        Radians or metres.
-    """
-
-    matrix: Array
-    offset: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Source:
-    """Where an arm comes from; enough to draw it later.
-
-    Attributes
-    ----------
-    label : str
-        The path or name as given, or ``"pin.Model"``.
-    path : Path or None
-        The description file.
-    xml : str or None
-        The URDF text that Pinocchio read (after xacro).
-    package_dirs : tuple of Path
-        Folders that hold packages, for ``package://`` meshes.
-    full_model : pin.Model
-        The model before any joint was locked.
-    locked : tuple of int
-        Indices of its joints that are locked in the arm.
-    reference : (nq,) array
-        Its configuration at which they are locked.
-    base : str
-        Frame of the full model whose axes and origin are the arm's world.
-    """
-
-    label: str
-    path: Path | None
-    xml: str | None
-    package_dirs: tuple[Path, ...]
-    full_model: pin.Model
-    locked: tuple[int, ...]
-    reference: Array
-    base: str
+from pinsing.robot.whole_model import WholeModel
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,6 +95,10 @@ class Arm(Memory):
         return JointSpace(self.joints, self.prismatic, self.lower, self.upper, self.length_scale)
 
     @property
+    def _whole(self) -> WholeModel:
+        return WholeModel(self.source, self.joints, self.tip, self.coupling)
+
+    @property
     def n(self) -> int:
         """Number of free joints."""
         return len(self.joints)
@@ -211,27 +165,7 @@ class Arm(Memory):
         Traceback (most recent call last):
         pinsing.errors.ConfigurationError: q needs 3 values for q1, q2, q3; got 2
         """
-        array = real_numbers(q, name)
-        whole = int(self.source.full_model.nq)
-        if array.ndim == 0 or array.shape[-1] not in (self.n, whole):
-            got = "a single number" if array.ndim == 0 else f"{array.shape[-1]}"
-            also = "" if whole == self.n else f", or the whole model's {whole}"
-            raise ConfigurationError(
-                f"{name} needs {self.n} values for {', '.join(self.joints)}{also}; got {got}",
-                lengths=(self.n,) if whole == self.n else (self.n, whole),
-            )
-        bad = np.argwhere(~np.isfinite(array))
-        if len(bad):
-            value, i = float(array[tuple(bad[0])]), int(bad[0][-1])
-            chain = array.shape[-1] == self.n
-            joint = self.joints[i] if chain else None
-            which = f"joint {joint!r}" if chain else f"entry {i} of the whole model"
-            raise ConfigurationError(
-                f"{name} of {which} is {value}; every value must be finite",
-                joint=joint,
-                value=value,
-            )
-        return array if array.shape[-1] == self.n else from_full(self, array)
+        return self._whole.chain_q(real_numbers(q, name), name)
 
     def check_one(self, q: npt.ArrayLike, name: str = "q") -> Array:
         """As `check`, of one joint vector (n,).
@@ -364,7 +298,7 @@ class Arm(Memory):
             raise ConfigurationError(
                 f"others needs {whole} finite values, got shape {rest.shape}", lengths=(whole,)
             )
-        return to_full(self, self.check(q), rest)
+        return self._whole.full_q(self.check(q), rest)
 
     @checked
     def within_limits(self, q: npt.ArrayLike, slack: float = 1e-9) -> npt.NDArray[np.bool_]:
@@ -455,9 +389,7 @@ class Arm(Memory):
         >>> pin.updateFramePlacement(arm.model, data, arm.tip_id).translation.round(3)[0].item()
         0.9
         """
-        q = self.check(q)
-        values = q if self.coupling is None else q @ self.coupling.matrix.T + self.coupling.offset
-        return model_q(self.model, values)
+        return model_q(self.model, self._whole.values(self.check(q)))
 
     def __repr__(self) -> str:
         return one_line("Arm", str(self))

@@ -14,11 +14,12 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ChainError, JointError, UnknownNameError
-from pinsing.robot.arm import Arm, Source
+from pinsing.robot.arm import Arm
 from pinsing.robot.given import HasModel, given_file, given_model
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
 from pinsing.robot.reduced_model import lock_joints, reroot
+from pinsing.robot.source import Source
 from pinsing.robot.subchains import long_chain_note
 from pinsing.robot.task import Task, parse_task
 from pinsing.robot.tip import candidates, choose_chain, choose_tip, frame_index, joint_path

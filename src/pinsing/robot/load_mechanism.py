@@ -20,10 +20,10 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.description.yaml_tree import YamlNode, compose, suggestion
 from pinsing.errors import JointError, OptionError, PinsingError
-from pinsing.robot.arm import Source
 from pinsing.robot.given import HasModel, given_file, given_model
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
+from pinsing.robot.source import Source
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
 from pinsing.robot.tip import frame_index
 

@@ -15,9 +15,9 @@ from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.notebook import one_line
-from pinsing.robot.arm import Source
 from pinsing.robot.joint_space import JointSpace, model_q
 from pinsing.robot.memory import Memory
+from pinsing.robot.source import Source
 from pinsing.robot.task import Task
 from pinsing.robot.tip import frame_index
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.errors import JointError
-from pinsing.robot.arm import Coupling
+from pinsing.robot.source import Coupling
 
 Follow = tuple[str, float, float]
 """Name of the joint that is followed, multiplier, offset (radians or metres)."""

@@ -7,7 +7,7 @@ from typing import Protocol
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.robot.arm import Source
+from pinsing.robot.source import Source
 
 
 class Body(Protocol):

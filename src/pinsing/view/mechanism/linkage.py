@@ -11,8 +11,8 @@ from pinsing._types import Array
 from pinsing.mechanism.closure import random_closed
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.motion import mechanism_at
-from pinsing.robot.arm import Source
 from pinsing.robot.mechanism import Mechanism
+from pinsing.robot.source import Source
 from pinsing.robot.tip import frame_index
 from pinsing.view.ellipsoids import Sizes
 from pinsing.view.stage import SIDE

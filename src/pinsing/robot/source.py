@@ -1,0 +1,60 @@
+"""What an arm was taken from: its file, the whole model, and what follows inside the chain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import pinocchio as pin
+
+from pinsing._types import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Coupling:
+    """Mimic joints inside the chain: model joints = ``matrix @ q + offset``.
+
+    Attributes
+    ----------
+    matrix : (nv, n) array
+        One row a joint of the model, one column a free joint of the arm.
+    offset : (nv,) array
+        Radians or metres.
+    """
+
+    matrix: Array
+    offset: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Source:
+    """Where an arm comes from; enough to draw it later.
+
+    Attributes
+    ----------
+    label : str
+        The path or name as given, or ``"pin.Model"``.
+    path : Path or None
+        The description file.
+    xml : str or None
+        The URDF text that Pinocchio read (after xacro).
+    package_dirs : tuple of Path
+        Folders that hold packages, for ``package://`` meshes.
+    full_model : pin.Model
+        The model before any joint was locked.
+    locked : tuple of int
+        Indices of its joints that are locked in the arm.
+    reference : (nq,) array
+        Its configuration at which they are locked.
+    base : str
+        Frame of the full model whose axes and origin are the arm's world.
+    """
+
+    label: str
+    path: Path | None
+    xml: str | None
+    package_dirs: tuple[Path, ...]
+    full_model: pin.Model
+    locked: tuple[int, ...]
+    reference: Array
+    base: str

@@ -1,0 +1,165 @@
+"""Between the joint vector of an arm and the configuration of the whole model it was taken from.
+
+The whole model's configuration is Pinocchio's: (nq,) numbers in the model's order, seven for a
+floating base, cosine and sine for a continuous joint. The lengths n and nq are equal only where
+the arm is the whole model and every joint is one number, and then both mean the same.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.errors import ConfigurationError
+from pinsing.robot.source import Coupling, Source
+from pinsing.robot.tip import frame_index, joint_path
+
+_SAME = 1e-6
+"""Radians or metres: a locked or following joint this close to where it belongs is there."""
+_UNIT = 1e-3
+"""How far cosine and sine of a continuous joint may be from the unit circle."""
+
+
+@dataclass(frozen=True, eq=False)
+class WholeModel:
+    """The whole model, seen from an arm in it.
+
+    Attributes
+    ----------
+    source : Source
+        The model, and which of its joints are locked in the arm.
+    joints : tuple of str
+        The arm's, base to tip.
+    tip : str
+        The arm's last frame.
+    coupling : Coupling or None
+        Mimic joints inside the chain.
+    """
+
+    source: Source
+    joints: tuple[str, ...]
+    tip: str
+    coupling: Coupling | None
+
+    def values(self, q: Array) -> Array:
+        """One value (..., nv) for each joint that is not locked, of joint vectors (..., n)."""
+        return q if self.coupling is None else q @ self.coupling.matrix.T + self.coupling.offset
+
+    def chain_q(self, q: Array, called: str) -> Array:
+        """Joint vectors (..., n), out of such or of configurations (..., nq) of the whole model.
+
+        Parameters
+        ----------
+        q : (..., n) or (..., nq) array
+            Radians and metres.
+        called : str
+            What messages call it.
+
+        Raises
+        ------
+        ConfigurationError
+            If the last axis has neither of these lengths, or a number is not finite; else as
+            ``q_of``.
+        """
+        n, whole = len(self.joints), int(self.source.full_model.nq)
+        if q.ndim == 0 or q.shape[-1] not in (n, whole):
+            got = "a single number" if q.ndim == 0 else f"{q.shape[-1]}"
+            also = "" if whole == n else f", or the whole model's {whole}"
+            raise ConfigurationError(
+                f"{called} needs {n} values for {', '.join(self.joints)}{also}; got {got}",
+                lengths=(n,) if whole == n else (n, whole),
+            )
+        bad = np.argwhere(~np.isfinite(q))
+        if len(bad):
+            value, i = float(q[tuple(bad[0])]), int(bad[0][-1])
+            joint = self.joints[i] if q.shape[-1] == n else None
+            which = f"entry {i} of the whole model" if joint is None else f"joint {joint!r}"
+            raise ConfigurationError(
+                f"{called} of {which} is {value}; every value must be finite",
+                joint=joint,
+                value=value,
+            )
+        return q if q.shape[-1] == n else self.q_of(q)
+
+    def q_of(self, full_q: Array) -> Array:
+        """Joint vectors (..., n) of the arm out of configurations (..., nq) of the whole model.
+
+        What is neither on the chain nor holds it in shape does not count: fingers, other arms,
+        the place of a floating base. Angles of continuous joints are in (-pi, pi].
+
+        Raises
+        ------
+        ConfigurationError
+            If a joint that is locked between base and tip, or follows another one, is elsewhere
+            in ``full_q`` than the arm has it; or if a continuous joint has no angle.
+        """
+        whole, locked = self.source.full_model, set(self.source.locked)
+        kept = [j for j in range(1, whole.njoints) if j not in locked]
+        values = np.stack([self._value(j, full_q) for j in kept], axis=-1)
+        names = [whole.names[j] for j in kept]
+        q = values[..., [names.index(name) for name in self.joints]]
+        if self.coupling is not None:
+            there = self.values(q)
+            for row, j in enumerate(kept):
+                self._require(j, values[..., row], there[..., row], "follows another joint")
+        base = int(whole.frames[frame_index(whole, self.source.base)].parentJoint)
+        last = int(whole.frames[frame_index(whole, self.tip)].parentJoint)
+        for j in joint_path(whole, last, base):
+            if j in locked and whole.joints[j].nv == 1:  # a floating base carries the arm's axes
+                at = self._value(j, self.source.reference)
+                self._require(j, self._value(j, full_q), at, "is locked in this arm")
+        return q
+
+    def full_q(self, q: Array, others: Array) -> Array:
+        """Configurations (..., nq): ``others`` (nq,) with the arm at q (..., n)."""
+        whole, locked = self.source.full_model, set(self.source.locked)
+        values = self.values(q)
+        out = np.broadcast_to(others, (*q.shape[:-1], whole.nq)).copy()
+        kept = [j for j in range(1, whole.njoints) if j not in locked]
+        for row, j in enumerate(kept):
+            i, value = whole.joints[j].idx_q, values[..., row]
+            if whole.joints[j].nq == 2:
+                out[..., i], out[..., i + 1] = np.cos(value), np.sin(value)
+            else:
+                out[..., i] = value
+        return out
+
+    def _value(self, joint: int, full_q: Array) -> Array:
+        """Plain value of a joint with one degree of freedom, radians or metres."""
+        whole = self.source.full_model
+        entry = whole.joints[joint]
+        i = entry.idx_q
+        if entry.nq == 1:
+            return np.asarray(full_q[..., i])
+        c, s = full_q[..., i], full_q[..., i + 1]
+        off = np.abs(np.hypot(c, s) - 1)
+        if not (off <= _UNIT).all():
+            name = whole.names[joint]
+            raise ConfigurationError(
+                f"q of continuous joint {name!r} must be its cosine and sine "
+                f"(entries {i} and {i + 1} of the whole model's {whole.nq})",
+                joint=name,
+            )
+        return np.asarray(np.arctan2(s, c))
+
+    def _require(self, joint: int, value: Array, at: Array, why: str) -> None:
+        whole = self.source.full_model
+        off = value - at
+        if whole.joints[joint].nq == 2:
+            off = off - 2 * np.pi * np.round(off / (2 * np.pi))
+        wrong = np.abs(off) > _SAME
+        if not wrong.any():
+            return
+        name = whole.names[joint]
+        value, at = np.broadcast_arrays(value, at)
+        here, there = float(value[wrong].flat[0]), float(at[wrong].flat[0])
+        raise ConfigurationError(
+            f"joint {name!r} {why} and belongs at {there:g}, but the whole model's q has it at "
+            f"{here:g}: give the arm's own {len(self.joints)} values, or load the arm with that "
+            "joint as it is",
+            joint=name,
+            value=here,
+            limits=(there, there),
+        )
