@@ -525,14 +525,7 @@ class Family(JsonResult):
         """For notebooks, which prefer it: the equations typeset, and what else is known."""
         involved = sorted({j for b in self.branches for j in b.involved})
         symbols = [f"{'d' if self.prismatic[j] else 'q'}{j + 1}" for j in involved]
-        return families_table([self.html_row()], zip(symbols, self.joints, strict=False))
-
-    def html_row(self) -> tuple[str, ...]:
-        """Its cells in a table of families."""
-        varies = self.kind == "varies"
-        kind = "; ".join(str(part) for part in self.kinds) if varies else self.kind
-        short = self.text if "terms]" in self.text else ""
-        return family_row(self.name, self.latex, short, kind, self.reachability, self.reason)
+        return families_table([html_row(self)], zip(symbols, self.joints, strict=False))
 
     # Helpers ------------------------------------------------------------------------
 
@@ -597,3 +590,11 @@ class Family(JsonResult):
                     copies = []
             fixed = [np.where(np.arange(self.n) == v.joint, c, f) for f in fixed for c in copies]
         return fixed
+
+
+def html_row(family: Family) -> tuple[str, ...]:
+    """Its cells in a table of families."""
+    varies = family.kind == "varies"
+    kind = "; ".join(str(part) for part in family.kinds) if varies else family.kind
+    short = family.text if "terms]" in family.text else ""
+    return family_row(family.name, family.latex, short, kind, family.reachability, family.reason)

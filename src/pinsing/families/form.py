@@ -14,7 +14,7 @@ from pinsing.algebra.components import Component
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
-from pinsing.families.family import Family
+from pinsing.families.family import Family, html_row
 from pinsing.families.html import families_table
 from pinsing.geometry.nominal import Nominal
 from pinsing.joint_text import typed
@@ -351,6 +351,6 @@ def families_html(forms: ClosedForm) -> str:
     gaps = "".join(
         f"<p>{notebook.verdict('not complete:', 'caution')} {text(g)}</p>" for g in forms.gaps
     )
-    rows = [f.html_row() for f in forms.families]
+    rows = [html_row(f) for f in forms.families]
     shown = families_table(rows, forms.legend) if rows else ""
     return f"<p>{head}</p>{shown}{gaps}"
