@@ -311,7 +311,7 @@ class TestInfo:
         out = run("info", "xarm7").stdout
         assert "moved: " in out
         info = ArmInfo.from_json(run("info", "xarm7", "--json", "-").stdout)
-        assert info.schema == "pinsing/info/1"
+        assert info.schema == "pinsing/info/2"
         assert 0 < info.jacobian_change < 1e-4
         assert max(s.size for s in info.snaps) < 1e-5
         assert "moved: " not in run("info", "puma560").stdout

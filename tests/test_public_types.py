@@ -172,6 +172,8 @@ CALLS = {
         lambda: pinsing.singular_configurations, lambda: {"arm": arm(), "result": swept()}
     ),
     "singular_values": Call(lambda: pinsing.singular_values, with_arm(Q=[Q])),
+    "suggest": Call(lambda: pinsing.suggest, with_arm(seconds=0.3)),
+    "Suggestion.text": Call(lambda: pinsing.suggest(arm(), seconds=0.3).text),
     "sweep": Call(lambda: pinsing.sweep, with_arm(levels=1, samples=5)),
     "task_jacobian": Call(lambda: pinsing.task_jacobian, with_arm(q=Q)),
     "task_jacobians": Call(lambda: pinsing.task_jacobians, with_arm(Q=[Q])),

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
     from pinsing.proximity.crossings import Crossing, Crossings, crossings
     from pinsing.proximity.line import LineCheck, check_line
+    from pinsing.proximity.suggestion import Suggestion, suggest
     from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
@@ -61,6 +62,7 @@ _HOME = {
     "PinsingError": "pinsing.errors",
     "SingularConfiguration": "pinsing.configuration.refine",
     "State": "pinsing.configuration.state",
+    "Suggestion": "pinsing.proximity.suggestion",
     "SweepPlan": "pinsing.sweeps.plan",
     "SweepResult": "pinsing.sweeps.run",
     "TrajectoryCheck": "pinsing.proximity.trajectory",
@@ -88,6 +90,7 @@ _HOME = {
     "sigma_map": "pinsing.maps",
     "singular_configurations": "pinsing.sweeps.findings",
     "singular_values": "pinsing.kinematics.jacobian",
+    "suggest": "pinsing.proximity.suggestion",
     "sweep": "pinsing.sweeps.run",
     "task_jacobian": "pinsing.kinematics.jacobian",
     "task_jacobians": "pinsing.kinematics.jacobian",
@@ -111,6 +114,7 @@ __all__ = [
     "PinsingError",
     "SingularConfiguration",
     "State",
+    "Suggestion",
     "SweepPlan",
     "SweepResult",
     "TrajectoryCheck",
@@ -138,6 +142,7 @@ __all__ = [
     "sigma_map",
     "singular_configurations",
     "singular_values",
+    "suggest",
     "sweep",
     "task_jacobian",
     "task_jacobians",

@@ -25,6 +25,7 @@ from pinsing.cli.robots import dh_command, info_command, list_command
 from pinsing.cli.running import WORDS
 from pinsing.cli.singularities import analyze_command, sweep_command
 from pinsing.cli.streams import READER_GONE, StdoutError, give_up_stdout, guard_streams
+from pinsing.cli.suggest import suggest_command
 from pinsing.cli.view import view_command
 from pinsing.errors import PinsingError, UnknownNameError
 
@@ -118,6 +119,7 @@ for _part in (
     at_command,
     check_command,
     line_command,
+    suggest_command,
     sweep_command,
     map_command,
     families_command,

@@ -15,6 +15,8 @@ from pinsing._types import Array, Bool
 from pinsing.bounds.conditions import Conditions
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import summarize
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
 """A closed form; or several of the same arm, such as those of two tasks."""
@@ -173,3 +175,28 @@ def watch(
     if plain and norm == "euclidean":
         _MADE[first] = chosen
     return chosen
+
+
+def require_forms_of(forms: Forms, arm: Arm) -> None:
+    """Refuse closed forms that are of another arm.
+
+    The task may be another one; joints, base, tip and limits are what tells arms apart.
+
+    Raises
+    ------
+    OptionError
+        Naming both arms, and what differs.
+    """
+    here = summarize(arm)
+    for form in [forms] if isinstance(forms, ClosedForm) else list(forms):
+        if not isinstance(form, ClosedForm):
+            continue  # `watch` says what is wrong
+        there = form.arm
+        for what in ("joints", "prismatic", "base", "tip", "name", "lower", "upper"):
+            a, b = getattr(there, what), getattr(here, what)
+            same = np.array_equal(a, b) if isinstance(a, np.ndarray) else a == b
+            if not same:
+                raise OptionError(
+                    f"the closed form is of another arm: {what} of {there.name!r} and of "
+                    f"{here.name!r} differ; make one of this arm with closed_form(arm)"
+                )

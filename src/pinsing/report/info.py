@@ -12,6 +12,7 @@ from pinsing.geometry.snap import Snap
 from pinsing.kinematics.engine import engine_name
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.prose import PLAIN, Page, Table
+from pinsing.report.home_pose import SingularPose, singular_poses
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -42,9 +43,11 @@ class ArmInfo(JsonResult):
         Bound of what that changes in any column of the scaled task Jacobian.
     engine : str
         What computes batches of Jacobians for this arm on this machine.
+    singular_poses : tuple of SingularPose
+        Zero, neutral and named poses that are singular, each with a clear one near it.
     """
 
-    schema: ClassVar[str] = "pinsing/info/1"
+    schema: ClassVar[str] = "pinsing/info/2"
 
     arm: ArmSummary
     kinds: tuple[str, ...]
@@ -54,6 +57,7 @@ class ArmInfo(JsonResult):
     snaps: tuple[Snap, ...]
     jacobian_change: float
     engine: str
+    singular_poses: tuple[SingularPose, ...]
 
     def head(self, page: Page = PLAIN) -> str:
         """Lines above the table of joints."""
@@ -113,6 +117,11 @@ class ArmInfo(JsonResult):
         header = ("#", "joint", "type", "lower", "upper", "unit")
         return Table(header, tuple(rows), frozenset({0, 3, 4}))
 
+    def poses(self, degrees: bool = False) -> list[str]:
+        """A line for each pose that people begin with and that is singular."""
+        arm = self.arm
+        return [p.text(arm.source, arm.prismatic, degrees) for p in self.singular_poses]
+
     def __str__(self) -> str:
         return f"{self.head()}\n\n{PLAIN.table(self.joints())}"
 
@@ -132,4 +141,5 @@ def describe(arm: Arm) -> ArmInfo:
         snaps=exact.snaps,
         jacobian_change=exact.jacobian_change,
         engine=engine_name(arm),
+        singular_poses=singular_poses(arm),
     )

@@ -1,0 +1,308 @@
+"""suggest: a configuration that is far from all singular ones, such as for a home pose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array, Bool
+from pinsing.arguments import MAX_SEED, checked, whole_number
+from pinsing.bounds.nearest import SearchOptions
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families import closed_form
+from pinsing.joint_text import typed
+from pinsing.kinematics.verdict import ratios
+from pinsing.measures import NEAR_RTOL
+from pinsing.proximity.clearance import certified
+from pinsing.proximity.empty_ball import Room, clearest
+from pinsing.proximity.watched import Forms, Watched, require_forms_of, watch
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.serialization import JsonResult
+
+REACH = 0.5
+"""How far from a given configuration one is suggested, radians."""
+
+SECONDS = 10.0
+
+_HUNDREDTHS = 100
+"""Parts of a degree that angles are rounded to; lengths to tenths of a millimetre."""
+_SAMPLES = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class Suggestion(JsonResult):
+    """A configuration with a large clearance.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    q : (n,) array
+        The configuration, radians and metres, within the joint limits.
+    lower : float
+        Proven, rounding included: no configuration of a family is nearer to ``q``. Radians, or
+        metres over the length scale; infinite where there is no singular configuration at all.
+    upper : float
+        A configuration of a family is as near as this.
+    most : float
+        No configuration that was to choose from has a larger clearance; infinite where that was
+        not found out.
+    family : str
+        The nearest family; empty for none.
+    families : tuple of str
+        Those that were kept away from.
+    sigma_ratio : float
+        sigma_r / sigma_1 at ``q``: 1 is the best conditioned that there is.
+    near : (n,) array or None
+        The configuration that it was to be near.
+    reach : float
+        Within how far of ``near``; infinite without it.
+    complete : bool
+        Whether the families are all that there is. Otherwise ``lower`` is of those known.
+    notes : tuple of str
+        What was assumed, and what one should know.
+    """
+
+    schema: ClassVar[str] = "pinsing/suggestion/1"
+    made_by: ClassVar[str] = "pinsing.suggest(arm)"
+
+    arm: ArmSummary
+    q: Array
+    lower: float
+    upper: float
+    most: float
+    family: str
+    families: tuple[str, ...]
+    sigma_ratio: float
+    near: Array | None
+    reach: float
+    complete: bool
+    notes: tuple[str, ...]
+
+    @checked
+    def text(self, degrees: bool = False) -> str:
+        """Lines for people: the configuration to paste, and what is proven of it.
+
+        Parameters
+        ----------
+        degrees : bool
+            Angles in degrees.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> print(pinsing.suggest(pinsing.load("scara")).text(degrees=True).splitlines()[0])
+        --deg --q 0,90,0.105,0
+        """
+        lines = [typed(self.q, self.arm.prismatic, degrees, digits=8)]
+        if math.isinf(self.lower):
+            lines.append("No configuration of this arm is singular.")
+        elif not self.families:
+            lines.append("Clearance unknown: no family of singular configurations is known.")
+        else:
+            lines.append(
+                f"Proven: no singular configuration {'' if self.complete else 'that is known '}"
+                f"within {_far(self.lower, degrees, math.floor)}; one was found at "
+                f"{_far(self.upper, degrees, math.ceil)}, on {self.family}."
+            )
+        if math.isfinite(self.most):
+            where = "Nowhere within the limits"
+            if self.near is not None:
+                reach = _far(self.reach, degrees, round)
+                where = f"Nowhere within {reach} of the given configuration"
+            most = _far(self.most, degrees, math.ceil)
+            lines.append(f"{where} is the clearance above {most}.")
+        lines.append(f"sigma_r/sigma_1 there: {self.sigma_ratio:.3g}")
+        return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+
+    def __str__(self) -> str:
+        return self.text()
+
+
+def _far(x: float, degrees: bool, to: Callable[[float], float]) -> str:
+    """A distance with four places, rounded to the side that keeps it true."""
+    if math.isinf(x):
+        return "any distance"
+    return f"{to(math.degrees(x) * 100) / 100:g}°" if degrees else f"{to(x * 1e4) / 1e4:g} rad"
+
+
+@checked
+def suggest(
+    arm: Arm,
+    *,
+    near: npt.ArrayLike | None = None,
+    reach: float = REACH,
+    forms: Forms | None = None,
+    families: Sequence[str] | None = None,
+    seconds: float = SECONDS,
+    seed: int = 0,
+) -> Suggestion:
+    """Suggest a configuration within the joint limits that is far from all singular ones.
+
+    Clearance is that of `clearance`: singular configurations beyond the limits count too, since
+    an arm is slow and weak beside them all the same. Joints that no family depends on stay at
+    zero, or in the middle of their limits, or as in ``near``.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm.
+    near : (n,) array_like, optional
+        A configuration that the answer should be near, radians and metres.
+    reach : float
+        With ``near``: the answer is no farther from it than this, radians (metres over the
+        length scale), in the Euclidean norm and without whole turns.
+    forms : ClosedForm or sequence of ClosedForm, optional
+        Of the arm, such as those of two tasks; computed if not given.
+    families : sequence of str, optional
+        Names of the families that count; by default all that have real points.
+    seconds : float
+        Time for the search, after which the best so far is returned. It is rarely needed: the
+        answer is the same for the same seed unless the time is over.
+    seed : int
+        Of the starts of the search.
+
+    Returns
+    -------
+    Suggestion
+        The configuration, its proven clearance, and a bound of what is possible.
+
+    Raises
+    ------
+    ConfigurationError
+        If ``near`` has the wrong length or a value that is not finite, or nothing within the
+        limits is within ``reach`` of it.
+    OptionError, UnknownNameError
+        If an option makes no sense, forms are of another arm, or there is no family of a name.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.suggest(pinsing.load("puma560"))
+    >>> found.lower > 1.4, found.lower <= found.upper <= found.most
+    (True, True)
+    """
+    if not (math.isfinite(reach) and reach > 0):
+        raise OptionError(f"reach must be a positive number, got {reach!r}")
+    if not seconds > 0:
+        raise OptionError(f"seconds must be positive, got {seconds!r}")
+    whole_number(seed, "seed", 0, MAX_SEED)
+    target = None if near is None else arm.check_one(near, "near")
+    if forms is not None:
+        require_forms_of(forms, arm)
+    watched = watch(closed_form(arm) if forms is None else forms, families)
+    notes: list[str] = []
+    room = _room(arm, watched, target, reach, notes)
+    usable = _usable(arm, watched.complete)
+    rng = np.random.default_rng(seed)
+    most, lower, upper, family = np.inf, np.inf, np.inf, ""
+    if watched.families:
+        best = clearest(watched, room, rng, seconds, usable)
+        q = _rounded(arm, watched, room, best.x / watched.weight)
+        at = certified(watched, q[None], SearchOptions(seconds=max(1.0, seconds / 10)))
+        lower, upper, family = float(at.lower[0]), float(at.upper[0]), str(at.nearest[0])
+        if _bounded(arm, watched):
+            most = max(best.most, upper) + (0.0 if near is None else _margin(arm, reach))
+    elif watched.complete:
+        q = _rounded(arm, watched, room, room.center / watched.weight)
+    else:
+        drawn = room.fit(rng.uniform(room.low, room.high, (_SAMPLES, arm.n))) / watched.weight
+        q = _rounded(arm, watched, room, drawn[int(np.argmax(ratios(arm, drawn)))])
+        lower = 0.0
+    if not watched.complete:
+        notes.append(
+            "the closed form is not complete: a singular configuration that belongs to no family "
+            "may be nearer"
+        )
+    return Suggestion(
+        arm=summarize(arm),
+        q=q,
+        lower=lower,
+        upper=upper,
+        most=most,
+        family=family,
+        families=watched.names,
+        sigma_ratio=float(ratios(arm, q[None])[0]),
+        near=target,
+        reach=float(reach) if target is not None else np.inf,
+        complete=watched.complete,
+        notes=tuple(notes),
+    )
+
+
+def _usable(arm: Arm, complete: bool) -> Callable[[Array], Bool]:
+    """Which configurations (N, n) may be suggested: where families are missing, no singular one."""
+    if complete:
+        return lambda Q: np.ones(len(Q), dtype=bool)
+    return lambda Q: np.asarray(ratios(arm, Q) > NEAR_RTOL)
+
+
+def _involved(watched: Watched) -> Bool:
+    """Joints that some family depends on; all where families are missing."""
+    used = np.full(watched.n, not watched.complete)
+    for family in watched.families:
+        for branch in family.branches:
+            used[list(branch.involved)] = True
+    return used
+
+
+def _bounded(arm: Arm, watched: Watched) -> bool:
+    """Whether the box that was looked through holds every configuration, whole turns aside."""
+    endless = arm.prismatic & ~(np.isfinite(arm.lower) & np.isfinite(arm.upper))
+    return not bool((endless & _involved(watched)).any())
+
+
+def _room(arm: Arm, watched: Watched, near: Array | None, reach: float, notes: list[str]) -> Room:
+    low, high = (limit.copy() for limit in arm.space.span)
+    if near is None:
+        # One turn is enough, about zero where that is within the limits.
+        whole = ~arm.prismatic & (high - low >= 2 * np.pi)
+        middle = (low + high) / 2
+        center = np.where(whole, np.clip(0.0, low + np.pi, high - np.pi), middle)
+        low, high = np.where(whole, center - np.pi, low), np.where(whole, center + np.pi, high)
+        around, radius = center, np.inf
+    else:
+        around, radius = arm.fold(near), reach - _margin(arm, reach)
+        size = reach / watched.weight
+        low = np.maximum(np.where(np.isfinite(arm.lower), arm.lower, -np.inf), around - size)
+        high = np.minimum(np.where(np.isfinite(arm.upper), arm.upper, np.inf), around + size)
+        center = np.clip(around, arm.lower, arm.upper)
+        away = float(watched.length(center - around))
+        if away > reach:
+            j = int(np.argmax(np.abs(center - around)))
+            raise ConfigurationError(
+                f"near is {away:.4g} outside the joint limits ({arm.joints[j]!r} most), farther "
+                f"than reach {reach:g}: nothing within the limits is that near",
+                joint=arm.joints[j],
+                value=float(around[j]),
+                limits=(float(arm.lower[j]), float(arm.upper[j])),
+            )
+        if away > 0:
+            notes.append("the given configuration is outside the joint limits")
+        if not np.array_equal(around, near):
+            notes.append("whole turns were taken off the given configuration, into the limits")
+    still = ~_involved(watched)
+    low, high = np.where(still, center, low), np.where(still, center, high)
+    w = watched.weight
+    return Room(low * w, high * w, center * w, around * w, radius)
+
+
+def _margin(arm: Arm, reach: float) -> float:
+    """What is left free in the ball, so that a rounded configuration is in it as well."""
+    return min(1e-4 * math.sqrt(arm.n), reach / 10)
+
+
+def _rounded(arm: Arm, watched: Watched, room: Room, q: Array) -> Array:
+    """The configuration with few digits, where these stay within the limits and the ball."""
+    angles = np.radians(np.round(np.degrees(q) * _HUNDREDTHS) / _HUNDREDTHS)
+    short = np.where(arm.prismatic, np.round(q, 4), angles) + 0.0
+    inside = (short >= arm.lower) & (short <= arm.upper)
+    short = np.where(inside, short, np.clip(q, arm.lower, arm.upper))
+    away = float(np.linalg.norm(short * watched.weight - room.around))
+    return short if away <= room.reach + _margin(arm, room.reach) else q

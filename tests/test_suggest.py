@@ -1,0 +1,284 @@
+"""Suggested configurations: their clearance against a search of its own, odd arms, the command."""
+
+from __future__ import annotations
+
+import json
+import re
+import shlex
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from singular_sets import Joint, arm_of, build, closed
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.errors import ConfigurationError, OptionError, PinsingError
+from pinsing.report.home_pose import singular_poses
+from pinsing.robot.arm import Arm
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(command, list(words), prog_name="pinsing")
+
+
+def holds(arm: Arm, found: pinsing.Suggestion, forms: object) -> None:
+    """What a suggestion says is so, asked of `clearance` anew."""
+    assert ((found.q >= arm.lower) & (found.q <= arm.upper)).all()
+    true = pinsing.clearance(forms, found.q, certify=True, seconds=5)
+    assert found.lower <= float(true.upper) + 1e-12
+    assert found.lower >= float(true.lower) - 1e-3
+    assert found.lower <= found.upper <= found.most
+    assert pinsing.at(arm, found.q).status != "singular"
+
+
+@pytest.mark.parametrize("name", ["ur5", "puma560", "stanford", "irb1400", "scara", "z1"])
+def test_no_random_configuration_is_clearer_than_is_said_to_be_possible(name: str) -> None:
+    arm, form = arm_of(name), closed(name)
+    found = pinsing.suggest(arm, forms=form)
+    holds(arm, found, form)
+    rng = np.random.default_rng(1)
+    Q = rng.uniform(*arm.space.span, (400, arm.n))
+    seen = pinsing.clearance(form, Q, certify=True, gap=1e-3).upper
+    assert seen.max() <= found.most + 1e-9
+    assert found.lower >= pinsing.clearance(form, Q, certify=True, gap=1e-3).lower.max() - 2e-3
+    assert found.most - found.lower < 0.1  # and little more is possible
+
+
+def test_known_best_clearances() -> None:
+    """Where families are joint values the answer can be had by hand."""
+    scara = pinsing.suggest(arm_of("scara"))
+    assert scara.lower == pytest.approx(np.pi / 2, abs=3e-3)
+    assert abs(abs(scara.q[1]) - np.pi / 2) < 3e-3
+    stanford = pinsing.suggest(arm_of("stanford"), families=["F1", "F3"])
+    assert stanford.families == ("F1", "F3")
+    assert np.abs(np.sin(stanford.q[[1, 4]])) == pytest.approx([1, 1], abs=1e-4)
+
+
+def test_all_families_are_left_behind_not_the_nearest_alone() -> None:
+    """The Stanford arm's d3 bounds the clearance; its other joints stand well all the same."""
+    found = pinsing.suggest(arm_of("stanford"))
+    assert found.family == "F2"
+    assert np.abs(np.sin(found.q[[1, 4]])) == pytest.approx([1, 1], abs=1e-2)
+
+
+@pytest.mark.parametrize("name", ["ur5", "puma560", "stanford"])
+def test_near_a_given_one(name: str) -> None:
+    arm, form = arm_of(name), closed(name)
+    near = np.zeros(arm.n)
+    reach = 0.3
+    found = pinsing.suggest(arm, forms=form, near=near, reach=reach)
+    holds(arm, found, form)
+    weight = 1 / arm.space.metric
+    assert np.linalg.norm((found.q - near) * weight) <= reach + 1e-9
+    assert found.most <= reach + 2e-3  # the zero pose of each is singular
+    rng = np.random.default_rng(2)
+    step = rng.normal(size=(2000, arm.n))
+    step *= reach * rng.random((2000, 1)) ** 0.2 / np.linalg.norm(step, axis=1, keepdims=True)
+    Q = near + step / weight
+    Q = Q[((arm.lower <= Q) & (arm.upper >= Q)).all(axis=1)]
+    assert pinsing.clearance(form, Q).lower.max() <= found.most
+    assert pinsing.clearance(form, Q).lower.max() <= found.lower + 5e-3
+    idle = [
+        j
+        for j in range(arm.n)
+        if not any(j in b.involved for f in form.families for b in f.branches)
+    ]
+    assert (found.q[idle] == 0).all()  # what does not matter stays
+
+
+def test_it_is_the_same_each_time_for_one_seed() -> None:
+    arm, form = arm_of("ur5"), closed("ur5")
+    first = pinsing.suggest(arm, forms=form, seconds=60, seed=3)
+    again = pinsing.suggest(arm, forms=form, seconds=60, seed=3)
+    assert (first.q == again.q).all()
+    assert first.to_json() == again.to_json()
+    back = pinsing.Suggestion.from_json(first.to_json())
+    assert (back.q == first.q).all()
+    assert str(back) == str(first)
+
+
+def test_forms_of_two_tasks_and_of_another_arm() -> None:
+    arm = arm_of("ur5")
+    both = [closed("ur5"), pinsing.closed_form(arm.with_task("position"))]
+    found = pinsing.suggest(arm, forms=both)
+    holds(arm, found, both)
+    assert any(name.startswith("position ") for name in found.families)
+    for other in ("ur10", "puma560", "panda"):
+        with pytest.raises(OptionError, match="another arm"):
+            pinsing.suggest(arm, forms=closed(other))
+
+
+def test_redundant_arms_and_several_equations() -> None:
+    for name in ("surgical7", "panda"):
+        found = pinsing.suggest(arm_of(name), forms=closed(name))
+        holds(arm_of(name), found, closed(name))
+        assert found.lower > 0.5
+
+
+def endless(turns: tuple[float, ...]) -> Arm:
+    """An arm of continuous joints, from a URDF."""
+    parts = ["<robot name='free'><link name='l0'/>"]
+    for i, turn in enumerate(turns, 1):
+        parts.append(
+            f"<joint name='j{i}' type='continuous'><parent link='l{i - 1}'/>"
+            f"<child link='l{i}'/><origin xyz='0.3 0 0.1' rpy='{turn} 0 0'/>"
+            f"<axis xyz='0 0 1'/></joint><link name='l{i}'/>"
+        )
+    parts.append(
+        f"<joint name='t' type='fixed'><parent link='l{len(turns)}'/><child link='tip'/>"
+        "<origin xyz='0.2 0 0'/></joint><link name='tip'/></robot>"
+    )
+    return pinsing.load("".join(parts), tip="tip", task="position")
+
+
+def test_arms_without_limits_and_continuous_joints() -> None:
+    bounded = build(
+        [Joint(d=0.2), Joint(np.pi / 2, 0.1), Joint(a=0.4)], (0.3, 0, 0), task="position"
+    )
+    free = endless((0.0, np.pi / 2, 0.0))
+    assert np.isinf(free.lower).all()
+    for arm in (bounded, free):
+        found = pinsing.suggest(arm)
+        assert np.isfinite(found.q).all()
+        assert 0.3 < found.lower <= found.upper <= found.most
+        assert pinsing.at(arm, found.q).status == "regular"
+
+
+def test_an_arm_that_is_never_singular() -> None:
+    arm = build([Joint(d=0.2)])
+    found = pinsing.suggest(arm)
+    assert found.lower == np.inf
+    assert found.families == ()
+    assert "No configuration of this arm is singular" in str(found)
+    assert json.loads(found.to_json())["lower"] == "inf"
+
+
+def test_families_that_are_missing_are_said() -> None:
+    arm = arm_of("panda")
+    poor = pinsing.closed_form(arm, seconds=0.02)
+    assert not poor.complete
+    found = pinsing.suggest(arm, forms=poor)
+    assert not found.complete
+    assert any("not complete" in n for n in found.notes)
+    assert pinsing.at(arm, found.q).status == "regular"
+    if not found.families:
+        assert found.lower == 0.0
+        assert "Clearance unknown" in str(found)
+
+
+def test_thirteen_joints_get_one_without_a_proof() -> None:
+    rng = np.random.default_rng(0)
+    arm = build([Joint(rng.uniform(-1, 1), rng.uniform(0, 0.3)) for _ in range(13)])
+    found = pinsing.suggest(arm)
+    assert not found.complete
+    assert found.lower == 0.0
+    assert pinsing.at(arm, found.q).status == "regular"
+
+
+def test_equal_limits_and_a_prismatic_arm() -> None:
+    arm = build([Joint(), Joint(a=0.4, limits=(0.3, 0.3)), Joint(a=0.3)], (0.2, 0, 0), "vx,vy")
+    found = pinsing.suggest(arm)
+    assert found.q[1] == 0.3
+    slides = build([Joint(slides=True), Joint(alpha=np.pi / 2, slides=True)])
+    assert pinsing.suggest(slides).lower == np.inf
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"near": [0, 0]}, "near needs 6 values"),
+        ({"near": [0, 0, 0, 0, np.nan, 0]}, "nan"),
+        ({"near": [0, 0, 0, 0, 0, 0], "reach": 0.0}, "reach must be a positive number"),
+        ({"near": [0, 0, 0, 0, 0, 0], "reach": np.inf}, "reach must be a positive number"),
+        ({"seed": -1}, "seed"),
+        ({"seconds": 0.0}, "seconds must be positive"),
+        ({"families": ["F9"]}, "F9"),
+        ({"forms": []}, "forms"),
+    ],
+)
+def test_bad_input(options: dict[str, object], said: str) -> None:
+    with pytest.raises(PinsingError, match=said):
+        pinsing.suggest(arm_of("ur5"), **options)  # type: ignore[arg-type]
+
+
+def test_a_configuration_far_outside_the_limits_is_refused() -> None:
+    with pytest.raises(ConfigurationError, match="nothing within the limits"):
+        pinsing.suggest(arm_of("scara"), near=[0, 0, 5.0, 0])
+    near = pinsing.suggest(arm_of("scara"), near=[0, 0, -0.1, 0])
+    assert any("outside the joint limits" in n for n in near.notes)
+
+
+class TestCommand:
+    def test_what_is_printed_can_be_pasted(self) -> None:
+        for deg in ([], ["--deg"]):
+            done = run("suggest", "puma560", *deg)
+            assert done.exit_code == 0
+            first = done.stdout.splitlines()[0]
+            at = run("at", "puma560", *shlex.split(first))
+            assert at.exit_code == 0
+            assert "regular" in at.stdout
+            said = re.search(r"Proven: no singular configuration within ([\d.]+)", done.stdout)
+            assert said is not None
+            q = [
+                float(x) for x in first.split("--q ")[1].replace("pi/2", f"{np.pi / 2}").split(",")
+            ]
+            true = pinsing.clearance(closed("puma560"), np.radians(q) if deg else q, certify=True)
+            told = float(said[1])
+            assert (np.radians(told) if deg else told) <= float(true.upper)
+
+    def test_near_and_json(self) -> None:
+        done = run(
+            "suggest", "ur5", "--deg", "--near", "0,0,0,0,0,0", "--reach", "20deg", "--json", "-"
+        )
+        data = json.loads(done.stdout)
+        assert data["schema"] == "pinsing/suggestion/1"
+        assert data["reach"] == pytest.approx(np.radians(20))
+        assert np.linalg.norm(data["q"]) <= np.radians(20) + 1e-9
+
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("ur5", "--near", "1,2"),
+            ("ur5", "--reach", "3deg"),
+            ("ur5", "--near", "0,0,0,0,0,0", "--reach", "-3deg"),
+            ("ur5", "--near", "0,0,0,0,0,x"),
+            ("ur5", "--family", "F77"),
+            ("nobody",),
+        ],
+    )
+    def test_bad_input_is_one_line(self, words: tuple[str, ...]) -> None:
+        done = run("suggest", *words)
+        assert done.exit_code == 2
+        assert done.stdout == ""
+        assert sum("error: " in line for line in done.stderr.splitlines()) == 1
+
+    def test_a_mechanism_is_no_arm(self) -> None:
+        with pytest.raises(OptionError, match="arm must be"):
+            pinsing.suggest(pinsing.load_mechanism("urdf/five_bar.urdf"))  # type: ignore[arg-type]
+
+
+class TestInfo:
+    def test_a_singular_zero_pose_is_said_with_a_clear_one(self) -> None:
+        done = run("info", "ur5")
+        (line,) = [x for x in done.stdout.replace("\n  ", " ").splitlines() if "pose: " in x]
+        assert "the zero pose is singular (on F1, F2)" in line
+        q = [float(x) for x in line.split("--q ")[1].strip('"').split(",")]
+        assert float(pinsing.clearance(closed("ur5"), q, certify=True).lower) > np.radians(15)
+
+    def test_one_that_is_not_singular_is_not(self) -> None:
+        model = arm_of("ur5").source.full_model.copy()
+        model.referenceConfigurations["home"] = np.array([0.0, -1.5, 1.5, -1.0, -1.5, 0.0])
+        model.referenceConfigurations["tucked"] = np.array([0.0, -1.5, 0.0, -1.0, -1.5, 0.0])
+        found = singular_poses(pinsing.load(model, tip="tool0"))
+        assert [p.name for p in found] == ["zero", "tucked"]
+        assert found[1].families == ("F1",)
+
+    def test_where_families_take_long_the_command_is_named(self, monkeypatch) -> None:
+        from pinsing.report import home_pose
+
+        monkeypatch.setattr(home_pose, "_SECONDS", 1e-3)
+        (pose,) = singular_poses(pinsing.load("surgical7"))
+        assert pose.instead is None
+        text = pose.text("surgical7", np.zeros(7, dtype=bool), False)
+        assert "pinsing suggest surgical7" in text
