@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import importlib.metadata
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-from pinsing.description import catalog
 from pinsing.description.catalog import data_folder, find_robot, known_robots, locate_robot
 from pinsing.errors import RobotFileError, UnknownNameError
 
@@ -121,10 +119,7 @@ def test_what_a_user_means(tmp_path, monkeypatch):
 
 
 def test_without_the_data_package(monkeypatch):
-    def missing(name: str) -> None:
-        raise importlib.metadata.PackageNotFoundError(name)
-
-    monkeypatch.setattr(catalog.importlib.metadata, "distribution", missing)
+    monkeypatch.setattr(sys, "path", ["", str(Path(__file__).parent)])
     assert data_folder() is None
     assert set(known_robots()) >= OWN
     with pytest.raises(UnknownNameError):
@@ -139,3 +134,8 @@ def test_listing_needs_no_pinocchio():
     run = [sys.executable, "-c", code]
     done = subprocess.run(run, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+@pytest.mark.parametrize("name", LOADERS)
+def test_a_name_found_at_once_is_that_of_the_list(name):
+    assert find_robot(name) == known_robots()[name]

@@ -264,7 +264,12 @@ def test_heavy_imports_wait_until_they_are_needed(library):
             "import pinsing.robot.load as r; r.load('ur5')",
             "click matplotlib meshcat rich sympy tornado xacro yourdfpy zmq flint scipy",
         ),
-        ("import pinsing.cli", "matplotlib meshcat pinocchio scipy yourdfpy xacro flint"),
+        (
+            "import pinsing.configuration.state as s, pinsing.robot.load as r, pinsing.cli;"
+            "str(s.at(r.load('ur5'), [0.1] * 6))",
+            "flint yaml http ssl email zipfile scipy matplotlib meshcat tornado",
+        ),
+        ("import pinsing.cli", "matplotlib meshcat pinocchio scipy yourdfpy xacro flint yaml ssl"),
         ("import pinsing.errors, pinsing.description.catalog", "pinocchio scipy yourdfpy xacro"),
     ],
 )

@@ -124,16 +124,14 @@ def whole_number(value: int, name: str, least: int, most: int) -> int:
 
 def shown(value: Any) -> str:
     """Return in a few words what a value is, whatever it is."""
-    if value is np.ma.masked:
-        return "a masked value"
+    if _is_masked(value):
+        return "a masked value" if value.ndim == 0 else "a masked array"
     if value is None or isinstance(value, bool | int | float | complex | np.number):
         return _cut(f"{value}")
     if isinstance(value, bytes | bytearray):
         return "bytes"
     if isinstance(value, str):
         return f"the text {_cut(value)!r}"
-    if isinstance(value, np.ma.MaskedArray):
-        return "a masked array"
     if isinstance(value, np.ndarray):
         return f"an array of {value.dtype} of shape {value.shape}"
     if isinstance(value, type):
@@ -282,7 +280,7 @@ def _is_count(value: Any) -> bool:
 def _is_mask(value: Any) -> bool:
     """Whether a value is true or false, joint by joint."""
     if isinstance(value, np.ndarray):
-        return value.dtype.kind == "b" and not np.ma.isMaskedArray(value)
+        return value.dtype.kind == "b" and not _is_masked(value)
     if isinstance(value, list | tuple):
         return len(value) > 0 and all(isinstance(v, bool | np.bool_) or _is_mask(v) for v in value)
     return False
@@ -301,7 +299,7 @@ def _are_numbers(value: Any) -> bool:
             array = np.asarray(value)
         except (TypeError, ValueError, OverflowError):
             return False
-    if np.ma.isMaskedArray(value):
+    if _is_masked(value):
         return False
     if array.dtype.kind == "O":
         return array.size > 0 and all(
@@ -312,9 +310,13 @@ def _are_numbers(value: Any) -> bool:
 
 
 def _holds_masked(value: Any) -> bool:
-    return isinstance(value, list | tuple) and any(
-        np.ma.isMaskedArray(v) or v is np.ma.masked or _holds_masked(v) for v in value
-    )
+    return isinstance(value, list | tuple) and any(_is_masked(v) or _holds_masked(v) for v in value)
+
+
+def _is_masked(value: Any) -> bool:
+    # Who has a masked array has imported numpy.ma; importing it here would cost each start 25 ms.
+    ma = sys.modules.get("numpy.ma")
+    return ma is not None and isinstance(value, ma.MaskedArray)
 
 
 _PLAIN: dict[Any, _Kind | None] = {

@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
-import secrets
 from pathlib import Path
 
 from pinsing.errors import OutputError
@@ -102,7 +101,7 @@ def replace_file(target: Path, data: bytes) -> None:
     OSError
         As the system has it; no temporary file is left.
     """
-    name = f".{target.name[:_LONGEST]}.{secrets.token_hex(6)}{TEMPORARY}"
+    name = f".{target.name[:_LONGEST]}.{os.urandom(6).hex()}{TEMPORARY}"
     temporary = target.with_name(name)
     try:
         # The system takes away what new files of this process may not have.

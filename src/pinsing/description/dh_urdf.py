@@ -17,7 +17,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-from importlib import resources
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -25,31 +24,15 @@ from typing import Any
 import yaml
 
 from pinsing.description.dh_table import BASE, FLANGE, TIP, DHRow, DHTable, read_dh
+from pinsing.description.own_folder import urdf_folder
 from pinsing.description.placement import Placement, Vector, cos_sin, pointing, screw
 from pinsing.description.xacro import expand_xacro
-from pinsing.errors import RobotFileError
 
 __all__ = ["DHRow", "DHTable", "dh_to_urdf", "joint_placements", "read_dh", "urdf_folder"]
 
 # A URDF demands a speed and an effort; where the table is silent, these stand in.
 DEFAULT_VELOCITY = 1.0
 DEFAULT_EFFORT = 100.0
-
-
-def urdf_folder() -> Path:
-    """Return the folder of DH tables, the xacro, and the URDFs made of them.
-
-    Raises
-    ------
-    RobotFileError
-        If neither the package nor the checkout around it has one.
-    """
-    packaged = Path(str(resources.files("pinsing") / "urdf"))
-    checkout = Path(__file__).resolve().parents[3] / "urdf"
-    for folder in (packaged, checkout):
-        if folder.is_dir():
-            return folder
-    raise RobotFileError("no such folder: install pinsing again, it is incomplete", packaged)
 
 
 def joint_placements(table: DHTable) -> tuple[tuple[Placement, ...], Placement]:

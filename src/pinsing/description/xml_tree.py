@@ -12,7 +12,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
-from xml.sax.saxutils import quoteattr
 
 from pinsing.errors import RobotFileError
 
@@ -23,7 +22,17 @@ MAX_ATTRIBUTES = 100
 
 _DECLARATION = re.compile(r"\ufeff?\s*(?:<\?xml\s[^>]*\?>)?")
 _DECLARED = re.compile(rb"^\s*<\?xml[^>]*?encoding\s*=\s*[\"']([A-Za-z0-9._-]+)[\"']")
-_ESCAPES = {"\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
+_ESCAPES = str.maketrans(
+    {
+        "&": "&amp;",
+        "<": "&lt;",
+        ">": "&gt;",
+        '"': "&quot;",
+        "\n": "&#10;",
+        "\r": "&#13;",
+        "\t": "&#9;",
+    }
+)
 
 
 @dataclass(slots=True)
@@ -199,7 +208,7 @@ def to_text(root: Node) -> str:
             pieces.append(node)
             continue
         indent = "  " * depth
-        attributes = "".join(f" {k}={quoteattr(v, _ESCAPES)}" for k, v in node.attributes.items())
+        attributes = "".join(f' {k}="{v.translate(_ESCAPES)}"' for k, v in node.attributes.items())
         if not node.children:
             pieces.append(f"{indent}<{node.tag}{attributes}/>\n")
             continue

@@ -11,8 +11,6 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 
-from flint import nmod_mat
-
 from pinsing.geometry.nominal import Nominal
 from pinsing.geometry.residue import residue
 
@@ -67,5 +65,8 @@ def _rank(geometry: Nominal, rows: Sequence[int], p: int, draw: random.Random) -
             continue
         x, y, w = (a - b for a, b in zip(o, at, strict=True))
         columns.append([z[1] * w - z[2] * y, z[2] * x - z[0] * w, z[0] * y - z[1] * x, *z])
+    # With flint, 40 ms to import, only where a rank is asked for that floats cannot show.
+    from flint import nmod_mat
+
     flat = [columns[j][r] % p for r in rows for j in range(len(columns))]
     return int(nmod_mat(len(rows), len(columns), flat, p).rank())

@@ -45,6 +45,7 @@ __all__ = [
 ]
 
 _RANK_SAMPLES = 6
+_SURE_RTOL = 1e-6
 _SIZE_SAMPLES = 15
 
 
@@ -69,7 +70,8 @@ def generic_rank(arm: Arm) -> int:
 
     Taken on the nominal geometry, exactly (`pinsing.geometry.exact_rank`): no tolerance, no
     length scale. On the raw geometry a rounded angle could pretend a motion of relative size
-    1e-6. With mimic joints it is the greatest rank of random configurations at the own scale.
+    1e-6. Where it is not full, with mimic joints it is the greatest rank of random configurations
+    at the own scale.
 
     Parameters
     ----------
@@ -178,14 +180,29 @@ def scale_notes(arm: Arm) -> Iterator[str]:
 
 def _generic_rank(arm: Arm) -> int:
     geometry = nominal(arm)
-    found = _sampled_rank(geometry.arm) if arm.coupling is not None else None
-    rank = exact_generic_rank(geometry, arm.task.rows) if found is None else found
+    if _is_full(geometry.arm):
+        rank = min(len(arm.task.rows), arm.n)
+    elif arm.coupling is not None:
+        rank = _sampled_rank(geometry.arm)
+    else:
+        rank = exact_generic_rank(geometry, arm.task.rows)
     if rank == 0:
         raise OptionError(
             f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
             "rows; choose other rows"
         )
     return rank
+
+
+def _is_full(exact: Arm) -> bool:
+    """Whether floats alone prove that the rank is as great as the size of J allows.
+
+    Rounding moves no singular value by more than about 1e-14 sigma_1 (Weyl's inequality), so where
+    the last one is 1e-6 sigma_1 at a single configuration, J has full rank there, and thereby at
+    almost every one.
+    """
+    sigma = batch(exact, PINOCCHIO).own_sigma(random_turns(exact, _RANK_SAMPLES))
+    return bool((sigma[:, -1] > _SURE_RTOL * sigma[:, 0]).any())
 
 
 def _sampled_rank(exact: Arm) -> int:
