@@ -265,8 +265,7 @@ def test_heavy_imports_wait_until_they_are_needed(library):
             "click matplotlib meshcat rich sympy tornado xacro yourdfpy zmq flint scipy",
         ),
         (
-            "import pinsing.configuration.state as s, pinsing.robot.load as r, pinsing.cli;"
-            "str(s.at(r.load('ur5'), [0.1] * 6))",
+            "import pinsing, pinsing.cli; str(pinsing.at(pinsing.load('ur5'), [0.1] * 6))",
             "flint yaml http ssl email zipfile scipy matplotlib meshcat tornado",
         ),
         ("import pinsing.cli", "matplotlib meshcat pinocchio scipy yourdfpy xacro flint yaml ssl"),
