@@ -1,8 +1,10 @@
 """Closed forms: the complete singular set of an arm, as equations."""
 
 from pinsing.algebra.equation import Equation
-from pinsing.families.family import Branch, Distance, Family, JointValue
+from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm, Proof
+from pinsing.families.nearness import Distance
+from pinsing.families.parts import Branch, JointValue
 from pinsing.families.proving import prove
 from pinsing.families.solve import closed_form, joint_symbols
 

@@ -11,8 +11,9 @@ from pinsing._types import Array
 from pinsing.configuration.at import at
 from pinsing.configuration.state import State
 from pinsing.families.example import readable
-from pinsing.families.family import Branch, Family
+from pinsing.families.family import Family
 from pinsing.families.kinds import kinds_of
+from pinsing.families.parts import Branch
 from pinsing.families.pieces import Piece, PieceMaker
 from pinsing.families.statement import statement
 from pinsing.families.zero_set import gradients, proven_empty
@@ -96,7 +97,7 @@ def _unreachable(family: Family) -> Reachability:
     endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
     for branch in family.branches:
         cut = any(endless[list(e.involved)].any() for e in branch.equations)
-        if family._placed(branch, within_limits=True) and not (
+        if branch.held(family.space, (lower, upper)) and not (
             branch.equations and not cut and proven_empty(branch.equations, lower, upper)
         ):
             return Reachability.UNKNOWN

@@ -7,7 +7,8 @@ import itertools
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.families.family import Branch, Family
+from pinsing.families.family import Family
+from pinsing.families.parts import Branch
 from pinsing.families.zero_set import gradients, project
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.robot.arm import Arm

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -15,110 +14,18 @@ from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation
 from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions, nearest_points
+from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.html import families_table, family_row
-from pinsing.families.zero_set import ROUNDS, project, search
+from pinsing.families.nearness import Distance, near, nearest
+from pinsing.families.parts import Branch, KindPart
+from pinsing.families.points import spread
+from pinsing.families.zero_set import ROUNDS
 from pinsing.measures import Reachability
 from pinsing.robot.joint_space import JointSpace
 from pinsing.serialization import JsonResult
 
-_PASSES = 4
 _MOST_POINTS = 10_000_000
-
-
-class Distance(NamedTuple):
-    """How far a configuration is from a family.
-
-    Attributes
-    ----------
-    value : float
-        Euclidean in joint space: revolute differences wrapped, in radians; prismatic ones
-        over the length scale. The same as ``upper``.
-    q : (n,) array
-        The nearest configuration of the family that was found; NaN without any.
-    exact : bool
-        True for joint-value families: ``lower`` and ``upper`` are equal.
-    lower : float
-        No configuration of the family is nearer: proven, rounding included. Infinite where
-        none lies within the limits.
-    upper : float
-        How far ``q`` is.
-    """
-
-    value: float
-    q: Array
-    exact: bool
-    lower: float
-    upper: float
-
-
-@dataclass(frozen=True)
-class JointValue:
-    """A joint at a fixed value.
-
-    Attributes
-    ----------
-    joint : int
-        Index of the joint.
-    value : float
-        Radians in (-pi, pi], or metres.
-    rational : bool
-        True if its half-angle tangent (or its length) is rational; else an algebraic number.
-    minimal : tuple of int
-        Where several joints' values depend on each other: coefficients, the constant first, of
-        the irreducible polynomial that the tangent of half the angle (counted from where the
-        nominal geometry has its zero) or the length is a root of.
-    """
-
-    joint: int
-    value: float
-    rational: bool
-    minimal: tuple[int, ...] = ()
-
-
-@dataclass(frozen=True)
-class KindPart:
-    """Boundary or interior on a part of a family.
-
-    Attributes
-    ----------
-    kind : str
-        "boundary", "interior" or "undecided".
-    where : str
-        The condition of the part; empty if it is all of the family, or just a share of it.
-    share : float
-        Of the points that were looked at.
-    points : int
-        How many were looked at in all.
-    """
-
-    kind: str
-    where: str
-    share: float
-    points: int
-
-    def __str__(self) -> str:
-        if self.where:
-            return f"{self.kind} at {self.where}"
-        count = round(self.share * self.points)
-        return self.kind if count == self.points else f"{self.kind} at {count} of {self.points}"
-
-
-@dataclass(frozen=True, eq=False)
-class Branch:
-    """One piece of a family: joints at values, and equations in the others."""
-
-    values: tuple[JointValue, ...]
-    equations: tuple[Equation, ...]
-
-    @property
-    def involved(self) -> tuple[int, ...]:
-        """Indices of the joints that matter, ascending."""
-        joints = {v.joint for v in self.values}
-        for e in self.equations:
-            joints.update(e.involved)
-        return tuple(sorted(joints))
 
 
 @dataclass(frozen=True, eq=False)
@@ -267,22 +174,7 @@ class Family(JsonResult):
         array([ True, False])
         """
         q = self._check(q)
-        flat = q.reshape(-1, self.n)
-        found = np.zeros(len(flat), dtype=bool)
-        for branch in self.branches:
-            todo = np.flatnonzero(~found)
-            off = self._off_values(branch, flat[todo])
-            near = todo[np.linalg.norm(off, axis=-1) <= tol]
-            if not branch.equations:
-                found[near] = True
-                continue
-            free = self._free(branch)
-            moved, ok = project(branch.equations, self._put(branch, flat[near]), free)
-            gap = np.hypot(
-                np.linalg.norm((moved - flat[near]) * self._weight() * free, axis=-1),
-                np.linalg.norm(self._off_values(branch, flat[near]), axis=-1),
-            )
-            found[near] |= ok & (gap <= tol)
+        found = near(self.branches, self.space, q.reshape(-1, self.n), tol)
         return found.reshape(q.shape[:-1])
 
     @checked
@@ -342,16 +234,12 @@ class Family(JsonResult):
         if q.ndim != 1:
             raise ConfigurationError(f"distance takes one configuration, got shape {q.shape}")
         options = SearchOptions(gap, seconds, within_limits)
-        conditions = self.conditions(weights, norm)
-        found = nearest_points(conditions, q[None], self.lower, self.upper, options)
-        lower, upper = float(found.lower[0]), float(found.upper[0])
-        point = found.q[0]
-        if found.family[0] < 0:
-            if not within_limits:
-                raise ConfigurationError(f"family {self.name}: no real point was found on it")
-            point = np.full(self.n, np.nan)
         exact = all(not b.equations for b in self.branches)
-        return Distance(upper, point, exact, upper if exact else lower, upper)
+        limits = (self.lower, self.upper)
+        found = nearest(self.conditions(weights, norm), q, limits, options, exact)
+        if found is None:
+            raise ConfigurationError(f"family {self.name}: no real point was found on it")
+        return found
 
     @checked
     def conditions(
@@ -376,12 +264,14 @@ class Family(JsonResult):
         """
         if weights is None and norm == "euclidean":
             return self._conditions
-        weight = self._weight() if weights is None else self._check_weights(weights)
+        weight = 1.0 / self.space.metric if weights is None else np.array(weights, dtype=float)
+        if weight.shape != (self.n,):
+            raise OptionError(f"weights needs {self.n} numbers, got shape {weight.shape}")
         return Conditions.of([self.branches], self.prismatic, weight, norm)
 
     @cached_property
     def _conditions(self) -> Conditions:
-        return Conditions.of([self.branches], self.prismatic, self._weight())
+        return Conditions.of([self.branches], self.prismatic, 1.0 / self.space.metric)
 
     @checked
     def sample(self, n: int, rng: np.random.Generator) -> Array:
@@ -458,40 +348,15 @@ class Family(JsonResult):
         whole_number(n, "n", 0, _MOST_POINTS)
         if n == 0 or (within_limits and self.reachability is Reachability.OUTSIDE):
             return np.zeros((0, self.n))
-        found = np.zeros((0, self.n))
+        lower, upper = self.box(within_limits)
+        box = (lower, upper) if within_limits else None
+        usable = [(b, v) for b in self.branches for v in b.held(self.space, box)]
         for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
-            found = self._spread(n, rng, within_limits, widen * self.length_scale, rounds)
+            far = np.where(self.prismatic, widen * self.length_scale, 0.0)
+            found = spread(usable, lower - far, upper + far, n, rng, rounds)
             if len(found) or within_limits or not self.prismatic.any():
                 break
         return found
-
-    def _spread(
-        self, n: int, rng: np.random.Generator, within_limits: bool, widen: float, rounds: int
-    ) -> Array:
-        """Up to n points, shared out among the branches."""
-        lower, upper = self.box(within_limits)
-        lower = np.where(self.prismatic, lower - widen, lower)
-        upper = np.where(self.prismatic, upper + widen, upper)
-        usable = [(b, v) for b in self.branches for v in self._placed(b, within_limits)]
-        alive = [usable[i] for i in rng.permutation(len(usable))]
-        parts = [np.zeros((0, self.n))]
-        missing = n
-        for _ in range(_PASSES):  # what one branch lacks, the others give in the next pass
-            share = np.full(len(alive), missing // max(1, len(alive)))
-            share[: missing - share.sum()] += 1
-            for (branch, fixed), count in zip(tuple(alive), share, strict=True):
-                if count == 0:
-                    continue
-                free = np.ones(self.n, dtype=bool)
-                free[[v.joint for v in branch.values]] = False
-                part = search(branch.equations, lower, upper, free, fixed, int(count), rng, rounds)
-                parts.append(part)
-                missing -= len(part)
-                if not len(part):
-                    alive = [a for a in alive if a[1] is not fixed or a[0] is not branch]
-            if missing == 0 or not alive:
-                break
-        return np.concatenate(parts)
 
     @checked
     def box(self, within_limits: bool) -> tuple[Array, Array]:
@@ -527,8 +392,6 @@ class Family(JsonResult):
         symbols = [f"{'d' if self.prismatic[j] else 'q'}{j + 1}" for j in involved]
         return families_table([html_row(self)], zip(symbols, self.joints, strict=False))
 
-    # Helpers ------------------------------------------------------------------------
-
     def _check(self, q: npt.ArrayLike) -> Array:
         array = real_numbers(q, "q")
         if array.ndim == 0 or array.shape[-1] != self.n:
@@ -540,56 +403,6 @@ class Family(JsonResult):
         if not np.isfinite(array).all():
             raise ConfigurationError("q has a value that is not finite")
         return array
-
-    def _check_weights(self, weights: npt.ArrayLike) -> Array:
-        array = np.array(weights, dtype=float)
-        if array.shape != (self.n,):
-            raise OptionError(f"weights needs {self.n} numbers, got shape {array.shape}")
-        return array
-
-    def _weight(self) -> Array:
-        return np.asarray(1.0 / self.space.metric)
-
-    def _free(self, branch: Branch) -> npt.NDArray[np.bool_]:
-        free = np.zeros(self.n, dtype=bool)
-        for e in branch.equations:
-            free[list(e.involved)] = True
-        return free
-
-    def _off_values(self, branch: Branch, q: Array) -> Array:
-        """Differences (N, k) of the fixed joints from their values, weighted."""
-        if not branch.values:
-            return np.zeros((len(q), 0))
-        joints = [v.joint for v in branch.values]
-        off = q[:, joints] - np.array([v.value for v in branch.values])
-        wrapped = off - 2 * np.pi * np.round(off / (2 * np.pi))
-        off = np.where(self.prismatic[joints], off, wrapped)
-        return np.asarray(off / self.space.metric[joints])
-
-    def _put(self, branch: Branch, q: Array) -> Array:
-        """Q (N, n) with the fixed joints at the nearest copies of their values."""
-        out = q.copy()
-        if branch.values:
-            joints = [v.joint for v in branch.values]
-            out[:, joints] -= self._off_values(branch, q) / self._weight()[joints]
-        return out
-
-    def _placed(self, branch: Branch, within_limits: bool) -> list[Array]:
-        """Values of the fixed joints as a (n,) array, all copies that fit the limits."""
-        fixed = [np.zeros(self.n)]
-        lower, upper = self.box(within_limits)
-        for v in branch.values:
-            copies = [v.value]
-            if within_limits:
-                low, high = lower[v.joint] - 1e-9, upper[v.joint] + 1e-9
-                if not self.prismatic[v.joint]:
-                    first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
-                    turns = range(math.ceil(first), math.floor(last) + 1)
-                    copies = [v.value + 2 * np.pi * k for k in turns]
-                elif not low <= v.value <= high:
-                    copies = []
-            fixed = [np.where(np.arange(self.n) == v.joint, c, f) for f in fixed for c in copies]
-        return fixed
 
 
 def html_row(family: Family) -> tuple[str, ...]:

@@ -10,7 +10,8 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.configuration.second_order import second_order_many
-from pinsing.families.family import Branch, Family, KindPart
+from pinsing.families.family import Family
+from pinsing.families.parts import Branch, KindPart
 from pinsing.families.statement import statement
 from pinsing.families.zero_set import residuals
 from pinsing.robot.arm import Arm
@@ -67,7 +68,7 @@ def _owners(family: Family, points: Array) -> list[int]:
     """The branch that each point lies on."""
     off = np.empty((len(family.branches), len(points)))
     for i, branch in enumerate(family.branches):
-        off[i] = np.linalg.norm(family._off_values(branch, points), axis=-1)
+        off[i] = np.linalg.norm(branch.off(points, family.space), axis=-1)
         if branch.equations:
             off[i] += np.abs(residuals(branch.equations, points)).max(axis=-1)
     return [int(i) for i in off.argmin(axis=0)]

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.families.family import Branch
+from pinsing.families.parts import Branch
 from pinsing.families.zero_set import project
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm

@@ -19,7 +19,7 @@ from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.families.family import Branch, JointValue
+from pinsing.families.parts import Branch, JointValue
 from pinsing.families.zero_set import (
     ROUNDS,
     fix_joint,

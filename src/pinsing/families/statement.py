@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinsing.algebra.equation import Equation, format_angle, latex_symbol
-from pinsing.families.family import Branch
+from pinsing.families.parts import Branch
 from pinsing.families.pieces import Piece
 
 _LONG = 12

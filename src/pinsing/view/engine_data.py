@@ -10,7 +10,7 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.configuration.at import never_produced
 from pinsing.configuration.axis_dependence import arm_centres, moving_columns
-from pinsing.families.family import Branch
+from pinsing.families.parts import Branch
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size

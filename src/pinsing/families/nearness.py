@@ -1,0 +1,92 @@
+"""How near a family is."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pinsing._types import Array, Bool
+from pinsing.bounds.conditions import Conditions
+from pinsing.bounds.nearest import SearchOptions, nearest_points
+from pinsing.families.parts import Branch
+from pinsing.families.zero_set import project
+from pinsing.robot.joint_space import JointSpace
+
+
+class Distance(NamedTuple):
+    """How far a configuration is from a family.
+
+    Attributes
+    ----------
+    value : float
+        Euclidean in joint space: revolute differences wrapped, in radians; prismatic ones
+        over the length scale. The same as ``upper``.
+    q : (n,) array
+        The nearest configuration of the family that was found; NaN without any.
+    exact : bool
+        True for joint-value families: ``lower`` and ``upper`` are equal.
+    lower : float
+        No configuration of the family is nearer: proven, rounding included. Infinite where
+        none lies within the limits.
+    upper : float
+        How far ``q`` is.
+    """
+
+    value: float
+    q: Array
+    exact: bool
+    lower: float
+    upper: float
+
+
+def near(branches: Sequence[Branch], space: JointSpace, q: Array, tol: float) -> Bool:
+    """Which of q (N, n) have a point of some branch within ``tol``, limits aside."""
+    found = np.zeros(len(q), dtype=bool)
+    for branch in branches:
+        todo = np.flatnonzero(~found)
+        off = branch.off(q[todo], space)
+        close = todo[np.linalg.norm(off, axis=-1) <= tol]
+        if not branch.equations:
+            found[close] = True
+            continue
+        free = branch.free(space.n)
+        moved, ok = project(branch.equations, branch.put(q[close], space), free)
+        gap = np.hypot(
+            np.linalg.norm((moved - q[close]) / space.metric * free, axis=-1),
+            np.linalg.norm(branch.off(q[close], space), axis=-1),
+        )
+        found[close] |= ok & (gap <= tol)
+    return found
+
+
+def nearest(
+    conditions: Conditions,
+    q: Array,
+    limits: tuple[Array, Array],
+    options: SearchOptions,
+    exact: bool,
+) -> Distance | None:
+    """Distance from q (n,) to where the conditions hold; None if no real point is known at all.
+
+    Parameters
+    ----------
+    conditions : Conditions
+        Of one family.
+    q : (n,) array
+        Radians and metres.
+    limits : (n,) array, (n,) array
+        Lower and upper joint limits.
+    options : SearchOptions
+        When the search ends, and whether only points within the limits count.
+    exact : bool
+        Whether what was found is the nearest, as among joint values.
+    """
+    found = nearest_points(conditions, q[None], *limits, options)
+    lower, upper, point = float(found.lower[0]), float(found.upper[0]), found.q[0]
+    if found.family[0] < 0:
+        if not options.within_limits:
+            return None
+        point = np.full(len(q), np.nan)
+    return Distance(upper, point, exact, upper if exact else lower, upper)

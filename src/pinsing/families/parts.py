@@ -1,0 +1,124 @@
+"""What a family is made of: joints at values, equations in the others; kinds on its parts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing._types import Array, Bool
+from pinsing.algebra.equation import Equation
+from pinsing.robot.joint_space import JointSpace
+
+_AT_LIMIT = 1e-9
+"""Radians or metres; a value this far beyond a limit is within."""
+
+
+@dataclass(frozen=True)
+class JointValue:
+    """A joint at a fixed value.
+
+    Attributes
+    ----------
+    joint : int
+        Index of the joint.
+    value : float
+        Radians in (-pi, pi], or metres.
+    rational : bool
+        True if its half-angle tangent (or its length) is rational; else an algebraic number.
+    minimal : tuple of int
+        Where several joints' values depend on each other: coefficients, the constant first, of
+        the irreducible polynomial that the tangent of half the angle (counted from where the
+        nominal geometry has its zero) or the length is a root of.
+    """
+
+    joint: int
+    value: float
+    rational: bool
+    minimal: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class KindPart:
+    """Boundary or interior on a part of a family.
+
+    Attributes
+    ----------
+    kind : str
+        "boundary", "interior" or "undecided".
+    where : str
+        The condition of the part; empty if it is all of the family, or just a share of it.
+    share : float
+        Of the points that were looked at.
+    points : int
+        How many were looked at in all.
+    """
+
+    kind: str
+    where: str
+    share: float
+    points: int
+
+    def __str__(self) -> str:
+        if self.where:
+            return f"{self.kind} at {self.where}"
+        count = round(self.share * self.points)
+        return self.kind if count == self.points else f"{self.kind} at {count} of {self.points}"
+
+
+@dataclass(frozen=True, eq=False)
+class Branch:
+    """One piece of a family: joints at values, and equations in the others."""
+
+    values: tuple[JointValue, ...]
+    equations: tuple[Equation, ...]
+
+    @property
+    def involved(self) -> tuple[int, ...]:
+        """Indices of the joints that matter, ascending."""
+        joints = {v.joint for v in self.values}
+        for e in self.equations:
+            joints.update(e.involved)
+        return tuple(sorted(joints))
+
+    def free(self, n: int) -> Bool:
+        """Which of n joints its equations are about."""
+        mask = np.zeros(n, dtype=bool)
+        for e in self.equations:
+            mask[list(e.involved)] = True
+        return mask
+
+    def off(self, q: Array, space: JointSpace) -> Array:
+        """Differences (N, k) of the fixed joints from their values, weighted, of q (N, n)."""
+        if not self.values:
+            return np.zeros((len(q), 0))
+        joints = [v.joint for v in self.values]
+        away = q[:, joints] - np.array([v.value for v in self.values])
+        wrapped = away - 2 * np.pi * np.round(away / (2 * np.pi))
+        away = np.where(space.prismatic[joints], away, wrapped)
+        return np.asarray(away / space.metric[joints])
+
+    def put(self, q: Array, space: JointSpace) -> Array:
+        """Q (N, n) with the fixed joints at the nearest copies of their values."""
+        out = q.copy()
+        if self.values:
+            joints = [v.joint for v in self.values]
+            out[:, joints] -= self.off(q, space) * space.metric[joints]
+        return out
+
+    def held(self, space: JointSpace, box: tuple[Array, Array] | None = None) -> list[Array]:
+        """Values of the fixed joints in (n,) arrays, zero elsewhere; all copies that fit a box."""
+        fixed = [np.zeros(space.n)]
+        for v in self.values:
+            copies = [v.value]
+            if box is not None:
+                low, high = box[0][v.joint] - _AT_LIMIT, box[1][v.joint] + _AT_LIMIT
+                if not space.prismatic[v.joint]:
+                    first, last = (np.array([low, high]) - v.value) / (2 * np.pi)
+                    turns = range(math.ceil(first), math.floor(last) + 1)
+                    copies = [v.value + 2 * np.pi * k for k in turns]
+                elif not low <= v.value <= high:
+                    copies = []
+            fixed = [np.where(np.arange(space.n) == v.joint, c, f) for f in fixed for c in copies]
+        return fixed
