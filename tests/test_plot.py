@@ -226,7 +226,7 @@ def test_an_ellipsoid_has_the_radii_of_the_state(monkeypatch: pytest.MonkeyPatch
         return original(self, X, Y, Z, **style)
 
     monkeypatch.setattr(Axes3D, "plot_surface", record)
-    ax = plot.ellipsoids(at(arm, q), kind="translational")
+    ax = plot.ellipsoids(at(arm, q), kind="translational", motions="all")
     (points,) = drawn
     J = frame_jacobian(arm, q)[:3]
     inverse = np.linalg.inv(J @ J.T)
@@ -234,13 +234,48 @@ def test_an_ellipsoid_has_the_radii_of_the_state(monkeypatch: pytest.MonkeyPatch
     np.testing.assert_allclose(on_it, 1.0, atol=1e-9)
     assert ax.get_xlabel() == "$v_x$ [m/s]"
     assert len(ax.collections) == 1
+    assert ax.get_title() == "translational part of all motions [m/s]"
     assert is_outside(ax)
+    drawn.clear()
+    ax = plot.ellipsoids(at(arm, q), kind="rotational")  # a pose: pure motions
+    assert ax.get_title() == "rotations, tip held [rad/s]"
+    J = frame_jacobian(arm, q)
+    still = np.linalg.svd(J[:3])[2][3:].T
+    inverse = np.linalg.inv(J[3:] @ still @ still.T @ J[3:].T)
+    np.testing.assert_allclose(np.einsum("ni,ij,nj->n", drawn[0], inverse, drawn[0]), 1.0)
+
+
+def test_metres_and_radians_a_second_never_share_an_axis() -> None:
+    state = at(textbook("puma560"), [0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
+    both = plot.ellipsoids(state).figure.axes
+    assert [ax.get_xlabel() for ax in both] == ["$v_x$ [m/s]", r"$\omega_x$ [rad/s]"]
+    with pytest.raises(OptionError, match="m/s and rad/s"):
+        plot.ellipsoids(state, plt.figure().add_subplot(projection="3d"))
+
+
+def test_the_arm_stands_in_the_picture_with_what_is_lost() -> None:
+    arm = textbook("stanford")
+    state = at(arm, [0.2, 1.0, 0.3, 0.4, 0.0, 0.6])
+    ax = plot.ellipsoids(state, arm=arm)
+    assert [other.get_xlabel() for other in ax.figure.axes] == ["$x$ [m]", "$x$ [m]"]
+    lines = [np.array(line.get_data_3d()).T for line in ax.get_lines() if line.get_data_3d()]
+    bones = next(line for line in lines if len(line) == arm.n + 2)
+    np.testing.assert_allclose(bones[-1], state.tip_position)
+    assert any(np.array_equal(line, bones[:1]) for line in lines)
+    said = " ".join(" ".join(labels(ax)).split())
+    assert state.lost[0].words in said
+    assert "joint axes that depend on each other" in said
+    assert "is drawn" in said
+    axes = [line for line in ax.get_lines() if line.get_color() == "#D55E00"]
+    assert len(axes) == len({i for d in state.dependences for i in d.indices} - {2})
+    with pytest.raises(OptionError, match="other joints"):
+        plot.ellipsoids(state, arm=textbook("planar3r"))
 
 
 def test_a_flat_ellipsoid_is_a_plate_with_its_lost_direction() -> None:
     state = at(textbook("planar3r", task="position"), [0.3, 0.0, 0.0])
     ax = plot.ellipsoids(state)
-    assert len(ax.collections) == 2
+    assert [len(each.collections) for each in ax.figure.axes] == [1, 1]
     ax.figure.canvas.draw()  # a warning about a plate would be an error here
     arm = textbook("iiwa14", task="position")
     bent, stretched = at(arm, [0.1, 0.5, 0.2, 1.0, 0.3, 0.4, 0.0]), at(arm, 0.5 * np.eye(7)[1])

@@ -177,6 +177,11 @@ CALLS = {
     "sweep": Call(lambda: pinsing.sweep, with_arm(levels=1, samples=5)),
     "task_jacobian": Call(lambda: pinsing.task_jacobian, with_arm(q=Q)),
     "task_jacobians": Call(lambda: pinsing.task_jacobians, with_arm(Q=[Q])),
+    "write_report": Call(
+        lambda: pinsing.write_report,
+        lambda: {"robot": arm(), "path": "report.html", "page": "none"},
+        slow=True,
+    ),
     "Viewer": Call(
         lambda: closing(pinsing.Viewer),
         lambda: {"arm": arm(), "families": (), "skeleton": True},

@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from pinsing.proximity.line import LineCheck, check_line
     from pinsing.proximity.suggestion import Suggestion, suggest
     from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory
+    from pinsing.report.write import write_report
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
     from pinsing.robot.load_mechanism import Mechanism, load_mechanism
@@ -94,6 +95,7 @@ _HOME = {
     "sweep": "pinsing.sweeps.run",
     "task_jacobian": "pinsing.kinematics.jacobian",
     "task_jacobians": "pinsing.kinematics.jacobian",
+    "write_report": "pinsing.report.write",
 }
 
 __all__ = [
@@ -146,6 +148,7 @@ __all__ = [
     "sweep",
     "task_jacobian",
     "task_jacobians",
+    "write_report",
 ]
 
 

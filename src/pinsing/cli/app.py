@@ -21,6 +21,7 @@ from pinsing.cli.line import line_command
 from pinsing.cli.map import map_command
 from pinsing.cli.output import STOPPED, complain, say
 from pinsing.cli.plot import plot_command
+from pinsing.cli.report import report_command
 from pinsing.cli.robots import dh_command, info_command, list_command
 from pinsing.cli.running import WORDS
 from pinsing.cli.singularities import analyze_command, sweep_command
@@ -126,6 +127,7 @@ for _part in (
     verify_command,
     view_command,
     plot_command,
+    report_command,
     dh_command,
     list_command,
 ):

@@ -49,6 +49,12 @@ _STEPS = 400
     help="curves: joint held at a special value; repeatable.",
 )
 @click.option("--ignore-limits", is_flag=True, help="curves, map: whole circles.")
+@click.option(
+    "--motions",
+    type=click.Choice(("pure", "all")),
+    help="ellipsoids: of pure motions (tool held, or tip held), or of all, as in the paper.  "
+    "[default: pure for a pose]",
+)
 @click.option("--dpi", type=click.IntRange(30, 1200), default=200, show_default=True)
 @deg_option
 def plot_command(
@@ -59,6 +65,7 @@ def plot_command(
     over: str | None,
     fixed: tuple[str, ...],
     ignore_limits: bool,
+    motions: str | None,
     dpi: int,
     deg: bool,
 ) -> None:
@@ -88,7 +95,7 @@ def plot_command(
     matplotlib.use("agg")
     vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
     held = dict(_fixed(arm, text, deg) for text in fixed)
-    axes = _draw(kind, arm, vectors, joints, held, ignore_limits, deg)
+    axes = _draw(kind, arm, vectors, joints, held, ignore_limits, motions, deg)
     save_figure(axes.figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
@@ -99,6 +106,7 @@ def _draw(
     joints: list[str] | None,
     held: dict[str, float],
     ignore_limits: bool,
+    motions: Any,
     deg: bool,
 ) -> Any:
     import numpy as np
@@ -115,7 +123,9 @@ def _draw(
         from pinsing.configuration.at import at
         from pinsing.plot.plane import regular_configuration
 
-        return plot.ellipsoids(at(arm, regular_configuration(arm) if q is None else q))
+        return plot.ellipsoids(
+            at(arm, regular_configuration(arm) if q is None else q), motions=motions, arm=arm
+        )
     if kind == "along":
         stations = np.array(vectors)
         part = np.linspace(0, len(stations) - 1, _STEPS)

@@ -1,0 +1,179 @@
+"""``pinsing report``: one file that explains a robot's singular configurations."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import click
+
+from pinsing.cli import completion
+from pinsing.cli.mechanism import loops_option, read
+from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
+from pinsing.cli.output import STDOUT, OutputFile, say
+from pinsing.cli.singularities import algebra_options
+from pinsing.errors import OptionError, OutputError
+
+if TYPE_CHECKING:
+    from pinsing._types import Array
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+PAGES = ("inside", "beside", "none")
+_SAME_NAME = "the same name"
+
+
+def _report_loops(
+    loops: Path,
+    out: Path | None = None,
+    pdf: str | None = None,
+    page: str = "inside",
+    skeleton: bool = False,
+    poses: tuple[str, ...] = (),
+    deg: bool = False,
+    prove: bool | None = None,
+    **options: Any,
+) -> None:
+    """``report --loops``: of a mechanism."""
+    import numpy as np
+
+    html, printed = _files(out, pdf)
+    if prove is not None:
+        raise OptionError("--prove does not go with --loops: there are certificates of arms only")
+    mechanism = read(loops, options)
+    sliding = mechanism.prismatic[list(mechanism.actuated)]
+    given: dict[str, Array] = {}
+    for k, text in enumerate(poses, 1):
+        values = mechanism.check_inputs(parse_numbers(text, "--q", deg))
+        given[f"given {k}"] = np.where(sliding | (not deg), values, np.radians(values))
+    _write(mechanism, html, printed, page, skeleton, given, None)
+
+
+def out_options(command: F) -> F:
+    """Add where a report goes, and what goes with it."""
+
+    @click.option("-o", "--out", type=OutputFile(), metavar="FILE.html", help="The report.")
+    @click.option(
+        "--pdf",
+        is_flag=False,
+        flag_value=_SAME_NAME,
+        metavar="[FILE.pdf]",
+        help="Print it as well, by Chromium; without a name, beside the HTML.",
+    )
+    @click.option(
+        "--page",
+        type=click.Choice(PAGES),
+        default=PAGES[0],
+        show_default=True,
+        help="Where the interactive model goes: inside the report, into FILE-model.html, nowhere.",
+    )
+    @click.option("--skeleton", is_flag=True, help="The model without meshes: under 3 MB.")
+    @functools.wraps(command)
+    def wrapper(*args: Any, **options: Any) -> Any:
+        return command(*args, **options)
+
+    return wrapper  # type: ignore[return-value]
+
+
+@click.command("report", short_help="One file that explains it all, to send on.")
+@loops_option(_report_loops)
+@arm_options
+@out_options
+@click.option(
+    "--q",
+    "poses",
+    multiple=True,
+    metavar="Q1,Q2,...",
+    shell_complete=completion.files,
+    help="Judge this configuration too; repeatable.",
+)
+@click.option(
+    "--prove/--no-prove",
+    default=None,
+    help="Look for a certificate for up to a minute, or not at all.  [default: for up to a second]",
+)
+@algebra_options
+@deg_option
+def report_command(
+    request: RobotRequest,
+    out: str | Path | None,
+    pdf: str | None,
+    page: str,
+    skeleton: bool,
+    poses: tuple[str, ...],
+    prove: bool | None,
+    algebra: dict[str, Any],
+    deg: bool,
+) -> None:
+    """Write a report of ROBOT's singular configurations: one HTML file to send on.
+
+    It holds a summary, the joints and what was assumed, each family with its equation, in words
+    and in a picture, maps, verdicts at zero, mid-range and named configurations, how sure it is
+    that nothing is missing with the certificate, the interactive model, and all of it as JSON. It
+    needs no network.
+
+    Example: pinsing report ur5 -o report.html --skeleton
+    """
+    html, printed = _files(out, pdf)
+    for text in poses:
+        parse_numbers(text, "--q", deg)
+    arm = request.load()
+    given = {f"given {k}": joint_vector(arm, text, "--q", deg) for k, text in enumerate(poses, 1)}
+    from pinsing.families import closed_form
+
+    forms = closed_form(arm, **algebra, prove=prove)
+    _write(arm, html, printed, page, skeleton, given, forms)
+
+
+def _files(out: str | Path | None, pdf: str | None) -> tuple[Path | None, Path | None]:
+    """The HTML and the PDF file that are meant, checked."""
+    from pinsing.atomic_write import check_writable
+    from pinsing.report.pdf import check_browser
+
+    if out == STDOUT:
+        raise OutputError("a report is a file: give -o the name of one that ends in .html")
+    html = None if out is None else Path(out)
+    if html is not None and html.suffix.lower() == ".pdf":
+        if pdf is not None:
+            raise OptionError(f"-o {html} is a PDF already: leave --pdf out, or name an HTML file")
+        html, pdf = None, str(html)
+    if html is not None and html.suffix.lower() not in (".html", ".htm"):
+        raise OutputError(f"cannot write {html}: name a file that ends in .html or .pdf")
+    if pdf == _SAME_NAME:
+        if html is None:
+            raise OptionError("--pdf needs a name, or -o FILE.html beside which it goes")
+        pdf = str(html.with_suffix(".pdf"))
+    if html is None and pdf is None:
+        raise OptionError("where to? give -o report.html, or --pdf report.pdf")
+    if pdf is None:
+        return html, None
+    if Path(pdf).suffix.lower() != ".pdf":
+        raise OutputError(
+            f"cannot write {pdf}: name a file that ends in .pdf (--pdf comes after ROBOT)"
+        )
+    printed = check_writable(pdf)
+    check_browser(printed)
+    return html, printed
+
+
+def _write(
+    robot: Any,
+    html: Path | None,
+    pdf: Path | None,
+    page: str,
+    skeleton: bool,
+    poses: dict[str, Array],
+    forms: Any,
+) -> None:
+    from pinsing.report.write import write_report
+
+    where = "none" if html is None else page  # nothing is interactive on paper
+    say("computing families, pictures and the model" if where != "none" else "computing")
+    write_report(robot, html, forms=forms, poses=poses, page=where, skeleton=skeleton, pdf=pdf)  # type: ignore[arg-type]
+    if where == "beside" and html is not None:
+        say(f"wrote {html.with_name(f'{html.stem}-model.html')}")
+    for written in (html, pdf):
+        if written is not None:
+            say(f"wrote {written}")

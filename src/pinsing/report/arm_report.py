@@ -1,0 +1,105 @@
+"""The report of an arm, as one HTML text."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+
+from pinsing._types import Array
+from pinsing._version import __version__
+from pinsing.families import ClosedForm
+from pinsing.proof.produce import text_of
+from pinsing.report import arm_sections as part
+from pinsing.report.closing import computed, data, model, result
+from pinsing.report.content import Content, Made, gather
+from pinsing.report.document import document
+from pinsing.report.pictures import quiet_backend
+from pinsing.robot.arm import Arm
+
+SCHEMA = "pinsing/report/1"
+
+
+def arm_report(
+    arm: Arm,
+    forms: ClosedForm | None,
+    poses: Mapping[str, Array],
+    page: bool,
+    beside: str | None,
+    skeleton: bool,
+) -> tuple[str, str | None]:
+    """The report of an arm, and the interactive page that belongs beside it.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    forms : ClosedForm or None
+        Its families; None to find them.
+    poses : mapping of str to (n,) array
+        More configurations to judge.
+    page : bool
+        Whether the interactive page stands inside.
+    beside : str or None
+        The name of the file that it stands in, if beside.
+    skeleton : bool
+        The page without meshes.
+    """
+    quiet_backend()
+    started = time.monotonic()
+    content = gather(arm, forms, poses)
+    shown = _page(content, skeleton) if page or beside is not None else None
+    certificate = content.forms.certificate
+    written = None if certificate is None else text_of(certificate) + "\n"
+    sections = [
+        part.summary(content),
+        part.robot(content),
+        part.assumed(content),
+        part.maps(content),
+        part.families(content),
+        part.special(content),
+        part.proof(content, written),
+        model(shown if page else None, beside),
+    ]
+    made = Made.since(started)
+    algebra = f"{1e3 * content.forms.seconds:.0f} ms of it for the families"
+    sections += [
+        computed(made, content.info.engine, [("", algebra)]),
+        part.words(),
+        data(SCHEMA),
+    ]
+    html = document(
+        title=f"Singular configurations of {arm.name}",
+        subtitle=f"{arm.base} to {arm.tip}, task {arm.task.name}; {made.when}",
+        sections=[s for s in sections if s is not None],
+        data=_data(content, made),
+        page=shown if page else None,
+        foot=f"Made by pinsing {__version__}.",
+    )
+    return html, shown
+
+
+def _page(content: Content, skeleton: bool) -> str:
+    from pinsing.view.viewer import Viewer
+
+    with Viewer(content.arm, content.forms.families, skeleton=skeleton) as viewer:
+        return viewer.html()
+
+
+def _data(content: Content, made: Made) -> dict[str, object]:
+    return {
+        "schema": SCHEMA,
+        "made": made.when,
+        "seconds": made.seconds,
+        "versions": dict(made.versions),
+        "robot": result(content.info),
+        "families": result(content.forms),
+        "certificate": content.forms.certificate,
+        "special": [
+            {
+                "name": s.name,
+                "state": result(s.state),
+                "clearance": None if s.near is None else result(s.near),
+            }
+            for s in content.special
+        ],
+    }

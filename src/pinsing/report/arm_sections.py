@@ -1,0 +1,447 @@
+"""The sections of an arm's report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.algebra.equation import latex_symbol
+from pinsing.configuration.state import State
+from pinsing.families import Family
+from pinsing.joint_text import typed
+from pinsing.measures import Reachability
+from pinsing.report.content import Content, Special
+from pinsing.report.markup import (
+    badge,
+    bullets,
+    download,
+    figure,
+    name,
+    paragraph,
+    section,
+    table,
+    terms,
+    text,
+)
+from pinsing.report.markup import math as formula
+from pinsing.report.pictures import map_picture, map_planes, pose_picture
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import ArmSummary
+
+Section = tuple[str, str, str]
+
+_TONE = {"singular": "alarm", "near-singular": "caution", "regular": "good"}
+_REACHED = {
+    Reachability.INSIDE: "alarm",
+    Reachability.AT_LIMIT: "caution",
+    Reachability.OUTSIDE: "good",
+    Reachability.UNKNOWN: "",
+}
+_MOST_PICTURES = 12
+_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine")
+
+
+def counted(number: int, one: str, many: str) -> str:
+    """``one family``, ``three families``, ``12 families``."""
+    said = _COUNTS[number] if number < len(_COUNTS) else str(number)
+    return f"{said} {one if number == 1 else many}"
+
+
+def summary(c: Content) -> Section:
+    """What somebody who reads nothing else should know."""
+    arm, forms = c.info.arm, c.forms
+    families = forms.families
+    inside = [f for f in families if f.is_reachable]
+    families_said = counted(len(families), "family", "families")
+    if families:
+        reached = {0: "none of them known to be", len(families): "all of them"}.get(
+            len(inside), f"{counted(len(inside), 'of them', 'of them')}"
+        )
+        found = f"has {families_said} of singular configurations, {reached} within the joint limits"
+    elif forms.complete:
+        found = "has no singular configuration"
+    else:
+        found = "has no singular configuration that is known"
+    lead = paragraph(
+        name(arm.name),
+        text(f"has {counted(arm.n, 'joint', 'joints')} between"),
+        name(arm.base),
+        text("and"),
+        name(arm.tip) + text(". For the task"),
+        name(arm.task),
+        text(f"it {found}."),
+        kind="lead",
+    )
+    sure = {
+        "proven": "That nothing is missing is proven: a certificate is attached.",
+        "probable": "Nothing is known to be missing, but there is no certificate of that.",
+    }.get(forms.word, "The list is not complete; what is missing is said below.")
+    said = badge(forms.word, {"proven": "good", "not complete": "caution"}.get(forms.word, ""))
+    meaning = (
+        "At a singular configuration the tool cannot move in every direction in which it can move "
+        "elsewhere, whatever the joints do. Near one, joints must turn very fast for a slow motion "
+        "of the tool."
+    )
+    rows = [
+        (
+            f'<a href="#{f.name}">{text(f.name)}</a>',
+            formula(f.latex) if " terms]" not in f.text else name(f.text),
+            text(_kind(f)),
+            badge(f.reachability.words, _REACHED[f.reachability]),
+        )
+        for f in families
+    ]
+    listed = (
+        table("The families", ("", "singular where", "kind", "reachable"), rows) if rows else ""
+    )
+    at_once = [_one_verdict(s) for s in c.special]
+    return section(
+        "summary",
+        "Summary",
+        lead,
+        paragraph(said, text(sure)),
+        paragraph(text(meaning)),
+        listed,
+        legend(c),
+        bullets(at_once),
+    )
+
+
+def _one_verdict(s: Special) -> str:
+    return f"{text('At')} {name(s.name)} {text('the arm is')} {_status(s.state)}."
+
+
+def _status(state: State) -> str:
+    return badge(state.status, _TONE[state.status])
+
+
+def legend(c: Content) -> str:
+    """Which joint each symbol stands for, where the names differ."""
+    pairs = [
+        f"{formula(latex_symbol(symbol))} {text('is')} {name(joint)}"
+        for symbol, joint in c.forms.legend
+        if symbol != joint
+    ]
+    return paragraph(text("Symbols:"), ", ".join(pairs) + ".", kind="sub") if pairs else ""
+
+
+def robot(c: Content) -> Section:
+    """The chain and its joints."""
+    info, arm = c.info, c.info.arm
+    rank = f"{info.generic_rank} of {info.task_rows}"
+    if arm.n > info.generic_rank:
+        rank += f", redundant by {arm.n - info.generic_rank}"
+    pairs = [
+        ("robot", name(arm.name)),
+        ("described by", name(arm.source)),
+        ("chain", f"{name(arm.base)} {text('to')} {name(arm.tip)}"),
+        ("task", name(arm.task)),
+        ("independent motions of the tool, in general", text(rank)),
+        ("length scale", text(f"{arm.length_scale:g} m")),
+    ]
+    rows = []
+    for i, joint in enumerate(arm.joints):
+        slides = bool(arm.prismatic[i])
+        rows.append(
+            (
+                formula(latex_symbol(c.forms.symbols[i])),
+                name(joint),
+                text(info.kinds[i]),
+                text(_value(arm.lower[i], slides)),
+                text(_value(arm.upper[i], slides)),
+            )
+        )
+    header = ("symbol", "joint", "type", "from", "to")
+    return section(
+        "robot",
+        "The robot",
+        terms(pairs),
+        table("Joints, base to tip, with their limits", header, rows, (3, 4)),
+    )
+
+
+def assumed(c: Content) -> Section:
+    """What the answer stands on besides the file."""
+    rows = [text(note) for note in c.info.arm.notes]
+    rows.append(text(f"Geometry: {c.info.geometry()}."))
+    rows += [text(note) for note in c.forms.hints]
+    rows.append(
+        text(
+            "Singular means: the rank of the Jacobian of the task is below its generic rank. In "
+            "numbers: sigma_r / sigma_1 at or below 1e-9, with r the generic rank; near-singular: "
+            "at or below 0.01. Families hold exactly, on the geometry with exact numbers, and on "
+            "whole circles of the joints; limits are looked at afterwards."
+        )
+    )
+    rows.append(
+        text(
+            "Collisions, cables, speeds, torques and masses are not looked at: a configuration "
+            "that is called reachable is within the joint limits, no more."
+        )
+    )
+    return section("assumed", "What was assumed", bullets(rows))
+
+
+def maps(c: Content) -> Section:
+    """sigma_min over two joints."""
+    planes = map_planes(c.arm, c.forms.families)
+    pictures = []
+    for pair in planes:
+        a, b = (c.forms.symbols[j] for j in pair)
+        alt = (
+            f"Map of the smallest singular value over {a} and {b}, the other joints held at the "
+            "values in its title; lines mark where families of singular configurations cross it."
+        )
+        joints = f"{formula(latex_symbol(a))} {text('and')} {formula(latex_symbol(b))}"
+        caption = (
+            f"{text('Smallest singular value over')} {joints}{text('; the other joints rest at')} "
+            f"{text('the values above the map. Dark is near-singular; lines are the families.')}"
+        )
+        pictures.append(figure(map_picture(c.arm, c.forms.families, pair), alt, caption, "map"))
+    if not pictures:
+        pictures = [
+            paragraph(text("No family shows on a map over two joints with the others held."))
+        ]
+    return section("map", "Map of two joints", *pictures)
+
+
+def families(c: Content) -> Section:
+    """Each family with its equation, words and a picture."""
+    parts = []
+    for k, (family, pose) in enumerate(zip(c.forms.families, c.poses, strict=True)):
+        parts += list(_family(c, family, pose, k < _MOST_PICTURES))
+    if not parts:
+        parts = [paragraph(text("There are none." if c.forms.complete else "None is known."))]
+    if len(c.forms.families) > _MOST_PICTURES:
+        note = f"Pictures stand with the first {_MOST_PICTURES} families only."
+        parts.append(paragraph(text(note), kind="sub"))
+    return section("families", "The families", *parts)
+
+
+def _family(
+    c: Content, family: Family, pose: tuple[Arm, State] | None, drawn: bool
+) -> Iterator[str]:
+    yield f'<h3 id="{family.name}">{text(f"Family {family.name}")}</h3>'
+    yield f'<div class="equation">{formula(family.latex)}</div>'
+    n = family.n
+    facts = [
+        ("kind", text(_kind(family))),
+        ("reachable", badge(family.reachability.words, _REACHED[family.reachability])),
+        (
+            "size",
+            text(f"codimension {family.codimension} of {n}: " + _extent(n - family.codimension)),
+        ),
+        ("joints involved", ", ".join(name(j) for j in family.joints)),
+    ]
+    if family.reason:
+        facts.append(("why", text(_sentence(family.reason))))
+    if family.lost:
+        facts.append(("what is lost", bullets(text(_sentence(x)) for x in family.lost)))
+    facts += [("limit", text(met)) for met in family.limits_met]
+    yield terms(facts)
+    if pose is None:
+        yield paragraph(text("No real configuration of it is known."))
+        return
+    shown, state = pose
+    loose = set(range(n)).difference(*(b.involved for b in family.branches))
+    q = typed(state.q, family.prismatic, True, loose=loose)
+    if shown is not c.arm:
+        q = f"--nominal {q}"
+    yield paragraph(text("A configuration of it, degrees and metres, for"), name("pinsing at"), ":")
+    yield f"<pre>{text(q)}</pre>"
+    if drawn:
+        alt = (
+            f"The arm at that configuration, drawn as lines between its joints, with the velocity "
+            f"ellipsoids at its tip. "
+            f"{_sentence('; '.join(m.words for m in state.lost) or 'nothing is lost')}"
+        )
+        caption = text(
+            "The arm there, and how fast its tip moves at unit joint speed: an ellipsoid is flat "
+            "where a motion is lost (dashed). Thin lines are the joint axes that depend on each "
+            "other."
+        )
+        yield figure(pose_picture(shown, state), alt, caption)
+
+
+def _kind(family: Family) -> str:
+    if not family.real:
+        return "no real point known"
+    if family.kind == "varies":
+        return "; ".join(str(part) for part in family.kinds)
+    return family.kind
+
+
+def _extent(dimension: int) -> str:
+    if dimension == 0:
+        return "single configurations"
+    free = "one joint motion stays" if dimension == 1 else f"{dimension} joint motions stay"
+    return f"{free} free on it"
+
+
+def _sentence(words: str) -> str:
+    return words[:1].upper() + words[1:] + ("" if words.endswith(".") else ".")
+
+
+def special(c: Content) -> Section:
+    """Verdicts at zero, mid-range and named configurations."""
+    rows = []
+    for s in c.special:
+        near = "none"
+        if s.near is not None and np.isfinite(s.near.upper):
+            near = _distance(float(s.near.lower), float(s.near.upper), str(s.near.nearest))
+        outside = f"{_status(s.state)}"
+        if s.state.outside:
+            outside += (
+                f"<br>{text('outside the limits of')} {', '.join(map(name, s.state.outside))}"
+            )
+        lost = "<br>".join(text(_sentence(m.words)) for m in s.state.lost)
+        rows.append(
+            (
+                name(s.name),
+                name(values(s.state.q, c.info.arm)),
+                outside,
+                text(f"{s.state.sigma_ratio:.2g}" if s.state.sigma_ratio > 1e-15 else "0"),
+                text(near),
+                lost or text("nothing"),
+            )
+        )
+    header = ("", "joints (deg, m)", "verdict", "σ ratio", "nearest family", "lost there")
+    named = [s.name for s in c.special if not s.name.startswith(("zero", "mid-range", "given"))]
+    none = "" if named else "The description names no home configuration."
+    return section(
+        "special",
+        "Special configurations",
+        table("Verdicts", header, rows, (3,)),
+        paragraph(
+            text(
+                "The σ ratio is sigma_r / sigma_1 of the Jacobian. The distance of the nearest "
+                "family is Euclidean over the joints, whatever the limits; at least the first "
+                "number is proven where two stand."
+            ),
+            text(none),
+            kind="sub",
+        ),
+    )
+
+
+def _distance(lower: float, upper: float, family: str) -> str:
+    low, high = math.degrees(lower), math.degrees(upper)
+    if high <= 1e-6:
+        return f"on {family}"
+    if high - low <= 0.02 * high:
+        return f"{high:.3g}° from {family}"
+    return f"{low:.3g}° to {high:.3g}° from {family}"
+
+
+def values(q: Array, arm: ArmSummary) -> str:
+    """Joint values in degrees and metres."""
+    return ", ".join(
+        f"{v:.4g} m" if slides else f"{math.degrees(v) + 0.0:.4g}°"
+        for v, slides in zip(q, arm.prismatic, strict=True)
+    )
+
+
+def _value(limit: float, slides: bool) -> str:
+    if not np.isfinite(limit):
+        return "none"
+    return f"{limit:.6g} m" if slides else f"{math.degrees(limit):.6g}°"
+
+
+def proof(c: Content, certificate: str | None) -> Section:
+    """How sure it is that no family is missing."""
+    forms = c.forms
+    said = badge(forms.word, {"proven": "good", "not complete": "caution"}.get(forms.word, ""))
+    parts = []
+    if forms.proof is not None and forms.proof.accepted and certificate is not None:
+        parts.append(
+            paragraph(
+                said,
+                text(
+                    "A certificate was found and accepted by a checker that rebuilds the Jacobian "
+                    "by itself and shares no code with the search: every configuration at which "
+                    "the rank drops lies on one of the families above. It took "
+                    f"{1e3 * forms.proof.check_seconds:.0f} ms to check."
+                ),
+            )
+        )
+        parts.append(
+            paragraph(
+                download("Save the certificate", "certificate.json", certificate),
+                text(f"({len(certificate) / 1e3:.1f} kB); check it with"),
+                name("pinsing verify certificate.json"),
+                text("or with the checker alone, pinsing/proof/checker.py."),
+            )
+        )
+    elif forms.complete:
+        reason = forms.proof.reason if forms.proof is not None else "none was looked for"
+        parts.append(
+            paragraph(
+                said,
+                text(
+                    "The search ended and nothing is known to be missing, but steps of it were "
+                    f"decided at random points of finite fields. There is no certificate: {reason}."
+                ),
+            )
+        )
+    else:
+        parts.append(paragraph(said, text("What is missing:")))
+        parts.append(bullets(text(gap) for gap in forms.gaps))
+    rounded = [f for f in forms.families if f.raw_ratio is not None]
+    if rounded:
+        rows = [(name(f.name), text(f"{f.raw_ratio:.1e}")) for f in rounded]
+        parts.append(
+            paragraph(
+                text(
+                    "The numbers of the file are rounded. On the geometry as it stands there, the "
+                    "σ ratio on each family is no larger than:"
+                )
+            )
+        )
+        parts.append(table("σ ratio on the file's own numbers", ("", "at most"), rows, (1,)))
+    return section("proof", "How sure this is", *parts)
+
+
+def words() -> Section:
+    """The words that a reader needs."""
+    pairs = [
+        (
+            "singular configuration",
+            "The joints cannot produce every motion of the tool that they produce elsewhere: the "
+            "Jacobian, which turns joint velocities into the tool's, loses rank.",
+        ),
+        (
+            "family",
+            "All singular configurations that one condition describes, with its mirror images.",
+        ),
+        (
+            "codimension",
+            "How many independent conditions a family needs. Those of codimension 1 are walls in "
+            "the space of the joints, which a motion may have to cross; others can be passed by.",
+        ),
+        (
+            "boundary, interior",
+            "At a boundary singularity the tool stands at the edge of what it can reach in some "
+            "direction, as with a stretched elbow. At an interior one it does not.",
+        ),
+        (
+            "σ ratio",
+            "The smallest singular value of the Jacobian that counts, over the largest: 0 where "
+            "singular, near 1 where the tool moves as well in every direction.",
+        ),
+        (
+            "velocity ellipsoid",
+            "The velocities of the tool that joint speeds of total size 1 reach. Drawn are pure "
+            "motions where the task is a pose: translations that do not turn the tool, and "
+            "rotations that leave its tip at rest.",
+        ),
+        (
+            "proven, probable, not complete",
+            "Proven: a small independent program has accepted a certificate that no family is "
+            "missing. Probable: nothing is known to be missing, some steps rest on random points. "
+            "Not complete: something is known to be missing, and said.",
+        ),
+    ]
+    return section("words", "What the words mean", terms([(text(a), text(b)) for a, b in pairs]))

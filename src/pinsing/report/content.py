@@ -1,0 +1,169 @@
+"""What a report of an arm is made from: everything is computed here, nothing is worded."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime, timezone
+from importlib import metadata
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing._version import __version__
+from pinsing.configuration.state import State, at
+from pinsing.families import ClosedForm, Family, closed_form
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.verdict import SINGULAR_RTOL
+from pinsing.proximity.clearance import Clearance, clearance
+from pinsing.report.info import ArmInfo, describe
+from pinsing.robot.arm import Arm
+
+_LIBRARIES = ("numpy", "pin", "python-flint", "matplotlib", "meshcat")
+_CLEARANCE_SECONDS = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Special:
+    """A configuration that people ask about first.
+
+    Attributes
+    ----------
+    name : str
+        ``zero``, ``mid-range``, the name it has in the description, or ``given 1``.
+    state : State
+        All about it.
+    near : Clearance or None
+        How far the nearest family is; None where there is none with a real point.
+    """
+
+    name: str
+    state: State
+    near: Clearance | None
+
+
+@dataclass(frozen=True, eq=False)
+class Made:
+    """When and by what a report was made.
+
+    Attributes
+    ----------
+    when : str
+        UTC.
+    seconds : float
+        What computing took.
+    versions : mapping of str to str
+        Programs and libraries.
+    machine : str
+        System and processor.
+    """
+
+    when: str
+    seconds: float
+    versions: Mapping[str, str]
+    machine: str
+
+    @staticmethod
+    def since(started: float) -> Made:
+        """Now; ``started`` is a value of ``time.monotonic``."""
+        versions = {"pinsing": __version__, "Python": platform.python_version()}
+        for library in _LIBRARIES:
+            try:
+                versions[library] = metadata.version(library)
+            except metadata.PackageNotFoundError:
+                continue
+        return Made(
+            _now(), time.monotonic() - started, versions, f"{sys.platform}, {platform.machine()}"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Content:
+    """All that a report of an arm says.
+
+    Attributes
+    ----------
+    arm : Arm
+        The arm.
+    info : ArmInfo
+        Chain, limits, geometry.
+    forms : ClosedForm
+        Its families, with what became of the search for a certificate.
+    poses : tuple of (Arm, State) or None
+        For each family the generic configuration, on the geometry on which it is singular.
+    special : tuple of Special
+        Configurations with verdicts.
+    """
+
+    arm: Arm
+    info: ArmInfo
+    forms: ClosedForm
+    poses: tuple[tuple[Arm, State] | None, ...]
+    special: tuple[Special, ...]
+
+
+def gather(
+    arm: Arm, forms: ClosedForm | None = None, poses: Mapping[str, Array] | None = None
+) -> Content:
+    """Compute what a report says.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    forms : ClosedForm, optional
+        Its families; found with a certificate where a second is enough for that by default.
+    poses : mapping of str to (n,) array, optional
+        More configurations to judge.
+    """
+    forms = closed_form(arm, prove=None) if forms is None else forms
+    return Content(
+        arm=arm,
+        info=describe(arm),
+        forms=forms,
+        poses=tuple(_pose(arm, f) for f in forms.families),
+        special=tuple(
+            Special(name, at(arm, q), _near(forms, q))
+            for name, q in {**special_poses(arm), **(poses or {})}.items()
+        ),
+    )
+
+
+def special_poses(arm: Arm) -> dict[str, Array]:
+    """Zero, the middle of the limits, and what the description gives a name to."""
+    lower, upper = arm.span
+    ends = np.isfinite(arm.lower) & np.isfinite(arm.upper)
+    found = {"zero": np.zeros(arm.n), "mid-range": np.where(ends, (lower + upper) / 2, 0.0)}
+    named = arm.source.full_model.referenceConfigurations
+    for key in sorted(str(pair.key()) for pair in named):
+        found[key] = arm.q_of(np.array(named[key]))
+    if np.array_equal(found["zero"], found["mid-range"]):
+        found = {"zero, which is mid-range": found.pop("zero"), **found}
+        del found["mid-range"]
+    return found
+
+
+def _pose(arm: Arm, family: Family) -> tuple[Arm, State] | None:
+    """The family's generic configuration, on the nominal geometry if the file's is rounded."""
+    if family.generic is None:
+        return None
+    rounded = family.raw_ratio is not None and family.raw_ratio > SINGULAR_RTOL
+    shown = nominal(arm).arm if rounded else arm
+    return shown, at(shown, family.generic)
+
+
+def _near(forms: ClosedForm, q: Array) -> Clearance | None:
+    if not any(f.real for f in forms.families):
+        return None
+    return clearance(forms, q, certify=True, seconds=_CLEARANCE_SECONDS)
+
+
+def _now() -> str:
+    """Now in UTC; SOURCE_DATE_EPOCH, of reproducible builds, says another time."""
+    given = os.environ.get("SOURCE_DATE_EPOCH", "")
+    stamp = int(given) if given.isdecimal() else time.time()
+    return datetime.fromtimestamp(stamp, timezone.utc).strftime("%Y-%m-%d %H:%M UTC")

@@ -1,0 +1,368 @@
+"""The report: one file, whole, readable without us, and safe whatever a robot is called."""
+
+from __future__ import annotations
+
+import base64
+import functools
+import json
+import re
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from arms import textbook
+from click.testing import CliRunner
+
+import pinsing
+from pinsing.cli.report import report_command
+from pinsing.errors import ConfigurationError, OptionError, OutputError
+from pinsing.proof.checker import verify
+from pinsing.report.arm_report import arm_report
+from pinsing.report.markup import data_block, table
+from pinsing.report.write import write_report
+
+URDF = Path(__file__).parent.parent / "urdf"
+_VOID = {"meta", "link", "img", "br", "input", "hr"}
+
+
+class Outline(HTMLParser):
+    """What stands in a page: elements in order, headings, links, pictures; wrong nesting fails."""
+
+    def __init__(self, html: str) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.elements: list[tuple[str, dict[str, str | None]]] = []
+        self.headings: list[tuple[int, str]] = []
+        self.words: list[str] = []
+        self.feed(html)
+        self.close()
+        assert not self.open, self.open
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.elements.append((tag, dict(attrs)))
+        if re.fullmatch("h[1-6]", tag):
+            self.headings.append((int(tag[1]), ""))
+        if tag not in _VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        if tag not in _VOID:
+            assert self.open.pop() == tag
+
+    def handle_data(self, data: str) -> None:
+        if self.open and re.fullmatch("h[1-6]", self.open[-1]):
+            level, words = self.headings[-1]
+            self.headings[-1] = (level, words + data)
+        if "script" not in self.open and "style" not in self.open:
+            self.words.append(data)
+
+    @property
+    def text(self) -> str:
+        return " ".join(" ".join(self.words).split())
+
+    def all(self, tag: str) -> list[dict[str, str | None]]:
+        return [attrs for name, attrs in self.elements if name == tag]
+
+
+@functools.cache
+def planar() -> str:
+    """A small arm's report without the interactive model."""
+    arm = textbook("planar3r", task="position")
+    return arm_report(arm, pinsing.closed_form(arm, prove=True), {}, False, None, True)[0]
+
+
+def inside(html: str) -> dict[str, Any]:
+    found = re.search(r'<script type="application/json" id="pinsing-report">(.*?)</script>', html)
+    assert found
+    return dict(json.loads(found[1]))
+
+
+def test_it_says_what_somebody_needs_who_was_not_there() -> None:
+    page = Outline(planar())
+    titles = [words for level, words in page.headings if level == 2]
+    assert titles == [
+        "Summary",
+        "The robot",
+        "What was assumed",
+        "Map of two joints",
+        "The families",
+        "Special configurations",
+        "How sure this is",
+        "How it was computed",
+        "What the words mean",
+        "For programs",
+    ]
+    form = pinsing.closed_form(textbook("planar3r", task="position"))
+    for family in form.families:
+        assert f"Family {family.name}" in [words for _, words in page.headings]
+        assert family.reason[1:] in page.text
+    assert "three joints between base_link and tool0" in page.text
+    assert "proven" in page.text
+    assert pinsing.__version__ in page.text
+    assert "Pinocchio" in page.text or "pin " in page.text
+
+
+def test_it_is_accessible() -> None:
+    page = Outline(planar())
+    assert page.all("html") == [{"lang": "en"}]
+    assert [level for level, _ in page.headings].count(1) == 1
+    levels = [level for level, _ in page.headings]
+    assert all(b - a <= 1 for a, b in pairwise(levels))
+    pictures = page.all("img")
+    assert len(pictures) >= 2
+    assert all(len(p["alt"] or "") > 40 for p in pictures)
+    assert len(page.all("caption")) == len(page.all("table"))
+    assert all(cell.get("scope") for cell in page.all("th"))
+    ids = [a["id"] for _, a in page.elements if "id" in a]
+    assert len(ids) == len(set(ids))
+    local = [(a["href"] or "")[1:] for a in page.all("a") if (a["href"] or "").startswith("#")]
+    assert set(local) <= set(ids)
+
+
+def test_nothing_comes_from_elsewhere_and_no_script_runs() -> None:
+    page = Outline(planar())
+    for _, attrs in page.elements:
+        for key in ("src", "href", "data", "action", "poster"):
+            value = attrs.get(key)
+            assert value is None or value.startswith(("#", "data:")), value
+        assert "style" not in attrs
+        assert not any(key.startswith("on") for key in attrs)
+    assert [s.get("type") for s in page.all("script")] == ["application/json"]
+    policy = next(m["content"] for m in page.all("meta") if "http-equiv" in m)
+    assert policy is not None
+    assert policy.startswith("default-src 'none'")
+    assert "unsafe" not in policy
+
+
+def test_the_certificate_in_it_is_accepted() -> None:
+    html = planar()
+    link = next(a for a in Outline(html).all("a") if "download" in a)
+    data = base64.b64decode((link["href"] or "").split(",", 1)[1]).decode()
+    assert verify(data) is not None
+    assert inside(html)["certificate"] == json.loads(data)
+
+
+def test_the_data_in_it_are_results() -> None:
+    data = inside(planar())
+    form = pinsing.ClosedForm.from_dict(data["families"])
+    assert [f.text for f in form.families] == ["q2 = 0° or 180°"] or form.families
+    states = {s["name"]: pinsing.State.from_dict(s["state"]) for s in data["special"]}
+    assert states["zero, which is mid-range"].singular
+    assert data["versions"]["pinsing"] == pinsing.__version__
+
+
+def test_verdicts_are_those_of_at() -> None:
+    arm = textbook("stanford")
+    form = pinsing.closed_form(arm)
+    given = {"bent": np.array([0.3, 1.0, 0.4, 0.2, 0.9, 0.1])}
+    html, page = arm_report(arm, form, given, False, None, True)
+    assert page is None
+    states = {s["name"]: s for s in inside(html)["special"]}
+    assert set(states) == {"zero, which is mid-range", "bent"}
+    assert states["bent"]["state"]["status"] == pinsing.at(arm, given["bent"]).status == "regular"
+    near = float(pinsing.clearance(form, given["bent"], certify=True).upper)
+    assert states["bent"]["clearance"]["upper"] == pytest.approx(near, abs=1e-6)
+    assert f"{np.degrees(near):.3g}°" in Outline(html).text
+
+
+HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
+
+
+def test_hostile_names_are_shown_not_obeyed(tmp_path: Path) -> None:
+    text = (URDF / "planar3r.urdf").read_text()
+    escaped = HOSTILE.replace("&", "&amp;").replace("<", "&lt;").replace('"', "&quot;")
+    text = text.replace('name="q2"', f'name="{escaped}"')
+    text = text.replace('<robot name="planar3r"', f'<robot name="{escaped}"')
+    file = tmp_path / "odd.urdf"
+    file.write_text(text)
+    arm = pinsing.load(file, task="position")
+    assert HOSTILE in arm.joints
+    write_report(arm, tmp_path / "odd.html", page="none")
+    html = (tmp_path / "odd.html").read_text()
+    assert "<script>alert" not in html
+    assert "<img src=x" not in html
+    page = Outline(html)
+    assert HOSTILE in page.text
+    assert [s.get("type") for s in page.all("script")] == ["application/json"]
+    assert HOSTILE in inside(html)["robot"]["arm"]["joints"]
+
+
+def test_the_pieces_escape() -> None:
+    assert "<b>" not in table("<b>", ("<b>",), [])
+    assert json.loads(re.findall(r">(.*)<", data_block("x", {"a": "</script><!--"}))[0]) == {
+        "a": "</script><!--"
+    }
+    assert data_block("x", "</script>").count("</script>") == 1
+
+
+def test_an_arm_without_singularities(tmp_path: Path) -> None:
+    file = tmp_path / "a.html"
+    write_report(pinsing.load("planar3r", task="wz"), file, page="none")
+    assert "has no singular configuration" in Outline(file.read_text()).text
+
+
+def test_one_without_a_complete_answer_says_so() -> None:
+    arm = textbook("surgical7")
+    form = pinsing.closed_form(arm, seconds=1e-3)
+    assert not form.complete
+    words = Outline(arm_report(arm, form, {}, False, None, True)[0]).text
+    assert "The list is not complete" in words
+    assert form.gaps[0].split("(")[0][:40] in words
+
+
+def test_a_mechanism(tmp_path: Path) -> None:
+    file = tmp_path / "five.html"
+    mechanism = pinsing.load_mechanism("five_bar")
+    write_report(mechanism, file, page="none", poses={"far": [0.0, 0.0], "asked": [0.9, 2.2]})
+    html = file.read_text()
+    page = Outline(html)
+    found = pinsing.analyze_mechanism(mechanism)
+    assert found.forms is not None
+    for locus in found.forms.loci:
+        assert locus.words in page.text
+    assert {"type 1", "type 2"} <= {p["kind"] for p in inside(html)["mechanism"]["points"]}
+    assert len(page.all("img")) == 1 + len(found.forms.loci)
+    assert all(len(p["alt"] or "") > 40 for p in page.all("img"))
+    names = [s["name"] for s in inside(html)["special"]]
+    assert names == ["home", "zero, which is mid-range", "far", "asked"]
+
+
+# Files ------------------------------------------------------------------------------
+
+
+def run(*words: str) -> Any:
+    return CliRunner().invoke(report_command, list(words))
+
+
+def test_the_command_writes_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run("planar3r", "--task", "position", "-o", "r.html", "--skeleton", "--deg",
+                 "--q", "10,20,30")  # fmt: skip
+    assert result.exit_code == 0, result.output + repr(result.exception)
+    assert [p.name for p in tmp_path.iterdir()] == ["r.html"]
+    html = Path("r.html").read_text()
+    assert len(html.encode()) < 3e6
+    page = Outline(html)
+    assert "10°, 20°, 30°" in page.text
+    (frame,) = page.all("iframe")
+    assert (frame["srcdoc"] or "").startswith("<!DOCTYPE html>")
+    assert frame["title"]
+
+
+def test_the_model_may_stand_beside(tmp_path: Path) -> None:
+    arm = textbook("planar3r", task="position")
+    write_report(arm, tmp_path / "r.html", page="beside", skeleton=True)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["r-model.html", "r.html"]
+    page = Outline((tmp_path / "r.html").read_text())
+    assert "r-model.html" in [a.get("href") for a in page.all("a")]
+    assert not page.all("iframe")
+
+
+@pytest.mark.parametrize(
+    ("words", "kind", "match"),
+    [
+        ("planar3r", OptionError, "where to"),
+        ("planar3r -o r.txt", OutputError, "html"),
+        ("planar3r -o -", OutputError, "file"),
+        ("planar3r -o r.html --pdf r.txt", OutputError, "pdf"),
+        ("planar3r -o r.pdf --pdf s.pdf", OptionError, "PDF already"),
+        ("planar3r -o r.html --q 1,2", ConfigurationError, "3"),
+        ("planar3r -o r.html --q a,b,c", ConfigurationError, "not a number"),
+        ("planar3r -o nowhere/r.html", OutputError, "folder"),
+    ],
+)
+def test_what_is_wrong_is_said_and_nothing_is_written(
+    words: str, kind: type[Exception], match: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    result = run(*words.split())
+    error = result.exception
+    if isinstance(error, SystemExit):
+        assert match in result.output
+    else:
+        assert isinstance(error, kind), error
+        assert match in str(error)
+        assert "\n" not in str(error)
+    assert not list(tmp_path.iterdir())
+
+
+def test_without_a_browser_there_is_one_line_and_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pinsing.view.picture.find_browser", lambda: None)
+    with pytest.raises(OutputError, match="needs Chromium"):
+        write_report(textbook("planar3r"), tmp_path / "r.html", pdf=tmp_path / "r.pdf")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_browser_that_fails_leaves_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("pinsing.view.picture.find_browser", lambda: "/bin/false")
+    arm = textbook("planar3r", task="position")
+    with pytest.raises(OutputError, match="printed nothing"):
+        write_report(arm, tmp_path / "r.html", page="none", pdf=tmp_path / "r.pdf")
+    assert not list(tmp_path.iterdir())
+
+
+def test_forms_of_another_arm_are_refused(tmp_path: Path) -> None:
+    form = pinsing.closed_form(textbook("stanford"))
+    with pytest.raises(OptionError, match="joints"):
+        write_report(textbook("planar3r"), tmp_path / "r.html", forms=form)
+    with pytest.raises(ConfigurationError, match="pose home"):
+        write_report(textbook("planar3r"), tmp_path / "r.html", poses={"home": [1.0]})
+    with pytest.raises(OptionError, match="nothing to write"):
+        write_report(textbook("planar3r"), None)
+
+
+def test_the_same_twice(monkeypatch: pytest.MonkeyPatch) -> None:
+    """But for the time that it took."""
+    monkeypatch.setenv("SOURCE_DATE_EPOCH", "0")
+    arm = textbook("planar3r", task="position")
+    pages = [arm_report(arm, pinsing.closed_form(arm), {}, False, None, True)[0] for _ in range(2)]
+    same = [
+        re.sub(r'"(check_)?seconds":[-e\d.]+|[\d.e+-]+ m?s\b|<dd>[\d.e-]+ s</dd>', "", p)
+        for p in pages
+    ]
+    assert same[0] == same[1]
+    assert "1970-01-01 00:00 UTC" in pages[0]
+
+
+# In a browser -----------------------------------------------------------------------
+
+
+def test_it_opens_in_a_browser_and_so_does_the_model_inside(page: Any, tmp_path: Path) -> None:
+    file = tmp_path / "r.html"
+    write_report(textbook("planar3r", task="position"), file, skeleton=True)
+    page.goto(file.as_uri())
+    shown = "document.querySelectorAll('math').length"
+    assert page.evaluate(shown) > 3
+    assert page.evaluate("[...document.images].every(i => i.complete && i.naturalWidth > 300)")
+    for width in (400, 1280):
+        page.set_viewport_size({"width": width, "height": 800})
+        wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+        assert page.evaluate(wide) <= 0
+    page.click("summary")
+    inner = page.frame_locator("iframe")
+    inner.locator("body[data-ready=yes]").wait_for(timeout=90_000)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["ur5", "panda", "surgical7", "so101"])
+def test_reports_of_real_arms(name: str, tmp_path: Path, page: Any) -> None:
+    arm = pinsing.load(name)
+    write_report(arm, tmp_path / "r.html", skeleton=True, pdf=tmp_path / "r.pdf")
+    assert (tmp_path / "r.html").stat().st_size < 3_000_000
+    assert (tmp_path / "r.pdf").read_bytes().startswith(b"%PDF")
+    outline = Outline((tmp_path / "r.html").read_text())
+    form = pinsing.closed_form(arm)
+    assert len([1 for level, w in outline.headings if w.startswith("Family F")]) == len(
+        form.families
+    )
+    page.goto((tmp_path / "r.html").as_uri())
+    page.set_viewport_size({"width": 400, "height": 800})
+    wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
+    assert page.evaluate(wide) <= 0
