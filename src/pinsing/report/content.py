@@ -15,7 +15,8 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing._version import __version__
-from pinsing.configuration.state import State, at
+from pinsing.configuration.at import at
+from pinsing.configuration.state import State
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.verdict import SINGULAR_RTOL
