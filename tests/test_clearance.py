@@ -76,23 +76,111 @@ def test_lower_is_never_above_and_upper_never_below_a_dense_search(name: str) ->
                         assert (found.q <= part.upper + 1e-8).all()
 
 
+def copied(part: Family, q: np.ndarray, points: np.ndarray, limited: bool) -> np.ndarray:
+    """Points of a part (one branch), the free joints where they are nearest to q: differences."""
+    d = points - q
+    if not limited:
+        d = np.where(part.prismatic, d, d - 2 * np.pi * np.round(d / (2 * np.pi)))
+    free = np.setdiff1d(np.arange(part.n), part.branches[0].involved)
+    stay = np.clip(q, *part.limits) if limited else q
+    d[:, free] = (stay - q)[free]
+    return d
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ARMS)
 def test_bounds_against_twenty_thousand_points_of_each_family(name: str) -> None:
+    """lower <= true <= upper: on the torus and within limits, weighted, in both norms."""
     form = closed(name)
     rng = np.random.default_rng(4)
     for family in form.families:
         for branch in family.branches:
             part = one(family, branch)
-            points = part.points(20000, rng)
-            Q = rng.uniform(-np.pi, np.pi, (20, part.n))
-            quick = two_sided(part.conditions(), Q)
-            for q, lower, upper in zip(Q, quick.lower, quick.upper, strict=True):
-                found = part.distance(q)
-                seen = dense(part, q, points, wrap=True)
-                assert lower <= found.upper + 1e-12
-                assert upper >= found.lower - 1e-12
-                assert found.lower <= seen + 1e-9
+            own = np.where(part.prismatic, 1 / part.length_scale, 1.0)
+            for limited in (False, True):
+                points = part.points(20000, rng, within_limits=limited)
+                low, high = part.box(within_limits=True)
+                for k in range(10 if len(points) else 0):
+                    q = rng.uniform(low - 0.2 * (k % 3 == 0), high)  # also outside the limits
+                    weights = own if k % 2 else rng.uniform(0.3, 3, part.n)
+                    norm = "max" if k > 7 else "euclidean"
+                    options = {"weights": weights, "norm": norm}
+                    found = part.distance(q, within_limits=limited, seconds=10, **options)
+                    scaled = np.abs(copied(part, q, points, limited) * weights)
+                    seen = scaled.max(axis=1) if k > 7 else np.linalg.norm(scaled, axis=1)
+                    assert found.lower <= seen.min() + 1e-12
+                    assert found.upper - found.lower <= 1e-6
+                    assert bool(part.contains(found.q, 1e-7))
+                    off = np.abs((found.q - q) * weights)
+                    length = off.max() if k > 7 else np.linalg.norm(off)
+                    assert length == pytest.approx(found.upper, abs=1e-9)
+                    if limited:
+                        assert (found.q >= part.limits[0] - 1e-8).all()
+                        assert (found.q <= part.limits[1] + 1e-8).all()
+                    else:
+                        quick = two_sided(part.conditions(weights, norm), q[None])
+                        assert quick.lower[0] <= found.upper + 1e-12
+                        assert quick.upper[0] >= found.lower - 1e-12
+
+
+@needs_engine
+def test_the_nearest_point_at_a_joint_limit() -> None:
+    """q6 rests at its limit; q2 and q7 do not matter to the family, but are outside theirs."""
+    family = closed("panda").families[3]
+    q = np.array([1.443, -2.038, 2.282, 0.261, -1.258, -0.486, -2.964])
+    found = family.distance(q, within_limits=True)
+    assert found.upper - found.lower <= 1e-6
+    low, high = family.limits
+    np.testing.assert_allclose(found.q[[1, 6]], np.clip(q, low, high)[[1, 6]])
+    assert found.q[5] == low[5]
+    # One free joint is left: q4 on a fine grid where q6 is at its limit, refined by a secant.
+    equation = family.branches[0].equations[0]
+    line = np.repeat(found.q[None], 200001, axis=0)
+    line[:, 3] = np.linspace(low[3], high[3], 200001)
+    values = equation(line)
+    roots = [
+        line[i, 3] - values[i] * (line[i + 1, 3] - line[i, 3]) / (values[i + 1] - values[i])
+        for i in np.flatnonzero(values[:-1] * values[1:] < 0)
+    ]
+    edge = np.array([found.q - q] * len(roots))
+    edge[:, 3] = np.array(roots) - q[3]
+    assert np.linalg.norm(edge, axis=1).min() == pytest.approx(found.upper, abs=1e-8)
+    # Without q2 and q7, what the other joints have to move.
+    inner = np.sqrt(found.upper**2 - (q[1] - low[1]) ** 2 - (q[6] - low[6]) ** 2)
+    assert inner == pytest.approx(0.7523, abs=1e-4)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_limits_of_several_turns_and_none(compiled: bool) -> None:
+    """Copies of a value within +-2 pi, and joints that turn endlessly."""
+    family = closed("stanford").families[2]  # q5 = 0, 180°
+    wide = dataclasses.replace(
+        family, lower=np.full(6, -2 * np.pi - 0.1), upper=np.full(6, 2 * np.pi + 0.1)
+    )
+    endless = dataclasses.replace(family, lower=np.full(6, -np.inf), upper=np.full(6, np.inf))
+    for turn in (-7.0, -6.2, -3.0, 2.9, 6.2, 7.5, 1e9):
+        q = np.array([0, 1, 0.3, 1, turn, 0])
+        options = SearchOptions(within_limits=True)
+        for limited, values in ((wide, np.arange(-2, 3)), (endless, np.round(turn / np.pi))):
+            found = nearest_points(
+                limited.conditions(), q[None], *limited.limits, options, compiled=compiled
+            )
+            true = np.abs(values * np.pi - turn).min()
+            assert found.upper[0] == pytest.approx(true, rel=1e-12, abs=1e-12)
+            assert found.lower[0] <= true * (1 + 1e-15)
+
+
+def test_a_family_at_the_joint_limit_is_as_near_within_limits_as_its_points() -> None:
+    """The limits count as wider by what "at the joint limit" allows, here as in ``sample``."""
+    base = closed("stanford").families[2]
+    upper = base.upper.copy()
+    upper[4], lower = -1e-7, base.lower.copy()
+    lower[4] = -2.0
+    outside = dataclasses.replace(base, lower=lower, upper=upper)
+    q = np.array([0, 1, 0.3, 1, -0.25, 0])
+    assert outside.distance(q, within_limits=True).lower == np.inf
+    met = dataclasses.replace(outside, limit_tolerance=np.full(6, 1e-6))
+    assert met.distance(q, within_limits=True).value == pytest.approx(0.25, abs=1e-12)
 
 
 @pytest.mark.parametrize("name", ["ur5", "puma560", "irb1400", "z1"])

@@ -47,12 +47,15 @@ struct Sum {
     struct At {
         double value, error, rest, size;
         double g[kJoints];
+        double bend[kJoints];  // with half-widths: how much each joint adds to the rest
     };
 
     // At x; with half-widths h also the rest of the linear approximation within the box.
     void at(const double* x, const double* h, int d, At& out) const {
         double value = 0.0, rest = 0.0, size = 0.0, farthest = 4.0;
+        double* bend = out.bend;
         std::fill(out.g, out.g + d, 0.0);
+        if (h != nullptr) std::fill(bend, bend + d, 0.0);
         const int* rj = rate_joint.data();
         const double* r = rate.data();
         const int* pj = power_joint.data();
@@ -88,10 +91,21 @@ struct Sum {
                 }
             }
             size += magnitude;
-            if (h != nullptr)
+            if (h != nullptr) {
+                // Second derivatives of p cos: p'' cos - 2 p' sin - p cos; the angle is within
+                // `swing` of its value at the middle, so |cos| and |sin| are within `swing` too.
+                const double even = std::min(std::fabs(c) + swing, 1.0);
+                const double odd = std::min(std::fabs(s) + swing, 1.0);
                 rest += 0.5 * largest *
-                        (swing * swing + 2.0 * swing * first +
-                         std::max(first * first - squares, 0.0));
+                        (even * (swing * swing + std::max(first * first - squares, 0.0)) +
+                         odd * 2.0 * swing * first);
+                for (int k = 0; k < term.rates; k++)
+                    bend[rj[k]] += largest * std::fabs(r[k]) * h[rj[k]] * (even * swing + odd * first);
+                for (int k = 0; k < term.powers; k++) {
+                    const double a = std::max(std::fabs(x[pj[k]]) + h[pj[k]], 1e-150);
+                    bend[pj[k]] += largest * p[k] * (h[pj[k]] / a) * (odd * swing + even * first);
+                }
+            }
             rj += term.rates;
             r += term.rates;
             pj += term.powers;
@@ -110,12 +124,14 @@ struct Sum {
 //     distance^2 >= min over y in the box of |y - q|^2 + 2 m (a0 + g y - target),
 // whose minimiser is y = q - m g, cut to the box. The best multiplier is the root of a sum that falls
 // with it, in pieces: Newton's method between bounds. How exact it is does not matter to the truth.
+// The minimiser goes to `point`.
 inline double to_plane(const double* q, const double* lo, const double* hi, const double* g, double a0,
-                double target, int d) {
+                double target, int d, double* point) {
     double sum = a0, least = a0, most = a0, size = std::fabs(a0) + std::fabs(target), steep = 0.0;
     double total = 0.0;
     for (int j = 0; j < d; j++) {
         const double y = std::min(std::max(q[j], lo[j]), hi[j]);
+        point[j] = y;
         total += (y - q[j]) * (y - q[j]);
         sum += g[j] * y;
         least += std::min(g[j] * lo[j], g[j] * hi[j]);
@@ -146,6 +162,7 @@ inline double to_plane(const double* q, const double* lo, const double* hi, cons
         total = 0.0;
         for (int j = 0; j < d; j++) {
             const double y = std::min(std::max(q[j] - side * at * g[j], lo[j]), hi[j]);
+            point[j] = y;
             sum += g[j] * y;
             total += (y - q[j]) * (y - q[j]);
         }

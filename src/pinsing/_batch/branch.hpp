@@ -51,7 +51,7 @@ public:
             }
             sums.push_back(std::move(sum));
         }
-        at_.resize(sums.size());
+        at.resize(sums.size());
     }
 
     std::vector<int> joints;
@@ -59,31 +59,36 @@ public:
 
     int d() const { return static_cast<int>(joints.size()); }
 
-    // Minimum-norm step onto the linearised equations at x, among `free` joints, and what of
-    // `delta` lies along them.
-    void steps(const double* x, const bool* free, const double* delta, double* onto, double* along,
-               double& residual) {
-        const int n = d();
-        residual = 0.0;
+    // Values and gradients at x; the largest value over its equation's size.
+    double evaluate(const double* x) {
+        double residual = 0.0;
         for (std::size_t i = 0; i < sums.size(); i++) {
-            sums[i].at(x, nullptr, n, at_[i]);
-            residual = std::max(residual, std::fabs(at_[i].value) / (at_[i].size * sums[i].unit));
-            for (int j = 0; j < n; j++)
-                if (!free[j]) at_[i].g[j] = 0.0;
+            sums[i].at(x, nullptr, d(), at[i]);
+            residual = std::max(residual, std::fabs(at[i].value) / (at[i].size * sums[i].unit));
         }
+        return residual;
+    }
+
+    // Minimum-norm step onto the linearised equations where they were evaluated, among `free`
+    // joints, and what of `delta` lies along them.
+    void steps(const bool* free, const double* delta, double* onto, double* along) {
+        const int n = d();
+        for (Sum::At& one : at)
+            for (int j = 0; j < n; j++)
+                if (!free[j]) one.g[j] = 0.0;
         if (sums.size() == 1) {
-            const double* g = at_[0].g;
+            const double* g = at[0].g;
             double square = 0.0, product = 0.0;
             for (int j = 0; j < n; j++) square += g[j] * g[j], product += g[j] * delta[j];
-            const bool flat = std::sqrt(square) <= 1e-10 * at_[0].size;
+            const bool flat = std::sqrt(square) <= 1e-10 * at[0].size;
             for (int j = 0; j < n; j++) {
-                onto[j] = flat ? 0.0 : -at_[0].value * g[j] / square;
+                onto[j] = flat ? 0.0 : -at[0].value * g[j] / square;
                 along[j] = free[j] ? delta[j] - (flat ? 0.0 : product * g[j] / square) : 0.0;
             }
             return;
         }
         double A[kJoints * kJoints] = {}, V[kJoints * kJoints], values[kJoints], right[kJoints] = {};
-        for (const Sum::At& one : at_) {
+        for (const Sum::At& one : at) {
             const double scale = 1.0 / one.size;
             for (int i = 0; i < n; i++) {
                 right[i] -= one.g[i] * one.value * scale * scale;
@@ -106,35 +111,65 @@ public:
             if (!free[j]) onto[j] = along[j] = 0.0;
     }
 
+    // The step from x, where the equations were evaluated, among joints that do not leave their
+    // limits by it: onto the set, and by `relax` of what of `delta` lies along it.
+    void held_step(const double* x, const double* lo, const double* hi, const double* delta,
+                   double relax, double* step, double* along) {
+        const int n = d();
+        double onto[kJoints];
+        bool free[kJoints];
+        std::fill(free, free + n, true);
+        for (int round = 0; round <= n; round++) {
+            steps(free, delta, onto, along);
+            bool changed = false;
+            for (int j = 0; j < n; j++) {
+                step[j] = onto[j] + relax * along[j];
+                if (!free[j]) continue;
+                if ((x[j] <= lo[j] && step[j] < 0.0) || (x[j] >= hi[j] && step[j] > 0.0)) {
+                    free[j] = false;
+                    changed = true;
+                }
+            }
+            if (!changed) return;
+        }
+    }
+
+    // Straight onto the set from x, by Newton's method: the distance of what is found from q, or
+    // infinity as soon as it is seen that it will not be below `most`.
+    double land(const double* q, const double* lo, const double* hi, double most, double* x) {
+        const int n = d();
+        double delta[kJoints] = {}, step[kJoints], along[kJoints], off[kJoints];
+        double before = kInfinity;
+        for (int iteration = 0; iteration < 40; iteration++) {
+            for (int j = 0; j < n; j++) off[j] = x[j] - q[j];
+            if (norm_of(off, n, largest_) >= most) return kInfinity;
+            const double residual = evaluate(x);
+            if (residual < 1e-15 || (residual <= kOn && residual > 0.5 * before)) break;
+            if (residual > 0.7 * before) return kInfinity;
+            before = residual;
+            held_step(x, lo, hi, delta, 0.0, step, along);
+            for (int j = 0; j < n; j++) x[j] = std::min(std::max(x[j] + step[j], lo[j]), hi[j]);
+        }
+        if (!(evaluate(x) <= kOn)) return kInfinity;
+        for (int j = 0; j < n; j++) off[j] = x[j] - q[j];
+        const double length = norm_of(off, n, largest_);
+        return length < most ? length : kInfinity;
+    }
+
     // From x to a point of the set within the box that is nearest to q, by Newton's method on the
     // equations and a pull towards q along them (or without it, to the set only). Returns the
     // distance, infinite without success.
     double descend(const double* q, const double* lo, const double* hi, bool pull, double* x) {
         const int n = d();
-        double delta[kJoints], onto[kJoints], along[kJoints], before[kJoints] = {}, relax = 1.0;
-        bool free[kJoints];
-        double residual = kInfinity;
+        double delta[kJoints], step[kJoints], along[kJoints], before[kJoints] = {}, relax = 1.0;
         for (int iteration = pull ? 0 : 40; iteration < 60; iteration++) {
             const bool settling = iteration >= 40;
-            for (int j = 0; j < n; j++) delta[j] = settling ? 0.0 : q[j] - x[j], free[j] = true;
-            // A joint at its limit that would leave is held, and the step taken anew.
-            double step[kJoints], size = 0.0;
-            for (int round = 0; round <= n; round++) {
-                steps(x, free, delta, onto, along, residual);
-                bool changed = false;
-                for (int j = 0; j < n; j++) {
-                    step[j] = onto[j] + relax * along[j];
-                    if (!free[j]) continue;
-                    if ((x[j] <= lo[j] && step[j] < 0.0) || (x[j] >= hi[j] && step[j] > 0.0)) {
-                        free[j] = false;
-                        changed = true;
-                    }
-                }
-                if (!changed) break;
-            }
+            for (int j = 0; j < n; j++) delta[j] = settling ? 0.0 : q[j] - x[j];
+            const double residual = evaluate(x);
+            held_step(x, lo, hi, delta, relax, step, along);
             if (largest_ && sums.size() == 1 && !settling)
                 cube_step(q, lo, hi, x, relax, step, along);
-            double turned = 0.0;
+            double turned = 0.0, size = 0.0;
             for (int j = 0; j < n; j++) turned += along[j] * before[j], before[j] = along[j];
             relax = turned < 0.0 ? 0.5 * relax : std::min(1.0, 1.1 * relax);
             for (int j = 0; j < n; j++) size = std::max(size, std::fabs(step[j]));
@@ -147,52 +182,24 @@ public:
                 iteration = 39;
             }
         }
+        if (!(evaluate(x) <= kOn)) return kInfinity;
         double off[kJoints];
-        bool all[kJoints];
-        std::fill(all, all + n, true);
-        for (int j = 0; j < n; j++) delta[j] = 0.0, off[j] = x[j] - q[j];
-        steps(x, all, delta, onto, along, residual);
-        if (!(residual <= kOn)) return kInfinity;
+        for (int j = 0; j < n; j++) off[j] = x[j] - q[j];
         return norm_of(off, n, largest_);
     }
 
-    // Lower bound of the distance from q to the set within the box; infinite if there is none.
-    double bound(const double* q, const double* c, const double* h, double known) {
-        const int n = d();
-        double lo[kJoints], hi[kJoints], near[kJoints], off[kJoints];
-        for (int j = 0; j < n; j++) {
-            lo[j] = c[j] - h[j];
-            hi[j] = c[j] + h[j];
-            near[j] = std::min(std::max(q[j], lo[j]), hi[j]);
-            off[j] = near[j] - q[j];
-        }
-        double best = std::max(known, norm_of(off, n, largest_) * (1.0 - 4e-15));
-        for (std::size_t i = 0; i < sums.size(); i++) {
-            sums[i].at(c, h, n, at_[i]);
-            best = std::max(best, of_slab(q, c, h, lo, hi, near, at_[i].value, at_[i].g,
-                                          at_[i].rest));
-            if (best == kInfinity) return best;
-        }
-        if (sums.size() > 1) best = std::max(best, of_combination(q, c, h, lo, hi, near));
-        return best;
-    }
-
-    const Sum::At& first_at(const double* x) {
-        sums[0].at(x, nullptr, d(), at_[0]);
-        return at_[0];
-    }
+    std::vector<Sum::At> at;  // what was evaluated last
 
 private:
     bool largest_;
-    std::vector<Sum::At> at_;
 
     // In the maximum norm: to where the least cube around q meets the linearised equation at x,
-    // whose value and gradient are in at_.
+    // whose value and gradient are in `at`.
     void cube_step(const double* q, const double* lo, const double* hi, const double* x,
                    double relax, double* step, double* along) const {
         const int n = d();
-        const double* g = at_[0].g;
-        double here = at_[0].value, from = 0.0, near[kJoints];
+        const double* g = at[0].g;
+        double here = at[0].value, from = 0.0, near[kJoints];
         for (int j = 0; j < n; j++) {
             near[j] = std::min(std::max(q[j], lo[j]), hi[j]);
             here += g[j] * (near[j] - x[j]);
@@ -204,77 +211,12 @@ private:
         for (int j = 0; j < n; j++) {
             const bool rises = (g[j] > 0.0) == upward;
             double y = near[j];
-            if (std::fabs(g[j]) > 1e-9 * at_[0].size)
+            if (std::fabs(g[j]) > 1e-9 * at[0].size)
                 y = rises ? std::min(hi[j], std::max(q[j] + r, near[j]))
                           : std::max(lo[j], std::min(q[j] - r, near[j]));
             along[j] = y - x[j];
             step[j] = relax * along[j];
         }
-    }
-
-    double of_slab(const double* q, const double* c, const double* h, const double* lo,
-                   const double* hi, const double* near, double value, const double* g,
-                   double rest) const {
-        const int n = d();
-        double reach = rest, a0 = value, here = value;
-        for (int j = 0; j < n; j++) {
-            reach += std::fabs(g[j]) * h[j];
-            a0 -= g[j] * c[j];
-            here += g[j] * (near[j] - c[j]);
-        }
-        if (std::fabs(value) > reach * (1.0 + 1e-14)) return kInfinity;
-        if (std::fabs(here) <= rest) return 0.0;
-        const double target = here > 0.0 ? rest : -rest;
-        if (largest_) {
-            double from = 0.0;
-            for (int j = 0; j < n; j++) from = std::max(from, std::fabs(near[j] - q[j]));
-            const double r = cube_to_plane(q, lo, hi, g, std::fabs(here - target), n, here < 0.0,
-                                           from);
-            return r == kInfinity ? r : std::max(r * (1.0 - 1e-12) - 1e-13, 0.0);
-        }
-        return to_plane(q, lo, hi, g, a0, target, n);
-    }
-
-    double of_combination(const double* q, const double* c, const double* h, const double* lo,
-                          const double* hi, const double* near) const {
-        const int n = d();
-        const int k = std::min<int>(static_cast<int>(sums.size()), kMaxCombined);
-        double A[kMaxCombined * kMaxCombined], y[kMaxCombined], trace = 1e-300;
-        for (int i = 0; i < k; i++) {
-            y[i] = at_[i].value;
-            for (int j = 0; j < n; j++) y[i] += at_[i].g[j] * (near[j] - c[j]);
-            for (int m = 0; m < k; m++) {
-                double sum = 0.0;
-                for (int j = 0; j < n; j++) sum += at_[i].g[j] * at_[m].g[j];
-                A[i * k + m] = sum;
-            }
-            trace += A[i * k + i];
-        }
-        for (int i = 0; i < k; i++) A[i * k + i] += 1e-13 * trace;
-        for (int i = 0; i < k; i++) {  // Cholesky; any multiples will do for a bound
-            for (int j = 0; j <= i; j++) {
-                double sum = A[i * k + j];
-                for (int m = 0; m < j; m++) sum -= A[i * k + m] * A[j * k + m];
-                A[i * k + j] = i == j ? std::sqrt(std::max(sum, 1e-15 * trace)) : sum / A[j * k + j];
-            }
-        }
-        for (int i = 0; i < k; i++) {
-            for (int m = 0; m < i; m++) y[i] -= A[i * k + m] * y[m];
-            y[i] /= A[i * k + i];
-        }
-        for (int i = k - 1; i >= 0; i--) {
-            for (int m = i + 1; m < k; m++) y[i] -= A[m * k + i] * y[m];
-            y[i] /= A[i * k + i];
-        }
-        double value = 0.0, rest = 0.0, size = 0.0, g[kJoints] = {};
-        for (int i = 0; i < k; i++) {
-            value += y[i] * at_[i].value;
-            rest += std::fabs(y[i]) * (at_[i].rest + 1e-15 * at_[i].size);
-            size += std::fabs(y[i]) * at_[i].size;
-            for (int j = 0; j < n; j++) g[j] += y[i] * at_[i].g[j];
-        }
-        if (!(size < 1e300)) return 0.0;
-        return of_slab(q, c, h, lo, hi, near, value, g, rest);
     }
 };
 

@@ -131,7 +131,9 @@ public:
                  OutWhole family, OutWhole used, Out points, int threads) const {
         const std::int64_t N = rows(X);
         const std::size_t n = static_cast<std::size_t>(c_.n), count = X.shape(0);
-        require(lower_limit.size() == n && upper_limit.size() == n, "limits must have shape (n,)");
+        const std::size_t limits = n * static_cast<std::size_t>(c_.families);
+        require(lower_limit.size() == limits && upper_limit.size() == limits,
+                "limits must have shape (families, n)");
         require(lower.size() == count && upper.size() == count && family.size() == count &&
                     used.size() == count && points.size() == count * n,
                 "an output has the wrong shape");

@@ -1,20 +1,18 @@
 // The nearest point of a set of conditions, with a proof: best-first branch and bound.
 //
-// A box around c keeps the greatest of two bounds: the distance to the box, and that to the part of
-// it where the linearised equation can be zero at all, |f(c) + g (x - c)| <= rest, with the rest
-// from Taylor's theorem. The second makes the gap shrink with the square of the box, so that few
-// boxes are left around the nearest point. Several equations are bounded one by one and combined,
-// with the multiples of the least-norm step.
+// The box with the least bound is looked at first: from where its nearest zero may be, Newton's method
+// goes to a point of the set, which is the nearest one known if that is nearer; then it is halved.
+// Bounds and points differ by the square of a box, so that few boxes are left around the nearest
+// point, at joint limits as well.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
-#include <cstring>
 #include <functional>
 #include <queue>
 #include <utility>
 #include <vector>
 
-#include "branch.hpp"
+#include "box_bound.hpp"
 #include "proximity.hpp"
 
 namespace pinsing {
@@ -22,12 +20,16 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
+constexpr double kTolerance = 1e-9;  // by which a joint's value may be outside its limits
+
 class Search {
 public:
     Search(const Conditions& c, const SearchOptions& options)
         : c_(c), o_(options), end_(Clock::now() + std::chrono::duration_cast<Clock::duration>(
                                                       std::chrono::duration<double>(
-                                                          std::min(options.seconds, 1e6)))) {}
+                                                          std::min(options.seconds, 1e6)))) {
+        if (o_.limited) note_involved();
+    }
 
     Nearest run(const double* x, double* point) {
         struct Candidate {
@@ -67,102 +69,119 @@ private:
     const Conditions& c_;
     const SearchOptions& o_;
     Clock::time_point end_;
+    std::vector<bool> involved_;  // joints of each branch that occur in equations
     double slack_ = 0.0;
 
-    bool over(std::int64_t boxes) const {
-        return boxes >= o_.boxes || (boxes % 64 == 0 && Clock::now() > end_);
+    bool over(std::int64_t boxes, std::int64_t turn) const {
+        return boxes >= o_.boxes || (turn % 32 == 31 && Clock::now() > end_);
     }
 
-    // x with the joints of a branch at their values, the nearest copies; their distance.
+    // x with the joints of a branch at their values, the nearest copies, and those that do not
+    // matter within their limits; how far that is.
     double put(int b, const double* x, double* target) {
         double off[kJoints];
-        int count = 0;
+        const double* lower = o_.lower + c_.family[b] * c_.n;
+        const double* upper = o_.upper + c_.family[b] * c_.n;
         std::copy(x, x + c_.n, target);
-        double size = 1.0;
+        if (o_.limited) {
+            for (int j = 0; j < c_.n; j++)
+                if (!involved_[static_cast<std::size_t>(b * c_.n + j)])
+                    target[j] = std::min(std::max(x[j], lower[j]), upper[j]);
+        }
         for (std::int64_t i = c_.value_start[b]; i < c_.value_start[b + 1]; i++) {
             const std::int64_t j = c_.value_joint[i];
-            const double turn = c_.turn[j], tolerance = 1e-9;
+            const double turn = c_.turn[j], low = lower[j] - kTolerance, high = upper[j] + kTolerance;
             double value = c_.value[i];
-            if (turn > 0.0) value += turn * std::round((x[j] - value) / turn);
-            if (o_.limited) {
-                if (turn > 0.0) {
-                    while (value > o_.upper[j] + tolerance) value -= turn;
-                    while (value < o_.lower[j] - tolerance) value += turn;
-                }
-                if (value > o_.upper[j] + tolerance || value < o_.lower[j] - tolerance)
-                    return kInfinity;
+            if (turn > 0.0) {
+                value += turn * std::round((x[j] - value) / turn);
+                if (o_.limited && value > high) value -= turn * std::ceil((value - high) / turn);
+                if (o_.limited && value < low) value += turn * std::ceil((low - value) / turn);
             }
+            if (o_.limited && !(value <= high && value >= low)) return kInfinity;
             target[j] = value;
-            off[count++] = value - x[j];
-            size = std::max(size, std::fabs(x[j]) + std::fabs(value));
+        }
+        double size = 1.0;
+        int count = 0;
+        for (int j = 0; j < c_.n; j++) {
+            off[j] = target[j] - x[j];
+            if (off[j] == 0.0) continue;
+            count++;
+            size = std::max(size, std::fabs(x[j]) + std::fabs(target[j]));
         }
         slack_ = 1e-15 * size * (count + 1);
-        return norm_of(off, count, c_.largest);
+        return norm_of(off, c_.n, c_.largest);
+    }
+
+    void note_involved() {
+        involved_.assign(static_cast<std::size_t>(c_.branches * c_.n), false);
+        for (int b = 0; b < c_.branches; b++) {
+            auto mark = [&](std::int64_t j) { involved_[static_cast<std::size_t>(b * c_.n + j)] = true; };
+            const std::int64_t first = c_.term_start[c_.equation_start[b]];
+            const std::int64_t last = c_.term_start[c_.equation_start[b + 1]];
+            for (auto k = c_.rate_start[first]; k < c_.rate_start[last]; k++) mark(c_.rate_joint[k]);
+            for (auto k = c_.power_start[first]; k < c_.power_start[last]; k++)
+                mark(c_.power_joint[k]);
+        }
     }
 
     void within(int b, const double* x, double fixed, const double* target, double* point,
                 Nearest& best) {
         Branch branch(c_, b);
+        BoxBound bound(branch, c_.largest);
         const int d = branch.d();
         const bool largest = c_.largest;
         double q[kJoints], lo[kJoints], hi[kJoints], start[kJoints];
-        bool cut = false;  // by `far`, which no limit bounds
-        for (int j = 0; j < d; j++) {
-            const int joint = branch.joints[j];
-            q[j] = x[joint];
-            const double turn = c_.turn[joint];
-            const double reach = turn > 0.0 ? 0.5 * turn : o_.far;
-            const bool below = o_.limited && o_.lower[joint] > -kInfinity;
-            const bool above = o_.limited && o_.upper[joint] < kInfinity;
-            lo[j] = below ? o_.lower[joint] : q[j] - reach;
-            hi[j] = above ? o_.upper[joint] : q[j] + reach;
-            if (below && !above) hi[j] = std::max(q[j], lo[j]) + (turn > 0.0 ? turn : reach);
-            if (above && !below) lo[j] = std::min(q[j], hi[j]) - (turn > 0.0 ? turn : reach);
-            cut = cut || (turn == 0.0 && !(below && above));
-        }
+        const bool cut = ranges(b, branch, x, q, lo, hi);
         double part = part_of(best.upper, fixed, largest);  // best so far, in these joints
-        auto once = [&](double* from, bool pull) {
-            const double length = branch.descend(q, lo, hi, pull, from);
-            if (!(length < part)) return;
-            double proven = length;
-            if (branch.sums.size() == 1) {
-                // A zero surely is as near as this, though the point is on it to rounding only.
-                const Sum::At& at = branch.first_at(from);
-                const double m = norm_of(at.g, d, false) - at.error * (1.0 + branch.sums[0].reach);
-                const double off = std::fabs(at.value) + at.error;
-                if (m > 0.0 && m * m > 8.0 * branch.sums[0].curvature * off &&
-                    !branch.sums[0].sliding)
-                    proven += 2.0 * off / m;
-            }
-            if (!(proven < part)) return;
+        // A bound from which on nothing more is to be known.
+        auto goal = [&]() {
+            if (best.upper == kInfinity) return kInfinity;
+            const double whole = best.upper - 0.5 * o_.gap;
+            return whole <= fixed ? -1.0 : part_of(whole, fixed, largest);
+        };
+        auto keep = [&](const double* found, double length) {
+            const double proven = length + missing(branch, found, length);
+            if (!(proven < part)) return false;
             part = proven;
             best.upper = joined(fixed, part, largest) * (1.0 + 1e-15);
             best.family = c_.family[b];
             std::copy(target, target + c_.n, point);
-            for (int j = 0; j < d; j++) point[branch.joints[j]] = from[j];
+            for (int j = 0; j < d; j++) point[branch.joints[j]] = found[j];
+            return true;
         };
-        auto attempt = [&](double* from) {
-            if (largest) {  // its nearest point may lie where no pull rests
-                double copy[kJoints];
+        auto attempt = [&](const double* from) {
+            double copy[kJoints];
+            for (int way = largest ? 0 : 1; way < 2; way++) {  // no pull rests where cubes touch
                 std::copy(from, from + d, copy);
-                once(copy, false);
+                const double length = branch.descend(q, lo, hi, way == 1, copy);
+                if (length < part) keep(copy, length);
             }
-            once(from, true);
         };
         for (int j = 0; j < d; j++) start[j] = std::min(std::max(q[j], lo[j]), hi[j]);
         attempt(start);
 
-        // Boxes: centre and half-widths one after the other; the heap knows them by number.
-        std::vector<double> boxes;
-        using Entry = std::pair<double, std::int64_t>;
+        // Boxes wait in a heap by their bounds; those that were taken out leave their place.
+        std::vector<Box> boxes;
+        std::vector<std::size_t> places;
+        using Entry = std::pair<double, std::size_t>;
         std::priority_queue<Entry, std::vector<Entry>, std::greater<Entry>> heap;
-        auto add = [&](const double* c, const double* h, double low) {
-            const std::int64_t number = static_cast<std::int64_t>(boxes.size()) / (2 * d);
-            boxes.insert(boxes.end(), c, c + d);
-            boxes.insert(boxes.end(), h, h + d);
-            heap.emplace(low, number);
+        double proven = kInfinity;  // least bound of a box that was put aside
+        auto add = [&](const Box& box) {
+            if (box.low >= goal()) {
+                proven = std::min(proven, box.low);
+                return;
+            }
+            if (places.empty()) {
+                heap.emplace(box.low, boxes.size());
+                boxes.push_back(box);
+            } else {
+                heap.emplace(box.low, places.back());
+                boxes[places.back()] = box;
+                places.pop_back();
+            }
         };
-        double c[kJoints], h[kJoints], beyond = kInfinity;
+        Box box;
+        double beyond = kInfinity;
         bool empty = false;
         for (int j = 0; j < d; j++) {
             double from = lo[j], to = hi[j];
@@ -173,47 +192,35 @@ private:
                 beyond = o_.far;
             }
             empty = empty || from > to;
-            c[j] = 0.5 * (from + to);
-            h[j] = 0.5 * (to - from) * (1.0 + 1e-15);
+            box.c[j] = 0.5 * (from + to);
+            box.h[j] = 0.5 * (to - from) * (1.0 + 1e-15) + 2.3e-16 * (std::fabs(from) + std::fabs(to));
         }
-        double proven = kInfinity;  // least bound of a box that was put aside
-        std::int64_t seen = 0;
-        if (!empty) add(c, h, branch.bound(q, c, h, 0.0));
-        while (!heap.empty()) {
+        if (!empty && bound.look(q, 0.0, part, box)) add(box);
+        for (std::int64_t turn = 0; !heap.empty(); turn++) {
             const Entry top = heap.top();
-            if (top.first >= part - 0.5 * o_.gap) break;
-            if (over(best.boxes)) break;
+            if (top.first >= goal() || over(best.boxes, turn)) break;
             heap.pop();
-            double parent[2 * kJoints];
-            std::memcpy(parent, &boxes[static_cast<std::size_t>(top.second * 2 * d)],
-                        sizeof(double) * static_cast<std::size_t>(2 * d));
-            int widest = 0;
-            for (int j = 1; j < d; j++)
-                if (parent[d + j] > parent[d + widest]) widest = j;
-            if (parent[d + widest] < 1e-13) {  // rounding: nothing more can be told
-                proven = std::min(proven, top.first);
+            const Box parent = boxes[top.second];
+            places.push_back(top.second);
+            if (!(largest && part <= fixed)) {
+                std::copy(parent.near, parent.near + d, start);
+                const double length = branch.land(q, lo, hi, part, start);
+                if (length < kInfinity && keep(start, length)) attempt(start);
+                // Where Newton's method fails, as at double zeros, a longer way may do.
+                else if (turn % 64 == 63) attempt(parent.c);
+            }
+            if (parent.low >= goal() || parent.h[parent.widest] < 1e-13) {
+                proven = std::min(proven, parent.low);  // by rounding, nothing more can be told
                 continue;
             }
             for (int side = 0; side < 2; side++) {
-                std::copy(parent, parent + d, c);
-                std::copy(parent + d, parent + 2 * d, h);
-                h[widest] *= 0.5;
-                c[widest] += side == 0 ? -h[widest] : h[widest];
-                h[widest] *= 1.0 + 4e-16;
+                box = parent;
+                const int w = parent.widest;
+                box.h[w] *= 0.5;
+                box.c[w] += side == 0 ? -box.h[w] : box.h[w];
+                box.h[w] *= 1.0 + 4e-16;
                 best.boxes++;
-                seen++;
-                const double low = branch.bound(q, c, h, top.first);
-                if (low == kInfinity) continue;
-                if (low < part - 0.5 * o_.gap &&
-                    (part == kInfinity || (h[widest] < 0.4 && (seen % 7 == 0 || largest || low < 0.5 * part)))) {
-                    std::copy(c, c + d, start);
-                    attempt(start);
-                }
-                if (low >= part - 0.5 * o_.gap) {
-                    proven = std::min(proven, low);
-                } else {
-                    add(c, h, low);
-                }
+                if (bound.look(q, parent.low, part, box)) add(box);
             }
         }
         if (!heap.empty()) proven = std::min(proven, heap.top().first);
@@ -221,6 +228,40 @@ private:
         if (proven == kInfinity) return;  // no zero within the limits
         const double low = joined(std::max(fixed - slack_, 0.0), proven, largest);
         best.lower = std::min(best.lower, std::max(low * (1.0 - 4e-15), 0.0));
+    }
+
+    // The joints of a branch, and from where to where they are looked at; whether that is less
+    // than where its points count.
+    bool ranges(int b, const Branch& branch, const double* x, double* q, double* lo,
+                double* hi) const {
+        const double* lower = o_.lower + c_.family[b] * c_.n;
+        const double* upper = o_.upper + c_.family[b] * c_.n;
+        bool cut = false;
+        for (int j = 0; j < branch.d(); j++) {
+            const int joint = branch.joints[j];
+            q[j] = x[joint];
+            const double turn = c_.turn[joint];
+            const double reach = turn > 0.0 ? 0.5 * turn : o_.far;
+            const bool below = o_.limited && lower[joint] > -kInfinity;
+            const bool above = o_.limited && upper[joint] < kInfinity;
+            lo[j] = below ? lower[joint] : q[j] - reach;
+            hi[j] = above ? upper[joint] : q[j] + reach;
+            if (below && !above) hi[j] = std::max(q[j], lo[j]) + (turn > 0.0 ? turn : reach);
+            if (above && !below) lo[j] = std::min(q[j], hi[j]) - (turn > 0.0 ? turn : reach);
+            cut = cut || (turn == 0.0 && !(below && above));
+        }
+        return cut;
+    }
+
+    // How much farther than a point that is on the set to rounding a zero surely is at most.
+    double missing(Branch& branch, const double* x, double length) const {
+        if (branch.sums.size() != 1 || branch.sums[0].sliding || length <= 0.0) return 0.0;
+        branch.evaluate(x);
+        const Sum::At& at = branch.at[0];
+        const double m = norm_of(at.g, branch.d(), false) - at.error * (1.0 + branch.sums[0].reach);
+        const double off = std::fabs(at.value) + at.error;
+        const bool sure = m > 0.0 && m * m > 8.0 * branch.sums[0].curvature * off;
+        return sure ? 2.0 * off / m : 0.0;
     }
 };
 

@@ -10,7 +10,7 @@ namespace pinsing {
 
 // Search for the nearest point of the conditions, and the proof that none is nearer.
 struct SearchOptions {
-    const double* lower;  // (n,) limits in weighted coordinates, infinite where there are none
+    const double* lower;  // (families, n) limits in weighted coordinates, infinite without
     const double* upper;
     bool limited;         // only points within the limits count
     double far;           // how far prismatic joints are looked at where nothing bounds them

@@ -21,7 +21,7 @@ _STEPS = 60
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits (n,) in weighted coordinates, and whether they count."""
+    """Limits (families, n) in weighted coordinates, and whether they count."""
 
     lower: Array
     upper: Array
@@ -64,11 +64,17 @@ def _norm(c: Conditions, off: Array) -> Array:
 
 
 def _put(c: Conditions, b: int, x: Array, limits: Limits) -> Array | None:
-    """Put joints at their values, the nearest copies; None where the limits allow none."""
+    """Put joints at their values, the nearest copies; None where the limits allow none.
+
+    Joints that do not matter are put within their limits.
+    """
+    lower, upper = limits.lower[c.family[b]], limits.upper[c.family[b]]
     out = x.copy()
+    if limits.count:
+        out = np.where(_used(c, b), x, np.clip(x, lower, upper))
     for i in range(c.value_start[b], c.value_start[b + 1]):
         j, value, turn = c.value_joint[i], c.value[i], c.turn[c.value_joint[i]]
-        low, high = limits.lower[j] - 1e-9, limits.upper[j] + 1e-9
+        low, high = lower[j] - 1e-9, upper[j] + 1e-9
         if turn > 0:
             value += turn * np.round((x[j] - value) / turn)
             if limits.count and value > high:
@@ -81,6 +87,16 @@ def _put(c: Conditions, b: int, x: Array, limits: Limits) -> Array | None:
     return out
 
 
+def _used(c: Conditions, b: int) -> Bool:
+    """Joints (n,) that occur in the equations of a branch."""
+    used = np.zeros(c.n, dtype=bool)
+    for e in range(c.equation_start[b], c.equation_start[b + 1]):
+        terms = slice(c.term_start[e], c.term_start[e + 1])
+        for starts, joints in ((c.rate_start, c.rate_joint), (c.power_start, c.power_joint)):
+            used[joints[starts[terms.start] : starts[terms.stop]]] = True
+    return used
+
+
 class _Boxes:
     """The equations of one branch, and the boxes that may hold a zero nearer than the best."""
 
@@ -89,18 +105,13 @@ class _Boxes:
     ) -> None:
         self.c, self.b, self.x, self.limits, self.fixed, self.best = c, b, x, limits, fixed, best
         self.numbers = range(c.equation_start[b], c.equation_start[b + 1])
-        used = np.zeros(c.n, dtype=bool)
-        for e in self.numbers:
-            terms = slice(c.term_start[e], c.term_start[e + 1])
-            for starts, joints in ((c.rate_start, c.rate_joint), (c.power_start, c.power_joint)):
-                first, last = starts[terms][0], starts[terms.stop]
-                used[joints[first:last]] = True
-        self.used = used
-        below = used & limits.count & np.isfinite(limits.lower)
-        above = used & limits.count & np.isfinite(limits.upper)
+        self.used = used = _used(c, b)
+        lower, upper = limits.lower[c.family[b]], limits.upper[c.family[b]]
+        below = used & limits.count & np.isfinite(lower)
+        above = used & limits.count & np.isfinite(upper)
         reach = np.where(c.turn > 0, c.turn / 2, limits.far)
-        low = np.where(below, limits.lower, x - reach)
-        high = np.where(above, limits.upper, x + reach)
+        low = np.where(below, lower, x - reach)
+        high = np.where(above, upper, x + reach)
         high = np.where(below & ~above, np.maximum(x, low) + 2 * reach, high)
         low = np.where(above & ~below, np.minimum(x, high) - 2 * reach, low)
         self.low, self.high = np.where(used, low, x), np.where(used, high, x)

@@ -89,8 +89,8 @@ def nearest_points(
         The families.
     Q : (N, n) array
         Joint values, finite.
-    lower, upper : (n,) arrays
-        Joint limits, infinite where there are none.
+    lower, upper : (n,) or (families, n) arrays
+        Joint limits, infinite where there are none; perhaps those of each family.
     options : SearchOptions
         Gap, time, and whether limits count.
     compiled : bool
@@ -98,8 +98,9 @@ def nearest_points(
     """
     X = conditions.scaled(Q)
     N, n = X.shape
-    low = np.ascontiguousarray(np.asarray(lower, dtype=float) * conditions.weight)
-    high = np.ascontiguousarray(np.asarray(upper, dtype=float) * conditions.weight)
+    shape = (conditions.families, n)
+    low = np.ascontiguousarray(np.broadcast_to(lower, shape) * conditions.weight)
+    high = np.ascontiguousarray(np.broadcast_to(upper, shape) * conditions.weight)
     far = _FAR + float(np.abs(X).max(initial=0.0))
     handle = conditions.compiled() if compiled else None
     if handle is None:

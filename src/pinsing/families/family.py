@@ -204,7 +204,8 @@ class Family(JsonResult):
             Time for the search.
         within_limits : bool
             Whether only configurations within the joint limits count; then revolute
-            differences are not wrapped. The answer is infinite where there are none.
+            differences are not wrapped, and joints that do not matter to the family but are
+            outside their limits count as well. The answer is infinite where there are none.
         weights : (n,) array_like, optional
             What joint differences are multiplied by, instead of 1 for revolute joints and
             1 / length scale for prismatic ones.
@@ -235,8 +236,7 @@ class Family(JsonResult):
             raise ConfigurationError(f"distance takes one configuration, got shape {q.shape}")
         options = SearchOptions(gap, seconds, within_limits)
         exact = all(not b.equations for b in self.branches)
-        limits = (self.lower, self.upper)
-        found = nearest(self.conditions(weights, norm), q, limits, options, exact)
+        found = nearest(self.conditions(weights, norm), q, self.limits, options, exact)
         if found is None:
             raise ConfigurationError(f"family {self.name}: no real point was found on it")
         return found
@@ -378,6 +378,17 @@ class Family(JsonResult):
         if within_limits and self.limit_tolerance is not None:
             return lower - self.limit_tolerance, upper + self.limit_tolerance
         return lower, upper
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Limits (n,) that count for this family: those of the joints, perhaps a little wider.
+
+        Wider by ``limit_tolerance`` where the family is "at the joint limit"; infinite for
+        continuous joints.
+        """
+        if self.limit_tolerance is None:
+            return self.lower, self.upper
+        return self.lower - self.limit_tolerance, self.upper + self.limit_tolerance
 
     def __str__(self) -> str:
         return f"{self.name}: {self.text}"

@@ -165,8 +165,7 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
 
 def certified(watched: Watched, Q: Array, options: SearchOptions) -> Clearance:
     """Bounds brought together by branch and bound at Q (N, n)."""
-    limits = watched.lower, watched.upper
-    found = nearest_points(watched.conditions, Q, *limits, options)
+    found = nearest_points(watched.conditions, Q, *watched.limits, options)
     return _clearance(watched, found.lower, found.upper, found.family, True, options.within_limits)
 
 

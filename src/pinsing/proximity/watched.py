@@ -70,6 +70,14 @@ class Watched:
         branches = [f.branches for f in self.families]
         return Conditions.of(branches, self.prismatic, self.weight, self.norm)
 
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Limits (families, n) that count for each family, as in ``Family.limits``."""
+        both = [f.limits for f in self.families]
+        shape = (len(both), self.n)
+        lower = np.array([low for low, _ in both], dtype=float).reshape(shape)
+        return lower, np.array([high for _, high in both], dtype=float).reshape(shape)
+
     def check(self, Q: npt.ArrayLike) -> Array:
         """Return Q (..., n) as floats, or say what is wrong with it.
 
