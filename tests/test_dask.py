@@ -195,7 +195,9 @@ def test_a_bad_address_is_one_line_at_once(address: str) -> None:
     assert "no address such as tcp://HOST:PORT" in errors[0]
 
 
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+@pytest.mark.parametrize(
+    "number", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
+)
 def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:
     out = tmp_path / "run"
     words = ["map", "planar3r", "--count", "2e6", "--chunk", "4096", "--out", str(out)]

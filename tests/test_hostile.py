@@ -15,9 +15,11 @@ from xml.etree import ElementTree
 from xml.sax.saxutils import quoteattr
 
 import pytest
+from click.testing import CliRunner, Result
 from urdf_texts import LIMIT, joint, make_package, robot
 
 from pinsing import analyze, closed_form, load
+from pinsing.cli.app import command as program
 from pinsing.description.urdf import read_description
 from pinsing.description.yaml_tree import MAX_BYTES, compose
 from pinsing.errors import PinsingError, RobotFileError
@@ -226,19 +228,18 @@ def named(request, tmp_path) -> tuple[str, Path]:
     return name, path
 
 
-def run(*words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "pinsing", *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+def run(*words: str) -> Result:
+    return CliRunner().invoke(program, list(words), prog_name="pinsing", catch_exceptions=False)
 
 
 def test_names_are_text_in_the_terminal_and_in_json(named):
     name, path = named
     for words in (["info", str(path)], ["families", str(path)], ["info", str(path), "--tip", name]):
         ended = run(*words)
-        assert ended.returncode in (0, 2), ended.stderr
+        assert ended.exit_code in (0, 2), ended.stderr
         for line in (ended.stdout + ended.stderr).split("\n"):
             assert all(c.isprintable() or c == "\t" for c in line), line
-        if ended.returncode == 2:  # there is no such frame, said in one line
+        if ended.exit_code == 2:  # there is no such frame, said in one line
             assert len(ended.stderr.strip().splitlines()) == 1
     data = run("info", str(path), "--json", "-")
     assert all(c.isprintable() or c == "\n" for c in data.stdout)
@@ -273,7 +274,7 @@ def test_names_are_text_in_figures(named, tmp_path):
     out = tmp_path / "figure.svg"
     for kind in (["curves"], ["map", "--over", f"{name} 1,{name} 2"], ["ellipsoids"]):
         ended = run("plot", *kind, str(path), "-o", str(out))
-        assert ended.returncode == 0, ended.stderr
+        assert ended.exit_code == 0, ended.stderr
         assert {line.split(":")[0] for line in ended.stderr.splitlines()} == {"pinsing"}
         tags = {e.tag.rpartition("}")[2] for e in ElementTree.parse(out).iter()}
         assert "path" in tags
@@ -303,7 +304,7 @@ def test_names_of_a_mechanism_are_text(tmp_path):
         ["view", *words, "--html", str(page)],
     ):
         ended = run(*command)
-        assert ended.returncode == 0, ended.stderr
+        assert ended.exit_code == 0, ended.stderr
         assert all(c.isprintable() or c == "\n" for c in ended.stdout + ended.stderr)
     assert "<img src=x" not in page.read_text(encoding="utf-8")
 
@@ -312,7 +313,7 @@ def test_letters_that_no_font_here_has_are_one_note(tmp_path):
     path = tmp_path / "arm.urdf"
     path.write_text(robot().replace('name="r"', 'name="\U00013000\U00013001"'), encoding="utf-8")
     ended = run("plot", "ellipsoids", str(path), "-o", str(tmp_path / "figure.png"))
-    assert ended.returncode == 0, ended.stderr
+    assert ended.exit_code == 0, ended.stderr
     assert ended.stderr.count("drawn as boxes") == 1
     assert "Warning" not in ended.stderr
 
@@ -368,7 +369,8 @@ def test_nothing_is_written_but_the_named_output(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path / "in")
     (tmp_path / "tmp").mkdir()
     (tmp_path / "out").mkdir()
-    ended = run("analyze", str(path), "--json", str(tmp_path / "out" / "a.json"))
+    words = [sys.executable, "-m", "pinsing", "analyze", str(path), "--json", "../out/a.json"]
+    ended = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
     assert ended.returncode == 0, ended.stderr
     files = sorted(p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file())
     assert files == ["in/arm.xacro", "out/a.json"]

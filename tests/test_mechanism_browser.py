@@ -161,6 +161,7 @@ def test_clicking_a_singular_pose_tells_its_type(
 
 
 @pytest.mark.parametrize("name", [FIRST[0], FIRST[2]])
+@pytest.mark.slow
 def test_an_infeasible_input_is_said_and_the_mechanism_stays(
     page: Any, viewers: dict[str, MechanismViewer], name: str
 ) -> None:
@@ -193,6 +194,7 @@ def test_an_infeasible_input_is_said_and_the_mechanism_stays(
     np.testing.assert_allclose(mechanism.fold(shown(page) - home(mechanism)), 0, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_modes_are_chosen_from_the_menu(page: Any, five_bar: MechanismViewer) -> None:
     open_at_home(page, five_bar)
     menu = page.locator("#mode-menu")
@@ -221,6 +223,7 @@ def test_modes_are_chosen_from_the_menu(page: Any, five_bar: MechanismViewer) ->
     assert np.abs(shown(page) - after)[[0, 2]].max() > 0.1
 
 
+@pytest.mark.slow
 def test_the_ellipse_and_what_is_lost_or_not_held_are_seen(
     page: Any, five_bar: MechanismViewer
 ) -> None:
@@ -241,6 +244,7 @@ def test_the_ellipse_and_what_is_lost_or_not_held_are_seen(
     assert text(page, "#label-lost") == "not held"
 
 
+@pytest.mark.slow
 def test_motions_into_and_along_are_played(page: Any, viewers: dict[str, MechanismViewer]) -> None:
     viewer = viewers["planar_3rrr"]
     open_at_home(page, viewer)
@@ -261,6 +265,7 @@ def test_motions_into_and_along_are_played(page: Any, viewers: dict[str, Mechani
     page.wait_for_function("() => !window.pinsing.running")
 
 
+@pytest.mark.slow
 def test_keys_step_through_the_poses_and_reset_goes_back(
     page: Any, five_bar: MechanismViewer
 ) -> None:
@@ -282,6 +287,7 @@ def test_keys_step_through_the_poses_and_reset_goes_back(
     assert text(page, "#status") == "Type 2 singularity"
 
 
+@pytest.mark.slow
 def test_beyond_half_a_turn_the_slider_goes_on(page: Any, five_bar: MechanismViewer) -> None:
     open_at_home(page, five_bar)
     joint = five_bar.mechanism.actuated[1]
@@ -292,6 +298,7 @@ def test_beyond_half_a_turn_the_slider_goes_on(page: Any, five_bar: MechanismVie
     assert "225.00°" in page.locator(".joint .value").all_inner_texts()
 
 
+@pytest.mark.slow
 def test_two_tabs_do_not_disturb_each_other(
     page: Any, browser: Any, five_bar: MechanismViewer
 ) -> None:

@@ -45,7 +45,9 @@ def chains(oracle) -> ModuleType:
     return sys.modules["oracle_chains"]
 
 
-@pytest.mark.parametrize("group", range(GROUPS))
+@pytest.mark.parametrize(
+    "group", [0, 1, *(pytest.param(k, marks=pytest.mark.slow) for k in range(2, GROUPS))]
+)
 def test_random_structured_chains_have_no_false_claim(oracle, chains, group):
     for seed in range(group, GROUPS * CHAINS, GROUPS):
         outcome = oracle.judged(chains.random_spec(seed), seed, seconds=1.0, points=2_000)
@@ -75,7 +77,7 @@ def test_a_chain_once_answered_with_four_components_missing(oracle, field, chain
         assert form.family_of(q) is not None
 
 
-@pytest.mark.parametrize("name", ["puma560", "iiwa14"])
+@pytest.mark.parametrize("name", ["puma560", pytest.param("iiwa14", marks=pytest.mark.slow)])
 def test_a_family_that_is_dropped_or_too_large_is_noticed(oracle, field, name):
     arm = load(name)
     form = closed_form(arm)

@@ -10,6 +10,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
+
+from pinsing.cli.app import command
 
 ROOT = Path(__file__).parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -48,21 +51,16 @@ def test_two_commands_come_first():
         assert os.access(ROOT / name, os.X_OK)
 
 
-def test_commands_print_what_is_shown(folder):
+def test_commands_print_what_is_shown(folder, monkeypatch):
     """In the order of the README: later ones use files of earlier ones."""
+    monkeypatch.chdir(folder)
     for line, shown in commands():
         if line in SCRIPTS:
             continue
         words = shlex.split(line)
         assert words[0] == "pinsing", line
-        done = subprocess.run(
-            [sys.executable, "-m", "pinsing", *words[1:]],
-            cwd=folder,
-            capture_output=True,
-            text=True,
-            timeout=120,
-        )
-        assert done.returncode == 0, f"{line}\n{done.stderr}"
+        done = CliRunner().invoke(command, words[1:], prog_name="pinsing", catch_exceptions=False)
+        assert done.exit_code == 0, f"{line}\n{done.stderr}"
         assert re.search(pattern(shown), done.stdout), f"{line}\n{done.stdout}"
 
 

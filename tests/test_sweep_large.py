@@ -389,6 +389,7 @@ def test_keep_on_the_command_line(tmp_path: Path, small_keep: None) -> None:
     assert load_npz(tmp_path / "bare.npz").curves == ()
 
 
+@pytest.mark.slow
 def test_killed_and_stopped_sweeps_go_on_to_the_same_result(tmp_path: Path) -> None:
     """kill -9, then Ctrl-C, then to the end: what a run at one stretch gives."""
     special = ",".join(str(a) for a in range(-180, 180, 30))

@@ -577,7 +577,9 @@ def is_free(url: str) -> bool:
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-@pytest.mark.parametrize("kill", [signal.SIGTERM, signal.SIGKILL, signal.SIGINT])
+@pytest.mark.parametrize(
+    "kill", [signal.SIGTERM, signal.SIGKILL, pytest.param(signal.SIGINT, marks=pytest.mark.slow)]
+)
 def test_the_command_leaves_nothing_behind_when_killed(kill: signal.Signals) -> None:
     process, url = start("scara", "--no-open", "--skeleton")
     try:

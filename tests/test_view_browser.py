@@ -75,6 +75,7 @@ def test_clicking_a_family_moves_the_arm_and_changes_the_numbers(
     np.testing.assert_allclose(where, expected["links"][5][:3], atol=2e-5)
 
 
+@pytest.mark.slow
 def test_next_and_previous_by_button_and_key(page: Any, stanford: Viewer) -> None:
     open_page(page, stanford.url)
 
@@ -114,6 +115,7 @@ def test_a_flat_ellipsoid_is_seen(page: Any, stanford: Viewer) -> None:
     assert min(scale) > 0.01 * max(scale)
 
 
+@pytest.mark.slow
 def test_the_ellipsoid_collapses_on_the_way_into_a_singularity(page: Any, stanford: Viewer) -> None:
     open_page(page, stanford.url)
     page.locator(".chosen .into").click()
@@ -128,6 +130,7 @@ def test_the_ellipsoid_collapses_on_the_way_into_a_singularity(page: Any, stanfo
     assert thin < 0.3 * thick
 
 
+@pytest.mark.slow
 def test_along_a_family_the_arm_moves_and_stays_singular(page: Any, stanford: Viewer) -> None:
     open_page(page, stanford.url)
     page.locator(".chosen .along").click()
@@ -156,6 +159,7 @@ def test_sliders_move_the_arm_live(page: Any, stanford: Viewer) -> None:
     assert page.locator(".joint .value").nth(1).inner_text() == "57.30°"
 
 
+@pytest.mark.slow
 def test_python_leads_the_page(page: Any, stanford: Viewer) -> None:
     open_page(page, stanford.url)
     stanford.show([0.2, 1.1, 0.35, 0.4, 0.9, 0.1])
@@ -220,6 +224,7 @@ def test_meshes_are_drawn_whole(page: Any) -> None:
         assert (np.abs(picture(page) - with_meshes).sum(axis=-1) > 30).mean() > 0.02
 
 
+@pytest.mark.slow
 def test_a_robot_whose_meshes_are_missing_still_shows(page: Any, tmp_path: Path) -> None:
     source = load("ur5").source
     assert source.path is not None
@@ -285,6 +290,7 @@ def test_a_picture_is_taken(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["scara.png"]
 
 
+@pytest.mark.slow
 def test_a_mechanism_s_picture_is_taken(tmp_path: Path) -> None:
     from click.testing import CliRunner
 
@@ -309,6 +315,7 @@ def test_the_nearest_singular_pose_and_back(page: Any, static: Path) -> None:
     assert page.evaluate("() => window.pinsing.view.frame.q") == [0.3, 0.4, 0.05, 0.5]
 
 
+@pytest.mark.slow
 def test_the_clearest_pose_is_clear(page: Any, static: Path) -> None:
     arm = load("scara")
     open_page(page, static.as_uri())
@@ -363,6 +370,7 @@ def test_a_trajectory_is_dropped_onto_the_page(page: Any, static: Path) -> None:
     assert "2 columns for 4 joints" in text(page, "#playing")
 
 
+@pytest.mark.slow
 def test_ticks_stand_where_a_joint_meets_a_family(page: Any, static: Path) -> None:
     open_page(page, static.as_uri() + "#q=0.3,0.4,0.05,0.5")
     page.wait_for_selector(".joint .mark")
@@ -374,6 +382,7 @@ def test_ticks_stand_where_a_joint_meets_a_family(page: Any, static: Path) -> No
     assert marks[1][0] == pytest.approx(50, abs=1)  # q2 = 0, in the middle of its range
 
 
+@pytest.mark.slow
 def test_sliders_are_above_the_fold(page: Any) -> None:
     page.set_viewport_size({"width": 1280, "height": 800})
     with Viewer(load("panda"), skeleton=True) as viewer:
@@ -385,6 +394,7 @@ def test_sliders_are_above_the_fold(page: Any) -> None:
     assert bottom <= 800
 
 
+@pytest.mark.slow
 def test_the_legend_never_covers_the_label(page: Any, stanford: Viewer) -> None:
     for size in ((1280, 800), (400, 800)):
         page.set_viewport_size({"width": size[0], "height": size[1]})
