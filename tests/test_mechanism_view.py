@@ -1,4 +1,4 @@
-"""A mechanism's tab without a browser: frames, list, paths, surroundings, server."""
+"""A mechanism's tab without a browser: list, scene, server, command."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 import pytest
 import umsgpack
 from mechanisms import URDF, analyzed, four_bar, shipped
@@ -19,15 +18,11 @@ from test_view import converse, get
 
 from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
-from pinsing.mechanism import home, mechanism_at, motions
-from pinsing.mechanism.lost_motion import free_motions, lost_motions
+from pinsing.mechanism import home, mechanism_at
 from pinsing.view.links import read_links
 from pinsing.view.mechanism import MechanismViewer
-from pinsing.view.mechanism.around import around
-from pinsing.view.mechanism.frame import mechanism_frame
 from pinsing.view.mechanism.groups import groups
 from pinsing.view.mechanism.linkage import Linkage, linkage_sizes, plane_normal, side
-from pinsing.view.mechanism.paths import along, into
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import SIDE
@@ -51,106 +46,7 @@ def singular(name: str, kind: str) -> np.ndarray:
     return next(p.q for p in analyzed(name).points if p.kind == kind)
 
 
-# Frames -----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_frame_says_what_the_state_says(name: str) -> None:
-    mechanism = shipped(name)
-    sizes = linkage_sizes(mechanism)
-    for q in (home(mechanism), singular(name, "type 1"), singular(name, "type 2")):
-        state = mechanism_at(mechanism, q)
-        frame = mechanism_frame(mechanism, q, sizes, plane_normal(mechanism))
-        json.dumps(frame, allow_nan=False)
-        assert (frame["kind"], frame["mode"]) == (state.kind, state.mode)
-        assert frame["status"] == ("regular" if state.kind == "regular" else "singular")
-        assert frame["one"] == pytest.approx(state.output_ratio, rel=1e-4)
-        assert frame["two"] == pytest.approx(state.input_ratio, rel=1e-4)
-        assert bool(frame["lost"]) == (state.kind == "type 1")
-        assert bool(frame["given"]) == (state.kind == "type 2")
-        assert bool(frame["hot"]) == (state.kind != "regular")
-        assert (frame["condition"] == "inf") == (state.kind != "regular")
-        data = mechanism.model.createData()
-        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
-        for j, place in enumerate(frame["links"], 1):
-            np.testing.assert_allclose(place, pin.SE3ToXYZQUAT(data.oMi[j]), atol=1e-5)
-
-
-def test_the_ellipse_is_that_of_the_output_and_collapses_at_type_1() -> None:
-    mechanism = shipped("five_bar")
-    sizes = linkage_sizes(mechanism)
-    q = home(mechanism)
-    e = mechanism_frame(mechanism, q, sizes)["ellipsoids"]["all"]["translation"]
-    velocity = mechanism_at(mechanism, q).velocity
-    assert velocity is not None
-    R = pin.Quaternion(np.array(e["turn"])).toRotationMatrix()
-    drawn = (R @ np.diag(np.square(e["drawn"])) @ R.T)[:2, :2]
-    scale = sizes.translation
-    np.testing.assert_allclose(drawn, scale**2 * velocity @ velocity.T, atol=3e-4 * scale**2)
-    assert e["flat"] is None
-
-    q = singular("five_bar", "type 1")
-    frame = mechanism_frame(mechanism, q, sizes)
-    e = frame["ellipsoids"]["all"]["translation"]
-    assert e["radii"][1] < 1e-9 * e["radii"][0]
-    flat = pin.Quaternion(np.array(e["flat"])).toRotationMatrix()[:, 2]
-    reached = pin.Quaternion(np.array(e["turn"])).toRotationMatrix()[:, 0]
-    assert abs(flat @ reached) < 1e-4  # at right angles to all that is left
-    assert min(e["drawn"]) > 0
-
-
-def test_long_ellipses_are_cut_short() -> None:
-    mechanism = shipped("five_bar")
-    sizes = linkage_sizes(mechanism)
-    path = into(mechanism, next(p for p in analyzed("five_bar").points if p.range_end))
-    close = mechanism_frame(mechanism, path[-2], sizes)
-    radii = close["ellipsoids"]["all"]["translation"]["radii"]
-    assert radii[0] * sizes.translation > sizes.reach
-    assert max(close["ellipsoids"]["all"]["translation"]["drawn"]) <= 0.6 * sizes.reach + 1e-6
-    assert close["status"] in ("regular", "near-singular")
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> None:
-    mechanism = shipped(name)
-    rows = list(mechanism.task.rows)
-    found = {kind: singular(name, kind) for kind in ("type 1", "type 2")}
-    state = mechanism_at(mechanism, found["type 1"])
-    (lost,) = lost_motions(mechanism, state)
-    assert state.velocity is not None
-    wrench = np.concatenate([lost.force, lost.moment])[rows]
-    np.testing.assert_allclose(wrench @ state.velocity, 0, atol=1e-8)
-    if lost.line is not None:  # the same force, on its line, has no moment left
-        moment = np.cross(lost.line - state.position, lost.force)
-        np.testing.assert_allclose(moment, lost.moment, atol=1e-9)
-
-    state = mechanism_at(mechanism, found["type 2"])
-    (free,) = free_motions(mechanism, state)
-    motion = motions(mechanism, found["type 2"])
-    z = np.linalg.svd(motion.inputs)[2][-1]
-    expected = np.zeros(6)
-    expected[rows] = motion.outputs @ z
-    got = np.concatenate([free.velocity, free.turning])
-    cosine = got @ expected / np.linalg.norm(got) / np.linalg.norm(expected)
-    assert abs(cosine) == pytest.approx(1, abs=1e-9)
-    if free.centre is not None:  # a point of the axis rests
-        rest = free.velocity + np.cross(free.turning, free.centre - state.position)
-        np.testing.assert_allclose(rest, 0, atol=1e-9)
-
-
-def test_words_name_what_happens() -> None:
-    mechanism = shipped("planar_3rrr")
-    frame = mechanism_frame(mechanism, singular("planar_3rrr", "type 2"), linkage_sizes(mechanism))
-    assert "center turns about z through (" in frame["given"][0]
-    assert "with the actuators locked" in frame["given"][0]
-    assert frame["why"] == ["b1, c1, b2 and b3 can move although the actuators are locked"]
-    mechanism = shipped("four_bar")
-    frame = mechanism_frame(mechanism, singular("four_bar", "type 1"), linkage_sizes(mechanism))
-    assert frame["lost"][0]["words"] == "rocker_link cannot turn about z"
-    assert frame["why"] == ["crank and coupler can move although rocker_link is locked"]
-
-
-# List and paths ---------------------------------------------------------------------
+# List ---------------------------------------------------------------------
 
 
 def test_points_are_listed_by_locus_and_none_is_forgotten() -> None:
@@ -180,91 +76,7 @@ def test_points_without_closed_forms_are_listed_by_what_is_in_line() -> None:
     assert away == sorted(away)
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
-    mechanism = shipped(name)
-    played = 0
-    for group in groups(mechanism, analyzed(name)):
-        for point in group.points[:1]:
-            path = into(mechanism, point)
-            if not len(path):
-                assert "isolated points" in group.more
-                continue
-            assert mechanism_at(mechanism, path[0]).kind == "regular"
-            assert mechanism_at(mechanism, path[-1]).kind == point.kind
-            assert np.abs(np.diff(path, axis=0)).max() < 0.2
-            singular_path = along(mechanism, point)
-            assert bool(len(singular_path)) == (len(mechanism.inputs) > 1)
-            for q in singular_path[::6]:
-                assert mechanism_at(mechanism, q).kind == point.kind
-            if len(singular_path):
-                played += 1
-                assert np.ptp(singular_path, axis=0).max() > 0.2
-                closed = np.concatenate([singular_path, singular_path[:1]])
-                assert np.abs(mechanism.fold(np.diff(closed, axis=0))).max() < 0.4
-    assert played >= (3 if len(mechanism.inputs) > 1 else 0)
-
-
-def test_one_input_has_no_path_along() -> None:
-    mechanism = shipped("four_bar")
-    point = analyzed("four_bar").points[0]
-    assert along(mechanism, point).shape == (0, mechanism.n)
-
-
-# Surroundings -----------------------------------------------------------------------
-
-
-def test_surroundings_tell_reach_marks_and_modes() -> None:
-    mechanism = shipped("five_bar")
-    q = home(mechanism)
-    found = around(mechanism, q)
-    json.dumps(found, allow_nan=False)
-    one, two = found["stretches"]
-    assert one["upper"] == pytest.approx(1.3990140, abs=1e-6)
-    assert two["lower"] == pytest.approx(0.6270392, abs=1e-6)
-    assert [m["kind"] for m in one["marks"]] == ["type 2", "type 1", "type 2"]
-    assert found["ahead"] == "type 1 is nearest: q1 − 10.5°"
-    assert [m["name"] for m in found["assemblies"]] == [
-        "assembly +, elbows -+",
-        "assembly -, elbows -+",
-    ]
-    assert [m["here"] for m in found["assemblies"]] == [True, False]
-    assert len(found["working"]) == 4
-    place = mechanism_at(mechanism, q).position
-    for mode in found["working"]:
-        np.testing.assert_allclose(mechanism_at(mechanism, mode["q"]).position, place, atol=1e-9)
-
-
-def test_surroundings_of_a_singular_pose_hold_the_pose_itself() -> None:
-    mechanism = shipped("five_bar")
-    q = singular("five_bar", "type 2")
-    found = around(mechanism, q)
-    assert found["ahead"] == ""
-    (here,) = [m for m in found["assemblies"] if m["here"]]
-    assert "assembly 0" in here["name"]
-    np.testing.assert_allclose(mechanism.fold(np.array(here["q"]) - q), 0, atol=1e-9)
-
-
 # Stage, scene, viewer ---------------------------------------------------------------
-
-
-def test_infeasible_inputs_leave_it_at_the_last_feasible_pose(viewer: MechanismViewer) -> None:
-    stage, mechanism = viewer._stage, viewer.mechanism
-    q = home(mechanism)
-    actuated = list(mechanism.actuated)
-    reach = around(mechanism, q)["stretches"][0]
-    inputs = q[actuated]
-    inputs[0] = reach["upper"] + 0.3
-    frame = stage.frame(q, inputs)
-    assert frame["refused"].startswith(f"infeasible: {mechanism.inputs[0]} = ")
-    assert f"close up to {np.degrees(reach['upper']):.2f}°" in frame["refused"]
-    assert frame["q"][actuated[0]] == pytest.approx(reach["upper"], abs=1e-4)
-    assert frame["mode"].split(",")[0] == "assembly +"
-    # And back again, in the same mode.
-    inputs[0] = q[actuated[0]]
-    back = stage.frame(frame["q"], inputs)
-    assert back["refused"] is None
-    np.testing.assert_allclose(mechanism.fold(back["q"] - q), 0, atol=1e-8)
 
 
 def test_a_page_has_what_its_program_asks_for(viewer: MechanismViewer) -> None:
@@ -339,23 +151,10 @@ def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
 
 
 def test_the_link_answers(five_bar: MechanismViewer) -> None:
-    q = home(five_bar.mechanism).tolist()
     for part in ("", "page.js", "page.json", "scene"):
         assert get(five_bar.url + part)[0] == 200
-    frame, found, pose, path, start = asyncio.run(
-        converse(
-            five_bar.url,
-            {"id": 1, "want": "frame", "q": q, "inputs": [1.1, 1.0]},
-            {"id": 2, "want": "around", "q": q},
-            {"id": 3, "want": "pose", "entry": 0, "pose": 0},
-            {"id": 4, "want": "path", "entry": 0, "pose": 0, "kind": "into"},
-            {"id": 5, "want": "start"},
-        )
-    )
-    assert frame["answer"]["q"][0] == pytest.approx(1.1)
-    assert found["answer"]["stretches"][0]["marks"]
-    assert pose["answer"]["kind"] == "type 2"
-    assert path["answer"][0]["status"] == "regular"
+    (start,) = asyncio.run(converse(five_bar.url, {"id": 5, "want": "start"}))
+    assert len(start["answer"]["q"]) == five_bar.mechanism.n
     assert start["answer"]["pose"] == 0
 
 
@@ -364,13 +163,7 @@ def test_the_link_answers(five_bar: MechanismViewer) -> None:
     [
         {"id": 1},
         {"id": 1, "want": "frame", "q": [0, 0, 0, 0]},
-        {"id": 1, "want": "frame", "q": [0, 0, 0, 0], "inputs": [1]},
-        {"id": 1, "want": "frame", "q": [0.0, 0.0, 3.0, 0.0], "inputs": [0.0, 3.0]},
-        {"id": 1, "want": "around", "q": [0.0, 0.0, 3.0, 0.0]},
         {"id": 1, "want": "around", "q": "abc"},
-        {"id": 1, "want": "pose", "entry": 99, "pose": 0},
-        {"id": 1, "want": "pose", "entry": True, "pose": 0},
-        {"id": 1, "want": "path", "entry": 0, "pose": 0, "kind": "x"},
         {"id": 1, "want": "rm"},
     ],
 )
@@ -401,7 +194,7 @@ def test_the_command_serves_until_it_is_ended() -> None:
         url = process.stdout.readline().strip()
         assert get(url)[0] == 200
         (start,) = asyncio.run(converse(url, {"id": 1, "want": "start"}))
-        assert start["answer"]["frame"]["q"][0] == pytest.approx(np.radians(40))
+        assert start["answer"]["q"][0] == pytest.approx(np.radians(40))
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=10)
         assert process.returncode == 0

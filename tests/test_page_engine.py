@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from arms import textbook
+from node import needs_node, run
 from numpy.typing import NDArray
 
-import pinsing
 from pinsing import closed_form, load, singular_values
 from pinsing.kinematics.verdict import ratios, status_of
 from pinsing.robot.arm import Arm
@@ -26,11 +23,6 @@ from pinsing.view.page import engine_script
 from pinsing.view.verdict import verdict
 
 Floats = NDArray[np.float64]
-
-ENGINE = Path(pinsing.__file__).parent / "view" / "engine"
-NODE = shutil.which("node")
-
-needs_node = pytest.mark.skipif(NODE is None, reason="Node.js is not installed")
 
 MIMIC = """<robot name="pair">
   <link name="base"/><link name="a"/><link name="b"/><link name="c"/>
@@ -46,31 +38,6 @@ MIMIC = """<robot name="pair">
   <link name="tool"/><joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
     <origin xyz="0.2 0.05 0"/></joint>
 </robot>"""
-
-
-def run(code: str, data: Any) -> Any:
-    """Run a function of the engine's modules under Node: ``code`` sees ``m`` and ``data``."""
-    assert NODE is not None
-    program = f"""
-      import {{ readFileSync }} from "node:fs";
-      const m = {{ ...await import("{(ENGINE / "arm.mjs").as_uri()}"),
-                   ...await import("{(ENGINE / "paths.mjs").as_uri()}"),
-                   ...await import("{(ENGINE / "families.mjs").as_uri()}"),
-                   ...await import("{(ENGINE / "linear.mjs").as_uri()}") }};
-      const data = JSON.parse(readFileSync(0));
-      const found = ({code})(m, data);
-      console.log(JSON.stringify(found));
-    """
-    done = subprocess.run(
-        [NODE, "--input-type=module", "-e", program],
-        input=json.dumps(data),
-        capture_output=True,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
 
 
 def engine(arm: Arm, poses: int = 1) -> tuple[dict[str, Any], tuple[Entry, ...]]:

@@ -17,7 +17,6 @@ from typing import Any
 
 import pytest
 
-from pinsing.errors import OptionError
 from pinsing.view.messages import LONGEST, BadMessage, read_message
 from pinsing.view.server import Server
 
@@ -25,19 +24,16 @@ KEY = "AAAAAAAAAAAAAAAAAAAAAA=="
 
 
 class Stage:
-    """Answers with as many letters as asked for."""
+    """Starts with as many letters as it is told to have."""
 
     name = "test"
+    letters = 3
 
     def page(self, live: bool) -> dict[str, Any]:
         return {}
 
-    def answer(self, request: Any) -> Any:
-        if request["want"] == "nan":
-            return float("nan")
-        if request["want"] == "error":
-            raise OptionError("no such thing")
-        return "x" * request["want"]
+    def start(self) -> dict[str, Any]:
+        return {"text": "x" * self.letters}
 
 
 @pytest.fixture
@@ -227,33 +223,37 @@ class Tab:
 
 def test_bad_messages_get_an_answer_and_the_link_lives_on(server: Server) -> None:
     tab = Tab(server)
-    for text in ('{"id":NaN}', '{"id":1,"want":"nan"}', '{"id":2,"want":"error"}', '{"id":3}'):
+    for text in ('{"id":NaN}', '{"id":1,"want":"frame"}', '{"id":2,"want":[1]}', '{"id":3}'):
         tab.send(text)
         assert "error" in tab.read()
-    tab.send('{"id":4,"want":3}')
-    assert tab.read() == {"id": 4, "answer": "xxx"}
+    tab.send('{"id":4,"want":"start"}')
+    assert tab.read() == {"id": 4, "answer": {"text": "xxx"}}
     tab.link.close()
 
 
 def test_tabs_that_do_not_read_harm_nobody_else(server: Server) -> None:
     deaf = [Tab(server, buffer=4096) for _ in range(5)]
+    stage = server._site.stage
+    assert isinstance(stage, Stage)
+    stage.letters = 1_000_000
     for tab in deaf:
         tab.link.settimeout(0.2)
         for k in range(200):
             try:
-                tab.send(json.dumps({"id": k, "want": 1_000_000}))
+                tab.send(json.dumps({"id": k, "want": "start"}))
             except OSError:  # the server reads no more from it
                 break
     good = Tab(server)
+    stage.letters = 1000
     for k in range(20):
         start = time.monotonic()
-        good.send(json.dumps({"id": k, "want": 1000}))
+        good.send(json.dumps({"id": k, "want": "start"}))
         assert good.read()["id"] == k
         assert time.monotonic() - start < 2
     for _ in range(50):
         server.send({"shown": "x" * 1_000_000})
         assert "shown" in good.read()
-    good.send('{"id":99,"want":1}')
+    good.send('{"id":99,"want":"start"}')
     assert good.read()["id"] == 99
     assert server.pages <= 1 + len(deaf)
     start = time.monotonic()

@@ -364,7 +364,7 @@ def test_the_static_page_is_whole_and_escapes_names() -> None:
 def test_a_static_page_has_all_that_it_computes_from() -> None:
     arm = textbook("scara")
     with Viewer(arm, skeleton=True) as viewer:
-        page = viewer._stage.baked()
+        page = viewer._stage.page(live=False)
     json.dumps(page, allow_nan=False)
     assert len(page["engine"]["chain"]["joints"]) == arm.n
     families = {f["entry"]: f for f in page["engine"]["families"]}

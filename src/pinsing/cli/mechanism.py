@@ -23,9 +23,6 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 Run = Callable[..., Any]
 
-_MODE_FRAMES = 3
-"""Of the points of a curve, every so many is a frame of the animation."""
-
 
 def loops_option(run: Run) -> Callable[[F], F]:
     """Add ``--loops FILE.yaml`` to a command of an arm; with it, ``run`` is called instead.
@@ -142,10 +139,9 @@ def view_loops(
     deg: bool = False,
     **options: Any,
 ) -> None:
-    """``view --loops``: a tab in which the inputs are dragged; with ``--html``, an animation.
+    """``view --loops``: a page in which the inputs are dragged, in a tab or, by ``--html``, a file.
 
-    On the page that ``--html`` writes the first input moves through all it can reach; ``--png``
-    is a picture of the linkage, with ``--panel`` one of the tab.
+    ``--png`` is a picture of the linkage, with ``--panel`` one of the page.
     """
     from pinsing.cli.serving import picture_size, serve
 
@@ -154,11 +150,6 @@ def view_loops(
     picture = picture_size(size)
     mechanism = read(loops, options)
     inputs = _inputs(mechanism, poses, deg)
-    if html is not None:
-        _page(mechanism, inputs, html)
-        say(f"wrote {html}")
-        if png is None:
-            return
     from pinsing.mechanism import analyze_mechanism
     from pinsing.view.mechanism import MechanismViewer
 
@@ -176,21 +167,14 @@ def view_loops(
             viewer.show_inputs(inputs)
         if family is not None:
             viewer.show_group(family)
+        if html is not None:
+            viewer.save_html(html)
+            say(f"wrote {html}")
         if png is not None:
             viewer.save_png(png, picture, panel)
             say(f"wrote {png}")
-        else:
+        if html is None and png is None:
             serve(viewer, host, no_open)
-
-
-def _page(mechanism: Mechanism, inputs: Array, html: str | Path) -> None:
-    from pinsing.mechanism import curves
-    from pinsing.view.mechanism.static_page import save_mechanism_page
-
-    found = curves(mechanism, inputs, 0)
-    name = mechanism.inputs[0]
-    words = f"{mechanism}\n{name} moves over its whole range, through every assembly mode"
-    save_mechanism_page(mechanism, found[0].q[::_MODE_FRAMES], html, words)
 
 
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:

@@ -118,11 +118,19 @@ def passive_determinant(mechanism: Mechanism, q: npt.ArrayLike) -> float | None:
     It has one where as many closure equations as passive joints do not vanish identically
     (planar loops); elsewhere the rows that count change with the configuration.
     """
-    rows, sign = mechanism.once("assembly_rows", lambda: _assembly_rows(mechanism))
+    rows, sign = assembly_rows(mechanism)
     if rows is None:
         return None
     G = Loops(mechanism).scaled(mechanism.check(q))[1]
     return sign * float(np.linalg.det(G[np.ix_(rows, list(mechanism.passive))]))
+
+
+def assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
+    """Rows of the closure whose determinant tells assemblies apart, and its sign at home.
+
+    None for the rows where there are none.
+    """
+    return mechanism.once("assembly_rows", lambda: _assembly_rows(mechanism))
 
 
 def assembly_sign(mechanism: Mechanism, q: npt.ArrayLike) -> str:

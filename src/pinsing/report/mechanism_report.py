@@ -119,13 +119,10 @@ def mechanism_report(
 
 
 def _page(mechanism: Mechanism, found: MechanismAnalysis, skeleton: bool) -> str:
-    from pinsing.mechanism import curves, home
-    from pinsing.view.mechanism.static_page import mechanism_page
+    from pinsing.view.mechanism.viewer import MechanismViewer
 
-    inputs = home(mechanism)[list(mechanism.actuated)]
-    path = curves(mechanism, inputs, 0)[0].q[::3]
-    moved = f"{mechanism.inputs[0]} moves over its whole range, through every assembly mode"
-    return mechanism_page(mechanism, path, f"{mechanism}\n{moved}")
+    with MechanismViewer(mechanism, found, skeleton=skeleton) as viewer:
+        return viewer.html()
 
 
 def _special(

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.configuration.at import never_produced
 from pinsing.configuration.axis_dependence import arm_centres, moving_columns
 from pinsing.families.parts import Branch
@@ -41,8 +42,8 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
         never[:, list(arm.task.rows)] = found.T
     return {
         "schema": SCHEMA,
-        "chain": chain_data(arm),
-        "nominal": None if exact.exact else chain_data(exact.arm),
+        "chain": arm_chain(arm),
+        "nominal": None if exact.exact else arm_chain(exact.arm),
         "task": {
             "rows": list(arm.task.rows),
             "lengthScale": arm.length_scale,
@@ -55,39 +56,45 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
             "nearRtol": NEAR_RTOL,
             "size": task_size(arm),
             "length": own_scale(arm).length,
-            "columns": _numbers(own_scale(arm).columns),
+            "columns": numbers(own_scale(arm).columns),
         },
-        "joints": [
-            {
-                "name": name,
-                "prismatic": bool(slides),
-                "lower": float(low) if np.isfinite(low) else None,
-                "upper": float(high) if np.isfinite(high) else None,
-            }
-            for name, slides, low, high in zip(
-                arm.joints, arm.prismatic, arm.lower, arm.upper, strict=True
-            )
-        ],
+        "joints": joint_data(arm.joints, arm.prismatic, arm.lower, arm.upper),
         "families": [
             _family(index, entry)
             for index, entry in enumerate(entries)
             if getattr(entry.family, "branches", None)
         ],
         "centres": [{"name": c.short, "joints": list(c.ids)} for c in arm_centres(arm) if c.short],
-        "sizes": {
-            "reach": sizes.reach,
-            "translation": sizes.translation,
-            "rotation": sizes.rotation,
-            "floor": FLOOR,
-        },
+        "sizes": sizes_data(sizes),
     }
 
 
-def chain_data(arm: Arm) -> dict[str, Any]:
-    """Joints of an arm's model, base to tip, with the tip: numbers to the last bit."""
-    model, n = arm.model, arm.n
-    matrix = np.eye(n) if arm.coupling is None else arm.coupling.matrix
-    offset = np.zeros(n) if arm.coupling is None else arm.coupling.offset
+def sizes_data(sizes: Sizes) -> dict[str, float]:
+    """How large things are drawn."""
+    return {
+        "reach": sizes.reach,
+        "translation": sizes.translation,
+        "rotation": sizes.rotation,
+        "floor": FLOOR,
+    }
+
+
+def arm_chain(arm: Arm) -> dict[str, Any]:
+    """`chain_data` of an arm's model, with its mimic joints."""
+    if arm.coupling is None:
+        return chain_data(arm.model, arm.tip_id)
+    return chain_data(arm.model, arm.tip_id, arm.coupling.matrix, arm.coupling.offset)
+
+
+def chain_data(
+    model: pin.Model, tip_id: int, matrix: Array | None = None, offset: Array | None = None
+) -> dict[str, Any]:
+    """Joints of a model, root to leaves, with the frame ``tip_id``: numbers to the last bit.
+
+    A joint stands at row . q + offset, with its row of ``matrix``; at its own q by default.
+    """
+    matrix = np.eye(model.nv) if matrix is None else matrix
+    offset = np.zeros(model.nv) if offset is None else offset
     joints = []
     for j in range(1, model.njoints):
         axis, slides = joint_axis(model.joints[j], model.names[j])
@@ -96,23 +103,40 @@ def chain_data(arm: Arm) -> dict[str, Any]:
         joints.append(
             {
                 "parent": int(model.parents[j]) - 1,
-                "R": _rows(place.rotation),
-                "t": _numbers(place.translation),
-                "axis": _numbers(axis),
+                "R": rows_of(place.rotation),
+                "t": numbers(place.translation),
+                "axis": numbers(axis),
                 "prismatic": slides,
-                "weights": _numbers(matrix[row]),
+                "weights": numbers(matrix[row]),
                 "offset": float(offset[row]),
             }
         )
-    tip = model.frames[arm.tip_id]
+    return {"joints": joints, "tip": frame_data(model, tip_id)}
+
+
+def frame_data(model: pin.Model, frame_id: int) -> dict[str, Any]:
+    """A frame of a model: its joint (-1: the root) and its placement there."""
+    frame = model.frames[frame_id]
     return {
-        "joints": joints,
-        "tip": {
-            "parent": int(tip.parentJoint) - 1,
-            "R": _rows(tip.placement.rotation),
-            "t": _numbers(tip.placement.translation),
-        },
+        "parent": int(frame.parentJoint) - 1,
+        "R": rows_of(frame.placement.rotation),
+        "t": numbers(frame.placement.translation),
     }
+
+
+def joint_data(
+    names: Sequence[str], prismatic: Bool, lower: Array, upper: Array
+) -> list[dict[str, Any]]:
+    """Names and limits of joints; None where a limit is infinite."""
+    return [
+        {
+            "name": name,
+            "prismatic": bool(slides),
+            "lower": float(low) if np.isfinite(low) else None,
+            "upper": float(high) if np.isfinite(high) else None,
+        }
+        for name, slides, low, high in zip(names, prismatic, lower, upper, strict=True)
+    ]
 
 
 def _family(index: int, entry: Entry) -> dict[str, Any]:
@@ -136,18 +160,20 @@ def _branch(branch: Branch) -> dict[str, Any]:
             {
                 "frequencies": e.frequencies.tolist(),
                 "powers": e.powers.tolist() if e.powers.any() else None,
-                "cos": _numbers(e.cos),
-                "sin": _numbers(e.sin),
-                "shift": _numbers(e.shift),
+                "cos": numbers(e.cos),
+                "sin": numbers(e.sin),
+                "shift": numbers(e.shift),
             }
             for e in branch.equations
         ],
     }
 
 
-def _rows(matrix: Array) -> list[list[float]]:
-    return [_numbers(row) for row in np.asarray(matrix)]
+def rows_of(matrix: Array) -> list[list[float]]:
+    """Rows of a matrix, ready for JSON."""
+    return [numbers(row) for row in np.asarray(matrix)]
 
 
-def _numbers(values: Array) -> list[float]:
+def numbers(values: Array) -> list[float]:
+    """Numbers, ready for JSON."""
     return [float(x) for x in np.asarray(values).ravel()]

@@ -19,7 +19,6 @@ from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
-from pinsing.errors import PinsingError
 from pinsing.view.messages import BadMessage, read_message
 
 MOST_PAGES = 64
@@ -37,14 +36,8 @@ class Served(Protocol):
     def page(self, live: bool) -> dict[str, Any]:
         """The fixed part of a page, ready for JSON."""
 
-    def answer(self, request: Mapping[str, Any]) -> Any:
-        """Answer a question of a page, its ``want``, ready for JSON.
-
-        Raises
-        ------
-        PinsingError
-            If it cannot be answered; the page is told why.
-        """
+    def start(self) -> dict[str, Any]:
+        """What a page shows first: a configuration ``q``, and its place in the list."""
 
 
 @dataclass
@@ -179,16 +172,20 @@ class Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
             with contextlib.suppress(StreamClosedError, AttributeError):
                 self.ws_connection.stream.close()
 
+    def _answer(self, request: Mapping[str, Any]) -> Any:
+        # The page computes all else by itself.
+        if request["want"] == "start":
+            return self.site.stage.start()
+        raise BadMessage(f"unknown request {request['want']!r:.60}")
+
     async def on_message(self, message: str | bytes) -> None:
         """Answer one question; the next is read when the answer has gone."""
         number: int | None = None
         try:
             request = read_message(message)
             number = request["id"]
-            text = json.dumps(
-                {"id": number, "answer": self.site.stage.answer(request)}, allow_nan=False
-            )
-        except (PinsingError, BadMessage) as error:
+            text = json.dumps({"id": number, "answer": self._answer(request)}, allow_nan=False)
+        except BadMessage as error:
             text = json.dumps({"id": number, "error": str(error)})
         except (ValueError, TypeError, LookupError, ArithmeticError, RecursionError):
             text = json.dumps({"id": number, "error": "this request is not understood"})

@@ -23,10 +23,31 @@ ENGINE = (
     "paths",
     "clearance",
     "trajectory",
+    "meet",
+    "loops",
+    "mechanism",
+    "drive",
+    "curve",
+    "singular_points",
+    "dyad",
+    "surroundings",
+    "mechanism_words",
+    "mechanism_frame",
+    "mechanism_paths",
 )
 """Modules of the engine, each after those that it imports."""
 
-SCRIPTS = ("scene.js", "panel.js", "source.js", "main.js", "mechanism.js", "start.js")
+SCRIPTS = (
+    "scene.js",
+    "panel.js",
+    "source.js",
+    "player.js",
+    "take.js",
+    "main.js",
+    "mechanism_panel.js",
+    "mechanism.js",
+    "start.js",
+)
 
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.mjs";', re.MULTILINE)
 _EXPORT = re.compile(r"^export (const|function\*?|class) (\w+)", re.MULTILINE)

@@ -1,8 +1,8 @@
-"""What a page asks for: frames at configurations, poses of the list, and paths."""
+"""An arm with its list of singular poses, as its page has it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -72,18 +72,6 @@ class Stage:
         """Name of the robot."""
         return self.arm.name
 
-    def answer(self, request: Mapping[str, Any]) -> Any:
-        """Answer the question of a page: where to start.
-
-        Raises
-        ------
-        OptionError
-            If it asks for anything else.
-        """
-        if request["want"] == "start":
-            return self.start()
-        raise OptionError(f"unknown request {request['want']!r:.60}")
-
     def frame(self, q: npt.ArrayLike) -> dict[str, Any]:
         """Everything at q (n,), as the page computes it for itself."""
         return make_frame(self.arm, self.arm.check(q), self.sizes, self.entries)
@@ -134,10 +122,6 @@ class Stage:
             "engine": engine_data(self.arm, self.entries, self.sizes),
             "notes": list(self.notes),
         }
-
-    def baked(self) -> dict[str, Any]:
-        """The whole of a page that has no program behind it."""
-        return {**self.page(live=False), "start": self.start()}
 
     def _symbols(self) -> Sequence[str]:
         from pinsing.families import joint_symbols

@@ -11,7 +11,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from pinsing._types import Array
 from pinsing.arguments import checked
+from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError, UnknownNameError
+from pinsing.view.page import static_html
 from pinsing.view.server import Served, Server
 from pinsing.view.stage import KINDS
 
@@ -25,9 +27,6 @@ class Shown(Served, Protocol):
     q: Array
     chosen: tuple[int, int] | None
     notes: tuple[str, ...]
-
-    def start(self) -> dict[str, Any]:
-        """What a page shows first: a configuration, or its frame, and its place in the list."""
 
 
 class Tab:
@@ -78,6 +77,41 @@ class Tab:
         start = self._shown.start()
         self._send(start)
         return start
+
+    def html(self) -> str:
+        """The page in one file, with all that it computes from, that needs no program behind it.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.Viewer(pinsing.load("planar3r"), skeleton=True).html().splitlines()[0]
+        '<!DOCTYPE html>'
+        """
+        page = {**self._shown.page(live=False), "start": self._shown.start()}
+        return static_html(f"pinsing: {self._shown.name}", page, self._scene)
+
+    @checked
+    def save_html(self, path: str | Path) -> None:
+        """Write `html` to a file.
+
+        Parameters
+        ----------
+        path : path-like
+            The file.
+
+        Raises
+        ------
+        OutputError
+            If it cannot be written.
+
+        Examples
+        --------
+        >>> import pathlib, pinsing
+        >>> pinsing.Viewer(pinsing.load("planar3r"), skeleton=True).save_html("arm.html")
+        >>> pathlib.Path("arm.html").is_file()
+        True
+        """
+        write_text(path, self.html())
 
     def _play(self, index: int, pose: int, kind: str) -> None:
         """Play a motion in every open page."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from pathlib import Path
 from typing import Any
 
 import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.arguments import checked
-from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError
 from pinsing.families.paths import FamilyLike
 from pinsing.robot.arm import Arm
@@ -20,7 +18,6 @@ from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import finding_entries
 from pinsing.view.links import Links, read_links
 from pinsing.view.overlay import Overlay
-from pinsing.view.page import static_html
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import Stage
@@ -195,37 +192,3 @@ class Viewer(Tab):
     def _index(self, family: FamilyLike | str | int, pose: int) -> int:
         wanted = family if isinstance(family, (int, str)) else family.name
         return place_in_list([(e.name, len(e.poses)) for e in self.entries], wanted, pose)
-
-    def html(self) -> str:
-        """The page in one file, poses and paths inside, that needs no program behind it.
-
-        Examples
-        --------
-        >>> import pinsing
-        >>> pinsing.Viewer(pinsing.load("planar3r"), skeleton=True).html().splitlines()[0]
-        '<!DOCTYPE html>'
-        """
-        return static_html(f"pinsing: {self.arm.name}", self._stage.baked(), self._scene)
-
-    @checked
-    def save_html(self, path: str | Path) -> None:
-        """Write `html` to a file.
-
-        Parameters
-        ----------
-        path : path-like
-            The file.
-
-        Raises
-        ------
-        OutputError
-            If it cannot be written.
-
-        Examples
-        --------
-        >>> import pathlib, pinsing
-        >>> pinsing.Viewer(pinsing.load("planar3r"), skeleton=True).save_html("arm.html")
-        >>> pathlib.Path("arm.html").is_file()
-        True
-        """
-        write_text(path, self.html())

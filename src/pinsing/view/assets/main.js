@@ -12,13 +12,14 @@ class App {
       choose: (entry, pose) => this.choose(entry, pose),
       play: (kind) => this.play(kind),
       move: (joint, value) => this.move(joint, value),
+      meet: (entry, found) => this.meet(entry, found),
     });
     this.source = this.makeSource({ pushed: (message) => this.pushed(message), gone: () => this.gone() });
+    this.player = new Player((frame) => this.frame(frame), () => this.settle());
+    this.take = new Take(this);
     this.places = page.entries.flatMap((e, i) => [...Array(e.poses).keys()].map((k) => [i, k]));
     this.entry = null;
     this.pose = 0;
-    this.path = null;
-    this.running = false;
     this.wanted = null;
     this.turn = 0;
     this.controls();
@@ -28,13 +29,18 @@ class App {
 
   makeSource(handlers) { return new EngineSource(this.page, handlers); }
 
+  get path() { return this.player.path; }
+  get running() { return this.player.running; }
+  get drawn() { return this.player.drawn; }
+  at(place) { this.player.at(place); }
+  pause() { this.player.pause(); }
+
   controls() {
     $("prev").addEventListener("click", () => this.step(-1));
     $("next").addEventListener("click", () => this.step(1));
     $("play").addEventListener("click", () => this.toggle());
     $("fit").addEventListener("click", () => { this.view.touched = false; this.view.fit([this.view.frame]); });
     $("reset").addEventListener("click", () => this.reset());
-    $("scrub").addEventListener("input", () => { this.pause(); this.at(Number($("scrub").value)); });
     for (const option of ["translation", "rotation", "lost", "axis", "axes", "visual", "bone", "floor"]) {
       const box = $(`show-${option}`);
       box.checked = this.view.options[option];
@@ -46,11 +52,8 @@ class App {
     }
     $("nearest-pose").addEventListener("click", () => this.nearest());
     $("clearest-pose").addEventListener("click", () => this.clearest());
-    $("copy").addEventListener("click", () => this.copy($("copy-as").value));
-    $("save-picture").addEventListener("click", () => this.savePicture());
-    document.addEventListener("dragover", (event) => event.preventDefault());
-    document.addEventListener("drop", (event) => { event.preventDefault(); this.drop(event.dataTransfer.files[0]); });
     document.addEventListener("keydown", (event) => this.key(event));
+    window.addEventListener("hashchange", () => this.readAddress());
   }
 
   mode(value) {
@@ -61,135 +64,153 @@ class App {
 
   key(event) {
     if (event.ctrlKey || event.altKey || event.metaKey) return;
-    const onInput = event.target instanceof HTMLInputElement && event.target.type === "range";
-    const onButton = event.target instanceof HTMLButtonElement;
-    if (event.key === "ArrowRight" && !onInput || event.key === "n") this.step(1);
-    else if (event.key === "ArrowLeft" && !onInput || event.key === "p") this.step(-1);
-    else if (event.key === " " && !onButton) this.toggle();
+    const { target } = event, typing = target instanceof HTMLInputElement || target instanceof HTMLSelectElement;
+    const onButton = target instanceof HTMLButtonElement || target instanceof HTMLElement && target.tagName === "SUMMARY";
+    if (typing && target.type !== "checkbox") return;
+    if (event.key === "ArrowRight" || event.key === "n") this.step(1);
+    else if (event.key === "ArrowLeft" || event.key === "p") this.step(-1);
+    else if (event.key === " " && !onButton && !typing) this.toggle();
     else if (event.key === "f") $("fit").click();
     else return;
     event.preventDefault();
   }
 
+  say(words) { $("playing").textContent = words; }
+
   async start() {
-    const { frame, entry, pose } = await this.source.start();
-    const shared = this.shared();
+    const { q, entry, pose } = await this.source.start(), shared = this.shared();
     this.select(shared ? null : entry, pose, false);
-    this.frame(shared ?? frame);
-    this.view.fit([shared ?? frame]);
+    const frame = shared ?? this.source.compute(q);
+    this.frame(frame);
+    this.view.fit([frame]);
+    if (this.entry !== null) this.lookForMeetings(entry, pose);
   }
 
   frame(frame, dragged = -1) {
     this.view.show(frame);
     this.panel.show(frame, dragged);
-    if (this.source.marks && !this.running) {
-      clearTimeout(this.ticking);
-      this.ticking = setTimeout(() => this.panel.ticks(this.source.marks(frame.q)), 60);
-    }
+    this.settle();
   }
 
-  // A pose in the address: #q=0.1,0.2,...
+  // What takes longer is computed once the pose rests.
+  settle() {
+    clearTimeout(this.resting);
+    if (!this.running) this.resting = setTimeout(() => this.rest(this.view.frame), 60);
+  }
+
+  rest(frame) { this.panel.ticks(this.source.marks(frame.q)); }
+
+  // The pose in the address, as a frame.
   shared() {
-    const match = /^#q=([-+0-9.eE,]+)$/.exec(location.hash);
-    const q = match ? match[1].split(",").map(Number) : null;
-    if (!q || !this.source.compute || q.length !== this.page.joints.length || !q.every(Number.isFinite)) return null;
-    return this.source.compute(q);
+    const { q } = asked();
+    return q ? this.framed(q) : null;
+  }
+
+  framed(q) { return q.length === this.page.joints.length ? this.source.compute(q) : null; }
+
+  readAddress() {
+    const { q, picture } = asked();
+    document.body.classList.toggle("picture", picture);
+    const frame = q ? this.framed(q) : null;
+    if (q && !frame) this.say(`the address holds ${q.length} values; this robot has ${this.page.joints.length} joints`);
+    if (frame) this.go(frame.q, frame);
   }
 
   // To the nearest singular pose, and back.
   nearest() {
-    const { verdict, q } = this.view.frame;
-    if (this.before && verdict && verdict.on) { this.go(this.before); this.before = null; return; }
-    if (!verdict) return;
-    this.before = q.slice();
-    this.go(verdict.q);
+    const { q, status } = this.view.frame, back = this.before;
+    if (back && back.there.every((v, j) => v === q[j])) { this.before = null; this.go(back.here); return; }
+    const found = this.source.nearest(q);
+    if (!found || found.on && status === "singular") { this.say(found ? "this pose is singular" : "no singular pose was found"); return; }
+    this.go(found.q);
+    this.before = { here: q, there: this.view.frame.q };
+    this.panel.nearestWords("back");
   }
 
-  go(q) {
+  go(q, frame = this.source.compute(q)) {
     ++this.turn;
     this.select(null, 0);
-    const frame = this.source.compute(q);
     this.frame(frame);
     if (!this.view.touched) this.view.fit([frame]);
   }
 
   clearest() {
-    $("playing").textContent = "looking for the clearest pose\u2026";
+    this.say("looking for the clearest pose\u2026");
     setTimeout(() => {
-      const { q, lower } = Engine.clearestPose(this.page.engine);
-      this.go(q);
-      $("playing").textContent = `at least ${(lower * 180 / Math.PI).toFixed(1)}\u00b0 from every family`;
-    });
+      const { q, words } = this.source.clearest();
+      if (q) this.go(q);
+      this.say(words);
+    }, 20);
   }
 
-  poseText(kind) {
-    const q = this.view.frame.q, short = q.map((v) => Number(v.toFixed(9)));
-    const link = `${location.href.split("#")[0]}#q=${short.join(",")}`;
-    return { flag: `--q=${short.join(",")}`, python: `q = np.array([${short.join(", ")}])`, link,
-             json: JSON.stringify({ robot: this.page.robot.name, joints: this.page.joints.map((j) => j.name), q }) }[kind];
+  // The pose as each kind of text has it.
+  poseTexts() {
+    const { q } = this.view.frame;
+    return { flag: q, link: q, python: `q = np.array([${trimmed(q).join(", ")}])`,
+             json: { robot: this.page.robot.name, joints: this.page.joints.map((j) => j.name), q } };
   }
 
-  async copy(kind) {
-    const text = this.poseText(kind);
-    try {
-      await navigator.clipboard.writeText(text);
-      $("copied").textContent = `copied: ${text}`;
-    } catch {
-      $("copied").textContent = text; // no right to the clipboard: here it is, to be marked by hand
-    }
-    if (kind === "link") history.replaceState(null, "", text);
+  fileJoints() { return this.page.engine.joints; }
+
+  // The way of a trajectory: its path through the tip, coloured by clearance, ready to be played.
+  follow(name, rows, count) {
+    const frames = rows.map((q) => this.source.compute(q));
+    const worst = frames.reduce((a, b) => ((b.verdict?.value ?? Infinity) < (a.verdict?.value ?? Infinity) ? b : a));
+    this.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity));
+    this.say(`${name}: ${count} samples, nearest: ${worst.verdict ? worst.verdict.text : "no family"}`);
   }
 
-  savePicture() {
-    const link = make("a");
-    link.href = this.view.pictureWithLegend();
-    link.download = `${this.page.robot.name}.png`;
-    link.click();
-  }
-
-  // A trajectory file: its path through the tip, coloured by clearance, ready to be played.
-  async drop(file) {
-    if (!file || !this.source.compute) return;
-    try {
-      const rows = Engine.parseTrajectory(await file.text(), this.page.engine.joints);
-      const step = Math.max(1, Math.ceil(rows.length / 400));
-      const path = rows.filter((_, i) => i % step === 0);
-      const frames = path.map((q) => this.source.compute(q));
-      this.select(null, 0);
-      this.path = { frames, kind: "file" };
-      this.view.trail(frames.map((f) => ({ at: f.tip, clearance: f.verdict ? f.verdict.lower : Infinity })));
-      const worst = frames.reduce((a, b) => ((b.verdict?.value ?? Infinity) < (a.verdict?.value ?? Infinity) ? b : a));
-      this.scrub(0, frames.length - 1);
-      $("playing").textContent = `${file.name}: ${rows.length} samples, nearest: ${worst.verdict ? worst.verdict.text : "no family"}`;
-      this.at(0);
-      this.view.fit(frames);
-    } catch (error) {
-      $("playing").textContent = `${file.name}: ${error.message}`;
-    }
+  showWay(frames, clearance) {
+    this.select(null, 0);
+    this.view.trail(frames.map((f) => ({ at: f.tip, clearance: clearance(f) })));
+    this.player.load(frames, "file");
+    this.at(0);
+    this.view.fit(frames);
   }
 
   select(entry, pose, scroll = true) {
-    this.pause();
+    this.player.clear();
+    this.before = null;
+    this.panel.nearestWords("nearest singular");
     this.entry = entry;
     this.pose = pose;
-    this.path = null;
     this.panel.choose(entry, pose, scroll);
     this.panel.playing(null);
-    this.scrub(0, 0);
     const found = entry === null ? null : this.page.entries[entry];
-    $("playing").textContent = found === null ? "" : found.poses > 1 ? `${found.name}, pose ${pose + 1} of ${found.poses}` : found.name;
+    this.say(found === null ? "" : found.poses > 1 ? `${found.name}, pose ${pose + 1} of ${found.poses}` : found.name);
   }
 
   async choose(entry, pose) {
-    const turn = ++this.turn;
+    ++this.turn;
     this.select(entry, pose);
-    const frame = await this.source.pose(entry, pose);
-    if (turn !== this.turn) return;
+    const frame = this.source.compute(this.page.entries[entry].q[pose]);
     this.frame(frame);
+    if (!this.view.touched) this.view.fit([frame]);
+    await this.lookForMeetings(entry, pose);
+  }
+
+  // Once for each entry: other families that it meets.
+  async lookForMeetings(entry, pose) {
+    this.looked ??= new Set();
+    if (this.looked.has(entry)) return;
+    this.looked.add(entry);
+    await new Promise((resolve) => setTimeout(resolve, 150));
+    for await (const found of this.source.meets(entry, pose)) this.panel.meets(entry, found);
+  }
+
+  // Where two families meet: one pose after the other.
+  meet(entry, found) {
+    const here = this.meeting?.found === found ? (this.meeting.k + 1) % found.poses.length : 0;
+    this.meeting = { found, k: here };
+    ++this.turn;
+    this.select(entry, -1, false);
+    const frame = this.source.compute(found.poses[here]), { name } = this.page.entries[entry];
+    this.frame(frame);
+    this.say(`where ${name} and ${found.name} meet, pose ${here + 1} of ${found.poses.length}`);
     if (!this.view.touched) this.view.fit([frame]);
   }
 
-  reset() { if (this.entry !== null) this.choose(this.entry, this.pose); }
+  reset() { if (this.entry !== null) this.choose(this.entry, Math.max(this.pose, 0)); }
 
   step(by) {
     if (!this.places.length) return;
@@ -202,107 +223,55 @@ class App {
   // "into" a singular configuration, or "along" the family.
   async play(kind) {
     if (this.entry === null) return;
-    const turn = ++this.turn;
-    const entry = this.page.entries[this.entry];
+    const turn = ++this.turn, entry = this.page.entries[this.entry];
     this.pause();
-    $("playing").textContent = "computing the path\u2026";
-    const frames = await this.source.path(this.entry, this.pose, kind);
+    this.say("computing the path\u2026");
+    const frames = await this.source.path(this.entry, Math.max(this.pose, 0), kind);
     if (turn !== this.turn) return;
-    $("playing").textContent = frames.length ? `${PATH_WORDS[kind]} ${entry.name}` : `no way to ${PATH_WORDS[kind]} ${entry.name} was found here`;
+    this.say(frames.length ? `${PATH_WORDS[kind]} ${entry.name}` : `no way to ${PATH_WORDS[kind]} ${entry.name} was found here`);
     if (!frames.length) return;
-    this.path = { frames, kind };
-    this.drawn = -1;
+    this.player.load(frames, kind);
     this.panel.playing(kind);
-    this.scrub(0, frames.length - 1);
     if (!this.view.touched) this.view.fit(frames);
-    this.resume();
-  }
-
-  scrub(value, max) {
-    $("scrub").max = max;
-    $("scrub").value = value;
-    $("scrub").disabled = max === 0;
-  }
-
-  at(place) {
-    if (!this.path) return;
-    this.place = Math.max(0, Math.min(place, this.path.frames.length - 1));
-    const k = Math.round(this.place);
-    $("scrub").value = k;
-    if (k !== this.drawn || !this.running) this.frame(this.path.frames[k]);
-    this.drawn = k;
+    this.player.resume();
   }
 
   toggle() {
     if (this.running) this.pause();
-    else if (this.path) this.resume();
+    else if (this.path) this.player.resume();
     else if (this.entry !== null) this.play(this.page.entries[this.entry].into ? "into" : "along");
   }
 
-  icon(shape) { $("play").querySelector("path").setAttribute("d", shape); }
-
-  pause() {
-    this.running = false;
-    this.icon("M4 3v10l9-5z");
-  }
-
-  resume() {
-    const { frames, kind } = this.path;
-    const last = frames.length - 1;
-    let begin = Number($("scrub").value);
-    if (kind !== "along" && begin >= last) begin = 0;
-    const once = kind !== "along";
-    this.running = true;
-    this.icon("M4 3h3v10H4zM9 3h3v10H9z");
-    const path = this.path;
-    const rate = frames.length / (once ? 2.0 : 4.0); // frames a second
-    const started = performance.now() - (begin / rate) * 1000;
-    const tick = (now) => {
-      if (!this.running || this.path !== path) return;
-      const place = Math.max(0, ((now - started) / 1000) * rate);
-      if (once && place >= last) { this.at(last); this.pause(); return; }
-      this.at(once ? place : place % frames.length);
-      requestAnimationFrame(tick);
-    };
-    requestAnimationFrame(tick);
-  }
-
-  // A slider moved. One question is under way at a time; of what was asked meanwhile the last counts.
+  // A slider moved. Of moves that come at once only the last counts.
   async move(joint, value) {
-    this.pause();
-    if (this.path) { this.path = null; this.panel.playing(null); this.scrub(0, 0); }
-    $("playing").textContent = "";
+    if (this.path) { this.player.clear(); this.panel.playing(null); }
+    this.say("");
     const q = this.wanted ? this.wanted.q.slice() : this.panel.values(this.view.frame);
     q[joint] = value;
     const idle = this.wanted === null;
     this.wanted = { q, joint };
     if (!idle) return;
     const turn = ++this.turn;
-    let sent = null;
-    while (sent !== this.wanted) {
-      sent = this.wanted;
-      const frame = await this.moved(sent.q);
-      if (turn !== this.turn) break;
-      this.frame(frame, sent.joint);
-    }
+    await nextTask();
+    if (turn === this.turn) this.frame(this.moved(this.wanted.q), this.wanted.joint);
     this.wanted = null;
   }
 
-  moved(q) { return this.source.frame(q); }
+  moved(q) { return this.source.compute(q); }
 
   async pushed(message) {
     if (message.play) {
-      await this.choose(message.entry, message.pose);
+      this.choose(message.entry, message.pose);
       await this.play(message.play);
       return;
     }
     ++this.turn;
     this.select(message.entry, message.pose);
-    const frame = message.frame ?? this.source.compute(message.q);
+    const frame = this.source.compute(message.q);
     this.frame(frame);
     if (!this.view.touched) this.view.fit([frame]);
   }
 
-  // The page goes on by itself, where it can.
+  // The page goes on by itself.
   gone() { $("program").hidden = false; }
 }

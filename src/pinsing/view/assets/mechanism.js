@@ -1,164 +1,7 @@
 // A mechanism with closed loops: inputs are dragged, the other joints follow; modes are chosen.
 "use strict";
 
-const MECHANISM_NUMBERS = [
-  ["one", "\u03c3 type 1", "Smallest output motion over that of the free links: zero where the output loses a direction"],
-  ["two", "\u03c3 type 2", "Smallest actuator speed of a unit motion: zero where the actuators do not hold the output"],
-  ["constraint", "\u03c3 loops", "Smallest over largest singular value of the loop closure: zero where the linkage gains a motion"],
-  ["condition", "condition", "Fastest over slowest output motion at unit actuator speed"],
-];
-const KIND_WORDS = { "type 1": "Type 1 singularity", "type 2": "Type 2 singularity",
-                     "type 3": "Type 3 singularity", constraint: "Constraint singularity" };
-const TURN = 2 * Math.PI;
-const SETTLED = 180; // ms without a move
-
-class MechanismPanel extends Panel {
-  head() {
-    const { robot, joints } = this.page;
-    $("chain").title = "actuated joints, output and its rows, and the length scale L that lengths are divided by";
-    formula($("chain"), `${joints.length} joints \u00b7 driven by ${robot.inputs.join(", ")} \u00b7 ` +
-      `output ${robot.output} (${robot.task}) \u00b7 L\u00a0=\u00a0${robot.lengthScale}\u00a0m`);
-    $("bars").hidden = true;
-    $("modes").hidden = false;
-    for (const part of ["poses", "take"]) $(part).hidden = true;
-    $("key-hot").textContent = "self-motion with actuators or output locked";
-    const { translation, rotation } = this.page.settings;
-    $("ellipsoid-mode").hidden = translation === null || rotation === null;
-    for (const [kind, scale] of [["translation", translation], ["rotation", rotation]]) {
-      $(`key-${kind}`).hidden = scale === null;
-      $(`show-${kind}`).parentElement.hidden = scale === null;
-    }
-    $("mode-menu").addEventListener("change", () => this.actions.mode(JSON.parse($("mode-menu").value)));
-  }
-
-  numbers() {
-    const single = ["gain", "output speed", "Output speed at unit actuator speed"];
-    return this.page.inputs.length > 1 ? MECHANISM_NUMBERS : [...MECHANISM_NUMBERS.slice(0, 3), single];
-  }
-
-  scale() {
-    const { translation, rotation, floor } = this.page.settings;
-    const parts = [];
-    if (translation !== null) parts.push(`1 m/s is drawn ${number(translation)} m long`);
-    if (rotation !== null) parts.push(`1 rad/s ${parts.length ? "" : "is drawn "}${number(rotation)} m`);
-    return `At unit actuator speed: ${parts.join(", ")}. Flat ellipses are drawn ${100 * floor}% thick, ` +
-      "very long ones cut short.";
-  }
-
-  keys() {
-    const { output } = this.page.robot;
-    const pure = (this.mode ?? this.page.settings.mode) === "pure";
-    $("key-translation").textContent = `velocities of ${output}${pure ? " with its orientation held" : ""}`;
-    const ring = this.page.settings.planar ? " (radius: how fast)" : "";
-    $("key-rotation").textContent = `turning of ${output}${pure ? " in place" : ""}${ring}`;
-  }
-
-  joints() {
-    const { page } = this;
-    const longest = Math.max(...page.joints.map((j) => j.symbol.length));
-    $("joints").style.setProperty("--name", `${Math.min(Math.max(longest, 3), 12)}ch`);
-    this.rows = [];
-    this.windows = page.joints.map((j) => [j.lower, j.upper]);
-    for (const index of page.inputs) {
-      const found = this.row(page.joints[index], index, page.live);
-      found.track = make("span", "track");
-      found.slider.replaceWith(found.track);
-      found.band = make("span", "band");
-      found.track.append(found.slider, found.band);
-      // Let go where the mechanism cannot follow, the slider goes back to it.
-      found.slider.addEventListener("change", () => this.actions.settle());
-      $("joints").append(found.row);
-      this.rows[index] = found;
-    }
-    $("joints").append(make("h3", "", "Passive joints, solved"));
-    page.joints.forEach((joint, index) => {
-      if (page.inputs.includes(index)) return;
-      this.rows[index] = this.row(joint, index, false);
-      this.rows[index].row.classList.add("passive");
-      $("joints").append(this.rows[index].row);
-    });
-    $("joints-note").textContent = "Green: within reach of this slider in the present mode. " +
-      "Marks: singular poses on the way.";
-  }
-
-  // Angles are shown in the turn of their slider.
-  value(frame, joint) {
-    const [low, high] = this.windows[joint];
-    const value = frame.q[joint];
-    if (this.page.joints[joint].prismatic || (value >= low - 1e-9 && value <= high + 1e-9)) return value;
-    return low + ((((value - low) % TURN) + TURN) % TURN);
-  }
-
-  verdict(frame) {
-    $("verdict").className = frame.status;
-    $("status").textContent = KIND_WORDS[frame.kind] ?? WORDS[frame.status];
-    $("rank").textContent = `\u00b7 ${frame.mode}`;
-    formula($("nearest"), frame.verdict.text);
-    $("refused").hidden = !frame.refused;
-    formula($("refused"), frame.refused ?? "");
-    this.menu([{ name: frame.mode, q: frame.q, here: true }], []);
-  }
-
-  readings(frame) {
-    for (const [id] of this.numbers()) $(id).textContent = number(frame[id]);
-    this.losses([...frame.lost.map((m) => m.words), ...frame.given]);
-  }
-
-  menu(assemblies, working) {
-    const groups = [["At these inputs (assembly modes)", assemblies], ["At this output position (working modes)", working]];
-    $("mode-menu").replaceChildren(...groups.filter(([, modes]) => modes.length > 1 || modes === assemblies).map(([title, modes]) => {
-      const group = make("optgroup");
-      group.label = title;
-      group.append(...modes.map((mode) => {
-        const option = make("option", "", mode.name);
-        option.value = JSON.stringify(mode.q);
-        option.selected = mode.here && modes === assemblies;
-        return option;
-      }));
-      return group;
-    }));
-  }
-
-  // How far each input goes, and the other modes.
-  surroundings(frame, found) {
-    this.menu(found.assemblies, found.working);
-    if (frame.status !== "singular" && found.ahead) formula($("nearest"), found.ahead);
-    found.stretches.forEach((stretch, k) => this.stretch(frame, this.page.inputs[k], stretch));
-  }
-
-  stretch(frame, index, { lower, upper, whole, marks }) {
-    const joint = this.page.joints[index];
-    const { slider, band } = this.rows[index];
-    if (!joint.limited && !joint.prismatic) this.windows[index] = turnOf(lower, upper, whole);
-    const [low, high] = this.windows[index];
-    Object.assign(slider, { min: low, max: high });
-    const shown = this.value(frame, index);
-    slider.value = shown;
-    const shift = shown - frame.q[index];
-    const place = (v) => Math.min(100, Math.max(0, (100 * (v + shift - low)) / (high - low)));
-    const reach = make("span", "reach");
-    const [begin, end] = whole ? [0, 100] : [place(lower), place(upper)];
-    reach.style.left = `${begin}%`;
-    reach.style.width = `${end - begin}%`;
-    band.replaceChildren(reach, ...marks.map((mark) => {
-      const node = make("span", `mark ${mark.kind.replace(" ", "-")}`);
-      node.title = mark.words;
-      const value = whole ? low + ((((mark.value + shift - low) % TURN) + TURN) % TURN) - shift : mark.value;
-      node.style.left = `${place(value)}%`;
-      return node;
-    }));
-  }
-}
-
-// A turn that holds what is within reach: from -180 to 180 degrees if it can be that one.
-function turnOf(lower, upper, whole) {
-  const fits = (low) => {
-    const turns = Math.ceil((low - lower) / TURN - 1e-9) * TURN;
-    return upper + turns <= low + TURN + 1e-9;
-  };
-  const low = whole ? -Math.PI : [-Math.PI, 0, -Math.PI / 2, Math.PI / 2].find(fits) ?? (lower + upper) / 2 - Math.PI;
-  return [low, low + TURN];
-}
+const SETTLED = 120; // ms without a move
 
 class MechanismApp extends App {
   constructor(page, scene) {
@@ -176,76 +19,80 @@ class MechanismApp extends App {
 
   makePanel(actions) {
     return new MechanismPanel(this.page, {
-      ...actions, mode: (q) => this.assemble(q), settle: () => this.settle(),
+      ...actions, mode: (q) => this.go(q), release: () => this.release(),
     });
   }
 
-  frame(frame, dragged = -1) {
-    super.frame(frame, dragged);
-    clearTimeout(this.timer);
-    if (!this.running) this.timer = setTimeout(() => this.look(), SETTLED);
-  }
-
-  pause() {
-    super.pause();
-    clearTimeout(this.timer);
-    if (this.view.frame) this.timer = setTimeout(() => this.look(), SETTLED);
-  }
-
-  // Once at rest: how far the inputs go, and the other modes.
-  async look() {
-    const { frame } = this.view;
-    if (!frame || this.running || this.wanted) return;
-    let found;
-    try {
-      found = await this.source.around(frame.q);
-    } catch (error) {
-      $("remarks").textContent = error.message;
-      return;
-    }
-    if (frame !== this.view.frame || this.running || this.wanted) return;
-    this.panel.surroundings(frame, found);
-    this.known = frame;
-  }
-
-  makeSource(handlers) { return new LiveSource(handlers); }
-
-  // Without the program nothing of a mechanism can be computed.
-  gone() {
-    this.pause();
-    clearTimeout(this.timer);
-    $("nearest").textContent = "pinsing has ended: nothing answers this page any more.";
-    document.querySelectorAll("button, input, select").forEach((control) => { control.disabled = true; });
-  }
+  makeSource(handlers) { return new MechanismSource(this.page, handlers); }
 
   inputs(q) { return this.page.inputs.map((i) => q[i]); }
 
-  // The way starts where the mechanism is, in the turn that its sliders show.
-  async moved(q) {
-    const from = this.panel.values(this.view.frame);
-    try {
-      return await this.source.drive(from, this.inputs(q));
-    } catch (error) {
-      return { ...this.view.frame, refused: error.message };
+  // Once at rest: how far the inputs go, one after the other, and the other modes.
+  async rest(frame) {
+    const { engine, inputs } = this.page, found = [], q = frame.q;
+    const stale = () => frame !== this.view.frame || this.running || this.wanted !== null;
+    await new Promise((resolve) => setTimeout(resolve, SETTLED));
+    for (const k of inputs.keys()) {
+      await nextTask();
+      if (stale()) return;
+      found.push(Engine.stretch(engine, q, k));
+      if (found[k]) this.panel.stretch(frame, inputs[k], found[k]);
     }
+    await nextTask();
+    if (stale()) return;
+    const { assemblies, working } = Engine.modesAt(engine, q);
+    this.panel.menu(assemblies, working);
+    this.stretches = found;
+    if (frame.status !== "singular") this.panel.ahead(Engine.aheadOf(engine, q, found)?.text);
+    this.known = frame;
   }
+
+  // A pose out of an address: all joints, whose loops are closed, or the inputs alone.
+  framed(q) {
+    const { engine, inputs, joints } = this.page;
+    if (q.length === joints.length) {
+      const { q: closed, error } = Engine.gaussNewton(engine, q, Engine.passiveOf(engine));
+      return error <= 1e-9 ? this.source.compute(closed) : null;
+    }
+    return q.length === inputs.length ? this.source.driven(engine.home, q) : null;
+  }
+
+  // The way starts where the mechanism is, in the turn that its sliders show.
+  moved(q) { return this.source.driven(this.panel.values(this.view.frame), this.inputs(q)); }
 
   async reset() {
     if (this.entry !== null) { this.choose(this.entry, this.pose); return; }
-    const turn = ++this.turn;
-    const { frame } = await this.source.start();
-    if (turn === this.turn) this.frame(frame);
+    this.go(this.page.engine.home);
   }
 
-  async assemble(q) {
-    const turn = ++this.turn;
-    this.select(null, 0);
-    const frame = await this.source.drive(q, this.inputs(q));
-    if (turn === this.turn) this.frame(frame);
+  poseTexts() {
+    const { q } = this.view.frame, flag = this.inputs(q), names = this.page.joints.map((j) => j.name);
+    return { flag, link: q, python: `inputs = np.array([${trimmed(flag).join(", ")}])  # ${this.page.robot.inputs.join(", ")}\n` +
+               `q = np.array([${trimmed(q).join(", ")}])`,
+             json: { robot: this.page.robot.name, joints: names, q, inputs: this.page.robot.inputs } };
   }
 
-  settle() {
-    if (this.wanted) { setTimeout(() => this.settle(), 30); return; }
-    this.panel.page.inputs.forEach((i) => { this.panel.rows[i].slider.value = this.panel.value(this.view.frame, i); });
+  fileJoints() { return this.page.inputs.map((i) => this.page.engine.joints[i]); }
+
+  // A file holds the inputs: the mechanism follows them from where it is, as far as the mode goes.
+  follow(name, rows, count) {
+    const frames = [];
+    let q = this.view.frame.q, end = "";
+    for (const row of rows) {
+      const frame = this.source.driven(q, row);
+      if (frame.refused) { end = `; ${frame.refused}`; break; }
+      frames.push(frame);
+      q = frame.q;
+    }
+    if (!frames.length) { this.say(`${name}${end}`); return; }
+    const measure = (f) => Math.min(f.one, f.two, f.constraint), worst = frames.reduce((a, b) => (measure(b) < measure(a) ? b : a));
+    this.showWay(frames, measure);
+    this.say(`${name}: ${count} samples, smallest measure ${number(measure(worst))}${end}`);
+  }
+
+  // Let go, a slider is where the mechanism is.
+  release() {
+    if (this.wanted) { setTimeout(() => this.release(), 30); return; }
+    for (const i of this.page.inputs) this.panel.rows[i].slider.value = this.panel.value(this.view.frame, i);
   }
 }

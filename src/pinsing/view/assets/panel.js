@@ -117,6 +117,16 @@ class Panel {
     });
   }
 
+  // A button for the poses where this entry's family meets another.
+  meets(entry, found) {
+    const button = make("button", "meet", `meets ${found.name}`);
+    button.title = "A pose on both; once more for the next";
+    button.addEventListener("click", () => this.actions.meet(entry, found));
+    this.items[entry].querySelector(".actions").append(button);
+  }
+
+  nearestWords(words) { $("nearest-pose").textContent = words; }
+
   joints() {
     this.rows = this.page.joints.map((joint, index) => {
       const found = this.row(joint, index, true);
@@ -202,7 +212,6 @@ class Panel {
     $("sigma-min").textContent = number(frame.sigma[frame.genericRank - 1]);
     $("condition").textContent = number(frame.condition);
     $("manipulability").textContent = number(frame.manipulability);
-    $("nearest-pose").disabled = !frame.verdict;
     const zero = frame.status === "singular";
     $("bars").replaceChildren(...frame.sigma.slice(0, frame.genericRank).map((s, i) => {
       const bar = make("div", zero && i >= frame.rank ? "zero" : "");

@@ -1,15 +1,18 @@
-// Where frames come from: the page computes those of an arm itself; those of a mechanism come from
-// the program behind it.
+// Where frames come from: the page computes them by itself. A program behind the page leads it.
 "use strict";
 
-// An arm. With a program behind the page, that program may show configurations (`pushed`).
+const nextTask = () => new Promise((resolve) => setTimeout(resolve));
+
 class EngineSource {
   constructor(page, handlers) {
     this.page = page;
     this.stream = page.live ? new LiveSource(handlers) : null;
   }
 
+  async start() { return this.stream ? this.stream.start() : this.page.start; }
+
   compute(q) { return Engine.frameAt(this.page.engine, q); }
+
   // Where each joint alone would meet each family.
   marks(q) {
     const { engine, joints } = this.page;
@@ -18,26 +21,81 @@ class EngineSource {
         : Engine.meetings(f, q, j, joint.lower, joint.upper, joint.prismatic).map((value) => ({ value, name: f.name, text: f.text })))));
   }
 
-  async frame(q) { return this.compute(q); }
-  async pose(entry, k) { return this.compute(this.page.entries[entry].q[k]); }
+  familyOf(entry) { return this.page.engine.families.find((f) => f.entry === entry) ?? null; }
 
   async path(entry, k, kind) {
-    const { engine, entries } = this.page;
-    const family = engine.families.find((f) => f.entry === entry) ?? null;
-    const goal = entries[entry].q[k];
-    await new Promise((resolve) => setTimeout(resolve)); // the page says first what it does
+    const { engine, entries } = this.page, family = this.familyOf(entry), goal = entries[entry].q[k];
+    await nextTask(); // the page says first what it does
     if (kind === "along" && family === null) return [];
-    const path = kind === "into" ? Engine.into(engine, entries[entry].moved, goal)
-      : Engine.along(engine, family, goal);
+    const path = kind === "into" ? Engine.into(engine, entries[entry].moved, goal) : Engine.along(engine, family, goal);
     return Engine.framesOf(engine, path, family);
   }
 
-  async start() {
-    const { q, entry, pose } = this.stream ? await this.stream.start() : this.page.start;
-    return { frame: this.compute(q), entry, pose };
+  // Other entries, with poses where the family of this one meets theirs.
+  async *meets(entry, k) {
+    const { engine, entries } = this.page, family = this.familyOf(entry);
+    for (const other of family ? engine.families : []) {
+      if (other === family || other.reachable === false) continue;
+      await nextTask();
+      const poses = Engine.meetingPoses(engine, family, other, entries[entry].q[k]);
+      if (poses.length) yield { entry: other.entry, name: other.name, poses };
+    }
+  }
+
+  nearest(q) {
+    const found = Engine.nearestFamily(this.page.engine, q);
+    return found ? { q: found.q, on: found.on } : null;
+  }
+
+  clearest() {
+    const { q, lower } = Engine.clearestPose(this.page.engine);
+    return { q, words: lower < 1e-9 ? "no pose clear of all families was found"
+      : lower === Infinity ? "nothing is singular: every pose is clear"
+      : `at least ${((lower * 180) / Math.PI).toFixed(1)}\u00b0 from every family` };
   }
 }
 
+class MechanismSource extends EngineSource {
+  compute(q) { return Engine.mechanismFrame(this.page.engine, q); }
+
+  // Frame where the mechanism gets to from a closed q on the way to new inputs; `refused` says where it
+  // stopped.
+  driven(q, inputs) {
+    const { engine } = this.page, { joints, actuated } = engine;
+    const wanted = inputs.map((v, k) => Math.min(joints[actuated[k]].upper ?? Infinity, Math.max(joints[actuated[k]].lower ?? -Infinity, v)));
+    const found = Engine.drive(engine, wanted, q), frame = this.compute(found.q);
+    if (found.reached < 1) frame.refused = this.refused(wanted, q, found.q);
+    return frame;
+  }
+
+  refused(wanted, before, q) {
+    const { engine } = this.page, far = wanted.map((v, k) => Math.abs(v - before[engine.actuated[k]]));
+    const k = far.indexOf(Math.max(...far)), index = engine.actuated[k];
+    return `infeasible: ${engine.joints[index].name} = ${Engine.inputText(engine, k, wanted[k])}. In this mode the loops close ` +
+      `up to ${Engine.inputText(engine, k, q[index], 2)}, the others held; the mechanism stays there.`;
+  }
+
+  async path(entry, k, kind) {
+    const { engine, entries } = this.page, point = { ...entries[entry].points[k], q: entries[entry].q[k] };
+    await nextTask();
+    const rows = kind === "into" ? Engine.mechanismInto(engine, point) : Engine.mechanismAlong(engine, point);
+    return rows.map((q) => this.compute(q));
+  }
+
+  async *meets() { /* loci of a mechanism meet in poses of type 3, which the list has */ }
+
+  nearest(q) {
+    const { engine } = this.page, found = Engine.aheadOf(engine, q, engine.actuated.map((_, k) => Engine.stretch(engine, q, k)));
+    return found ? { q: found.q, on: false } : null;
+  }
+
+  clearest() {
+    const { q, measure } = Engine.healthiestPose(this.page.engine);
+    return { q, words: q ? `measures of type 1 and 2 of at least ${number(measure)}` : "no pose within the limits was found" };
+  }
+}
+
+// The stream of the program behind the page, which shows configurations (`pushed`).
 class LiveSource {
   constructor(handlers) {
     this.waiting = new Map();
@@ -46,7 +104,7 @@ class LiveSource {
       const scheme = location.protocol === "https:" ? "wss:" : "ws:";
       this.socket = new WebSocket(`${scheme}//${location.host}${location.pathname}live`);
       this.socket.onopen = resolve;
-      this.socket.onerror = reject;
+      this.socket.onerror = () => reject(new Error("the program that serves this page does not answer"));
       this.socket.onclose = () => handlers.gone();
       this.socket.onmessage = (event) => this.receive(JSON.parse(event.data), handlers);
     });
@@ -60,22 +118,12 @@ class LiveSource {
     else resolve(message.answer);
   }
 
-  async ask(request) {
+  async start() {
     await this.opened;
     const id = ++this.number;
     return new Promise((resolve, reject) => {
-      if (this.socket.readyState !== WebSocket.OPEN) return; // gone() has told the user
       this.waiting.set(id, { resolve, reject });
-      this.socket.send(JSON.stringify({ id, ...request }));
+      this.socket.send(JSON.stringify({ id, want: "start" }));
     });
   }
-
-  pose(entry, k) { return this.ask({ want: "pose", entry, pose: k }); }
-  path(entry, k, kind) { return this.ask({ want: "path", entry, pose: k, kind }); }
-  frame(q) { return this.ask({ want: "frame", q }); }
-  start() { return this.ask({ want: "start" }); }
-
-  // Of a mechanism: from a closed configuration to other inputs, and what surrounds it.
-  drive(q, inputs) { return this.ask({ want: "frame", q, inputs }); }
-  around(q) { return this.ask({ want: "around", q }); }
 }

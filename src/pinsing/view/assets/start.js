@@ -9,7 +9,7 @@ async function unpack(element) {
 
 (async () => {
   $("busy").hidden = false;
-  if (location.hash === "#picture") document.body.classList.add("picture");
+  if (asked().picture) document.body.classList.add("picture");
   try {
     let page, scene;
     if ($("baked-page")) {

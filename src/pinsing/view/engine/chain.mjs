@@ -21,19 +21,25 @@ export function placements(chain, q) {
   return out;
 }
 
-// Placement of the tip among the placements of the joints.
-export const tipOf = (chain, places) =>
-  (chain.tip.parent < 0 ? chain.tip : after(places[chain.tip.parent], chain.tip));
+// Placement of a frame { parent, R, t } among the placements of the joints.
+export const frameOf = (frame, places) =>
+  (frame.parent < 0 ? { R: frame.R, t: frame.t } : after(places[frame.parent], frame));
+
+// Placement of the tip.
+export const tipOf = (chain, places) => frameOf(chain.tip, places);
 
 const after = (a, b) => ({ R: product(a.R, b.R), t: add(times(a.R, b.t), a.t) });
 
 // Frame Jacobian (6 x n) of the tip: rows vx, vy, vz, wx, wy, wz in base axes, per unit joint speed
 // (as pin.computeFrameJacobian, LOCAL_WORLD_ALIGNED).
-export function jacobian(chain, places) {
-  const tip = tipOf(chain, places).t;
+export const jacobian = (chain, places) => jacobianOf(chain, places, chain.tip);
+
+// The same of any frame { parent, R, t }.
+export function jacobianOf(chain, places, frame) {
+  const tip = frameOf(frame, places).t;
   const n = chain.joints.length ? chain.joints[0].weights.length : 0;
   const J = Array.from({ length: 6 }, () => new Array(n).fill(0));
-  for (let j = chain.tip.parent; j >= 0; j = chain.joints[j].parent) {
+  for (let j = frame.parent; j >= 0; j = chain.joints[j].parent) {
     const joint = chain.joints[j], axis = times(places[j].R, joint.axis);
     const twist = joint.prismatic ? [...axis, 0, 0, 0] : [...cross(axis, subtract(tip, places[j].t)), ...axis];
     joint.weights.forEach((w, k) => { if (w) for (let i = 0; i < 6; i++) J[i][k] += w * twist[i]; });

@@ -7,8 +7,23 @@ export const add = (a, b) => a.map((x, i) => x + b[i]);
 export const subtract = (a, b) => a.map((x, i) => x - b[i]);
 export const scaled = (a, s) => a.map((x) => x * s);
 export const transpose = (A) => (A.length ? A[0].map((_, j) => A.map((row) => row[j])) : []);
-export const times = (A, v) => A.map((row) => dot(row, v));
-export const product = (A, B) => { const columns = transpose(B); return A.map((row) => columns.map((c) => dot(row, c))); };
+export function times(A, v) {
+  const out = new Array(A.length);
+  for (let i = 0; i < A.length; i++) out[i] = dot(A[i], v);
+  return out;
+}
+export function product(A, B) {
+  const out = new Array(A.length), n = B.length ? B[0].length : 0;
+  for (let i = 0; i < A.length; i++) {
+    const row = A[i], made = (out[i] = new Array(n));
+    for (let j = 0; j < n; j++) {
+      let s = 0;
+      for (let k = 0; k < row.length; k++) s += row[k] * B[k][j];
+      made[j] = s;
+    }
+  }
+  return out;
+}
 export const identity = (n) => Array.from({ length: n }, (_, i) => Array.from({ length: n }, (_, j) => (i === j ? 1 : 0)));
 
 // Rotation about a unit axis (Rodrigues).
@@ -51,11 +66,13 @@ export function turnZTo(d) {
 export function svd(A) {
   const m = A.length, n = m ? A[0].length : 0;
   const rows = A.map((row) => row.slice()), left = identity(m);
+  // Where the rank is less than the number of rows, some shrink without end, and turn nothing else any more.
+  const nothing = (m > n ? 1e-40 : 1e-60) * rows.reduce((sum, row) => sum + dot(row, row), 0);
   for (let sweep = 0; sweep < 40; sweep++) {
     let turned = false;
     for (let i = 0; i < m - 1; i++) for (let j = i + 1; j < m; j++) {
       const a = dot(rows[i], rows[i]), b = dot(rows[j], rows[j]), c = dot(rows[i], rows[j]);
-      if (Math.abs(c) <= 1e-16 * Math.sqrt(a * b) || Math.abs(c) < 1e-290) continue;
+      if (Math.abs(c) <= 1e-15 * Math.sqrt(a * b) || Math.abs(c) < 1e-290 || a < nothing || b < nothing) continue;
       turned = true;
       const zeta = (b - a) / (2 * c);
       const t = (zeta >= 0 ? 1 : -1) / (Math.abs(zeta) + Math.sqrt(1 + zeta * zeta));

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from pinsing.errors import OptionError
 from pinsing.mechanism.analysis import analyze_mechanism
 from pinsing.mechanism.drive import drive
+from pinsing.mechanism.motion import mechanism_at
 from pinsing.mechanism.result import MechanismAnalysis
 from pinsing.mechanism.solve import assemblies
 from pinsing.robot.mechanism import Mechanism
@@ -79,8 +80,7 @@ class MechanismViewer(Tab):
         ConfigurationError
             If q has the wrong length, or the loops do not close there.
         """
-        q = self.mechanism.check(q)
-        self._stage.frame(q)
+        q = mechanism_at(self.mechanism, q).q  # refuses open loops
         self._move(q, None)
 
     def show_inputs(self, inputs: npt.ArrayLike) -> None:

@@ -1,0 +1,160 @@
+// The panel of a mechanism with closed loops: sliders of its inputs, passive joints, modes.
+"use strict";
+
+const MECHANISM_NUMBERS = [
+  ["one", "\u03c3 type 1", "Smallest output motion over that of the free links: zero where the output loses a direction"],
+  ["two", "\u03c3 type 2", "Smallest actuator speed of a unit motion: zero where the actuators do not hold the output"],
+  ["constraint", "\u03c3 loops", "Smallest over largest singular value of the loop closure: zero where the linkage gains a motion"],
+  ["condition", "condition", "Fastest over slowest output motion at unit actuator speed"],
+];
+const KIND_WORDS = { "type 1": "Type 1 singularity", "type 2": "Type 2 singularity",
+                     "type 3": "Type 3 singularity", constraint: "Constraint singularity" };
+const TURN = 2 * Math.PI;
+
+class MechanismPanel extends Panel {
+  head() {
+    const { robot, joints } = this.page;
+    $("chain").title = "actuated joints, output and its rows, and the length scale L that lengths are divided by";
+    formula($("chain"), `${joints.length} joints \u00b7 driven by ${robot.inputs.join(", ")} \u00b7 ` +
+      `output ${robot.output} (${robot.task}) \u00b7 L\u00a0=\u00a0${robot.lengthScale}\u00a0m`);
+    $("bars").hidden = true;
+    $("modes").hidden = false;
+    $("key-hot").textContent = "self-motion with actuators or output locked";
+    const { translation, rotation } = this.page.settings;
+    $("ellipsoid-mode").hidden = translation === null || rotation === null;
+    for (const [kind, scale] of [["translation", translation], ["rotation", rotation]]) {
+      $(`key-${kind}`).hidden = scale === null;
+      $(`show-${kind}`).parentElement.hidden = scale === null;
+    }
+    $("mode-menu").addEventListener("change", () => this.actions.mode(JSON.parse($("mode-menu").value)));
+  }
+
+  numbers() {
+    const single = ["gain", "output speed", "Output speed at unit actuator speed"];
+    return this.page.inputs.length > 1 ? MECHANISM_NUMBERS : [...MECHANISM_NUMBERS.slice(0, 3), single];
+  }
+
+  scale() {
+    const { translation, rotation, floor } = this.page.settings;
+    const parts = [];
+    if (translation !== null) parts.push(`1 m/s is drawn ${number(translation)} m long`);
+    if (rotation !== null) parts.push(`1 rad/s ${parts.length ? "" : "is drawn "}${number(rotation)} m`);
+    return `At unit actuator speed: ${parts.join(", ")}. Flat ellipses are drawn ${100 * floor}% thick, ` +
+      "very long ones cut short.";
+  }
+
+  keys() {
+    const { output } = this.page.robot;
+    const pure = (this.mode ?? this.page.settings.mode) === "pure";
+    $("key-translation").textContent = `velocities of ${output}${pure ? " with its orientation held" : ""}`;
+    const ring = this.page.settings.planar ? " (radius: how fast)" : "";
+    $("key-rotation").textContent = `turning of ${output}${pure ? " in place" : ""}${ring}`;
+  }
+
+  joints() {
+    const { page } = this;
+    const longest = Math.max(...page.joints.map((j) => j.symbol.length));
+    $("joints").style.setProperty("--name", `${Math.min(Math.max(longest, 3), 12)}ch`);
+    this.rows = [];
+    this.windows = page.joints.map((j) => [j.lower, j.upper]);
+    for (const index of page.inputs) {
+      const found = this.row(page.joints[index], index, true);
+      found.track = make("span", "track");
+      found.slider.replaceWith(found.track);
+      found.band = make("span", "band");
+      found.track.append(found.slider, found.band);
+      // Let go where the mechanism cannot follow, the slider goes back to it.
+      found.slider.addEventListener("change", () => this.actions.release());
+      $("joints").append(found.row);
+      this.rows[index] = found;
+    }
+    $("joints").append(make("h3", "", "Passive joints, solved"));
+    page.joints.forEach((joint, index) => {
+      if (page.inputs.includes(index)) return;
+      this.rows[index] = this.row(joint, index, false);
+      this.rows[index].row.classList.add("passive");
+      $("joints").append(this.rows[index].row);
+    });
+    $("joints-note").textContent = "Green: within reach of this slider in the present mode. " +
+      "Marks: singular poses on the way.";
+  }
+
+  shown(index, value) {
+    const k = this.page.engine.actuated.indexOf(index);
+    return Engine.inputText(this.page.engine, k, value);
+  }
+
+  // Angles are shown in the turn of their slider.
+  value(frame, joint) {
+    const [low, high] = this.windows[joint];
+    const value = frame.q[joint];
+    if (this.page.joints[joint].prismatic || (value >= low - 1e-9 && value <= high + 1e-9)) return value;
+    return low + ((((value - low) % TURN) + TURN) % TURN);
+  }
+
+  verdict(frame) {
+    $("verdict").className = frame.status;
+    $("status").textContent = KIND_WORDS[frame.kind] ?? WORDS[frame.status];
+    $("rank").textContent = `\u00b7 ${frame.mode}`;
+    formula($("nearest"), frame.verdict.text);
+    $("refused").hidden = !frame.refused;
+    formula($("refused"), frame.refused ?? "");
+    this.menu([{ name: frame.mode, q: frame.q, here: true }], []);
+  }
+
+  readings(frame) {
+    for (const [id] of this.numbers()) $(id).textContent = number(frame[id]);
+    this.losses([...frame.lost.map((m) => m.words), ...frame.given]);
+  }
+
+  menu(assemblies, working) {
+    const groups = [["At these inputs (assembly modes)", assemblies], ["At this output position (working modes)", working]];
+    $("mode-menu").replaceChildren(...groups.filter(([, modes]) => modes.length > 1 || modes === assemblies).map(([title, modes]) => {
+      const group = make("optgroup");
+      group.label = title;
+      group.append(...modes.map((mode) => {
+        const option = make("option", "", mode.name);
+        option.value = JSON.stringify(mode.q);
+        option.selected = mode.here && modes === assemblies;
+        return option;
+      }));
+      return group;
+    }));
+  }
+
+  ahead(text) { if (text) formula($("nearest"), text); }
+
+  // How far an input goes, with the singular poses on the way.
+  stretch(frame, index, { lower, upper, whole, points }) {
+    const joint = this.page.joints[index];
+    const { slider, band } = this.rows[index];
+    if (!joint.limited && !joint.prismatic) this.windows[index] = turnOf(lower, upper, whole);
+    const [low, high] = this.windows[index];
+    Object.assign(slider, { min: low, max: high });
+    const shown = this.value(frame, index);
+    slider.value = shown;
+    const shift = shown - frame.q[index];
+    const place = (v) => Math.min(100, Math.max(0, (100 * (v + shift - low)) / (high - low)));
+    const reach = make("span", "reach");
+    const [begin, end] = whole ? [0, 100] : [place(lower), place(upper)];
+    reach.style.left = `${begin}%`;
+    reach.style.width = `${end - begin}%`;
+    band.replaceChildren(reach, ...points.map((point) => {
+      const node = make("span", `mark ${point.kind.replace(" ", "-")}`), at = point.q[index];
+      node.title = `${point.kind} at ${this.shown(index, at)}`;
+      const value = whole ? low + ((((at + shift - low) % TURN) + TURN) % TURN) - shift : at;
+      node.style.left = `${place(value)}%`;
+      return node;
+    }));
+  }
+}
+
+// A turn that holds what is within reach: from -180 to 180 degrees if it can be that one.
+function turnOf(lower, upper, whole) {
+  const fits = (low) => {
+    const turns = Math.ceil((low - lower) / TURN - 1e-9) * TURN;
+    return upper + turns <= low + TURN + 1e-9;
+  };
+  const low = whole ? -Math.PI : [-Math.PI, 0, -Math.PI / 2, Math.PI / 2].find(fits) ?? (lower + upper) / 2 - Math.PI;
+  return [low, low + TURN];
+}

@@ -1,0 +1,62 @@
+// What goes out of the page and comes into it: poses as text and links, pictures, trajectory files.
+"use strict";
+
+const trimmed = (q) => q.map((v) => Number(v.toFixed(9)));
+
+// What the address asks for: #q=0.1,0.2,... and #picture.
+function asked() {
+  const parts = location.hash.slice(1).split("&"), found = parts.find((part) => part.startsWith("q="));
+  const q = found && /^q=[-+0-9.eE,]+$/.test(found) ? found.slice(2).split(",").map(Number) : null;
+  return { q: q && q.every(Number.isFinite) ? q : null, picture: parts.includes("picture") };
+}
+
+class Take {
+  // `app` gives the pose (`poseTexts()`), joints of a file (`fileJoints()`) and takes one in (`follow`).
+  constructor(app) {
+    this.app = app;
+    $("copy").addEventListener("click", () => this.copy($("copy-as").value));
+    $("save-picture").addEventListener("click", () => this.picture());
+    $("open-path").addEventListener("click", () => $("path-file").click());
+    $("path-file").addEventListener("change", () => { this.read($("path-file").files[0]); $("path-file").value = ""; });
+    document.addEventListener("dragover", (event) => event.preventDefault());
+    document.addEventListener("drop", (event) => { event.preventDefault(); this.read(event.dataTransfer.files[0]); });
+  }
+
+  text(kind) {
+    const { flag, python, link, json } = this.app.poseTexts();
+    return { flag: `--q=${trimmed(flag).join(",")}`, python, link: `${location.href.split("#")[0]}#q=${trimmed(link).join(",")}`,
+             json: JSON.stringify(json) }[kind];
+  }
+
+  async copy(kind) {
+    const text = this.text(kind);
+    try {
+      await navigator.clipboard.writeText(text);
+      $("copied").textContent = `copied: ${text}`;
+    } catch {
+      $("copied").textContent = text; // no right to the clipboard: here it is, to be marked by hand
+    }
+    if (kind !== "link") return;
+    try { history.replaceState(null, "", text); } catch { /* a frame without an address of its own */ }
+  }
+
+  picture() {
+    const link = make("a");
+    link.href = this.app.view.pictureWithLegend();
+    link.download = `${this.app.page.robot.name.replace(/[^\w.-]+/g, "_") || "robot"}.png`;
+    link.click();
+  }
+
+  // A trajectory file, ready to be played.
+  async read(file) {
+    if (!file) return;
+    const { app } = this;
+    try {
+      const rows = Engine.parseTrajectory(await file.text(), app.fileJoints());
+      const step = Math.max(1, Math.ceil(rows.length / 400));
+      app.follow(file.name, rows.filter((_, i) => i % step === 0 || i === rows.length - 1), rows.length);
+    } catch (error) {
+      app.say(`${file.name}: ${error.message}`);
+    }
+  }
+}

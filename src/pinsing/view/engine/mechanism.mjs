@@ -1,0 +1,95 @@
+// What a mechanism can do at a closed configuration: type of singularity, modes, velocities.
+//
+// With N a basis of the motions that the loops allow, inputs move as S N and the output as J N (S picks
+// the actuated joints): type 1 where J N loses rank, type 2 where S N does, type 3 both, a constraint
+// singularity where the closure itself does (C. Gosselin and J. Angeles, 1990; D. Zlatanov, R. G. Fenton
+// and B. Benhabib, 1995).
+
+import { placements } from "./chain.mjs";
+import { cross, dot, norm, subtract, svd, times, transpose } from "./linear.mjs";
+import { closure, determinant, output, worst } from "./loops.mjs";
+
+const STRAIGHT = 1e-9; // sine of an elbow up to which it counts as straight
+const OPEN = 1e-6; // loops that miss by more are not closed
+
+const largest = (A) => (A.length ? svd(A).sigma[0] ?? 0 : 0);
+
+// Motions { basis (d vectors), inputs (n_a x d), outputs (m x d), size, constraint, two, one }.
+export function motions(data, q, known = closure(data, q)) {
+  const { rtol } = data.judge, { ranks } = data;
+  const { sigma, left } = svd(transpose(known.G)), r = ranks.constraint;
+  const constraint = sigma[0] > 0 ? sigma[r - 1] / sigma[0] : 0;
+  const basis = left.slice(constraint > rtol ? r : sigma.filter((s) => s > rtol * sigma[0]).length);
+  const inputs = data.actuated.map((j) => basis.map((v) => v[j]));
+  const { J } = output(data, q), outputs = J.map((row) => basis.map((v) => dot(row, v)));
+  const size = largest(J), d = basis.length, sigmaIn = svd(inputs).sigma;
+  return {
+    basis, inputs, outputs, size, constraint,
+    two: d <= sigmaIn.length ? sigmaIn[d - 1] : 0,
+    one: size > 0 ? svd(outputs).sigma[ranks.output - 1] / size : 0,
+  };
+}
+
+export function kindOf({ constraint, one, two }, rtol) {
+  if (constraint <= rtol) return "constraint";
+  return one <= rtol ? (two <= rtol ? "type 3" : "type 1") : two <= rtol ? "type 2" : "regular";
+}
+
+// State at a closed q (n): kind, near, mode, measures, place of the output, `velocity` of the output per
+// unit input speed (m x n_a, metres and radians; null at type 2), directions `lost` and `uncontrolled`
+// (m each, without units), and the motions themselves.
+export function stateAt(data, q) {
+  const { rtol, nearRtol } = data.judge, known = closure(data, q), miss = worst(known.residual);
+  if (!(miss <= OPEN)) throw new Error(`the loops miss by ${miss.toPrecision(2)}: close them first`);
+  const found = motions(data, q, known), { basis, inputs, outputs } = found, d = basis.length;
+  const kind = kindOf(found, rtol), across = svd(outputs), drive = svd(transpose(inputs));
+  const reached = across.sigma.filter((s) => s > rtol * found.size).length;
+  const controlled = drive.sigma.filter((s) => s > rtol).length;
+  const { place } = output(data, q);
+  return {
+    q: q.slice(), ...found, kind, near: kind === "regular" && Math.min(found.constraint, found.one, found.two) <= nearRtol,
+    mode: modeOf(data, q), place, velocity: controlled === d ? velocityOf(data, outputs, drive) : null,
+    lost: across.left.slice(reached, Math.max(reached, data.ranks.output)),
+    uncontrolled: drive.left.slice(controlled).map((v) => times(outputs, v)),
+  };
+}
+
+// J N (S N)^+ in metres and radians; `drive` is the decomposition of (S N)^T.
+function velocityOf(data, outputs, drive) {
+  const units = data.task.rows.map((r) => (r < 3 ? 1 / data.task.lengthScale : 1));
+  const moved = drive.sigma.map((_, k) => times(outputs, drive.left[k]));
+  return units.map((unit, i) => data.actuated.map((j, a) =>
+    drive.sigma.reduce((sum, s, k) => sum + (moved[k][i] * drive.right[k][a]) / s, 0) / (unit * data.metric[j])));
+}
+
+// Sine of each elbow angle: positive to the left about the crank's axis.
+export function elbowSines(data, q) {
+  const places = placements(data.chain, q);
+  return data.elbows.map(({ crank, elbow, end }) => {
+    const a = places[crank].t, b = places[elbow].t, first = subtract(b, a);
+    const second = times(places[elbow].R, end);
+    const lengths = norm(first) * norm(second);
+    return lengths > 0 ? dot(cross(first, second), times(places[crank].R, data.chain.joints[crank].axis)) / lengths : 0;
+  });
+}
+
+const sign = (value) => (Math.abs(value) <= STRAIGHT ? "0" : value > 0 ? "+" : "-");
+
+// "+" as at home, "-", "0" at a type 2 singularity, "?" where there is no sign.
+export function assemblySign(data, q) {
+  if (!data.assembly) return "?";
+  const { rows, sign: home } = data.assembly, { G } = closure(data, q);
+  const passive = data.joints.flatMap((_, j) => (data.actuated.includes(j) ? [] : [j]));
+  return sign(home * determinant(rows.map((r) => passive.map((j) => G[r][j]))));
+}
+
+// Assembly and working mode in words: "assembly +, elbows -+".
+export function modeOf(data, q) {
+  const assembly = `assembly ${assemblySign(data, q)}`, signs = elbowSines(data, q).map(sign).join("");
+  return signs ? `${assembly}, elbows ${signs}` : assembly;
+}
+
+const ORDER = { "+": 0, 0: 0, "-": 1, "?": 2 };
+
+// What modes are listed by: the home assembly first, elbows to the left first.
+export const modeOrder = (data, q) => [assemblySign(data, q), ...elbowSines(data, q).map(sign)].map((s) => ORDER[s]);

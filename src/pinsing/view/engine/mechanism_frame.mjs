@@ -1,0 +1,115 @@
+// Everything that the page shows of a mechanism at one closed configuration.
+
+import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
+import { combined, output } from "./loops.mjs";
+import { ellipsoid, pureEllipsoids } from "./measures.mjs";
+import { stateAt } from "./mechanism.mjs";
+import { freeOf, lostOf } from "./mechanism_words.mjs";
+
+const LONGEST = 0.6; // of the mechanism: towards type 2 ellipses grow without end
+const MOVES = 1e-6, CLOSE = 1.5, ARROWS = 3;
+const LOCKED = { "type 2": () => "the actuators are locked", "type 1": (o) => `${o} is locked`, "type 3": (o) => `${o} or the actuators are locked` };
+const SAYS = {
+  "type 1": "a direction of the output is lost", "type 2": "the output moves with the actuators locked",
+  "type 3": "a direction is lost, and the output moves with the actuators locked",
+  constraint: "the linkage gains a motion: its loops hold less than elsewhere",
+};
+
+// Placements, ellipses, measures and words at a closed q (n); keys as of frameAt, with `kind`, `mode`, the
+// measures `one`, `two`, `constraint`, and `free`: arrows of what moves with the actuators at rest.
+export function mechanismFrame(data, q) {
+  const state = stateAt(data, q), at = state.place.t, { places } = output(data, q);
+  const lost = ["regular", "type 2"].includes(state.kind) ? [] : state.lost.map((u) => lostOf(data, at, u));
+  const free = ["regular", "type 1"].includes(state.kind) ? [] : state.uncontrolled.map((v) => freeOf(data, at, v));
+  const hot = movingJoints(data, state), regular = state.kind === "regular";
+  const sigma = regular && state.velocity ? speeds(data, state.velocity) : [];
+  return {
+    q: q.slice(), links: places.map(({ R, t }) => [...t, ...quaternion(R)]), tip: at,
+    ellipsoids: ellipses(data, state, lost),
+    lost: lost.slice(0, ARROWS).map((m) => lineOf(data, m, at)), free: arrows(data, free, at),
+    given: free.map((m) => m.words), hot, why: why(data, state, hot),
+    status: regular ? (state.near ? "near-singular" : "regular") : "singular", kind: state.kind, mode: state.mode,
+    one: state.one, two: state.two, constraint: state.constraint,
+    condition: sigma.length && sigma[sigma.length - 1] > 0 ? sigma[0] / sigma[sigma.length - 1] : Infinity,
+    gain: state.velocity ? svd(state.velocity).sigma[0] : Infinity,
+    outside: data.joints.filter(({ lower, upper }, j) => q[j] < (lower ?? -Infinity) - 1e-9 || q[j] > (upper ?? Infinity) + 1e-9).map((j) => j.name),
+    notes: [], verdict: { text: verdict(state) }, refused: null,
+  };
+}
+
+// Output speeds at unit input speed, lengths over the length scale.
+function speeds(data, velocity) {
+  const L = data.task.lengthScale, found = svd(velocity.map((row, i) => (data.task.rows[i] < 3 ? scaled(row, 1 / L) : row)));
+  return found.sigma.slice(0, Math.min(found.sigma.length, data.actuated.length));
+}
+
+function verdict(state) {
+  if (state.kind !== "regular") return SAYS[state.kind];
+  if (!state.near) return "";
+  const [name, value] = [["type 1", state.one], ["type 2", state.two], ["a constraint singularity", state.constraint]]
+    .reduce((a, b) => (b[1] < a[1] ? b : a));
+  return `close to ${name} (measure ${Number(value.toPrecision(1))})`;
+}
+
+// Joints that move in the singular motion: with the actuators, or the output, at rest.
+function movingJoints(data, { kind, basis, inputs, outputs }) {
+  const hot = new Set();
+  for (const [name, rows] of [["type 1", outputs], ["type 2", inputs]]) {
+    if (kind !== name && kind !== "type 3") continue;
+    const { left } = svd(transpose(rows));
+    combined(basis, left[left.length - 1]).forEach((v, j) => { if (Math.abs(v) > MOVES) hot.add(j); });
+  }
+  return [...hot].sort((a, b) => a - b);
+}
+
+function why(data, { kind }, hot) {
+  const names = hot.map((j) => data.joints[j].name);
+  if (!names.length) return [];
+  const who = names.length === 1 ? names[0] : `${names.slice(0, -1).join(", ")} and ${names[names.length - 1]}`;
+  return [`${who} can move although ${LOCKED[kind](data.output)}`];
+}
+
+function ellipses(data, state, lost) {
+  const { sizes, normal } = data, J = Array.from({ length: 6 }, () => data.actuated.map(() => 0));
+  if (state.velocity) data.task.rows.forEach((r, i) => { J[r] = state.velocity[i]; });
+  const pure = pureEllipsoids(J, data.judge.rtol);
+  const drawn = (e, kind, isPure) => {
+    const scale = sizes[kind], radii = e.radii.map((r) => Math.min(r, (LONGEST * sizes.reach) / scale));
+    let shown = radii[0] <= 1e-12 ? [0, 0, 0] : radii.map((r) => scale * Math.max(r, sizes.floor * radii[0]));
+    const ring = kind === "rotation" && normal !== null;
+    if (ring) shown = [shown[0], shown[0], shown[0]];
+    const flat = flatOf(lost, kind, isPure);
+    return { turn: ring ? turnZTo(normal) : quaternion(transpose(e.axes)), drawn: shown, radii: e.radii, flat: flat && turnZTo(flat) };
+  };
+  const pair = (two, isPure) => ({ translation: drawn(two.translation, "translation", isPure), rotation: drawn(two.rotation, "rotation", isPure) });
+  return { all: pair({ translation: ellipsoid(J.slice(0, 3)), rotation: ellipsoid(J.slice(3)) }, false), pure: pair(pure, true) };
+}
+
+// Direction in which an ellipse is flat: of the only lost motion, if it has such a part.
+function flatOf(lost, kind, pure) {
+  if (lost.length !== 1) return null;
+  const { force, moment } = lost[0], [part, other] = kind === "translation" ? [force, moment] : [moment, force];
+  // Together with the other part every motion of this one may still be there.
+  if (norm(part) <= MOVES || (!pure && norm(other) > MOVES)) return null;
+  return scaled(part, 1 / norm(part));
+}
+
+function lineOf(data, m, tip) {
+  const { reach } = data.sizes, way = norm(m.force) > 0 ? m.force : m.moment;
+  const onTip = m.line === null || norm(subtract(m.line, tip)) <= MOVES * reach;
+  return { kind: onTip ? "direction" : "line", turn: turnZTo(scaled(way, 1 / norm(way))), at: m.line ?? tip, words: m.words,
+           close: m.line === null || norm(subtract(m.line, tip)) <= CLOSE * reach };
+}
+
+// Where the arrows of what moves by itself go: along it, and about the axis of a turn.
+function arrows(data, free, tip) {
+  const out = { translation: null, rotation: null }, { reach } = data.sizes;
+  for (const { velocity, turning, centre } of free.slice(0, 1)) {
+    const speed = norm(velocity), turns = norm(turning) > 0;
+    if (speed > MOVES && (!turns || speed > MOVES * reach)) out.translation = { at: tip, turn: turnZTo(scaled(velocity, 1 / speed)) };
+    if (turns && centre && norm(subtract(centre, tip)) <= CLOSE * reach) {
+      out.rotation = { at: centre, turn: turnZTo(scaled(turning, 1 / Math.sqrt(dot(turning, turning)))) };
+    }
+  }
+  return out;
+}

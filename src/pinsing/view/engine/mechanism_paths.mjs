@@ -1,0 +1,106 @@
+// Motions to play: into a singular pose of a mechanism, and along the locus that it lies on.
+
+import { trace } from "./curve.mjs";
+import { add, subtract } from "./linear.mjs";
+import { CLOSED, everyJoint, gapOf, gaussNewton, worst, wrap } from "./loops.mjs";
+import { refinePoint } from "./singular_points.mjs";
+
+const FRAMES = 48, FAR = 1, STEP = 0.05, SWING = 0.6, JUMP = 0.35, SHORTEST = 6, REGULAR = 1e-3;
+
+// Configurations from a regular pose to a singular `point` { q, moving }, one input moving: of the two
+// ways to come, the one that starts further from all singularities; [] where no input leads out.
+export function mechanismInto(data, point) {
+  const first = Math.max(point.moving, 0), inputs = data.actuated.map((_, k) => k);
+  for (const moving of [first, ...inputs.filter((k) => k !== first)]) {
+    const way = wayOut(data, point.q, moving);
+    if (!way) continue;
+    const path = between(data, unrolled(data, way).reverse());
+    if (!path.length) continue;
+    path[path.length - 1] = add(path[path.length - 1], wrap(data, subtract(point.q, path[path.length - 1])));
+    return path;
+  }
+  return [];
+}
+
+// Singular configurations, there and back on the locus of a point: another input swings, the one along
+// which the pose was found is solved for; [] where the locus cannot be followed.
+export function mechanismAlong(data, point) {
+  const moving = Math.max(point.moving, 0), held = data.actuated.filter((_, k) => k !== moving);
+  for (const joint of point.converged === false ? [] : held) {
+    let path = [point.q];
+    for (const sign of [1, -1]) {
+      const way = followed(data, point, joint, sign, held);
+      if (way.length) path = [...path, ...way, ...way.slice(0, -1).reverse(), point.q];
+    }
+    if (path.length < SHORTEST) continue;
+    // Between them none would be singular exactly.
+    const rows = unrolled(data, path);
+    return Array.from({ length: FRAMES }, (_, k) => rows[Math.round((k * (path.length - 1)) / FRAMES)]);
+  }
+  return [];
+}
+
+// Rows from q to the most regular configuration to one side; null if there is none.
+function wayOut(data, q, moving) {
+  const curve = trace(data, q, moving);
+  if (!curve) return null;
+  const { points, closed } = curve, count = points.length;
+  let here = 0, best = REGULAR, found = null;
+  points.forEach((p, i) => { if (gapOf(data, p.q, q) < gapOf(data, points[here].q, q)) here = i; });
+  const range = (length, place) => Array.from({ length }, (_, k) => place(k));
+  const ways = closed // the last sample is the first again
+    ? [1, -1].map((s) => range(count - 1, (k) => (((here + s * k) % (count - 1)) + count - 1) % (count - 1)))
+    : [range(count - here, (k) => here + k), range(here + 1, (k) => here - k)];
+  for (const way of ways) {
+    const rows = unrolled(data, way.map((i) => points[i].q)), measure = way.map((i) => Math.min(points[i].one, points[i].two));
+    const end = until(rows, measure);
+    if (measure[end] > best) { best = measure[end]; found = rows.slice(0, end + 1); }
+  }
+  return found;
+}
+
+// Sample to begin at: the most regular one before the measure falls again, not too far.
+function until(rows, measure) {
+  let far = 0;
+  for (let k = 1; k < rows.length; k++) {
+    if (measure[k] < 0.7 * measure[far] && measure[far] > 0.02) break;
+    if (worst(subtract(rows[k], rows[0])) > FAR) break;
+    if (measure[k] > measure[far] || far === 0) far = k;
+  }
+  return far;
+}
+
+// Rows moved by whole turns so that each is beside the one before.
+function unrolled(data, rows) {
+  const out = [rows[0]];
+  for (let k = 1; k < rows.length; k++) out.push(add(out[k - 1], wrap(data, subtract(rows[k], rows[k - 1]))));
+  return out;
+}
+
+// Configurations between rows, slow at the ends, closed again.
+function between(data, rows) {
+  const out = [];
+  for (let k = 0; k < FRAMES; k++) {
+    const x = ((1 - Math.cos((Math.PI * k) / (FRAMES - 1))) / 2) * (rows.length - 1), i = Math.min(Math.floor(x), rows.length - 2);
+    const { q, error } = gaussNewton(data, rows[i].map((v, j) => v + (x - i) * (rows[i + 1][j] - v)), everyJoint(data));
+    if (error <= CLOSED) out.push(q);
+  }
+  return out;
+}
+
+// Poses on the locus as one input moves away to one side, as far as it goes.
+function followed(data, point, joint, sign, held) {
+  const out = [];
+  let q = point.q, before = q;
+  for (let k = 0; k < Math.round(SWING / STEP); k++) {
+    // As far on as the last step went; the first one moves the swinging joint alone.
+    const guess = add(q, wrap(data, subtract(q, before)));
+    guess[joint] = q[joint] + sign * STEP;
+    const found = refinePoint(data, guess, point.kind, held);
+    if (!found.converged || gapOf(data, found.q, q) > JUMP) break;
+    before = q;
+    q = found.q;
+    out.push(q);
+  }
+  return out;
+}

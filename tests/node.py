@@ -1,0 +1,42 @@
+"""Runs functions of the page's engine under Node."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import pinsing
+from pinsing.view.page import ENGINE
+
+FOLDER = Path(pinsing.__file__).parent / "view" / "engine"
+NODE = shutil.which("node")
+
+needs_node = pytest.mark.skipif(NODE is None, reason="Node.js is not installed")
+
+
+def run(code: str, data: Any) -> Any:
+    """What a function of the engine's modules returns: ``code`` sees ``m`` and ``data``."""
+    assert NODE is not None
+    modules = ", ".join(f'...await import("{(FOLDER / f"{n}.mjs").as_uri()}")' for n in ENGINE)
+    program = f"""
+      import {{ readFileSync }} from "node:fs";
+      const m = {{ {modules} }};
+      const data = JSON.parse(readFileSync(0));
+      const found = ({code})(m, data);
+      console.log(JSON.stringify(found));
+    """
+    done = subprocess.run(
+        [NODE, "--input-type=module", "-e", program],
+        input=json.dumps(data),
+        capture_output=True,
+        text=True,
+        timeout=240,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
