@@ -17,6 +17,7 @@ counts only when another one says the same.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -25,7 +26,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-Ints = npt.NDArray[np.int64]
+Ints = npt.NDArray[np.int32]
 
 PRIMES = (23, 47)
 """Always asked: at small primes components of high codimension are met most."""
@@ -81,7 +82,7 @@ def random_points(
 ) -> Points:
     """Half of the points uniform, half with some joints at right angles or tied to others."""
     n = len(prismatic)
-    t = rng.integers(0, prime + 1, (n, count))  # prime stands for infinity
+    t = rng.integers(0, prime + 1, (n, count), dtype=np.int32)  # prime stands for infinity
     tied = np.arange(count) >= count // 2
     how_much = rng.uniform(0.1, 0.7, count)
     for j in range(n):
@@ -89,95 +90,110 @@ def random_points(
         if prismatic[j]:
             t[j] = np.where(special, 0, t[j] % prime)
             continue
-        quarter = rng.integers(0, 4, count)  # 0, 90, 180, -90 degrees: t = 0, 1, infinity, -1
-        value = np.array([0, 1, prime, prime - 1])[quarter]
+        quarter = rng.integers(
+            0, 4, count, dtype=np.int32
+        )  # 0, 90, 180, -90 degrees: t = 0, 1, infinity, -1
+        value = np.array([0, 1, prime, prime - 1], dtype=np.int32)[quarter]
         turning = [i for i in range(j) if not prismatic[i]]
         if turning:
-            other = t[rng.choice(turning, count), np.arange(count)]
-            sign = rng.choice([1, -1], count)
-            same = np.where(other == prime, prime, other * sign % prime)
+            other = t[np.array(turning)[rng.integers(0, len(turning), count)], np.arange(count)]
+            sign = 2 * rng.integers(0, 2, count, dtype=np.int32) - 1
+            same = np.where(other == prime, prime, modulo(other * sign, prime))
             value = np.where(rng.random(count) < 0.35, _turned(same, quarter, prime), value)
         t[j] = np.where(special, value, t[j])
     infinite = t == prime
     slides = np.array(prismatic)[:, None]
     x = np.where(slides, t, np.where(infinite, 0, 1))
     y = np.where(slides, 0, np.where(infinite, 1, t))
-    return Points(prime, x.astype(np.int64), y.astype(np.int64))
+    return Points(prime, x.astype(np.int32), y.astype(np.int32))
 
 
 def _turned(t: Ints, quarter: Ints, prime: int) -> Ints:
     """The half-angle tangent after some right angles: (t + c) / (1 - c t), c = 0, 1, inf, -1."""
-    c = np.array([0, 1, 0, prime - 1])[quarter]
+    c = np.array([0, 1, 0, prime - 1], dtype=np.int32)[quarter]
     infinite = t == prime
-    top = np.where(infinite, 1, t + c) % prime
-    bottom = np.where(infinite, -c, 1 - c * t) % prime
+    top, bottom = np.where(infinite, 1, t + c), np.where(infinite, -c, 1 - c * t)
     half = quarter == 2  # -1 / t
-    top, bottom = np.where(half, -bottom, top) % prime, np.where(half, top, bottom) % prime
-    return np.where(bottom == 0, prime, top * _inverses(prime)[bottom] % prime)
+    top, bottom = np.where(half, -bottom, top), np.where(half, top, bottom)
+    top, bottom = modulo(top, prime), modulo(bottom, prime)
+    return np.where(bottom == 0, prime, modulo(top * _inverses(prime)[bottom], prime))
 
 
 def _inverses(prime: int) -> Ints:
-    return np.array([0] + [pow(i, -1, prime) for i in range(1, prime)], dtype=np.int64)
+    return np.array([0] + [pow(i, -1, prime) for i in range(1, prime)], dtype=np.int32)
+
+
+def modulo(values: Ints, prime: int) -> Ints:
+    """The values modulo a prime: faster than numpy's own remainder, which divides one by one."""
+    return np.asarray(values - values // prime * prime)
 
 
 def jacobians(geometry: Any, rows: Sequence[int], points: Points) -> Ints:
-    """Task Jacobians (N, m, n) modulo the prime: base axes, at the tip."""
+    """Task Jacobians (m, n, N) modulo the prime: base axes, at the tip."""
     p = points.prime
     count = points.x.shape[1]
     inverse = _inverses(p)
-    R = np.broadcast_to(np.eye(3, dtype=np.int64), (count, 3, 3))
-    o = np.zeros((count, 3), dtype=np.int64)
+    zero = np.zeros(count, dtype=np.int32)
+    R = [[zero + int(a == b) for a in range(3)] for b in range(3)]  # column by column
+    o = [zero, zero, zero]
     axes, origins = [], []
     for j in range(len(geometry.rotation)):
-        C = np.array([[number(v, p) for v in row] for row in geometry.rotation[j]])
-        c = np.array([number(v, p) for v in geometry.translation[j]])
-        o = (o + R @ c) % p
-        R = R @ C % p
+        C = [[number(v, p) for v in row] for row in geometry.rotation[j]]
+        c = [number(v, p) for v in geometry.translation[j]]
+        o = [_sum([o[a], *(R[i][a] * c[i] for i in range(3) if c[i])], p) for a in range(3)]
+        R = [
+            [_sum([R[i][a] * C[i][k] for i in range(3) if C[i][k]], p) for a in range(3)]
+            for k in range(3)
+        ]
         if j == len(geometry.prismatic):
             break
-        axes.append(R[:, :, 2])
+        axes.append(R[2])
         origins.append(o)
         if geometry.prismatic[j]:
-            o = (o + R[:, :, 2] * points.x[j][:, None]) % p
+            o = [_sum([o[a], R[2][a] * points.x[j]], p) for a in range(3)]
             continue
         x, y = points.x[j], points.y[j]
-        over = inverse[(x * x + y * y) % p]
-        cos, sin = (x * x - y * y) * over % p, 2 * x * y * over % p
-        first = (R[:, :, 0] * cos[:, None] + R[:, :, 1] * sin[:, None]) % p
-        second = (R[:, :, 1] * cos[:, None] - R[:, :, 0] * sin[:, None]) % p
-        R = np.stack([first, second, R[:, :, 2]], axis=-1)
+        over = inverse[modulo(x * x + y * y, p)]
+        cos = modulo(modulo(x * x - y * y, p) * over, p)
+        sin = modulo(modulo(2 * x * y, p) * over, p)
+        first = [_sum([R[0][a] * cos, R[1][a] * sin], p) for a in range(3)]
+        second = [_sum([R[1][a] * cos, -R[0][a] * sin], p) for a in range(3)]
+        R = [first, second, R[2]]
     columns = []
     for z, at, slides in zip(axes, origins, geometry.prismatic, strict=True):
         if slides:
-            columns.append(np.concatenate([z, np.zeros_like(z)], axis=1))
-        else:
-            columns.append(np.concatenate([np.cross(z, o - at) % p, z], axis=1))
-    return np.stack(columns, axis=-1)[:, list(rows), :] % p
+            columns.append([*z, zero, zero, zero])
+            continue
+        arm = [modulo(o[a] - at[a], p) for a in range(3)]
+        turned = [_sum([z[a] * arm[b], -z[b] * arm[a]], p) for a, b in ((1, 2), (2, 0), (0, 1))]
+        columns.append([*turned, *z])
+    return np.stack([np.stack([c[r] for c in columns]) for r in rows])
+
+
+def _sum(parts: Sequence[Ints], prime: int) -> Ints:
+    total = parts[0]
+    for part in parts[1:]:
+        total = total + part
+    return modulo(total, prime)
 
 
 def ranks(matrices: Ints, prime: int) -> Ints:
-    """Rank of each matrix (N, m, n) modulo a prime, by elimination: (N,)."""
+    """Rank of each matrix (m, n, N) modulo a prime, by elimination: (N,)."""
     A = matrices.copy()
-    count, m, n = A.shape
+    m, n, count = A.shape
     inverse = _inverses(prime)
-    rank = np.zeros(count, dtype=np.int64)
-    every = np.arange(count)
+    rank = np.zeros(count, dtype=np.int32)
+    left = np.ones((m, count), dtype=bool)  # rows that were no pivot so far
     for j in range(n):
-        usable = (A[:, :, j] != 0) & (np.arange(m)[None, :] >= rank[:, None])
-        has = usable.any(axis=1)
-        pivot = np.where(has, usable.argmax(axis=1), 0)
-        top = np.minimum(rank, m - 1)
-        row = A[every, pivot]
-        swapped = np.where(has[:, None], A[every, top], row)
-        A[every, pivot] = swapped
-        A[every, top] = np.where(has[:, None], row, A[every, top])
-        row = row * inverse[row[:, j]][:, None] % prime
-        below = has[:, None] & (np.arange(m)[None, :] > rank[:, None])
-        factor = np.where(below, A[:, :, j], 0)
-        A = (A - factor[:, :, None] * row[:, None, :]) % prime
+        usable = (A[:, j] != 0) & left
+        pivot = usable.argmax(axis=0)
+        has = usable.any(axis=0)
+        row = np.take_along_axis(A, pivot[None, None, :], axis=0)[0]
+        over = np.where(has, inverse[row[j]], 0)
+        left &= ~((np.arange(m)[:, None] == pivot) & has)
+        factor = np.where(left, modulo(A[:, j] * over, prime), 0)
+        A[:, j + 1 :] = modulo(A[:, j + 1 :] - factor[:, None] * row[None, j + 1 :], prime)
         rank += has
-        if (rank >= m).all():
-            break
     return rank
 
 
@@ -191,19 +207,37 @@ def value(poly: Any, points: Points) -> Ints:
             at.append(root_of(k, p))
         else:
             at.append({"x": points.x, "y": points.y, "z": points.x}[kind][k - 1])
-    total = np.zeros(points.x.shape[1], dtype=np.int64)
     terms = poly.to_dict()
-    scale = 1  # to primitive integers, which no prime divides all of
-    for c in terms.values():
-        scale = scale * int(c.q) // np.gcd.reduce([scale, int(c.q)], dtype=object)
-    integers = {m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()}
-    content = np.gcd.reduce(list(integers.values()), dtype=object) if integers else 1
-    for monomial, c in integers.items():
-        term: Any = np.full(points.x.shape[1], c // content % p, dtype=np.int64)
-        for base, exponent in zip(at, monomial, strict=True):
-            for _ in range(int(exponent)):
-                term = term * base % p
-        total = (total + term) % p
+    scale = math.lcm(*(int(c.q) for c in terms.values())) if terms else 1
+    # to primitive integers, which no prime divides all of
+    integers = {tuple(map(int, m)): int(c.p) * (scale // int(c.q)) for m, c in terms.items()}
+    content = math.gcd(*integers.values()) if integers else 1
+    residues = {m: r for m, c in integers.items() if (r := c // content % p)}
+    total = _nested(residues, at, 0, p)
+    return np.zeros(points.x.shape[1], dtype=np.int32) + total
+
+
+def _nested(
+    terms: Mapping[tuple[int, ...], int], at: Sequence[Ints | int], v: int, prime: int
+) -> Ints | int:
+    """Value of terms that differ in the variables from the v-th on, by Horner's rule."""
+    if not terms:
+        return 0
+    if v == len(at):
+        return next(iter(terms.values()))
+    by_power: dict[int, dict[tuple[int, ...], int]] = {}
+    for m, c in terms.items():
+        by_power.setdefault(m[v], {})[m] = c
+    total: Ints | int = 0
+    for power in range(max(by_power), -1, -1):
+        if not isinstance(total, int) or total:
+            total = total * at[v]
+        if power in by_power:
+            total = total + _nested(by_power[power], at, v + 1, prime)
+        if isinstance(total, int):
+            total %= prime
+        else:
+            total = modulo(total, prime)
     return total
 
 
@@ -313,18 +347,20 @@ def contradictions(
     components: Sequence[Any],
     count: int,
     seed: int,
+    kinds: Sequence[str] = tuple(KINDS),
 ) -> Mapping[str, tuple[Verdict, ...]]:
     """What two primes or more say against an answer, by kind; empty if nothing.
 
-    "missed", "false" and "rank", each with the verdicts that say so. What one prime alone says
-    is under "unconfirmed".
+    "missed", "false" and "rank" (those of ``kinds``), each with the verdicts that say so. What one
+    prime alone says is under "unconfirmed".
     """
+    tests = {kind: KINDS[kind] for kind in kinds}
     said = list(verdicts(geometry, rows, rank, components, count, seed, PRIMES))
-    if not any(test(v, rank) for v in said for test in KINDS.values()):
+    if not any(test(v, rank) for v in said for test in tests.values()):
         return {}
     said += verdicts(geometry, rows, rank, components, 4 * count, seed, MORE_PRIMES)
     out: dict[str, tuple[Verdict, ...]] = {}
-    for kind, test in KINDS.items():
+    for kind, test in tests.items():
         against = tuple(v for v in said if test(v, rank))
         if against:
             out[kind if len(against) > 1 else "unconfirmed"] = against

@@ -120,7 +120,8 @@ def test_rank_modulo_a_prime(field):
         for rank in range(min(m, n) + 1):
             left = rng.integers(0, 47, (200, m, rank))
             right = rng.integers(0, 47, (200, rank, n))
-            found = field.ranks(left @ right % 47, 47)
+            matrices = (left @ right % 47).transpose(1, 2, 0).astype(np.int32)
+            found = field.ranks(matrices, 47)
             assert found.max() == rank
             assert (found < rank).mean() < 0.1
 
