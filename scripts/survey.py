@@ -22,15 +22,17 @@ from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-SECONDS = 30.0
-ALGEBRA_SECONDS = 10.0
+SECONDS = 60.0
+ANALYSIS_SECONDS = 30.0
+PROOF_SECONDS = 20.0
 MEMORY = 4 * 2**30
 
 
 AGAIN: dict[str, Callable[[dict[str, Any]], bool]] = {
     "none": lambda entry: False,
     "bad": lambda entry: entry["outcome"] in ("killed", "crashed") or not entry.get("agree", True),
-    "incomplete": lambda entry: AGAIN["bad"](entry) or not entry.get("complete", True),
+    "unproven": lambda entry: AGAIN["bad"](entry) or entry.get("word", "proven") != "proven",
+    "incomplete": lambda entry: AGAIN["bad"](entry) or entry.get("word") == "not complete",
     "all": lambda entry: True,
 }
 
@@ -78,21 +80,23 @@ def jobs() -> tuple[list[Job], dict[str, str]]:
 
 
 def run(job: Job) -> dict[str, Any]:
-    """Analyse one chain, in this process."""
-    from pinsing.analysis.analyze import analyze
+    """Analyse one chain, in this process, and look for a certificate."""
+    import pinsing
     from pinsing.description.catalog import data_folder
-    from pinsing.errors import PinsingError
-    from pinsing.robot.load import load
+    from pinsing.families import prove
 
     folder = data_folder()
     assert folder is not None
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     try:
-        arm = load(folder / job.file, tip=job.tip, base=job.base)
-        result = analyze(arm, seconds=ALGEBRA_SECONDS)
-    except PinsingError as error:
+        arm = pinsing.load(folder / job.file, tip=job.tip, base=job.base)
+        result = pinsing.analyze(arm, seconds=ANALYSIS_SECONDS)
+    except pinsing.PinsingError as error:
         return {"outcome": "refused", "reason": str(error).replace(f"{folder}/", "")}
     found = result.closed_form
+    if found.word != "proven":
+        found = prove(found, PROOF_SECONDS)
+    proof = found.proof
     return {
         "outcome": "done",
         "joints": arm.n,
@@ -100,13 +104,19 @@ def run(job: Job) -> dict[str, Any]:
         "families": len(found.families),
         "reachable": sum(f.is_reachable is True for f in found.families),
         "texts": [f.text for f in found.families],
-        "complete": result.complete,
+        "word": found.word,
         "gaps": list(found.gaps),
+        "unproven": "" if proof is None else proof.reason,
+        "bytes": 0 if proof is None else proof.size,
+        "find_seconds": 0.0 if proof is None else round(proof.seconds, 3),
+        "check_seconds": 0.0 if proof is None else round(proof.check_seconds, 4),
+        "algebra_seconds": round(found.seconds, 3),
         "agree": result.agree,
         "problems": list(result.problems),
         "findings": len(result.findings),
         "worst": max((c.nominal_ratio for c in result.checks), default=0.0),
         "unsampled": [c.family for c in result.checks if c.samples == 0],
+        "missing": list(result.missing),
         "random": [result.random_search.singular, result.random_search.on_family],
         "coupled": arm.coupling is not None,
         "seconds": round(result.seconds, 2),
@@ -134,11 +144,11 @@ def run_apart(job: Job, seconds: float) -> dict[str, Any]:
     return {**json.loads(child.stdout), "wall": round(time.monotonic() - started, 2)}
 
 
-def survey(store: Path, seconds: float, workers: int, only: str, again: str) -> None:
+def survey(store: Path, seconds: float, workers: int, only: str, again: str, step: int = 1) -> None:
     """Run what is not in the store yet, and again what ended badly where that is asked for."""
     done = {entry["key"] for entry in read(store) if not AGAIN[again](entry)}
     chains, _ = jobs()
-    todo = [job for job in chains if job.key not in done and only in job.key]
+    todo = [job for job in chains[::step] if job.key not in done and only in job.key]
     print(f"{len(chains)} chains, {len(todo)} to do")
     with ThreadPoolExecutor(workers) as pool, store.open("a", encoding="utf-8") as stream:
         for number, (job, answer) in enumerate(
@@ -160,7 +170,12 @@ def read(store: Path) -> list[dict[str, Any]]:
 def _short(answer: dict[str, Any]) -> str:
     if answer["outcome"] != "done":
         return f"{answer['outcome']}: {answer['reason']}"
-    state = "complete" if answer["complete"] else "; ".join(answer["gaps"])
+    state = answer["word"]
+    if state == "proven":
+        state += f", {answer['bytes']} bytes in {answer['find_seconds']} s, "
+        state += f"checked in {answer['check_seconds']} s"
+    else:
+        state += ": " + "; ".join([*answer["gaps"], answer["unproven"]])
     agree = "agree" if answer["agree"] else "; ".join(answer["problems"])
     return f"{answer['families']} families, {state}, {agree}, {answer['wall']} s"
 
@@ -172,6 +187,7 @@ def main(argv: Iterable[str] | None = None) -> int:
     parser.add_argument("--store", type=Path, default=ROOT / "build" / "survey.jsonl")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="for each chain")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
+    parser.add_argument("--sample", type=int, help="every so many-th chain only")
     parser.add_argument("--only", default="", help="chains whose file, tip or base has this text")
     parser.add_argument("--again", choices=AGAIN, default="none", help="what to run once more")
     parser.add_argument("--report", type=Path, help="write the table there, and run nothing")
@@ -186,14 +202,21 @@ def main(argv: Iterable[str] | None = None) -> int:
         entries = sorted(
             (e for e in read(arguments.store) if e["key"] in order), key=lambda e: order[e["key"]]
         )
-        text = report(entries, without, arguments.seconds, ALGEBRA_SECONDS)
+        text = report(entries, without, (arguments.seconds, ANALYSIS_SECONDS, PROOF_SECONDS))
         arguments.report.write_text(text, encoding="utf-8")
         return 0
     if arguments.one:
         json.dump(run(Job(**json.loads(arguments.one))), sys.stdout)
         return 0
     arguments.store.parent.mkdir(parents=True, exist_ok=True)
-    survey(arguments.store, arguments.seconds, arguments.workers, arguments.only, arguments.again)
+    survey(
+        arguments.store,
+        arguments.seconds,
+        arguments.workers,
+        arguments.only,
+        arguments.again,
+        arguments.sample or 1,
+    )
     return 0
 
 

@@ -10,31 +10,19 @@ from typing import Any
 HEAD = """# Survey: every chain of every robot in example-robot-data
 
 Made by `scripts/survey.py` with pinsing {pinsing}, example-robot-data {data}, Pinocchio {pin}; each
-chain in a process of its own, {seconds:g} s at most on one core, of which {algebra:g} s for the
-algebra. Chains of 2 to 9 joints that end in a leaf or a tool frame, from the root and from the last
-branching before the end (from every branching, where the whole is longer). The task is the pose.
+chain in a process of its own, {whole:g} s at most on one core, of which {analysis:g} s for the
+analysis and {proof:g} s for a certificate. Chains of 2 to 9 joints that end in a leaf or a tool
+frame, from the root and from the last branching before the end (from every branching, where the
+whole is longer). The task is the pose.
 
 - **families**: families of singular configurations, and how many of them the joint limits let
   through.
-- **complete**: nothing can be missing; else see the reasons below.
+- **word**: *proven* (a certificate that the independent checker accepts; its size, and how long
+  the check took), *probable* (the search ended, no certificate was found), *not complete*.
 - **agree**: every sample of every family is singular in Pinocchio, and, where complete, everything
   that the sweep and the search from 300 random starts found lies on a family.
 
 """
-
-WHY = {
-    "A": ("equations were not told apart", "redundant chains: some common zeros of several "
-          "polynomials are more than can be told apart"),
-    "B": ("were not searched", "sets inside the regular part of equations that have a singular "
-          "part too are not searched"),
-    "C": ("equations hold at regular", "a set was found whose equations also hold elsewhere; it is "
-          "left out rather than stated wrongly"),
-    "D": ("does not follow a mimic joint", "a mimic joint follows by what is no small integer; "
-          "sweep, states and maps follow it"),
-    "E": ("time budget", "the algebra did not end in time"),
-    "F": ("too long to factor", "a polynomial was too long"),
-    "G": ("no single minor", "no minor was found that cuts all of several polynomials' zeros"),
-}  # fmt: skip
 
 REFUSED = {
     "follows one outside it": "fingers that all follow one joint outside the chain: nothing in the "
@@ -46,15 +34,16 @@ REFUSED = {
 
 
 def report(
-    entries: list[dict[str, Any]], without: dict[str, str], seconds: float, algebra: float
+    entries: list[dict[str, Any]], without: dict[str, str], seconds: tuple[float, float, float]
 ) -> str:
     """Return the report as Markdown."""
     text = HEAD.format(
         pinsing=version("pinsing"),
         data=version("example-robot-data"),
         pin=version("pin"),
-        seconds=seconds,
-        algebra=algebra,
+        whole=seconds[0],
+        analysis=seconds[1],
+        proof=seconds[2],
     )
     return text + "\n".join([*_numbers(entries), "", *_reasons(entries, without), *_table(entries)])
 
@@ -68,23 +57,65 @@ def _numbers(entries: list[dict[str, Any]]) -> list[str]:
         f"{len(done)} analysed, {outcome['refused']} refused with a reason, "
         f"{outcome['killed']} out of time, "
         f"{outcome['crashed']} crashed.",
-        f"Of those analysed, {sum(e['complete'] for e in done)} are complete and "
-        f"{sum(e['agree'] for e in done)} agree; {sum(e['families'] for e in done)} families, the "
+        f"Of those analysed, {sum(e['agree'] for e in done)} agree; "
+        f"{sum(e['families'] for e in done)} families, the "
         f"largest sigma_r / sigma_1 on any sample of them {max(e['worst'] for e in done):.0e}. "
         f"Median time {times[len(times) // 2]:.1f} s, slowest {times[-1]:.1f} s.",
+        "",
+        *_words(done),
     ]
+
+
+def _words(done: list[dict[str, Any]]) -> list[str]:
+    """How many chains of how many joints are proven, and what certificates cost."""
+    lines = [
+        "| joints | chains | proven | probable | not complete |",
+        "|---|---:|---:|---:|---:|",
+    ]
+    groups = [("2 to 8", [e for e in done if e["joints"] <= 8])]
+    groups += [(str(n), [e for e in done if e["joints"] == n]) for n in range(2, 10)]
+    for name, chains in groups:
+        if not chains:
+            continue
+        count = Counter(e["word"] for e in chains)
+        share = f"{count['proven']} ({100 * count['proven'] / len(chains):.1f} %)"
+        lines.append(
+            f"| {name} | {len(chains)} | {share} | {count['probable']} | {count['not complete']} |"
+        )
+    proven = [e for e in done if e["word"] == "proven"]
+    if proven:
+        sizes = sorted(e["bytes"] for e in proven)
+        checks = sorted(e["check_seconds"] for e in proven)
+        middle = len(proven) // 2
+        lines += [
+            "",
+            f"Certificates: median {sizes[middle] / 1e3:.1f} kB, largest {sizes[-1] / 1e3:.1f} kB; "
+            f"checked in {1e3 * checks[middle]:.0f} ms (median), {checks[-1]:.2f} s at most; "
+            f"{sum(x >= 100_000 for x in sizes)} of 100 kB or more, "
+            f"{sum(x >= 1.0 for x in checks)} that took 1 s or more to check.",
+        ]
+    return lines
 
 
 def _reasons(entries: list[dict[str, Any]], without: dict[str, str]) -> list[str]:
-    lines = ["Why not complete:", ""]
-    gaps = Counter(key for e in entries for key in _keys(e))
-    lines += [
-        f"- **{key}** ({gaps[key]} chains): {why}." for key, (_, why) in WHY.items() if gaps[key]
-    ]
-    other = {
-        g for e in entries for g in e.get("gaps", []) if not any(w[0] in g for w in WHY.values())
-    }
-    lines += [f"- {gap}" for gap in sorted(other)]
+    lines = ["Not proven, each with its reason:", ""]
+    for e in entries:
+        if e["outcome"] != "done" or e["word"] == "proven":
+            continue
+        said = "; ".join([*e["gaps"], *([e["unproven"]] if e["unproven"] else [])])
+        name = f"`{e['file']}` {e['tip']} from {e['base'] or 'root'}"
+        lines.append(f"- {name} ({e['joints']} joints, {e['word']}): {_plain(said, e['file'])}")
+    for e in entries:
+        if e["outcome"] in ("killed", "crashed"):
+            name = f"`{e['file']}` {e['tip']} from {e['base'] or 'root'}"
+            lines.append(f"- {name}: {e['outcome']}, {_plain(e['reason'], e['file'])}")
+    contrary = [e for e in entries if e["outcome"] == "done" and not e["agree"]]
+    if contrary:
+        lines += ["", "Do not agree:", ""]
+        lines += [
+            f"- `{e['file']}` {e['tip']} from {e['base'] or 'root'}: {'; '.join(e['problems'])}"
+            for e in contrary
+        ]
     lines += ["", "Why refused:", ""]
     counts: dict[str, int] = defaultdict(int)
     for e in entries:
@@ -97,12 +128,6 @@ def _reasons(entries: list[dict[str, Any]], without: dict[str, str]) -> list[str
     return [*lines, ""]
 
 
-def _keys(entry: dict[str, Any]) -> str:
-    return "".join(
-        key for key, (part, _) in WHY.items() if any(part in gap for gap in entry.get("gaps", []))
-    )
-
-
 def _table(entries: list[dict[str, Any]]) -> list[str]:
     lines = []
     files: dict[str, list[dict[str, Any]]] = defaultdict(list)
@@ -112,8 +137,8 @@ def _table(entries: list[dict[str, Any]]) -> list[str]:
         lines += [
             f"### {file.removesuffix('.urdf').replace('_description/', ': ', 1)}",
             "",
-            "| tip | base | joints | families (within limits) | complete | agree | s |",
-            "|---|---|---:|---:|---|---|---:|",
+            "| tip | base | joints | families (within limits) | word | kB, check ms | agree | s |",
+            "|---|---|---:|---:|---|---|---|---:|",
         ]
         lines += [_row(e) for e in found]
         lines.append("")
@@ -123,12 +148,13 @@ def _table(entries: list[dict[str, Any]]) -> list[str]:
 def _row(e: dict[str, Any]) -> str:
     ends = f"| {e['tip']} | {e['base'] or 'root'} |"
     if e["outcome"] != "done":
-        return f"{ends} | {e['outcome']}: {_plain(e['reason'], e['file'])} | | | |"
-    complete = "yes" if e["complete"] else _keys(e) or "no"
+        return f"{ends} | {e['outcome']}: {_plain(e['reason'], e['file'])} | | | | |"
+    proven = e["word"] == "proven"
+    cost = f"{e['bytes'] / 1e3:.1f}, {1e3 * e['check_seconds']:.0f}" if proven else ""
     agree = "yes" if e["agree"] else "**NO**"
     return (
-        f"{ends} {e['joints']} | {e['families']} ({e['reachable']}) | {complete} | {agree} | "
-        f"{e['wall']:.1f} |"
+        f"{ends} {e['joints']} | {e['families']} ({e['reachable']}) | {e['word']} | {cost} | "
+        f"{agree} | {e['wall']:.1f} |"
     )
 
 
