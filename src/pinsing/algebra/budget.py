@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 
 _TERM_PRODUCTS_PER_SECOND = 1e7
 """About what sparse multiplication manages; a step that would outlast the budget is not begun."""
 _LARGEST_TO_FACTOR = 30_000
+_LONG = 0.3
+"""Seconds after which, or for a step of which, a computation counts as long."""
+_LONG_TO_FACTOR = 150
+"""Terms from which on factoring may take long."""
 
 
 class BudgetExceeded(Exception):
@@ -24,7 +29,15 @@ class Budget:
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
-        self._deadline = time.monotonic() + seconds
+        self.when_long: Callable[[], None] | None = None
+        """Called before a step when the computation has become long, or is about to."""
+        self._began = time.monotonic()
+        self._deadline = self._began + seconds
+
+    @property
+    def left(self) -> float:
+        """Seconds left, 0 if there are none."""
+        return max(0.0, self._deadline - time.monotonic())
 
     @property
     def over(self) -> bool:
@@ -38,11 +51,16 @@ class Budget:
     def check(self, term_products: float = 0.0) -> None:
         """Raise BudgetExceeded unless a step of about so many term products fits in."""
         expected = term_products / _TERM_PRODUCTS_PER_SECOND
-        if time.monotonic() + expected > self._deadline:
+        now = time.monotonic()
+        if now + expected > self._deadline:
             raise BudgetExceeded(f"the time budget of {self.seconds:.3g} s ran out")
+        if self.when_long is not None and max(now - self._began, expected) > _LONG:
+            self.when_long()
 
     def check_factor(self, terms: int) -> None:
         """Raise BudgetExceeded if a polynomial is too long to factor or to take a gcd of."""
         self.check()
+        if self.when_long is not None and terms > _LONG_TO_FACTOR:
+            self.when_long()
         if terms > _LARGEST_TO_FACTOR:
             raise BudgetExceeded(f"a polynomial of {terms} terms was too long to factor")

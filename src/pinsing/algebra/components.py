@@ -62,10 +62,17 @@ class Found:
 
     Everything that the search passes over because it lies in a component is remembered, and so
     is every singular point that lies in one: what is kept in the end must account for all of it.
+
+    Parameters
+    ----------
+    ring : Ring
+        Of their polynomials.
+    tell : callable
+        Told of each as it is found.
     """
 
-    def __init__(self, ring: Ring) -> None:
-        self.ring = ring
+    def __init__(self, ring: Ring, tell: Callable[[Component], None]) -> None:
+        self.ring, self._tell = ring, tell
         self._components: list[Component] = []
         self._backing: dict[int, Backing] = {}
         self._passed: list[Component] = []
@@ -86,6 +93,12 @@ class Found:
         if backing is not None:
             self._backing[len(self._components)] = backing
         self._components.append(Component(dict(values), ordered, proven, codimension))
+        self._tell(self._components[-1])
+
+    @property
+    def all(self) -> list[Component]:
+        """All so far, the redundant ones too."""
+        return list(self._components)
 
     def covers(self, values: Mapping[int, Value], relations: tuple[Poly, ...] = ()) -> bool:
         """Whether a set is a part of a component, as far as substitution and division tell.
@@ -94,7 +107,7 @@ class Found:
         """
         here = Component(dict(values), relations, True, len(values) + len(relations))
         for c in self._components:
-            if self._inside(here, c):
+            if self.inside(here, c):
                 if c != here:
                     self._passed.append(replace(here, proven=c.proven))
                 return True
@@ -122,7 +135,7 @@ class Found:
         for i in order:
             c = self._components[i]
             earlier = [k for k, _ in kept]
-            if any(self._inside(c, k) for k in earlier):
+            if any(self.inside(c, k) for k in earlier):
                 continue
             backing = self._backing.get(i)
             if backing is None:
@@ -167,20 +180,21 @@ class Found:
     def _unaccounted(self, kept: Sequence[Component]) -> Component | None:
         """Something that was found, or passed over as a part of it, and is in none of these."""
         for i, c in enumerate(self._components):
-            if any(self._inside(c, k) for k in kept):
+            if any(self.inside(c, k) for k in kept):
                 continue
             backing = self._backing.get(i)
             if backing is None or not all(on_any(kept, s) for s in backing.points):
                 return c
         for c in self._passed:
-            if not any(self._inside(c, k) for k in kept):
+            if not any(self.inside(c, k) for k in kept):
                 return c
         for s, i in self._held:
             if not on_any(kept, s):
                 return self._components[i]
         return None
 
-    def _inside(self, a: Component, b: Component) -> bool:
+    def inside(self, a: Component, b: Component) -> bool:
+        """Whether a component lies in another one, as far as substitution and division tell."""
         if any(a.values.get(j) != v for j, v in b.values.items()):
             return False
         for r in b.relations:

@@ -18,17 +18,20 @@ import functools
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
+from pinsing.algebra.apart import Apart
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Backing, Component, Found
 from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
 from pinsing.algebra.jacobian_matrix import Matrix, reduce_matrix
 from pinsing.algebra.minors import Minors, cost
 from pinsing.algebra.place import Place, bound
-from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.algebra.second_prime import FIRST_SEED, Question, ask_again
+from pinsing.algebra.prime_field import WORD_PRIME
+from pinsing.algebra.ring import Packed, Poly, Ring, Value
+from pinsing.algebra.second_prime import FIRST_SEED, Question, RandomSteps, ask_again
 from pinsing.algebra.zeros import Undecided
 
 _SHORTEST = 5
@@ -40,6 +43,16 @@ _RESULTANT_TERMS = 2_000
 
 
 Relations = tuple[Poly, ...]
+PackedComponent = tuple[Mapping[int, Value], list[Packed], bool, int]
+
+
+def _packed(c: Component, ring: Ring) -> PackedComponent:
+    return c.values, [ring.packed(r) for r in c.relations], c.proven, c.codimension
+
+
+def _unpacked(packed: PackedComponent, ring: Ring) -> Component:
+    values, relations, proven, codimension = packed
+    return Component(values, tuple(ring.unpacked(r) for r in relations), proven, codimension)
 
 
 class Decomposition:
@@ -50,7 +63,8 @@ class Decomposition:
     ) -> None:
         self.ring = ring
         self.time = time
-        self._found = Found(ring)
+        self._apart = Apart(time, time.left + _TO_ASK * time.seconds)
+        self._found = Found(ring, lambda c: self._apart.tell(_packed(c, ring)))
         self.gaps: list[str] = []
         self.stopped = False
         self._rng = np.random.default_rng(FIRST_SEED)
@@ -59,10 +73,20 @@ class Decomposition:
         self.asked: list[Question] = []
         self._later: list[tuple[int, Callable[[], None]]] = []
         self.bound = 1
+        self.components: list[Component] = []
+        self.second = RandomSteps(0, (), ())
+        ended = self._apart.run(lambda: self._ended(matrix, rank))
+        if ended.result is None:
+            self._stop(ended.told, ended.reason)
+        elif ended.result is not self:
+            self._take(ended.result)
+
+    def _ended(self, matrix: Matrix | Callable[[], Matrix], rank: int) -> Any:
+        """Itself after the search; what can be pickled of it, in a child."""
         depth = 0
         try:
             given = matrix() if callable(matrix) else matrix
-            rows, reduced = reduce_matrix(given, rank, ring, time)
+            rows, reduced = reduce_matrix(given, rank, self.ring, self.time)
             self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
             self._search(Place({}, rows, reduced, self.bound))
             while self._later:
@@ -76,9 +100,33 @@ class Decomposition:
                 if depth
                 else str(reason)
             )
-        self.components: list[Component] = self._found.irredundant(time)
-        self.second = ask_again(self.asked, self.components, ring, time.at_least(_TO_ASK))
+        self.components = self._found.irredundant(self.time)
+        time = self.time.at_least(_TO_ASK)
+        self.second = ask_again(self.asked, self.components, self.ring, time)
         self.gaps += self.second.gaps
+        if not self._apart.child:
+            return self
+        packed = [_packed(c, self.ring) for c in self.components]
+        return packed, self.gaps, self.stopped, self.second, self.bound
+
+    def _take(self, found: Any) -> None:
+        """What the child found."""
+        packed, self.gaps, self.stopped, self.second, self.bound = found
+        self.components = [_unpacked(c, self.ring) for c in packed]
+
+    def _stop(self, told: Sequence[PackedComponent], reason: str) -> None:
+        """What is left of a search that was stopped: components, as far as they were told of.
+
+        Points that some of them were found by are gone with the child: of these nothing but what
+        division shows is known to lie in another one.
+        """
+        found = self._found.all + [_unpacked(t, self.ring) for t in told]
+        for c in sorted(found, key=lambda c: (c.codimension, len(c.relations))):
+            if not any(self._found.inside(c, k) for k in self.components):
+                self.components.append(c)
+        self.stopped = True
+        self.gaps.append(reason)
+        self.second = RandomSteps(len(self.asked) + 1, (WORD_PRIME,), (FIRST_SEED,), (reason,))
 
     # Branches -----------------------------------------------------------------------
 

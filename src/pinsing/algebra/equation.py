@@ -10,16 +10,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from math import comb
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.geometry.surd import parts_of
 
-_DROP = 1e-12
+_NOTHING = 1e-15
+"""Coefficients this small, relative to the sum of all, are rounding, and are not written out."""
 _ROUNDING = 1e-14
 _FEW = 16
 """Coefficients beyond which no common length is looked for."""
@@ -148,7 +149,7 @@ class Equation:
                 pieces.append((float(self.cos[t]), power))
                 continue
             for coefficient, name in ((self.cos[t], style.cos), (self.sin[t], style.sin)):
-                if abs(coefficient) > _DROP * self.size:
+                if abs(coefficient) > _NOTHING * self.size:
                     body = f"{name}{angle}" if angle.startswith("(") else f"{name.strip()} {angle}"
                     pieces.append((float(coefficient), f"{power} {body}".strip()))
         return pieces
@@ -248,6 +249,8 @@ def _join(pieces: Sequence[tuple[float, str]], tight: bool = False) -> str:
 def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Equation:
     """Fourier form of a polynomial in half-angle coordinates, scaled to a largest term of 1.
 
+    The coefficients are made exactly, and rounded once: no term is dropped, however small.
+
     Parameters
     ----------
     poly : fmpq_mpoly
@@ -259,76 +262,25 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
     offset : (n,) array
         Radians between the arm's joint angles and the ring's.
     """
-    n = len(ring.prismatic)
-    degrees = poly.degrees()
-    terms = list(ring.terms(poly).items())
-    largest = max(abs(part) for _, c in terms for part in parts_of(c))
-    shape, kinds = [], []
-    for j in range(n):
-        v = ring.variables(j)
-        if ring.prismatic[j]:
-            shape.append(int(degrees[v[0]]) + 1)
-        else:
-            exponents = terms[0][0]
-            shape.append(int(exponents[v[0]] + exponents[v[1]]) + 1)
-        kinds.append(v)
-    tensor = np.zeros(shape, dtype=complex)
-    for monomial, c in terms:
-        tensor[tuple(int(monomial[v[-1]]) for v in kinds)] += float(c / largest)
-    for j in range(n):
-        if not ring.prismatic[j] and shape[j] > 1:
-            tensor = np.moveaxis(
-                np.tensordot(_half_angle_basis(shape[j] - 1), tensor, axes=(1, j)), 0, j
-            )
     # Quarter turns of an offset only swap sines and cosines; the rest stays a shift.
-    quarter = np.where(ring.prismatic, 0.0, np.round(offset / (np.pi / 2)) * (np.pi / 2))
-    shift = np.where(ring.prismatic, 0.0, offset - quarter)
+    quarters = np.where(ring.prismatic, 0, np.round(offset / (np.pi / 2))).astype(int)
+    shift = np.where(ring.prismatic, 0.0, offset - quarters * (np.pi / 2))
     shift[np.abs(shift) < 1e-12] = 0.0
-    gathered: dict[tuple[tuple[int, ...], tuple[int, ...]], complex] = {}
-    big = float(np.abs(tensor).max())
-    for index in np.argwhere(np.abs(tensor) > _DROP * big):
-        frequency = tuple(
-            0 if ring.prismatic[j] else int(2 * index[j] - (shape[j] - 1)) for j in range(n)
-        )
-        power = tuple(int(index[j]) if ring.prismatic[j] else 0 for j in range(n))
-        c = tensor[tuple(index)] * np.exp(0.5j * (np.array(frequency) @ quarter))
-        lead = next((k for k in frequency if k), 0)
-        if lead < 0:  # Re(c e^{i phi}) = Re(conj(c) e^{-i phi})
-            frequency, c = tuple(-k for k in frequency), np.conj(c)
-        gathered[frequency, power] = gathered.get((frequency, power), 0j) + c
-    keys = [k for k, c in gathered.items() if abs(c) > _DROP * big]
-    values = np.array([gathered[k] for k in keys])
-    real, imaginary = values.real, -values.imag
-    top = float(np.max(np.hypot(real, imaginary)))
-    real = np.where(np.abs(real) > _DROP * top, real, 0.0) / top
-    imaginary = np.where(np.abs(imaginary) > _DROP * top, imaginary, 0.0) / top
+    n = len(ring.prismatic)
+    terms = fourier(poly, ring, [int(k) for k in quarters])
+    largest = max(abs(part) for pair in terms.values() for c in pair for part in parts_of(c))
+    cos, sin = (np.array([float(pair[i] / largest) for pair in terms.values()]) for i in (0, 1))
+    top = float(np.max(np.hypot(cos, sin)))
     out = Equation(
         joints=tuple(joints),
-        frequencies=np.array([k[0] for k in keys], dtype=np.int64).reshape(-1, n),
-        powers=np.array([k[1] for k in keys], dtype=np.int64).reshape(-1, n),
-        cos=np.where(np.abs(real) < 1e-15, 0.0, real),
-        sin=np.where(np.abs(imaginary) < 1e-15, 0.0, imaginary),
+        frequencies=np.array([k[0] for k in terms], dtype=np.int64).reshape(-1, n),
+        powers=np.array([k[1] for k in terms], dtype=np.int64).reshape(-1, n),
+        cos=cos / top,
+        sin=sin / top,
         shift=shift,
     )
     first = out._pieces(_PLAIN)[0][0]
     return out.scaled(-1.0) if first < 0 else out
-
-
-def _half_angle_basis(degree: int) -> npt.NDArray[np.complex128]:
-    """Fourier coefficients of x^(d-b) y^b, b = 0..d, with x = cos(t/2), y = sin(t/2).
-
-    Entry [k, b] belongs to exp(i (2 k - d) t / 2).
-    """
-    basis = np.zeros((degree + 1, degree + 1), dtype=complex)
-    for b in range(degree + 1):
-        a = degree - b
-        for i in range(a + 1):
-            for j in range(b + 1):
-                # (e + 1/e)^a (e - 1/e)^b: i and j inverse factors are taken
-                k = degree - i - j
-                basis[k, b] += comb(a, i) * comb(b, j) * (-1) ** j
-        basis[:, b] *= 0.5**a * (0.5 / 1j) ** b
-    return basis
 
 
 def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
@@ -338,7 +290,7 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
     coefficients equal lengths of the geometry (or sums or differences of two) is taken.
     """
     found = np.concatenate([np.abs(equation.cos), np.abs(equation.sin)])
-    found = found[found > _DROP]
+    found = found[found > _NOTHING]
     known = sorted({abs(x) for x in lengths if abs(x) > 0})
     if len(found) < 2 or len(found) > _FEW or not known or equation.powers.any():
         return equation

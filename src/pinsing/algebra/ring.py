@@ -21,6 +21,7 @@ from pinsing.geometry.surd import Exact, Surd
 
 Poly = Any  # fmpq_mpoly; python-flint ships no types
 Monomial = tuple[int, ...]
+Packed = list[tuple[Monomial, int, int]]
 Value = tuple[Exact, ...]
 """Exact value of a joint: (x, y) of a revolute one, (metres,) of a prismatic one."""
 
@@ -103,6 +104,14 @@ class Ring:
     def terms(self, poly: Poly) -> dict[Monomial, Exact]:
         """Exponents of the joints' variables, and coefficients."""
         return {tuple(int(e) for e in m): fraction(c) for m, c in poly.to_dict().items()}
+
+    def packed(self, poly: Poly) -> Packed:
+        """The polynomial as plain integers, for another process."""
+        return [(tuple(map(int, m)), int(c.p), int(c.q)) for m, c in poly.to_dict().items()]
+
+    def unpacked(self, terms: Packed) -> Poly:
+        """The polynomial of what ``packed`` gave."""
+        return self.context.from_dict({m: fmpq(p, q) for m, p, q in terms})
 
     def is_constant(self, poly: Poly) -> bool:
         """Whether no joint occurs."""
