@@ -62,7 +62,7 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
     out = {}
     for key, (real, imag) in gathered.items():
         pair = surd(*real), -surd(*imag)
-        if pair != (0, 0):
+        if any(pair):  # a Surd is never zero
             out[key] = pair
     return out
 
