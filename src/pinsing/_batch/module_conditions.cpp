@@ -131,16 +131,17 @@ public:
                  OutWhole family, OutWhole used, Out points, int threads) const {
         const std::int64_t N = rows(X);
         const std::size_t n = static_cast<std::size_t>(c_.n), count = X.shape(0);
-        const std::size_t limits = n * static_cast<std::size_t>(c_.families);
-        require(lower_limit.size() == limits && upper_limit.size() == limits,
-                "limits must have shape (families, n)");
+        const std::size_t limits = lower_limit.size();
+        require(upper_limit.size() == limits &&
+                    (limits == n || limits == n * static_cast<std::size_t>(c_.families)),
+                "limits must have shape (n,) or (families, n)");
         require(lower.size() == count && upper.size() == count && family.size() == count &&
                     used.size() == count && points.size() == count * n,
                 "an output has the wrong shape");
         for (std::size_t i = 0; i < X.size(); i++)
             require(std::isfinite(X.data()[i]), "Q holds a value that is not finite");
-        const SearchOptions options{lower_limit.data(), upper_limit.data(), limited, far, gap,
-                                    seconds, boxes};
+        const SearchOptions options{lower_limit.data(), upper_limit.data(), limits == n ? 0 : c_.n,
+                                    limited, far, gap, seconds, boxes};
         const nb::gil_scoped_release release;
         std::atomic<std::int64_t> next{0};
         auto run = [&]() {

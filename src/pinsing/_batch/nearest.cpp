@@ -80,8 +80,8 @@ private:
     // matter within their limits; how far that is.
     double put(int b, const double* x, double* target) {
         double off[kJoints];
-        const double* lower = o_.lower + c_.family[b] * c_.n;
-        const double* upper = o_.upper + c_.family[b] * c_.n;
+        const double* lower = o_.lower + c_.family[b] * o_.stride;
+        const double* upper = o_.upper + c_.family[b] * o_.stride;
         std::copy(x, x + c_.n, target);
         if (o_.limited) {
             for (int j = 0; j < c_.n; j++)
@@ -234,8 +234,8 @@ private:
     // than where its points count.
     bool ranges(int b, const Branch& branch, const double* x, double* q, double* lo,
                 double* hi) const {
-        const double* lower = o_.lower + c_.family[b] * c_.n;
-        const double* upper = o_.upper + c_.family[b] * c_.n;
+        const double* lower = o_.lower + c_.family[b] * o_.stride;
+        const double* upper = o_.upper + c_.family[b] * o_.stride;
         bool cut = false;
         for (int j = 0; j < branch.d(); j++) {
             const int joint = branch.joints[j];

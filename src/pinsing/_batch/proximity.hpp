@@ -10,8 +10,9 @@ namespace pinsing {
 
 // Search for the nearest point of the conditions, and the proof that none is nearer.
 struct SearchOptions {
-    const double* lower;  // (families, n) limits in weighted coordinates, infinite without
+    const double* lower;  // limits in weighted coordinates, infinite where there are none
     const double* upper;
+    int stride;           // from those of one family to those of the next; 0 for the same
     bool limited;         // only points within the limits count
     double far;           // how far prismatic joints are looked at where nothing bounds them
     double gap;

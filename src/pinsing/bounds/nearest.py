@@ -98,13 +98,14 @@ def nearest_points(
     """
     X = conditions.scaled(Q)
     N, n = X.shape
-    shape = (conditions.families, n)
-    low = np.ascontiguousarray(np.broadcast_to(lower, shape) * conditions.weight)
-    high = np.ascontiguousarray(np.broadcast_to(upper, shape) * conditions.weight)
+    low = np.ascontiguousarray(np.asarray(lower, dtype=float) * conditions.weight)
+    high = np.ascontiguousarray(np.asarray(upper, dtype=float) * conditions.weight)
     far = _FAR + float(np.abs(X).max(initial=0.0))
     handle = conditions.compiled() if compiled else None
     if handle is None:
-        limits = Limits(low, high, options.within_limits, far)
+        shape = (conditions.families, n)
+        both = np.broadcast_to(low, shape), np.broadcast_to(high, shape)
+        limits = Limits(*both, options.within_limits, far)
         found = [search(conditions, x, limits, options.gap, options.seconds) for x in X]
         return Nearest(
             lower=np.array([f.lower for f in found]),

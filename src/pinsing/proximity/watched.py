@@ -72,11 +72,11 @@ class Watched:
 
     @property
     def limits(self) -> tuple[Array, Array]:
-        """Limits (families, n) that count for each family, as in ``Family.limits``."""
+        """Limits (n,) that count; (families, n) where those of families differ."""
+        if all(f.limit_tolerance is None for f in self.families):
+            return self.lower, self.upper
         both = [f.limits for f in self.families]
-        shape = (len(both), self.n)
-        lower = np.array([low for low, _ in both], dtype=float).reshape(shape)
-        return lower, np.array([high for _, high in both], dtype=float).reshape(shape)
+        return np.array([low for low, _ in both]), np.array([high for _, high in both])
 
     def check(self, Q: npt.ArrayLike) -> Array:
         """Return Q (..., n) as floats, or say what is wrong with it.
