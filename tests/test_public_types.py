@@ -140,6 +140,9 @@ CALLS = {
     ),
     "at": Call(lambda: pinsing.at, with_arm(q=Q)),
     "clearance": Call(lambda: pinsing.clearance, lambda: {"forms": form(), "Q": [Q]}),
+    "inverse_velocity": Call(
+        lambda: pinsing.inverse_velocity, lambda: {"J": np.eye(3), "twist": [0.1, 0.2, 0.3]}
+    ),
     "is_clear": Call(lambda: pinsing.is_clear, lambda: {"forms": form(), "q": Q, "radius": 0.01}),
     "check_line": Call(
         lambda: pinsing.check_line,

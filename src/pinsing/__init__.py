@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pinsing.errors import PinsingError
     from pinsing.families import ClosedForm, Family, closed_form
     from pinsing.geometry.nominal import Nominal, nominal
+    from pinsing.kinematics.inverse_velocity import InverseVelocity, inverse_velocity
     from pinsing.kinematics.jacobian import (
         frame_jacobian,
         frame_jacobians,
@@ -78,8 +79,10 @@ _HOME = {
     "crossings": "pinsing.proximity.crossings",
     "frame_jacobian": "pinsing.kinematics.jacobian",
     "frame_jacobians": "pinsing.kinematics.jacobian",
+    "InverseVelocity": "pinsing.kinematics.inverse_velocity",
     "generalize": "pinsing.sweeps.generalize",
     "generic_rank": "pinsing.kinematics.jacobian",
+    "inverse_velocity": "pinsing.kinematics.inverse_velocity",
     "is_clear": "pinsing.proximity.clearance",
     "load": "pinsing.robot.load",
     "load_mechanism": "pinsing.robot.load_mechanism",
@@ -107,6 +110,7 @@ __all__ = [
     "Crossings",
     "Family",
     "Finding",
+    "InverseVelocity",
     "LineCheck",
     "MapPlan",
     "MapResult",
@@ -133,6 +137,7 @@ __all__ = [
     "frame_jacobians",
     "generalize",
     "generic_rank",
+    "inverse_velocity",
     "is_clear",
     "load",
     "load_mechanism",

@@ -1,0 +1,243 @@
+"""inverse_velocity: joint speeds for a twist of the tip, near singular configurations too."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.arguments import checked
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.kinematics.damping import (
+    METHODS,
+    DampingOptions,
+    damped_gains,
+    selective_gains,
+)
+from pinsing.serialization import JsonResult
+
+
+@dataclass(frozen=True, eq=False)
+class InverseVelocity(JsonResult):
+    """Joint speeds for twists of the tip, and what was given up for them.
+
+    Singular directions and values are those of the Jacobian whose linear rows are divided by
+    ``length_scale``; twists are in the units that were given.
+
+    Attributes
+    ----------
+    dq : (..., n) array
+        Joint speeds, radians and metres per second.
+    achieved : (..., m) array
+        The twist that they make: ``J dq``.
+    missed : (..., m) array
+        What was asked for less that.
+    sigma : (..., k) array
+        Singular values, descending, k = min(m, n).
+    directions : (..., m, k) array
+        Singular directions of the scaled twist, in columns: direction i belongs to ``sigma[i]``.
+    kept : (..., k) array
+        Share of the twist along each direction that is achieved: 1 is all of it. Before
+        ``speed_scale``.
+    damped : (...) array
+        The largest of ``1 - kept``: 0 where nothing was given up.
+    lost : (...) array of int
+        The direction of which least is kept.
+    speed_scale : (...) array
+        What all joint speeds were multiplied by to keep the joint speed limits.
+    method : str
+        How.
+    length_scale : float
+        Metres.
+    """
+
+    schema: ClassVar[str] = "pinsing/inverse_velocity/1"
+
+    dq: Array
+    achieved: Array
+    missed: Array
+    sigma: Array
+    directions: Array
+    kept: Array
+    damped: Array
+    lost: npt.NDArray[np.int64]
+    speed_scale: Array
+    method: str
+    length_scale: float
+
+
+@checked
+def inverse_velocity(
+    J: npt.ArrayLike,
+    twist: npt.ArrayLike,
+    method: str = "dls",
+    *,
+    damping: float = 0.05,
+    threshold: float = 0.1,
+    isotropic: float = 0.0,
+    manipulability: float | None = None,
+    gamma: float = 0.1,
+    gamma_max: float = np.pi / 4,
+    length_scale: float = 1.0,
+    weights: npt.ArrayLike | None = None,
+    speed_limits: npt.ArrayLike | None = None,
+) -> InverseVelocity:
+    """Joint speeds for a twist of the tip, by a method that knows about singularities.
+
+    Methods and their sources:
+
+    - "pinv": the pseudoinverse; speeds grow without bound towards a singular configuration.
+    - "dls": damped least squares, ``J^T (J J^T + lambda^2 1)^-1``, with
+      ``lambda = damping (1 - w / w_0)`` where the manipulability w is below w_0 (Y. Nakamura,
+      H. Hanafusa, "Inverse kinematic solutions with singularity robustness for robot manipulator
+      control", J. Dyn. Sys. Meas. Control 108 (1986)). w_0 is ``manipulability``, or by default
+      the w at which the least singular value, alone, would be ``threshold``.
+    - "filter": numerical filtering, ``J^T (J J^T + isotropic^2 1 + beta^2 u u^T)^-1``: only the
+      lost direction u is damped (A. A. Maciejewski, C. A. Klein, "Numerical filtering for the
+      operation of robotic manipulators through kinematically singular configurations", J. Robotic
+      Systems 5 (1988)); ``beta^2 = damping^2 (1 - (sigma / threshold)^2)`` below ``threshold``,
+      for each direction that is lost by its own sigma.
+    - "sdls": selectively damped least squares: speeds of each direction are cut by how far they
+      would carry the tip (S. R. Buss, J.-S. Kim, "Selectively damped least squares for inverse
+      kinematics", J. Graphics Tools 10 (2005)), here with speeds in the place of steps, one tip,
+      and ``gamma_max`` as the largest speed.
+    - "jparse": J-PARSE (arXiv 2505.00306) with gain K_p = 1: directions whose singular value is
+      below ``gamma`` times the largest are followed by ``(sigma / (gamma sigma_1))^2``.
+
+    Parameters
+    ----------
+    J : (..., m, n) array_like
+        Jacobians, such as those of ``frame_jacobian``.
+    twist : (..., m) array_like
+        What the tip is to do, in the rows of J: metres and radians per second.
+    method : str
+        "pinv", "dls", "filter", "sdls" or "jparse".
+    damping, threshold, isotropic, manipulability
+        Of "dls" and "filter", in units of singular values (or their product).
+    gamma : float
+        Of "jparse", between 0 and 1.
+    gamma_max : float
+        Of "sdls", radians per second.
+    length_scale : float
+        Metres; the first three of six rows, which are linear velocities, are divided by it before
+        anything is measured. Other Jacobians have to be scaled by the caller.
+    weights : (n,) array_like, optional
+        What joint speeds are multiplied by where they are measured; 1 by default. With sliding
+        joints 1 / length scale.
+    speed_limits : (n,) array_like, optional
+        Largest joint speeds; where one is exceeded, all are reduced by the same factor, so that
+        the direction of motion stays.
+
+    Returns
+    -------
+    InverseVelocity
+        Joint speeds, the twist achieved, and where and how much was damped.
+
+    Raises
+    ------
+    ConfigurationError
+        If J and twist do not fit each other, or a value is not finite.
+    OptionError
+        If an option makes no sense.
+
+    Examples
+    --------
+    >>> import numpy as np, pinsing
+    >>> J = pinsing.frame_jacobian(pinsing.load("ur5"), [0, -1, 1, -1, 0.001, 0])
+    >>> found = pinsing.inverse_velocity(J, [0, 0, 0, 0, 0.1, 0.1], "pinv")
+    >>> bool(abs(found.dq).max() > 10)
+    True
+    >>> found = pinsing.inverse_velocity(J, [0, 0, 0, 0, 0.1, 0.1], "dls")
+    >>> bool(abs(found.dq).max() < 1), bool(found.damped > 0.9)
+    (True, True)
+    """
+    if method not in METHODS:
+        raise OptionError(f"method must be one of {', '.join(METHODS)}, got {method!r}")
+    options = DampingOptions(damping, threshold, isotropic, manipulability, gamma, gamma_max)
+    jacobians, twists = _arrays(J, twist)
+    m, n = jacobians.shape[-2:]
+    rows = _rows(m, length_scale)
+    weight = _positive(weights, n, "weights", np.ones(n))
+    if not np.isfinite(weight).all():
+        raise OptionError(f"weights must be finite, got {weight.tolist()}")
+    scaled = jacobians / rows[:, None] / weight
+    U, sigma, VT = np.linalg.svd(scaled, full_matrices=False)
+    wanted = np.einsum("...mk,...m->...k", U, twists / rows)
+    V = np.swapaxes(VT, -1, -2)
+    if method == "sdls":
+        gains = selective_gains(scaled, sigma, V, wanted, gamma_max)
+    else:
+        gains = damped_gains(method, sigma, options)
+    y = np.einsum("...nk,...k->...n", V, gains * wanted)
+    if method == "sdls":
+        y = y * np.minimum(1.0, gamma_max / np.maximum(np.abs(y).max(axis=-1), 1e-300))[..., None]
+    dq = y / weight
+    limits = _positive(speed_limits, n, "speed_limits", np.full(n, np.inf))
+    scale = 1 / np.maximum((np.abs(dq) / limits).max(axis=-1), 1.0)
+    dq = dq * scale[..., None]
+    achieved = np.einsum("...mn,...n->...m", jacobians, dq)
+    kept = gains * sigma
+    return InverseVelocity(
+        dq=dq,
+        achieved=achieved,
+        missed=twists - achieved,
+        sigma=sigma,
+        directions=U,
+        kept=kept,
+        damped=np.maximum(1 - kept.min(axis=-1), 0.0),
+        lost=np.asarray(kept.argmin(axis=-1), dtype=np.int64),
+        speed_scale=np.asarray(scale),
+        method=method,
+        length_scale=float(length_scale),
+    )
+
+
+def _arrays(J: npt.ArrayLike, twist: npt.ArrayLike) -> tuple[Array, Array]:
+    try:
+        jacobians, twists = np.array(J, dtype=float), np.array(twist, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise ConfigurationError(f"J and twist must be arrays of numbers: {error}") from None
+    if jacobians.ndim < 2 or 0 in jacobians.shape[-2:]:
+        raise ConfigurationError(f"J has shape (..., m, n), got {jacobians.shape}")
+    m = jacobians.shape[-2]
+    if twists.ndim == 0 or twists.shape[-1] != m:
+        raise ConfigurationError(
+            f"twist needs {m} values, one a row of J {jacobians.shape}; got shape {twists.shape}"
+        )
+    for name, array in (("J", jacobians), ("twist", twists)):
+        if not np.isfinite(array).all():
+            raise ConfigurationError(f"{name} has a value that is not finite")
+    try:
+        shape = np.broadcast_shapes(jacobians.shape[:-2], twists.shape[:-1])
+    except ValueError:
+        raise ConfigurationError(
+            f"J {jacobians.shape} and twist {twists.shape} are not as many"
+        ) from None
+    jacobians = np.broadcast_to(jacobians, (*shape, *jacobians.shape[-2:]))
+    return jacobians, np.broadcast_to(twists, (*shape, m))
+
+
+def _rows(m: int, length_scale: float) -> Array:
+    """What each row is divided by."""
+    if not (length_scale > 0 and np.isfinite(length_scale)):
+        raise OptionError(f"length_scale must be positive, got {length_scale!r}")
+    if length_scale != 1.0 and m != 6:
+        raise OptionError(
+            f"length_scale is for Jacobians of 6 rows; scale the {m} rows of this one"
+        )
+    return np.array([length_scale] * 3 + [1.0] * 3) if m == 6 else np.ones(m)
+
+
+def _positive(given: npt.ArrayLike | None, n: int, name: str, default: Array) -> Array:
+    if given is None:
+        return default
+    try:
+        array = np.array(given, dtype=float)
+    except (TypeError, ValueError) as error:
+        raise OptionError(f"{name} is not an array of numbers: {error}") from None
+    if array.shape != (n,) or not (array > 0).all():
+        raise OptionError(f"{name} needs {n} positive numbers, got {array.tolist()}")
+    return array
