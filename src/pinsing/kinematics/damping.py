@@ -16,6 +16,7 @@ from pinsing.errors import OptionError
 
 METHODS = ("pinv", "dls", "filter", "sdls", "jparse")
 
+_HUGE = 1e100
 _ZERO = 1e-12
 """Singular values are zero at or below this times the largest."""
 
@@ -48,14 +49,12 @@ class DampingOptions:
     gamma_max: float = np.pi / 4
 
     def __post_init__(self) -> None:
-        for name in ("damping", "threshold", "gamma_max"):
+        for name in ("damping", "threshold", "gamma_max", "manipulability"):
             value = getattr(self, name)
-            if not (value > 0 and np.isfinite(value)):
-                raise OptionError(f"{name} must be positive, got {value!r}")
-        if not (self.isotropic >= 0 and np.isfinite(self.isotropic)):
+            if value is not None and not 0 < value < _HUGE:
+                raise OptionError(f"{name} must be a positive number, got {value!r}")
+        if not 0 <= self.isotropic < _HUGE:
             raise OptionError(f"isotropic must not be negative, got {self.isotropic!r}")
-        if self.manipulability is not None and not self.manipulability > 0:
-            raise OptionError(f"manipulability must be positive, got {self.manipulability!r}")
         if not 0 < self.gamma < 1:
             raise OptionError(f"gamma must be between 0 and 1, got {self.gamma!r}")
 

@@ -222,7 +222,7 @@ def _arrays(J: npt.ArrayLike, twist: npt.ArrayLike) -> tuple[Array, Array]:
 
 def _rows(m: int, length_scale: float) -> Array:
     """What each row is divided by."""
-    if not (length_scale > 0 and np.isfinite(length_scale)):
+    if not 0 < length_scale < 1e100:
         raise OptionError(f"length_scale must be positive, got {length_scale!r}")
     if length_scale != 1.0 and m != 6:
         raise OptionError(
