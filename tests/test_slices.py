@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pinsing.algebra.budget import Budget
+from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.generic_points import Residues, slice_points
 from pinsing.algebra.prime_field import rank_over
 from pinsing.algebra.ring import make_ring
@@ -124,3 +125,17 @@ def test_rank_over_a_field(seed):
     assert rank_over(product) == 3
     assert rank_over([[field.zero()] * 3] * 2) == 0
     assert rank_over([]) == 0
+
+
+@pytest.mark.parametrize("said", [1, 3])
+def test_a_generic_rank_that_is_wrong_is_noticed(said):
+    """The matrix has rank 2: its last row is the sum of multiples of the others."""
+    ring = make_ring((False, False))
+    x1, y1, x2, y2 = ring.context.gens()
+    first, second = [x1, y1, x2], [y2, x1, y1]
+    third = [x2 * a + y1 * b for a, b in zip(first, second, strict=True)]
+    matrix = [first, second, third]
+    right = Decomposition(matrix, 2, ring, Budget(30.0))
+    assert not any("generic rank" in gap for gap in right.gaps)
+    wrong = Decomposition(matrix, said, ring, Budget(30.0))
+    assert any("generic rank" in gap for gap in wrong.gaps)

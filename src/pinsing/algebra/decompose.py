@@ -88,6 +88,7 @@ class Decomposition:
             given = matrix() if callable(matrix) else matrix
             rows, reduced = reduce_matrix(given, rank, self.ring, self.time)
             self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
+            self._confirm(rows, reduced, rank)
             self._search(Place({}, rows, reduced, self.bound))
             while self._later:
                 first = min(range(len(self._later)), key=lambda i: self._later[i][0])
@@ -108,6 +109,22 @@ class Decomposition:
             return self
         packed = [_packed(c, self.ring) for c in self.components]
         return packed, self.gaps, self.stopped, self.second, self.bound
+
+    def _confirm(self, rows: Matrix, reduced: int, rank: int) -> None:
+        """Say so unless ``rank`` is the generic rank of the matrix, exactly.
+
+        One point modulo a prime shows that it is no less; that all larger minors are zero
+        polynomials, that it is no more.
+        """
+        short = min(len(rows), len(rows[0])) if rows else 0
+        less = reduced > 0 and (
+            short < reduced or not self._regular(Place({}, rows, reduced, self.bound))
+        )
+        more = short > max(reduced, 0) and any(
+            True for _ in Minors(rows, max(reduced, 0) + 1, self.ring, self.time)
+        )
+        if reduced < 0 or less or more:
+            self.gaps.append(f"the generic rank is not {rank}, as points chosen at random said")
 
     def _take(self, found: Any) -> None:
         """What the child found."""

@@ -21,6 +21,7 @@ from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
+    frame_jacobians,
     own_jacobians_and_derivatives,
     scale_rows,
     singular_values,
@@ -115,10 +116,15 @@ def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
     """``second_order`` for each row of Q (N, n)."""
     Q = np.atleast_2d(arm.check(Q))
     J, H = own_jacobians_and_derivatives(arm, Q)
-    return tuple(_examine(arm, *row) for row in zip(Q, J, H, strict=True))
+    # What is printed of it is at the length scale of the arm, and by its own joint speeds.
+    at_scale = scale_rows(arm, frame_jacobians(arm, Q))
+    sigma = singular_values(arm, Q)
+    return tuple(_examine(arm, *row) for row in zip(Q, J, H, at_scale, sigma, strict=True))
 
 
-def _examine(arm: Arm, q: Array, J: Array, H: Array) -> SecondOrder:
+def _examine(
+    arm: Arm, q: Array, J: Array, H: Array, at_scale: Array, printed: Array
+) -> SecondOrder:
     U, sigma, Vt = np.linalg.svd(J)
     r = generic_rank(arm)
     rank, ratio = rank_of(arm, sigma), float(ratio_of(arm, sigma))
@@ -128,13 +134,11 @@ def _examine(arm: Arm, q: Array, J: Array, H: Array) -> SecondOrder:
     if rank < r:
         lost = _lost(arm, q, U[:, rank:], N, H, rank)
         kind = _kind(arm, q, lost, N, H)
-    # What is printed of it is at the length scale of the arm, and by its own joint speeds.
-    scale, at_scale = own_scale(arm), scale_rows(arm, frame_jacobian(arm, q))
+    scale = own_scale(arm)
     lost = _turned(lost, scale.rows * np.where(np.array(arm.task.rows) < 3, arm.length_scale, 1.0))
-    sigma = singular_values(arm, q[None])[0]
     residual = float(np.linalg.norm(at_scale.T @ lost, axis=0).max(initial=0.0))
-    residual = residual if rank < r else float(sigma[-1])
-    return SecondOrder(sigma, ratio, rank, lost, _turned(N, scale.columns), residual, kind)
+    residual = residual if rank < r else float(printed[-1])
+    return SecondOrder(printed, ratio, rank, lost, _turned(N, scale.columns), residual, kind)
 
 
 def _turned(basis: Array, factors: Array) -> Array:

@@ -19,12 +19,11 @@ from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.families.certain import certainly_empty, never_zero
 from pinsing.families.parts import Branch, JointValue
 from pinsing.families.zero_set import (
     ROUNDS,
     fix_joint,
-    never_zero,
-    proven_empty,
     search,
 )
 from pinsing.geometry.nominal import Nominal
@@ -276,7 +275,7 @@ class PieceMaker:
             return False
         if self.time.over or any(e.powers.any() for e in branch.equations):
             return False  # no box holds all values of a slider
-        return proven_empty(branch.equations, self.lower, self.upper)
+        return certainly_empty(branch.equations, self.lower, self.upper)
 
 
 def _distinct(equations: Sequence[Equation]) -> list[Equation]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -203,12 +203,35 @@ def slopes(equation: Equation, lower: Array, upper: Array) -> Array:
     return np.asarray(steep)
 
 
-def proven_empty(equations: Sequence[Equation], lower: Array, upper: Array) -> bool:
+@dataclass(frozen=True, eq=False)
+class Box:
+    """Boxes in which one equation has no zero.
+
+    Attributes
+    ----------
+    equation : int
+        Which one.
+    centers, halves : (N, n) arrays
+        Middles and half widths.
+    """
+
+    equation: int
+    centers: Array
+    halves: Array
+
+
+def proven_empty(
+    equations: Sequence[Equation],
+    lower: Array,
+    upper: Array,
+    tell: Callable[[Box], None] | None = None,
+) -> bool:
     """Whether the equations have no common zero in a box, proven by subdivision.
 
     A box in which some equation is larger at the centre than its slopes allow it to change
     within holds no zero; any other is halved. Every comparison leaves room for rounding (a sum
-    of thousands of terms is right to 1e-12 of their sizes). False means: not proven.
+    of thousands of terms is right to 1e-12 of their sizes). False means: not proven. ``tell`` hears
+    of all boxes, whose union is the whole.
     """
     used = np.zeros(len(lower), dtype=bool)
     for e in equations:
@@ -228,11 +251,12 @@ def proven_empty(equations: Sequence[Equation], lower: Array, upper: Array) -> b
             return False
         alive = np.ones(len(centers), dtype=bool)
         worst = np.zeros_like(centers)
-        for e, slope in zip(equations, steep, strict=True):
+        for i, (e, slope) in enumerate(zip(equations, steep, strict=True)):
             value = np.abs(e(centers))
-            alive &= (
-                value <= halves @ slope * (1 + _MARGIN) + max(_MARGIN, 10 * e.accuracy) * e.size
-            )
+            left = value <= halves @ slope * (1 + _MARGIN) + max(_MARGIN, 10 * e.accuracy) * e.size
+            if tell is not None and (alive & ~left).any():
+                tell(Box(i, centers[alive & ~left], halves[alive & ~left]))
+            alive &= left
             worst = np.maximum(worst, halves * slope / e.size)
         centers, halves, worst = centers[alive], halves[alive], worst[alive]
         if not len(centers):
@@ -246,15 +270,6 @@ def proven_empty(equations: Sequence[Equation], lower: Array, upper: Array) -> b
         centers = np.concatenate([centers - shift, centers + shift])
         halves = np.concatenate([halves, halves])
     return True
-
-
-def never_zero(equation: Equation) -> bool:
-    """Whether the constant term outweighs all the others: no zero anywhere."""
-    if equation.powers.any():
-        return False
-    size = np.hypot(equation.cos, equation.sin)
-    constant = ~(equation.frequencies != 0).any(axis=1)
-    return bool(size[constant].sum() > size[~constant].sum() + _MARGIN * equation.unit)
 
 
 def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
