@@ -154,8 +154,8 @@ class TestAt:
             assert f["upper"] - f["lower"] <= 1e-6
         far = [f["upper"] for f in found["families"]]
         assert far == sorted(far)
-        text = " ".join(run(*words, "--deg").stdout.split())
-        assert "distance F1: 45.84° (0.8), by q3 -45.84°; the family is within" in text
+        text = " ".join(run(*words).stdout.split())
+        assert "distance F1: 45.84° (0.8), by q3 -0.8 rad; the family is within" in text
         assert "distance" not in run(*words, "--no-distances").stdout
         assert "distances" not in json.loads(run(*words, "--no-distances", "--json", "-").stdout)
         assert "F3: 0° (0), on it" in run("at", "stanford", "--q", "0,1,0.3,1,0,0").stdout
