@@ -82,6 +82,17 @@ def test_joint_values_that_depend_on_each_other_are_stated_exactly():
     assert any("snap-length 0.001" in line for line in form.hints)
 
 
+def test_three_links_that_just_reach_are_a_point_as_well():
+    """0.3 + 0.2 + 0.1 = 0.6: only the stretched arm, which another family holds."""
+    rows = [Joint(d=0.4), Joint(alpha=RIGHT, a=0.6), Joint(a=0.3), Joint(a=0.2)]
+    form = closed_form(build(rows, tip=(0.1, 0, 0), task="position"))
+    assert form.complete
+    assert [f.text for f in form.families] == ["q3 = 0° or 180° and q4 = 0° or 180°"]
+    assert form.dropped == 1
+    assert form.family_of([0.3, math.pi, 0, 0]) is not None
+    assert form.family_of([0.3, 3.0, 0.1, 0.2]) is None
+
+
 def test_an_equation_with_a_single_real_point_is_no_surface():
     """0.3 cos q2 + 0.2 cos(q2+q3) + 0.5 is zero at q2 = 180, q3 = 0 only, which q3 = 0 holds."""
     rows = [Joint(d=0.4), Joint(alpha=RIGHT, a=0.5), Joint(a=0.3)]

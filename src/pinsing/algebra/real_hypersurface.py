@@ -12,15 +12,17 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from flint import fmpq, fmpz_poly
+from flint import arb, fmpq, fmpz_mat, fmpz_poly
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.finite_system import NotFinite, Solution, real_solutions
+from pinsing.algebra.finite_system import AlgebraicValue, NotFinite, Solution, real_solutions
+from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.geometry.surd import Surd, parts_of
 
 _POINTS = 256
 _SEED = 3
+_MOST_JOINTS = 6
 _FAR = 1e-6
 """A value with square roots counts as positive from this share of its terms on."""
 
@@ -74,6 +76,8 @@ def isolated_zeros(poly: Poly, ring: Ring, time: Budget) -> list[Solution] | Non
     """
     if not ring.rational or any(ring.prismatic[j] for j in ring.joints_of(poly)):
         return None
+    if (touching := _touching(poly, ring)) is not None:
+        return touching
     if not semidefinite(poly, ring, time):
         return None
     used = [v for j in ring.joints_of(poly) for v in ring.variables(j)]
@@ -89,12 +93,12 @@ def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
 
     Factors of odd multiplicity must not. One in a single joint has no real root then; one of
     degree two in a joint, A x^2 + B x y + C y^2, has a discriminant B^2 - 4 A C that is nowhere
-    positive.
+    positive. Nor does a sum of cosines and sines whose constant is no less than all the rest.
     """
     for f, multiplicity in poly.factor()[1]:
         time.check()
         joints = ring.joints_of(f)
-        if multiplicity % 2 == 0 or not joints:
+        if multiplicity % 2 == 0 or not joints or _outweighed(f, ring):
             continue
         if len(joints) == 1:
             if not _without_roots(f, joints[0], ring):
@@ -106,6 +110,72 @@ def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
         ):
             return False
     return True
+
+
+_QUARTERS = {
+    0: AlgebraicValue(arb(0), (0, 1)),
+    1: AlgebraicValue(arb(1), (-1, 1)),
+    2: AlgebraicValue(None, ()),
+    3: AlgebraicValue(arb(-1), (1, 1)),
+}
+"""Half-angle tangents of right angles."""
+
+
+def _touching(poly: Poly, ring: Ring) -> list[Solution] | None:
+    """The one real zero where all terms together just reach the constant; else None.
+
+    There each cosine or sine is 1 or -1: linear equations modulo whole turns. With a minor of 1
+    they have one solution, which is made of right angles.
+    """
+    joints = ring.joints_of(poly)
+    constant, others = Fraction(0), Fraction(0)
+    rows: list[tuple[list[int], Fraction, Fraction]] = []
+    for (frequency, _), (cos, sin) in fourier(poly, ring, [0] * len(ring.prismatic)).items():
+        c, s = parts_of(cos)[0], parts_of(sin)[0]
+        if not any(frequency):
+            constant = c
+            continue
+        if any(k % 2 for k in frequency) or (c and s):
+            return None
+        others += abs(c + s)
+        rows.append(([frequency[j] // 2 for j in joints], c, s))
+    if constant == 0 or abs(constant) != others or len(joints) > _MOST_JOINTS:
+        return None
+    minors = itertools.combinations([row for row, _, _ in rows], len(joints))
+    if not any(abs(int(fmpz_mat([*map(list, m)]).det())) == 1 for m in minors):
+        return None
+    wanted = []  # right angles that each term's phase is
+    for _, c, s in rows:
+        up = (c + s) * constant < 0
+        wanted.append((0 if up else 2) if c else (1 if up else 3))
+    return [
+        dict(zip(joints, (_QUARTERS[k] for k in turns), strict=True))
+        for turns in itertools.product(range(4), repeat=len(joints))
+        if all(
+            (sum(a * k for a, k in zip(row, turns, strict=True)) - w) % 4 == 0
+            for (row, _, _), w in zip(rows, wanted, strict=True)
+        )
+    ]
+
+
+def _outweighed(poly: Poly, ring: Ring) -> bool:
+    """Whether the constant term is as large as all others can be together, exactly."""
+    if any(ring.prismatic[j] for j in ring.joints_of(poly)):
+        return False
+    constant, others, roots = Fraction(0), Fraction(0), arb(0)
+    for (frequency, _), (cos, sin) in fourier(poly, ring, [0] * len(ring.prismatic)).items():
+        c, s = parts_of(cos)[0], parts_of(sin)[0]
+        if not any(frequency):
+            constant = abs(c)
+        elif c == 0 or s == 0:
+            others += abs(c + s)
+        else:
+            square = c * c + s * s
+            roots += (arb(square.numerator) / arb(square.denominator)).sqrt()
+    left = constant - others
+    if roots == 0:
+        return left >= 0
+    return left > 0 and bool(arb(left.numerator) / arb(left.denominator) > roots)
 
 
 def _never_positive(poly: Poly, ring: Ring, time: Budget) -> bool:
