@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring, Value
 from pinsing.geometry.nominal import Nominal
-from pinsing.proof.checker import Certificate, Rejected, Values, verify
-from pinsing.proof.reduction import find_reduction
-from pinsing.proof.skeleton import form_of, number_text, roots_in, skeleton
+from pinsing.proof.checker import Certificate, Rejected, verify
+from pinsing.proof.reduction import without_dependent_lines
+from pinsing.proof.skeleton import form_of, form_text, number_text, roots_in, skeleton
 from pinsing.proof.tree import NotFound, Place, Tree
 
 
@@ -61,49 +61,50 @@ def certificate(
     roots = roots_in(geometry)
     data = skeleton(geometry, rank, roots)
     try:
+        data = without_dependent_lines(data)
         draft = Certificate(data)
-        data["reduction"] = find_reduction(draft)
-        context = draft.ring.context
-        polynomials = _Table()
-        tidy = Tree(draft, seconds)
+        polynomials, tidy = _Table(), Tree(draft, seconds)
         for s in stated:
-            c = s.component
-            forms = [form_of(p, ring, context, roots) for p in c.relations]
-            values = _constants(draft, c.values)
-            whole = [Place(values, [tidy.tidy(f) for f in forms])]
-            for part in tidy.parts(values, forms) if in_parts else whole:
-                entry = {"name": s.name, **_where(part, polynomials)}
-                data["families"].append({**entry, "least_codimension": c.codimension})
+            forms = [*_linear(draft, s.component.values)]
+            forms += [form_of(p, ring, draft.ring.context, roots) for p in s.component.relations]
+            for part in tidy.parts(forms) if in_parts else [tidy.place_of(forms)]:
+                entry = {"name": s.name, "forms": [polynomials.index(f) for f in part.forms]}
+                data["families"].append({**entry, "least_codimension": s.component.codimension})
         data["polynomials"] = polynomials.texts
-        read = Certificate(data)
-        root = Tree(read, seconds, progress).root()
+        root = Tree(Certificate(data), seconds, progress).root()
     except Rejected as reason:
         raise NotFound(str(reason)) from None
     order = _ordered(root)
     number = {id(place): k for k, place in enumerate(order)}
-    for place in order:
-        entry = {**_where(place, polynomials), **place.entry}
-        if not any(key in entry for key in ("family", "too_small", "no_real_point")):
-            entry["cases"] = [
-                [polynomials.index(f), times, None if then is None else number[id(then)]]
-                for f, times, then in place.cases
-            ]
-        data["places"].append(entry)
+    data["places"] = [_written(place, polynomials, number) for place in order]
     return data
 
 
-def _constants(draft: Certificate, values: Mapping[int, Value]) -> Values:
-    """Joint values as points of the certificate's ring."""
-    points = {j: v if len(v) == 2 else (1, v[0]) for j, v in values.items()}
-    number = draft.ring.constant
-    return {j: (number(number_text(x)), number(number_text(y))) for j, (x, y) in points.items()}
+def _linear(draft: Certificate, values: Mapping[int, Value]) -> Iterator[Any]:
+    """Joint values as forms."""
+    for j, v in values.items():
+        (x, y), point = draft.ring.pairs[j], v if len(v) == 2 else (1, v[0])
+        a, b = (draft.ring.number(number_text(c)) for c in point)
+        yield draft.ring.reduced(b * x - a * y)
 
 
-def _where(place: Place, polynomials: _Table) -> dict[str, Any]:
-    return {
-        "values": {str(j): [str(x), str(y)] for j, (x, y) in sorted(place.values.items())},
-        "relations": [polynomials.index(p) for p in place.relations],
-    }
+def _written(place: Place, polynomials: _Table, number: Mapping[int, int]) -> dict[str, Any]:
+    """A place as it stands in the certificate."""
+    entry = {"forms": [polynomials.index(p) for p in place.forms], **place.entry}
+    if place.points:
+        entry["points"] = True
+    for _, source in entry.get("sum", []):
+        if isinstance(source, dict) and "at" in source:
+            source["at"] = [polynomials.index(p) for p in source["at"]]
+    if place.squares:
+        entry["squares"] = [[str(c), polynomials.index(g)] for c, g in place.squares]
+        entry["then"] = None if place.then is None else number[id(place.then)]
+    elif "sum" in entry:
+        entry["cases"] = [
+            [polynomials.index(f), times, None if then is None else number[id(then)]]
+            for f, times, then in place.cases
+        ]
+    return entry
 
 
 class _Table:
@@ -114,7 +115,7 @@ class _Table:
         self._known: dict[str, int] = {}
 
     def index(self, poly: Any) -> int:
-        text = str(poly)
+        text = form_text(poly)
         if text not in self._known:
             self._known[text] = len(self.texts)
             self.texts.append(text)
@@ -130,7 +131,7 @@ def _ordered(root: Place) -> list[Place]:
         if id(place) in seen:
             return
         seen.add(id(place))
-        for _, _, then in place.cases:
+        for then in [*(then for _, _, then in place.cases), place.then]:
             if then is not None:
                 visit(then)
         order.append(place)

@@ -1,4 +1,4 @@
-"""Steps that make the matrix of a certificate smaller, found for the checker to repeat."""
+"""Rows and columns of a certificate's matrix that others make up: they are left out."""
 
 from __future__ import annotations
 
@@ -13,45 +13,27 @@ from pinsing.proof.skeleton import number_text
 _POSITION = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (1, 1): 3}
 
 
-def find_reduction(certificate: Certificate) -> list[dict[str, Any]]:
-    """Reduce the matrix of a certificate as far as it goes; what was done, step by step."""
-    steps: list[dict[str, Any]] = []
-    while certificate.matrix and certificate.left > 0:
-        step = _next(certificate)
-        if step is None:
-            break
-        certificate.reduce(step)
-        steps.append(step)
-    return steps
+def without_dependent_lines(data: Mapping[str, Any]) -> dict[str, Any]:
+    """The certificate with its dependent rows and columns stated."""
+    rows = _stated(Certificate({**data, "rank": 1}), by_row=True)
+    data = {**data, "dependent_rows": rows}
+    columns = _stated(Certificate({**data, "rank": 1}), by_row=False)
+    return {**data, "dependent_columns": columns}
 
 
-def _next(certificate: Certificate) -> dict[str, Any] | None:
-    for kind, lines in (("row", certificate.matrix), ("column", flipped(certificate.matrix))):
-        found = _dependent([_vector(certificate, line) for line in lines])
-        if found is not None:
-            return {kind: found[0], "is": {str(k): number_text(c) for k, c in found[1].items()}}
-    return _pivot(certificate)
-
-
-def _pivot(certificate: Certificate) -> dict[str, Any] | None:
-    """An entry that is never zero, the one that disturbs the rest least."""
-    ring, best = certificate.ring, None
-    for i, row in enumerate(certificate.matrix):
-        in_row = sum(len(x) for x in row)
-        for j, x in enumerate(row):
-            if x == 0 or ring.joints(ring.stripped(x)):
-                continue
-            below = sum(len(r[j]) for k, r in enumerate(certificate.matrix) if k != i)
-            cost = below * in_row + (1000 if ring.joints(x) else 0)
-            if best is None or cost < best[0]:
-                best = (cost, i, j)
-    return None if best is None else {"pivot": [best[1], best[2]]}
+def _stated(certificate: Certificate, by_row: bool) -> dict[str, dict[str, str]]:
+    lines = certificate.matrix if by_row else flipped(certificate.matrix)
+    vectors = [_vector(certificate, line) for line in lines]
+    return {
+        str(i): {str(k): number_text(c) for k, c in terms.items()}
+        for i, terms in _dependent(vectors).items()
+    }
 
 
 def _vector(certificate: Certificate, line: list[Any]) -> dict[Any, Exact]:
     """Coefficients of a row or column, by entry and monomial."""
     count = 2 * len(certificate.ring.pairs)
-    roots = [d for _, d in certificate.ring.roots]
+    roots = certificate.data["square_roots"]
     parts: dict[Any, list[Fraction]] = {}
     for k, x in enumerate(line):
         for m, c in x.to_dict().items():
@@ -62,22 +44,22 @@ def _vector(certificate: Certificate, line: list[Any]) -> dict[Any, Exact]:
     return {key: surd(*four) for key, four in parts.items()}
 
 
-def _dependent(lines: list[dict[Any, Exact]]) -> tuple[int, Mapping[int, Exact]] | None:
-    """A line that is a sum of multiples of earlier ones, and these multiples."""
+def _dependent(lines: list[dict[Any, Exact]]) -> dict[int, dict[int, Exact]]:
+    """Lines that are sums of multiples of earlier ones that stay, and these multiples."""
     basis: list[tuple[Any, dict[Any, Exact], dict[int, Exact]]] = []
+    found: dict[int, dict[int, Exact]] = {}
     for i, line in enumerate(lines):
-        vector, made = dict(line), {i: Fraction(1)}
-        terms: dict[int, Exact] = dict(made)
+        vector, terms = dict(line), dict[int, Exact]({i: Fraction(1)})
         for lead, other, other_terms in basis:
-            if lead not in vector:
-                continue
-            ratio = vector[lead] / other[lead]
-            vector = _less(vector, ratio, other)
-            terms = _less(terms, ratio, other_terms)
-        if not vector:
-            return i, {k: -c for k, c in terms.items() if k != i}
-        basis.append((next(iter(vector)), vector, terms))
-    return None
+            if lead in vector:
+                ratio = vector[lead] / other[lead]
+                vector = _less(vector, ratio, other)
+                terms = _less(terms, ratio, other_terms)
+        if vector:
+            basis.append((next(iter(vector)), vector, terms))
+        else:
+            found[i] = {k: -c for k, c in terms.items() if k != i}
+    return found
 
 
 def _less(a: Mapping[Any, Exact], ratio: Exact, b: Mapping[Any, Exact]) -> dict[Any, Exact]:

@@ -20,10 +20,22 @@ def number_text(value: Exact | int) -> str:
     terms = []
     for root, part in zip(_ROOTS, parts_of(value), strict=True):
         if part and root:
-            terms.append(root if part == 1 else f"{part}*{root}")
+            terms.append(f"{part}*{root}")
         elif part:
             terms.append(str(part))
-    return " + ".join(terms).replace("+ -", "- ") or "0"
+    return " + ".join(terms) or "0"
+
+
+def form_text(form: Poly) -> str:
+    """A polynomial as certificates write it: ``2*x1^2*y3 + -1/3*x1*y1*y3``."""
+    names = form.context().names()
+    terms = [
+        "*".join(
+            [str(c), *(f"{v}^{k}" if k > 1 else v for v, k in zip(names, m, strict=True) if k)]
+        )
+        for m, c in form.to_dict().items()
+    ]
+    return " + ".join(terms) or "0"
 
 
 def roots_in(geometry: Nominal) -> tuple[int, ...]:
@@ -36,7 +48,8 @@ def roots_in(geometry: Nominal) -> tuple[int, ...]:
 
 def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, Any]:
     """A certificate of an arm that states no family, proves nothing and reduces nothing."""
-    arm = geometry.arm
+    arm, chain = geometry.arm, _chain(geometry)
+    invariant = list(arm.task.rows) in ([*range(6)], [0, 1, 2], [3, 4, 5])
     return {
         "schema": SCHEMA,
         "robot": arm.name,
@@ -48,10 +61,12 @@ def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, An
             for name, slides in zip(arm.joints, arm.prismatic, strict=True)
         ],
         "square_roots": list(roots),
-        **_chain(geometry),
+        **chain,
         "rows": list(arm.task.rows),
+        "axes": len(chain["chain"]) // 2 if invariant else 0,
         "rank": rank,
-        "reduction": [],
+        "dependent_rows": {},
+        "dependent_columns": {},
         "polynomials": [],
         "families": [],
         "places": [],

@@ -19,7 +19,12 @@ from flint import fmpq
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.surd_ring import SurdRing
-from pinsing.proof.checker import Certificate, Rejected, Values, Where
+from pinsing.proof.checker import Certificate, Rejected
+from pinsing.proof.skeleton import form_text
+from pinsing.proof.squares import Squares, squares
+
+Values = dict[int, tuple[Poly, Poly]]
+"""Joints at points (x : y)."""
 
 _MANY = 3
 """Relations beyond which no more are made of them."""
@@ -31,6 +36,8 @@ _LONG = 2000
 """Product of terms beyond which two relations are not combined."""
 _TRIED = 8
 """Polynomials to split by that are tried at a place before it is given up."""
+_CHOICES = 16
+"""Points of free joints that a minor is looked at."""
 
 
 class NotFound(Exception):
@@ -43,20 +50,40 @@ class Place:
 
     Attributes
     ----------
+    forms : list of Poly
+        What vanishes: first a linear form for each joint that is at a value, then relations.
     values : dict of joint to (x, y)
         Constants.
     relations : list of Poly
-        What vanishes.
+        What else vanishes, with these values put in.
+    points : bool
+        Whether only real points are followed from here on, not whole components.
     entry : dict
         Keys of the place in the certificate, its cases and its own place aside.
     cases : list of (Poly, times, Place or None)
         Factors, how often each is there, and where it leads; None where that is empty.
+    squares : list of (Fraction, Poly)
+        Instead of cases: factors and forms that are squared.
+    then : Place or None
+        Where squares lead to.
     """
 
+    forms: list[Poly]
     values: Values
     relations: list[Poly]
+    points: bool = False
     entry: dict[str, Any] = field(default_factory=dict)
     cases: list[tuple[Poly, int, Place | None]] = field(default_factory=list)
+    squares: Squares = field(default_factory=list)
+    then: Place | None = None
+
+
+@dataclass(frozen=True)
+class Split:
+    """A form that vanishes on all components of a place, as a sum of multiples of sources."""
+
+    sum: list[tuple[Poly, Any]]
+    form: Poly
 
 
 class Tree:
@@ -71,6 +98,7 @@ class Tree:
         self.certificate, self.ring, self._progress = certificate, certificate.ring, progress
         self._until = time.monotonic() + seconds
         self._budget = Budget(seconds)
+        self.families = [certificate.forms(f) for f in certificate.data["families"]]
         self._places: dict[object, Place | NotFound | None] = {}
         self._factors: dict[str, list[tuple[Poly, int]]] = {}
         self._algebra = self._ring_to_factor_in(seconds)
@@ -83,7 +111,9 @@ class Tree:
         NotFound
             If some place could not be closed, or time was over.
         """
-        return self._place({}, [])
+        place = self._place([])
+        assert place is not None
+        return place
 
     def _check_time(self) -> None:
         if time.monotonic() > self._until:
@@ -94,19 +124,32 @@ class Tree:
         flat = tuple(False for _ in slides)
         start = tuple(range(0, 2 * len(slides), 2))
         norms = tuple(None if s else u for s, u in zip(slides, ring.unit, strict=True))
-        if not ring.roots:
+        roots = tuple(self.certificate.data["square_roots"])
+        if not roots:
             return Ring(ring.context, flat, start, norms)
-        roots = tuple(d for _, d in ring.roots)
         return SurdRing(ring.context, flat, start, norms, roots, Budget(seconds))
 
     # Places -------------------------------------------------------------------------
 
-    def _place(self, values: Values, relations: Sequence[Poly]) -> Place:
-        relations = sorted(relations, key=lambda p: (len(p), str(p)))
-        key = (
-            tuple((j, str(x), str(y)) for j, (x, y) in sorted(values.items())),
-            tuple(map(str, relations)),
-        )
+    def place_of(self, forms: Sequence[Poly], points: bool = False) -> Place:
+        """A place by its forms, in the one way that it is written."""
+        values, left = self.ring.where(list(forms))
+        linear = [self._linear(j, point) for j, point in sorted(values.items())]
+        relations = {form_text(p): p for p in map(self.tidy, left)}
+        ordered = sorted(relations.values(), key=lambda p: (len(p), str(p)))
+        values, relations_left = self.ring.where([*linear, *ordered])
+        return Place([*linear, *ordered], values, relations_left, points)
+
+    def _linear(self, j: int, point: tuple[Poly, Poly]) -> Poly:
+        (x, y), (a, b) = self.ring.pairs[j], point
+        return self.tidy(self.ring.reduced(b * x - a * y))
+
+    def _place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:
+        """The place where forms vanish, closed or split; None where it is empty."""
+        place = self.place_of(forms, points)
+        if self.ring.empty(place.relations):
+            return None
+        key = (points, *map(form_text, place.forms))
         if key in self._places:
             known = self._places[key]
             if known is None:
@@ -119,74 +162,99 @@ class Tree:
             self._check_time()
             if self._progress is not None:
                 self._progress(f"{len(self._places)} places looked at")
-            self._places[key] = place = self._closed(values, relations)
-        except (NotFound, BudgetExceeded) as reason:
+            self._close(place)
+        except (NotFound, BudgetExceeded, Rejected) as reason:
             self._places[key] = failure = NotFound(str(reason))
             raise failure from None
+        self._places[key] = place
         return place
 
-    def _closed(self, values: Values, relations: list[Poly]) -> Place:
-        place = Place(values, relations)
-        for k, family in enumerate(self.certificate.families):
-            if self.certificate.lies_in(values, relations, family):
+    def _close(self, place: Place) -> None:
+        relations = place.relations
+        for k, family in enumerate(self.families):
+            if self.certificate.lies_in((place.values, relations), family):
                 place.entry = {"family": k}
-                return place
+                return
             if self._after_forgetting(place, k, family):
-                return place
-        least = self.certificate.bound + 1 - len(values)
-        if least <= len(relations) and self.ring.codimension_at_least(least, relations):
+                return
+        least = self.certificate.bound + 1 - len(place.values)
+        enough = not place.points and least <= len(relations)
+        if enough and self.ring.codimension_at_least(least, relations):
             place.entry = {"too_small": True}
-            return place
-        for k, p in enumerate(relations):
-            if self._has_no_real_point(p):
-                place.entry = {"no_real_point": {"relation": k}}
-                return place
+            return
+        if self._by_squares(place):
+            return
         if len(relations) > _MOST:
             raise NotFound(f"more and more relations at {place_text(place)}")
         failure = NotFound(f"nothing to split {place_text(place)} by")
-        for entry, poly in itertools.islice(self._splits(values, relations), _TRIED):
+        for split in itertools.islice(self._splits(place), _TRIED):
             try:
-                place.cases = [
-                    (f, times, self._case(values, relations, f)) for f, times in self.factors(poly)
-                ]
+                self._split(place, split)
             except NotFound as reason:
                 failure = reason
                 continue
-            place.entry = entry
-            return place
+            return
         raise failure
 
-    def _after_forgetting(self, place: Place, number: int, family: Where) -> bool:
+    def _split(self, place: Place, split: Split) -> None:
+        """Follow each factor of a form that vanishes."""
+        factors = self.factors(split.form)
+        place.cases = [
+            (f, times, self._place([*place.forms, f], place.points)) for f, times in factors
+        ]
+        product = self.ring.one
+        for f, times in factors:
+            product = self.ring.reduced(product * f**times)
+        place.entry = self._sum(split.sum, split.form, product)
+
+    def _sum(self, terms: list[tuple[Poly, Any]], form: Poly, product: Poly) -> dict[str, Any]:
+        """A sum as it is written: scaled so that it is the product, units aside."""
+        (form,) = self.ring.stripped(form)
+        scale = self._leading(product) * self._inverse(self._leading(form))
+        scaled = [(form_text(self.ring.reduced(c * scale)), source) for c, source in terms]
+        return {"sum": [list(term) for term in scaled]}
+
+    def _leading(self, form: Poly) -> Poly:
+        """The number before the first monomial in joints."""
+        count = 2 * len(self.ring.pairs)
+        first = form.monomial(0)[:count]
+        return self.ring.context.from_dict(
+            {(*[0] * count, *m[count:]): c for m, c in form.to_dict().items() if m[:count] == first}
+        )
+
+    def _by_squares(self, place: Place) -> bool:
+        """Close a place where a relation is a sum of squares, and where all of these vanish."""
+        for k, p in enumerate(place.relations):
+            if self._fixes(p):
+                continue
+            found = squares(self.ring, p)
+            if found is None:
+                continue
+            times, parts = found
+            try:
+                place.then = self._place([*place.forms, *(g for _, g in parts)], True)
+            except NotFound:
+                continue
+            place.squares = parts
+            total = self.ring.times(times, p)
+            place.entry = self._sum([(times, len(place.values) + k)], total, total)
+            return True
+        return False
+
+    def _after_forgetting(self, place: Place, number: int, family: list[Poly]) -> bool:
         """Close a place where two of its relations alone lie in a family, if they do."""
         if len(place.relations) < 3:
             return False
         for pair in itertools.combinations(place.relations, 2):
-            if self.certificate.lies_in(place.values, list(pair), family):
-                then = Place(place.values, list(pair), {"family": number})
+            if self.certificate.lies_in((place.values, list(pair)), family):
+                linear = place.forms[: len(place.values)]
+                then = self.place_of([*linear, *pair], place.points)
+                then.entry = {"family": number}
                 at = next(i for i, p in enumerate(place.relations) if p is pair[0])
-                place.entry, place.cases = {"relation": at}, [(pair[0], 1, then)]
+                place.entry = {"sum": [["1", len(place.values) + at]]}
+                place.cases = [(pair[0], 1, then)]
                 return True
         return False
-
-    def _case(self, values: Values, relations: list[Poly], f: Poly) -> Place | None:
-        """Where one factor leads to."""
-        ring, joints = self.ring, self.ring.joints(f)
-        if len(joints) > 1 or ring.degree(f, joints[0]) > 1:
-            return self._place(values, [*relations, f])
-        at = self._value_of(f)
-        left = [ring.stripped(ring.put(p, at)) for p in relations]
-        if any(p != 0 and not ring.joints(p) for p in left):
-            return None
-        distinct = {str(p): p for p in map(self.tidy, left) if p != 0}
-        return self._place({**values, **at}, list(distinct.values()))
-
-    def _value_of(self, f: Poly) -> Values:
-        """The joint that a factor fixes, its x made 1, or else its y."""
-        ring, (j,) = self.ring, self.ring.joints(f)
-        x = ring.put(f, {j: (ring.zero, ring.one)})
-        y = -ring.put(f, {j: (ring.one, ring.zero)})
-        inverse = self._inverse(x if x != 0 else y)
-        return {j: (ring.reduced(x * inverse), ring.reduced(y * inverse))}
 
     def _inverse(self, number: Poly) -> Poly:
         terms = self._algebra.terms(number)
@@ -201,187 +269,181 @@ class Tree:
             return self._algebra.monic(poly)
         return poly / _content(poly)
 
-    def parts(self, values: Values, relations: Sequence[Poly]) -> list[Place]:
-        """Common zeros of relations as the union of simpler ones: reduced by each other, factored.
+    def parts(self, forms: Sequence[Poly]) -> list[Place]:
+        """Common zeros of forms as the union of simpler ones: reduced by each other, factored.
 
         Where the longer of two relations is the sum of a multiple of the shorter one and a
         product, each factor of that makes a part.
         """
-        relations = sorted((p for p in map(self.tidy, relations) if p != 0), key=len)
-        if any(not self.ring.joints(p) for p in relations):
+        place = self.place_of(forms)
+        if self.ring.empty(place.relations):
             return []
+        linear, relations = place.forms[: len(place.values)], place.relations
         for k, p in enumerate(relations):
-            others = relations[:k] + relations[k + 1 :]
+            others = [*linear, *relations[:k], *relations[k + 1 :]]
             for r in relations[:k]:
                 quotient, rest = divmod(p, r)
-                rest = self.ring.stripped(self.ring.reduced(rest))
+                (rest,) = self.ring.stripped(self.ring.reduced(rest))
                 if quotient != 0 and self._is_simpler(rest, p):
-                    return self.parts(values, [*others, rest])
+                    return self.parts([*others, rest])
             factors = [f for f, _ in self.factors(p)]
             if len(factors) > 1 or self._fixes(p):
-                return [place for f in factors for place in self._part(values, others, f)]
-        return [Place(values, relations)]
+                return [part for f in factors for part in self.parts([*others, f])]
+        return [place]
 
     def _is_simpler(self, rest: Poly, p: Poly) -> bool:
         return bool(rest == 0 or len(rest) < len(p) or len(self.factors(rest)) > 1)
 
-    def _part(self, values: Values, others: list[Poly], f: Poly) -> list[Place]:
-        if not self._fixes(f):
-            return self.parts(values, [*others, f])
-        at = self._value_of(f)
-        left = [self.ring.stripped(self.ring.put(p, at)) for p in others]
-        return self.parts({**values, **at}, left)
-
     # What to split by ---------------------------------------------------------------
 
-    def _splits(
-        self, values: Values, relations: list[Poly]
-    ) -> Iterator[tuple[dict[str, Any], Poly]]:
+    def _splits(self, place: Place) -> Iterator[Split]:
         """Polynomials that vanish on all components of a place, the simplest first."""
+        values, relations = place.values, place.relations
         for k, p in enumerate(relations):
             if [times for _, times in self.factors(p)] != [1]:
-                yield {"relation": k}, p
+                yield self._whole(place, k)
                 return
-        minors = list(self._minors(values, relations))
-        minors.sort(key=lambda m: self._effort(self.factors(m[1])))
+        minors = list(self._minors(place))
+        toward = {form_text(self.tidy(p)) for family in self.families for p in family}
+        minors.sort(key=lambda m: self._effort(self.factors(m.form), toward))
+        easy = [m for m in minors if self._effort(self.factors(m.form), toward)[0] == 0]
+        yield from easy
         whole = self.certificate.bound - len(values)
         if relations and whole <= len(relations):
-            if self.ring.codimension_at_least(whole, relations):
-                yield from self._coefficients(relations, minors)
+            if not place.points and self.ring.codimension_at_least(whole, relations):
+                yield from self._at_points(place, minors)
             short = sum(map(len, relations)) <= _SHORT
             if 1 < len(relations) <= _MANY + 1 and short:
-                yield from self._remainders(relations)
-                yield from self._toward_families(values, relations)
+                yield from self._remainders(place)
+                yield from self._toward_families(place)
             if len(relations) <= _MANY:
-                yield from self._resultants(relations)
-                yield from self._sums(relations)
-        yield from minors
+                yield from self._resultants(place)
+                yield from self._sums(place)
+        yield from (m for m in minors if m not in easy)
 
-    def _minors(
-        self, values: Values, relations: list[Poly]
-    ) -> Iterator[tuple[dict[str, Any], Poly]]:
-        sides, size = self.certificate.sides, self.certificate.left
-        minor = self.certificate.at(values)
+    def _whole(self, place: Place, k: int) -> Split:
+        return Split([(self.ring.one, len(place.values) + k)], place.relations[k])
+
+    def _minors(self, place: Place) -> Iterator[Split]:
+        sides, size = self.certificate.sides, self.certificate.rank
+        minor = self.certificate.at(place.values)
         for rows in itertools.combinations(range(sides[0]), size):
             for columns in itertools.combinations(range(sides[1]), size):
                 self._check_time()
-                poly = self.ring.stripped(minor(rows, columns))
-                if poly != 0 and not any(self.ring.divides(p, poly) for p in relations):
-                    yield {"minor": [list(rows), list(columns)]}, poly
+                poly = minor(rows, columns)
+                if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
+                    source = {"minor": [list(rows), list(columns)]}
+                    yield Split([(self.ring.one, source)], self.ring.stripped(poly)[0])
 
-    def _effort(self, factors: list[tuple[Poly, int]]) -> tuple[int, int]:
-        long = [len(f) for f, _ in factors if not self._fixes(f)]
+    def _effort(self, factors: list[tuple[Poly, int]], toward: set[str]) -> tuple[int, int]:
+        long = [len(f) for f, _ in factors if not self._fixes(f) and form_text(f) not in toward]
         return max(long, default=0), len(factors)
 
     def _fixes(self, f: Poly) -> bool:
         joints = self.ring.joints(f)
         return len(joints) == 1 and self.ring.degree(f, joints[0]) == 1
 
-    def _resultants(self, relations: list[Poly]) -> Iterator[tuple[dict[str, Any], Poly]]:
-        for (a, p), (b, g) in itertools.combinations(enumerate(relations), 2):
+    def _at_points(self, place: Place, minors: list[Split]) -> Iterator[Split]:
+        """Minors with joints that occur in no relation at points: a component has all of these."""
+        bound = {j for p in place.relations for j in self.ring.joints(p)}
+        for split in minors:
+            free = [j for j in self.ring.joints(split.form) if j not in bound]
+            ((_, source),) = split.sum
+            choices = itertools.product(range(4), repeat=len(free)) if free else ()
+            for choice in itertools.islice(choices, _CHOICES):
+                at = [self._linear(j, self._point(k)) for j, k in zip(free, choice, strict=True)]
+                where = self.ring.where(at)[0]
+                poly = self.certificate.at({**place.values, **where})(*map(tuple, source["minor"]))
+                if poly != 0 and not self.ring.vanishes(poly, place.relations):
+                    yield Split(
+                        [(self.ring.one, {**source, "at": at})], self.ring.stripped(poly)[0]
+                    )
+
+    def _point(self, k: int) -> tuple[Poly, Poly]:
+        zero, one = self.ring.zero, self.ring.one
+        return ((one, zero), (zero, one), (one, one), (one, -one))[k]
+
+    def _resultants(self, place: Place) -> Iterator[Split]:
+        ring, first = self.ring, len(place.values)
+        for (a, p), (b, g) in itertools.combinations(enumerate(place.relations), 2):
             if len(p) * len(g) > _LONG:
                 continue
-            for j in set(self.ring.joints(p)) & set(self.ring.joints(g)):
-                poly = self.ring.stripped(self.ring.resultant(p, g, j))
+            for j in set(ring.joints(p)) & set(ring.joints(g)):
+                (poly,) = ring.stripped(ring.resultant(p, g, j))
                 if poly != 0:
-                    yield {"resultant": [a, b, j]}, poly
+                    yield Split([(ring.one, {"resultant": [first + a, first + b, j]})], poly)
 
-    def _remainders(self, relations: list[Poly]) -> Iterator[tuple[dict[str, Any], Poly]]:
+    def _remainders(self, place: Place) -> Iterator[Split]:
         """A relation less a multiple of a shorter one, if that is shorter or a product."""
-        for b, p in enumerate(relations):
-            for a, r in enumerate(relations[:b]):
+        ring, first = self.ring, len(place.values)
+        for b, p in enumerate(place.relations):
+            for a, r in enumerate(place.relations[:b]):
                 quotient, rest = divmod(p, r)
-                rest = self.ring.stripped(self.ring.reduced(rest))
+                (rest,) = ring.stripped(ring.reduced(rest))
                 if rest != 0 and quotient != 0 and self._is_simpler(rest, p):
-                    yield {"sum": [["1", b], [str(self.ring.reduced(-quotient)), a]]}, rest
+                    yield Split([(ring.one, first + b), (ring.reduced(-quotient), first + a)], rest)
 
-    def _toward_families(
-        self, values: Values, relations: list[Poly]
-    ) -> Iterator[tuple[dict[str, Any], Poly]]:
+    def _toward_families(self, place: Place) -> Iterator[Split]:
         """A relation that is, but for a multiple of another one, that of a family times others."""
+        ring, relations = self.ring, place.relations
         wanted = {
-            str(p): p
-            for at, equations in self.certificate.families
-            if self.certificate.lies_in(values, relations, (at, []))
-            for p in (self.ring.put(e, values) for e in equations)
-            if not self.ring.vanishes(p, relations)
+            str(f): f
+            for family in self.families
+            for p in family
+            for f in ring.stripped(ring.put(p, place.values))
+            if f != 0 and ring.joints(f) and not ring.vanishes(f, relations)
         }
         for f in wanted.values():
             for a, p in enumerate(relations):
-                for j in set(self.ring.joints(p)) & set(self.ring.joints(f)):
-                    if len(p) * len(f) <= _LONG and self.ring.degree(p, j) >= self.ring.degree(
-                        f, j
-                    ):
-                        times, product, rest = self._divided(p, f, j)
-                        yield from self._as_sum(times, product, rest, a, relations)
+                for j in set(ring.joints(p)) & set(ring.joints(f)):
+                    if len(p) * len(f) <= _LONG and ring.degree(p, j) >= ring.degree(f, j):
+                        yield from self._as_sum(*self._divided(p, f, j), a, place)
 
     def _as_sum(
-        self, times: Poly, product: Poly, rest: Poly, a: int, relations: list[Poly]
-    ) -> Iterator[tuple[dict[str, Any], Poly]]:
+        self, times: Poly, product: Poly, rest: Poly, a: int, place: Place
+    ) -> Iterator[Split]:
         if product == 0:
             return
-        for b, g in enumerate(relations):
+        first = len(place.values)
+        for b, g in enumerate(place.relations):
             if b == a or not self.ring.divides(g, rest):
                 continue
             more = -self.ring.reduced(divmod(rest, g)[0])
             if self.ring.reduced(more * g + rest) == 0:
-                terms = [[str(times), a]] + ([[str(more), b]] if more != 0 else [])
-                yield {"sum": terms}, self.ring.stripped(product)
+                terms = [(times, first + a)] + ([(more, first + b)] if more != 0 else [])
+                yield Split(terms, self.ring.stripped(product)[0])
             return
 
     def _divided(self, p: Poly, f: Poly, j: int) -> tuple[Poly, Poly, Poly]:
         """Division of forms by y of a joint: times p = product + rest, product a multiple of f."""
-        (x, y), (low, lead) = self.ring.pairs[j], self.ring.lead(f, j)
+        y, low, lead = self.ring.pairs[j][1], self.ring.degree(f, j), self.ring.top(f, j)
         times, product, rest = self.ring.one, self.ring.zero, p
-        while rest != 0 and (top := self.ring.lead(rest, j))[0] >= low:
-            more = top[1] * f * y ** (top[0] - low) * x ** (self.ring.degree(rest, j) - top[0])
-            if low < self.ring.degree(f, j):
-                return times, self.ring.zero, rest
+        if lead == 0:
+            return times, product, rest
+        for power in range(self.ring.degree(p, j), low - 1, -1):
+            terms = {m: c for m, c in rest.to_dict().items() if m[2 * j + 1] == power}
+            if not terms:
+                continue
+            more = divmod(self.ring.context.from_dict(terms), y**low)[0] * f
             times = self.ring.reduced(times * lead)
             product = self.ring.reduced(product * lead + more)
             rest = self.ring.reduced(rest * lead - more)
         return times, product, rest
 
-    def _sums(self, relations: list[Poly]) -> Iterator[tuple[dict[str, Any], Poly]]:
+    def _sums(self, place: Place) -> Iterator[Split]:
         """Two relations times polynomials, so that the highest powers of some y cancel."""
-        for (a, p), (b, g) in itertools.permutations(enumerate(relations), 2):
+        ring, first = self.ring, len(place.values)
+        for (a, p), (b, g) in itertools.permutations(enumerate(place.relations), 2):
             if len(p) * len(g) > _LONG:
                 continue
-            for j in set(self.ring.joints(p)) & set(self.ring.joints(g)):
-                more = self.ring.degree(p, j) - self.ring.degree(g, j)
-                if more < 0:
+            for j in set(ring.joints(p)) & set(ring.joints(g)):
+                more, tops = ring.degree(p, j) - ring.degree(g, j), (ring.top(p, j), ring.top(g, j))
+                if more < 0 or not all(tops):
                     continue
-                (top_p, lead_p), (top_g, lead_g) = self.ring.lead(p, j), self.ring.lead(g, j)
-                _x, y = self.ring.pairs[j]
-                if top_p - top_g != more:
-                    continue
-                factors = lead_g, -lead_p * y**more
-                poly = self.ring.reduced(p * factors[0] + g * factors[1])
-                poly = self.ring.stripped(poly)
-                if poly != 0 and not any(self.ring.divides(q, poly) for q in relations):
-                    yield {"sum": [[str(factors[0]), a], [str(factors[1]), b]]}, poly
-
-    def _coefficients(
-        self, relations: list[Poly], minors: list[tuple[dict[str, Any], Poly]]
-    ) -> Iterator[tuple[dict[str, Any], Poly]]:
-        """Coefficients of minors with respect to the joints that occur in no relation."""
-        count = len(self.ring.pairs)
-        bound = {j for p in relations for j in self.ring.joints(p)}
-        free = [e for j in range(count) if j not in bound for e in (2 * j, 2 * j + 1)]
-        for entry, minor in minors:
-            parts: dict[tuple[int, ...], dict[Any, Any]] = {}
-            for m, c in minor.to_dict().items():
-                outer = tuple(m[e] for e in free)
-                inner = tuple(0 if e in free else k for e, k in enumerate(m))
-                parts.setdefault(outer, {})[inner] = c
-            for outer, terms in sorted(parts.items(), key=lambda p: len(p[1])):
-                poly = self.ring.context.from_dict(terms)
-                if self.ring.vanishes(poly, relations):
-                    continue
-                power = "*".join(
-                    f"{self.ring.names[e]}^{k}" for e, k in zip(free, outer, strict=True) if k
-                )
-                yield {**entry, "coefficient": power or "1"}, poly
+                factors = tops[1], -tops[0] * ring.pairs[j][1] ** more
+                (poly,) = ring.stripped(ring.reduced(p * factors[0] + g * factors[1]))
+                if poly != 0 and not any(ring.divides(q, poly) for q in place.relations):
+                    yield Split([(factors[0], first + a), (factors[1], first + b)], poly)
 
     # Pieces -------------------------------------------------------------------------
 
@@ -389,7 +451,7 @@ class Tree:
         """Irreducible factors that are no units, and how often each is there."""
         key = str(poly)
         if key not in self._factors:
-            left = self.ring.stripped(poly)
+            (left,) = self.ring.stripped(poly)
             self._budget.check_factor(len(left))
             if isinstance(self._algebra, SurdRing):
                 self._factors[key] = self._with_roots(left)
@@ -406,14 +468,6 @@ class Tree:
                 times += 1
             found.append((f, times))
         return found
-
-    def _has_no_real_point(self, p: Poly) -> bool:
-        if len(self.ring.joints(p)) != 1 or self._fixes(p):
-            return False
-        try:
-            return self.certificate.unreal({"relation": 0}, [p])
-        except Rejected:
-            return False
 
 
 def place_text(place: Place) -> str:
