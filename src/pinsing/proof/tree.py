@@ -135,10 +135,12 @@ class Tree:
         """A place by its forms, in the one way that it is written."""
         values, left = self.ring.where(list(forms))
         linear = [self._linear(j, point) for j, point in sorted(values.items())]
-        relations = {form_text(p): p for p in map(self.tidy, left)}
-        ordered = sorted(relations.values(), key=lambda p: (len(p), str(p)))
-        values, relations_left = self.ring.where([*linear, *ordered])
-        return Place([*linear, *ordered], values, relations_left, points)
+        relations: list[Poly] = []
+        for p in sorted(map(self.tidy, left), key=lambda p: (len(p), str(p))):
+            if not any(self.ring.divides(r, p) for r in relations):
+                relations.append(p)
+        values, relations_left = self.ring.where([*linear, *relations])
+        return Place([*linear, *relations], values, relations_left, points)
 
     def _linear(self, j: int, point: tuple[Poly, Poly]) -> Poly:
         (x, y), (a, b) = self.ring.pairs[j], point
@@ -182,6 +184,10 @@ class Tree:
         if enough and self.ring.codimension_at_least(least, relations):
             place.entry = {"too_small": True}
             return
+        for k, p in enumerate(relations):
+            if [times for _, times in self.factors(p)] != [1]:
+                self._split(place, Split([(self.ring.one, len(place.values) + k)], p))
+                return
         if self._by_squares(place):
             return
         if len(relations) > _MOST:
@@ -299,10 +305,6 @@ class Tree:
     def _splits(self, place: Place) -> Iterator[Split]:
         """Polynomials that vanish on all components of a place, the simplest first."""
         values, relations = place.values, place.relations
-        for k, p in enumerate(relations):
-            if [times for _, times in self.factors(p)] != [1]:
-                yield self._whole(place, k)
-                return
         minors = list(self._minors(place))
         toward = {form_text(self.tidy(p)) for family in self.families for p in family}
         minors.sort(key=lambda m: self._effort(self.factors(m.form), toward))
@@ -320,9 +322,6 @@ class Tree:
                 yield from self._resultants(place)
                 yield from self._sums(place)
         yield from (m for m in minors if m not in easy)
-
-    def _whole(self, place: Place, k: int) -> Split:
-        return Split([(self.ring.one, len(place.values) + k)], place.relations[k])
 
     def _minors(self, place: Place) -> Iterator[Split]:
         sides, size = self.certificate.sides, self.certificate.rank
@@ -346,18 +345,23 @@ class Tree:
     def _at_points(self, place: Place, minors: list[Split]) -> Iterator[Split]:
         """Minors with joints that occur in no relation at points: a component has all of these."""
         bound = {j for p in place.relations for j in self.ring.joints(p)}
+        found: dict[str, Split] = {}
         for split in minors:
             free = [j for j in self.ring.joints(split.form) if j not in bound]
             ((_, source),) = split.sum
             choices = itertools.product(range(4), repeat=len(free)) if free else ()
             for choice in itertools.islice(choices, _CHOICES):
+                self._check_time()
                 at = [self._linear(j, self._point(k)) for j, k in zip(free, choice, strict=True)]
-                where = self.ring.where(at)[0]
-                poly = self.certificate.at({**place.values, **where})(*map(tuple, source["minor"]))
-                if poly != 0 and not self.ring.vanishes(poly, place.relations):
-                    yield Split(
-                        [(self.ring.one, {**source, "at": at})], self.ring.stripped(poly)[0]
+                poly = self.ring.put(split.form, self.ring.where(at)[0])
+                if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
+                    (poly,) = self.ring.stripped(poly)
+                    found.setdefault(
+                        form_text(self.tidy(poly)), Split([(self.ring.one, {**source, "at": at})], poly)
                     )
+        for split in sorted(found.values(), key=lambda s: len(s.form)):
+            if not self.ring.vanishes(split.form, place.relations):
+                yield split
 
     def _point(self, k: int) -> tuple[Poly, Poly]:
         zero, one = self.ring.zero, self.ring.one
