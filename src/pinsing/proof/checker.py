@@ -20,9 +20,10 @@ from typing import Any
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 SCHEMA = "pinsing/certificate/2"
-LONGEST_FILE, MOST_WORK, LONG = 4_000_000, 200_000_000, 10_000  # characters, products of terms
-NUMBER, POWER = r"-?\d{1,400}(?:/[1-9]\d{0,399})?", r"\*[xys][1-9]\d?(?:\^[1-9]\d?)?"
-FORM = re.compile(rf"{NUMBER}(?:{POWER})*(?: \+ {NUMBER}(?:{POWER})*)*", re.ASCII)
+LONGEST_FILE, MOST_WORK, LONG = 4_000_000, 100_000_000, 10_000  # characters, products of terms
+NUMBER, POWER = r"-?\d{1,400}(?:/[1-9]\d{0,399})?", r"([xys][1-9]\d?)(?:\^([1-9]\d?))?"
+POSITIVE = re.compile(r"0*[1-9]\d{0,399}(?:/[1-9]\d{0,399})?", re.ASCII)
+FORM = re.compile(rf"{NUMBER}(?:{POWER})*(?: {NUMBER}(?:{POWER})*)*", re.ASCII)
 Poly = Any  # fmpq_mpoly: python-flint ships no types
 Matrix = list[list[Poly]]
 Move = tuple[Matrix, list[Poly], Poly]  # takes a screw (v, w) to (R v + t x w, R w), times a unit
@@ -72,13 +73,12 @@ class Ring:
         self.unit = [x if slide else x * x + y * y for slide, (x, y) in both]
 
     def parse(self, text: str) -> Poly:
-        """Read a sum of terms, such as ``2*x1^2*y3 + -1/3*x1*y1*y3*s2``."""
+        """Read a sum of terms, such as ``2x1^2y3 -1/3x1y1y3s2``."""
         need(type(text) is str and FORM.fullmatch(text) is not None, f"no form: {text[:40]!r}")
         terms: dict[tuple[int, ...], Any] = {}
-        for term in text.split(" + "):
-            number, *powers = term.split("*")
-            key = [0] * len(self.names)
-            for name, _, exponent in (power.partition("^") for power in powers):
+        for term in text.split(" "):
+            number, key = re.split("[xys]", term)[0], [0] * len(self.names)
+            for name, exponent in re.findall(POWER, term):
                 key[self.names.index(name)] += int(exponent or 1)
             terms[tuple(key)] = terms.get(tuple(key), 0) + fmpq(*map(int, number.split("/")))
         form = self.reduced(self.context.from_dict(terms))
@@ -99,12 +99,16 @@ class Ring:
             form = divmod(form, square)[1]
         return form
 
+    def spend(self, work: int) -> None:
+        """Count products of terms, so that no file keeps the checker for ever."""
+        self.work += work
+        need(self.work <= MOST_WORK, "it would take too long")
+
     def times(self, *factors: Poly) -> Poly:
-        """Product; `Rejected` if all products together become too many."""
+        """Product."""
         product = self.one
         for f in factors:
-            self.work += len(product) * len(f)
-            need(self.work <= MOST_WORK, "it would take too long")
+            self.spend(len(product) * len(f))
             product = self.reduced(product * f)
         return product
 
@@ -119,6 +123,7 @@ class Ring:
 
     def divides(self, p: Poly, form: Poly) -> bool:
         """Whether ``form`` is shown to be zero wherever ``p`` is."""
+        self.spend(len(form) * len(p))
         return bool(self.reduced(divmod(form, p)[1]) == 0)
 
     def stripped(self, *forms: Poly) -> list[Poly]:
@@ -130,6 +135,7 @@ class Ring:
 
     def put(self, form: Poly, values: dict[int, Any]) -> Poly:
         """The form with some joints at points."""
+        self.spend(100 * len(values) + len(form))
         images = list(self.context.gens())
         for j, point in values.items():
             images[2 * j : 2 * j + 2] = point
@@ -161,7 +167,7 @@ class Ring:
         size = self.degree(p, joint) + self.degree(g, joint)
         if len(p) * len(g) * size > LONG:
             return self.zero  # which tells nothing
-        self.times(self.one, p, g)  # so that it is counted
+        self.spend(len(p) * len(g) * size)
         found = self.reduced(p.subs({x: 1}).resultant(g.subs({x: 1}), y))
         tops = self.top(p, joint), self.top(g, joint)
         return found if all(tops) else self.times(found, sum(tops, self.zero))  # x = 0 counts, too
@@ -192,9 +198,9 @@ class Ring:
                 {j: (self.one, self.one * (a + 3 * j)) for j in involved if j not in free}
                 for a in range(2, 6)
             ]
-            if not any(self.apart([self.put(p, at) for p in forms], free, False) for at in held):
-                if not self.apart(forms, free, True):
-                    return False
+            seen = any(self.apart([self.put(p, at) for p in forms], free, False) for at in held)
+            if not seen and not self.apart(forms, free, True):
+                return False
         return True
 
     def vanishes(self, form: Poly, forms: list[Poly]) -> bool:
@@ -228,7 +234,10 @@ class Certificate:
         self.slides = [{"revolute": False, "prismatic": True}[j["kind"]] for j in data["joints"]]
         self.data, self.ring = data, Ring(self.slides, data["square_roots"])
         self.rows, self.rank = data["rows"], data["rank"]
-        need(self.rows == [r for r in range(6) if r in self.rows] != [], "no rows out of 0 to 5")
+        need(
+            sorted({pick(range(6), r) for r in self.rows}) == self.rows != [],
+            "rows are not in order",
+        )
         matrix = self.independent(self.jacobian(), data["dependent_rows"])
         self.matrix = flipped(self.independent(flipped(matrix), data["dependent_columns"]))
         self.sides = len(self.matrix), len(self.matrix[0])
@@ -312,7 +321,7 @@ class Certificate:
                 c = self.ring.number(factor)
                 sums = [a - c * b for a, b in zip(sums, lines[number[i]], strict=True)]
             need(not any(map(self.ring.reduced, sums)), "a line is not made up by others")
-        return [line for k, line in number.items() if k not in gone for line in [lines[line]]]
+        return [lines[i] for k, i in number.items() if k not in gone]
 
     def at(self, values: dict[int, Any]) -> Callable[..., Poly]:
         """Determinants of chosen rows and columns, in order, with joints at points."""
@@ -345,20 +354,25 @@ class Certificate:
         need(any(self.minors(self.rank, {})), "the rank is less")
         need(not any(self.minors(self.rank + 1, {})), "the rank is more")
         for f in self.data["families"]:
-            values, left = self.ring.where(self.forms(f))
-            sums = [self.ring.put(self.sum(terms, self.forms(f)), values) for terms in f["sums"]]
-            sums = [p for total in sums for p in self.ring.stripped(total) if p != 0]
-            for minor in self.minors(self.rank, values):
-                shown = any(self.ring.divides(p, minor) for p in sums)
-                need(shown or self.ring.vanishes(minor, left), f"a family is regular somewhere: {f}")
-            least = f["least_codimension"] - len(values)
-            need(self.ring.codimension_at_least(least, left), f"a family is larger: {f}")
+            self.check_family(f)
         need(self.data["places"][0]["forms"] == [], "the first place is not everywhere")
         for number, place in enumerate(self.data["places"]):
             try:
                 self.check_place(number, place)
             except Rejected as reason:
                 raise Rejected(f"place {number}: {reason}") from None
+
+    def check_family(self, f: dict[str, Any]) -> None:
+        """A family is singular, and not larger than stated."""
+        ring, forms = self.ring, self.forms(f)
+        values, left = ring.where(forms)
+        sums = [self.sum(terms, forms) for terms in f["sums"]]
+        sums = [p for total in sums for p in ring.stripped(ring.put(total, values)) if p != 0]
+        for minor in self.minors(self.rank, values):
+            shown = any(ring.divides(p, minor) for p in sums) or ring.vanishes(minor, left)
+            need(shown, f"a family is regular somewhere: {f}")
+        least = f["least_codimension"] - len(values)
+        need(ring.codimension_at_least(least, left), f"a family is larger: {f}")
 
     def forms(self, entry: dict[str, Any]) -> list[Poly]:
         """Forms of a family or a place."""
@@ -370,77 +384,62 @@ class Certificate:
         return sum(products, self.ring.zero)
 
     def check_place(self, number: int, place: dict[str, Any]) -> None:
-        """Components of the singular set inside a place have their real points in families."""
-        ring, forms = self.ring, self.forms(place)
+        """Components of the singular set inside a place have their real points in families.
+
+        In a place of points that is shown of all singular points, since there may be components
+        that lie there in part.
+        """
+        ring, forms, points = self.ring, self.forms(place), place.get("points") is True
         values, left = ring.where(forms)
-        whole = place.get("points") is not True and self.bound - len(values)
         if "family" in place:
             family = self.forms(pick(self.data["families"], place["family"]))
-            need(self.lies_in((values, left), family), "it is not in the family")
-        elif "too_small" in place:
-            need(whole is not False and ring.codimension_at_least(whole + 1, left), "large enough")
+            return need(self.lies_in((values, left), family), "it is not in the family")
+        if "too_small" in place:
+            least = self.bound + 1 - len(values)
+            return need(not points and ring.codimension_at_least(least, left), "large enough")
+        total = ring.zero
+        for factor, source in place["sum"]:
+            total += ring.times(ring.parse(factor), self.source(source, forms, points))
+        if "squares" in place:
+            parts = [(c, pick(self.polys, k)) for c, k in place["squares"]]
+            need(all(POSITIVE.fullmatch(c) for c, _ in parts), "a factor is not positive")
+            products = [ring.times(ring.number(c), g, g) for c, g in parts]
+            found, points = sum(products, ring.zero), True
+            cases = [([g for _, g in parts], place["then"])]
         else:
-            total = sum(
-                (
-                    ring.times(ring.parse(c), self.source(s, forms, values, left, whole))
-                    for c, s in place["sum"]
-                ),
-                ring.zero,
-            )
-            if "squares" in place:
-                need(
-                    all(
-                        re.fullmatch(NUMBER, c) and fmpq(*map(int, c.split("/"))) > 0
-                        for c, _ in place["squares"]
-                    ),
-                    "a factor is not positive",
-                )
-                parts = [(ring.number(c), pick(self.polys, k)) for c, k in place["squares"]]
-                found = sum((ring.times(c, g, g) for c, g in parts), ring.zero)
-                cases, whole = [([g for _, g in parts], place["then"])], False
-            else:
-                cases = [([pick(self.polys, k)], then) for k, _, then in place["cases"]]
-                factors = [pick(self.polys, k) for k, times, _ in place["cases"] for _ in range(times)]
-                found = ring.times(*factors)
-            need(total != 0, "a form that is zero everywhere tells nothing")
-            need(ring.stripped(total) == ring.stripped(found), "the sum is something else")
-            for more, then in cases:
-                inside = ring.where([*forms, *more])
-                if not ring.empty(inside[1]):
-                    need(
-                        then is not None and pick(range(len(self.data["places"])), then) > number,
-                        "left open",
-                    )
-                    target = self.data["places"][then]
-                    need(whole is not False or target.get("points") is True, "no whole component")
-                    need(
-                        self.lies_in(inside, self.forms(target)), "a case leads to where it is not"
-                    )
+            factors = [(pick(self.polys, k), pick(range(100), n)) for k, n, _ in place["cases"]]
+            found = ring.times(*(f for f, times in factors for _ in range(times)))
+            cases = [([pick(self.polys, k)], then) for k, _, then in place["cases"]]
+        need(total != 0, "a form that is zero everywhere tells nothing")
+        need(ring.stripped(total) == ring.stripped(found), "the sum is something else")
+        for more, then in cases:
+            inside = ring.where([*forms, *more])
+            if ring.empty(inside[1]):
+                continue
+            target = pick(self.data["places"], then)
+            need(then > number, "a case leads back")
+            need(not points or target.get("points") is True, "a case has no whole components")
+            need(self.lies_in(inside, self.forms(target)), "a case is not where it leads to")
 
-    def source(self, source: Any, forms, values, left, whole) -> Poly:
+    def source(self, source: Any, forms: list[Poly], points: bool) -> Poly:
         """A form that is zero on every component inside a place."""
+        ring = self.ring
         if type(source) is int:
             return pick(forms, source)
         if "resultant" in source:
-            a, b, j = source["resultant"]
-            need(
-                j in self.ring.joints(pick(forms, a)) and j in self.ring.joints(pick(forms, b)),
-                "no resultant",
-            )
-            return self.ring.resultant(forms[a], forms[b], j)
-        rows, columns = (tuple(pick(range(6 + 16), k) for k in part) for part in source["minor"])
-        need(
-            len(rows) == len(columns) == self.rank
-            and all(list(p) == sorted({*p}) for p in (rows, columns)),
-            "no minor",
-        )
-        if source.get(
-            "at"
-        ):  # components are all of a place's own: as the free joints are, they go on
-            at, rest = self.ring.where([pick(self.polys, k) for k in source["at"]])
-            bound = {*values, *(j for p in left for j in self.ring.joints(p))}
-            need(not rest and not bound & {*at}, "a joint is not free")
-            need(whole is not False and self.ring.codimension_at_least(whole, left), "only a part")
+            p, g, j = (*(pick(forms, k) for k in source["resultant"][:2]), source["resultant"][2])
+            need(j in ring.joints(p) and j in ring.joints(g), "a resultant is none")
+            return ring.resultant(p, g, j)
+        values, left = ring.where(forms)
+        rows, columns = (tuple(pick(range(22), k) for k in part) for part in source["minor"])
+        in_order = all(list(part) == sorted({*part}) for part in (rows, columns))
+        need(in_order and len(rows) == len(columns) == self.rank, "a minor is none")
+        if "at" in source:  # as components are all of the place's own, free joints go all round
+            at, rest = ring.where([pick(self.polys, k) for k in source["at"]])
+            bound = {*values, *(j for p in left for j in ring.joints(p))}
+            need(not rest and not bound & {*at} and not points, "a joint is not free")
+            least = self.bound - len(values)
+            need(ring.codimension_at_least(least, left), "a component may be only a part")
             values = {**values, **at}
         return self.at(values)(rows, columns)
 

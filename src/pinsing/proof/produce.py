@@ -11,8 +11,8 @@ from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring, Value
 from pinsing.geometry.nominal import Nominal
 from pinsing.proof.checker import Certificate, Rejected, verify
-from pinsing.proof.reduction import without_dependent_lines
 from pinsing.proof.minors import sums_to_minors
+from pinsing.proof.reduction import without_dependent_lines
 from pinsing.proof.skeleton import form_of, form_text, number_text, roots_in, skeleton
 from pinsing.proof.tree import NotFound, Place, Tree
 
@@ -69,9 +69,14 @@ def certificate(
             forms = [*_linear(draft, s.component.values)]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in s.component.relations]
             for part in tidy.parts(forms) if in_parts else [tidy.place_of(forms)]:
-                entry = {"name": s.name, "forms": [polynomials.index(f) for f in part.forms]}
-                entry["least_codimension"] = s.component.codimension
-                data["families"].append({**entry, "sums": sums_to_minors(draft, part)})
+                data["families"].append(
+                    {
+                        "name": s.name,
+                        "forms": [polynomials.index(f) for f in part.forms],
+                        "sums": sums_to_minors(draft, part),
+                        "least_codimension": s.component.codimension,
+                    }
+                )
         data["polynomials"] = polynomials.texts
         root = Tree(Certificate(data), seconds, progress).root()
     except Rejected as reason:

@@ -12,30 +12,28 @@ from pinsing.geometry.nominal import Nominal
 from pinsing.geometry.surd import SQUARES, Exact, parts_of
 from pinsing.proof.checker import SCHEMA
 
-_ROOTS = ("", "s2", "s3", "s2*s3")
+_ROOTS = ("", "s2", "s3", "s2s3")
 
 
 def number_text(value: Exact | int) -> str:
-    """An exact number as certificates write it: ``1/2``, ``-1/4*s2 + 1/4*s2*s3``."""
+    """An exact number as certificates write it: ``1/2``, ``-1/4s2 1/4s2s3``."""
     terms = []
     for root, part in zip(_ROOTS, parts_of(value), strict=True):
         if part and root:
-            terms.append(f"{part}*{root}")
+            terms.append(f"{part}{root}")
         elif part:
             terms.append(str(part))
-    return " + ".join(terms) or "0"
+    return " ".join(terms) or "0"
 
 
 def form_text(form: Poly) -> str:
-    """A polynomial as certificates write it: ``2*x1^2*y3 + -1/3*x1*y1*y3``."""
+    """A polynomial as certificates write it: ``2x1^2y3 -1/3x1y1y3``."""
     names = form.context().names()
     terms = [
-        "*".join(
-            [str(c), *(f"{v}^{k}" if k > 1 else v for v, k in zip(names, m, strict=True) if k)]
-        )
+        "".join([str(c), *(f"{v}^{k}" if k > 1 else v for v, k in zip(names, m, strict=True) if k)])
         for m, c in form.to_dict().items()
     ]
-    return " + ".join(terms) or "0"
+    return " ".join(terms) or "0"
 
 
 def roots_in(geometry: Nominal) -> tuple[int, ...]:

@@ -29,9 +29,9 @@ def squares(ring: Ring, p: Poly) -> tuple[Poly, Squares] | None:
     joints = ring.joints(p)
     if len(joints) == 1:
         for sign in (1, -1):
-            found = _in_one_joint(ring, sign * p, joints[0])
-            if found is not None:
-                return ring.one * sign, found
+            parts = _in_one_joint(ring, sign * p, joints[0])
+            if parts is not None:
+                return ring.one * sign, parts
         return None
     for j in joints:
         if ring.degree(p, j) != 2:
@@ -136,25 +136,25 @@ def _of_positive(p: list[Fraction], part: int) -> list[tuple[Fraction, list[Frac
     if parts is None:
         return None
     lead = less[-1]
-    rest = list(p)
+    left = list(p)
     for g in parts:
         for i, k in itertools.product(range(half + 1), repeat=2):
-            rest[i + k] -= lead * g[i] * g[k]
+            left[i + k] -= lead * g[i] * g[k]
     found = [(lead, g) for g in parts if any(g)]
     for k in range(half):
-        d = rest[2 * k + 1]
+        d = left[2 * k + 1]
         if d:
             sign = 1 if d > 0 else -1
-            g = [Fraction(0)] * (half + 1)
-            g[k], g[k + 1] = Fraction(sign), Fraction(1)
-            found.append((abs(d) / 2, g))
-            rest[2 * k] -= abs(d) / 2
-            rest[2 * k + 2] -= abs(d) / 2
+            pair = [Fraction(0)] * (half + 1)
+            pair[k], pair[k + 1] = Fraction(sign), Fraction(1)
+            found.append((abs(d) / 2, pair))
+            left[2 * k] -= abs(d) / 2
+            left[2 * k + 2] -= abs(d) / 2
     for k in range(half + 1):
-        if rest[2 * k] < 0:
+        if left[2 * k] < 0:
             return None
-        if rest[2 * k] > 0:
-            found.append((rest[2 * k], [Fraction(int(i == k)) for i in range(half + 1)]))
+        if left[2 * k] > 0:
+            found.append((left[2 * k], [Fraction(int(i == k)) for i in range(half + 1)]))
     return found
 
 

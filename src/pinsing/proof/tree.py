@@ -36,6 +36,8 @@ _LONG = 2000
 """Product of terms beyond which two relations are not combined."""
 _TRIED = 8
 """Polynomials to split by that are tried at a place before it is given up."""
+_DENSE = 400
+"""Terms of all relations beyond which nothing long is tried with them."""
 _CHOICES = 16
 """Points of free joints that a minor is looked at."""
 
@@ -118,6 +120,7 @@ class Tree:
     def _check_time(self) -> None:
         if time.monotonic() > self._until:
             raise NotFound("time was over")
+        self.ring.work = 0  # what is counted is one step here, the whole check there
 
     def _ring_to_factor_in(self, seconds: float) -> Ring:
         ring, slides = self.ring, self.certificate.slides
@@ -174,13 +177,14 @@ class Tree:
     def _close(self, place: Place) -> None:
         relations = place.relations
         for k, family in enumerate(self.families):
-            if self.certificate.lies_in((place.values, relations), family):
+            if self._lies_in(place.values, relations, family):
                 place.entry = {"family": k}
                 return
             if self._after_forgetting(place, k, family):
                 return
         least = self.certificate.bound + 1 - len(place.values)
         enough = not place.points and least <= len(relations)
+        enough = enough and sum(map(len, relations)) <= _DENSE
         if enough and self.ring.codimension_at_least(least, relations):
             place.entry = {"too_small": True}
             return
@@ -201,6 +205,14 @@ class Tree:
                 continue
             return
         raise failure
+
+    def _lies_in(self, values: Values, relations: list[Poly], family: list[Poly]) -> bool:
+        """Whether a place lies in a family; for long relations only where that is plain."""
+        images = [f for p in family for f in self.ring.stripped(self.ring.put(p, values))]
+        plain = all(f == 0 or any(self.ring.divides(p, f) for p in relations) for f in images)
+        if plain or sum(map(len, relations)) > _DENSE:
+            return plain
+        return self.certificate.lies_in((values, relations), family)
 
     def _split(self, place: Place, split: Split) -> None:
         """Follow each factor of a form that vanishes."""
@@ -252,7 +264,7 @@ class Tree:
         if len(place.relations) < 3:
             return False
         for pair in itertools.combinations(place.relations, 2):
-            if self.certificate.lies_in((place.values, list(pair)), family):
+            if self._lies_in(place.values, list(pair), family):
                 linear = place.forms[: len(place.values)]
                 then = self.place_of([*linear, *pair], place.points)
                 then.entry = {"family": number}
@@ -357,7 +369,8 @@ class Tree:
                 if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
                     (poly,) = self.ring.stripped(poly)
                     found.setdefault(
-                        form_text(self.tidy(poly)), Split([(self.ring.one, {**source, "at": at})], poly)
+                        form_text(self.tidy(poly)),
+                        Split([(self.ring.one, {**source, "at": at})], poly),
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):
             if not self.ring.vanishes(split.form, place.relations):
