@@ -34,6 +34,11 @@ ARMS = {
     "planar3r one row": {"robot": "planar3r", "task": "vx"},
     "ur5 orientation": {"robot": "ur5", "task": "orientation"},
 }
+SEVERAL_EQUATIONS = {
+    "baxter": {"robot": "baxter", "tip": "left_gripper"},
+    "tiago_pro": {"tip": "arm_left_tool_link", "base": "torso_lift_link"},
+    "g1": {"tip": "left_rubber_hand", "base": "torso_link"},
+}
 
 
 @pytest.fixture(scope="module")
@@ -68,6 +73,22 @@ def test_an_arm_is_proven(name, certificates):
     assert data["schema"] == "pinsing/certificate/2"
 
 
+def test_an_arm_whose_complex_set_is_larger_is_proven():
+    """Talos: a component without a real point, by a sum of squares."""
+    how = {"tip": "gripper_left_base_link", "base": "torso_2_link"}
+    form = closed_form(load("talos_full_v2", **how), prove=True)
+    assert form.word == "proven", form.proof.reason
+    assert any("squares" in place for place in form.certificate["places"])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SEVERAL_EQUATIONS)
+def test_systems_of_equations_are_proven(name):
+    form = closed_form(load(**{"robot": name, **SEVERAL_EQUATIONS[name]}), prove=True)
+    assert form.word == "proven", form.proof.reason
+    assert form.proof.size < 100_000
+
+
 def test_the_checker_stands_alone(tmp_path, certificates):
     """A copy of the file, in a process that cannot import pinsing."""
     text = CHECKER.read_text(encoding="utf-8")
@@ -82,11 +103,13 @@ def test_the_checker_stands_alone(tmp_path, certificates):
     bad.write_text(text_of(data), encoding="utf-8")
     code = f"import sys; sys.modules['pinsing'] = None; sys.argv[1:] = [{str(good)!r}]\n"
     code += f"import runpy; runpy.run_path({str(alone)!r}, run_name='__main__')"
-    run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
+    run = subprocess.run(
+        [sys.executable, "-I", "-c", code], capture_output=True, text=True, check=False
+    )
     assert run.returncode == 0, run
     assert run.stdout.startswith("ACCEPTED: ur5")
     for path in (bad, tmp_path / "none.json"):
-        command = [sys.executable, str(alone), str(path)]
+        command = [sys.executable, "-I", str(alone), str(path)]
         run = subprocess.run(command, capture_output=True, text=True, check=False)
         assert run.returncode == 1, run
         assert run.stdout.startswith("REJECTED")

@@ -93,6 +93,11 @@ class Ring:
         need(not self.joints(number), f"{text[:20]!r} is no number")
         return number
 
+    def vector(self, texts: list[str]) -> list[Poly]:
+        """Read three numbers."""
+        need(type(texts) is list and len(texts) == 3, "a vector is not of three numbers")
+        return [self.number(text) for text in texts]
+
     def reduced(self, form: Poly) -> Poly:
         """The form with s2^2 = 2 and s3^2 = 3 put in: it is 0 only for what is 0."""
         for square in self.squares:
@@ -132,6 +137,17 @@ class Ring:
             while any(forms) and all(self.divides(unit, f) for f in forms):
                 forms = tuple(divmod(f, unit)[0] for f in forms)
         return list(forms)
+
+    def same(self, a: Poly, b: Poly) -> bool:
+        """Whether two forms are the same but for a constant."""
+        n = 2 * len(self.pairs)
+        first = a.monomial(0)[:n]
+        p, q = (  # the numbers that both have before one monomial
+            {(*[0] * n, *m[n:]): c for m, c in form.to_dict().items() if m[:n] == first}
+            for form in (a, b)
+        )
+        p, q = self.context.from_dict(p), self.context.from_dict(q)
+        return bool(q != 0 and self.times(a, q) == self.times(b, p))
 
     def put(self, form: Poly, values: dict[int, Any]) -> Poly:
         """The form with some joints at points."""
@@ -252,7 +268,7 @@ class Certificate:
         ring, eye = self.ring, [[self.ring.one * (i == j) for j in range(3)] for i in range(3)]
         o, one, moves, ends = ring.zero, ring.one, list[Move](), list[int]()
         for link in self.data["chain"]:
-            R = [[ring.number(text) for text in row] for row in link["rotation"]]
+            R = [ring.vector(row) for row in link["rotation"]]
             products = [
                 ring.reduced(sum(a * b for a, b in zip(R[i], R[j], strict=True)))
                 for i, j in ((0, 0), (0, 1), (1, 1))
@@ -260,7 +276,7 @@ class Certificate:
             proper = [ring.reduced(a) for a in cross(R[0], R[1])] == R[2]
             need(len(R) == 3 and products == [1, 0, 1] and proper, "a rotation is none")
             moves += [
-                (eye, [ring.number(text) for text in link["translation"]], one),
+                (eye, ring.vector(link["translation"]), one),
                 (R, [o] * 3, one),
             ]
             (x, y), unit = pick(ring.pairs, link["joint"]), pick(ring.unit, link["joint"])
@@ -277,7 +293,7 @@ class Certificate:
                 c, s = x * x - y * y, 2 * x * y * (1 if times > 0 else -1)
                 moves += [([[c, -s, o], [s, c, o], [o, o, unit]], [o] * 3, unit)] * abs(times)
             ends.append(len(moves))
-        return [*moves, (eye, [ring.number(text) for text in self.data["tip"]], one)], ends
+        return [*moves, (eye, ring.vector(self.data["tip"]), one)], ends
 
     def carried(self, screw: list[Poly], move: Move, back: bool, turn: bool) -> list[Poly]:
         """A screw, and its common denominator, seen from before a move, or after it."""
@@ -410,8 +426,8 @@ class Certificate:
             factors = [(pick(self.polys, k), pick(range(100), n)) for k, n, _ in place["cases"]]
             found = ring.times(*(f for f, times in factors for _ in range(times)))
             cases = [([pick(self.polys, k)], then) for k, _, then in place["cases"]]
-        need(total != 0, "a form that is zero everywhere tells nothing")
-        need(ring.stripped(total) == ring.stripped(found), "the sum is something else")
+        need(total != 0 != found, "a form that is zero everywhere tells nothing")
+        need(ring.same(*ring.stripped(total), *ring.stripped(found)), "the sum is something else")
         for more, then in cases:
             inside = ring.where([*forms, *more])
             if ring.empty(inside[1]):
