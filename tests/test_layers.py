@@ -44,6 +44,7 @@ ORDER = (
     "runs",
     "families",
     "proximity",
+    "postures",
     "sweeps",
     "mechanism",
     "maps",

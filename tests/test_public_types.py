@@ -83,6 +83,11 @@ def arm():
 
 
 @functools.cache
+def planar():
+    return pinsing.load("planar3r")
+
+
+@functools.cache
 def swept():
     return pinsing.sweep(arm(), levels=1, samples=5)
 
@@ -175,6 +180,17 @@ CALLS = {
         lambda: pinsing.singular_configurations, lambda: {"arm": arm(), "result": swept()}
     ),
     "singular_values": Call(lambda: pinsing.singular_values, with_arm(Q=[Q])),
+    "aspects": Call(lambda: pinsing.aspects, lambda: {"forms": form()}),
+    "Aspects.of": Call(lambda: pinsing.aspects(form()).of, lambda: {"q": Q}),
+    "Aspects.text": Call(lambda: pinsing.aspects(form()).text),
+    "connect": Call(lambda: pinsing.connect, lambda: {"forms": form(), "qa": Q, "qb": Q}),
+    "Connection.text": Call(lambda: pinsing.connect(form(), Q, Q).text),
+    "inverse": Call(lambda: pinsing.inverse, lambda: {"arm": planar(), "pose": Q}),
+    "InverseSolutions.text": Call(lambda: pinsing.inverse(planar(), Q).text),
+    "posture_changes": Call(lambda: pinsing.posture_changes, lambda: {"arm": planar(), "q": Q}),
+    "PostureChanges.text": Call(lambda: pinsing.posture_changes(planar(), Q).text),
+    "cuspidality": Call(lambda: pinsing.cuspidality, lambda: {"arm": planar(), "poses": 1}),
+    "Cuspidality.text": Call(lambda: pinsing.cuspidality(planar(), poses=1).text),
     "suggest": Call(lambda: pinsing.suggest, with_arm(seconds=0.3)),
     "Suggestion.text": Call(lambda: pinsing.suggest(arm(), seconds=0.3).text),
     "sweep": Call(lambda: pinsing.sweep, with_arm(levels=1, samples=5)),

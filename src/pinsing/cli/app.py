@@ -21,6 +21,7 @@ from pinsing.cli.line import line_command
 from pinsing.cli.map import map_command
 from pinsing.cli.output import STOPPED, complain, say
 from pinsing.cli.plot import plot_command
+from pinsing.cli.postures import aspects_command, cuspidal_command, postures_command
 from pinsing.cli.report import report_command
 from pinsing.cli.robots import dh_command, info_command, list_command
 from pinsing.cli.running import WORDS
@@ -121,6 +122,9 @@ for _part in (
     check_command,
     line_command,
     suggest_command,
+    aspects_command,
+    postures_command,
+    cuspidal_command,
     sweep_command,
     map_command,
     families_command,

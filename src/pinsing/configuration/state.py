@@ -18,8 +18,7 @@ from pinsing.serialization import JsonResult
 
 SINGULAR, NEAR_SINGULAR, REGULAR = "singular", "near-singular", "regular"
 
-LABEL = 18
-"""Width of the labels of a state's lines."""
+_LABEL = 18
 
 Line = tuple[str, Span | tuple[Span, ...]]
 
@@ -205,7 +204,7 @@ def state_text(state: State, degrees: bool = False, page: Page = PLAIN) -> str:
     page : Page
         What it is fitted to.
     """
-    return page.fields(_lines(state, degrees), LABEL)
+    return page.fields(_lines(state, degrees), _LABEL)
 
 
 def _lines(state: State, degrees: bool) -> Iterator[Line]:

@@ -1,0 +1,115 @@
+"""``pinsing aspects``, ``postures`` and ``cuspidal``: the pieces of joint space, and ways."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    joint_vector,
+    json_option,
+    parse_numbers,
+)
+from pinsing.cli.output import emit, emit_json
+
+_ignore_limits = click.option(
+    "--ignore-limits", is_flag=True, help="Joints turn endlessly instead of ending at limits."
+)
+
+
+@click.command("aspects", short_help="The pieces that singularities cut joint space into.")
+@arm_options
+@_ignore_limits
+@deg_option
+@json_option
+def aspects_command(
+    request: RobotRequest, ignore_limits: bool, deg: bool, json_target: str | Path | None
+) -> None:
+    """Count the aspects of ROBOT: pieces of joint space that no singularity divides.
+
+    An arm gets from one aspect into another only by way of a singular configuration.
+
+    Example: pinsing aspects ur5
+    """
+    arm = request.load()
+    from pinsing.families import closed_form
+    from pinsing.postures.aspects import aspects
+
+    found = aspects(closed_form(arm, prove=True), limits=not ignore_limits)
+    if not emit_json(found, json_target):
+        emit(found.text(deg))
+
+
+@click.command("postures", short_help="The other postures of a pose, and ways to them.")
+@arm_options
+@click.option(
+    "--q",
+    "q",
+    required=True,
+    metavar="Q1,Q2,...",
+    help="A configuration: joint values, base to tip, radians (or --deg) and metres.",
+)
+@_ignore_limits
+@deg_option
+@json_option
+def postures_command(
+    request: RobotRequest,
+    q: str,
+    ignore_limits: bool,
+    deg: bool,
+    json_target: str | Path | None,
+) -> None:
+    """List the other inverse solutions of the pose of ROBOT at a configuration.
+
+    Of each: its aspect, and whether it can be reached without a singularity, by which way.
+
+    Example: pinsing postures ur5 --q 10,-70,75,-90,-80,0 --deg
+    """
+    parse_numbers(q, "--q", deg)
+    arm = request.load()
+    from pinsing.families import closed_form
+    from pinsing.postures.changes import posture_changes
+
+    found = posture_changes(
+        arm,
+        joint_vector(arm, q, "--q", deg),
+        forms=closed_form(arm, prove=True),
+        limits=not ignore_limits,
+    )
+    if not emit_json(found, json_target):
+        emit(found.text(deg))
+
+
+@click.command("cuspidal", short_help="Whether the arm changes posture without a singularity.")
+@arm_options
+@click.option(
+    "--poses", type=int, default=60, show_default=True, metavar="N", help="Random poses to try."
+)
+@click.option("--seed", type=int, default=0, show_default=True, metavar="N", help="Of the poses.")
+@deg_option
+@json_option
+def cuspidal_command(
+    request: RobotRequest,
+    poses: int,
+    seed: int,
+    deg: bool,
+    json_target: str | Path | None,
+) -> None:
+    """Look whether ROBOT is cuspidal: it changes posture without meeting a singularity.
+
+    Joint limits do not count. With a witness where it is: two inverse solutions of one pose, and
+    a proven way from one to the other.
+
+    Example: pinsing cuspidal puma560 --poses 20
+    """
+    arm = request.load()
+    from pinsing.families import closed_form
+    from pinsing.postures.cuspidal import cuspidality
+
+    found = cuspidality(arm, forms=closed_form(arm, prove=True), poses=poses, seed=seed)
+    if not emit_json(found, json_target):
+        emit(found.text(deg))

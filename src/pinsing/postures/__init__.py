@@ -1,0 +1,1 @@
+"""Postures: the pieces that singular configurations cut joint space into, and ways within them."""

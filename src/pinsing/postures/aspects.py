@@ -1,0 +1,342 @@
+"""Aspects: the connected pieces that singular configurations cut joint space into."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from itertools import islice
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.arguments import checked
+from pinsing.errors import OptionError
+from pinsing.joint_text import typed
+from pinsing.postures.joint_map import Map, make_map
+from pinsing.postures.partition import Part
+from pinsing.postures.piece import Piece
+from pinsing.proximity.clearance import quick
+from pinsing.proximity.watched import Forms
+from pinsing.robot.arm_summary import ArmSummary
+from pinsing.serialization import JsonResult
+
+SECONDS = 30.0
+LISTED = 256
+"""Aspects that are listed one by one; the rest are only counted."""
+
+_EXAMPLES = 192
+
+
+@dataclass(frozen=True, eq=False)
+class Aspect:
+    """One connected piece of joint space without a singular configuration that separates it.
+
+    Attributes
+    ----------
+    number : int
+        From 1 on.
+    q : (n,) array
+        A configuration well inside.
+    clearance : float
+        Lower bound of its distance to the nearest family, as by `clearance`.
+    where : tuple of str
+        What tells it apart: signs of equations, ranges of joints between singular values.
+    signs : dict of str to int
+        Sign of each equation that separates, by family; 0 where it takes both.
+    """
+
+    number: int
+    q: Array
+    clearance: float
+    where: tuple[str, ...]
+    signs: dict[str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class PartCount:
+    """How many pieces some joints are cut into, whatever the others do.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        The joints.
+    families : tuple of str
+        What cuts them.
+    lower, upper : int
+        No fewer, no more pieces.
+    """
+
+    joints: tuple[str, ...]
+    families: tuple[str, ...]
+    lower: int
+    upper: int
+
+
+@dataclass(frozen=True, eq=False)
+class Aspects(JsonResult):
+    """The aspects of an arm, counted.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    within_limits : bool
+        Whether joints end at their limits; else they turn endlessly.
+    lower : int
+        There are no fewer aspects, whatever else separates.
+    upper : int or None
+        There are no more; None where that is not known.
+    parts : tuple of PartCount
+        Groups of joints that are cut independently; their counts multiply.
+    listed : tuple of Aspect
+        The aspects, at most 256 of them.
+    families : tuple of str
+        Families that separate: those of codimension 1.
+    notes : tuple of str
+        What was not counted, or what the counts rest on.
+    seconds : float
+        Time it took.
+    _map : Map or None
+        Joint space piece by piece, which `of` and `connect` ask; not written to JSON.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.aspects(pinsing.closed_form(pinsing.load("scara")))
+    >>> found.proven, found.lower == found.upper
+    (True, True)
+    """
+
+    schema: ClassVar[str] = "pinsing/aspects/1"
+    made_by: ClassVar[str] = "pinsing.aspects(forms)"
+
+    arm: ArmSummary
+    within_limits: bool
+    lower: int
+    upper: int | None
+    parts: tuple[PartCount, ...]
+    listed: tuple[Aspect, ...]
+    families: tuple[str, ...]
+    notes: tuple[str, ...]
+    seconds: float
+    _map: Map | None = field(default=None, repr=False, metadata={"json": False})
+
+    @property
+    def proven(self) -> bool:
+        """Whether the count is known: both bounds agree."""
+        return self.lower == self.upper
+
+    def __len__(self) -> int:
+        return len(self.listed)
+
+    def __iter__(self) -> Iterator[Aspect]:
+        return iter(self.listed)
+
+    def __getitem__(self, index: int) -> Aspect:
+        return self.listed[index]
+
+    @checked
+    def of(self, q: npt.ArrayLike) -> int | None:
+        """Return the number of the aspect that a configuration is in.
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Joint values, radians and metres; whole turns of joints that turn endlessly do not
+            matter.
+
+        Returns
+        -------
+        int or None
+            From 1 on; None where it is singular (on a family that separates), or where it could
+            not be told, which happens only very near to one.
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length, is not finite, or is outside the limits that count.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> found = pinsing.aspects(pinsing.closed_form(pinsing.load("ur5")))
+        >>> len({found.of(aspect.q) for aspect in found})
+        16
+        """
+        if self._map is None:
+            raise OptionError("aspects that were read from JSON cannot be asked: make them again")
+        place = self._map.place(self._map.check(q))
+        return None if place is None else self._map.number(place)
+
+    @checked
+    def text(self, degrees: bool = False) -> str:
+        """Lines for people.
+
+        Parameters
+        ----------
+        degrees : bool
+            Angles in degrees.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> form = pinsing.closed_form(pinsing.load("stanford"))
+        >>> print(pinsing.aspects(form).text().splitlines()[0])
+        8 aspects within the joint limits, proven
+        """
+        where = "within the joint limits" if self.within_limits else "without joint limits"
+        if self.proven:
+            head = f"{self.lower} aspect{'s' * (self.lower != 1)} {where}, proven"
+        elif self.upper is None:
+            head = f"at least {self.lower} aspects {where}; how many more is not known"
+        else:
+            head = f"{self.lower} to {self.upper} aspects {where}"
+        lines = [head]
+        cut = [p for p in self.parts if p.families]
+        for p in cut:
+            count = f"{p.lower}" if p.lower == p.upper else f"{p.lower} to {p.upper}"
+            lines.append(f"  {', '.join(p.joints)}: {count} ({', '.join(p.families)})")
+        if len(self.listed) > 1:
+            lines.append("")
+        for a in self.listed if len(self.listed) > 1 else ():
+            lines.append(f"{a.number:>4}  {', '.join(a.where)}")
+            lines.append(f"      {typed(a.q, self.arm.prismatic, degrees, digits=4)}")
+        if self.lower > len(self.listed):
+            lines.append(f"(the first {len(self.listed)} of them)")
+        lines += [f"note: {n}" for n in self.notes]
+        return "\n".join(lines)
+
+    def __str__(self) -> str:
+        return self.text()
+
+
+@checked
+def aspects(forms: Forms, limits: bool = True, *, seconds: float = SECONDS) -> Aspects:
+    """Count the aspects of an arm: the connected pieces of joint space less what is singular.
+
+    Only families of codimension 1 separate. Joint values cut their joint; equations are looked
+    at over the joints that they share, by algebra where one joint turns endlessly and is in
+    every term once, else by certified subdivision (`pinsing.postures.subdivision`).
+
+    Parameters
+    ----------
+    forms : ClosedForm or sequence of ClosedForm
+        Of one arm.
+    limits : bool
+        Within the joint limits, or with joints that turn endlessly.
+    seconds : float
+        Time after which bounds are returned that need not agree.
+
+    Returns
+    -------
+    Aspects
+        A lower and an upper bound, and the aspects. ``proven`` where the bounds agree.
+
+    Raises
+    ------
+    OptionError
+        If forms are none, or of different arms, or an option makes no sense.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> form = pinsing.closed_form(pinsing.load("ur5"))
+    >>> pinsing.aspects(form).lower, pinsing.aspects(form, limits=False).lower
+    (16, 8)
+    """
+    if not seconds > 0:
+        raise OptionError(f"seconds must be positive, got {seconds!r}")
+    begin = time.monotonic()
+    chosen = make_map(forms, limits, begin + seconds)
+    cut = chosen.partition
+    lower, upper = 1, 1
+    exact = cut.exact
+    parts = []
+    for part, pieces in zip(cut.parts, chosen.pieces, strict=True):
+        low, high = (sum(getattr(p, k) for p in pieces) for k in ("lower", "upper"))
+        exact &= all(p.closed for p in pieces)
+        lower, upper = lower * low, upper * high
+        parts.append(PartCount(*_named(chosen, part), low, high))
+    form = forms if not isinstance(forms, (list, tuple)) else forms[0]
+    notes = list(dict.fromkeys(cut.notes))
+    accepted = getattr(form, "proof", None) is not None and form.proof.accepted  # type: ignore[union-attr]
+    if exact and not accepted:
+        notes.append("this rests on the closed form, for which no certificate was made here")
+    return Aspects(
+        arm=form.arm,  # type: ignore[union-attr]
+        within_limits=limits,
+        lower=lower,
+        upper=upper if exact else None,
+        parts=tuple(parts),
+        listed=tuple(_listed(chosen)),
+        families=cut.cutting,
+        notes=tuple(notes),
+        seconds=time.monotonic() - begin,
+        _map=chosen,
+    )
+
+
+def _named(chosen: Map, part: Part) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    names = chosen.watched.joints
+    families = dict.fromkeys(s.family for s in part.surfaces)
+    for name, family in zip(chosen.watched.names, chosen.watched.families, strict=True):
+        if name in chosen.partition.cutting and any(
+            len(b.values) == 1 and not b.equations and b.values[0].joint in part.joints
+            for b in family.branches
+        ):
+            families[name] = None
+    return tuple(names[j] for j in part.joints), tuple(sorted(families))
+
+
+def _listed(chosen: Map) -> Iterator[Aspect]:
+    rng = np.random.default_rng(0)
+    for place in islice(chosen.places(), LISTED):
+        where: list[str] = []
+        signs: dict[str, int] = {}
+        parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
+        Q = np.zeros((_EXAMPLES, chosen.watched.n))
+        for part, pieces, (box, component) in parts:
+            piece = pieces[box]
+            x = piece.examples(component)
+            drawn = np.append(0, rng.integers(0, len(x), _EXAMPLES - 1))
+            Q[:, list(part.joints)] = x[drawn]
+            where += _where(chosen, part, piece, component)
+            for surface, s in zip(part.surfaces, piece.signs(component), strict=True):
+                signs[surface.family] = signs.get(surface.family, 1) * s
+        clear = np.full(len(Q), math.inf)
+        if chosen.watched.families:
+            clear = quick(chosen.watched, Q).lower
+        best = int(np.argmax(clear))
+        yield Aspect(chosen.number(place), Q[best], float(clear[best]), tuple(where), signs)
+
+
+def _where(chosen: Map, part: Part, piece: Piece, component: int) -> Iterator[str]:
+    symbols = _symbols(chosen)
+    for j, arc in zip(part.joints, piece.box, strict=True):
+        if len(part.arcs[part.joints.index(j)]) > 1:
+            slides = bool(chosen.watched.prismatic[j])
+            yield f"{symbols[j]} in {_end(arc.low, slides)} to {_end(arc.high, slides)}"
+    signs = piece.signs(component)
+    for surface, s in zip(part.surfaces, signs, strict=True):
+        if s:
+            yield f"{surface.family} {'>' if s > 0 else '<'} 0"
+    alike = [c for c in range(piece.upper) if piece.signs(c) == signs]
+    if len(alike) > 1:
+        yield f"piece {alike.index(component) + 1} of {len(alike)}"
+
+
+def _symbols(chosen: Map) -> tuple[str, ...]:
+    for family in chosen.watched.families:
+        for equation in family.equations:
+            return equation.joints
+    return tuple(f"q{j + 1}" for j in range(chosen.watched.n))
+
+
+def _end(x: float, slides: bool) -> str:
+    if math.isinf(x):
+        return "infinity" if x > 0 else "-infinity"
+    return f"{x:.4g} m" if slides else f"{math.degrees(x):.4g}°"

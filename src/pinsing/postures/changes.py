@@ -1,0 +1,230 @@
+"""posture_changes: the other inverse solutions of a pose, and which can be reached freely."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.arguments import checked
+from pinsing.errors import OptionError
+from pinsing.families import ClosedForm, closed_form
+from pinsing.joint_text import typed
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.postures.aspects import aspects
+from pinsing.postures.connection import DIFFERENT, SAME, Connection, connect
+from pinsing.postures.inverse import InverseSolution, inverse
+from pinsing.proximity.watched import require_forms_of
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.serialization import JsonResult
+
+SECONDS = 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class PostureChange:
+    """Another inverse solution of the pose.
+
+    Attributes
+    ----------
+    solution : InverseSolution
+        It.
+    aspect : int or None
+        Number of its aspect; None where it is singular or outside the limits that count.
+    connection : Connection or None
+        Whether it can be reached without a singularity, and by which way; None where it is
+        singular or outside the limits.
+    """
+
+    solution: InverseSolution
+    aspect: int | None
+    connection: Connection | None
+
+
+@dataclass(frozen=True, eq=False)
+class PostureChanges(JsonResult):
+    """The postures of one pose.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    q : (n,) array
+        The configuration that was given.
+    aspect : int or None
+        Its aspect; None where it is singular.
+    within_limits : bool
+        Whether ways stay within the joint limits.
+    others : tuple of PostureChange
+        The other inverse solutions: those that can be reached first.
+    doubt : str
+        What speaks against that these are all.
+    notes : tuple of str
+        What the answers rest on.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.posture_changes(pinsing.load("puma560"), [0.1, -0.6, 0.4, 0.2, 0.7, 0.3])
+    >>> len(found.others)
+    7
+    """
+
+    schema: ClassVar[str] = "pinsing/posture_changes/1"
+    made_by: ClassVar[str] = "pinsing.posture_changes(arm, q)"
+
+    arm: ArmSummary
+    q: Array
+    aspect: int | None
+    within_limits: bool
+    others: tuple[PostureChange, ...]
+    doubt: str
+    notes: tuple[str, ...]
+
+    @checked
+    def text(self, degrees: bool = False) -> str:
+        """Lines for people.
+
+        Parameters
+        ----------
+        degrees : bool
+            Angles in degrees.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> found = pinsing.posture_changes(pinsing.load("scara"), [0.1, 0.6, 0.1, 0.2])
+        >>> print(found.text().splitlines()[0])
+        1 other inverse solution of this pose; this one is in aspect 2
+        """
+        count = len(self.others)
+        here = "singular" if self.aspect is None else f"in aspect {self.aspect}"
+        lines = [
+            f"{count} other inverse solution{'s' * (count != 1)} of this pose; this one is {here}"
+        ]
+        for k, other in enumerate(self.others, 1):
+            s, way = other.solution, other.connection
+            if not s.regular:
+                said = "singular"
+            elif way is None:
+                said = "outside the limits"
+            elif way.answer == SAME and way.path is not None:
+                said = (
+                    f"aspect {other.aspect}: reached without a singularity by "
+                    f"{len(way.path)} waypoints"
+                )
+            elif way.answer == DIFFERENT:
+                said = f"aspect {other.aspect}: only by way of a singularity, proven"
+            else:
+                said = "undecided"
+            lines.append(f"{k:>4}  {said}")
+            lines.append(f"      {typed(s.q, self.arm.prismatic, degrees, digits=6)}")
+            if way is not None and way.answer == SAME and way.path is not None:
+                for q in way.path[1:-1]:
+                    lines.append(f"        by {typed(q, self.arm.prismatic, degrees, digits=6)}")
+        tail = [self.doubt] if self.doubt else []
+        return "\n".join([*lines, *(f"note: {n}" for n in (*tail, *self.notes))])
+
+    def __str__(self) -> str:
+        return self.text()
+
+
+@checked
+def posture_changes(
+    arm: Arm,
+    q: npt.ArrayLike,
+    *,
+    forms: ClosedForm | None = None,
+    limits: bool = True,
+    fixed: Mapping[str, float] | None = None,
+    seconds: float = SECONDS,
+) -> PostureChanges:
+    """Find the other inverse solutions of the pose at q, and which can be reached freely.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm.
+    q : (n,) array_like
+        A configuration, radians and metres.
+    forms : ClosedForm, optional
+        Of the arm, if at hand.
+    limits : bool
+        Whether ways stay within the joint limits; else joints turn endlessly.
+    fixed : mapping of str to float, optional
+        Joints to hold, where the arm has more joints than the task has conditions; by default
+        the first of those that are too many are held where they are in q, and it is said.
+    seconds : float
+        Time for all ways together.
+
+    Returns
+    -------
+    PostureChanges
+        The other solutions, the aspect of each, and the way to it, if there is one.
+
+    Raises
+    ------
+    ConfigurationError
+        If q has the wrong length, is not finite, or is outside limits that count.
+    OptionError, UnknownNameError
+        As `inverse`; or if the form is of another arm.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.posture_changes(pinsing.load("ur5"), [0.1, -1, 1.2, 0.3, 0.9, 0.2])
+    >>> {other.connection.answer for other in found.others if other.connection}
+    {'different'}
+    """
+    if not seconds > 0:
+        raise OptionError(f"seconds must be positive, got {seconds!r}")
+    here = arm.check_one(q, "q")
+    if forms is not None:
+        require_forms_of(forms, arm)
+    form = closed_form(arm) if forms is None else forms
+    held, notes = _held(arm, here, fixed, form)
+    found = aspects(form, limits)
+    start = found.of(here)
+    known = inverse(arm, tip_placement(arm, here).homogeneous, fixed=held)
+    until = time.monotonic() + seconds
+    others = []
+    for s in known:
+        if abs(arm.space.wrap(s.q - here)).max() < 1e-6:
+            continue
+        usable = s.regular and start is not None and (s.within_limits or not limits)
+        way = None
+        if usable:
+            left = max(0.05, min(5.0, until - time.monotonic()))
+            way = connect(form, here, s.q, limits=limits, of=found, seconds=left)
+        number = None if way is None else way.aspects[1]
+        others.append(PostureChange(s, number, way))
+    order = {SAME: 0, "undecided": 1, DIFFERENT: 2}
+    others.sort(key=lambda o: 3 if o.connection is None else order[o.connection.answer])
+    return PostureChanges(
+        arm=summarize(arm),
+        q=here,
+        aspect=start,
+        within_limits=limits,
+        others=tuple(others),
+        doubt=known.doubt,
+        notes=tuple([*notes, *(n for n in found.notes if "certificate" in n or "complete" in n)]),
+    )
+
+
+def _held(
+    arm: Arm, q: Array, fixed: Mapping[str, float] | None, form: ClosedForm
+) -> tuple[Mapping[str, float], list[str]]:
+    if fixed is not None:
+        return fixed, []
+    more = arm.n - form.generic_rank
+    if more <= 0:
+        return {}, []
+    names = arm.joints[len(arm.joints) // 2 - 1 :][:more]
+    said = ", ".join(names)
+    note = f"{said} held where {'it is' if more == 1 else 'they are'}: fixed= chooses others"
+    return {name: float(q[arm.joints.index(name)]) for name in names}, [note]

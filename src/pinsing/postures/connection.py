@@ -1,0 +1,325 @@
+"""connect: whether two configurations are joined without a singularity, and by which way."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.arguments import checked
+from pinsing.errors import OptionError
+from pinsing.joint_text import typed
+from pinsing.postures.aspects import Aspects, aspects
+from pinsing.postures.joint_map import Map
+from pinsing.proximity.clearance import quick
+from pinsing.proximity.watched import Forms
+from pinsing.robot.arm_summary import ArmSummary
+from pinsing.serialization import JsonResult
+
+SECONDS = 5.0
+"""Time for a way, beside that for the aspects."""
+
+SAME, DIFFERENT, UNDECIDED = "same", "different", "undecided"
+
+_FINE = 24
+
+
+@dataclass(frozen=True, eq=False)
+class Connection(JsonResult):
+    """Whether two configurations are in one aspect.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    answer : str
+        "same": joined without meeting a family that separates, by ``path``. "different": proven
+        to be in different aspects. "undecided".
+    start, end : (n,) arrays
+        The configurations.
+    aspects : tuple of int or None
+        Numbers of their aspects, as `Aspects` has them; None where it could not be told.
+    path : (K, n) array or None
+        Waypoints, joined by straight lines in joint space: proven to meet no family that
+        separates. The last is ``end`` but for whole turns of joints that turn endlessly.
+    clearance : float
+        No configuration of a family that separates is nearer to the path, proven; NaN without.
+    length : float
+        Of the path, radians (metres over the length scale); NaN without.
+    within_limits : bool
+        Whether joints end at their limits.
+    notes : tuple of str
+        What the answer rests on.
+    """
+
+    schema: ClassVar[str] = "pinsing/connection/1"
+    made_by: ClassVar[str] = "pinsing.connect(forms, qa, qb)"
+
+    arm: ArmSummary
+    answer: str
+    start: Array
+    end: Array
+    aspects: tuple[int | None, int | None]
+    path: Array | None
+    clearance: float
+    length: float
+    within_limits: bool
+    notes: tuple[str, ...]
+
+    @property
+    def same(self) -> bool | None:
+        """True, False, or None where it is undecided."""
+        return {SAME: True, DIFFERENT: False}.get(self.answer)
+
+    @checked
+    def text(self, degrees: bool = False) -> str:
+        """Lines for people.
+
+        Parameters
+        ----------
+        degrees : bool
+            Angles in degrees.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> form = pinsing.closed_form(pinsing.load("scara"))
+        >>> print(pinsing.connect(form, [0, 1, 0, 0], [0, 2, 0, 0]).text().splitlines()[0])
+        same aspect: joined by a way that meets no family that separates, proven
+        """
+        if self.answer == DIFFERENT:
+            lines = [
+                f"different aspects ({self.aspects[0]} and {self.aspects[1]}), proven: every way "
+                "from one to the other meets a singular configuration"
+            ]
+        elif self.answer == UNDECIDED or self.path is None:
+            lines = ["undecided: no way was found, and none is ruled out"]
+        else:
+            far = f"{np.degrees(self.clearance):.3g}°" if degrees else f"{self.clearance:.3g} rad"
+            lines = [
+                "same aspect: joined by a way that meets no family that separates, proven",
+                f"clearance of the way: at least {far}; {len(self.path)} waypoints:",
+                *(f"  {typed(q, self.arm.prismatic, degrees, digits=6)}" for q in self.path),
+            ]
+        return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+
+    def __str__(self) -> str:
+        return self.text()
+
+
+@checked
+def connect(
+    forms: Forms,
+    qa: npt.ArrayLike,
+    qb: npt.ArrayLike,
+    *,
+    limits: bool = True,
+    of: Aspects | None = None,
+    seconds: float = SECONDS,
+) -> Connection:
+    """Join two configurations without a singularity, or prove that it cannot be done.
+
+    Parameters
+    ----------
+    forms : ClosedForm or sequence of ClosedForm
+        Of one arm.
+    qa, qb : (n,) array_like
+        The configurations, radians and metres.
+    limits : bool
+        Within the joint limits, or with joints that turn endlessly.
+    of : Aspects, optional
+        The aspects of the same arm and limits, where they are at hand.
+    seconds : float
+        Time for a way.
+
+    Returns
+    -------
+    Connection
+        "same" with a way, "different", or "undecided".
+
+    Raises
+    ------
+    ConfigurationError
+        If a configuration has the wrong length, is not finite, or is outside the limits.
+    OptionError
+        If forms are none, or of different arms, or an option makes no sense.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> form = pinsing.closed_form(pinsing.load("ur5"))
+    >>> pinsing.connect(form, [0, -1, 1, 0, 1, 0], [0, -1, 1, 0, -1, 0]).answer
+    'different'
+    """
+    if not seconds > 0:
+        raise OptionError(f"seconds must be positive, got {seconds!r}")
+    found = aspects(forms, limits) if of is None else of
+    if found.within_limits != limits:
+        raise OptionError(
+            "the aspects given are "
+            + ("of " if found.within_limits else "not of ")
+            + "the space within the limits; limits says otherwise"
+        )
+    chosen = found._map
+    if chosen is None:
+        raise OptionError("aspects that were read from JSON cannot be asked: make them again")
+    start, end = chosen.check(qa), chosen.check(qb)
+    places = [chosen.place(q) for q in (start, end)]
+    numbers = [None if p is None else chosen.number(p) for p in places]
+    notes = [n for n in found.notes if "certificate" in n or "complete" in n]
+    answer, path = UNDECIDED, None
+    singular = [not chosen.clear(np.stack([q, q])) for q in (start, end)]
+    if any(singular):
+        which = " and ".join(
+            w for w, s in zip(("the first", "the second"), singular, strict=True) if s
+        )
+        notes.append(f"{which} configuration is on a family that separates: it is in no aspect")
+    elif places[0] is not None and places[1] is not None:
+        if _apart(chosen, places[0], places[1]):
+            answer = DIFFERENT
+        else:
+            until = time.monotonic() + seconds
+            path = _way(chosen, places[0], start, end, until)
+            answer = UNDECIDED if path is None else SAME
+    clearance = length = float("nan")
+    if path is not None:
+        clearance = _least(chosen, path)
+        length = float(chosen.watched.length(np.diff(path, axis=0)).sum())
+    return Connection(
+        arm=found.arm,
+        answer=answer,
+        start=start,
+        end=end,
+        aspects=(numbers[0], numbers[1]),
+        path=path,
+        clearance=clearance,
+        length=length,
+        within_limits=limits,
+        notes=tuple(notes),
+    )
+
+
+def _apart(chosen: Map, a: tuple[tuple[int, int], ...], b: tuple[tuple[int, int], ...]) -> bool:
+    """Whether some part proves that two places are of different aspects."""
+    for pieces, (box_a, comp_a), (box_b, comp_b) in zip(chosen.pieces, a, b, strict=True):
+        if box_a != box_b:
+            return True
+        piece = pieces[box_a]
+        if comp_a == comp_b:
+            continue
+        signs_a, signs_b = piece.signs(comp_a), piece.signs(comp_b)
+        if any(s * t < 0 for s, t in zip(signs_a, signs_b, strict=True)):
+            return True
+        if piece.closed and piece.lower == piece.upper:
+            return True
+    return False
+
+
+def _way(
+    chosen: Map, place: tuple[tuple[int, int], ...], start: Array, end: Array, until: float
+) -> Array | None:
+    """A polyline from start to end that is clear, part by part where a straight one is not."""
+    goal = end.copy()
+    endless = np.array(chosen.partition.endless)
+    goal = np.where(endless, goal + 2 * np.pi * np.round((start - goal) / (2 * np.pi)), goal)
+    if chosen.clear(np.stack([start, goal])):
+        return np.stack([start, goal])
+    rows = [start]
+    parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
+    for part, pieces, (box, component) in parts:
+        here = rows[-1]
+        piece = pieces[box]
+        a, b = (chosen.on_arcs(part, piece.box, q) for q in (here, end))
+        if a is None or b is None:
+            return None
+        columns = list(part.joints)
+        clear = chosen.clear_in(part, here)
+        if np.array_equal(a, b):
+            continue
+        route = piece.route(component, a, b, clear)
+        if route is None:
+            return None
+        route = _shortened(route, clear, partial(_room, chosen, columns, here), until)
+        for x in route[1:]:
+            q = rows[-1].copy()
+            q[columns] = here[columns] + (x - a)
+            rows.append(q)
+    path = _shortened(np.array(rows), chosen.clear, partial(_lowest, chosen), until)
+    return path if chosen.clear(path) else None
+
+
+def _room(chosen: Map, columns: list[int], here: Array, X: Array) -> float:
+    Q = np.repeat(here[None], len(X), axis=0)
+    Q[:, columns] = X
+    return _lowest(chosen, Q)
+
+
+def _lowest(chosen: Map, Q: Array) -> float:
+    """Least lower bound of the clearance at some points of a polyline."""
+    share = np.linspace(0, 1, _FINE)
+    fine = np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(Q)])
+    return float(quick(chosen.cutting, fine).lower.min())
+
+
+def _shortened(
+    Q: Array, clear: Callable[[Array], bool], room: Callable[[Array], float], until: float
+) -> Array:
+    """Leave waypoints out where the straight line instead is clear, and not much nearer."""
+    kept = [0]
+    last = len(Q) - 1
+    while kept[-1] < last:
+        i = kept[-1]
+        best, step = i + 1, 2
+        while i + step <= last + step // 2 and time.monotonic() < until:
+            j = min(i + step, last)
+            line = Q[[i, j]]
+            if clear(line) and room(line) >= min(0.7 * room(Q[i : j + 1]), 0.3):
+                best = j
+                if j == last:
+                    break
+                step *= 2
+            else:
+                break
+        kept.append(best)
+    return Q[kept]
+
+
+def _least(chosen: Map, path: Array) -> float:
+    """A proven lower bound of the clearance of all of a polyline.
+
+    Distance changes no faster than the configuration moves: on a piece of half-length h it is no
+    less than in its middle less h.
+    """
+    pieces = list(pairwise(path))
+    if not chosen.cutting.families:
+        return float("inf")
+    low, high = 0.0, float("inf")
+    begin = np.array([a for a, _ in pieces])
+    end = np.array([b for _, b in pieces])
+    out = []
+    for _ in range(14):
+        middle = (begin + end) / 2
+        half = chosen.watched.length(end - begin) / 2
+        at = quick(chosen.cutting, middle).lower
+        high = min(high, float(at.min()))
+        bound = at - half
+        fine = bound >= 0.9 * high
+        out.append(bound[fine])
+        begin, end, middle = begin[~fine], end[~fine], middle[~fine]
+        if not len(begin):
+            break
+        begin, end = np.concatenate([begin, middle]), np.concatenate([middle, end])
+        if len(begin) > 200_000:
+            break
+    if len(begin):
+        middle = (begin + end) / 2
+        out.append(quick(chosen.cutting, middle).lower - chosen.watched.length(end - begin) / 2)
+    low = min((float(x.min()) for x in out if len(x)), default=high)
+    return max(low, 0.0)

@@ -1,0 +1,260 @@
+"""cuspidality: whether two inverse solutions of one pose are joined without a singularity."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing._types import Array
+from pinsing.arguments import MAX_SEED, checked, whole_number
+from pinsing.errors import OptionError
+from pinsing.families import ClosedForm, closed_form
+from pinsing.joint_text import typed
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.verdict import generic_rank, ratios
+from pinsing.postures.aspects import Aspects, aspects
+from pinsing.postures.connection import SAME, Connection, connect
+from pinsing.postures.inverse import inverse
+from pinsing.proximity.watched import require_forms_of
+from pinsing.robot.arm import Arm
+from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.serialization import JsonResult
+
+POSES = 60
+
+CUSPIDAL, NOT_CUSPIDAL, NO_EVIDENCE = "cuspidal", "not cuspidal", "no evidence"
+
+_SAME_POSE = 1e-9
+_FINE = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Cuspidality(JsonResult):
+    """Whether an arm can change its posture without meeting a singularity.
+
+    Attributes
+    ----------
+    arm : ArmSummary
+        The arm.
+    answer : str
+        "cuspidal": proven, by ``witness``. "not cuspidal": proven, by ``reason``.
+        "no evidence": nothing was found at ``poses`` poses.
+    proven : bool
+        Whether the answer is.
+    reason : str
+        Why.
+    witness : Connection or None
+        Two inverse solutions of one pose, and a way from one to the other on which no
+        configuration is singular.
+    pose_error : float
+        How much their poses differ, metres and radians; NaN without a witness.
+    least_ratio : float
+        Least sigma_r / sigma_1 at points of the way; NaN without.
+    aspects : int or None
+        Aspects without joint limits, where their count is proven.
+    most_solutions : int
+        Regular inverse solutions of one pose, at most, that were met.
+    poses : int
+        Poses that were looked at.
+    notes : tuple of str
+        What the answer rests on.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> pinsing.cuspidality(pinsing.load("puma560"), poses=5).answer
+    'no evidence'
+    """
+
+    schema: ClassVar[str] = "pinsing/cuspidality/1"
+    made_by: ClassVar[str] = "pinsing.cuspidality(arm)"
+
+    arm: ArmSummary
+    answer: str
+    proven: bool
+    reason: str
+    witness: Connection | None
+    pose_error: float
+    least_ratio: float
+    aspects: int | None
+    most_solutions: int
+    poses: int
+    notes: tuple[str, ...]
+
+    @checked
+    def text(self, degrees: bool = False) -> str:
+        """Lines for people.
+
+        Parameters
+        ----------
+        degrees : bool
+            Angles in degrees.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> found = pinsing.cuspidality(pinsing.load("puma560"), poses=3)
+        >>> print(found.text().splitlines()[0])
+        no evidence in 3 poses that the arm is cuspidal
+        """
+        if self.answer == CUSPIDAL:
+            lines = ["cuspidal, proven: " + self.reason]
+        elif self.answer == NOT_CUSPIDAL:
+            lines = ["not cuspidal, proven: " + self.reason]
+        else:
+            lines = [f"no evidence in {self.poses} poses that the arm is cuspidal", self.reason]
+        if self.witness is not None and self.witness.path is not None:
+            lines.append(
+                f"way of {len(self.witness.path)} waypoints; poses differ by "
+                f"{self.pose_error:.1e}; least sigma_r/sigma_1 on it {self.least_ratio:.3g}:"
+            )
+            prismatic = self.arm.prismatic
+            lines += [f"  {typed(q, prismatic, degrees, digits=10)}" for q in self.witness.path]
+        return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+
+    def __str__(self) -> str:
+        return self.text()
+
+
+@checked
+def cuspidality(
+    arm: Arm,
+    *,
+    forms: ClosedForm | None = None,
+    poses: int = POSES,
+    seed: int = 0,
+) -> Cuspidality:
+    """Look whether an arm is cuspidal: two regular inverse solutions of a pose in one aspect.
+
+    Joint limits do not count (Wenger, 1992). Poses are those of random configurations; of each all
+    inverse solutions are found and told apart by their aspects. Where two share one, a way that
+    meets no family is found and proven; that is a witness. Where a pose has more regular
+    solutions than there are aspects, two must share one; that is a reason without a way.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm with as many joints as its task has conditions.
+    forms : ClosedForm, optional
+        Of the arm, if at hand.
+    poses : int
+        Random poses.
+    seed : int
+        Of the poses.
+
+    Returns
+    -------
+    Cuspidality
+        An answer that is proven, or how many poses gave none.
+
+    Raises
+    ------
+    OptionError
+        If joints and conditions do not agree in number, or the form is of another arm.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> pinsing.cuspidality(pinsing.load("ur5"), poses=3).proven
+    False
+    """
+    whole_number(poses, "poses", 1, 1_000_000)
+    whole_number(seed, "seed", 0, MAX_SEED)
+    rank = generic_rank(arm)
+    if arm.n != rank:
+        raise OptionError(
+            f"{arm.name} has {arm.n} joints and task {arm.task} {rank} conditions: whether an arm "
+            "is cuspidal is asked where they are as many: choose joints or a task of pinsing.load"
+        )
+    if forms is not None:
+        require_forms_of(forms, arm)
+    form = closed_form(arm) if forms is None else forms
+    found = aspects(form, limits=False)
+    rng = np.random.default_rng(seed)
+    notes = [n for n in found.notes if "complete" in n or "certificate" in n]
+    most, crowded, tried = 0, 0, 0
+    for k, q in enumerate(arm.space.sample(poses, rng, True)):
+        pose = tip_placement(arm, q).homogeneous
+        known = inverse(arm, pose, seed=seed)
+        regular = [s for s in known if s.regular]
+        most = max(most, len(regular))
+        places = [found.of(s.q) for s in regular]
+        for a, b in _pairs(places):
+            tried += 1
+            way = connect(form, regular[a].q, regular[b].q, limits=False, of=found)
+            if way.answer == SAME and way.path is not None:
+                error, least = _checked(arm, way.path)
+                if error <= _SAME_POSE and form.complete:
+                    return _answer(
+                        arm,
+                        found,
+                        CUSPIDAL,
+                        "two inverse solutions of one pose are joined by a "
+                        "way on which no configuration is singular",
+                        way,
+                        error,
+                        least,
+                        most,
+                        k + 1,
+                        notes,
+                    )
+        crowded = max(crowded, len(regular))
+    if tried:
+        reason = f"{tried} pairs of solutions share an aspect, and no way was found"
+    elif found.proven:
+        reason = (
+            f"of each pose all inverse solutions are in different ones of {found.lower} aspects"
+        )
+    else:
+        reason = "no two inverse solutions are known to share an aspect"
+    return _answer(arm, found, NO_EVIDENCE, reason, None, np.nan, np.nan, most, poses, notes)
+
+
+def _pairs(places: list[int | None]) -> list[tuple[int, int]]:
+    return [
+        (a, b)
+        for a in range(len(places))
+        for b in range(a + 1, len(places))
+        if places[a] is not None and places[a] == places[b]
+    ]
+
+
+def _checked(arm: Arm, path: Array) -> tuple[float, float]:
+    """How much the poses at the ends differ, and the least sigma_r / sigma_1 on the way."""
+    first, last = (tip_placement(arm, q) for q in (path[0], path[-1]))
+    turned = first.rotation @ pin.log3(first.rotation.T @ last.rotation)
+    apart = np.abs(np.concatenate([last.translation - first.translation, turned]))
+    share = np.linspace(0, 1, max(2, _FINE // len(path)))[:, None]
+    fine = np.concatenate([a + share * (b - a) for a, b in pairwise(path)])
+    return float(apart[list(arm.task.rows)].max()), float(ratios(arm, fine).min())
+
+
+def _answer(
+    arm: Arm,
+    found: Aspects,
+    answer: str,
+    reason: str,
+    witness: Connection | None,
+    error: float,
+    least: float,
+    most: int,
+    poses: int,
+    notes: list[str],
+) -> Cuspidality:
+    return Cuspidality(
+        arm=summarize(arm),
+        answer=answer,
+        proven=answer != NO_EVIDENCE,
+        reason=reason,
+        witness=witness,
+        pose_error=error,
+        least_ratio=least,
+        aspects=found.lower if found.proven else None,
+        most_solutions=most,
+        poses=poses,
+        notes=tuple(notes),
+    )

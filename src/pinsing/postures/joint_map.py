@@ -1,0 +1,147 @@
+"""Joint space as a product of parts, each with its pieces: where a configuration is."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.errors import ConfigurationError
+from pinsing.postures.partition import Arc, Part, Partition, partition
+from pinsing.postures.piece import Clear, Piece
+from pinsing.postures.pieces import make_piece
+from pinsing.proximity.crossings import crossings_of
+from pinsing.proximity.motion import motion_of
+from pinsing.proximity.watched import Forms, Watched, watch
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """Joint space as a product of parts, each with its pieces: where a configuration is."""
+
+    watched: Watched
+    partition: Partition
+    pieces: tuple[tuple[Piece, ...], ...]
+
+    @cached_property
+    def cutting(self) -> Watched:
+        """The families that separate."""
+        keep = [i for i, n in enumerate(self.watched.names) if n in self.partition.cutting]
+        return replace(
+            self.watched,
+            names=tuple(self.watched.names[i] for i in keep),
+            families=tuple(self.watched.families[i] for i in keep),
+        )
+
+    @cached_property
+    def counts(self) -> tuple[int, ...]:
+        """Components of each part."""
+        return tuple(sum(p.upper for p in pieces) for pieces in self.pieces)
+
+    def check(self, q: npt.ArrayLike) -> Array:
+        """A configuration (n,) within the limits that count.
+
+        Raises
+        ------
+        ConfigurationError
+            If it is not one.
+        """
+        found = self.watched.check(q)
+        if found.ndim != 1:
+            raise ConfigurationError(f"one configuration is wanted, got shape {found.shape}")
+        low, high = self.partition.low, self.partition.high
+        for j in np.flatnonzero((found < low - 1e-9) | (found > high + 1e-9)):
+            raise ConfigurationError(
+                f"joint {self.watched.joints[j]!r} is {found[j]:.6g}, outside its limits "
+                f"{low[j]:g} to {high[j]:g}: aspects within the limits do not hold it",
+                joint=self.watched.joints[j],
+                value=float(found[j]),
+                limits=(float(low[j]), float(high[j])),
+            )
+        return np.clip(found, low, high)
+
+    def clear(self, Q: Array) -> bool:
+        """Whether a polyline (K, n) meets no family that separates, with proof."""
+        if len(Q) == 1 or not self.cutting.families:
+            return True
+        return len(crossings_of(self.cutting, motion_of(self.cutting, Q, None))) == 0
+
+    def clear_in(self, part: Part, q: Array) -> Clear:
+        """The same for the joints of a part, with the others as in q."""
+        columns = list(part.joints)
+
+        def clear(X: Array) -> bool:
+            Q = np.repeat(q[None], len(X), axis=0)
+            Q[:, columns] = X
+            return self.clear(Q)
+
+        return clear
+
+    def place(self, q: Array) -> tuple[tuple[int, int], ...] | None:
+        """Box and component of each part; None on what separates, or where it cannot be told."""
+        if self.clear(np.stack([q, q])) is False:
+            return None
+        out = []
+        for part, pieces in zip(self.partition.parts, self.pieces, strict=True):
+            found = self._box(part, pieces, q)
+            if found is None:
+                return None
+            box, x = found
+            component = pieces[box].locate(x, self.clear_in(part, q))
+            if component is None:
+                return None
+            out.append((box, component))
+        return tuple(out)
+
+    def _box(self, part: Part, pieces: tuple[Piece, ...], q: Array) -> tuple[int, Array] | None:
+        for k, piece in enumerate(pieces):
+            x = self.on_arcs(part, piece.box, q)
+            if x is not None:
+                return k, x
+        return None
+
+    def on_arcs(self, part: Part, box: tuple[Arc, ...], q: Array) -> Array | None:
+        """The values (d,) of q on a box of arcs, by whole turns; None if they are not on it."""
+        x = np.empty(len(box))
+        for k, (j, arc) in enumerate(zip(part.joints, box, strict=True)):
+            edge = not self.partition.endless[j]
+            value = float(q[j])
+            put = arc.put(value, self.partition.endless[j])
+            if put is None and edge:
+                # Limits belong to joint space, and what lies on one is cut off by nothing.
+                low = value == self.partition.low[j] == arc.low
+                put = value if low or value == self.partition.high[j] == arc.high else None
+            if put is None:
+                return None
+            x[k] = put
+        return x
+
+    def number(self, place: tuple[tuple[int, int], ...]) -> int:
+        """Place in the list of aspects, from 1 on."""
+        out = 0
+        for (box, component), pieces, count in zip(place, self.pieces, self.counts, strict=True):
+            out = out * count + sum(p.upper for p in pieces[:box]) + component
+        return out + 1
+
+    def places(self) -> Iterator[tuple[tuple[int, int], ...]]:
+        """All of them, in order."""
+        each = [
+            [(b, c) for b, p in enumerate(pieces) for c in range(p.upper)] for pieces in self.pieces
+        ]
+        return product(*each)
+
+
+def make_map(forms: Forms, limits: bool, until: float) -> Map:
+    """The pieces of every part of joint space."""
+    watched = watch(forms)
+    cut = partition(watched, limits)
+    scale = 1 / watched.weight
+    pieces = tuple(
+        tuple(make_piece(part, box, scale, until) for box in part.boxes) for part in cut.parts
+    )
+    return Map(watched, cut, pieces)

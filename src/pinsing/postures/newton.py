@@ -1,0 +1,133 @@
+"""Damped Newton steps to a pose, from many starts at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing._batch.chain import FlatChain
+from pinsing._types import Array, Ints
+from pinsing.errors import OptionError
+from pinsing.geometry.chain import flatten
+from pinsing.robot.arm import Arm
+
+_ITERATIONS = 60
+_STEP = 0.7
+_CLOSE = 1e-11
+
+
+@dataclass(frozen=True, eq=False)
+class Solver:
+    """Damped Newton steps for many configurations at once."""
+
+    chain: FlatChain
+    position: Array
+    rotation: Array | None
+    rows: Ints
+    free: Ints
+    scale: float
+    weight: Array
+
+    @classmethod
+    def of(
+        cls, arm: Arm, position: Array, rotation: Array | None, held: Array, free: Ints
+    ) -> Solver:
+        """The solver of one pose, some joints of which are held.
+
+        Raises
+        ------
+        OptionError
+            If joints of the arm follow others.
+        """
+        if arm.coupling is not None:
+            raise OptionError(
+                f"{arm.name}: inverse solutions are found for arms whose joints are all "
+                "independent turns and slides"
+            )
+        plain = flatten(arm)
+        chain = FlatChain(plain.R, plain.t, plain.prismatic)
+        scale = arm.length_scale
+        weight = np.where(arm.prismatic, 1 / scale, 1.0)[free]
+        return cls(chain, position, rotation, np.array(arm.task.rows), free, scale, weight)
+
+    def solve(self, Q: Array) -> tuple[Array, Array]:
+        """Where starts Q (N, n) lead: those that reach the pose (K, n), and what is left (K,)."""
+        Q = Q.copy()
+        damping = np.full(len(Q), 1e-2)
+        error, J = self._linear(Q)
+        cost = (error**2).sum(axis=1)
+        alive = np.ones(len(Q), dtype=bool)
+        k = len(self.free)
+        for _ in range(_ITERATIONS):
+            live = np.flatnonzero(alive)
+            if not len(live):
+                break
+            e, A = error[live], J[live]
+            gram = A.transpose(0, 2, 1) @ A + damping[live][:, None, None] * np.eye(k)
+            step = np.linalg.solve(gram, (A.transpose(0, 2, 1) @ e[..., None]))[..., 0]
+            long = np.abs(step).max(axis=1)
+            step *= np.minimum(1.0, _STEP / np.maximum(long, 1e-300))[:, None]
+            trial = Q[live].copy()
+            trial[:, self.free] += step / self.weight
+            new_error, new_J = self._linear(trial)
+            new_cost = (new_error**2).sum(axis=1)
+            better = new_cost < cost[live]
+            rows = live[better]
+            Q[rows], error[rows], J[rows] = trial[better], new_error[better], new_J[better]
+            cost[rows] = new_cost[better]
+            tiny = np.where(cost[live] > 1e-8, 1e-14, 1e-300)
+            damping[live] = np.where(
+                better, np.maximum(damping[live] * 0.2, tiny), np.maximum(damping[live], 1e-6) * 5
+            )
+            done = (cost[live] < 1e-28) | (damping[live] > 10.0) | (~better & (cost[live] < 1e-22))
+            alive[live[done]] = False
+        left = np.sqrt(cost)
+        good = left < _CLOSE
+        return Q[good], left[good]
+
+    def _linear(self, Q: Array) -> tuple[Array, Array]:
+        """What is left of the pose (N, m), and its derivatives by the weighted free joints."""
+        N, n = Q.shape
+        C, t = self.chain.R, self.chain.t
+        R, p = np.broadcast_to(C[0], (N, 3, 3)), np.broadcast_to(t[0], (N, 3))
+        z, o = np.empty((n, N, 3)), np.empty((n, N, 3))
+        for j in range(n):
+            z[j], o[j] = R[:, :, 2], p
+            if self.chain.prismatic[j]:
+                p = p + R[:, :, 2] * Q[:, j, None]
+            else:
+                c, s = np.cos(Q[:, j])[:, None], np.sin(Q[:, j])[:, None]
+                x, y = R[:, :, 0], R[:, :, 1]
+                R = np.stack([x * c + y * s, y * c - x * s, R[:, :, 2]], axis=2)
+            p = p + R @ t[j + 1]
+            R = R @ C[j + 1]
+        J = np.zeros((N, 6, n))
+        for j in range(n):
+            if self.chain.prismatic[j]:
+                J[:, :3, j] = z[j]
+            else:
+                J[:, :3, j] = np.cross(z[j], p - o[j])
+                J[:, 3:, j] = z[j]
+        error = np.zeros((N, 6))
+        error[:, :3] = (self.position - p) / self.scale
+        if self.rotation is not None:
+            error[:, 3:] = _log(self.rotation @ R.transpose(0, 2, 1))
+        J[:, :3] /= self.scale
+        rows = self.rows
+        return error[:, rows], (J[:, rows][:, :, self.free]) / self.weight
+
+
+def _log(R: Array) -> Array:
+    """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
+    v = np.stack(
+        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
+    )
+    sine = np.linalg.norm(v, axis=1) / 2
+    angle = np.arctan2(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
+    factor = np.where(sine > 1e-9, angle / np.maximum(2 * sine, 1e-300), 0.5)
+    # At half a turn the axis is lost; any way out will do.
+    half = (sine <= 1e-9) & (angle > 1)
+    out = v * factor[:, None]
+    out[half] = [np.pi, 0.0, 0.0]
+    return np.asarray(out)

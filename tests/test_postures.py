@@ -1,0 +1,450 @@
+"""Aspects, ways between postures, inverse solutions and cuspidal arms."""
+
+from __future__ import annotations
+
+import functools
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.postures.bound_on_boxes import Terms
+from pinsing.postures.boxes import Ground
+from pinsing.postures.divided import Divided
+from pinsing.postures.partition import partition
+from pinsing.postures.subdivision import subdivide
+from pinsing.postures.wheel import Wheel
+from pinsing.proximity.watched import watch
+
+# Counts of the literature's method, on whole circles and within the limits.
+COUNTS = {
+    "ur5": (8, 16),
+    "puma560": (8, 12),
+    "irb1400": (8, 4),
+    "z1": (8, 2),
+    "kinova": (8, 12),
+    "talos_arm": (16, 4),
+    "stanford": (8, 8),
+    "so100": (2, 2),
+    "so101": (2, 2),
+    "surgical7": (2, 2),
+    "iiwa14": (2, 2),
+    "panda": (1, 1),
+    "xarm7": (1, 1),
+}
+
+CRX = """
+  - {alpha: -90, a: 0, d: 0.245, theta: 0}
+  - {alpha: 0, a: 0.71, d: 0, theta: -90}
+  - {alpha: -90, a: 0, d: 0, theta: 0}
+  - {alpha: 90, a: 0, d: 0.54, theta: 0}
+  - {alpha: -90, a: 0, d: -0.15, theta: 0}
+  - {alpha: 0, a: 0, d: 0.16, theta: 0}
+"""
+GOFA = """
+  - {alpha: -90, a: 0, d: 0.265, theta: 0}
+  - {alpha: 0, a: 0.444, d: 0, theta: -90}
+  - {alpha: -90, a: 0.11, d: 0, theta: 0}
+  - {alpha: 90, a: 0, d: 0.47, theta: 0}
+  - {alpha: -90, a: 0.08, d: 0, theta: 0}
+  - {alpha: 0, a: 0, d: 0.101, theta: 180}
+"""
+ORTHOGONAL = """
+  - {{alpha: -90, a: {0}, d: 0, theta: 0}}
+  - {{alpha: 90, a: {1}, d: {3}, theta: 0}}
+  - {{alpha: 0, a: {2}, d: 0, theta: 0}}
+"""
+
+
+def _slow(*values):
+    return pytest.param(*values, marks=pytest.mark.slow)
+
+
+@functools.cache
+def arm_of(name, **options):
+    return pinsing.load(name, **options)
+
+
+@functools.cache
+def form_of(name):
+    return pinsing.closed_form(arm_of(name))
+
+
+@functools.cache
+def aspects_of(name, limits=True):
+    return pinsing.aspects(form_of(name), limits)
+
+
+def table(tmp_path, rows, task="pose"):
+    rows = rows.replace("}", ", type: revolute, limits: [-180, 180]}")
+    head = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:"
+    path = tmp_path / "made.dh.yaml"
+    path.write_text(head + rows)
+    return pinsing.load(dh_to_urdf(read_dh(path)), task=task)
+
+
+def signs_of_det(arm, path, count=60):
+    share = np.linspace(0, 1, count)[:, None]
+    fine = np.concatenate([a + share * (b - a) for a, b in pairwise(path)])
+    J = pinsing.task_jacobians(arm, fine)
+    return np.sign(np.linalg.det(J))
+
+
+@pytest.mark.parametrize(
+    "name", [_slow(n) if n in ("talos_arm", "z1", "iiwa14") else n for n in COUNTS]
+)
+def test_counts(name):
+    for limits, count in zip((False, True), COUNTS[name], strict=True):
+        found = aspects_of(name, limits)
+        assert found.proven
+        assert found.lower == found.upper == count == len(found)
+        assert [found.of(a.q) for a in found] == list(range(1, count + 1))
+        assert all(a.clearance > 0 for a in found)
+
+
+def test_an_independent_flood_fill_agrees():
+    """Cells of a grid on which no sign changes, joined where they touch: UR5's q2, q3, q4."""
+    form = form_of("ur5")
+    (equation,) = [e for f in form.families for e in f.equations]
+    n = 48
+    grid = -np.pi + (np.arange(n) + 0.5) * 2 * np.pi / n
+    q2, q3, q4 = np.meshgrid(grid, grid, grid, indexing="ij")
+    zero = np.zeros_like(q2)
+    sign = np.sign(equation(np.stack([zero, q2, q3, q4, zero, zero], axis=-1)))
+    kind = sign + 10 * np.sign(np.sin(q3))
+    label = np.arange(kind.size).reshape(kind.shape)
+    while True:
+        new = label.copy()
+        for axis in range(3):
+            for step in (-1, 1):
+                near, same = np.roll(new, step, axis), np.roll(kind, step, axis) == kind
+                new = np.where(same, np.minimum(new, near), new)
+        if np.array_equal(new, label):
+            break
+        label = new
+    found = pinsing.aspects(form, limits=False)
+    part = next(p for p in found.parts if len(p.joints) == 3)
+    assert len(np.unique(label)) == part.lower == part.upper
+
+
+class TestSubdivision:
+    def box(self, equation, low, high, circle=(False, False)):
+        terms = Terms.of(equation, (0, 1))
+        return Ground((terms,), np.array(low), np.array(high), np.array(circle), np.ones(2))
+
+    def equation(self, frequencies, cos, sin):
+        from pinsing.algebra.equation import Equation
+
+        f = np.array(frequencies, dtype=np.int64)
+        zero = np.zeros_like(f)
+        return Equation(("q1", "q2"), f, zero, np.array(cos), np.array(sin), np.zeros(2))
+
+    def count(self, ground):
+        found = subdivide(ground, float("inf"))
+        assert found.proven
+        return found.lower
+
+    def test_a_ring_of_a_circle(self):
+        # cos q1 + cos q2 = 0.5: a closed curve about the origin; inside and outside.
+        e = self.equation([[2, 0], [0, 2], [0, 0]], [1.0, 1.0, -0.5], [0.0, 0.0, 0.0])
+        assert self.count(self.box(e, [-3.0, -3.0], [3.0, 3.0])) == 2
+
+    def test_the_outside_of_a_small_box_is_in_four_corners(self):
+        e = self.equation([[2, 0], [0, 2], [0, 0]], [1.0, 1.0, -1.5], [0.0, 0.0, 0.0])
+        assert self.count(self.box(e, [-1.0, -1.0], [1.0, 1.0])) == 5
+
+    def test_circles_join_what_a_box_cuts(self):
+        e = self.equation([[2, 0]], [1.0], [0.0])  # cos q1
+        assert self.count(self.box(e, [-3.14, -1.0], [3.14, 1.0])) == 3
+        around = self.box(e, [-np.pi, -1.0], [np.pi, 1.0], (True, False))
+        assert self.count(around) == 2
+
+    def test_a_half_angle_has_no_sign_round_a_circle(self):
+        e = self.equation([[1, 0]], [1.0], [0.0])  # cos(q1 / 2): one zero a turn
+        around = self.box(e, [-np.pi, -1.0], [np.pi, 1.0], (True, False))
+        assert self.count(around) == 1
+
+    def test_a_crossing_of_sheets_is_not_proven(self):
+        # cos q1 = cos q2, as one equation: two lines that cross.
+        e = self.equation([[2, 0], [0, 2]], [1.0, -1.0], [0.0, 0.0])
+        found = subdivide(self.box(e, [-1.0, -1.0], [1.1, 1.2]), float("inf"), most=20_000)
+        assert not found.proven
+        assert found.lower <= 4
+
+    def test_bounds_hold(self):
+        """Value and slope on random boxes are within what is said of them."""
+        rng = np.random.default_rng(0)
+        for name in ("ur5", "puma560"):
+            for e in (e for f in form_of(name).families for e in f.equations):
+                terms = Terms.of(e, e.involved)
+                x, h = rng.uniform(-3, 3, (200, terms.d)), rng.uniform(0, 0.4, (200, terms.d))
+                known, v = terms.on(x, h), rng.normal(size=(200, terms.d))
+                slope, error = terms.slope(x, h, v)
+                for _ in range(50):
+                    y = x + h * rng.uniform(-1, 1, x.shape)
+                    value = np.array([terms(p) for p in y])
+                    assert (np.abs(value - known.value) <= known.swing).all()
+                    step = 1e-6
+                    ahead = np.array([terms(p) for p in y + step * v])
+                    behind = np.array([terms(p) for p in y - step * v])
+                    assert (np.abs((ahead - behind) / (2 * step) - slope) <= error + 1e-7).all()
+
+
+def test_sliding_terms_are_bounded():
+    """Equations with lengths in them: a made one, at random boxes."""
+    from pinsing.algebra.equation import Equation
+
+    rng = np.random.default_rng(0)
+    e = Equation(
+        ("q1", "d2"),
+        np.array([[2, 0], [0, 0], [4, 0]]),
+        np.array([[0, 2], [0, 1], [0, 3]]),
+        np.array([1.0, -0.3, 0.2]),
+        np.array([0.4, 0.0, -0.1]),
+        np.zeros(2),
+    )
+    terms = Terms.of(e, (0, 1))
+    x, h = rng.uniform(-2, 2, (300, 2)), rng.uniform(0, 0.5, (300, 2))
+    known, v = terms.on(x, h), rng.normal(size=(300, 2))
+    assert np.allclose(known.value, e(x))
+    assert np.allclose(known.gradient, e.gradient(x))
+    slope, error = terms.slope(x, h, v)
+    for _ in range(60):
+        y = x + h * rng.uniform(-1, 1, x.shape)
+        assert (np.abs(e(y) - known.value) <= known.swing).all()
+        along = np.einsum("nd,nd->n", e.gradient(y), v)
+        assert (np.abs(along - slope) <= error + 1e-12).all()
+
+
+def test_an_offset_wrist_has_two_aspects_by_algebra(tmp_path):
+    form = pinsing.closed_form(table(tmp_path, CRX))
+    cut = partition(watch(form), limits=False)
+    (part,) = [p for p in cut.parts if p.surfaces]
+    found = pinsing.aspects(form, limits=False)
+    (piece,) = [p for pieces in found._map.pieces for p in pieces if p.part.joints == part.joints]
+    assert isinstance(piece, Wheel)
+    assert found.proven
+    assert found.lower == 2
+
+
+class TestConnect:
+    @pytest.mark.parametrize("name", ["puma560", _slow("ur5"), _slow("kinova")])
+    @pytest.mark.parametrize("limits", [True, False])
+    def test_every_pair_is_decided(self, name, limits):
+        form, arm = form_of(name), arm_of(name)
+        found = aspects_of(name, limits)
+        rng = np.random.default_rng(5)
+        Q = arm.space.sample(24, rng, not limits)
+        answers = set()
+        for a, b in zip(Q[::2], Q[1::2], strict=True):
+            way = pinsing.connect(form, a, b, limits=limits, of=found)
+            answers.add(way.answer)
+            assert way.same is (found.of(a) == found.of(b))
+            if way.same:
+                self.check(arm, way, a, b, limits)
+        assert "different" in answers
+
+    @pytest.mark.parametrize(
+        ("name", "limits"), [_slow("ur5", True), _slow("z1", False), ("puma560", True)]
+    )
+    def test_pairs_of_one_aspect(self, name, limits):
+        form, arm = form_of(name), arm_of(name)
+        found = aspects_of(name, limits)
+        rng = np.random.default_rng(6)
+        by = {}
+        for q in arm.space.sample(90, rng, not limits):
+            by.setdefault(found.of(q), []).append(q)
+        bent = 0
+        for group in by.values():
+            for a, b in list(zip(group[::2], group[1::2], strict=False))[:2]:
+                way = pinsing.connect(form, a, b, limits=limits, of=found)
+                assert way.same
+                self.check(arm, way, a, b, limits)
+                bent += len(way.path) > 2
+        assert bent or name != "ur5"
+
+    def check(self, arm, way, a, b, limits):
+        assert np.array_equal(way.path[0], a)
+        assert np.abs(arm.space.wrap(way.path[-1] - b)).max() < 1e-9
+        if limits:
+            inside = (way.path >= arm.lower - 1e-9) & (way.path <= arm.upper + 1e-9)
+            assert inside.all()
+        signs = signs_of_det(arm, way.path)
+        assert (signs == signs[0]).all()
+        assert way.clearance > 0
+
+    def test_the_clearance_of_a_way_holds(self):
+        form, arm = form_of("puma560"), arm_of("puma560")
+        rng = np.random.default_rng(8)
+        found = aspects_of("puma560")
+        ways = [
+            pinsing.connect(form, a, b, of=found)
+            for a, b in arm.space.sample(20, rng).reshape(-1, 2, 6)
+        ]
+        for way in (w for w in ways if w.same):
+            share = np.linspace(0, 1, 300)[:, None]
+            legs = zip(way.path[:-1], way.path[1:], strict=True)
+            fine = np.concatenate([p + share * (r - p) for p, r in legs])
+            upper = pinsing.clearance(form, fine).upper
+            assert upper.min() >= way.clearance - 1e-12
+
+    def test_different_aspects_and_singular_ends(self):
+        form, of = form_of("ur5"), aspects_of("ur5")
+        a = [0, -1, 1, 0.3, 1, 0]
+        assert pinsing.connect(form, a, [0, -1, 1, 0.3, -1, 0], of=of).answer == "different"
+        said = pinsing.connect(form, a, [0, -1, 1, 0.3, 0, 0], of=of)
+        assert said.answer == "undecided"
+        assert any("the second configuration is on a family" in n for n in said.notes)
+
+    def test_json_and_back(self):
+        form = form_of("puma560")
+        way = pinsing.connect(form, [0, 0.1, 0.3, 0, 1, 0], [1, 0.3, 0.4, 0, 1, 0])
+        again = pinsing.Connection.from_dict(json.loads(json.dumps(way.to_dict())))
+        assert again.answer == way.answer
+        assert np.array_equal(again.path, way.path)
+        found = aspects_of("puma560")
+        assert pinsing.Aspects.from_dict(found.to_dict()).lower == 12
+        with pytest.raises(OptionError, match="read from JSON"):
+            pinsing.Aspects.from_dict(found.to_dict()).of([0.0] * 6)
+
+    def test_bad_input(self):
+        form, of = form_of("ur5"), aspects_of("ur5")
+        with pytest.raises(ConfigurationError, match="outside its limits"):
+            pinsing.connect(form, [0, 0, 9, 0, 0, 0], [0] * 6, of=of)
+        with pytest.raises(PinsingError):
+            pinsing.connect(form, [0, 0, 0], [0] * 6, of=of)
+        with pytest.raises(OptionError, match="limits says otherwise"):
+            pinsing.connect(form, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5", False))
+
+
+class TestInverse:
+    @pytest.mark.parametrize("name", ["ur5", "puma560", "stanford", "kinova", "scara", "planar3r"])
+    def test_the_pose_is_reached_and_the_source_is_among_them(self, name):
+        arm = arm_of(name)
+        rng = np.random.default_rng(2)
+        for q in arm.space.sample(4, rng, True):
+            T = tip_placement(arm, q).homogeneous
+            found = pinsing.inverse(arm, T)
+            for s in found:
+                there = tip_placement(arm, s.q).homogeneous
+                assert np.abs(there - T).max() < 1e-9
+                assert s.within_limits == (not arm.space.outside(s.q).any())
+            gaps = [np.abs(arm.space.wrap(s.q - q)).max() for s in found]
+            assert min(gaps) < 1e-6
+
+    @pytest.mark.parametrize(
+        ("name", "most"), [("puma560", 8), _slow("ur5", 8), _slow("irb1400", 8)]
+    )
+    def test_no_more_than_the_arm_has_and_four_times_the_starts_find_no_more(self, name, most):
+        arm = arm_of(name)
+        rng = np.random.default_rng(4)
+        for q in arm.space.sample(3, rng, True):
+            T = tip_placement(arm, q).homogeneous
+            found, again = pinsing.inverse(arm, T), pinsing.inverse(arm, T, starts=1024, seed=7)
+            assert len(found) == len(again) <= most
+            assert found.doubt == ""
+
+    def test_planar_arm_by_hand(self):
+        """Two links of 1 m after the law of cosines: planar3r with its last link along x."""
+        arm = pinsing.load("planar3r")
+        q = np.array([0.3, 0.8, -0.4])
+        found = pinsing.inverse(arm, tip_placement(arm, q).homogeneous)
+        assert len(found) == 2
+        assert np.allclose(sorted(s.q[1] for s in found), [-0.8, 0.8], atol=1e-9)
+
+    def test_out_of_reach_is_an_answer(self):
+        found = pinsing.inverse(arm_of("ur5"), [5.0, 0, 0, 0, 0, 0])
+        assert len(found) == 0
+        assert "out of reach" in str(found)
+
+    def test_a_redundant_arm_needs_joints_to_hold(self):
+        arm = arm_of("panda")
+        q = np.array([0.1, -0.5, 0.3, -2.0, 0.2, 1.7, 0.4])
+        T = tip_placement(arm, q).homogeneous
+        with pytest.raises(OptionError, match="hold 1 more"):
+            pinsing.inverse(arm, T)
+        held = arm.joints[2]
+        found = pinsing.inverse(arm, T, fixed={held: 0.3})
+        assert min(np.abs(arm.space.wrap(s.q - q)).max() for s in found) < 1e-6
+        assert all(s.q[2] == pytest.approx(0.3) for s in found)
+        with pytest.raises(UnknownNameError):
+            pinsing.inverse(arm, T, fixed={"nope": 0.0})
+
+    def test_bad_poses(self):
+        arm = arm_of("ur5")
+        for pose in ([1, 2], np.eye(4)[None].repeat(2, 0), [np.nan] * 6, np.ones((4, 4))):
+            with pytest.raises(PinsingError):
+                pinsing.inverse(arm, pose)
+
+    def test_singular_solutions_are_flagged(self):
+        arm = arm_of("puma560")
+        q = np.array([0.2, 0.3, 0.5, 0.4, 0.0, 0.1])  # the wrist is straight
+        found = pinsing.inverse(arm, tip_placement(arm, q).homogeneous)
+        assert any(not s.regular for s in found)
+        assert "SINGULAR" in str(found)
+
+
+class TestCuspidality:
+    @pytest.mark.parametrize("rows", [CRX, _slow(GOFA)])
+    def test_offset_wrists_are_cuspidal(self, tmp_path, rows):
+        arm = table(tmp_path, rows)
+        found = pinsing.cuspidality(arm, poses=6)
+        assert found.answer == "cuspidal"
+        assert found.proven
+        path = found.witness.path
+        first, last = (tip_placement(arm, q).homogeneous for q in (path[0], path[-1]))
+        assert np.abs(first - last).max() < 1e-9
+        assert np.abs(arm.space.wrap(path[-1] - path[0])).max() > 1e-3
+        signs = signs_of_det(arm, path, 10_000 // len(path))
+        assert (signs == signs[0]).all()
+
+    @pytest.mark.parametrize(
+        ("lengths", "answer", "aspects", "most"),
+        [
+            ((1, 2, 1.5, 1), "cuspidal", 2, 4),
+            ((1, 2, 0.2, 1), "no evidence", 2, 2),
+            ((1, 2, 1.5, 0), "no evidence", 4, 4),
+        ],
+    )
+    def test_orthogonal_arms(self, tmp_path, lengths, answer, aspects, most):
+        """Three orthogonal axes (Wenger): d2, d3, d4, r2."""
+        arm = table(tmp_path, ORTHOGONAL.format(*lengths), task="position")
+        found = pinsing.cuspidality(arm, poses=20)
+        assert found.answer == answer
+        assert found.aspects == aspects
+        assert found.most_solutions <= most
+
+    @pytest.mark.parametrize("name", ["ur5", _slow("puma560"), _slow("irb1400")])
+    def test_classic_arms_are_never_called_cuspidal(self, name):
+        found = pinsing.cuspidality(arm_of(name), forms=form_of(name), poses=4)
+        assert found.answer == "no evidence"
+        assert not found.proven
+        assert found.witness is None
+
+    def test_a_redundant_arm_is_refused(self):
+        with pytest.raises(OptionError, match="as many"):
+            pinsing.cuspidality(arm_of("panda"))
+
+
+def test_posture_changes(tmp_path):
+    q = [0.1, -1.0, 1.2, 0.3, 0.9, 0.2]
+    found = pinsing.posture_changes(arm_of("ur5"), q, forms=form_of("ur5"))
+    assert all(o.connection is None or o.connection.answer == "different" for o in found.others)
+    arm = table(tmp_path, CRX)
+    rng = np.random.default_rng(1)
+    reached = 0
+    for q in arm.space.sample(3, rng):
+        ways = pinsing.posture_changes(arm, q, limits=False).others
+        reached += sum(o.connection is not None and o.connection.same is True for o in ways)
+    assert reached
+
+
+def test_pieces_are_of_the_kind_that_is_cheapest():
+    found = aspects_of("ur5")
+    kinds = {type(p) for pieces in found._map.pieces for p in pieces}
+    assert Divided in kinds
