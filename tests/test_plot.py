@@ -126,7 +126,38 @@ def test_curves_go_where_they_are_told(stanford_sweep: SweepResult) -> None:
     assert len(plt.get_fignums()) == 1
 
 
+def test_every_true_zero_is_marked_with_the_arm_alone() -> None:
+    """UR5: q2 meets the shoulder family between samples, which nothing has refined."""
+    arm = ur5()
+    result = sweep(arm, levels=1, samples=37)
+    ax = plot.sigma_curves(result, moving=[arm.joints[1]], arm=arm)
+    (mark,) = (line for line in ax.get_lines() if line.get_marker() == "o")
+    Q = np.tile(result.plan.nominal, (len(mark.get_xdata()), 1))
+    Q[:, 1] = mark.get_xdata()
+    sigma = singular_values(arm, Q)
+    assert (sigma[:, -1] / sigma[:, 0]).max() < 1e-9
+    shoulder = closed_form(arm).families[2].equations[0]
+    fine = np.linspace(*ax.get_xlim(), 20001)
+    Q = np.tile(result.plan.nominal, (len(fine), 1))
+    Q[:, 1] = fine
+    f = shoulder(Q)
+    assert len(mark.get_xdata()) == (f[:-1] * f[1:] < 0).sum() >= 2
+    said = " ".join(text.get_text() for text in ax.texts)
+    assert "rests at" in said
+    assert "$q_{1}$ = " in said
+    with pytest.raises(OptionError, match="other joints"):
+        plot.sigma_curves(result, arm=textbook("planar3r"))
+
+
 # Map --------------------------------------------------------------------------------
+
+
+def test_long_conditions_have_short_labels() -> None:
+    arm = ur5()
+    ax = plot.sigma_map(arm, arm.joints[1], arm.joints[2], samples=21)
+    assert "F3 (of $q_{2}$, $q_{3}$, $q_{4}$)" in labels(ax)
+    assert max(map(len, labels(ax))) < 40
+    assert is_outside(ax)
 
 
 def contours(ax: Axes) -> np.ndarray:
@@ -152,7 +183,7 @@ def test_the_curve_of_the_puma_lies_in_the_valley() -> None:
     # The elbow is a straight line: q3 alone.
     levels = [line.get_ydata()[0] for line in ax.get_lines() if len(line.get_ydata()) == 2]
     assert any(abs(y - np.arctan2(-0.4318, 0.0203)) < 1e-9 for y in levels)
-    assert {text.split(":")[0] for text in labels(ax)} == {"F1", "F3"}
+    assert {text.split(":")[0].split()[0] for text in labels(ax)} == {"F1", "F3"}
     assert is_outside(ax)
 
 
@@ -317,6 +348,44 @@ def test_singular_values_along_a_way() -> None:
     assert is_outside(ax)
 
 
+def test_families_are_marked_where_a_way_meets_them() -> None:
+    arm = ur5()
+    way = np.linspace([0.1, -1.0, 1.2, 0.3, -0.5, 0.2], [0.1, -1.0, 1.2, 0.3, 0.5, 0.2], 8)
+    ax = plot.sigma_along(arm, way, forms=closed_form(arm))
+    assert ax.get_xlabel() == "path length in joint space [rad]"
+    assert ax.get_xlim() == pytest.approx((0.0, 1.0))
+    marks = {text.get_text(): text.xy[0] for text in ax.texts}
+    assert marks == {"F2": pytest.approx(0.5)}
+    with pytest.raises(ConfigurationError, match="no length"):
+        plot.sigma_along(arm, np.zeros((3, 6)))
+
+
+# Workspace --------------------------------------------------------------------------
+
+
+def test_a_slice_holds_the_best_of_each_place() -> None:
+    from pinsing.plot.workspace import tip_positions
+
+    arm = textbook("scara")
+    ax = plot.workspace(arm, samples=4000)
+    Q = arm.space.sample(4000, np.random.default_rng(2026))
+    tips, sigma = tip_positions(arm, Q), singular_values(arm, Q)[:, -1]
+    np.testing.assert_allclose(tips[7], at(arm, Q[7]).tip_position)
+    flat = ax.figure.axes[2]
+    grid = np.asarray(flat.collections[0].get_array().filled(np.nan))
+    assert flat.get_xlabel() == "x [m]"
+    assert flat.get_ylabel() == "y [m]"
+    shown = grid[np.isfinite(grid)]
+    assert set(np.round(shown, 9)) <= set(np.round(sigma, 9))
+    assert np.isnan(grid).any()
+    # The best of all lies in the slab, whose thickness holds all heights of a SCARA.
+    assert shown.max() == pytest.approx(sigma.max())
+    far = plot.workspace(arm, samples=500, measure="clearance")
+    assert "clearance" in far.figure.axes[-1].get_ylabel()
+    with pytest.raises(OptionError, match="three"):
+        plot.workspace(arm, [ax], samples=500)
+
+
 def test_a_way_must_be_one() -> None:
     arm = ur5()
     with pytest.raises(ConfigurationError, match="two"):
@@ -354,6 +423,7 @@ def test_multiples_of_pi() -> None:
         ("curves stanford --fixed q4=0 --over q2,d3", "svg"),
         ("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png"),
         ("along scara --q 0,1,0.1,0 --q 0,-1,0.1,0", "svg"),
+        ("workspace planar3r --task position", "png"),
     ],
 )
 def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> None:

@@ -258,6 +258,7 @@ CALLS = {
     "plot.sigma_map": Call(
         lambda: pinsing.plot.sigma_map, with_arm(joint_a="q2", joint_b="q3", samples=5)
     ),
+    "plot.workspace": Call(lambda: pinsing.plot.workspace, with_arm(samples=500)),
     "plot.sigma_plane": Call(
         lambda: pinsing.plot.sigma_plane, with_arm(joint_a="q2", joint_b="q3", samples=5)
     ),

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.robot.arm import Arm
 
-KINDS = ("curves", "map", "ellipsoids", "along")
+KINDS = ("curves", "map", "ellipsoids", "along", "workspace")
 _STEPS = 400
 
 
@@ -55,6 +55,13 @@ _STEPS = 400
     help="ellipsoids: of pure motions (tool held, or tip held), or of all, as in the paper.  "
     "[default: pure for a pose]",
 )
+@click.option(
+    "--measure",
+    type=click.Choice(("sigma", "clearance")),
+    default="sigma",
+    show_default=True,
+    help="workspace: what is shown.",
+)
 @click.option("--dpi", type=click.IntRange(30, 1200), default=200, show_default=True)
 @deg_option
 def plot_command(
@@ -66,6 +73,7 @@ def plot_command(
     fixed: tuple[str, ...],
     ignore_limits: bool,
     motions: str | None,
+    measure: str,
     dpi: int,
     deg: bool,
 ) -> None:
@@ -75,7 +83,8 @@ def plot_command(
     curves      sigma_min along each joint, from a nominal configuration
     map         sigma_min over two joints, with the closed-form loci on top
     ellipsoids  velocity ellipsoids at a configuration
-    along       singular values on straight joint motions between configurations
+    along       singular values on straight joint motions between configurations, families marked
+    workspace   the best sigma_min (or clearance) found at each place of the tip, in slices
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
     """  # noqa: D301
@@ -95,7 +104,7 @@ def plot_command(
     matplotlib.use("agg")
     vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
     held = dict(_fixed(arm, text, deg) for text in fixed)
-    axes = _draw(kind, arm, vectors, joints, held, ignore_limits, motions, deg)
+    axes = _draw(kind, arm, vectors, joints, held, ignore_limits, motions, measure, deg)
     save_figure(axes.figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
@@ -107,6 +116,7 @@ def _draw(
     held: dict[str, float],
     ignore_limits: bool,
     motions: Any,
+    measure: Any,
     deg: bool,
 ) -> Any:
     import numpy as np
@@ -131,7 +141,11 @@ def _draw(
         part = np.linspace(0, len(stations) - 1, _STEPS)
         place = np.arange(len(stations))
         way = np.stack([np.interp(part, place, column) for column in stations.T], axis=1)
-        return plot.sigma_along(arm, way)
+        from pinsing.families import closed_form
+
+        return plot.sigma_along(arm, way, forms=closed_form(arm))
+    if kind == "workspace":
+        return plot.workspace(arm, measure=measure)
     from pinsing.sweeps.findings import singular_configurations
     from pinsing.sweeps.run import sweep
 
@@ -144,7 +158,9 @@ def _draw(
         chosen["joints"] = tuple(arm.joints)
     result = sweep(arm, nominal=q, **chosen)
     found = singular_configurations(arm, result)
-    return plot.sigma_curves(result, fixed=held, moving=joints, findings=found, degrees=deg)
+    return plot.sigma_curves(
+        result, fixed=held, moving=joints, findings=found, degrees=deg, arm=arm
+    )
 
 
 def _fixed(arm: Arm, text: str, deg: bool) -> tuple[str, float]:

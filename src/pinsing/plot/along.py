@@ -6,10 +6,13 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
+from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
+from pinsing.families import ClosedForm
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure
 from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes, plain
+from pinsing.proximity.crossings import crossings
 from pinsing.robot.arm import Arm
 
 _LOWEST = 1e-12
@@ -22,6 +25,7 @@ def sigma_along(
     ax: Axes | None = None,
     *,
     times: npt.ArrayLike | None = None,
+    forms: ClosedForm | None = None,
     near_rtol: float = NEAR_RTOL,
 ) -> Axes:
     """Draw the singular values along a trajectory, on a logarithmic scale.
@@ -35,7 +39,11 @@ def sigma_along(
     ax : Axes, optional
         Where to draw.
     times : (N,) array_like, optional
-        Seconds; the number of the configuration by default.
+        Seconds; by default the length of the path in joint space, radians (metres over the
+        length scale).
+    forms : ClosedForm, optional
+        Of the arm: where the motion meets a family is marked with the family's name, as
+        ``crossings`` has proven it, also between the configurations.
     near_rtol : float
         sigma_r / sigma_1 at or below which the ground is shaded as near-singular.
 
@@ -62,8 +70,14 @@ def sigma_along(
         raise ConfigurationError(
             f"a trajectory needs two configurations or more, (N, {arm.n}); got shape {Q.shape}"
         )
-    t = np.arange(len(Q), dtype=float) if times is None else np.asarray(times, dtype=float)
-    if t.shape != (len(Q),) or not np.isfinite(t).all() or (np.diff(t) <= 0).any():
+    t = _path_length(arm, Q) if times is None else np.asarray(times, dtype=float)
+    if t[-1] == t[0] and times is None:
+        raise ConfigurationError("the trajectory stays at one configuration: it has no length")
+    if (
+        t.shape != (len(Q),)
+        or not np.isfinite(t).all()
+        or (np.diff(t) < (1e-300 if times is not None else 0)).any()
+    ):
         raise ConfigurationError(f"times must be {len(Q)} increasing numbers")
     sigma, ratio = measure(arm, Q)
     drawn = np.maximum(sigma, _LOWEST)  # a logarithm has no zero
@@ -89,13 +103,42 @@ def sigma_along(
     zero = ratio <= SINGULAR_RTOL
     if zero.any():
         ax.plot(t[zero], drawn[zero, -1], "o", color=SINGULAR, markersize=3.5, label="singular")
+    if forms is not None:
+        _mark_crossings(ax, forms, Q, t)
     ax.set_yscale("log")
     ax.set_xlim(t[0], t[-1])
-    ax.set_xlabel("configuration" if times is None else "time [s]", fontsize=SMALL)
+    ax.set_xlabel(
+        "path length in joint space [rad]" if times is None else "time [s]", fontsize=SMALL
+    )
     ax.set_ylabel("singular values", fontsize=SMALL)
     ax.tick_params(labelsize=SMALL)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
-    ax.set_title(plain(arm.name), fontsize=SMALL + 1)
+    ax.set_title(plain(arm.name), fontsize=SMALL + 1, pad=16 if forms is not None else 6)
     legend_below(ax, 4)
     return ax
+
+
+def _path_length(arm: Arm, Q: Array) -> Array:
+    """Length (N,) of the way up to each configuration."""
+    step = np.diff(Q, axis=0) / arm.space.metric
+    return np.asarray(np.concatenate([[0.0], np.cumsum(np.linalg.norm(step, axis=1))]))
+
+
+def _mark_crossings(ax: Axes, forms: ClosedForm, Q: Array, t: Array) -> None:
+    """A line, and the family's name above it, wherever a family is met."""
+    last = -np.inf
+    for met in crossings(forms, Q):
+        place = float(np.interp(met.t, np.arange(len(Q)), t))
+        ax.axvline(place, color=SINGULAR, linewidth=0.8, linestyle=":", zorder=1)
+        lifted = place - last < 0.06 * (t[-1] - t[0])
+        ax.annotate(
+            met.family,
+            (place, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 9 if lifted else 2),
+            textcoords="offset points",
+            ha="center",
+            fontsize=SMALL - 1,
+        )
+        last = -np.inf if lifted else place

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 
+from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.kinematics.verdict import SINGULAR_RTOL
@@ -26,6 +27,8 @@ from pinsing.plot.style import (
     unit,
     value_label,
 )
+from pinsing.plot.zeros import curve_zeros
+from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary
 from pinsing.sweeps.finding import Finding
 from pinsing.sweeps.joint_condition import JointCondition
@@ -41,6 +44,7 @@ def sigma_curves(
     moving: Sequence[str] | None = None,
     findings: Iterable[Finding] = (),
     degrees: bool = False,
+    arm: Arm | None = None,
 ) -> Axes:
     """Draw curves of a sweep: sigma_min over the joint that moves.
 
@@ -60,6 +64,9 @@ def sigma_curves(
         that led to them, also between samples.
     degrees : bool
         Label angles in degrees; the axis is in radians all the same.
+    arm : Arm, optional
+        The arm that was swept: every dip of a curve is closed in upon, and each true zero is
+        marked, whether or not the sweep has refined it.
 
     Returns
     -------
@@ -80,9 +87,13 @@ def sigma_curves(
     >>> plot.sigma_curves(pinsing.sweep(pinsing.load("planar3r"))).get_xlabel()
     'joint angle [rad]'
     """
-    arm = result.arm
+    if arm is not None and arm.joints != result.arm.joints:
+        raise OptionError(
+            f"arm is {arm.name} with other joints than the sweep of {result.arm.name}"
+        )
+    summary = result.arm
     if moving is None:
-        names = [n for n in arm.joints if _has(result, fixed, n)]
+        names = [n for n in summary.joints if _has(result, fixed, n)]
         if not names:
             raise OptionError(f"the sweep has no curve with {result.set_text(dict(fixed or {}))}")
     else:
@@ -91,8 +102,8 @@ def sigma_curves(
             raise OptionError("moving names no joint: leave it out for all")
     curves = [result.curve(fixed, name) for name in names]
     ax = new_axes() if ax is None else ax
-    turning = [c for c in curves if not arm.prismatic[c.moving]]
-    sliding = [c for c in curves if arm.prismatic[c.moving]]
+    turning = [c for c in curves if not summary.prismatic[c.moving]]
+    sliding = [c for c in curves if summary.prismatic[c.moving]]
     top = ax.twiny() if turning and sliding else ax
     styles = cycle(zip(COLORS, DASHES, strict=True))
     marked = False
@@ -105,7 +116,11 @@ def sigma_curves(
             axes.plot(
                 curve.x, curve.sigma_min, color=color, linestyle=dash, linewidth=1.4, label=label
             )
-            x = _singular(curve, arm, findings)
+            x = _singular(curve, summary, findings)
+            if arm is not None and not curve.forced:
+                base = _at(curve, result)
+                dips = curve_zeros(arm, base, curve.moving, curve.x, curve.sigma_ratio)
+                x = _apart([*x, *dips])
             if len(x):
                 mark: dict[str, Any] = {
                     "marker": "o",
@@ -128,8 +143,17 @@ def sigma_curves(
     ax.tick_params(axis="y", labelsize=SMALL)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
-    held = ", ".join(_held(arm, name, value, degrees) for name, value in (fixed or {}).items())
-    ax.set_title(plain(arm.name) + (f", {held}" if held else ""), fontsize=SMALL + 1)
+    held = ", ".join(_held(summary, name, value, degrees) for name, value in (fixed or {}).items())
+    rest = _rest(result, fixed or {}, degrees)
+    ax.set_title(
+        plain(summary.name) + (f", {held}" if held else ""),
+        fontsize=SMALL + 1,
+        pad=_ROOM if rest else 6,
+    )
+    if top is ax:
+        ax.text(0.5, 1.015, rest, transform=ax.transAxes, ha="center", fontsize=SMALL - 2)
+    else:  # the other axis stands above
+        ax.text(0.5, -0.5, rest, transform=ax.transAxes, ha="center", va="top", fontsize=SMALL - 2)
     if top is not ax:  # one legend for both
         for line in top.get_lines():
             ax.plot([], [], color=line.get_color(), linestyle=line.get_linestyle(),
@@ -138,8 +162,33 @@ def sigma_curves(
     return ax
 
 
+_ROOM = 22
+"""Points between a title and the axes, for the line that says where joints rest."""
 _SAME = 1e-7
 """Values of a joint closer than this are one zero of a curve."""
+
+
+def _at(curve: SweepCurve, result: SweepResult) -> Array:
+    """Where the joints are on a curve, all but the one that moves."""
+    q = np.array(result.plan.nominal, dtype=float)
+    for name, value in curve.fixed.items():
+        q[result.arm.joints.index(name)] = value
+    return q
+
+
+def _rest(result: SweepResult, fixed: Mapping[str, float], degrees: bool) -> str:
+    """Where joints rest that neither move nor are held, in two lines at most."""
+    arm, q = result.arm, result.plan.nominal
+    said = [
+        _held(arm, name, float(f"{q[j]:.4g}"), degrees)
+        for j, name in enumerate(arm.joints)
+        if name not in fixed
+    ]
+    half = (len(said) + 1) // 2
+    lines = (
+        [", ".join(said)] if len(said) <= 4 else [", ".join(said[:half]), ", ".join(said[half:])]
+    )
+    return "a joint that does not move rests at " + "\n".join(lines)
 
 
 def _has(result: SweepResult, fixed: Mapping[str, float] | None, name: str) -> bool:

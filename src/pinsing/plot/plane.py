@@ -24,7 +24,6 @@ from pinsing.plot.style import (
     legend_below,
     new_axes,
     plain,
-    short,
     ticks,
     value_label,
 )
@@ -37,6 +36,8 @@ _MOST_SAMPLES = 2000
 # On top of the blue to yellow of the map.
 _LINES = ("#FFFFFF", "#FF9DA7", "#A6F0C6", "#F4C7FF", "#FFFFFF", "#FF9DA7", "#A6F0C6")
 _HERE = 1e-6
+_SHORT = 26
+"""Letters of a condition that a legend has room for."""
 
 
 @checked
@@ -196,7 +197,16 @@ def _draw_family(
                 ax.plot(*pair, "o", color=line["color"], markersize=4)
                 drawn = drawn or bool(len(points))
     if drawn:
-        ax.plot([], [], label=f"{family.name}: {short(family.text)}", **line)
+        ax.plot([], [], label=_label(family), **line)
+
+
+def _label(family: Family) -> str:
+    """``F1: q3 = 0° or 180°`` where that is short, else the family's name and its joints."""
+    if len(family.text) <= _SHORT:
+        return f"{family.name}: {family.text}"
+    joints = sorted({j for b in family.branches for j in b.involved})
+    named = ", ".join(joint_symbol(j, bool(family.prismatic[j])) for j in joints)
+    return f"{family.name} (of {named})"
 
 
 def _values_in_plane(
