@@ -208,3 +208,72 @@ def test_known_robots_keep_all_their_meshes(name):
     assert [(g.name, g.meshPath) for g in ours.geometryObjects] == [
         (g.name, g.meshPath) for g in theirs.geometryObjects
     ]
+
+
+# The cache ----------------------------------------------------------------------------
+
+
+def test_meshes_read_once_are_read_from_the_disk(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pinsing.view import meshes
+
+    monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
+    file = tmp_path / "one.ply"
+    file.write_text(
+        "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        "0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+    )
+    first = meshes.read_meshes([file])[file]
+    assert isinstance(first, meshes.Mesh)
+    (kept,) = (tmp_path / "cache" / "meshes").iterdir()
+    asked: list[object] = []
+    monkeypatch.setattr(meshes, "_ask_child", lambda paths: asked.append(paths) or {})
+    again = meshes.read_meshes([file])[file]
+    assert isinstance(again, meshes.Mesh)
+    np.testing.assert_array_equal(again.vertices, first.vertices)
+    np.testing.assert_array_equal(again.faces, first.faces)
+    assert not asked
+    # Neither a damaged entry nor another content is taken for it.
+    kept.write_bytes(kept.read_bytes()[:-1] + b"x")
+    meshes.read_meshes([file])
+    assert len(asked) == 1
+    file.write_text(file.read_text().replace("1 0 0", "2 0 0"))
+    meshes.read_meshes([file])
+    assert len(asked) == 2
+
+
+def test_a_cache_that_others_may_write_is_not_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pinsing.view.mesh_cache import cache_folder
+
+    monkeypatch.setenv("PINSING_CACHE", str(tmp_path))
+    folder = cache_folder()
+    assert folder is not None
+    folder.chmod(0o777)
+    assert cache_folder() is None
+    monkeypatch.setenv("PINSING_CACHE", "")
+    assert cache_folder() is None
+    (tmp_path / "file").write_text("")
+    monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "file"))
+    assert cache_folder() is None
+
+
+def test_a_texture_is_an_image_from_beside_the_mesh(tmp_path: Path) -> None:
+    from pinsing.view.shapes import _textures
+
+    inside = tmp_path / "robot" / "meshes"
+    inside.mkdir(parents=True)
+    (tmp_path / "secret.png").write_bytes(b"\x89PNG\r\n\x1a\n secret")
+    (inside / "real.png").write_bytes(b"\x89PNG\r\n\x1a\n real")
+    (inside / "text.png").write_text("password")
+    names = ["real.png", "text.png", "../../secret.png", str(tmp_path / "secret.png"), "none.png"]
+    images = "".join(f"<image><init_from>{name}</init_from></image>" for name in names)
+    file = inside / "link.dae"
+    file.write_text(
+        '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema">'
+        f"<library_images>{images}</library_images></COLLADA>"
+    )
+    assert list(_textures(file)) == ["real.png"]

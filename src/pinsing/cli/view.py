@@ -89,6 +89,10 @@ def view_command(
     if STDOUT in (html, png):
         raise OptionError("--html and --png need the name of a file")
     arm = request.load()
+    from pinsing.view.links import read_links_ahead
+
+    if not skeleton:
+        read_links_ahead(arm)  # a child process reads them meanwhile
     from pinsing.view.viewer import Viewer
 
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
@@ -101,7 +105,6 @@ def view_command(
         if family is not None:
             viewer.show_family(family)
         if html is not None:
-            say("computing poses and paths for the page")
             viewer.save_html(html)
             say(f"wrote {html}")
         if png is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import pinocchio as pin
 
@@ -28,6 +28,10 @@ class Body(Protocol):
     @property
     def span(self) -> tuple[Array, Array]:
         """Finite limits, lower and upper (n,), radians and metres."""
+
+    @property
+    def known(self) -> dict[str, Any]:
+        """What was computed of it before."""
 
     @property
     def source(self) -> Source:

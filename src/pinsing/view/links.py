@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-import warnings
+from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from pinocchio.visualize import MeshcatVisualizer
 
 from pinsing._types import Array
 from pinsing.robot.reduced_model import make_names_unique
 from pinsing.robot.tip import frame_index
 from pinsing.view.body import Body
 from pinsing.view.meshes import read_geometry
+from pinsing.view.shapes import draw_shape
+
+_AHEAD = "links that are being read"
 
 
 @dataclass(frozen=True)
@@ -41,8 +43,21 @@ class Links:
         return tuple(j for j in range(1, arm.model.njoints) if j not in dressed)
 
 
+def read_links_ahead(arm: Body) -> None:
+    """Begin `read_links` in a thread, while something else is computed."""
+    if _AHEAD not in arm.known:
+        pool = ThreadPoolExecutor(1, thread_name_prefix="pinsing meshes")
+        arm.known[_AHEAD] = pool.submit(_read_links, arm)
+        pool.shutdown(wait=False)
+
+
 def read_links(arm: Body) -> Links:
     """Visual geometry of the robot that an arm was taken from; never fails for its sake."""
+    begun: Future[Links] | None = arm.known.pop(_AHEAD, None)
+    return _read_links(arm) if begun is None else begun.result()
+
+
+def _read_links(arm: Body) -> Links:
     source = arm.source
     if source.xml is None:
         return Links(None)
@@ -75,26 +90,18 @@ def base_placement(arm: Body) -> pin.SE3:
     return pin.SE3(pin.updateFramePlacement(model, data, frame_index(model, arm.base)))
 
 
-class _Drawer(MeshcatVisualizer):  # type: ignore[misc]
-    """Pinocchio's own reader of geometry, with each object under its joint."""
-
-    def getViewerNodeName(self, geometry_object: Any, geometry_type: Any) -> str:
-        """Path of an object; names of the file stay out of it."""
-        return f"{int(geometry_object.parentJoint)}/visual/{self.number}"
-
-
 def draw_links(node: Any, links: Links) -> tuple[str, ...]:
     """Draw all geometry below ``node/<joint>/visual``; return what could not be drawn."""
     if links.geometry is None:
         return ()
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        drawer = _Drawer(pin.Model(), None, pin.GeometryModel())
-        drawer.initViewer(viewer=node)
-        for number, g in enumerate(links.geometry.geometryObjects):
-            drawer.number = number
-            drawer.loadViewerGeometryObject(g, pin.GeometryType.VISUAL)
-            place: Array = g.placement.homogeneous @ np.diag([*g.meshScale, 1.0])
-            node[drawer.getViewerNodeName(g, None)].set_transform(place)
-    mesh = [str(w.message) for w in said if issubclass(w.category, UserWarning)]
-    return tuple(" ".join(text.split()) for text in mesh)
+    notes = []
+    for number, g in enumerate(links.geometry.geometryObjects):
+        # Names of the file stay out of paths.
+        here = node[f"{int(g.parentJoint)}/visual/{number}"]
+        note = draw_shape(here, g)
+        if note:
+            notes.append(note)
+            continue
+        place: Array = g.placement.homogeneous @ np.diag([*g.meshScale, 1.0])
+        here.set_transform(place)
+    return tuple(notes)

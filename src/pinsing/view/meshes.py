@@ -20,6 +20,7 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.description import child_jail
+from pinsing.view.mesh_cache import cache_folder, content_key, keep, kept
 
 SECONDS_EACH = 20.0
 _MEMORY = 2 * 2**30
@@ -109,7 +110,10 @@ def _notes(found: Mapping[Path, Mesh | str]) -> tuple[str, ...]:
 
 
 def read_meshes(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
-    """Read files in a child process; each gives a mesh, or what is wrong with it in words."""
+    """Read files in a child process; each gives a mesh, or what is wrong with it in words.
+
+    Files whose content was read before, and found in order, are taken from `mesh_cache`.
+    """
     found: dict[Path, Mesh | str] = {}
     left = []
     for path in paths:
@@ -121,6 +125,14 @@ def read_meshes(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
                 left.append(path)
         except OSError as error:
             found[path] = f"cannot be read: {error.strerror}"
+    folder = cache_folder() if left else None
+    keys = {path: key for path in left if folder and (key := _key(path)) is not None}
+    for path, key in keys.items():
+        assert folder is not None
+        before = kept(folder, key)
+        if before is not None and (mesh := _mesh(*before)) is not None:
+            found[path] = mesh
+    left = [path for path in left if path not in found]
     while left:
         done = _ask_child(left)
         found.update(done)
@@ -128,7 +140,26 @@ def read_meshes(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
             found.update(dict.fromkeys(left, "the reader of meshes cannot be started"))
             break
         left = left[len(done) :]
-    return found
+        for path, answered in done.items():
+            if folder is not None and path in keys and isinstance(answered, Mesh):
+                keep(folder, keys[path], answered.vertices.tobytes(), answered.faces.tobytes())
+    return {path: found[path] for path in paths}
+
+
+def _key(path: Path) -> str | None:
+    try:
+        return content_key(path, path.suffix.lower() not in _AS_FILES)
+    except OSError:  # the child says what is wrong with it
+        return None
+
+
+def _mesh(vertices: bytes, faces: bytes) -> Mesh | None:
+    if len(vertices) % 24 or len(faces) % 12:
+        return None
+    return Mesh(
+        np.frombuffer(vertices, dtype=np.float64).reshape(-1, 3),
+        np.frombuffer(faces, dtype=np.int32).reshape(-1, 3),
+    )
 
 
 def _ask_child(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
@@ -199,7 +230,4 @@ def _receive(stream: Any) -> Mesh | str | None:
     vertices, faces = stream.read(24 * n), stream.read(12 * m)
     if len(vertices) != 24 * n or len(faces) != 12 * m:
         return None
-    return Mesh(
-        np.frombuffer(vertices, dtype=np.float64).reshape(n, 3),
-        np.frombuffer(faces, dtype=np.int32).reshape(m, 3),
-    )
+    return _mesh(vertices, faces)

@@ -16,7 +16,7 @@ from pinsing.sweeps.finding import Finding
 from pinsing.view.ellipsoids import sizes
 from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import finding_entries
-from pinsing.view.links import Links, read_links
+from pinsing.view.links import Links, read_links, read_links_ahead
 from pinsing.view.overlay import Overlay
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
@@ -77,6 +77,8 @@ class Viewer(Tab):
         if not 0 < scale < 1e6:
             raise OptionError(f"scale must be a positive number, got {scale!r}")
         self.arm = arm
+        if not skeleton:
+            read_links_ahead(arm)
         if families is None and poses is None and findings is None:
             from pinsing.families import closed_form
 

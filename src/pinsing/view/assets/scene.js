@@ -21,9 +21,11 @@ class SceneView {
       V.set_property(["Background"], "top_color", dark.matches ? [0.25, 0.29, 0.34] : [0.97, 0.98, 0.99]);
       V.set_property(["Background"], "bottom_color", dark.matches ? [0.42, 0.47, 0.53] : [0.77, 0.82, 0.87]);
       V.scene_tree.find(["Background"]).on_update();
+      // The grid stays in the background.
+      V.scene_tree.find(["pinsing", "floor"]).object.traverse((o) => o.material?.color.set(dark.matches ? 0x66717e : 0xc9d1d9));
       V.set_dirty();
     };
-    paint();
+    this.paint = paint;
     dark.addEventListener("change", paint);
     V.set_property(["Grid"], "visible", false);
     V.set_property(["Axes"], "visible", false);
@@ -52,6 +54,7 @@ class SceneView {
       for (const m of [o.material].flat()) if (o.isMesh && m) this.lift(m);
     });
     this.lights();
+    this.paint();
   }
 
   // A black robot would be a black silhouette: dark paint is lifted until its shape shows.
@@ -237,16 +240,26 @@ class SceneView {
     const tip = new Vector3(frame.tip[0], frame.tip[2], -frame.tip[1]);
     const middle = points.reduce((sum, p) => sum.add(p), new Vector3()).multiplyScalar(1 / points.length);
     const out = tip.clone().sub(middle).divideScalar(this.settings.reach);
-    let best = usual, score = -Infinity;
+    const sides = [];
     for (let k = 0; k < 48; k++) for (const height of [0.15, 0.35, 0.55]) {
       const angle = (2 * Math.PI * k) / 48, level = Math.sqrt(1 - height * height);
       const side = new Vector3(level * Math.cos(angle), height, level * Math.sin(angle));
       // 0.35: a disc seen some twenty degrees off its edge.
       const oblique = normals.reduce((sum, n, i) => sum - (i ? 0.4 : 1.2) * Math.abs(Math.abs(n.dot(side)) - 0.35), 0);
-      const value = oblique + 0.9 * out.dot(side) + 0.15 * usual.dot(side);
-      if (value > score) { score = value; best = side; }
+      sides.push({ side, value: oblique + 0.9 * out.dot(side) + 0.15 * usual.dot(side) });
     }
-    return best;
+    sides.sort((a, b) => b.value - a.value);
+    // The best one from which the tool is not behind the arm, unless that costs much.
+    const open = sides.find(({ side, value }, k) => k % 3 === 0 && value > sides[0].value - 0.8 && this.seesTip(tip, side));
+    return (open ?? sides[0]).side;
+  }
+
+  // Whether nothing of the arm is between a point (y up) and who looks at it from `side`.
+  seesTip(tip, side) {
+    const { Raycaster } = MeshCat.THREE, from = tip.clone().addScaledVector(side, 0.04 * this.settings.reach);
+    const part = this.options.visual ? "visual" : "bone", meshes = [];
+    for (let j = 0; j <= this.frame.links.length; j++) this.node(`arm/${j}/${part}`).traverse((o) => { if (o.isMesh) meshes.push(o); });
+    return new Raycaster(from, side, 0, 10 * this.settings.reach).intersectObjects(meshes, false).length === 0;
   }
 
   // The way of the tip: red where a family is near, green where it is far (three degrees, thirty).

@@ -1,4 +1,4 @@
-// Poses where two families meet: there the arm loses more than on either of them.
+// Poses where two families meet; often, not always, the arm loses more there than on either of them.
 
 import { apart, freeOf, generator, project } from "./families.mjs";
 import { norm } from "./linear.mjs";

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -54,6 +55,11 @@ class Linkage:
     def span(self) -> tuple[Array, Array]:
         """The limits, and where there are none what `JointSpace.span` has instead."""
         return self.mechanism.space.span
+
+    @property
+    def known(self) -> dict[str, Any]:
+        """What was computed of the mechanism before."""
+        return self.mechanism.known
 
     @property
     def source(self) -> Source:

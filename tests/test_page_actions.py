@@ -1,0 +1,274 @@
+"""What one can do on the page: one list of actions, on the live page and on the one from a file.
+
+Needs Chromium (or Chrome) and Playwright for Python; without them the tests are skipped.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from chromium import open_page, text
+from mechanisms import analyzed, shipped
+
+from pinsing import at, closed_form
+from pinsing.robot.load import load
+from pinsing.view import Viewer
+from pinsing.view.mechanism import MechanismViewer
+from pinsing.view.picture import find_browser
+
+pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
+if find_browser() is None:
+    pytest.skip("needs Chromium or Chrome", allow_module_level=True)
+
+
+@pytest.fixture(scope="module")
+def addresses(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dict[str, str]]]:
+    """Address of each kind of page, of an arm and of a mechanism."""
+    folder = tmp_path_factory.mktemp("pages")
+    out: dict[str, dict[str, str]] = {"file": {}, "live": {}}
+    arm = Viewer(load("stanford"))
+    linkage = MechanismViewer(shipped("five_bar"), analyzed("five_bar"))
+    with arm, linkage:
+        for name, viewer in (("arm", arm), ("mechanism", linkage)):
+            viewer.save_html(folder / f"{name}.html")
+            out["file"][name] = (folder / f"{name}.html").as_uri()
+            out["live"][name] = viewer.url
+        yield out
+
+
+@pytest.fixture(params=["file", "live"])
+def pages(request: pytest.FixtureRequest, addresses: dict[str, dict[str, str]]) -> dict[str, str]:
+    return addresses[request.param]
+
+
+def q_of(page: Any) -> np.ndarray:
+    return np.array(page.evaluate("() => window.pinsing.view.frame.q"))
+
+
+def until(page: Any, selector: str, words: str) -> None:
+    page.wait_for_function(
+        "([s, w]) => document.querySelector(s).textContent.includes(w)", arg=[selector, words]
+    )
+
+
+def step_through(page: Any) -> None:
+    until(page, "#playing", "F1, pose 1")
+    page.keyboard.press("ArrowRight")
+    until(page, "#playing", "F1, pose 2")
+
+
+def click_a_family(page: Any) -> None:
+    page.locator(".entry").nth(2).click()
+    until(page, "#nearest", "on F3")
+
+
+def approach(page: Any) -> None:
+    page.locator(".chosen .into").click()
+    page.wait_for_function("() => window.pinsing.path?.kind === 'into'")
+    page.evaluate("() => { window.pinsing.pause(); window.pinsing.at(0); }")
+    assert text(page, "#status") == "Regular"
+    page.evaluate("() => window.pinsing.at(1e9)")
+    assert text(page, "#status") == "Singular"
+
+
+def move_within(page: Any) -> None:
+    page.locator(".chosen .along").click()
+    page.wait_for_function("() => window.pinsing.path?.kind === 'along'")
+    statuses = page.evaluate("() => window.pinsing.path.frames.map((f) => f.status)")
+    assert set(statuses) == {"singular"}
+
+
+def meet_another_family(page: Any) -> None:
+    page.locator(".chosen .meet").first.click()
+    until(page, "#playing", "meet, pose 1")
+    arm = load("stanford")
+    name, other = text(page, "#playing").split("where ")[1].split(" meet")[0].split(" and ")
+    q = q_of(page)
+    on = {f.name for f in closed_form(arm).families if bool(f.contains(q))}
+    assert {name, other} <= on
+    assert arm.within_limits(q)
+    assert at(arm, q).rank <= 5
+
+
+def drag(page: Any) -> None:
+    page.locator(".joint input").nth(4).fill("1.2")
+    page.locator(".joint input").nth(1).fill("0.9")
+    until(page, "#nearest", "from")
+    np.testing.assert_allclose(q_of(page)[[1, 4]], [0.9, 1.2])
+
+
+def nearest_and_back(page: Any) -> None:
+    drag(page)
+    before = q_of(page)
+    page.locator("#nearest-pose").click()
+    until(page, "#status", "Singular")
+    page.locator("#nearest-pose").click()
+    until(page, "#nearest", "from")
+    np.testing.assert_array_equal(q_of(page), before)
+
+
+def clearest(page: Any) -> None:
+    page.locator("#clearest-pose").click()
+    until(page, "#playing", "at least")
+    assert text(page, "#status") == "Regular"
+
+
+def take_the_pose(page: Any) -> None:
+    drag(page)
+    said = page.evaluate("() => ['flag', 'python', 'json'].map((k) => window.pinsing.take.text(k))")
+    q = q_of(page).round(9)
+    np.testing.assert_allclose([float(x) for x in said[0].removeprefix("--q=").split(",")], q)
+    space: dict[str, Any] = {"np": np}
+    exec(said[1], space)
+    np.testing.assert_allclose(space["q"], q)
+    np.testing.assert_allclose(json.loads(said[2])["q"], q, atol=1e-9)
+
+
+def follow_an_address_and_go_back(page: Any) -> None:
+    for k in (1, 2):
+        page.evaluate("(k) => { location.hash = `q=0.${k},0.5,0.3,0.2,0.7,0`; }", k)
+        page.wait_for_function("(k) => window.pinsing.view.frame.q[0] === k / 10", arg=k)
+    page.go_back()
+    page.wait_for_function("() => window.pinsing.view.frame.q[0] === 0.1")
+    page.evaluate("() => { location.hash = 'q=1,2'; }")
+    until(page, "#playing", "2 values; this robot has 6 joints")
+
+
+def save_a_picture(page: Any) -> None:
+    with page.expect_download() as caught:
+        page.locator("#save-picture").click()
+    assert caught.value.suggested_filename == "stanford.png"
+    assert Path(caught.value.path()).read_bytes()[:4] == b"\x89PNG"
+
+
+def open_a_path(page: Any) -> None:
+    rows = [f"0.1,{x:.2f},0.3,0.2,0.7,0" for x in np.linspace(-0.5, 0.5, 11)]
+    csv = {"name": "way.csv", "mimeType": "text/csv", "buffer": "\n".join(rows).encode()}
+    page.locator("#path-file").set_input_files(csv)
+    until(page, "#playing", "11 samples")
+    assert page.evaluate("() => window.pinsing.path.frames.length") == 11
+    # A second one takes the place of the first, and a bad one is said to be.
+    bad = {"name": "bad.csv", "mimeType": "text/csv", "buffer": b"1,2,3"}
+    page.locator("#path-file").set_input_files(bad)
+    until(page, "#playing", "3 columns for 6 joints")
+
+
+def look_at_parts(page: Any) -> None:
+    page.locator("#show-bone").check()
+    page.locator("#show-axes").check()
+    page.locator("input[name=mode][value=all]").check()
+    until(page, "#key-translation", "whatever the rotation")
+
+
+ACTIONS = [
+    step_through,
+    click_a_family,
+    approach,
+    move_within,
+    meet_another_family,
+    drag,
+    nearest_and_back,
+    clearest,
+    take_the_pose,
+    follow_an_address_and_go_back,
+    save_a_picture,
+    open_a_path,
+    look_at_parts,
+]
+
+
+def linkage_drag(page: Any) -> None:
+    before = q_of(page)
+    page.locator(".joint input").nth(0).fill("1.2")
+    page.wait_for_function("() => window.pinsing.view.frame.q[0] === 1.2")
+    assert np.abs(q_of(page) - before).max() > 0.05
+
+
+def linkage_nearest(page: Any) -> None:
+    before = q_of(page)
+    page.locator("#nearest-pose").click()
+    until(page, "#status", "singularity")
+    page.locator("#nearest-pose").click()
+    until(page, "#status", "Regular")
+    np.testing.assert_array_equal(q_of(page), before)
+
+
+def linkage_clearest(page: Any) -> None:
+    page.locator("#clearest-pose").click()
+    until(page, "#playing", "at least")
+
+
+def linkage_text(page: Any) -> None:
+    said = page.evaluate("() => ['flag', 'link', 'json'].map((k) => window.pinsing.take.text(k))")
+    q = q_of(page)
+    assert [float(x) for x in said[0].removeprefix("--q=").split(",")] == pytest.approx(
+        q[[0, 2]], abs=1e-9
+    )
+    assert len(said[1].split("#q=")[1].split(",")) == 4
+    assert json.loads(said[2])["inputs"] == ["q1", "q2"]
+
+
+def linkage_path(page: Any) -> None:
+    rows = "q2,q1\n" + "\n".join(f"1.0,{x:.3f}" for x in np.linspace(1.0, 1.2, 9))
+    csv = {"name": "way.csv", "mimeType": "text/csv", "buffer": rows.encode()}
+    page.locator("#path-file").set_input_files(csv)
+    until(page, "#playing", "9 samples")
+    frames = page.evaluate("() => window.pinsing.path.frames.map((f) => [f.q[0], f.q[2]])")
+    np.testing.assert_allclose(frames[-1], [1.2, 1.0], atol=1e-9)
+
+
+LINKAGE = [linkage_drag, linkage_nearest, linkage_clearest, linkage_text, linkage_path]
+
+
+def run_all(page: Any, address: str, actions: list[Callable[[Any], None]]) -> None:
+    broken: list[str] = []
+    page.on("pageerror", lambda error: broken.append(str(error)))
+    for action in actions:
+        page.goto("about:blank")
+        open_page(page, address)
+        action(page)
+        assert not broken, (action.__name__, broken)
+
+
+def test_every_action_works_on_an_arm(page: Any, pages: dict[str, str]) -> None:
+    run_all(page, pages["arm"], ACTIONS)
+
+
+def test_every_action_works_on_a_mechanism(page: Any, pages: dict[str, str]) -> None:
+    run_all(page, pages["mechanism"], LINKAGE)
+
+
+@pytest.mark.parametrize("kind", ["arm", "mechanism"])
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_axe_has_no_serious_finding(
+    page: Any, addresses: dict[str, dict[str, str]], kind: str, scheme: str
+) -> None:
+    """Contrast, names of controls, roles and the rest of axe's rules (WCAG 2.1)."""
+    package = pytest.importorskip("axe_core_python", reason="needs axe-core-python")
+    axe = (Path(package.__file__).parent / "axe.min.js").read_text(encoding="utf-8")
+    page.emulate_media(color_scheme=scheme)
+    for size in ((1280, 800), (400, 800)):
+        page.set_viewport_size({"width": size[0], "height": size[1]})
+        open_page(page, addresses["file"][kind])
+        page.evaluate(axe)
+        found = page.evaluate("() => axe.run()")["violations"]
+        serious = [(v["id"], v["nodes"][0]["target"]) for v in found
+                   if v["impact"] in ("serious", "critical")]  # fmt: skip
+        assert not serious
+
+
+def test_whoever_wants_no_motion_gets_the_end_of_it(
+    page: Any, addresses: dict[str, dict[str, str]]
+) -> None:
+    page.emulate_media(reduced_motion="reduce")
+    open_page(page, addresses["file"]["arm"])
+    page.locator(".chosen .into").click()
+    page.wait_for_function("() => window.pinsing.path?.kind === 'into'")
+    assert page.evaluate("() => window.pinsing.running") is False
+    assert text(page, "#status") == "Singular"
+    assert page.locator("#scrub").is_enabled()
