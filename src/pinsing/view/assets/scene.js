@@ -137,7 +137,10 @@ class SceneView {
       if (this.lostAt) continue;
       const up = new MeshCat.THREE.Vector3(0, 0, (m.arrow ? 0.27 : 0.18) * this.settings.reach);
       up.applyQuaternion(new MeshCat.THREE.Quaternion(...m.turn));
-      this.lostAt = [m.at[0] + up.x, m.at[1] + up.y, m.at[2] + up.z];
+      // The label stands at the end that is away from the arm.
+      const ends = [1, -1].map((way) => [m.at[0] + way * up.x, m.at[1] + way * up.y, m.at[2] + way * up.z]);
+      const near = (end) => Math.min(...this.frame.links.map((l) => Math.hypot(end[0] - l[0], end[1] - l[1], end[2] - l[2])));
+      this.lostAt = m.arrow && near(ends[1]) > near(ends[0]) + 1e-6 ? ends[1] : ends[0];
       this.label.textContent = m.label;
     }
   }
