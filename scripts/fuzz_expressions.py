@@ -41,7 +41,12 @@ def ordinary(rng: random.Random) -> str:
 def wild(rng: random.Random) -> str:
     """An expression that may hold, or be, anything."""
     text = ordinary(rng) if rng.random() < 0.6 else rng.choice(_WILD)
-    for _ in range(rng.choice([0, 1, 1, 2, 4])):
+    return changed(rng, text, rng.choice([0, 1, 1, 2, 4]))
+
+
+def changed(rng: random.Random, text: str, times: int = 1) -> str:
+    """An expression with something changed, put in or put around it, so many times."""
+    for _ in range(times):
         way = rng.randrange(6)
         spot = rng.randrange(len(text) + 1)
         if way == 0:

@@ -31,14 +31,17 @@ def _run(words: tuple[str, ...], call: Callable[[list[str]], Ended]) -> Path:
     return place
 
 
-def run_folder(rng: random.Random, folder: Path, call: Callable[[list[str]], Ended]) -> Ended:
+def run_folder(
+    rngs: list[random.Random], folder: Path, call: Callable[[list[str]], Ended]
+) -> Ended:
     """A damaged folder is gone on with to the same numbers, or refused in one line."""
-    words = rng.choice(_RUNS)
+    words = rngs[0].choice(_RUNS)
     good, place = _run(words, call), folder / "run"
     _remove(place)
     shutil.copytree(good, place)
-    for _ in range(rng.choice([1, 1, 2, 4])):
-        _damage(rng, place)
+    for rng in rngs:
+        for _ in range(rng.choice([1, 1, 2, 4])):
+            _damage(rng, place)
     outcome, said = call([*words, "--out", str(place)])
     if outcome == "result":
         for path in sorted(good.rglob("*")):

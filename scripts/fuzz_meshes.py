@@ -10,7 +10,7 @@ from pathlib import Path
 from fuzz_judge import Ended, Wrong, refused
 from fuzz_mutants import NUMBERS
 
-MESHES_EACH = 10
+MESHES_EACH = 20
 """Files that one case has: a child process reads them all."""
 
 
@@ -53,13 +53,13 @@ def _meshes() -> dict[str, bytes]:
     return {"b.stl": stl, **{name: value.encode() for name, value in texts.items()}}
 
 
-def mesh(rng: random.Random, folder: Path) -> Ended:
+def mesh(rngs: list[random.Random], folder: Path) -> Ended:
     """Every file of a case is read, or named with what is wrong with it."""
     import numpy as np
 
     from pinsing.view.meshes import read_meshes
 
-    goods = sorted(_meshes().items())
+    rng, goods = rngs[0], sorted(_meshes().items())
     paths = []
     for number in range(MESHES_EACH):
         name, data = rng.choice(goods)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import xml.etree.ElementTree as ET
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 MEGABYTE = 2**20
@@ -32,6 +32,47 @@ XACRO = """<?xml version="1.0"?>
   <xacro:segment n="3" parent="link2" kind="prismatic"><axis xyz="0 0 1"/></xacro:segment>
   <xacro:segment n="4" parent="link3"><axis xyz="1 0 0"/></xacro:segment>
 </robot>
+"""
+
+XACRO_MORE = """<?xml version="1.0"?>
+<robot name="arm" xmlns:xacro="http://www.ros.org/wiki/xacro">
+  <xacro:arg name="side" default="left"/>
+  <xacro:arg name="count" default="${1 + 1}"/>
+  <xacro:property name="table" value="${xacro.load_yaml('data.yaml')}"/>
+  <xacro:property name="zero"><origin xyz="0 0 0" rpy="0 0 0"/></xacro:property>
+  <xacro:property name="gone" value="1"/>
+  <xacro:property name="gone" remove="true"/>
+  <xacro:macro name="joint" params="n parent low:=^|-1 high:=${2 * 0.5} *place **more">
+    <xacro:property name="last" value="link${n}" scope="parent"/>
+    <link name="link${n}"/>
+    <joint name="joint${n}" type="revolute">
+      <parent link="${parent}"/><child link="link${n}"/>
+      <xacro:insert_block name="place"/><xacro:insert_block name="more"/>
+      <limit lower="${low}" upper="${high}" effort="1" velocity="${radians(90)}"/>
+    </joint>
+  </xacro:macro>
+  <link name="base"/>
+  <xacro:joint n="1" parent="base"><xacro:insert_block name="zero"/>
+    <more><axis xyz="0 0 1"/></more></xacro:joint>
+  <xacro:call macro="joint" n="2" parent="${last}" low="${table.low[0]}" high="${table['high']}">
+    <origin xyz="${table.xyz}" rpy="0 ${table.angle} 0"/>
+    <more><axis xyz="$(eval 1 if side == 'left' else 0) 0 0"/></more></xacro:call>
+  <xacro:unless value="$(eval count > 3)">
+    <xacro:element xacro:name="${'li' + 'nk'}" name="tool">
+      <xacro:attribute name="id" value="$(optenv NO_SUCH_VARIABLE a)"/></xacro:element>
+    <joint name="fixed" type="fixed"><parent link="${last}"/><child link="tool"/></joint>
+  </xacro:unless>
+  <!-- xacro:eval-comments --><!-- ${[i ** 2 for i in range(3)]} -->
+  <gazebo reference="tool">$$(x) ${'%.3f' % pi} ${xacro.tokenize('a b')}</gazebo>
+</robot>
+"""
+DATA = """low: [-0.5, {x: 1}]
+high: 1.5
+xyz: 0 0 0.3
+angle: !degrees 90 / 2
+length: !millimeters 5
+base: &base {k: 1}
+more: {<<: *base, l: 2}
 """
 
 NUMBERS = (
@@ -98,28 +139,39 @@ def bases(urdfs: list[Path], tables: list[Path], loops: list[Path]) -> dict[str,
     """Good files by kind."""
     return {
         "urdf": [p.read_text(encoding="utf-8") for p in urdfs],
-        "xacro": [XACRO],
+        "xacro": [XACRO, XACRO_MORE],
         "dh": [p.read_text(encoding="utf-8") for p in tables],
         "loops": [p.read_text(encoding="utf-8") for p in loops],
     }
 
 
-def mutant(seed: int, kind: str, text: str) -> bytes:
-    """Return a broken file of a kind, the same for the same seed."""
-    rng = random.Random(f"{kind} {seed}")
-    if kind in ("urdf", "xacro"):
-        return _xml(rng, kind, text)
-    return _yaml(rng, text)
+def mutant(chain: Sequence[int], kind: str, text: str) -> bytes:
+    """Return a broken file of a kind, the same for the same chain: each seed breaks it again."""
+    data = text.encode()
+    for seed in chain:
+        rng = random.Random(f"{kind} {seed}")
+        if kind in ("urdf", "xacro"):
+            data = _xml(rng, kind, data)
+        else:
+            data = _yaml(rng, data.decode("utf-8", "replace"))
+    return data
 
 
 # XML --------------------------------------------------------------------------------
 
 
-def _xml(rng: random.Random, kind: str, text: str) -> bytes:
+def _xml(rng: random.Random, kind: str, data: bytes) -> bytes:
     if rng.random() < 0.12:
-        return rng.choice(WHOLE_FILES)(rng, text).encode("utf-8", "surrogatepass")
+        text = data.decode("utf-8", "replace")
+        if "<robot" in text:
+            return rng.choice(WHOLE_FILES)(rng, text).encode("utf-8", "surrogatepass")
     ET.register_namespace("xacro", X[1:-1])
-    root = ET.fromstring(text)
+    if b"<!DOCTYPE" in data:  # not to be expanded here
+        return _bytes(rng, data)
+    try:
+        root = ET.fromstring(data)
+    except (ET.ParseError, ValueError, LookupError):  # broken before
+        return _bytes(rng, data or b"<")
     tags = URDF_TAGS if kind == "urdf" else URDF_TAGS + XACRO_TAGS
     acts = [_drop_attribute, _set_number, _set_number, _set_word, _remove, _duplicate, _move]
     acts += [_exchange, _loop, _rename, _copy_name]
@@ -326,7 +378,7 @@ def _yaml(rng: random.Random, text: str) -> bytes:
         elif act == 7 and lines:
             lines[spot] = lines[spot].lstrip()
         elif act == 8:
-            lines = "\n".join(lines)[: rng.randrange(len(text))].splitlines()
+            lines = "\n".join(lines)[: rng.randrange(len(text) + 1)].splitlines()
         elif act == 9 and lines:
             lines[spot] = lines[spot].replace(rng.choice(":,[]{}- "), rng.choice(["", ":", "{"]), 1)
         elif act == 10 and lines:

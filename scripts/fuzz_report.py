@@ -18,13 +18,22 @@ GOOD = ("result", "refused")
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a case ended: result, refused, or one of the ways that must not be."""
+    """How a case ended: result, refused, or one of the ways that must not be.
+
+    Attributes
+    ----------
+    chain : tuple of int
+        Its seeds: the first made it, each further one changed it again.
+    fresh : tuple of str
+        Lines of the readers that it reached first.
+    """
 
     kind: str
-    seed: int
+    chain: tuple[int, ...]
     outcome: str
     said: str
     seconds: float
+    fresh: tuple[str, ...] = ()
 
 
 def table(outcomes: list[Outcome]) -> str:

@@ -1,6 +1,7 @@
 """What is fuzzed besides robot files: how a broken input of each kind is made, fed in, and judged.
 
-A target raises what no input may lead to; it returns "result" or "refused", and what was said.
+A target gets one source of chance or several: the first makes an input, each further one changes
+it again. It raises what no input may lead to; it returns "result" or "refused", and what was said.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ import fuzz_expressions
 from fuzz_json import broken
 from fuzz_judge import Ended, Wrong, refused
 from fuzz_meshes import mesh
+from fuzz_tables import table
 
 # Expressions of xacro ---------------------------------------------------------------
 
@@ -40,14 +42,17 @@ def _expression_names() -> tuple[Any, dict[str, Any], dict[str, Any]]:
     return kinds, {**FUNCTIONS, **MATH, "math": space, **own}, {**plain, "math": math, **own}
 
 
-def expression(rng: random.Random, folder: Path) -> Ended:
+def expression(rngs: list[random.Random], folder: Path) -> Ended:
     """Ordinary ones have the value that Python gives them; wild ones are plain data or refused."""
     from pinsing.description.xacro_expression import evaluate
     from pinsing.description.xacro_values import PLAIN, Refused
 
     kinds, names, plain = _expression_names()
-    known = rng.random() < 0.5
-    text = fuzz_expressions.ordinary(rng) if known else fuzz_expressions.wild(rng)
+    first, *others = rngs
+    known = first.random() < 0.5 and not others
+    text = fuzz_expressions.ordinary(first) if known else fuzz_expressions.wild(first)
+    for rng in others:
+        text = fuzz_expressions.changed(rng, text)
     errors = (SyntaxError, NameError, TypeError, ValueError, ArithmeticError, LookupError)
     said, value, failed = "", None, False
     try:
@@ -104,12 +109,13 @@ def _results() -> list[tuple[type[Any], str]]:
     return [(type(result), result.to_json()) for result in made if result is not None]
 
 
-def result(rng: random.Random, folder: Path) -> Ended:
+def result(rngs: list[random.Random], folder: Path) -> Ended:
     """What is accepted can be written, read and shown again."""
     from pinsing.errors import PinsingError
 
-    kind, good = rng.choice(_results())
-    text = broken(rng, good)
+    kind, text = rngs[0].choice(_results())
+    for rng in rngs:
+        text = broken(rng, text)
     try:
         made = kind.from_json(text)
     except PinsingError as error:
@@ -135,11 +141,13 @@ def _certificates() -> list[str]:
     return [text_of(form.certificate) for form in forms if form.certificate is not None]
 
 
-def certificate(rng: random.Random, folder: Path) -> Ended:
+def certificate(rngs: list[random.Random], folder: Path) -> Ended:
     """Accepted or rejected, and by nothing but `Rejected`."""
     from pinsing.proof.checker import Rejected, statement, verify
 
-    text = broken(rng, rng.choice(_certificates()))
+    text = rngs[0].choice(_certificates())
+    for rng in rngs:
+        text = broken(rng, text)
     try:
         data = verify(text)
     except Rejected as reason:
@@ -160,14 +168,17 @@ def _stage() -> Any:
 _MESSAGES = ('{"id": 1, "want": "start"}', '{"id": 20, "want": "frame", "q": [0.1, 0, 1.5]}')
 
 
-def message(rng: random.Random, folder: Path) -> Ended:
+def message(rngs: list[random.Random], folder: Path) -> Ended:
     """What a page may send: always one answer, of strict JSON, to the number that asked."""
     from pinsing.view.handlers import Live
 
-    text: str | bytes = broken(rng, rng.choice(_MESSAGES))
+    good = rngs[0].choice(_MESSAGES)
+    for rng in rngs:
+        good = broken(rng, good)
+    text: str | bytes = good
+    rng = rngs[-1]
     if rng.random() < 0.3:
-        assert isinstance(text, str)
-        text = text.encode("utf-8", "surrogatepass")
+        text = good.encode("utf-8", "surrogatepass")
         if rng.random() < 0.3:
             text = text[: rng.randrange(len(text) + 1)] + bytes([rng.randrange(256)])
     sent: list[str] = []
@@ -191,10 +202,11 @@ def _no_constant(word: str) -> Any:
     raise Wrong(f"an answer holds {word}")
 
 
-TARGETS: dict[str, Callable[[random.Random, Path], Ended]] = {
+TARGETS: dict[str, Callable[[list[random.Random], Path], Ended]] = {
     "expression": expression,
     "result": result,
     "certificate": certificate,
     "message": message,
+    "table": table,
     "mesh": mesh,
 }

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import resource
 import subprocess
 import sys
+import time
 
 import pytest
 from urdf_texts import LIMIT, joint, make_package, robot
 
 from pinsing.description.urdf import Description, read_description
+from pinsing.description.xacro import expand_xacro
 from pinsing.errors import RobotFileError
 from pinsing.robot.build_model import build_model
 
@@ -180,6 +183,64 @@ def test_xacro_that_does_not_end(read, monkeypatch):
     macro = f'<xacro:macro name="m" params="n"><xacro:if value="${{n}}">{twice}</xacro:if>'
     with pytest.raises(RobotFileError, match="does not end within 1 s"):
         read(XACRO.format(macro + '</xacro:macro><xacro:m n="${60}"/>'), name="arm.xacro")
+
+
+READS = (
+    '<link name="$(env {0})"/>',
+    '<link name="$(optenv {0} none)"/>',
+    '<xacro:arg name="a" default="$(env {0})"/><link name="$(arg a)"/>',
+)
+
+
+@pytest.mark.parametrize("text", READS)
+def test_a_file_reads_no_environment_variable_that_is_not_for_it(read, tmp_path, monkeypatch, text):
+    monkeypatch.setenv("AWS_SECRET", "p4ssw0rd")
+    monkeypatch.setenv("ROS_MODEL", "seven")
+    monkeypatch.delenv("PINSING_XACRO_ENV", raising=False)
+    with pytest.raises(RobotFileError) as caught:
+        read(XACRO.format(text.format("AWS_SECRET")), name="arm.xacro")
+    assert "'AWS_SECRET' is not shown to files: set PINSING_XACRO_ENV=AWS" in str(caught.value)
+    assert "p4ssw0rd" not in str(caught.value)
+    assert caught.value.line == 2
+    file = tmp_path / "b.xacro"
+    file.write_text(XACRO.format(text.format("ROS_MODEL")))
+    assert 'name="seven"' in expand_xacro(file).xml
+    file.write_text(XACRO.format(text.format("AWS_SECRET")))
+    for named in ("AWS_SECRET", "OTHER, AWS_*"):
+        monkeypatch.setenv("PINSING_XACRO_ENV", named)
+        assert 'name="p4ssw0rd"' in expand_xacro(file).xml
+
+
+def test_an_optional_variable_that_is_not_set_has_its_default(tmp_path, monkeypatch):
+    monkeypatch.delenv("NOT_SET", raising=False)
+    file = tmp_path / "a.xacro"
+    file.write_text(XACRO.format('<link name="$(optenv NOT_SET a b)"/>'))
+    assert 'name="a b"' in expand_xacro(file).xml
+
+
+@pytest.mark.parametrize("deep", ["[" * 5000, "- " * 5000, "{a: " * 3000])
+def test_yaml_without_end_is_refused_before_it_costs_anything(read, tmp_path, deep):
+    (tmp_path / "deep.yaml").write_text(deep)
+    began = time.process_time()
+    with pytest.raises(RobotFileError, match=r"not valid YAML: nested too deeply"):
+        read(XACRO.format("<link name=\"${xacro.load_yaml('deep.yaml')}\"/>"), name="arm.xacro")
+    assert time.process_time() - began < 5
+
+
+def test_thousands_of_macros_in_a_row_take_no_longer_each(read):
+    """Each replaced its own element by a search from the first child on."""
+    macro = '<xacro:macro name="m" params="n"><link name="l${n}"/></xacro:macro>'
+
+    def seconds(count):
+        text = XACRO.format(macro + "".join(f'<xacro:m n="{i}"/>' for i in range(count)))
+        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
+        with pytest.raises(RobotFileError, match="links have no parent"):
+            read(text, name="arm.xacro")
+        return resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
+
+    base = seconds(1)
+    few, many = seconds(500) - base, seconds(4000) - base
+    assert many < 16 * few  # eight times as many; the search made it 60 times
 
 
 def test_a_property_evaluated_elsewhere_is_found_where_it_is_written(read):

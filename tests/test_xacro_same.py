@@ -137,7 +137,7 @@ FEATURES = """<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro" xmlns:
   <xacro:insert_block name="block"/>
   <!-- xacro:eval-comments --><!-- ${1 + 1} --><!-- xacro:eval-comments:off --><!-- ${1 + 1} -->
   <a b="${t}" c="${t.list}" d="${dict(a=1)}" e="${1e-7} ${1/3} ${True} ${None}" f="&lt;&amp;"/>
-  <o v="$(optenv NO_SUCH_VAR a b) $(env HOME) $(cwd)" w="${xacro.abs_filename('x')}"/>
+  <o v="$(optenv NO_SUCH_VAR a b) $(env ROS_HOME) $(cwd)" w="${xacro.abs_filename('x')}"/>
   <w v="${xacro.warning('note')}${xacro.message('m')}${xacro.tokenize('1,2;3 4')}"/>
   <d v="${sorted([2, 1])} ${list(range(3))} ${xacro.dotify(dict(q=1)).q} ${max(1, 2) ** 2}"/>
   <g:h xmlns:k="urn:k"/>${xacro.arg('side')} ${-3 // 2} ${'%.2f' % 1.005}
@@ -156,7 +156,8 @@ more: {<<: *m, l: 2}
 """
 
 
-def test_every_feature(tmp_path):
+def test_every_feature(tmp_path, monkeypatch):
+    monkeypatch.setenv("ROS_HOME", "somewhere")
     (tmp_path / "all.xacro").write_text(FEATURES)
     (tmp_path / "part.xacro").write_text(PART)
     (tmp_path / "t.yaml").write_text(TABLE)

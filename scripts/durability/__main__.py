@@ -71,8 +71,10 @@ def _kills(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[s
     for module in ("pinsing.cli.app", "pinsing.maps", "pinsing.sweeps.findings", "distributed"):
         importlib.import_module(module)  # each life is forked with them
     rows, wrong = [], []
-    share = dict.fromkeys(KINDS, 0.26)
-    share |= {"map, worker processes": 0.07, "sweep, Dask": 0.15}  # they start slowly
+    share = dict.fromkeys(KINDS, 0.22)
+    # They start slowly.
+    share |= {"map, worker processes": 0.1, "map, one worker process killed": 0.1}
+    share |= {"sweep, Dask": 0.11, "sweep, one Dask worker killed": 0.03}
     for kind in options.kind or KINDS:
         place = folder / kind.replace(", ", "_").replace(" ", "_")
         place.mkdir()

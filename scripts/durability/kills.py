@@ -1,8 +1,9 @@
 """Kill long runs at random moments, go on with them, and compare every byte of what they leave.
 
 Each life of a run is a process of its own, forked from this one so that it need not import
-everything again. It is ended by SIGKILL, by Ctrl-C, or by Ctrl-C twice, after a random time. The
-folder that the last life completes must be the one of a run at one stretch, to the last byte.
+everything again. It is ended by SIGKILL, by Ctrl-C, by Ctrl-C twice, or by a SIGKILL of one of its
+worker processes, after a random time. The folder that the last life completes must be the one of a
+run at one stretch, to the last byte.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ import subprocess
 import sys
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -34,8 +35,12 @@ KINDS: dict[str, tuple[str, ...]] = {
     "map, all values kept": (*MAP, "--keep-values", "--threads", "2"),
     "sweep, threads": (*SWEEP, "--threads", "2"),
     "map, worker processes": (*MAP, "--workers", "2"),
+    "map, one worker process killed": (*MAP, "--workers", "2"),
     "sweep, Dask": (*SWEEP, "--dask", "ADDRESS"),
+    "sweep, one Dask worker killed": (*SWEEP, "--dask", "ADDRESS"),
 }
+OF_WORKERS = "SIGKILL of a worker"
+_WAYS = ("SIGKILL", "SIGKILL", "SIGINT", "SIGINT twice")
 _EARLY = 0.1  # of the lives end at any moment from their start, the others when they are at work
 
 
@@ -76,9 +81,10 @@ def campaign(kind: str, kills: int, seed: int, folder: Path, seconds: float = ma
     found = Campaign()
     limit = time.monotonic() + seconds
     with contextlib.ExitStack() as stack:
+        cluster: Cluster | None = None
         if "ADDRESS" in words:
-            address = stack.enter_context(dask(folder))
-            words = tuple(address if word == "ADDRESS" else word for word in words)
+            cluster = stack.enter_context(dask(folder))
+            words = tuple(cluster.address if word == "ADDRESS" else word for word in words)
         whole = folder / "whole"
         began = time.monotonic()
         code, said = life([*words, "--out", str(whole)], whole, None)
@@ -90,7 +96,12 @@ def campaign(kind: str, kills: int, seed: int, folder: Path, seconds: float = ma
         found.chunks = len(expected) - 2  # and the plan and the result
         while found.kills < kills and len(found.wrong) < 5 and time.monotonic() < limit:
             out = folder / f"run{found.runs}"
-            _one_run([*words, "--out", str(out)], out, longest, rng, found, kills, limit)
+            line = [*words, "--out", str(out)]
+            if cluster is not None and kind.endswith("killed"):
+                _without_workers(line, out, cluster, rng, found)
+            else:
+                ways = _WAYS if not kind.endswith("killed") else (OF_WORKERS,)
+                _one_run(line, out, longest, rng, found, kills, limit, ways)
             if contents(out) != expected:
                 other = contents(out)
                 names = [n for n in {**expected, **other} if expected.get(n) != other.get(n)]
@@ -109,21 +120,25 @@ def _one_run(
     found: Campaign,
     kills: int,
     limit: float,
+    ways: Sequence[str],
 ) -> None:
     for _ in range(10 * kills + 100):
-        how = rng.choice(["SIGKILL", "SIGKILL", "SIGINT", "SIGINT twice"])
+        how = rng.choice(ways)
         early = rng.random() < _EARLY
         after = rng.uniform(0, longest if early else longest / 40)
         enough = found.kills >= kills or time.monotonic() >= limit
         code, said = life(words, out, None if enough else (how, after, not early))
-        ended = {"SIGKILL": -signal.SIGKILL}.get(how, _STOPPED)
+        ended = {"SIGKILL": -signal.SIGKILL, OF_WORKERS: 2}.get(how, _STOPPED)
         if code == 0:
             return
         if enough or code != ended or "Traceback" in said:
             found.wrong.append(f"{how} after {after:.3f} s: exit code {code}: {said[-500:]}")
             return
         at_once = "ended at once" in said
-        if how != "SIGKILL" and "stopped" not in said and not at_once:
+        if how == OF_WORKERS and "a worker process died" not in said:
+            found.wrong.append(f"{how} after {after:.3f} s: says something else: {said[-500:]}")
+            return
+        if how.startswith("SIGINT") and "stopped" not in said and not at_once:
             found.wrong.append(f"{how} after {after:.3f} s: says nothing of it: {said[-500:]}")
             return
         if (out / "plan.json").exists():
@@ -133,6 +148,52 @@ def _one_run(
     found.wrong.append("a run came to no end")
 
 
+def _without_workers(
+    words: list[str], out: Path, cluster: Cluster, rng: random.Random, found: Campaign
+) -> None:
+    """One run, whose workers are killed and replaced; it is to go on with what there is."""
+    said, before = out.with_name("said"), 0
+    child = _born(words, said)
+    limit = time.monotonic() + _HANG
+    code = None
+    while code is None and time.monotonic() < limit:
+        code = _wait(child, rng.uniform(0.05, 0.5))
+        if code is None and _chunks(out) > before:  # something came in since the last kill
+            before = _chunks(out)
+            cluster.kill_worker(rng)
+            found.ends[OF_WORKERS] += 1
+            cluster.start_worker()
+    if code is None:
+        os.kill(child, signal.SIGKILL)
+        os.waitpid(child, 0)
+    if code != 0:
+        text = said.read_text(errors="replace")
+        found.wrong.append(f"{OF_WORKERS}: exit code {code}: {text[-500:]}")
+
+
+def _born(words: list[str], said: Path) -> int:
+    """Number of a new process that runs a command line."""
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        child = os.fork()
+        if child == 0:
+            _live(words, said)
+        return child
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+def _workers_of(process: int) -> list[int]:
+    """Worker processes of a life: its children, but for the one that tracks resources."""
+    found = []
+    for task in Path(f"/proc/{process}/task").glob("*/children"):
+        for number in map(int, task.read_text().split()):
+            with contextlib.suppress(OSError):
+                if b"spawn_main" in Path(f"/proc/{number}/cmdline").read_bytes():
+                    found.append(number)
+    return sorted(found)
+
+
 def life(words: list[str], out: Path, end: tuple[str, float, bool] | None) -> tuple[int, str]:
     """Run a command line in a process of its own, and end it; its exit code and stderr.
 
@@ -140,13 +201,7 @@ def life(words: list[str], out: Path, end: tuple[str, float, bool] | None) -> tu
     """
     said = out.with_name("said")
     before = _chunks(out)
-    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        child = os.fork()
-        if child == 0:
-            _live(words, said)
-    finally:
-        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+    child = _born(words, said)
     code = None
     if end is not None:
         how, after, at_work = end
@@ -154,7 +209,11 @@ def life(words: list[str], out: Path, end: tuple[str, float, bool] | None) -> tu
         while at_work and code is None and _chunks(out) == before and time.monotonic() < limit:
             code = _wait(child, 0.002)
         code = _wait(child, after) if code is None else code
-        if code is None:
+        if code is None and how == OF_WORKERS:
+            for number in _workers_of(child)[:1]:
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(number, signal.SIGKILL)
+        elif code is None:
             os.kill(child, signal.SIGKILL if how == "SIGKILL" else signal.SIGINT)
             if how.endswith("twice"):
                 time.sleep(0.001)
@@ -220,30 +279,66 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(p.relative_to(folder)): p.read_bytes() for p in paths}
 
 
+class Cluster:
+    """A scheduler with workers, all of them processes here.
+
+    Attributes
+    ----------
+    address : str
+        Of the scheduler.
+    """
+
+    def __init__(self, address: str, folder: Path) -> None:
+        self.address = address
+        options = ["--no-nanny", "--nthreads", "1", "--local-directory", str(folder), *_WHERE]
+        self._words = ("worker", address, *options)
+        self._workers: list[subprocess.Popen[bytes]] = []
+
+    def start_worker(self) -> None:
+        """Add a worker."""
+        self._workers.append(_dask_process(*self._words))
+
+    def kill_worker(self, rng: random.Random) -> None:
+        """End one of the workers."""
+        process = self._workers.pop(rng.randrange(len(self._workers)))
+        process.kill()
+        process.wait()
+
+    def close(self) -> None:
+        """End all workers."""
+        while self._workers:
+            self.kill_worker(random.Random(0))
+
+
+_WHERE = ("--host", "127.0.0.1", "--no-dashboard")
+
+
+def _dask_process(*words: str) -> subprocess.Popen[bytes]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "dask", *words],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+
+
 @contextlib.contextmanager
-def dask(folder: Path, workers: int = 2) -> Iterator[str]:
-    """Address of a scheduler with workers, all of them processes here."""
+def dask(folder: Path, workers: int = 2) -> Iterator[Cluster]:
+    """A scheduler with workers."""
     file = folder / "scheduler.json"
-    where = ["--host", "127.0.0.1", "--no-dashboard"]
-    with contextlib.ExitStack() as stack:
-
-        def start(*words: str) -> None:
-            process = subprocess.Popen(
-                [sys.executable, "-m", "dask", *words],
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-            )
-            stack.callback(process.wait)
-            stack.callback(process.kill)
-
-        start("scheduler", *where, "--port", "0", "--scheduler-file", str(file))
+    scheduler = _dask_process("scheduler", *_WHERE, "--port", "0", "--scheduler-file", str(file))
+    try:
         limit = time.monotonic() + _HANG
         while not (file.exists() and file.stat().st_size):
             if time.monotonic() > limit:
                 raise TimeoutError("the scheduler has not come up")
             time.sleep(0.05)
-        address = json.loads(file.read_text())["address"]
-        options = ["--no-nanny", "--nthreads", "1", "--local-directory", str(folder), *where]
-        for _ in range(workers):
-            start("worker", address, *options)
-        yield address
+        cluster = Cluster(json.loads(file.read_text())["address"], folder)
+        try:
+            for _ in range(workers):
+                cluster.start_worker()
+            yield cluster
+        finally:
+            cluster.close()
+    finally:
+        scheduler.kill()
+        scheduler.wait()

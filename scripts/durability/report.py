@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any
 
+_ENDS = ("SIGKILL", "SIGINT", "SIGINT twice", "SIGKILL of a worker")
+
 
 def report(found: dict[str, Any]) -> str:
     """The whole page, as Markdown; parts that were not measured say so."""
@@ -26,18 +28,20 @@ def _kills(found: dict[str, Any]) -> str:
         return "## Kills\n\nNot measured.\n"
     lines = [
         "## Kills\n",
-        "Runs in a folder are ended at random moments by SIGKILL, by Ctrl-C, or by Ctrl-C twice, "
-        "one life in ten anywhere from its start, the others while chunks come in; then the same "
-        "command is run again, until the run is complete. Every file of the folder must then be "
-        "byte for byte that of a run at one stretch, with nothing else beside it.\n",
-        "| run | chunks | SIGKILL | Ctrl-C | Ctrl-C, ended at once | kills | before its plan "
-        "| runs completed, all identical |",
-        "|---|" + "---:|" * 7,
+        "Runs in a folder are ended at random moments by SIGKILL, Ctrl-C, Ctrl-C twice, or a "
+        "SIGKILL of one of their worker processes (a Dask worker is replaced, and the run goes "
+        "on without a stop), one life in ten anywhere from its start, the others while chunks come "
+        "in; then the same command is run again, until the run is complete. Every file of the "
+        "folder must then be byte for byte that of a run at one stretch, with nothing else beside "
+        "it.\n",
+        "| run | chunks | SIGKILL | Ctrl-C | Ctrl-C, ended at once | SIGKILL of a worker | kills "
+        "| before its plan | runs completed, all identical |",
+        "|---|" + "---:|" * 8,
     ]
     rows = _by_kind(rows)
     total = sum(row["kills"] for row in rows)
     for row in rows:
-        ends = [row["ends"].get(name, 0) for name in ("SIGKILL", "SIGINT", "SIGINT twice")]
+        ends = [row["ends"].get(name, 0) for name in _ENDS]
         cells = [row["chunks"], *ends, row["kills"], row["early"], row["runs"]]
         lines.append(f"| {row['kind']} | {' | '.join(map(str, cells))} |")
     wrong = found.get("kills_wrong", [])

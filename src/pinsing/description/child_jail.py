@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import struct
 import sys
 from collections.abc import Callable
@@ -96,22 +97,29 @@ _WATCHED = (
 )
 
 
+OUT_OF_TIME = (-int(getattr(signal, "SIGXCPU", 24)),)
+"""Exit codes of a process that has used up its processor time."""
+
+
 def limit_resources(seconds: int, memory: int) -> None:
-    """Limit processor time [s], memory [bytes] and written files (none), where that exists."""
+    """Limit processor time [s], memory [bytes] and written files (none), where that exists.
+
+    A process that has used up its time is ended by SIGXCPU.
+    """
     try:
         import resource
     except ImportError:
         return
     limits = [
-        ("RLIMIT_CPU", seconds),
-        ("RLIMIT_AS", memory),
-        ("RLIMIT_FSIZE", 0),
-        ("RLIMIT_CORE", 0),
+        ("RLIMIT_CPU", seconds, seconds + 2),  # at the second it is SIGKILL, which says less
+        ("RLIMIT_AS", memory, memory),
+        ("RLIMIT_FSIZE", 0, 0),
+        ("RLIMIT_CORE", 0, 0),
     ]
-    for name, limit in limits:
+    for name, soft, hard in limits:
         # Some systems have the name and refuse the call; the parent's timeout remains.
         with contextlib.suppress(ValueError, OSError):
-            resource.setrlimit(getattr(resource, name), (limit, limit))
+            resource.setrlimit(getattr(resource, name), (soft, hard))
 
 
 def watch(refuse: Callable[[str], BaseException]) -> None:

@@ -4,8 +4,11 @@ What xacro allows a file to do, and so what a file from a stranger may do here:
 
 - read files within its own folder and the packages that it names (``<xacro:include>``, with
   wildcards, and ``xacro.load_yaml``, by the safe loader);
-- read environment variables (``$(env X)``, ``$(optenv X)``) and the name of the working folder
-  (``$(cwd)``);
+- read the environment variables ``ROS_*``, ``AMENT_*``, ``GAZEBO_*`` and ``GZ_*`` (``$(env X)``,
+  ``$(optenv X)``), and those that the user names in ``PINSING_XACRO_ENV`` (names or patterns,
+  separated by commas); any other that is set is refused, for it may hold a password;
+- learn the names of folders: the working one (``$(cwd)``), its own, and those of packages
+  (``$(find X)``), as the addresses of meshes need them;
 - compute: ``${...}`` and ``$(eval ...)`` are interpreted over a white list
   (`pinsing.description.xacro_expression`), never handed to Python.
 
@@ -16,6 +19,7 @@ file or socket and start no process at all.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import subprocess
@@ -26,12 +30,16 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pinsing.description import child_jail
 from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.xacro_files import XacroFiles
 from pinsing.description.xml_tree import MAX_BYTES, Node
 from pinsing.errors import RobotFileError
 
 TIMEOUT_SECONDS = 12
+"""Processor time of the child, which a busy machine does not use up."""
+_PATIENCE = 10  # times that on the clock, whatever else runs
+_FAREWELL = 1.0
 _MEMORY = 2 * 2**30
 _LONGEST_ANSWER = 256 * 2**20
 _WALL = True  # tests leave it out, to see that nothing depends on it
@@ -90,7 +98,7 @@ def expand_xacro(
         "path": str(index.file),
         "arguments": {name: str(value) for name, value in (arguments or {}).items()},
         "sys_path": [os.path.abspath(entry) for entry in sys.path],
-        "seconds": TIMEOUT_SECONDS + 2,  # the clock is to strike first, it says more
+        "seconds": TIMEOUT_SECONDS,
         "memory": _MEMORY,
         "wall": _WALL,
     }
@@ -134,7 +142,7 @@ def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[st
         late.set()
         child.kill()
 
-    clock = threading.Timer(TIMEOUT_SECONDS, stop)
+    clock = threading.Timer(TIMEOUT_SECONDS * _PATIENCE, stop)
     clock.daemon = True
     clock.start()
     answer: dict[str, Any] | None = None
@@ -153,15 +161,18 @@ def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[st
                 if answer is None:
                     child.stdin.write(json.dumps(files.answer(message)).encode() + b"\n")
                     child.stdin.flush()
+        if answer is None:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.wait(_FAREWELL)  # of itself, so that its exit code says why
     except (BrokenPipeError, ConnectionResetError):
-        pass  # it has ended; why is told below
+        child.wait()  # it has ended; why is told below
     finally:
         clock.cancel()
         child.kill()
-        child.wait()
+        code = child.wait()
     if answer is not None:
         return answer
-    if late.is_set():
+    if late.is_set() or code in child_jail.OUT_OF_TIME:
         raise RobotFileError(
             f"xacro does not end within {TIMEOUT_SECONDS} s: expand it by hand (xacro FILE) "
             "and give the result",

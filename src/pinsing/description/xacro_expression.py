@@ -11,6 +11,7 @@ in a namespace, or, when called, a method in a table of our own.
 from __future__ import annotations
 
 import ast
+import functools
 import operator
 import unicodedata  # noqa: F401 (the parser asks for it where a name is not ASCII)
 from collections.abc import Callable, Mapping
@@ -120,14 +121,17 @@ def evaluate(text: str, names: Mapping[str, Any], kinds: Kinds) -> Any:
     SyntaxError, NameError, TypeError, ValueError, ArithmeticError, LookupError, AttributeError
         As Python would.
     """
-    text = text.strip()
+    return _Walk(names, kinds).value(_parsed(text.strip()))
+
+
+@functools.lru_cache(maxsize=2000)  # a macro evaluates the same text again and again
+def _parsed(text: str) -> ast.expr:
     if len(text) > LONGEST_EXPRESSION:
         raise Refused(f"an expression of more than {LONGEST_EXPRESSION} characters is not accepted")
     try:
-        tree = ast.parse(text, mode="eval")
+        return ast.parse(text, mode="eval").body
     except (RecursionError, MemoryError):
         raise Refused("an expression nested that deeply is not accepted") from None
-    return _Walk(names, kinds).value(tree.body)
 
 
 class _Walk:

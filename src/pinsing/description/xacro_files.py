@@ -3,11 +3,14 @@
 xacro runs in a child that can open nothing. It asks for files, wildcards and packages; here is
 judged what it gets: plain files within the robot's own folder or a package. Where the user has
 named the package (an option, ROS_PACKAGE_PATH, AMENT_PREFIX_PATH) a link in it may lead anywhere,
-as links of a workspace do; in a folder that merely came with the file it may not.
+as links of a workspace do; in a folder that merely came with the file it may not. Environment
+variables are asked for as well: they may hold passwords, and what a file makes of them may be
+passed on, so that only those are shown that belong to robots or that the user has named.
 """
 
 from __future__ import annotations
 
+import fnmatch
 import glob
 import os
 import re
@@ -19,6 +22,25 @@ from pinsing.description.ros_packages import PackageIndex
 _MOST_BYTES = 64 * 2**20
 _MOST_QUESTIONS = 5000
 _MOST_FOUND = 1000
+
+
+SHOWN = ("ROS_*", "AMENT_*", "GAZEBO_*", "GZ_*")
+"""Environment variables that any file may read: they configure robots, and are no secret."""
+MORE_SHOWN = "PINSING_XACRO_ENV"
+"""The variable by which a user names more of them, separated by commas."""
+
+
+def _variable(name: str) -> dict[str, Any]:
+    """Value of an environment variable, ``hidden`` where it is not for files, or ``unset``."""
+    if name not in os.environ:
+        return {"unset": True}
+    named = [word.strip() for word in os.environ.get(MORE_SHOWN, "").split(",")]
+    if any(fnmatch.fnmatchcase(name, pattern) for pattern in (*SHOWN, *named) if pattern):
+        return {"value": os.environ[name]}
+    return {
+        "problem": f"the environment variable {name!r} is not shown to files: set "
+        f"{MORE_SHOWN}={name} if this one may read it"
+    }
 
 
 class XacroFiles:
@@ -45,6 +67,8 @@ class XacroFiles:
         if "\0" in text:
             return {"problem": "a file name holds a null character"}
         kind = question.get("ask")
+        if kind == "env":
+            return _variable(text)
         if kind == "find":
             folder = self.index.find(text)
             return {"folder": None if folder is None else str(folder)}

@@ -16,7 +16,9 @@ import yaml
 from pinsing.description.xacro_expression import Kinds, evaluate
 from pinsing.description.xacro_places import Builder, Places, RefusedAt, keep_places
 from pinsing.description.xacro_symbols import Symbols, text_of
+from pinsing.description.xacro_tree import replaces
 from pinsing.description.xacro_values import FUNCTIONS, MATH, Function, Refused
+from pinsing.description.yaml_depth import Loader
 
 _MOST_YAML_VALUES = 200_000
 
@@ -80,6 +82,7 @@ class Rules:
         self, xacro: Any, ask: Callable[[str, str], dict[str, Any]], places: Places, arguments: Any
     ) -> None:
         self.xacro, self.ask, self.places, self.arguments = xacro, ask, places, arguments
+        self.tables: dict[str, Any] = {}
         self.kinds = Kinds(xacro.YamlDictWrapper, xacro.YamlListWrapper, xacro.NameSpace)
 
     def enforce(self) -> None:
@@ -91,15 +94,23 @@ class Rules:
         xacro.glob = _Glob(self.find_files)
         substitution_args._eval = self.eval_argument
         substitution_args._eval_find = self.find_package
+        substitution_args._eval_env = self.variable
+        substitution_args._eval_optenv = self.optional_variable
         for module in (xacro, substitution_args):
             for name in ("eval", "exec", "compile"):
                 setattr(module, name, self.no_eval)
         for unit in xacro.ConstructUnits:
-            yaml.SafeLoader.add_constructor(unit.value.tag, unit.constructor)
+            Loader.add_constructor(unit.value.tag, unit.constructor)
         Symbols(xacro, self.arguments).replace()
         for name in ("eval_all", "grab_property", "process_include", "handle_macro_call"):
             setattr(xacro, name, self.places.follow(getattr(xacro, name)))
         xacro.check_attrs = self.places.follow(xacro.check_attrs)
+        xacro.replace_node = replaces(xacro.replace_node)
+        lexed = xacro.eval_text
+        # Most text holds nothing to evaluate, and taking it apart to see that takes time.
+        xacro.eval_text = lambda text, symbols: (
+            text if type(text) is str and "$" not in text else lexed(text, symbols)
+        )
         keep_places()
 
     def no_eval(self, *_args: Any, **_options: Any) -> Any:
@@ -129,8 +140,8 @@ class Rules:
             "false": False,
             "arg": Function("arg", argument),
             "dirname": Function("dirname", folder),
-            "env": Function("env", args._eval_env),
-            "optenv": Function("optenv", args._eval_optenv),
+            "env": Function("env", self.variable),
+            "optenv": Function("optenv", self.optional_variable),
             "find": Function("find", self.find_package),
         }
         try:
@@ -166,6 +177,20 @@ class Rules:
             raise Refused(f"package {name!r} not found: give its folder with --package {name}=DIR")
         return str(folder)
 
+    def variable(self, name: str) -> str:
+        """Return an environment variable, as far as the parent shows it."""
+        found = self.optional_variable(name, None)
+        if found is None:
+            raise Refused(f"environment variable {name!r} is not set")
+        return str(found)
+
+    def optional_variable(self, name: str, default: Any = "") -> Any:
+        """Return an environment variable, or something else where it is not set."""
+        answer = self.ask("env", text_of(name))
+        if "problem" in answer:
+            raise Refused(answer["problem"])
+        return answer.get("value", default)
+
     def parse(self, content: Any, filename: str | None = None) -> Any:
         """Return the document of a file."""
         if content is not None or filename is None:
@@ -180,10 +205,12 @@ class Rules:
     def load_yaml(self, filename: Any) -> Any:
         """Return the content of a YAML file, wrapped."""
         filename = self.xacro.abs_filename_spec(text_of(filename))
+        if filename in self.tables:  # no expression can change what it gets
+            return self.tables[filename]
         text = self.read(filename)
         self.xacro.filestack.append(filename)
         try:
-            loader = yaml.SafeLoader(text)
+            loader = Loader(text)
             node = loader.get_single_node()
             if node is None:
                 return None
@@ -197,7 +224,8 @@ class Rules:
             raise RefusedAt(f"not valid YAML: {error}", filename) from None
         self.xacro.filestack.pop()
         self.xacro.all_includes.append(filename)
-        return self.kinds.listed.wrap(value)
+        self.tables[filename] = self.kinds.listed.wrap(value)
+        return self.tables[filename]
 
 
 def _count(root: yaml.Node, file: str) -> None:

@@ -6,7 +6,7 @@ xacro to what pinsing needs, and may be stopped when a file never ends:
 
 - expressions are interpreted (`pinsing.description.xacro_expression`), where xacro would hand them
   to Python's eval; the functions that xacro offers them are replaced by our own;
-- files, wildcards and packages are asked for, never opened;
+- files, wildcards, packages and environment variables are asked for, never opened or read;
 - document types and entities are refused in every file;
 - memory and time are limited, and after the imports Python and the kernel are told to let nothing
   in or out (`pinsing.description.child_jail`).
@@ -68,6 +68,7 @@ def expand(parent: Parent) -> dict[str, Any]:
     places, arguments = Places(), Arguments(request["arguments"])
     Rules(xacro, parent.ask, places, arguments).enforce()
     xacro.root_dir = os.getcwd()
+    os.environ.clear()  # variables are asked for, too
     sys.setrecursionlimit(4000)
     no_wall = child_jail.close_in() if request["wall"] else "not asked for"
     child_jail.watch(lambda event: Refused(f"a call of {event} is not accepted"))

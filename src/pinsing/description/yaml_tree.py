@@ -17,6 +17,7 @@ from pathlib import Path
 
 import yaml
 
+from pinsing.description.yaml_depth import Loader, NestedError
 from pinsing.errors import RobotFileError
 
 MAX_BYTES = 64 * 1024
@@ -269,7 +270,10 @@ def compose(path: str | Path) -> YamlNode:
             raise
         raise RobotFileError(f"cannot be read: {error}", path) from None
     try:
-        node = yaml.compose(text, Loader=yaml.SafeLoader)
+        node = yaml.compose(text, Loader=Loader)
+    except NestedError as error:
+        place = error.problem_mark.line + 1 if error.problem_mark else None
+        raise RobotFileError("nested too deeply: give a plain table", path, place) from None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         line = None if mark is None else mark.line + 1

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import io
 import re
-import zipfile
+import tokenize
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm
+from pinsing.runs.chunk_file import DamagedError, read_arrays, read_bounded
 
 _TIME = re.compile(r"(?i)(t|time|times|timestamp|seconds|secs?)(\s*[\[(_]?\s*s(ec(onds)?)?[\])]?)?")
 _ROWS = 100_000
+_LARGEST = 4 << 30  # bytes
 _SAMPLES = ("q", "Q", "positions", "position", "samples")
 _TIMES = ("t", "time", "times")
 
@@ -63,8 +67,10 @@ def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFi
     """
     try:
         kind = path.suffix.lower()
+        if path.is_char_device() or path.is_block_device():
+            raise ConfigurationError(f"{path}: is a device: give a file")
         if kind == ".npy":
-            found = _columns(path, arm, np.load(path, mmap_mode="r", allow_pickle=False))
+            found = _npy(path, arm)
         elif kind == ".npz":
             found = _npz(path, arm)
         else:
@@ -72,11 +78,13 @@ def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFi
     except OSError as error:
         reason = error.strerror or str(error)
         raise ConfigurationError(f"cannot read {path}: {reason}") from None
-    except (ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
+    except DamagedError as error:
+        raise ConfigurationError(f"cannot read {path}: {error}") from None
+    except (ValueError, TypeError, OverflowError, MemoryError) as error:
         if isinstance(error, ConfigurationError):
             raise
         reason = " ".join(str(error).split())
-        raise ConfigurationError(f"cannot read {path}: {reason}") from None
+        raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
     if not len(found.Q):
         raise ConfigurationError(f"{path}: no sample in it")
     if not degrees:
@@ -85,7 +93,7 @@ def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFi
     return TrajectoryFile(Q, found.t, found.notes)
 
 
-def _columns(path: Path, arm: Arm, array: Array) -> TrajectoryFile:
+def _columns(path: Path, arm: Arm, array: npt.NDArray[Any]) -> TrajectoryFile:
     """Columns without names: one a joint, perhaps after one of times."""
     if array.dtype.names is not None or array.dtype.kind not in "fiu":
         raise ConfigurationError(f"{path}: an array of numbers is needed, got {array.dtype}")
@@ -105,17 +113,38 @@ def _columns(path: Path, arm: Arm, array: Array) -> TrajectoryFile:
     )
 
 
+def _npy(path: Path, arm: Arm) -> TrajectoryFile:
+    if path.stat().st_size > _LARGEST:
+        raise ConfigurationError(f"{path}: has more than {_LARGEST >> 30} GiB: give a part of it")
+    if not path.is_file():
+        raise ConfigurationError(f"{path}: is not a plain file")
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except (EOFError, SyntaxError, tokenize.TokenError, RecursionError) as error:
+        reason = type(error).__name__
+        raise ConfigurationError(f"cannot read {path}: it is no NPY file ({reason})") from None
+    if not isinstance(array, np.ndarray):  # an NPZ file under another name
+        array.close()
+        raise ConfigurationError(
+            f"cannot read {path}: it is no NPY file; name it .npz if it is one"
+        )
+    return _columns(path, arm, array)
+
+
 def _npz(path: Path, arm: Arm) -> TrajectoryFile:
-    with np.load(path, allow_pickle=False) as arrays:
-        samples = next((name for name in _SAMPLES if name in arrays), None)
-        times = next((name for name in _TIMES if name in arrays), None)
-        if samples is None:
-            held = ", ".join(arrays.files) or "nothing"
-            raise ConfigurationError(f"{path}: an array 'q' of samples is needed; found {held}")
-        found = _columns(path, arm, arrays[samples])
-        if times is None:
-            return found
-        return TrajectoryFile(found.Q, np.asarray(arrays[times], dtype=float), ())
+    arrays = read_arrays(read_bounded(path, _LARGEST, follow=True), _LARGEST)
+    samples = next((name for name in _SAMPLES if name in arrays), None)
+    times = next((name for name in _TIMES if name in arrays), None)
+    if samples is None:
+        held = ", ".join(arrays) or "nothing"
+        raise ConfigurationError(f"{path}: an array 'q' of samples is needed; found {held:.200}")
+    found = _columns(path, arm, np.asarray(arrays[samples]))
+    if times is None:
+        return found
+    if arrays[times].dtype.kind not in "fiu":
+        kind = arrays[times].dtype
+        raise ConfigurationError(f"{path}: times must be numbers, got an array of {kind}")
+    return TrajectoryFile(found.Q, np.asarray(arrays[times], dtype=float), ())
 
 
 def _text(path: Path, arm: Arm) -> TrajectoryFile:
@@ -158,7 +187,7 @@ def _rows(path: Path, file: io.TextIOBase, separator: str | None, width: int, fi
             table = np.loadtxt(file, delimiter=separator, max_rows=_ROWS, ndmin=2, comments="#")
         except ValueError as error:
             words = " ".join(str(error).split())
-            raise ConfigurationError(f"{path}: after line {first}: {words}") from None
+            raise ConfigurationError(f"{path}: after line {first}: {words:.200}") from None
     if table.size and table.shape[1] != width:
         raise ConfigurationError(
             f"{path}: {width} columns at first, {table.shape[1]} from line {first} on"
@@ -172,13 +201,13 @@ def _order(path: Path, arm: Arm, words: Sequence[str]) -> tuple[list[int], int |
     unknown = [w for i, w in enumerate(words) if w not in arm.joints and i not in time]
     if unknown:
         raise ConfigurationError(
-            f"{path}: unknown column {unknown[0]!r}: the joints are {', '.join(arm.joints)}, "
+            f"{path}: unknown column {unknown[0]!r:.80}: the joints are {', '.join(arm.joints)}, "
             "and times are in a column 't' or 'time'"
         )
     twice = [w for w in words if list(words).count(w) > 1]
     if twice or len(time) > 1:
         name = twice[0] if twice else words[time[1]]
-        raise ConfigurationError(f"{path}: column {name!r} is there twice")
+        raise ConfigurationError(f"{path}: column {name!r:.80} is there twice")
     missing = [j for j in arm.joints if j not in words]
     if missing:
         raise ConfigurationError(f"{path}: no column for joint {missing[0]!r}")

@@ -11,6 +11,7 @@ import io
 import math
 import os
 import stat
+import tokenize
 import zipfile
 from pathlib import Path
 from typing import cast
@@ -96,6 +97,7 @@ def read_arrays(data: bytes, room: int) -> Record:
         OSError,
         MemoryError,
         SyntaxError,
+        tokenize.TokenError,  # of a header that NumPy tries to mend
         RecursionError,
         zipfile.zlib.error,  # type: ignore[attr-defined]
         zipfile.lzma.LZMAError,  # type: ignore[attr-defined]
