@@ -292,24 +292,43 @@ def tab_of(url: str) -> Tab:
     return Tab(There)  # type: ignore[arg-type]
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-def test_ctrl_c_ends_within_a_second_with_tabs_open(
-    command: tuple[subprocess.Popen[str], str],
-) -> None:
-    process, url = command
-    tabs = [tab_of(url) for _ in range(5)]
-    waiting = socket.create_connection(("127.0.0.1", int(url.split(":")[2].split("/")[0])))
-    waiting.sendall(b"GET / HTTP/1.1\r\n")
-    start = time.monotonic()
-    process.send_signal(signal.SIGINT)
-    _, said = process.communicate(timeout=10)
-    # One second, and the interpreter's own end, which takes longer on a busy machine.
-    assert time.monotonic() - start < 5
-    assert process.returncode == 0
-    assert "Traceback" not in said
-    for tab in tabs:
-        tab.link.close()
-    waiting.close()
+def seconds_to_the_end() -> tuple[float, float]:
+    """Seconds on the clock, and of the processor, from Ctrl-C to the end of a page with tabs."""
+    run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
+    with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as page:
+        assert page.stdout is not None
+        assert page.stderr is not None
+        url = page.stdout.readline().strip()
+        tabs = [tab_of(url) for _ in range(5)]
+        waiting = socket.create_connection(("127.0.0.1", int(url.split(":")[2].split("/")[0])))
+        waiting.sendall(b"GET / HTTP/1.1\r\n")
+        # What it has used until now: user and system time, in ticks.
+        fields = Path(f"/proc/{page.pid}/stat").read_text().rpartition(")")[2].split()
+        before = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        start = time.monotonic()
+        page.send_signal(signal.SIGINT)
+        said = page.stderr.read()
+        _, status, used = os.wait4(page.pid, 0)
+        seconds = time.monotonic() - start
+        page.returncode = os.waitstatus_to_exitcode(status)
+        assert page.returncode == 0
+        assert said.splitlines()[-1] == "pinsing: ended"
+        for tab in tabs:
+            tab.link.close()
+        waiting.close()
+    return seconds, used.ru_utime + used.ru_stime - before
+
+
+@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="Linux")
+def test_ctrl_c_ends_within_a_second_with_tabs_open() -> None:
+    # Other processes may hold it up on the clock, yet not each time; never on the processor.
+    tries = []
+    for _ in range(3):
+        tries.append(seconds_to_the_end())
+        assert tries[-1][1] < 1
+        if tries[-1][0] < 1:
+            return
+    pytest.fail(f"seconds on the clock and of the processor: {tries}")
 
 
 @pytest.mark.skipif(not Path("/proc/self/net/tcp").exists(), reason="Linux")

@@ -71,9 +71,10 @@ def _kills(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[s
     for module in ("pinsing.cli.app", "pinsing.maps", "pinsing.sweeps.findings", "distributed"):
         importlib.import_module(module)  # each life is forked with them
     rows, wrong = [], []
-    share = dict.fromkeys(KINDS, 0.22)
+    share = dict.fromkeys(KINDS, 0.2)
+    share |= {"map, forked worker processes": 0.1, "map, one forked worker killed": 0.1}
     # They start slowly.
-    share |= {"map, worker processes": 0.1, "map, one worker process killed": 0.1}
+    share |= {"map, worker processes": 0.03, "map, one worker process killed": 0.03}
     share |= {"sweep, Dask": 0.11, "sweep, one Dask worker killed": 0.03}
     for kind in options.kind or KINDS:
         place = folder / kind.replace(", ", "_").replace(" ", "_")
@@ -83,7 +84,7 @@ def _kills(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[s
         row = {"kind": kind, "chunks": found.chunks, "runs": found.runs, "early": found.early}
         rows.append({**row, "ends": dict(found.ends), "kills": found.kills})
         wrong += [f"{kind}: {line}" for line in found.wrong]
-        print(rows[-1], flush=True)
+        print(rows[-1], *found.wrong, sep="\n", flush=True)
     return rows, wrong
 
 

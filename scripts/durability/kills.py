@@ -9,8 +9,10 @@ run at one stretch, to the last byte.
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import json
 import math
+import multiprocessing
 import os
 import random
 import shutil
@@ -36,6 +38,9 @@ KINDS: dict[str, tuple[str, ...]] = {
     "sweep, threads": (*SWEEP, "--threads", "2"),
     "map, worker processes": (*MAP, "--workers", "2"),
     "map, one worker process killed": (*MAP, "--workers", "2"),
+    # As pinsing starts workers they take seconds to come up; forked ones are there at once.
+    "map, forked worker processes": (*MAP, "--workers", "2"),
+    "map, one forked worker killed": (*MAP, "--workers", "2"),
     "sweep, Dask": (*SWEEP, "--dask", "ADDRESS"),
     "sweep, one Dask worker killed": (*SWEEP, "--dask", "ADDRESS"),
 }
@@ -87,7 +92,7 @@ def campaign(kind: str, kills: int, seed: int, folder: Path, seconds: float = ma
             words = tuple(cluster.address if word == "ADDRESS" else word for word in words)
         whole = folder / "whole"
         began = time.monotonic()
-        code, said = life([*words, "--out", str(whole)], whole, None)
+        code, said = life([*words, "--out", str(whole)], whole, None, "forked" in kind)
         longest = time.monotonic() - began
         if code:
             found.wrong.append(f"the run at one stretch failed: {said}")
@@ -101,7 +106,7 @@ def campaign(kind: str, kills: int, seed: int, folder: Path, seconds: float = ma
                 _without_workers(line, out, cluster, rng, found)
             else:
                 ways = _WAYS if not kind.endswith("killed") else (OF_WORKERS,)
-                _one_run(line, out, longest, rng, found, kills, limit, ways)
+                _one_run(line, out, longest, rng, found, kills, limit, ways, "forked" in kind)
             if contents(out) != expected:
                 other = contents(out)
                 names = [n for n in {**expected, **other} if expected.get(n) != other.get(n)]
@@ -121,18 +126,19 @@ def _one_run(
     kills: int,
     limit: float,
     ways: Sequence[str],
+    forked: bool,
 ) -> None:
     for _ in range(10 * kills + 100):
         how = rng.choice(ways)
         early = rng.random() < _EARLY
         after = rng.uniform(0, longest if early else longest / 40)
         enough = found.kills >= kills or time.monotonic() >= limit
-        code, said = life(words, out, None if enough else (how, after, not early))
+        code, said = life(words, out, None if enough else (how, after, not early), forked)
         ended = {"SIGKILL": -signal.SIGKILL, OF_WORKERS: 2}.get(how, _STOPPED)
         if code == 0:
             return
         if enough or code != ended or "Traceback" in said:
-            found.wrong.append(f"{how} after {after:.3f} s: exit code {code}: {said[-500:]}")
+            found.wrong.append(f"{how} after {after:.3f} s: exit code {code}: {said[-4000:]}")
             return
         at_once = "ended at once" in said
         if how == OF_WORKERS and "a worker process died" not in said:
@@ -171,13 +177,13 @@ def _without_workers(
         found.wrong.append(f"{OF_WORKERS}: exit code {code}: {text[-500:]}")
 
 
-def _born(words: list[str], said: Path) -> int:
+def _born(words: list[str], said: Path, forked: bool = False) -> int:
     """Number of a new process that runs a command line."""
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         child = os.fork()
         if child == 0:
-            _live(words, said)
+            _live(words, said, forked)
         return child
     finally:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
@@ -189,19 +195,22 @@ def _workers_of(process: int) -> list[int]:
     for task in Path(f"/proc/{process}/task").glob("*/children"):
         for number in map(int, task.read_text().split()):
             with contextlib.suppress(OSError):
-                if b"spawn_main" in Path(f"/proc/{number}/cmdline").read_bytes():
+                if b"resource_tracker" not in Path(f"/proc/{number}/cmdline").read_bytes():
                     found.append(number)
     return sorted(found)
 
 
-def life(words: list[str], out: Path, end: tuple[str, float, bool] | None) -> tuple[int, str]:
+def life(
+    words: list[str], out: Path, end: tuple[str, float, bool] | None, forked: bool = False
+) -> tuple[int, str]:
     """Run a command line in a process of its own, and end it; its exit code and stderr.
 
-    ``end`` is the signal, after how many seconds, and whether these begin with its first chunk.
+    ``end`` is the signal, after how many seconds, and whether these begin with its first chunk;
+    ``forked`` says that its worker processes are forked.
     """
     said = out.with_name("said")
     before = _chunks(out)
-    child = _born(words, said)
+    child = _born(words, said, forked)
     code = None
     if end is not None:
         how, after, at_work = end
@@ -221,10 +230,24 @@ def life(words: list[str], out: Path, end: tuple[str, float, bool] | None) -> tu
     if code is None:
         code = _wait(child, _HANG)
     if code is None:
+        os.kill(child, signal.SIGUSR1)  # it says where it is
+        time.sleep(1)
         os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
-        return 999, "it hung"
+        _alone(child)
+        return 999, f"it hung: {said.read_text(errors='replace')}"
+    _alone(child)
     return code, said.read_text(errors="replace") if said.exists() else ""
+
+
+def _alone(session: int) -> None:
+    """Wait for the last worker of a life: a forked one holds the lock of the folder as well."""
+    limit = time.monotonic() + _HANG
+    with contextlib.suppress(ProcessLookupError):
+        while time.monotonic() < limit:
+            os.killpg(session, 0)
+            time.sleep(0.005)
+        os.killpg(session, signal.SIGKILL)
 
 
 def _chunks(out: Path) -> int:
@@ -234,7 +257,7 @@ def _chunks(out: Path) -> int:
         return 0
 
 
-def _live(words: list[str], said: Path) -> None:
+def _live(words: list[str], said: Path, forked: bool) -> None:
     """What a life is; never returns."""
     code = 99
     try:
@@ -244,10 +267,14 @@ def _live(words: list[str], said: Path) -> None:
         for number, handle in ((0, null), (1, null), (2, err)):
             os.dup2(handle, number)
         sys.stderr = os.fdopen(2, "w", buffering=1)
+        faulthandler.register(signal.SIGUSR1)
         # It is ignored where this was started in the background.
         signal.signal(signal.SIGINT, signal.default_int_handler)
         from pinsing.cli import main
 
+        if forked:
+            context = multiprocessing.get_context("fork")
+            vars(multiprocessing)["get_context"] = lambda *_: context
         try:
             signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
             main(words)

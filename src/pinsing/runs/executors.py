@@ -16,6 +16,9 @@ from typing import Any
 from pinsing._batch.engine import cpu_count
 from pinsing.errors import OptionError
 
+_LOOK_EVERY = 0.5
+_TIME_TO_NOTICE = 2.0
+
 
 @contextlib.contextmanager
 def local_threads(
@@ -57,13 +60,35 @@ def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]
     executor = _Processes(
         count, mp_context=multiprocessing.get_context("spawn"), initializer=_follow_parent
     )
+    ended = threading.Event()
+    watcher = threading.Thread(target=executor.watch, args=(ended,), daemon=True)
+    watcher.start()
     try:
         yield executor, count
     finally:
         executor.shutdown(wait=True, cancel_futures=True)
+        ended.set()
 
 
 class _Processes(ProcessPoolExecutor):
+    def watch(self, ended: threading.Event) -> None:
+        """See that a worker that dies is noticed, until the end.
+
+        The executor does so by itself, but where the worker was amid the writing of a result: then
+        it waits for the rest for ever, and so does every other worker that has one.
+        """
+        while not ended.wait(_LOOK_EVERY):
+            workers = list((getattr(self, "_processes", None) or {}).values())
+            if any(not worker.is_alive() for worker in workers):
+                if ended.wait(_TIME_TO_NOTICE):
+                    return
+                for worker in workers:
+                    worker.kill()
+                with contextlib.suppress(AttributeError, OSError):
+                    # Nobody else can write to it now: the rest is an end of file.
+                    self._result_queue._writer.close()  # type: ignore[attr-defined]
+                return
+
     def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
         # Processes that are started now inherit that Ctrl-C is blocked: it is for this one.
         before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
