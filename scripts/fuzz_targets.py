@@ -165,7 +165,7 @@ def _stage() -> Any:
     return Viewer(pinsing.load("planar3r"))._stage
 
 
-_MESSAGES = ('{"id": 1, "want": "start"}', '{"id": 20, "want": "frame", "q": [0.1, 0, 1.5]}')
+_MESSAGES = ('{"id": 1, "want": "start"}', '{"id": 20, "want": "start", "q": [0.1, 0, 1.5]}')
 
 
 def message(rngs: list[random.Random], folder: Path) -> Ended:
@@ -186,8 +186,9 @@ def message(rngs: list[random.Random], folder: Path) -> Ended:
     async def send(answer: str) -> None:
         sent.append(answer)
 
-    link = SimpleNamespace(site=SimpleNamespace(stage=_stage()), send=send, drop=lambda: None)
-    asyncio.run(Live.on_message(link, text))  # type: ignore[arg-type]
+    link: Any = object.__new__(Live)  # without a connection
+    link.site, link.send, link.drop = SimpleNamespace(stage=_stage()), send, lambda: None
+    asyncio.run(link.on_message(text))
     if len(sent) != 1:
         raise Wrong(f"{len(sent)} answers")
     answer = json.loads(sent[0], parse_constant=_no_constant)
