@@ -211,6 +211,8 @@ def _set_word(rng: random.Random, root: ET.Element, e: ET.Element, tags: list[st
 
 def _expression(rng: random.Random, root: ET.Element, e: ET.Element, tags: list[str]) -> None:
     holders = [x for x in root.iter() if x.attrib]
+    if not holders:
+        return
     holder = rng.choice(holders)
     key = rng.choice(list(holder.attrib))
     new = rng.choice(EXPRESSIONS)
@@ -260,7 +262,7 @@ def _rename(rng: random.Random, root: ET.Element, e: ET.Element, tags: list[str]
 def _copy_name(rng: random.Random, root: ET.Element, e: ET.Element, tags: list[str]) -> None:
     names = [x.get("name", "") for x in root.iter() if "name" in x.attrib]
     if names:
-        e.set(rng.choice(["name", "link", "joint"]), rng.choice(names))
+        e.set(rng.choice(["name", "link", "joint"]), rng.choice(names or [""]))
 
 
 def _truncated(rng: random.Random, text: str) -> str:

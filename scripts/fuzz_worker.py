@@ -29,6 +29,7 @@ from fuzz_mutants import DATA, bases, mutant
 from fuzz_report import FILES, GOOD, MEMORY, SECONDS, Outcome
 
 HANG = 45.0
+_START = 300.0  # seconds that the imports of a new process may take on a busy machine
 SUFFIX = {"urdf": "arm.urdf", "xacro": "arm.xacro", "dh": "arm.yaml", "loops": "arm.loops.yaml"}
 _URDFS = ("ur5_robot", "panda", "z1", "so101", "kinova")
 _WORTH_KEEPING = 60_000  # bytes of a file that others are made from
@@ -101,6 +102,7 @@ def serve() -> None:
     fork_children()
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     lines = Lines(readers())
+    print("ready", file=answers, flush=True)
     with tempfile.TemporaryDirectory() as folder:
         for line in sys.stdin:
             kind, chain = json.loads(line)
@@ -132,7 +134,6 @@ class Worker:
         started = time.monotonic()
         process.stdin.write(json.dumps([kind, chain]) + "\n")
         process.stdin.flush()
-        # The first answer of a process waits for its imports too.
         ready, _, _ = select.select([process.stdout], [], [], HANG)
         seconds = time.monotonic() - started
         line = process.stdout.readline() if ready else ""
@@ -161,6 +162,10 @@ class Worker:
                 text=True,
                 env={**os.environ, **threads},
             )
+            assert self._process.stdout is not None
+            select.select([self._process.stdout], [], [], _START)
+            if self._process.stdout.readline() != "ready\n":
+                raise RuntimeError("a worker does not start")
         return self._process
 
     def stop(self) -> None:

@@ -363,6 +363,9 @@ def dask(folder: Path, workers: int = 2) -> Iterator[Cluster]:
         try:
             for _ in range(workers):
                 cluster.start_worker()
+            # In a process of its own: what is forked here must not have threads.
+            code = f"import distributed as d; d.Client({cluster.address!r}).wait_for_workers(1)"
+            subprocess.run([sys.executable, "-c", code], check=True, timeout=_HANG)
             yield cluster
         finally:
             cluster.close()
