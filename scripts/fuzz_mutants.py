@@ -186,7 +186,10 @@ def _xml(rng: random.Random, kind: str, data: bytes) -> bytes:
         for key, value in element.attrib.items():
             element.attrib[key] = "".join(c for c in value if c in "\n\t" or ord(c) >= 32)
     encoding = rng.choice(["utf-8"] * 8 + ["utf-16", "iso-8859-1", "us-ascii", "cp1252"])
-    data = ET.tostring(root, encoding=encoding)
+    try:
+        data = ET.tostring(root, encoding=encoding)
+    except RecursionError:  # nested deeply before
+        return _bytes(rng, data)
     return _bytes(rng, data) if rng.random() < 0.12 else data
 
 
