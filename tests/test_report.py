@@ -168,6 +168,16 @@ def test_verdicts_are_those_of_at() -> None:
     assert f"{np.degrees(near):.3g}°" in Outline(html).text
 
 
+def test_what_to_take_in_place_of_a_singular_zero() -> None:
+    arm = textbook("stanford")
+    page = Outline(arm_report(arm, pinsing.closed_form(arm), {}, False, None, True)[0])
+    said = re.search(r"The zero pose is singular.*?--deg --q ([-0-9.,e]+)", page.text)
+    assert said
+    q = np.array([float(x) for x in said[1].rstrip(".").split(",")])
+    q = np.where(arm.prismatic, q, np.radians(q))
+    assert pinsing.at(arm, q).status == "regular"
+
+
 HOSTILE = '"><script>alert(1)</script><img src=x onerror=alert(2)>'
 
 

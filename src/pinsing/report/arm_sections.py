@@ -315,6 +315,7 @@ def special(c: Content) -> Section:
         "special",
         "Special configurations",
         table("Verdicts", header, rows, (3,)),
+        _instead(c),
         paragraph(
             text(
                 "The σ ratio is sigma_r / sigma_1 of the Jacobian. The distance of the nearest "
@@ -325,6 +326,14 @@ def special(c: Content) -> Section:
             kind="sub",
         ),
     )
+
+
+def _instead(c: Content) -> str:
+    """What to take in place of usual poses that are singular."""
+    arm = c.info.arm
+    said = [p.text(arm.source, arm.prismatic, True) for p in c.info.singular_poses]
+    head = paragraph(text("What to take instead:")) if said else ""
+    return head + bullets(text(_sentence(line)) for line in said)
 
 
 def _distance(lower: float, upper: float, family: str) -> str:

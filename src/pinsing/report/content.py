@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import platform
 import sys
@@ -17,6 +18,7 @@ from pinsing._types import Array
 from pinsing._version import __version__
 from pinsing.configuration.at import at
 from pinsing.configuration.state import State
+from pinsing.errors import PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.verdict import SINGULAR_RTOL
@@ -141,7 +143,8 @@ def special_poses(arm: Arm) -> dict[str, Array]:
     found = {"zero": np.zeros(arm.n), "mid-range": np.where(ends, (lower + upper) / 2, 0.0)}
     named = arm.source.full_model.referenceConfigurations
     for key in sorted(str(pair.key()) for pair in named):
-        found[key] = arm.q_of(np.array(named[key]))
+        with contextlib.suppress(PinsingError):  # locked joints stand elsewhere in it
+            found[key] = arm.q_of(np.array(named[key]))
     if np.array_equal(found["zero"], found["mid-range"]):
         found = {"zero, which is mid-range": found.pop("zero"), **found}
         del found["mid-range"]
