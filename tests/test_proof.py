@@ -464,6 +464,22 @@ def test_what_cannot_be_verified_is_said_in_one_line(tmp_path):
     assert not (tmp_path / "x.json").exists()
 
 
+def test_several_certificates_are_verified_at_once(tmp_path, certificates):
+    text = text_of(certificates("scara"))
+    good, short, long = (tmp_path / f"{name}.json" for name in ("good", "short", "long"))
+    good.write_text(text, encoding="utf-8")
+    short.write_text(text[:-50], encoding="utf-8")
+    long.write_text(text + " " * 5_000_000, encoding="utf-8")
+    run = pinsing_command("verify", good, good)
+    assert run.returncode == 0, run
+    assert run.stdout.count("proven (") == 2
+    run = pinsing_command("verify", good, short, long)
+    assert run.returncode == 1, run
+    assert [": rejected: " in line for line in run.stdout.splitlines()] == [False, True, True]
+    assert pinsing_command("verify").returncode == 2
+    assert pinsing_command("verify", good, tmp_path).returncode == 2
+
+
 def test_families_without_names_are_rejected(certificates):
     data = certificates("stanford")
     for family in data["families"]:

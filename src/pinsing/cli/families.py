@@ -93,33 +93,40 @@ def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
     say(f"wrote {path}")
 
 
-@click.command("verify", short_help="Check a certificate.")
-@click.argument("file", metavar="FILE.json", type=click.Path(path_type=Path))
-def verify_command(file: Path) -> int:
-    """Check a certificate that `pinsing families --certificate` wrote.
+@click.command("verify", short_help="Check certificates.")
+@click.argument(
+    "files", metavar="FILE.json...", nargs=-1, required=True, type=click.Path(path_type=Path)
+)
+def verify_command(files: tuple[Path, ...]) -> int:
+    """Check certificates that `pinsing families --certificate` wrote.
 
-    Exits with 0 if the checker accepts it, with 1 if it rejects it, and says why in one line. The
-    checker is pinsing/proof/checker.py, which also runs alone: it imports nothing of pinsing.
+    Exits with 0 if the checker accepts all of them, with 1 if it rejects one, and says why in one
+    line each. The checker is pinsing/proof/checker.py, which also runs alone: it imports nothing
+    of pinsing.
     """
+    results = [_verified(file) for file in files]
+    for file, (_, text) in zip(files, results, strict=True):
+        emit(text if len(files) == 1 else f"{file}: {text}")
+    return 0 if all(accepted for accepted, _ in results) else 1
+
+
+def _verified(file: Path) -> tuple[bool, str]:
+    """Whether a file is accepted, and what is said of it."""
     from pinsing.proof.checker import LONGEST_FILE, Rejected, statement, verify
 
     started = time.perf_counter()
     try:
         with file.open(encoding="utf-8") as stream:
             text = stream.read(LONGEST_FILE + 1)
+        data = verify(text)
     except OSError as error:
         raise RobotFileError(error.strerror or "cannot be read", file) from None
     except UnicodeDecodeError:
-        emit("rejected: the file is no text")
-        return 1
-    try:
-        data = verify(text)
+        return False, "rejected: the file is no text"
     except Rejected as reason:
-        emit(f"rejected: {reason}")
-        return 1
+        return False, f"rejected: {reason}"
     took = 1e3 * (time.perf_counter() - started)
-    emit(f"proven ({len(text) / 1e3:.1f} kB, checked in {took:.0f} ms): {statement(data)}")
-    return 0
+    return True, f"proven ({len(text) / 1e3:.1f} kB, checked in {took:.0f} ms): {statement(data)}"
 
 
 @contextlib.contextmanager
