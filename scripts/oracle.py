@@ -136,14 +136,15 @@ def table(outcomes: Sequence[Outcome]) -> str:
 
 
 def read(file: Path) -> list[Outcome]:
-    """Outcomes of an earlier run; a last line that was cut off is left out."""
-    found = []
+    """Outcomes of an earlier run; the last of each chain, without a line that was cut off."""
+    found = {}
     for line in file.read_text().splitlines() if file.exists() else []:
         try:
-            found.append(Outcome(**json.loads(line)))
+            outcome = Outcome(**json.loads(line))
         except ValueError:
             continue
-    return found
+        found[outcome.seed] = outcome
+    return list(found.values())
 
 
 def main() -> int:

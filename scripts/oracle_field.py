@@ -44,7 +44,14 @@ def root_of(square: int, prime: int) -> int:
 
 
 def number(value: Any, prime: int) -> int:
-    """A rational number, or one with parts of 1, sqrt 2, sqrt 3, sqrt 6, modulo a prime."""
+    """A rational number, or one with parts of 1, sqrt 2, sqrt 3, sqrt 6, modulo a prime.
+
+    Raises
+    ------
+    ZeroDivisionError
+        If the prime divides a denominator, or the number itself, which is not zero: it then makes
+        another chain of this one.
+    """
     parts = getattr(value, "parts", None) or (Fraction(value),)
     total = 0
     for square, part in zip((1, 2, 3, 6), parts, strict=False):
@@ -53,6 +60,8 @@ def number(value: Any, prime: int) -> int:
                 raise ZeroDivisionError(f"a denominator is a multiple of {prime}")
             scale = part.numerator * pow(part.denominator, -1, prime)
             total += scale * (1 if square == 1 else root_of(square, prime))
+    if any(parts) and total % prime == 0:
+        raise ZeroDivisionError(f"the number is a multiple of {prime}")
     return total % prime
 
 
@@ -325,7 +334,7 @@ def verdicts(
     seed: int,
     primes: Sequence[int],
 ) -> Iterator[Verdict]:
-    """Verdicts at one prime after the other; those that divide a denominator are passed over."""
+    """Verdicts at one prime after the other; those that divide a number are passed over."""
     for prime in primes:
         try:
             yield judge(geometry, rows, rank, components, prime, count, seed)

@@ -293,7 +293,8 @@ def proof_text(forms: ClosedForm, page: Page = PLAIN) -> str:
 
 CHANCE = 1e-12
 """Bound of the chance that a random point modulo one prime misleads: degree / prime (Schwartz,
-1980; Zippel, 1979), with degrees below 4e6 (eliminants are cut off at 3,000) and primes of 62 bits."""
+1980; Zippel, 1979), with degrees
+below 4e6 (eliminants are cut off at 3,000) and primes of 62 bits."""
 
 
 def _random_steps(forms: ClosedForm) -> str:
