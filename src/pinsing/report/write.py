@@ -28,7 +28,7 @@ def write_report(
     page: Literal["inside", "beside", "none"] = "inside",
     skeleton: bool = False,
     pdf: str | os.PathLike[str] | None = None,
-) -> None:
+) -> tuple[Path, ...]:
     """Write a report of the singular configurations of an arm, or of a mechanism, as HTML.
 
     One file that needs no network: summary, joints, what was assumed, each family with its
@@ -54,6 +54,11 @@ def write_report(
     pdf : path-like, optional
         Print it to this file as well. Needs Chromium or Chrome.
 
+    Returns
+    -------
+    tuple of Path
+        The files that were written: the page beside, the HTML, the PDF, those there are.
+
     Raises
     ------
     OutputError
@@ -66,7 +71,7 @@ def write_report(
     Examples
     --------
     >>> import pathlib, pinsing
-    >>> pinsing.write_report(pinsing.load("planar3r"), "arm.html", page="none")
+    >>> files = pinsing.write_report(pinsing.load("planar3r"), "arm.html", page="none")
     >>> "Family F1" in pathlib.Path("arm.html").read_text()
     True
     """
@@ -85,12 +90,17 @@ def write_report(
         beside = check_writable(html_file.with_name(f"{html_file.stem}-model.html"))
     html, shown = _made(robot, forms, poses or {}, page, beside, skeleton)
     on_paper = None if pdf_file is None else printed(html, pdf_file)
+    written = []
     if beside is not None and shown is not None:
         write_text(beside, shown)
+        written.append(beside)
     if html_file is not None:
         write_text(html_file, html)
+        written.append(html_file)
     if pdf_file is not None and on_paper is not None:
         write_bytes(pdf_file, on_paper)
+        written.append(pdf_file)
+    return tuple(written)
 
 
 def _same(a: Path, b: Path) -> bool:
