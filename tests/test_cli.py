@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from click.testing import CliRunner, Result
 
+import pinsing
 from pinsing.analysis.result import Analysis
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.cli.app import command
@@ -139,6 +140,25 @@ class TestAt:
         assert state.to_dict() == at(load("ur5"), q).to_dict()
         sigma = np.linalg.svd(task_jacobian(load("ur5"), q), compute_uv=False)
         np.testing.assert_allclose(state.sigma, sigma)
+
+    def test_distances_to_all_families_nearest_first(self):
+        q = [0.1, -1.0, 0.8, 0.3, 0.9, 0.2]
+        words = ["at", "ur5", "--q", ",".join(map(str, q))]
+        found = json.loads(run(*words, "--json", "-").stdout)["distances"]
+        form = pinsing.closed_form(load("ur5"))
+        assert sorted(f["family"] for f in found["families"]) == ["F1", "F2", "F3"]
+        assert found["complete"] is True
+        for f in found["families"]:
+            true = next(x for x in form.families if x.name == f["family"]).distance(q)
+            assert (f["lower"], f["upper"]) == pytest.approx((true.lower, true.upper), abs=1e-6)
+            assert f["upper"] - f["lower"] <= 1e-6
+        far = [f["upper"] for f in found["families"]]
+        assert far == sorted(far)
+        text = " ".join(run(*words).stdout.split())
+        assert "distance F1: 45.84° (0.8), by q3 -0.8 rad; the family is within" in text
+        assert "distance" not in run(*words, "--no-distances").stdout
+        assert "distances" not in json.loads(run(*words, "--no-distances", "--json", "-").stdout)
+        assert "F3: 0° (0), on it" in run("at", "stanford", "--q", "0,1,0.3,1,0,0").stdout
 
     def test_degrees_for_turning_joints_metres_for_sliding_ones(self):
         words = ["at", "stanford", "--json", "-", "--q"]

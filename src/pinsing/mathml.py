@@ -17,7 +17,7 @@ _TOKENS = re.compile(
 )
 _OPERATORS = {"pm": "±", "cdot": "·", "le": "≤", "ge": "≥", "times": "×"}
 _FUNCTIONS = ("cos", "sin")
-_LETTERS = {"sigma": "σ", "pi": "π", "circ": "°"}
+_LETTERS = {"sigma": "σ", "pi": "π", "circ": "°", "varphi": "φ"}
 _THIN, _SPACE = "0.17em", "0.4em"
 _GAPS = {",": _THIN, " ": _SPACE, "quad": "1em"}
 _UPRIGHT = ("mathrm", "operatorname")
@@ -98,7 +98,9 @@ class _Reader:
             if kind == "mark" and token in "^_":
                 if not out:
                     raise _Unknown(self._latex)
-                out.append(self._script(out.pop(), token, depth))
+                gap = [out.pop()] if len(out) > 1 and out[-1] == _gap(_THIN) else []
+                out.append(self._script(out.pop(), token, depth))  # cos^2: before its gap
+                out += gap
             else:
                 if token[1:] in _FUNCTIONS and out and out[-1].startswith(("<mn", "<ms")):
                     out.append(_gap(_THIN))
@@ -127,6 +129,8 @@ class _Reader:
         if command in _UPRIGHT:
             upright = f'<mi mathvariant="normal">{html.escape(self._words())}</mi>'
             return [upright, _gap(_THIN)] if command == "operatorname" else [upright]
+        if command == "sqrt":
+            return [f"<msqrt>{''.join(self._group(depth))}</msqrt>"]
         if command == "pmod":
             inner = "".join(self._group(depth))
             inner = f"{_operator('(')}<mi>mod</mi> {_gap(_SPACE)}{inner}{_operator(')')}"

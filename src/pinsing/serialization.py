@@ -206,7 +206,7 @@ def _decode(kind: Any, value: Any) -> Any:
             written = f.metadata.get("json", True)
             if isinstance(written, Written):
                 read[f.name] = written.decode(_decode(written.kind, data[written.name]))
-            elif written:
+            elif written and (f.name in data or not f.metadata.get("optional")):
                 read[f.name] = _decode(hints[f.name], data[f.name])
         return kind(**read)
     if origin in (typing.Union, types.UnionType):

@@ -8,8 +8,10 @@ show as sums of angles.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -17,7 +19,7 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
-from pinsing.geometry.surd import parts_of
+from pinsing.geometry.surd import Exact, exact_of, exact_text, parts_of
 
 _NOTHING = 1e-15
 """Coefficients this small, relative to the sum of all, are rounding, and are not written out."""
@@ -49,6 +51,9 @@ class Equation:
     accuracy : float
         Of the coefficients, relative to their sum: less than rounding where most of an equation
         has cancelled at the value of some joint.
+    exact : tuple of (str, str)
+        The same coefficients of cosine and sine exactly, up to one positive factor for all:
+        ``-3``, ``5 + 2 sqrt(3)``. Empty where joints were put at values that are no such numbers.
     """
 
     joints: tuple[str, ...]
@@ -58,6 +63,11 @@ class Equation:
     sin: Array
     shift: Array
     accuracy: float = 1e-15
+    exact: tuple[tuple[str, str], ...] = field(default=(), metadata={"optional": True})
+
+    def __post_init__(self) -> None:
+        if self.exact and len(self.exact) != len(self.cos):
+            raise ValueError("there are more, or less, exact coefficients than terms")
 
     @property
     def involved(self) -> tuple[int, ...]:
@@ -110,7 +120,10 @@ class Equation:
 
     def scaled(self, factor: float) -> Equation:
         """The same equation with all coefficients multiplied."""
-        return replace(self, cos=self.cos * factor, sin=self.sin * factor)
+        exact = self.exact
+        if factor < 0:
+            exact = tuple((_negated(c), _negated(s)) for c, s in exact)
+        return replace(self, cos=self.cos * factor, sin=self.sin * factor, exact=exact)
 
     def text(self) -> str:
         """One line, such as ``0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0``."""
@@ -121,6 +134,26 @@ class Equation:
         """The same line in LaTeX."""
         condition = self._angle_sum(_LATEX)
         return condition if condition else f"{_join(self._pieces(_LATEX))} = 0"
+
+    def exact_text(self, latex: bool = False) -> str:
+        """The same line with exact coefficients, or nothing where they are not known.
+
+        Parameters
+        ----------
+        latex : bool
+            As LaTeX.
+        """
+        style = _LATEX if latex else _PLAIN
+        if not self.exact or self._angle_sum(style):
+            return ""
+        numbers = [(exact_of(c), exact_of(s)) for c, s in self.exact]
+        pieces = []
+        for t in sorted(range(len(self.cos)), key=self._reading_order):
+            for value, body in self._bodies(t, style):
+                number = numbers[t][value]
+                if float(number):
+                    pieces.append((number, body))
+        return f"{_exact_sum(pieces, latex)} = 0"
 
     def __str__(self) -> str:
         return self.text()
@@ -138,21 +171,32 @@ class Equation:
     def _pieces(self, style: _Style) -> list[tuple[float, str]]:
         """Signed coefficients and what they multiply, a good order for reading."""
         pieces = []
-        order = sorted(range(len(self.cos)), key=self._reading_order)
-        for t in order:
-            power = " ".join(
-                style.power(self.joints[j], int(self.powers[t, j]))
-                for j in np.flatnonzero(self.powers[t])
-            )
-            angle = self._angle(self.frequencies[t], style)
-            if not angle:
-                pieces.append((float(self.cos[t]), power))
-                continue
-            for coefficient, name in ((self.cos[t], style.cos), (self.sin[t], style.sin)):
-                if abs(coefficient) > _NOTHING * self.size:
-                    body = f"{name}{angle}" if angle.startswith("(") else f"{name.strip()} {angle}"
-                    pieces.append((float(coefficient), f"{power} {body}".strip()))
+        for t in sorted(range(len(self.cos)), key=self._reading_order):
+            for value, body in self._bodies(t, style):
+                coefficient = float((self.cos, self.sin)[value][t])
+                if t in self._constants or abs(coefficient) > _NOTHING * self.size:
+                    pieces.append((coefficient, body))
         return pieces
+
+    @property
+    def _constants(self) -> frozenset[int]:
+        """Terms without any angle."""
+        return frozenset(np.flatnonzero(~self.frequencies.any(axis=1)).tolist())
+
+    def _bodies(self, t: int, style: _Style) -> list[tuple[int, str]]:
+        """What the cosine (0) and the sine (1) of a term multiply."""
+        power = " ".join(
+            style.power(self.joints[j], int(self.powers[t, j]))
+            for j in np.flatnonzero(self.powers[t])
+        )
+        angle = self._angle(self.frequencies[t], style)
+        if not angle:
+            return [(0, power)]
+        bodies = []
+        for value, name in enumerate((style.cos, style.sin)):
+            body = f"{name}{angle}" if angle.startswith("(") else f"{name.strip()} {angle}"
+            bodies.append((value, f"{power} {body}".strip()))
+        return bodies
 
     def _reading_order(self, t: int) -> tuple[int, int, tuple[int, ...]]:
         used = np.flatnonzero(self.frequencies[t])
@@ -246,6 +290,34 @@ def _join(pieces: Sequence[tuple[float, str]], tight: bool = False) -> str:
     return out or "0"
 
 
+def _whole(pairs: Sequence[tuple[Exact, Exact]]) -> tuple[tuple[str, str], ...]:
+    """Exact coefficients as text, times the number that makes them whole and as small as may be."""
+    numbers = [part for pair in pairs for c in pair for part in parts_of(c)]
+    bottom = math.lcm(*(x.denominator for x in numbers))
+    scale = Fraction(bottom, math.gcd(*(int(x * bottom) for x in numbers)) or 1)
+    return tuple((exact_text(c * scale), exact_text(s * scale)) for c, s in pairs)
+
+
+def _negated(number: str) -> str:
+    return exact_text(-exact_of(number))
+
+
+def _exact_sum(pieces: Sequence[tuple[Exact, str]], latex: bool) -> str:
+    """Sum of pieces with exact numbers; sums with roots stand in brackets."""
+    out = ""
+    for number, body in pieces:
+        parts = [p for p in parts_of(number) if p]
+        negative = len(parts) == 1 and parts[0] < 0
+        size = exact_text(-number if negative else number)
+        if latex:
+            size = re.sub(r"sqrt\((\d)\)", r"\\sqrt{\1}", size)
+        size = f"({size})" if len(parts) > 1 else size
+        shown = body if size == "1" and body else f"{size} {body}".strip()
+        out += ("-" if negative else "") if not out else (" - " if negative else " + ")
+        out += shown
+    return out or "0"
+
+
 def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Equation:
     """Fourier form of a polynomial in half-angle coordinates, scaled to a largest term of 1.
 
@@ -278,6 +350,7 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
         cos=cos / top,
         sin=sin / top,
         shift=shift,
+        exact=_whole(list(terms.values())),
     )
     first = out._pieces(_PLAIN)[0][0]
     return out.scaled(-1.0) if first < 0 else out

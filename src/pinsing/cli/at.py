@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -15,8 +16,14 @@ from pinsing.cli.options import (
     json_option,
     parse_numbers,
 )
-from pinsing.cli.output import emit, emit_json, say
+from pinsing.cli.output import emit, emit_json_data, say
+from pinsing.errors import PinsingError
 from pinsing.prose import Page
+
+if TYPE_CHECKING:
+    from pinsing._types import Array
+    from pinsing.proximity.distances import Distances
+    from pinsing.robot.arm import Arm
 
 
 @click.command("at", short_help="Everything about one configuration.")
@@ -45,6 +52,12 @@ from pinsing.prose import Page
     metavar="RATIO",
     help="Near-singular at or below this.  [default: 0.01]",
 )
+@click.option(
+    "--distances/--no-distances",
+    "far",
+    default=True,
+    help="Distances to all families of singular configurations (closed forms are computed).",
+)
 @deg_option
 @json_option
 @fail_option
@@ -54,6 +67,7 @@ def at_command(
     use_nominal: bool,
     rtol: float | None,
     near_rtol: float | None,
+    far: bool,
     deg: bool,
     json_target: str | Path | None,
     fail_if_singular: bool,
@@ -61,16 +75,18 @@ def at_command(
     """Everything about one configuration of ROBOT.
 
     Singular values, rank, manipulability, condition number, velocity ellipsoids, what motion
-    is lost, and which joint axes line up.
+    is lost, which joint axes line up, and how far it is to each family of singular configurations,
+    nearest first, with a proof that it is not nearer.
 
     Example: pinsing at ur5 --q 0,-90,90,0,0,0 --deg
     """
     parse_numbers(q, "--q", deg)  # a slip of the pen, before the robot is read
     arm = request.load()
     from pinsing.configuration.at import at
-    from pinsing.configuration.state import state_text
+    from pinsing.configuration.state import LABEL, state_text
     from pinsing.geometry.nominal import nominal
     from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+    from pinsing.proximity.distances import distance_words
 
     values = joint_vector(arm, q, "--q", deg)
     state = at(
@@ -81,6 +97,34 @@ def at_command(
     )
     for name in state.outside:
         say(f"note: joint {name} is outside its limits")
-    if not emit_json(state, json_target):
-        emit(state_text(state, deg, Page.of()))
+    found = _distances(arm, values) if far else None
+    data = state.to_dict()
+    if found is not None:
+        data["distances"] = found.to_dict()
+    if not emit_json_data(data, json_target):
+        page = Page.of()
+        emit(state_text(state, deg, page))
+        if found is not None:
+            lines = distance_words(found, deg, arm.prismatic)
+            emit("")
+            rows = [("distance" if i == 0 else "", line) for i, line in enumerate(lines)]
+            emit(page.fields(rows, LABEL))
     return int(fail_if_singular and state.singular)
+
+
+def _distances(arm: Arm, q: Array) -> Distances | None:
+    """Distances to all families; none, and why, where closed forms are not to be had."""
+    from pinsing.families import closed_form
+    from pinsing.proximity.distances import distances
+
+    try:
+        form = closed_form(arm)
+    except PinsingError as error:
+        say(f"note: no distances to families: {error}")
+        return None
+    if not form.complete:
+        say("note: the closed form is not complete: a singular configuration may be nearer")
+    if not any(f.real for f in form.families):
+        say("note: there is no family of singular configurations to be near to")
+        return None
+    return distances(form, q)

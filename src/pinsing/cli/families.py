@@ -7,7 +7,7 @@ import sys
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,12 +17,18 @@ from pinsing.cli.singularities import algebra_options
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.prose import Page, is_terminal
 
+if TYPE_CHECKING:
+    from pinsing.families import ClosedForm
+
 _REDRAW_SECONDS = 0.1
 
 
 @click.command("families", short_help="All families as equations.")
 @arm_options
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
+@click.option(
+    "--exact", is_flag=True, help="Exact coefficients, up to a factor. (The JSON always has them.)"
+)
 @algebra_options
 @click.option(
     "--prove/--no-prove",
@@ -42,6 +48,7 @@ _REDRAW_SECONDS = 0.1
 def families_command(
     request: RobotRequest,
     latex: bool,
+    exact: bool,
     deg: bool,
     algebra: dict[str, Any],
     prove: bool | None,
@@ -65,17 +72,22 @@ def families_command(
     from pinsing.families import prove as add_proof
     from pinsing.families.form import families_text, proof_text
 
+    def written(form: ClosedForm) -> str:
+        if latex:
+            return form.latex(legend=True, exact=exact)
+        return families_text(form, Page.of(), deg, exact=exact)
+
     long = prove is True or certificate is not None
     found = closed_form(arm, **algebra, prove=False if prove is False else None)
     again = long and found.word != "proven"
     if json_target is None:
-        emit(found.latex(legend=True) if latex else families_text(found, Page.of(), deg))
+        emit(written(found))
     if again:
         with _progress() as progress:
             found = add_proof(found, progress=progress)
     if json_target is not None:
         if not emit_json(found, json_target):
-            emit(found.latex(legend=True) if latex else families_text(found, Page.of(), deg))
+            emit(written(found))
     elif again and not latex:
         emit(proof_text(found, Page.of()))
     if certificate is not None:

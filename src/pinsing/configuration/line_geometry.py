@@ -190,7 +190,7 @@ def pose_reason(
     if reason is None:
         reason = _through_a_centre(axes, ids, centres, tol, nearly)
     if reason is None:
-        reason = one_line(axes, ids, tol, nearly)
+        reason = one_line(axes, ids, tol, nearly) or one_complex(axes, ids, tol, nearly)
     return reason or dependent(ids, nearly)
 
 
@@ -282,13 +282,10 @@ def one_line(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> 
     twists the only reciprocal wrench has pitch zero (Merlet, "Singular configurations of
     parallel manipulators and Grassmann geometry", 1989).
     """
-    v = np.array([axes.velocity(i, axes.tip) for i in ids]) / axes.size
-    w = np.where(axes.prismatic[list(ids), None], 0.0, axes.direction[list(ids)])
-    v[axes.prismatic[list(ids)]] *= axes.size
-    _, sigma, Vt = np.linalg.svd(np.concatenate([v, w], axis=1))
-    if (sigma > tol * sigma[0]).sum() != 5:
+    found = _reciprocal(axes, ids, tol)
+    if found is None:
         return None
-    force, moment = Vt[5, :3], Vt[5, 3:]  # moment about the tip, in units of size
+    force, moment = found
     strength = float(np.linalg.norm(force))
     if strength <= tol:
         turning = [i for i in ids if not axes.prismatic[i]]
@@ -312,6 +309,45 @@ def one_line(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> 
     if not met:
         return None
     return _common_line(len(axes.prismatic), met, along, across, nearly)
+
+
+def one_complex(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> str | None:
+    """Say that these axes belong to one linear complex, and of which pitch, if they do.
+
+    Five independent twists have one reciprocal wrench. Where its pitch is not zero, the lines
+    that it does no work on are those of a linear complex of that pitch (K. H. Hunt, "Kinematic
+    Geometry of Mechanisms", 1978).
+    """
+    found = _reciprocal(axes, ids, tol)
+    if found is None:
+        return None
+    force, moment = found
+    strength = float(np.linalg.norm(force))
+    if strength <= tol:
+        return None
+    pitch = float(force @ moment) / strength**2 * axes.size
+    turning = [i for i in ids if not axes.prismatic[i]]
+    sliding = [i for i in ids if axes.prismatic[i]]
+    every = len(turning) == len(axes.prismatic)
+    count = {6: "six ", 5: "five ", 7: "seven "}.get(len(turning), "")
+    who = f"all {count}axes" if every else f"axes {numbers(turning)}"
+    words = f"{who} {nearly}belong to one linear complex, here of pitch {pitch:.3g} m/rad"
+    if sliding:
+        verb = "is" if len(sliding) == 1 else "are"
+        prismatic = _counted("prismatic joint", "prismatic joints", sliding)
+        words += f", and {prismatic} {verb} {nearly}perpendicular to its axis"
+    return words
+
+
+def _reciprocal(axes: JointAxes, ids: tuple[int, ...], tol: float) -> tuple[Array, Array] | None:
+    """The one wrench (force, moment about the tip in units of size) that none of these moves."""
+    v = np.array([axes.velocity(i, axes.tip) for i in ids]) / axes.size
+    w = np.where(axes.prismatic[list(ids), None], 0.0, axes.direction[list(ids)])
+    v[axes.prismatic[list(ids)]] *= axes.size
+    _, sigma, Vt = np.linalg.svd(np.concatenate([v, w], axis=1))
+    if (sigma > tol * sigma[0]).sum() != 5:
+        return None
+    return Vt[5, :3], Vt[5, 3:]
 
 
 def _common_line(

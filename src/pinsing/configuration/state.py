@@ -18,7 +18,8 @@ from pinsing.serialization import JsonResult
 
 SINGULAR, NEAR_SINGULAR, REGULAR = "singular", "near-singular", "regular"
 
-_LABEL = 18
+LABEL = 18
+"""Width of the labels of a state's lines."""
 
 Line = tuple[str, Span | tuple[Span, ...]]
 
@@ -204,7 +205,7 @@ def state_text(state: State, degrees: bool = False, page: Page = PLAIN) -> str:
     page : Page
         What it is fitted to.
     """
-    return page.fields(_lines(state, degrees), _LABEL)
+    return page.fields(_lines(state, degrees), LABEL)
 
 
 def _lines(state: State, degrees: bool) -> Iterator[Line]:

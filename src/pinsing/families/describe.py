@@ -15,6 +15,7 @@ from pinsing.families.family import Family
 from pinsing.families.kinds import kinds_of
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import Piece, PieceMaker
+from pinsing.families.solved_for import solved_for
 from pinsing.families.statement import statement
 from pinsing.families.zero_set import gradients, proven_empty
 from pinsing.geometry.nominal import Nominal
@@ -58,6 +59,7 @@ def describe(group: Sequence[Piece], maker: PieceMaker, arm: Arm, geometry: Nomi
         prismatic=np.array(arm.prismatic),
         length_scale=arm.length_scale,
         components=tuple(p.component for p in group),
+        solved=solved_for(b.equations for b in branches),
     )
     if not draft.real:
         return draft

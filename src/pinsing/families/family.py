@@ -20,6 +20,7 @@ from pinsing.families.html import families_table, family_row
 from pinsing.families.nearness import Distance, near, nearest
 from pinsing.families.parts import Branch, KindPart
 from pinsing.families.points import spread
+from pinsing.families.solved_for import SolvedFor
 from pinsing.families.zero_set import ROUNDS
 from pinsing.measures import Reachability
 from pinsing.robot.joint_space import JointSpace
@@ -83,6 +84,8 @@ class Family(JsonResult):
         Metres.
     components : tuple of Component
         The same in exact polynomials of the half-angles; not written to JSON.
+    solved : tuple of SolvedFor
+        Its long equations, each solved for a joint that enters once.
     """
 
     schema: ClassVar[str] = "pinsing/family/1"
@@ -112,6 +115,7 @@ class Family(JsonResult):
     limit_tolerance: Array | None = None
     limits_met: tuple[str, ...] = ()
     components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
+    solved: tuple[SolvedFor, ...] = field(default=(), metadata={"optional": True})
 
     def __getstate__(self) -> dict[str, Any]:
         # Exact polynomials live in a ring of this process: like JSON, pickles go without them.
@@ -420,5 +424,5 @@ def html_row(family: Family) -> tuple[str, ...]:
     """Its cells in a table of families."""
     varies = family.kind == "varies"
     kind = "; ".join(str(part) for part in family.kinds) if varies else family.kind
-    short = family.text if "terms]" in family.text else ""
+    short = family.text if family.solved or "terms]" in family.text else ""
     return family_row(family.name, family.latex, short, kind, family.reachability, family.reason)

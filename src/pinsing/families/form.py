@@ -16,6 +16,7 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
 from pinsing.families.family import Family, html_row
 from pinsing.families.html import families_table
+from pinsing.families.solved_for import long_form
 from pinsing.geometry.nominal import Nominal
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
@@ -179,13 +180,15 @@ class ClosedForm(JsonResult):
         return next((f for f in self.families if bool(f.contains(q, tol))), None)
 
     @checked
-    def latex(self, legend: bool = False) -> str:
+    def latex(self, legend: bool = False, exact: bool = False) -> str:
         """All families as a LaTeX ``align*`` environment, every equation written out.
 
         Parameters
         ----------
         legend : bool
             Whether comments before it say which joint each symbol is.
+        exact : bool
+            Whether a row with exact coefficients follows each family whose equations have some.
 
         Examples
         --------
@@ -193,7 +196,11 @@ class ClosedForm(JsonResult):
         >>> "q_{2} = 0" in pinsing.closed_form(pinsing.load("scara")).latex()
         True
         """
-        rows = [rf"  \text{{{f.name}:}} \quad & {f.latex}" for f in self.families]
+        rows = []
+        for f in self.families:
+            rows.append(rf"  \text{{{f.name}:}} \quad & {f.latex}")
+            written = exactly(f, latex=True) if exact else ()
+            rows += [rf"  \text{{exactly:}} \quad & {line}" for line in written]
         rows = rows or [r"  & \text{no singular configurations known}"]
         # A line break in a name would end the comment, and what follows would be run.
         said = [f"% {s} = {visible(joint)}" for s, joint in self.legend if legend and s != joint]
@@ -212,7 +219,11 @@ class ClosedForm(JsonResult):
 
 
 def families_text(
-    forms: ClosedForm, page: Page = PLAIN, degrees: bool = False, brief: bool = False
+    forms: ClosedForm,
+    page: Page = PLAIN,
+    degrees: bool = False,
+    brief: bool = False,
+    exact: bool = False,
 ) -> str:
     """The list of families with what each means, and a configuration of each to paste.
 
@@ -226,6 +237,8 @@ def families_text(
         Configurations to paste in degrees.
     brief : bool
         The conditions alone, with the arm that they are of.
+    exact : bool
+        Exact coefficients, where an equation has some.
     """
     lines = [page.paragraph(*_head(forms, brief))]
     for gap in forms.gaps:
@@ -235,6 +248,8 @@ def families_text(
     for family in forms.families:
         lines.append(page.paragraph(formula(family.text), first=f"  {family.name}  "))
         if not brief:
+            written = exactly(family) if exact else _written_out(family)
+            lines += [page.paragraph(formula(w), first="      ", rest=" " * 10) for w in written]
             lines += [page.paragraph(text, first="      ") for text in _meaning(family)]
             lines += _example(family, forms, page, degrees)
     long = [f.name for f in forms.families if " terms]" in f.text]
@@ -310,6 +325,38 @@ def _random_steps(forms: ClosedForm) -> str:
         f"where one is wrong with a chance below {CHANCE:.0e} unless a prime divides what must not "
         "vanish"
     )
+
+
+def _written_out(family: Family) -> tuple[str, ...]:
+    """What long equations are, solved for a joint, line by line."""
+    return tuple(
+        line
+        for one in family.solved
+        for line in (one.solution, *(f"{a} = {b}" for a, b in one.where))
+    )
+
+
+def exactly(family: Family, latex: bool = False) -> tuple[str, ...]:
+    """The equations of a family with exact coefficients, line by line.
+
+    Parameters
+    ----------
+    family : Family
+        The family.
+    latex : bool
+        As LaTeX, one line an equation.
+    """
+    lines: list[str] = []
+    for one in family.solved:
+        if latex:
+            lines += [one.exact_latex] if one.exact_latex else []
+        else:
+            parts = one.exact or one.where
+            lines += [one.solution, *(f"{a} = {b}" for a, b in parts)]
+            lines += [] if one.exact else ["(its coefficients are known as decimals only)"]
+    short = [e for e in family.equations if not family.solved or long_form(e) is None]
+    lines += [text for e in short if (text := e.exact_text(latex))]
+    return tuple(dict.fromkeys(lines))
 
 
 def _meaning(family: Family) -> Iterator[str]:

@@ -11,9 +11,7 @@ import numpy as np
 from pinsing.algebra.equation import Equation, format_angle, latex_symbol
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import Piece
-
-_LONG = 12
-"""An equation with more terms than this is named by its joints, not written out."""
+from pinsing.families.solved_for import LONG, long_form
 
 
 def mirror_key(piece: Piece) -> object:
@@ -60,7 +58,7 @@ def statement(
     """The condition of a family in one line."""
     groups: dict[tuple[str, ...], list[Branch]] = {}
     for b in branches:
-        key = tuple(_write(e, latex) for e in b.equations)
+        key = tuple(_write(e, latex, len(b.equations) == 1) for e in b.equations)
         groups.setdefault(key, []).append(b)
     parts = []
     for texts, members in groups.items():
@@ -75,8 +73,11 @@ def _and(conditions: list[str], latex: bool) -> str:
     return (r",\ " if latex else " and ").join(conditions)
 
 
-def _write(equation: Equation, latex: bool) -> str:
-    if len(equation.cos) > _LONG and not latex:
+def _write(equation: Equation, latex: bool, alone: bool) -> str:
+    form = long_form(equation) if alone else None
+    if form is not None:
+        return form.latex() if latex else form.text()
+    if len(equation.cos) > LONG and not latex:
         names = ", ".join(equation.joints[j] for j in equation.involved)
         return f"f({names}) = 0 [{len(equation.cos)} terms]"
     return equation.latex() if latex else equation.text()

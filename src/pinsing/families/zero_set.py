@@ -309,4 +309,5 @@ def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
         powers=powers[index],
         cos=np.array([gathered[k][0] for k in keep]),
         sin=np.array([gathered[k][1] for k in keep]),
+        exact=(),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
@@ -119,3 +120,38 @@ def cosine(steps: int) -> Exact:
 def sine(steps: int) -> Exact:
     """Sine of a multiple of 15 degrees."""
     return cosine(steps - 6)
+
+
+_ROOT = re.compile(r"(?P<sign>[-+]?)\s*(?P<number>\d+(?:/\d+)?)(?:\s*sqrt\((?P<root>[236])\))?\s*")
+
+
+def exact_text(value: Exact) -> str:
+    """``3/4``, or ``1/2 - 3 sqrt(2)``: read again by ``exact_of``."""
+    said = ""
+    for square, part in zip(SQUARES, parts_of(value), strict=True):
+        if part:
+            sign = ("-" if part < 0 else "") if not said else (" - " if part < 0 else " + ")
+            root = "" if square == 1 else f" sqrt({square})"
+            said += f"{sign}{abs(part)}{root}"
+    return said or "0"
+
+
+def exact_of(text: str) -> Exact:
+    """The number that ``exact_text`` has written.
+
+    Raises
+    ------
+    ValueError
+        If it is anything else.
+    """
+    parts, end = [Fraction(0)] * 4, 0
+    for match in _ROOT.finditer(text):
+        if match.start() != end or (end > 0) != bool(match["sign"] if end else end):
+            raise ValueError(f"not an exact number: {text!r:.40}")
+        end = match.end()
+        size = Fraction(match["number"])
+        root = SQUARES.index(int(match["root"] or 1))
+        parts[root] += -size if match["sign"] == "-" else size
+    if end != len(text) or not text:
+        raise ValueError(f"not an exact number: {text!r:.40}")
+    return surd(*parts)

@@ -88,7 +88,7 @@ def summary(c: Content) -> Section:
     rows = [
         (
             f'<a href="#{f.name}">{text(f.name)}</a>',
-            formula(f.latex) if " terms]" not in f.text else name(f.text),
+            text(f.text) if f.solved or " terms]" in f.text else formula(f.latex),
             text(_kind(f)),
             badge(f.reachability.words, _REACHED[f.reachability]),
         )
@@ -225,7 +225,7 @@ def _family(
     c: Content, family: Family, pose: tuple[Arm, State] | None, drawn: bool
 ) -> Iterator[str]:
     yield f'<h3 id="{family.name}">{text(f"Family {family.name}")}</h3>'
-    yield f'<div class="equation">{formula(family.latex)}</div>'
+    yield _equation(family)
     n = family.n
     facts = [
         ("kind", text(_kind(family))),
@@ -264,6 +264,19 @@ def _family(
             "other."
         )
         yield figure(pose_picture(shown, state), alt, caption)
+
+
+def _equation(family: Family) -> str:
+    """The condition typeset; a long one line by line, with what follows for a joint."""
+    if not family.solved:
+        return f'<div class="equation">{formula(family.latex)}</div>'
+    lines = []
+    for one in family.solved:
+        condition, *where = (one.exact_latex or one.latex).split(r",\ ")
+        lines += [formula(condition), text(one.solution), *map(formula, where)]
+    if any(b.values for b in family.branches) or len(family.equations) > len(family.solved):
+        lines = [formula(family.latex), *lines]
+    return f'<div class="equation">{"".join(map(paragraph, lines))}</div>'
 
 
 def _kind(family: Family) -> str:

@@ -1,0 +1,342 @@
+"""Trigonometric polynomials as sums of products, one factor a joint, written as short as may be.
+
+``cos(q2+q5) - cos(q2-q5)`` is ``-2 sin q2 sin q5``: an equation of an arm whose wrist has an offset
+takes half the room so, and shows which factors its terms share. Numbers are floats or exact.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation, format_angle, latex_symbol
+from pinsing.geometry.surd import exact_of, parts_of
+
+Number: TypeAlias = Any
+"""A float or an Exact; one expression has one kind alone."""
+Factor = tuple[int, str, int]
+"""Joint, function, multiple: cos and sin of a multiple, cc, ss and sc for squares and products of
+the two of the angle itself, pow for a power of a length."""
+Product = tuple[Factor, ...]
+
+_DROP = 1e-11
+_MOST_WAYS = 243
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A sum of products of functions of single joints.
+
+    Attributes
+    ----------
+    terms : tuple of (Number, Product)
+        Coefficients and factors.
+    joints : tuple of str
+        Symbols of all joints.
+    shift : tuple of float
+        Radians added to each angle.
+    """
+
+    terms: tuple[tuple[Number, Product], ...]
+    joints: tuple[str, ...]
+    shift: tuple[float, ...]
+
+    def __call__(self, q: npt.ArrayLike) -> Array:
+        """Value at q (..., n): (...)."""
+        q = np.asarray(q, dtype=float)
+        total = np.zeros(q.shape[:-1])
+        for number, product in self.terms:
+            value = np.full(q.shape[:-1], float(number))
+            for j, function, k in product:
+                value = value * _VALUE[function](q[..., j] + self.shift[j], k)
+            total = total + value
+        return np.asarray(total)
+
+    @property
+    def involved(self) -> tuple[int, ...]:
+        """Joints that occur."""
+        return tuple(sorted({j for _, product in self.terms for j, _, _ in product}))
+
+    def negative(self) -> Expression:
+        """Minus the expression."""
+        return Expression(tuple((-c, p) for c, p in self.terms), self.joints, self.shift)
+
+    def text(self, latex: bool = False) -> str:
+        """One line: common factors before brackets."""
+        return _written(dict((p, c) for c, p in self.terms), _Writer(self, latex))
+
+
+def expressions(
+    equation: Equation, joint: int, exact: bool = False
+) -> dict[tuple[str, int], Expression] | None:
+    """What multiplies each function of one joint: cos and sin of its multiples, its powers, or 1.
+
+    Parameters
+    ----------
+    equation : Equation
+        It.
+    joint : int
+        The joint to group by.
+    exact : bool
+        With exact coefficients, whole numbers for rational ones.
+
+    Returns
+    -------
+    dict or None
+        By function and multiple: ("cos", 1), ("sin", 1), ("pow", 1), ("one", 0), ("cos/2", 1).
+        None where the exact coefficients are not known.
+    """
+    rough = list(zip(equation.cos.tolist(), equation.sin.tolist(), strict=True))
+    numbers: list[tuple[Number, Number]] = rough
+    if equation.exact:  # so that what cancels does so
+        numbers = [(exact_of(c), exact_of(s)) for c, s in equation.exact]
+    elif exact:
+        return None
+    largest = equation.size
+    table = _products(equation, rough)
+    doubled = sorted(
+        {j for p in table for j, f, k in p if j != joint and f in ("cos", "sin") and k == 2}
+    )
+    ways = ("cos", "cc", "ss")
+    least, chosen = math.inf, ("",) * len(doubled)
+    choices = itertools.product(ways, repeat=len(doubled))
+    for choice in itertools.islice(choices, _MOST_WAYS):
+        count = len(_kept(_rebased(table, dict(zip(doubled, choice, strict=True))), largest))
+        if count < least:
+            least, chosen = count, choice
+    table = _rebased(_products(equation, numbers), dict(zip(doubled, chosen, strict=True)))
+    if equation.exact:
+        table = {p: c for p, c in table.items() if float(c)}
+    else:
+        table = _kept(table, largest)
+    factor = _factor(rough, numbers) if equation.exact and not exact else None
+    best: dict[tuple[str, int], dict[Product, Number]] = {}
+    for product, number in table.items():
+        mine = [(f, k) for j, f, k in product if j == joint]
+        key = mine[0] if mine else ("one", 0)
+        shown = number if factor is None else float(number) * factor
+        best.setdefault(key, {})[tuple(x for x in product if x[0] != joint)] = shown
+    shift = tuple(float(s) for s in equation.shift)
+    return {
+        key: Expression(tuple((c, p) for p, c in part.items()), equation.joints, shift)
+        for key, part in best.items()
+    }
+
+
+def _factor(rough: Sequence[tuple[float, float]], exact: Sequence[tuple[Number, Number]]) -> float:
+    """What exact coefficients are to be multiplied by."""
+    flat = [(a, float(b)) for pair, other in zip(rough, exact, strict=True)
+            for a, b in zip(pair, other, strict=True)]  # fmt: skip
+    a, b = max(flat, key=lambda both: abs(both[0]))
+    return a / b
+
+
+def _kept(table: Mapping[Product, Number], largest: float) -> dict[Product, Number]:
+    return {p: c for p, c in table.items() if abs(float(c)) > _DROP * largest}
+
+
+def _products(
+    equation: Equation, numbers: Sequence[tuple[Number, Number]]
+) -> dict[Product, Number]:
+    """Cosines and sines of sums of angles multiplied out.
+
+    A joint with half-angles has odd multiples of half of it; they are left as they are.
+    """
+    out: dict[Product, Number] = {}
+    for t, (cosine, sine) in enumerate(numbers):
+        frequency = [int(f) for f in equation.frequencies[t]]
+        used = [j for j, f in enumerate(frequency) if f]
+        lengths = tuple((j, "pow", int(p)) for j, p in enumerate(equation.powers[t]) if p)
+        for choice in itertools.product("cs", repeat=len(used)):
+            # exp(i sum) = prod (cos + i sin): every sine brings an i and the sign of its angle.
+            power = choice.count("s")
+            sign = 1
+            for c, j in zip(choice, used, strict=True):
+                sign = -sign if c == "s" and frequency[j] < 0 else sign
+            number = (cosine, sine, -cosine, -sine)[power % 4] * sign
+            if float(number) == 0:
+                continue
+            factors = tuple(
+                (j, "cos" if c == "c" else "sin", abs(frequency[j]))
+                for c, j in zip(choice, used, strict=True)
+            )
+            product = tuple(sorted((*lengths, *_whole(factors))))
+            out[product] = out[product] + number if product in out else number
+    return out
+
+
+def _whole(factors: Sequence[Factor]) -> tuple[Factor, ...]:
+    """Frequencies are twice the multiples: even ones become multiples, odd ones stay halves."""
+    return tuple((j, f, k // 2) if k % 2 == 0 else (j, f + "/2", k) for j, f, k in factors)
+
+
+def _rebased(table: Mapping[Product, Number], way: Mapping[int, str]) -> dict[Product, Number]:
+    """Cosine and sine of twice an angle, joint by joint, as squares where that is chosen."""
+    out: dict[Product, Number] = dict(table)
+    for joint, chosen in way.items():
+        if chosen == "cos":
+            continue
+        after: dict[Product, Number] = {}
+        for product, number in out.items():
+            rest = tuple(x for x in product if x[0] != joint)
+            mine = next((x for x in product if x[0] == joint), None)
+            for factor, weight in _squares(mine, chosen):
+                key = rest if factor is None else tuple(sorted((*rest, factor)))
+                after[key] = after.get(key, 0) + number * weight
+        out = after
+    return out
+
+
+def _squares(factor: Factor | None, chosen: str) -> list[tuple[Factor | None, int]]:
+    if factor is None or factor[1] not in ("cos", "sin") or factor[2] != 2:
+        return [(factor, 1)]
+    j = factor[0]
+    if factor[1] == "sin":
+        return [((j, "sc", 1), 2)]
+    return [((j, chosen, 1), 2 if chosen == "cc" else -2), (None, -1 if chosen == "cc" else 1)]
+
+
+_VALUE: dict[str, Callable[[Array, int], Any]] = {
+    "cos": lambda x, k: np.cos(k * x),
+    "sin": lambda x, k: np.sin(k * x),
+    "cos/2": lambda x, k: np.cos(k * x / 2),
+    "sin/2": lambda x, k: np.sin(k * x / 2),
+    "cc": lambda x, k: np.cos(x) ** 2,
+    "ss": lambda x, k: np.sin(x) ** 2,
+    "sc": lambda x, k: np.sin(x) * np.cos(x),
+    "pow": lambda x, k: x**k,
+}
+
+
+# In words ------------------------------------------------------------------------------
+
+
+class _Writer:
+    """Factors and numbers of an expression as text or LaTeX."""
+
+    def __init__(self, expression: Expression, latex: bool) -> None:
+        self.joints, self.shift, self.latex = expression.joints, expression.shift, latex
+
+    def atoms(self, product: Product) -> tuple[tuple[int, str, int], ...]:
+        """Factors such that squares and products of sine and cosine can share one."""
+        out: list[tuple[int, str, int]] = []
+        for j, function, k in product:
+            if function in ("cc", "ss", "sc"):
+                out += [(j, "cos" if c == "c" else "sin", 1) for c in function]
+            elif function == "pow":
+                out += [(j, "pow", 1)] * k
+            else:
+                out.append((j, function, k))
+        return tuple(sorted(out))
+
+    def factors(self, atoms: Sequence[tuple[int, str, int]]) -> str:
+        said = []
+        for atom in dict.fromkeys(atoms):
+            j, function, k = atom
+            times = list(atoms).count(atom)
+            name = latex_symbol(self.joints[j]) if self.latex else self.joints[j]
+            if function == "pow":
+                said.append(self._power(name, times))
+                continue
+            head = self._power(f"\\{function[:3]}" if self.latex else function[:3], times)
+            angle = self._angle(j, name, k, function.endswith("/2"))
+            gap = "" if angle.startswith("(") and not self.latex else " "
+            said.append(f"{head}{gap}{angle}")
+        return " ".join(said)
+
+    def _power(self, base: str, times: int) -> str:
+        if times == 1:
+            return base
+        if self.latex:
+            return f"{base}^{{{times}}}"
+        return base + {2: "²", 3: "³"}.get(times, f"^{times}")
+
+    def _angle(self, j: int, name: str, k: int, half: bool) -> str:
+        body = name if k == 1 else f"{k} {name}"
+        if self.shift[j]:
+            sign = "+" if self.shift[j] > 0 else "-"
+            turn = format_angle(k * abs(self.shift[j]), self.latex)
+            body = f"{body} {sign} {turn}"
+        if half:
+            return f"({body if body == name else f'({body})'}/2)"
+        return body if body == name else f"({body})"
+
+    def number(self, value: Number) -> str:
+        """The size of a number, without its sign where it has one."""
+        if isinstance(value, float | int):
+            return f"{abs(value):.6g}"
+        parts = parts_of(value)
+        roots = [(p, s) for p, s in zip(parts, (1, 2, 3, 6), strict=True) if p]
+        said = ""
+        for part, square in roots:
+            sign = ("" if not said else " + ") if part > 0 or len(roots) == 1 else " - "
+            size = abs(part)
+            shown = str(size)
+            if self.latex and size.denominator != 1:
+                shown = f"{size.numerator}/{size.denominator}"
+            root = "" if square == 1 else (rf"\sqrt{{{square}}}" if self.latex else f"√{square}")
+            shown = root if root and size == 1 else f"{shown} {root}".strip()
+            said += sign + shown
+        return said if len(roots) == 1 else f"({said.strip()})"
+
+
+def _written(table: Mapping[Product, Number], writer: _Writer) -> str:
+    terms = {writer.atoms(p): c for p, c in table.items()}
+    return _nested(terms, writer) or "0"
+
+
+def _nested(terms: Mapping[tuple[tuple[int, str, int], ...], Number], writer: _Writer) -> str:
+    """A sum with the factor that most terms share before a bracket, and so on within."""
+    pieces: list[tuple[bool, str]] = []
+    left = dict(terms)
+    while left:
+        counts: dict[tuple[int, str, int], int] = {}
+        for atoms in left:
+            for atom in set(atoms):
+                counts[atom] = counts.get(atom, 0) + 1
+        shared = [a for a, count in counts.items() if count > 1]
+        if not shared:
+            break
+        atom = max(shared, key=lambda a: (counts[a], -a[0], a[1]))
+        inner = {_without(atoms, atom): c for atoms, c in left.items() if atom in atoms}
+        pull = [atom]
+        while common := set.intersection(*(set(atoms) for atoms in inner)):
+            more = min(common)
+            pull.append(more)
+            inner = {_without(atoms, more): c for atoms, c in inner.items()}
+        left = {atoms: c for atoms, c in left.items() if atom not in atoms}
+        first = next(iter(inner.values()))
+        negative = _is_negative(first)
+        if negative:
+            inner = {atoms: -c for atoms, c in inner.items()}
+        pieces.append((negative, f"{writer.factors(sorted(pull))} ({_nested(inner, writer)})"))
+    for atoms, number in left.items():
+        size, factors = writer.number(number), writer.factors(atoms)
+        shown = factors if size == "1" and factors else f"{size} {factors}".strip()
+        pieces.append((_is_negative(number), shown))
+    out = ""
+    for negative, piece in pieces:
+        out += ("-" if negative else "") if not out else (" - " if negative else " + ")
+        out += piece
+    return out
+
+
+def _is_negative(number: Number) -> bool:
+    """Whether a minus stands before it: sums with roots keep their signs inside."""
+    parts = [p for p in parts_of(number) if p] if not isinstance(number, float | int) else []
+    return len(parts) < 2 and float(number) < 0
+
+
+def _without(
+    atoms: tuple[tuple[int, str, int], ...], atom: tuple[int, str, int]
+) -> tuple[tuple[int, str, int], ...]:
+    left = list(atoms)
+    left.remove(atom)
+    return tuple(left)

@@ -1,0 +1,357 @@
+"""Long equations solved for a joint: against Pinocchio, against themselves, as they are read."""
+
+from __future__ import annotations
+
+import functools
+import json
+import math
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import pinsing
+from pinsing.algebra.equation import Equation
+from pinsing.algebra.joint_form import JointForm, joint_form
+from pinsing.algebra.product_form import expressions
+from pinsing.cli.families import families_command
+from pinsing.geometry.surd import exact_of, exact_text, surd
+from pinsing.kinematics.verdict import ratios
+from pinsing.mathml import mathml
+from pinsing.proof.checker import verify
+
+# Offset wrists. FANUC CRX-10iA/L and ABB GoFa 5: a, alpha, d, theta at zero (m, degrees).
+DH = {
+    "crx": [
+        (0, -90, 0.245, 0),
+        (0.71, 0, 0, -90),
+        (0, -90, 0, 0),
+        (0, 90, 0.54, 0),
+        (0, -90, -0.15, 0),
+        (0, 0, 0.16, 0),
+    ],
+    "gofa": [
+        (0, -90, 0.265, 0),
+        (0.444, 0, 0, -90),
+        (0.11, -90, 0, 0),
+        (0, 90, 0.47, 0),
+        (0.08, -90, 0, 0),
+        (0, 0, 0.101, 180),
+    ],
+    # Offsets everywhere, and zeros that are no quarter turns.
+    "odd": [
+        (0.1, -90, 0.2, 15),
+        (0.5, 0, 0.03, 0),
+        (0.07, -90, 0, 0),
+        (0.02, 90, 0.4, 10),
+        (0.05, -90, 0.06, 0),
+        (0, 0, 0.1, 0),
+    ],
+}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("dh")
+
+
+@functools.cache
+def arm_of(name: str, folder: Path) -> pinsing.Arm:
+    if name not in DH:
+        return pinsing.load(name)
+    from pinsing.cli.robots import dh_command
+
+    rows = "\n".join(
+        f"  - {{alpha: {al}, a: {a}, d: {d}, theta: {th}, type: revolute, limits: [-180, 180]}}"
+        for a, al, d, th in DH[name]
+    )
+    table = folder / f"{name}.dh.yaml"
+    table.write_text(
+        f"name: {name}\nconvention: standard\nunits: {{angle: deg, length: m}}\nrows:\n{rows}\n"
+    )
+    done = CliRunner().invoke(dh_command, [str(table), "-o", str(folder / f"{name}.urdf")])
+    assert done.exit_code == 0, done.output + repr(done.exception)
+    return pinsing.load(folder / f"{name}.urdf")
+
+
+@functools.cache
+def form_of(name: str, folder: Path) -> pinsing.ClosedForm:
+    return pinsing.closed_form(arm_of(name, folder))
+
+
+def long_ones(form: pinsing.ClosedForm) -> list[tuple[pinsing.Family, JointForm]]:
+    found = []
+    for family in form.families:
+        for branch in family.branches:
+            solved = joint_form(branch.equations[0]) if len(branch.equations) == 1 else None
+            if solved is not None and family.solved:
+                found.append((family, solved))
+    return found
+
+
+ARMS = ["crx", "gofa", "odd", "panda", "xarm7"]
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_solved_values_are_singular_and_others_are_not(name: str, folder: Path) -> None:
+    form = form_of(name, folder)
+    assert form.geometry is not None
+    arm = form.geometry.arm
+    rng = np.random.default_rng(5)
+    found = long_ones(form)
+    assert found
+    for family, solved in found:
+        branch = next(b for b in family.branches if solved.equation in b.equations)
+        Q = rng.uniform(-np.pi, np.pi, (300, arm.n))
+        for value in branch.values:
+            Q[:, value.joint] = value.value
+        values = solved.solve(Q)
+        assert values.shape == (300, solved.solutions)
+        full = np.repeat(Q[:, None], solved.solutions, axis=1)
+        full[..., solved.joint] = values
+        full = full.reshape(-1, arm.n)
+        full = full[np.isfinite(full).all(axis=1)]
+        assert len(full) >= 300  # these arms always have a value
+        assert ratios(arm, full).max() < 1e-12
+        beside = full.copy()
+        beside[:, solved.joint] += rng.choice([-0.3, 0.3], len(full))
+        other = [f for f in form.families if f is not family]
+        clear = ~np.any([f.contains(beside, 1e-3) for f in other], axis=0) if other else True
+        left = ratios(arm, beside)[clear]
+        assert np.median(left) > 1e-3
+        assert left.min() > 1e-9
+
+
+@pytest.mark.parametrize("name", ["crx", "panda"])
+def test_there_are_no_other_values(name: str, folder: Path) -> None:
+    """Every zero of the equation along the joint is one of those."""
+    _, solved = long_ones(form_of(name, folder))[0]
+    n = len(solved.equation.joints)
+    rng = np.random.default_rng(8)
+    for q in rng.uniform(-np.pi, np.pi, (40, n)):
+        grid = np.linspace(-np.pi, np.pi, 721)
+        Q = np.tile(q, (len(grid), 1))
+        Q[:, solved.joint] = grid
+        f = solved.equation(Q)
+        crossed = grid[:-1][f[:-1] * f[1:] < 0]
+        assert len(crossed) == 2
+        for x in crossed:
+            near = np.abs(np.sin((solved.solve(q) - x) / 2)).min()
+            assert near < np.sin(0.01)
+
+
+@pytest.mark.parametrize("name", ["crx", "gofa", "odd", "panda", "ur5", "z1"])
+@pytest.mark.parametrize("exact", [False, True])
+def test_grouping_changes_nothing(name: str, exact: bool, folder: Path) -> None:
+    rng = np.random.default_rng(2)
+    for equation in {e for f in form_of(name, folder).families for e in f.equations}:
+        Q = rng.uniform(-3, 3, (50, len(equation.joints)))
+        for joint in equation.involved:
+            parts = expressions(equation, joint, exact)
+            assert parts is not None
+            angle = Q[:, joint] + equation.shift[joint]
+            times = {
+                "cos": lambda k, x=angle: np.cos(k * x),
+                "sin": lambda k, x=angle: np.sin(k * x),
+                "cos/2": lambda k, x=angle: np.cos(k * x / 2),
+                "sin/2": lambda k, x=angle: np.sin(k * x / 2),
+                "pow": lambda k, x=Q[:, joint]: x**k,
+                "one": lambda k: 1.0,
+            }
+            total = sum(part(Q) * times[f](k) for (f, k), part in parts.items())
+            value = equation(Q)
+            factor = float(total @ value / (value @ value))
+            assert factor == pytest.approx(1, abs=1e-9) or exact
+            assert factor > 0
+            np.testing.assert_allclose(total, factor * value, atol=1e-11 * factor * equation.size)
+            assert all(joint not in part.involved for part in parts.values())
+
+
+_CALL = re.compile(r"(cos|sin)([²³]?)(?: (q\d+)|\(\(([^()]*)\)/2\)|\(([^()]*)/2\)|\(([^()]*)\))")
+
+
+def read(text: str, q: np.ndarray) -> float:
+    """The value of an expression as it is printed."""
+    text = _CALL.sub(lambda m: f"{_call(m, q)!r}", text)
+    text = re.sub(r"√(\d)", lambda m: repr(math.sqrt(int(m[1]))), text)
+    text = re.sub(r"(?<=[\d)]) (?=[\d(])", " * ", text)
+    return float(eval(text))
+
+
+def _call(found: re.Match[str], q: np.ndarray) -> float:
+    """The value of a printed sine or cosine, a bracket about it where it is negative."""
+    name, power, plain, halved, half, inner = found.groups()
+    body = plain or halved or half or inner
+    angle = re.sub(r"(\d+) q", r"\1*q", body)
+    angle = re.sub(r"q(\d+)", lambda m: f"q[{int(m[1]) - 1}]", angle)
+    angle = re.sub(r"([\d.]+)°", r"math.radians(\1)", angle)
+    value = eval(angle, {"math": math, "q": q}) / (2 if halved or half else 1)
+    return _Bracketed(getattr(math, name)(value) ** {"": 1, "²": 2, "³": 3}[power])
+
+
+class _Bracketed(float):
+    def __repr__(self) -> str:
+        return f"({float(self)!r})"
+
+
+@pytest.mark.parametrize("name", ["crx", "gofa", "panda", "xarm7"])
+def test_what_is_printed_can_be_typed_in(name: str, folder: Path) -> None:
+    """A person who computes R cos φ and R sin φ as they stand gets a singular configuration."""
+    form = form_of(name, folder)
+    assert form.geometry is not None
+    rng = np.random.default_rng(3)
+    for family, solved in long_ones(form):
+        (one,) = family.solved
+        assert one.condition == f"R cos({one.joint} - φ) = 0"
+        assert "φ ± 90°" in one.solution
+        for parts, tol in ((one.where, 1e-4), (one.exact, 1e-12)):
+            assert [name for name, _ in parts] == ["R cos φ", "R sin φ"]
+            for q in rng.uniform(-np.pi, np.pi, (5, form.geometry.arm.n)):
+                branch = next(b for b in family.branches if solved.equation in b.equations)
+                for value in branch.values:
+                    q[value.joint] = value.value
+                a, b = (read(text, q) for _, text in parts)
+                q[solved.joint] = math.atan2(b, a) + math.pi / 2
+                assert ratios(form.geometry.arm, q)[0] < tol
+
+
+def test_the_statement_is_short_and_says_what_it_means(folder: Path) -> None:
+    form = form_of("crx", folder)
+    (family,) = form.families
+    assert family.text == "R cos(q2 - φ) = 0, with φ given by q3, q4 and q5"
+    assert "linear complex" in family.reason
+    pitch = re.search(r"pitch (\S+) m/rad", family.reason)
+    assert pitch
+    state = pinsing.at(form.geometry.arm, family.generic)  # type: ignore[union-attr]
+    assert float(pitch[1]) == pytest.approx(state.lost[0].pitch, rel=1e-2)
+    assert state.lost[0].kind == "screw"
+    # 32 terms have become 8, and no line is longer than three of a terminal.
+    assert max(len(text) for _, text in family.solved[0].where) < 240
+
+
+def test_the_complex_is_one(folder: Path) -> None:
+    """Every axis does no work against the wrench of that pitch."""
+    form = form_of("gofa", folder)
+    state = pinsing.at(form.geometry.arm, form.families[0].generic)  # type: ignore[union-attr]
+    wrench = state.lost[0].wrench
+    assert np.abs(state.J.T @ wrench).max() < 1e-9
+    assert wrench[:3] @ wrench[3:] == pytest.approx(state.lost[0].pitch)
+    assert f"{state.lost[0].pitch:.3g}" in form.families[0].reason
+
+
+def test_exact_numbers_survive_json(folder: Path) -> None:
+    form = form_of("gofa", folder)
+    data = json.loads(form.to_json())
+    equation = data["families"][0]["branches"][0]["equations"][0]
+    assert all(re.fullmatch(r"-?\d+", x) for pair in equation["exact"] for x in pair)
+    assert data["families"][0]["solved"][0]["joint"] == "q2"
+    again = pinsing.ClosedForm.from_dict(data)
+    assert again.families[0].solved == form.families[0].solved
+    assert again.families[0].equations[0].exact == form.families[0].equations[0].exact
+    # What was written before there were any is read as it was.
+    del equation["exact"], data["families"][0]["solved"]
+    older = pinsing.ClosedForm.from_dict(data)
+    assert older.families[0].equations[0].exact == ()
+    equation["exact"] = [["1", "2"]]
+    with pytest.raises(pinsing.PinsingError, match="damaged"):
+        pinsing.ClosedForm.from_dict(data)
+
+
+def test_exact_coefficients_are_those_that_are_proven() -> None:
+    """UR5: the lengths of its table, in units of 0.05 mm."""
+    (equation,) = pinsing.closed_form(pinsing.load("ur5")).families[2].equations
+    assert equation.exact_text() == "8500 cos q2 + 7845 cos(q2+q3) - 1893 sin(q2+q3+q4) = 0"
+    assert "8500 \\cos q_{2}" in equation.exact_text(latex=True)
+
+
+def test_the_command_writes_exact_coefficients(folder: Path) -> None:
+    arm_of("crx", folder)
+    file = str(folder / "crx.urdf")
+
+    def run(*words: str) -> str:
+        done = CliRunner().invoke(families_command, [file, "--no-prove", *words])
+        assert done.exit_code == 0, repr(done.exception)
+        return done.output
+
+    assert "15552 cos q3" in " ".join(run("--exact").split())
+    assert "15552" not in run()
+    latex = run("--exact", "--latex")
+    assert r"15552 \cos q_{3}" in latex
+    assert latex.count("&") == 2
+    for row in re.findall(r"& (.*?)(?: \\\\)?$", latex, re.MULTILINE):
+        assert "<math>" in mathml(row)
+        assert "<code" not in mathml(row)
+
+
+def test_square_roots_are_written_and_read() -> None:
+    number = surd(*(exact_of("1/2"), exact_of("0"), exact_of("-3"), exact_of("0")))  # type: ignore[arg-type]
+    assert exact_text(number) == "1/2 - 3 sqrt(3)"
+    assert exact_of(exact_text(number)) == number
+    for text in ("", "x", "1 2", "sqrt(2)", "1/2 3 sqrt(2)", "--1"):
+        with pytest.raises(ValueError, match="exact number"):
+            exact_of(text)
+
+
+def test_a_certificate_is_of_the_same_equations(folder: Path) -> None:
+    proven = pinsing.closed_form(arm_of("gofa", folder), prove=True)
+    assert proven.word == "proven"
+    assert verify(json.dumps(proven.certificate))
+    assert proven.families[0].solved == form_of("gofa", folder).families[0].solved
+
+
+def made(rows: list[tuple[tuple[int, ...], tuple[int, ...], float, float]]) -> Equation:
+    frequencies, powers, cos, sin = zip(*rows, strict=True)
+    return Equation(
+        ("q1", "q2", "d3"),
+        np.array(frequencies),
+        np.array(powers),
+        np.array(cos),
+        np.array(sin),
+        np.array([0.2, 0.0, 0.0]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("joint", "kind", "rows"),
+    [
+        (2, "length", [((2, 2, 0), (0, 0, 1), 1.0, 0.5), ((0, 4, 0), (0, 0, 0), 0.3, 0.0)]),
+        (0, "half", [((1, 2, 0), (0, 0, 0), 1.0, 0.5), ((-1, 2, 0), (0, 0, 1), 0.3, -2.0)]),
+        (1, "two", [((2, 2, 0), (0, 0, 0), 1.0, 0.5), ((0, 0, 0), (0, 0, 1), 0.3, 0.0)]),
+        (1, "opposite", [((2, 2, 0), (0, 0, 0), 1.0, 0.5), ((4, -2, 0), (0, 0, 1), 0.3, 0.4)]),
+    ],
+)
+def test_every_way_that_a_joint_can_enter_once(joint: int, kind: str, rows: Any) -> None:
+    equation = made(rows)
+    solved = joint_form(equation, joint)
+    assert solved is not None
+    assert solved.kind == kind
+    Q = np.random.default_rng(1).uniform(-1, 1, (200, 3))
+    values = solved.solve(Q)
+    assert values.shape == (200, solved.solutions)
+    found = 0
+    for k in range(solved.solutions):
+        there = Q.copy()
+        there[:, joint] = values[:, k]
+        there = there[np.isfinite(there).all(axis=1)]
+        found += len(there)
+        size = 1 + np.abs(there).max(axis=1)
+        assert (np.abs(equation(there)) < 1e-12 * size).all()
+    assert found > 100
+    name = equation.joints[joint]
+    assert name in solved.condition()
+    assert f"{'one value' if solved.solutions == 1 else 'one of two values'}" in solved.solution()
+    assert "<code" not in mathml(solved.latex())
+
+
+def test_what_enters_twice_is_not_solved() -> None:
+    rows = [((4, 2, 0), (0, 0, 2), 1.0, 0.5), ((2, 4, 0), (0, 0, 0), 0.3, 0.2)]
+    equation = made(rows)  # type: ignore[arg-type]
+    assert all(joint_form(equation, j) is None for j in range(3))
+    assert joint_form(equation) is None
+    nowhere = made([((2, 2, 0), (0, 0, 0), 0.1, 0.0), ((0, 0, 0), (0, 0, 0), 1.0, 0.0)])
+    solved = joint_form(nowhere, 0)
+    assert solved is not None
+    assert np.isnan(solved.solve(np.zeros(3))).all()
