@@ -171,6 +171,12 @@ CALLS = {
     "load": Call(lambda: pinsing.load, lambda: {"robot": "planar3r"}),
     "load_mechanism": Call(lambda: pinsing.load_mechanism, lambda: {"robot": FIVE_BAR}),
     "nominal": Call(lambda: pinsing.nominal, with_arm()),
+    "Monitor.update": Call(
+        lambda: pinsing.Monitor(form()).update, lambda: {"q": Q, "dq": (0.1, 0.2, 0.3)}
+    ),
+    "export_guard": Call(
+        lambda: pinsing.export_guard, with_arm(language="python", prefix="planar"), slow=True
+    ),
     "plan_map": Call(lambda: pinsing.plan_map, with_arm(count=8)),
     "plan_sweep": Call(lambda: pinsing.plan_sweep, with_arm(levels=1, samples=5)),
     "refine": Call(lambda: pinsing.refine, with_arm(q0=Q)),

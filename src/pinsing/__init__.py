@@ -34,7 +34,9 @@ if TYPE_CHECKING:
     from pinsing.postures.inverse import InverseSolutions, inverse
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
     from pinsing.proximity.crossings import Crossing, Crossings, crossings
+    from pinsing.proximity.guard import export_guard
     from pinsing.proximity.line import LineCheck, check_line
+    from pinsing.proximity.monitor import Monitor, Verdict
     from pinsing.proximity.suggestion import Suggestion, suggest
     from pinsing.proximity.trajectory import TrajectoryCheck, check_trajectory
     from pinsing.report.write import write_report
@@ -70,6 +72,7 @@ _HOME = {
     "MapResult": "pinsing.maps",
     "Mechanism": "pinsing.robot.load_mechanism",
     "MechanismAnalysis": "pinsing.mechanism",
+    "Monitor": "pinsing.proximity.monitor",
     "Nominal": "pinsing.geometry.nominal",
     "PinsingError": "pinsing.errors",
     "PostureChanges": "pinsing.postures.changes",
@@ -79,6 +82,7 @@ _HOME = {
     "SweepPlan": "pinsing.sweeps.plan",
     "SweepResult": "pinsing.sweeps.run",
     "TrajectoryCheck": "pinsing.proximity.trajectory",
+    "Verdict": "pinsing.proximity.monitor",
     "Viewer": "pinsing.view.viewer",
     "analyze": "pinsing.analysis.analyze",
     "analyze_mechanism": "pinsing.mechanism",
@@ -91,6 +95,7 @@ _HOME = {
     "connect": "pinsing.postures.connection",
     "crossings": "pinsing.proximity.crossings",
     "cuspidality": "pinsing.postures.cuspidal",
+    "export_guard": "pinsing.proximity.guard",
     "frame_jacobian": "pinsing.kinematics.jacobian",
     "frame_jacobians": "pinsing.kinematics.jacobian",
     "generalize": "pinsing.sweeps.generalize",
@@ -135,6 +140,7 @@ __all__ = [
     "MapResult",
     "Mechanism",
     "MechanismAnalysis",
+    "Monitor",
     "Nominal",
     "PinsingError",
     "PostureChanges",
@@ -144,6 +150,7 @@ __all__ = [
     "SweepPlan",
     "SweepResult",
     "TrajectoryCheck",
+    "Verdict",
     "Viewer",
     "analyze",
     "analyze_mechanism",
@@ -156,6 +163,7 @@ __all__ = [
     "connect",
     "crossings",
     "cuspidality",
+    "export_guard",
     "frame_jacobian",
     "frame_jacobians",
     "generalize",

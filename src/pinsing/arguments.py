@@ -106,7 +106,10 @@ def real_numbers(values: npt.ArrayLike, name: str) -> Array:
     """
     if not _are_numbers(values):
         raise ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(values)}")
-    return np.array(values, dtype=float)
+    try:
+        return np.array(values, dtype=float)
+    except OverflowError:
+        raise ConfigurationError(f"{name} holds a number too large for a float") from None
 
 
 def whole_number(value: int, name: str, least: int, most: int) -> int:

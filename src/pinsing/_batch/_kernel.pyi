@@ -39,6 +39,14 @@ class ConditionSet:
         points: NDArray[np.float64],
         threads: int,
     ) -> None: ...
+    def watch(
+        self,
+        x: NDArray[np.float64],
+        velocity: NDArray[np.float64],
+        horizon: float,
+        out: NDArray[np.float64],
+        isa: str,
+    ) -> int: ...
     def zeros(
         self, pieces: NDArray[np.float64], ends: NDArray[np.float64], threads: int
     ) -> list[float]: ...

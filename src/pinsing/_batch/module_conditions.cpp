@@ -125,6 +125,31 @@ public:
                                       .c_str());
     }
 
+    // One configuration x (n,): lower, upper, time to contact and rate into out (4,); returns the
+    // family, -2 where a value is not finite. Time and rate are those of a motion along velocity
+    // (n,), and left alone if it has no values.
+    int watch(const In& x, const In& velocity, double horizon, Out out,
+              const std::string& isa) const {
+        const std::size_t n = static_cast<std::size_t>(c_.n);
+        require(x.size() == n && (velocity.size() == n || velocity.size() == 0) && out.size() == 4,
+                "x must have shape (n,), velocity (n,) or (0,), out (4,)");
+        const Kernel& kernel = kernel_named(isa);
+        const Scratch scratch = allocate(kernel.condition_scratch(c_));
+        double* result = out.data();
+        std::int64_t family = -1;
+        for (std::size_t j = 0; j < velocity.size(); j++)
+            if (!std::isfinite(velocity.data()[j])) return -2;
+        const Outcome outcome = kernel.clearances(c_, x.data(), 1, result, result + 1, &family,
+                                                  nullptr, scratch.get());
+        if (outcome.not_finite >= 0) return -2;
+        if (velocity.size() == n) {
+            const Contact contact = contact_along(c_, family, x.data(), velocity.data(), horizon);
+            result[2] = contact.time;
+            result[3] = contact.rate;
+        }
+        return static_cast<int>(family);
+    }
+
     // Nearest points: X (N, n) -> lower, upper, family, boxes (N,), points (N, n).
     void nearest(const In& X, const In& lower_limit, const In& upper_limit, bool limited, double far,
                  double gap, double seconds, std::int64_t boxes, Out lower, Out upper,
@@ -251,6 +276,8 @@ void add_conditions(nb::module_& m) {
              "upper_limit"_a.noconvert(), "limited"_a, "far"_a, "gap"_a, "seconds"_a, "boxes"_a,
              "lower"_a.noconvert(), "upper"_a.noconvert(), "family"_a.noconvert(),
              "used"_a.noconvert(), "points"_a.noconvert(), "threads"_a)
+        .def("watch", &ConditionSet::watch, "x"_a.noconvert(), "velocity"_a.noconvert(),
+             "horizon"_a, "out"_a.noconvert(), "isa"_a)
         .def("zeros", &ConditionSet::zeros, "pieces"_a.noconvert(), "ends"_a.noconvert(),
              "threads"_a);
 }

@@ -30,6 +30,16 @@ struct Nearest {
 Nearest nearest_condition(const Conditions& c, const SearchOptions& options, const double* x,
                           double* point);
 
+// What a straight motion leads to.
+struct Contact {
+    double time;  // no condition is met sooner: proven; infinite for none within the horizon
+    double rate;  // how fast the first-order distance from a family grows
+};
+
+// Contact of x + t velocity with any condition, and the rate for one family; -1 is none.
+Contact contact_along(const Conditions& c, std::int64_t family, const double* x,
+                      const double* velocity, double horizon);
+
 // A zero of an equation along a motion.
 struct Event {
     std::int64_t segment, equation;

@@ -16,6 +16,7 @@ import click
 from pinsing._version import __version__
 from pinsing.cli.at import at_command
 from pinsing.cli.check import check_command
+from pinsing.cli.export import export_command
 from pinsing.cli.families import families_command, verify_command
 from pinsing.cli.line import line_command
 from pinsing.cli.map import map_command
@@ -125,6 +126,7 @@ for _part in (
     aspects_command,
     postures_command,
     cuspidal_command,
+    export_command,
     sweep_command,
     map_command,
     families_command,

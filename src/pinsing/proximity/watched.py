@@ -148,12 +148,7 @@ def watch(
     first = every[0]
     if any(f.arm.joints != first.arm.joints for f in every):
         raise OptionError("the closed forms are of arms with different joints")
-    several = len(every) > 1
-    named = {
-        (f"{form.arm.task} {family.name}" if several else family.name): family
-        for form in every
-        for family in form.families
-    }
+    named = _named(every)
     if families is None:
         names = tuple(name for name, family in named.items() if family.real)
     else:
@@ -183,6 +178,24 @@ def watch(
     if plain and norm == "euclidean":
         _MADE[first] = chosen
     return chosen
+
+
+def _named(forms: Sequence[ClosedForm]) -> dict[str, Family]:
+    """Families by name, after the task where there are several forms."""
+    several = len(forms) > 1
+    return {
+        (f"{form.arm.task} {family.name}" if several else family.name): family
+        for form in forms
+        for family in form.families
+    }
+
+
+def every_name(forms: Forms) -> list[str] | None:
+    """Names of all families, those without a known real point included; None if forms are none."""
+    every = [forms] if isinstance(forms, ClosedForm) else list(forms)
+    if not every or not all(isinstance(form, ClosedForm) for form in every):
+        return None  # `watch` says what is wrong
+    return list(_named(every))
 
 
 def require_forms_of(forms: Forms, arm: Arm) -> None:

@@ -1,0 +1,251 @@
+// When a straight motion meets a condition, and whether it moves toward or away from it.
+//
+// Along x + s u an equation is h(s) = f(x + s u). With |h''| <= M Taylor's theorem gives
+// |h(s)| >= |h(0)| - c s - M s^2 / 2, where c is how fast |h| falls: up to the root of the right side
+// there is no zero. From there again, and so on: the steps shrink as those of Newton's method do, and
+// each is proven. A branch is met where all its conditions hold at once, so that its step is the
+// longest of theirs.
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+
+#include "conditions.hpp"
+#include "proximity.hpp"
+
+namespace pinsing {
+namespace {
+
+constexpr double kInfinite = std::numeric_limits<double>::infinity();
+constexpr double kWindow = 1.0;  // how far ahead second derivatives are bounded where lengths occur
+constexpr int kMostSteps = 64;
+constexpr double kRidge = 1e-9;
+
+// An equation along u: h(0), h'(0), a bound of |h''| up to kWindow, and errors.
+struct AlongLine {
+    double value, slope, bend, error, slope_error;
+};
+
+AlongLine along(const Conditions& c, std::int64_t e, const double* x, const double* u) {
+    double value = 0.0, slope = 0.0, bend = 0.0, size = 0.0, steep = 0.0, farthest = 4.0;
+    for (std::int64_t t = c.term_start[e]; t < c.term_start[e + 1]; t++) {
+        double angle = c.phase[t], turning = 0.0, turns = 0.0;
+        for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++) {
+            const std::int64_t j = c.rate_joint[k];
+            angle += c.rate[k] * x[j];
+            turning += c.rate[k] * u[j];
+            turns += std::fabs(c.rate[k] * u[j]);
+            farthest = std::max(farthest, std::fabs(x[j]));
+        }
+        double power = c.amplitude[t], largest = std::fabs(c.amplitude[t]), growth = 0.0;
+        double lowered = 0.0, lowered_size = 0.0;
+        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++) {
+            const std::int64_t j = c.power_joint[k];
+            const double a = std::max(std::fabs(x[j]) + kWindow * std::fabs(u[j]), 1e-150);
+            for (std::int64_t p = 0; p < c.power[k]; p++) {
+                power *= x[j];
+                largest *= a;
+            }
+            growth += static_cast<double>(c.power[k]) * std::fabs(u[j]) / a;
+            double less = c.amplitude[t] * static_cast<double>(c.power[k]) * u[j];
+            for (std::int64_t i = c.power_start[t]; i < c.power_start[t + 1]; i++)
+                for (std::int64_t p = i == k ? 1 : 0; p < c.power[i]; p++)
+                    less *= x[c.power_joint[i]];
+            lowered += less;
+            lowered_size += std::fabs(less);
+        }
+        const double cosine = std::cos(angle), sine = std::sin(angle);
+        const double swing = std::fabs(turning) + 1e-14 * turns;
+        value += power * cosine;
+        slope += lowered * cosine - power * sine * turning;
+        bend += largest * (swing * swing + 2.0 * swing * growth + growth * growth);
+        size += std::fabs(power);
+        steep += std::fabs(power) * turns + lowered_size;
+    }
+    const double relative = c.noise[e] + 4.5e-16 * c.reach[e] * farthest;
+    return AlongLine{value, slope, bend * (1.0 + 1e-12), size * relative, steep * relative};
+}
+
+// How far along u there is no zero of an equation: proven.
+double step_of_equation(const Conditions& c, std::int64_t e, const double* x, const double* u) {
+    const AlongLine h = along(c, e, x, u);
+    const double left = std::max(std::fabs(h.value) - h.error, 0.0);
+    if (!(left > 0.0)) return 0.0;
+    const double falls = (h.value > 0.0 ? -h.slope : h.slope) + h.slope_error;
+    const double root = std::sqrt(falls * falls + 2.0 * (h.bend * left));
+    double step = kInfinite;
+    if (falls > 0.0) {
+        step = 2.0 * left / (falls + root);
+    } else if (h.bend > 0.0) {
+        step = (root - falls) / h.bend;
+    }
+    step *= 1.0 - 1e-12;
+    return c.sliding[e] ? std::min(step, kWindow) : step;
+}
+
+// How far along u a joint is not at its value.
+double step_of_value(const Conditions& c, std::int64_t i, const double* x, const double* u) {
+    const std::int64_t j = c.value_joint[i];
+    const double turn = c.turn[j];
+    double ahead = c.value[i] - x[j];
+    const double slack = 1e-15 * (std::fabs(x[j]) + std::fabs(c.value[i]) + turn);
+    const double off = turn > 0.0 ? std::remainder(ahead, turn) : ahead;
+    if (std::fabs(off) <= slack) return 0.0;
+    if (u[j] == 0.0) return kInfinite;
+    if (u[j] < 0.0) ahead = -ahead;
+    if (turn > 0.0) ahead -= turn * std::floor(ahead / turn);
+    if (ahead < 0.0) return kInfinite;
+    return std::max(ahead - slack, 0.0) / std::fabs(u[j]) * (1.0 - 1e-15);
+}
+
+double step_of_branch(const Conditions& c, std::int64_t b, const double* x, const double* u,
+                      std::int64_t& work) {
+    double step = 0.0;
+    for (std::int64_t i = c.value_start[b]; i < c.value_start[b + 1]; i++)
+        step = std::max(step, step_of_value(c, i, x, u));
+    for (std::int64_t e = c.equation_start[b]; e < c.equation_start[b + 1] && step < kInfinite; e++) {
+        step = std::max(step, step_of_equation(c, e, x, u));
+        work -= c.term_start[e + 1] - c.term_start[e];
+    }
+    return step;
+}
+
+// Solves A y = b for a symmetric A (k, k) by Cholesky's method; b becomes y. The ridge damps what
+// more equations than directions contradict each other in.
+void solve(double* A, double* b, int k) {
+    double trace = 1e-300;
+    for (int i = 0; i < k; i++) trace += A[i * k + i];
+    for (int i = 0; i < k; i++) A[i * k + i] += kRidge * trace;
+    for (int i = 0; i < k; i++) {
+        for (int j = 0; j <= i; j++) {
+            double sum = A[i * k + j];
+            for (int m = 0; m < j; m++) sum -= A[i * k + m] * A[j * k + m];
+            A[i * k + j] = i == j ? std::sqrt(std::max(sum, 0.1 * kRidge * trace)) : sum / A[j * k + j];
+        }
+    }
+    for (int i = 0; i < k; i++) {
+        for (int m = 0; m < i; m++) b[i] -= A[i * k + m] * b[m];
+        b[i] /= A[i * k + i];
+    }
+    for (int i = k - 1; i >= 0; i--) {
+        for (int m = i + 1; m < k; m++) b[i] -= A[m * k + i] * b[m];
+        b[i] /= A[i * k + i];
+    }
+}
+
+// The gradient of an equation at x, added to g (n,); returns its value.
+double gradient(const Conditions& c, std::int64_t e, const double* x, double* g) {
+    double value = 0.0;
+    for (std::int64_t t = c.term_start[e]; t < c.term_start[e + 1]; t++) {
+        double angle = c.phase[t], power = c.amplitude[t];
+        for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++)
+            angle += c.rate[k] * x[c.rate_joint[k]];
+        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++)
+            for (std::int64_t p = 0; p < c.power[k]; p++) power *= x[c.power_joint[k]];
+        const double cosine = std::cos(angle), turned = power * std::sin(angle);
+        value += power * cosine;
+        for (std::int64_t k = c.rate_start[t]; k < c.rate_start[t + 1]; k++)
+            g[c.rate_joint[k]] -= turned * c.rate[k];
+        for (std::int64_t k = c.power_start[t]; k < c.power_start[t + 1]; k++) {
+            double less = c.amplitude[t] * static_cast<double>(c.power[k]);
+            for (std::int64_t i = c.power_start[t]; i < c.power_start[t + 1]; i++)
+                for (std::int64_t p = i == k ? 1 : 0; p < c.power[i]; p++)
+                    less *= x[c.power_joint[i]];
+            g[c.power_joint[k]] += less * cosine;
+        }
+    }
+    return value;
+}
+
+// First-order distance from a branch, and how it changes along u.
+void approach(const Conditions& c, std::int64_t b, const double* x, const double* u,
+              double& distance, double& rate) {
+    double off[kMaxConditionJoints] = {}, across = 0.0;
+    for (std::int64_t i = c.value_start[b]; i < c.value_start[b + 1]; i++) {
+        const std::int64_t j = c.value_joint[i];
+        const double d = x[j] - c.value[i];
+        off[j] = c.turn[j] > 0.0 ? std::remainder(d, c.turn[j]) : d;
+        across += u[j] * u[j];
+    }
+    const std::int64_t first = c.equation_start[b], all = c.equation_start[b + 1] - first;
+    const int k = static_cast<int>(std::min<std::int64_t>(all, kMaxCombined));
+    double g[kMaxCombined * kMaxConditionJoints] = {}, gram[kMaxCombined * kMaxCombined];
+    double y[kMaxCombined], z[kMaxCombined], moves[kMaxCombined], copy[kMaxCombined * kMaxCombined];
+    for (int i = 0; i < k; i++) {
+        y[i] = gradient(c, first + i, x, g + i * c.n);
+        moves[i] = 0.0;
+        for (int j = 0; j < c.n; j++) moves[i] += g[i * c.n + j] * u[j];
+        for (int m = 0; m <= i; m++) {
+            double sum = 0.0;
+            for (int j = 0; j < c.n; j++) sum += g[i * c.n + j] * g[m * c.n + j];
+            gram[i * k + m] = gram[m * k + i] = sum;
+        }
+    }
+    if (k > 0) {
+        std::copy(gram, gram + k * k, copy);
+        std::copy(moves, moves + k, z);
+        solve(gram, y, k);
+        solve(copy, z, k);
+        for (int i = 0; i < k; i++) {
+            across += moves[i] * z[i];
+            for (int j = 0; j < c.n; j++) off[j] += g[i * c.n + j] * y[i];
+        }
+    }
+    double square = 0.0, product = 0.0;
+    for (int j = 0; j < c.n; j++) {
+        square += off[j] * off[j];
+        product += off[j] * u[j];
+    }
+    distance = std::sqrt(square);
+    // On the branch itself every way across it leads away.
+    rate = distance > 1e-12 ? product / distance : std::sqrt(std::max(across, 0.0));
+}
+
+}  // namespace
+
+Contact contact_along(const Conditions& c, std::int64_t family, const double* x,
+                      const double* velocity, double horizon) {
+    double speed = 0.0, u[kMaxConditionJoints], at[kMaxConditionJoints];
+    for (int j = 0; j < c.n; j++) speed = std::max(speed, std::fabs(velocity[j]));
+    if (!(speed > 0.0)) return Contact{kInfinite, 0.0};
+    for (int j = 0; j < c.n; j++) u[j] = velocity[j] / speed;
+    Contact out{kInfinite, 0.0};
+    double nearest = kInfinite, rate = 0.0;
+    for (int b = 0; b < c.branches; b++) {
+        if (c.family[b] != family) continue;
+        double distance, change;
+        approach(c, b, x, u, distance, change);
+        if (distance < nearest) {
+            nearest = distance;
+            rate = change;
+        }
+    }
+    out.rate = rate * speed;
+
+    const double end = std::min(horizon * speed, 1e6);
+    const std::int64_t terms = c.branches == 0 ? 0 : c.term_start[c.equation_start[c.branches]];
+    std::int64_t work = std::max<std::int64_t>(4 * terms, 600);
+    double best = end;
+    bool met = false;
+    for (int b = 0; b < c.branches; b++) {
+        double s = 0.0;
+        std::copy(x, x + c.n, at);
+        for (int steps = 0; s < best; steps++) {
+            const double step = step_of_branch(c, b, at, u, work);
+            s += step;
+            // The steps of Newton's method have come to an end: it is here, or hardly later.
+            if (step <= 1e-9 + 1e-7 * s || steps == kMostSteps || work < 0) break;
+            for (int j = 0; j < c.n && s < best; j++) at[j] = x[j] + s * u[j];
+        }
+        if (s < best) {
+            best = s;
+            met = true;
+        }
+    }
+    if (met) out.time = best * (1.0 - 1e-14) / speed;
+    if (!met && end < horizon * speed) out.time = end / speed;
+    return out;
+}
+
+}  // namespace pinsing

@@ -1,0 +1,283 @@
+"""Monitor: how far a running arm is from its singular configurations, tick by tick."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._batch import engine
+from pinsing._types import Array
+from pinsing.arguments import checked, real_numbers
+from pinsing.bounds.contact import contact_along
+from pinsing.bounds.two_sided import two_sided
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.notebook import one_line
+from pinsing.proximity.watched import Forms, every_name, watch
+
+CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
+
+_STEADY = 1e-6
+_NOTHING = np.zeros(0)
+_FLOAT = np.dtype(float)
+
+
+class Verdict(NamedTuple):
+    """What a `Monitor` says of one configuration.
+
+    Attributes
+    ----------
+    level : str
+        "clear", "warn" or "stop", with hysteresis.
+    family : str
+        The nearest family, by ``lower``; empty where there is none.
+    lower : float
+        Proven, rounding included: no configuration of a family is nearer. Radians, or metres over
+        the length scale; infinite without families.
+    upper : float
+        A configuration of a family is as near as this; infinite where the quick bound does not
+        tell, far from all of them.
+    time_to_contact : float or None
+        Seconds: going on at ``dq``, no family is met sooner, which is proven; where one lies ahead
+        it is the time of contact but for some 1e-6 of it. Infinite where none is met within the
+        horizon. None without ``dq``.
+    trend : str or None
+        "toward" or "away" from ``family``, or "steady"; None without ``dq``.
+    rate : float or None
+        How fast the distance from ``family`` grows, to first order, per second; negative on the
+        way toward it. None without ``dq``.
+    """
+
+    level: str
+    family: str
+    lower: float
+    upper: float
+    time_to_contact: float | None
+    trend: str | None
+    rate: float | None
+
+
+class Monitor:
+    """Watches a running arm: call `update` in the control loop, some microseconds each time.
+
+    The level is "stop" as soon as the proven clearance ``lower`` is at or below ``stop``, and
+    "warn" at or below ``warn``. It falls again only once ``lower`` is above the bound by the share
+    ``hysteresis`` of it, so that it does not chatter where an arm stays at a bound. Families
+    of which no real point is known count as well: a guard errs on the side of care.
+
+    A monitor belongs to one arm and one thread.
+
+    Parameters
+    ----------
+    forms : ClosedForm or sequence of ClosedForm
+        Of one arm, such as those of two tasks.
+    warn, stop : float
+        Clearances, radians (metres over the length scale): 0 <= stop <= warn.
+    hysteresis : float
+        Share of a bound by which it must be left, 0.1 for ten percent.
+    horizon : float
+        Seconds that are looked ahead with ``dq``.
+    families : sequence of str, optional
+        Names of the families that count; by default all.
+    weights : (n,) array_like, optional
+        What joint differences are multiplied by, as in ``Family.distance``.
+
+    Attributes
+    ----------
+    level : str
+        The level after the last update; "clear" before the first.
+    joints : tuple of str
+        Names of the joints, in the order of q.
+    names : tuple of str
+        The families that are watched.
+    complete : bool
+        Whether the closed forms are complete. Otherwise a configuration may be singular that is
+        said to be clear.
+
+    Raises
+    ------
+    OptionError, UnknownNameError
+        If bounds make no sense, or there is no family of a name.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> monitor = pinsing.Monitor(pinsing.closed_form(pinsing.load("ur5")), warn=0.2, stop=0.1)
+    >>> monitor.update([0, -1.2, 1.3, -1, 0.15, 0], [0, 0, 0, 0, -0.3, 0]).level
+    'warn'
+    """
+
+    __slots__ = (
+        "_handle",
+        "_isa",
+        "_listed",
+        "_out",
+        "_shape",
+        "_v",
+        "_watched",
+        "_weight",
+        "_x",
+        "complete",
+        "horizon",
+        "hysteresis",
+        "joints",
+        "level",
+        "names",
+        "stop",
+        "warn",
+    )
+
+    @checked
+    def __init__(
+        self,
+        forms: Forms,
+        warn: float = math.radians(10),
+        stop: float = math.radians(5),
+        *,
+        hysteresis: float = 0.1,
+        horizon: float = 10.0,
+        families: Sequence[str] | None = None,
+        weights: npt.ArrayLike | None = None,
+    ) -> None:
+        if not 0 <= stop <= warn < math.inf:
+            raise OptionError(f"need 0 <= stop <= warn, got stop {stop!r} and warn {warn!r}")
+        if not 0 <= hysteresis < math.inf:
+            raise OptionError(f"hysteresis must not be negative, got {hysteresis!r}")
+        if not horizon > 0:
+            raise OptionError(f"horizon must be positive, got {horizon!r}")
+        watched = watch(forms, every_name(forms) if families is None else families, weights)
+        self._watched = watched
+        self.joints, self.names, self.complete = watched.joints, watched.names, watched.complete
+        self.level = CLEAR
+        self.warn, self.stop = float(warn), float(stop)
+        self.hysteresis, self.horizon = float(hysteresis), float(horizon)
+        self._shape = (watched.n,)
+        self._weight = None if bool((watched.weight == 1).all()) else watched.weight
+        self._x, self._v, self._out = np.empty(watched.n), np.empty(watched.n), np.empty(4)
+        self._handle = watched.conditions.compiled()
+        self._isa = engine.isa_names()[-1] if self._handle is not None else ""
+        self._listed = (*watched.names, "")
+
+    def __repr__(self) -> str:
+        words = f"{len(self.names)} families, warn {self.warn:g}, stop {self.stop:g}: {self.level}"
+        return one_line("Monitor", words)
+
+    def reset(self) -> None:
+        """Forget the level, as before the first update.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> monitor = pinsing.Monitor(pinsing.closed_form(pinsing.load("scara")))
+        >>> monitor.update([0, 0, 0.1, 0]).level
+        'stop'
+        >>> monitor.reset()
+        >>> monitor.level
+        'clear'
+        """
+        self.level = CLEAR
+
+    def update(self, q: npt.ArrayLike, dq: npt.ArrayLike | None = None) -> Verdict:
+        """Judge a configuration; a wrong one raises, and leaves the level as it was.
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Radians and metres; an array of floats is fastest.
+        dq : (n,) array_like, optional
+            Joint speeds.
+
+        Returns
+        -------
+        Verdict
+            Level, family, bounds, and with ``dq`` time to contact and trend.
+
+        Raises
+        ------
+        ConfigurationError
+            If q or dq has the wrong length, holds something else than numbers, or a value that is
+            not finite; the joint is named.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> monitor = pinsing.Monitor(pinsing.closed_form(pinsing.load("ur5")))
+        >>> verdict = monitor.update([0, -1.2, 1.3, -1, 0.5, 0], [0, 0, 0, 0, -0.25, 0])
+        >>> verdict.family, verdict.trend, round(verdict.time_to_contact, 4)
+        ('F2', 'toward', 2.0)
+        """
+        self._take(q, "q", self._x)
+        velocity = _NOTHING
+        if dq is not None:
+            velocity = self._v
+            self._take(dq, "dq", velocity)
+        handle = self._handle
+        if handle is not None:
+            family = handle.watch(self._x, velocity, self.horizon, self._out, self._isa)
+        else:
+            family = self._watch(velocity)
+        if family == -2:
+            raise self._not_finite(velocity)
+        lower, upper, time, rate = self._out.tolist()
+        hold = 1.0 + self.hysteresis
+        level = CLEAR
+        if lower <= self.stop or (self.level == STOP and lower <= self.stop * hold):
+            level = STOP
+        elif lower <= self.warn or (self.level != CLEAR and lower <= self.warn * hold):
+            level = WARN
+        self.level = level
+        name = self._listed[family]
+        if dq is None:
+            return Verdict(level, name, lower, upper, None, None, None)
+        trend = "steady"
+        if rate != 0.0 and abs(rate) > _STEADY * max(map(abs, velocity.tolist())):
+            trend = "away" if rate > 0.0 else "toward"
+        return Verdict(level, name, lower, upper, time, trend, rate)
+
+    def _take(self, values: npt.ArrayLike, name: str, into: Array) -> None:
+        if type(values) is np.ndarray and values.dtype == _FLOAT and values.shape == self._shape:
+            into[:] = values
+        elif not self._plain(values, into):
+            array = real_numbers(values, name)
+            if array.shape != self._shape:
+                raise ConfigurationError(
+                    f"{name} needs {len(self.joints)} values for {', '.join(self.joints)}; got "
+                    f"shape {array.shape}",
+                    lengths=self._shape,
+                )
+            into[:] = array
+        if self._weight is not None:
+            into *= self._weight
+
+    def _plain(self, values: npt.ArrayLike, into: Array) -> bool:
+        """Take a list or tuple of floats without further ado."""
+        if not isinstance(values, list | tuple) or len(values) != len(into):
+            return False
+        if not all(type(value) is float for value in values):
+            return False
+        into[:] = values
+        return True
+
+    def _watch(self, velocity: Array) -> int:
+        """As the compiled engine does it."""
+        if not (np.isfinite(self._x).all() and np.isfinite(velocity).all()):
+            return -2
+        conditions = self._watched.conditions
+        found = two_sided(conditions, (self._x / self._watched.weight)[None], compiled=False)
+        family = int(found.family[0])
+        self._out[:2] = found.lower[0], found.upper[0]
+        if velocity.size:
+            self._out[2:] = contact_along(conditions, family, self._x, velocity, self.horizon)
+        return family
+
+    def _not_finite(self, velocity: Array) -> ConfigurationError:
+        name, array = ("q", self._x) if not np.isfinite(self._x).all() else ("dq", velocity)
+        j = int(np.flatnonzero(~np.isfinite(array))[0])
+        return ConfigurationError(
+            f"{name} of joint {self.joints[j]!r} is {array[j]}; every value must be finite",
+            joint=self.joints[j],
+            value=float(array[j]),
+        )

@@ -1,0 +1,351 @@
+"""The monitor of a control loop: bounds, time to contact, hysteresis, speed, bad input."""
+
+from __future__ import annotations
+
+import dataclasses
+import timeit
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from singular_sets import Joint, arm_of, build, closed
+
+import pinsing
+from pinsing._batch import engine
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation
+from pinsing.bounds import contact
+from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
+from pinsing.families import Branch
+
+ARMS = ["ur5", "panda", "stanford", "puma560", "surgical7", "z1", "scara", "baxter"]
+needs_engine = pytest.mark.skipif(not engine.available(), reason="no compiled engine")
+
+
+def states(name: str, count: int, seed: int = 0) -> tuple[Array, Array]:
+    """Configurations and joint speeds; a third of them near a family, some on one."""
+    form = closed(name)
+    rng = np.random.default_rng(seed)
+    Q = rng.uniform(-3, 3, (count, form.arm.n))
+    near = [f.points(max(1, count // (3 * len(form.families))), rng) for f in form.families]
+    near_by = np.concatenate(near)
+    near_by[::2] += rng.normal(size=near_by[::2].shape) * 1e-3
+    Q = np.concatenate([Q, near_by])
+    V = rng.normal(size=Q.shape)
+    V[::5] *= rng.random(V[::5].shape) < 0.4  # joints that rest
+    return Q, V
+
+
+def without_engine(monitor: pinsing.Monitor) -> pinsing.Monitor:
+    monitor._handle = None
+    return monitor
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_lower_is_never_above_the_distance(name: str) -> None:
+    form = closed(name)
+    monitor = pinsing.Monitor(form)
+    Q, _ = states(name, 40)
+    quick = pinsing.clearance(form, Q)
+    true = pinsing.clearance(form, Q[::5], certify=True, gap=1e-3, seconds=0.2)
+    for i, q in enumerate(Q):
+        verdict = monitor.update(q)
+        assert verdict.lower == quick.lower[i]
+        assert verdict.upper == quick.upper[i]
+        assert verdict.family == quick.nearest[i]
+        assert verdict[4:] == (None, None, None)
+        if i % 5 == 0:
+            assert verdict.lower <= true.upper[i // 5]
+
+
+@pytest.mark.parametrize("name", ["ur5", "puma560", "stanford", "surgical7", "z1", "irb1400"])
+def test_time_to_contact_is_that_of_the_first_crossing(name: str) -> None:
+    form = closed(name)
+    single = [
+        f.name for f in form.families if f.codimension == 1 and len(f.branches[0].equations) <= 1
+    ]
+    monitor = pinsing.Monitor(form, families=single, horizon=2.0)
+    Q, V = states(name, 60, 1)
+    met = 0
+    for q, v in zip(Q, V, strict=True):
+        verdict = monitor.update(q, v)
+        said = verdict.time_to_contact
+        assert said is not None
+        if verdict.lower < 1e-7:
+            continue  # met already, to rounding
+        found = pinsing.crossings(form, np.stack([q, q + 2.0 * v]), families=single)
+        times = [2.0 * c.t for c in found.events]
+        first = min(times, default=np.inf)
+        assert said <= first + 1e-9  # never later
+        if np.isfinite(said):
+            close = pinsing.clearance(form, q + said * v, families=single)
+            assert close.lower < 1e-4 * max(1.0, np.abs(v).max())
+            met += 1
+        else:
+            assert not times
+    assert met > 10
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_no_contact_before_it_is_said(name: str) -> None:
+    """Families of several equations too: along the motion the clearance stays positive."""
+    form = closed(name)
+    monitor = pinsing.Monitor(form, horizon=1.0)
+    Q, V = states(name, 12, 2)
+    for q, v in zip(Q, V, strict=True):
+        time = monitor.update(q, v).time_to_contact
+        assert time is not None
+        until = min(time, 1.0)
+        if until < 1e-6:
+            continue
+        t = np.linspace(0, until * (1 - 1e-6), 200)[:, None]
+        upper = pinsing.clearance(form, q + t * v).upper
+        assert upper.min() > 0  # an upper bound of zero is a contact
+
+
+@pytest.mark.parametrize("name", ["ur5", "stanford", "panda"])
+def test_trend_is_that_of_the_distance(name: str) -> None:
+    form = closed(name)
+    monitor = pinsing.Monitor(form)
+    Q, V = states(name, 40, 3)
+    seen = set()
+    for q, v in zip(Q, V, strict=True):
+        verdict = monitor.update(q, v)
+        seen.add(verdict.trend)
+        if not 1e-3 < verdict.lower < 0.5 or verdict.upper - verdict.lower > 0.02:
+            continue
+        family = next(f for f in form.families if f.name == verdict.family)
+        h = 1e-4
+        before, after = (family.distance(q + s * h * v, gap=1e-9).upper for s in (-1, 1))
+        rate = (after - before) / (2 * h)
+        if abs(rate) > 0.2 * np.linalg.norm(v):
+            assert verdict.trend == ("away" if rate > 0 else "toward")
+            assert verdict.rate == pytest.approx(rate, rel=0.15)
+    assert {"toward", "away"} <= seen
+
+
+@needs_engine
+@pytest.mark.parametrize("name", ARMS)
+def test_the_same_without_the_compiled_engine(name: str) -> None:
+    form = closed(name)
+    fast, slow = pinsing.Monitor(form), without_engine(pinsing.Monitor(form))
+    Q, V = states(name, 25, 4)
+    for q, v in zip(Q, V, strict=True):
+        a, b = fast.update(q, v), slow.update(q, v)
+        assert (a.level, a.family) == (b.level, b.family)
+        assert a.lower == pytest.approx(b.lower, rel=1e-9, abs=1e-12)
+        assert a.time_to_contact is not None
+        if a.time_to_contact != b.time_to_contact:
+            assert a.time_to_contact == pytest.approx(b.time_to_contact, rel=1e-4, abs=1e-7)
+        if a.lower > 1e-9:
+            # Many equations for few directions: what solves them is known to less digits.
+            assert a.rate == pytest.approx(b.rate, rel=1e-2 if name == "baxter" else 1e-5, abs=1e-6)
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+def test_prismatic_joints_in_equations(compiled: bool) -> None:
+    """d3^2 + 0.5 d3 cos q2 - 0.3 = 0, made up, in place of the families of the Stanford arm."""
+    form = closed("stanford")
+    frequencies, powers = np.zeros((2, 3, 6), dtype=np.int64)
+    powers[:2, 2], frequencies[1, 1] = (2, 1), 2
+    equation = Equation(
+        joints=form.symbols,
+        frequencies=frequencies,
+        powers=powers,
+        cos=np.array([1.0, 0.5, -0.3]),
+        sin=np.zeros(3),
+        shift=np.zeros(6),
+    )
+    family = dataclasses.replace(
+        form.families[0], branches=(Branch((), (equation,)),), length_scale=0.5
+    )
+    summary = dataclasses.replace(form.arm, length_scale=0.5)
+    form = dataclasses.replace(form, families=(family,), arm=summary)
+    monitor = pinsing.Monitor(form, horizon=3.0)
+    if not compiled:
+        without_engine(monitor)
+    rng = np.random.default_rng(5)
+    met = 0
+    for _ in range(60):
+        q, v = rng.uniform(-1, 1, (2, 6))
+        said = monitor.update(q, v).time_to_contact
+        assert said is not None
+        found = pinsing.crossings(form, np.stack([q, q + 3.0 * v]))
+        first = min((3.0 * c.t for c in found.events), default=np.inf)
+        assert said <= first + 1e-9
+        met += np.isfinite(said)
+        if np.isfinite(first) and np.isfinite(said):
+            assert said == pytest.approx(first, rel=1e-4, abs=1e-6)
+    assert met > 5
+
+
+def test_hysteresis() -> None:
+    monitor = pinsing.Monitor(closed("stanford"), warn=0.2, stop=0.1, hysteresis=0.2)
+
+    def level(wrist: float) -> str:
+        return monitor.update([0, 1.4, 0.5, 1, wrist, 0]).level
+
+    heard = [level(x) for x in (0.3, 0.21, 0.199, 0.21, 0.239, 0.241, 0.21)]
+    assert heard == ["clear", "clear", "warn", "warn", "warn", "clear", "clear"]
+    heard = [level(x) for x in (0.05, 0.11, 0.119, 0.121, 0.23, 0.3, 0.05, 0.3)]
+    assert heard == ["stop", "stop", "stop", "warn", "warn", "clear", "stop", "clear"]
+    monitor.reset()
+    assert monitor.level == "clear"
+
+
+def test_it_does_not_chatter_where_an_arm_trembles_at_a_bound() -> None:
+    rng = np.random.default_rng(0)
+    wrist = 0.2 + 0.01 * rng.normal(size=2000)
+    for hysteresis, most in ((0.0, None), (0.3, 1)):
+        monitor = pinsing.Monitor(
+            closed("stanford"), warn=0.2, stop=0.1, hysteresis=hysteresis, families=["F3"]
+        )
+        levels = [monitor.update([0, 1.4, 0.5, 1, w, 0]).level for w in wrist]
+        changes = sum(a != b for a, b in pairwise(levels))
+        assert changes > 500 if most is None else changes <= most
+
+
+def test_at_a_singular_configuration() -> None:
+    monitor = pinsing.Monitor(closed("ur5"))
+    q = np.array([0, -1.2, 1.3, -1, 0.0, 0])
+    resting = monitor.update(q, np.zeros(6))
+    assert resting[:4] == ("stop", "F2", 0.0, resting.upper)
+    assert resting.upper < 1e-14
+    assert resting[4:] == (np.inf, "steady", 0.0)
+    leaving = monitor.update(q, [0, 0, 0, 0, 1, 0])
+    assert (leaving.time_to_contact, leaving.trend) == (0.0, "away")
+    along = monitor.update(q, [1, 0, 0, 0, 0, 0])
+    assert (along.time_to_contact, along.trend) == (0.0, "steady")
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize("size", [1e-320, 1e-300, 1e-9, 1e9, 1e300])
+def test_speeds_of_any_size(size: float, compiled: bool) -> None:
+    monitor = pinsing.Monitor(closed("ur5"), horizon=np.inf)
+    if not compiled:
+        without_engine(monitor)
+    verdict = monitor.update([0, -1.2, 1.3, -1, 0.5, 0], np.array([0, 0, 0, 0, -1.0, 0]) * size)
+    assert verdict.trend == "toward"
+    assert verdict.time_to_contact is not None
+    assert not np.isnan(verdict.time_to_contact)
+    if size > 1e-300:
+        assert verdict.time_to_contact == pytest.approx(0.5 / size, rel=1e-6)
+
+
+def test_huge_joint_values_are_never_said_to_be_clear_wrongly() -> None:
+    monitor = pinsing.Monitor(closed("ur5"))
+    for size in (1e6, 1e12, 1e17, 1e300):
+        verdict = monitor.update(np.full(6, size), np.ones(6))
+        assert not np.isnan(verdict.lower)
+        if size > 1e16:
+            assert verdict.level == "stop"
+
+
+def test_weights_and_two_forms() -> None:
+    weights = np.array([1, 1, 1, 1, 3.0, 1])
+    monitor = pinsing.Monitor(closed("ur5"), weights=weights, families=["F2"])
+    verdict = monitor.update([0, -1.2, 1.3, -1, 0.1, 0], [0, 0, 0, 0, -0.1, 0])
+    assert verdict.lower == pytest.approx(0.3)
+    assert verdict.time_to_contact == pytest.approx(1.0)
+    assert verdict.rate == pytest.approx(-0.3)
+    both = pinsing.Monitor(
+        [closed("ur5"), pinsing.closed_form(arm_of("ur5").with_task("position"))]
+    )
+    assert {name.split()[0] for name in both.names} == {"pose", "position"}
+    with pytest.raises(OptionError, match="different joints"):
+        pinsing.Monitor([closed("ur5"), closed("stanford")])
+
+
+def test_an_arm_without_families() -> None:
+    monitor = pinsing.Monitor(pinsing.closed_form(build([Joint(d=0.2)])))
+    assert monitor.complete
+    verdict = monitor.update([0.3], [1.0])
+    assert verdict[:4] == ("clear", "", np.inf, np.inf)
+    assert verdict.time_to_contact == np.inf
+
+
+def test_what_is_missing_is_said() -> None:
+    poor = pinsing.closed_form(arm_of("panda"), seconds=0.02)
+    assert pinsing.Monitor(poor).complete is poor.complete is False
+
+
+def test_a_family_without_a_known_point_counts() -> None:
+    form = closed("stanford")
+    unsure = dataclasses.replace(form.families[2], real=False)
+    form = dataclasses.replace(form, families=(*form.families[:2], unsure))
+    assert pinsing.Monitor(form).names == ("F1", "F2", "F3")
+    assert pinsing.Monitor(form).update([0, 1, 0.5, 1, 0, 0]).level == "stop"
+
+
+@pytest.mark.parametrize(
+    ("q", "dq", "said"),
+    [
+        ([0, 0, np.nan, 0, 0, 0], None, "q of joint 'elbow_joint' is nan"),
+        ([0, 0, 0, 0, 0, np.inf], None, "q of joint 'wrist_3_joint' is inf"),
+        (np.zeros(6), [0, -np.inf, 0, 0, 0, 0], "dq of joint 'shoulder_lift_joint' is -inf"),
+        ([0, 0, 0], None, r"q needs 6 values for shoulder_pan_joint.*got shape \(3,\)"),
+        (np.zeros((1, 6)), None, r"got shape \(1, 6\)"),
+        (0.0, None, "q needs 6 values"),
+        (np.zeros(6), np.zeros(7), "dq needs 6 values"),
+        (["a"] * 6, None, "q must be numbers"),
+        (None, None, "q must be numbers"),
+        ([0, 0, 0, 0, 0, 10**400], None, "q"),
+    ],
+)
+@pytest.mark.parametrize("compiled", [True, False])
+def test_bad_configurations(q: object, dq: object, said: str, compiled: bool) -> None:
+    monitor = pinsing.Monitor(closed("ur5"))
+    if not compiled:
+        without_engine(monitor)
+    monitor.update([0, -1.2, 1.3, -1, 0.0, 0])
+    with pytest.raises(ConfigurationError, match=said) as raised:
+        monitor.update(q, dq)  # type: ignore[arg-type]
+    assert "\n" not in str(raised.value)
+    assert monitor.level == "stop"
+
+
+@pytest.mark.parametrize(
+    ("options", "error"),
+    [
+        ({"warn": 0.1, "stop": 0.2}, OptionError),
+        ({"warn": -1.0, "stop": -2.0}, OptionError),
+        ({"warn": np.inf}, OptionError),
+        ({"hysteresis": -0.1}, OptionError),
+        ({"horizon": 0.0}, OptionError),
+        ({"weights": [1, 2]}, OptionError),
+        ({"weights": [1, 1, 1, 1, 0, 1]}, OptionError),
+        ({"families": ["F8"]}, UnknownNameError),
+        ({"warn": np.nan}, PinsingError),
+    ],
+)
+def test_bad_options(options: dict[str, object], error: type[Exception]) -> None:
+    with pytest.raises(error):
+        pinsing.Monitor(closed("ur5"), **options)  # type: ignore[arg-type]
+    with pytest.raises(PinsingError):
+        pinsing.Monitor([])
+
+
+def test_continuous_joints_count_modulo_whole_turns() -> None:
+    monitor = pinsing.Monitor(closed("ur5"))
+    q = np.array([0, -1.2, 1.3, -1, 0.3, 0])
+    for turns in (-3, 1, 100):
+        verdict = monitor.update(q + 2 * np.pi * turns, [0, 0, 0, 0, -1, 0])
+        assert verdict.lower == pytest.approx(0.3, abs=1e-12)
+        assert verdict.time_to_contact == pytest.approx(0.3, abs=1e-9)
+
+
+@needs_engine
+@pytest.mark.parametrize("name", ["ur5", "panda"])
+def test_it_is_fast_enough_for_a_control_loop(name: str) -> None:
+    """Minima on a machine that others use: 20 us is the promise."""
+    monitor = pinsing.Monitor(closed(name), warn=0.2, stop=0.1)
+    rng = np.random.default_rng(0)
+    for q, v in rng.uniform(-2, 2, (10, 2, closed(name).arm.n)):
+        best = min(timeit.repeat(lambda q=q, v=v: monitor.update(q, v), number=50, repeat=40))
+        assert best / 50 < 20e-6
+
+
+def test_contact_of_nothing() -> None:
+    conditions = closed("ur5").families[0].conditions()
+    x = np.zeros(6)
+    assert contact.contact_along(conditions, 0, x, np.zeros(6), 1.0) == (np.inf, 0.0)
