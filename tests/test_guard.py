@@ -1,0 +1,547 @@
+"""Exported guards: compiled and compared with pinsing, never clear where they must not be."""
+
+from __future__ import annotations
+
+import ctypes
+import importlib.util
+import re
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass, replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from singular_sets import Joint, arm_of, build, closed
+
+import pinsing
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation
+from pinsing.bounds.two_sided import two_sided
+from pinsing.cli.app import command
+from pinsing.errors import OptionError, PinsingError, UnknownNameError
+from pinsing.families import Branch, ClosedForm
+from pinsing.proximity import guard as guard_module
+from pinsing.proximity.guard import make_guard
+from pinsing.proximity.watched import every_name, watch
+from pinsing.robot.arm import Arm
+
+DRIVER = Path(__file__).parent / "guard_driver.c"
+WARNINGS = [
+    "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-Wconversion", "-Wdouble-promotion", "-Wshadow",
+    "-Wcast-qual", "-Wundef", "-Wvla", "-Wcomment", "-Wtrigraphs",
+]  # fmt: skip
+needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="no C compiler")
+
+
+@dataclass
+class CGuard:
+    """A header in a shared library."""
+
+    library: Any
+    n: int
+    families: int
+    equations: int
+
+    def ask(self, Q: Array) -> tuple[Array, Array, Array]:
+        """Clearance (N,), family (N,), and (N, F, 2 + n): f, lower, gradient of each family."""
+        Q = np.ascontiguousarray(Q, dtype=float)
+        lower, number = np.empty(len(Q)), np.empty(len(Q), dtype=np.int32)
+        each = np.empty((len(Q), self.families, 2 + self.n))
+        self.library.ask(
+            len(Q), *(ctypes.c_void_p(a.ctypes.data) for a in (Q, lower, number, each))
+        )
+        return lower, number, each
+
+    def values(self, Q: Array) -> Array:
+        """Values and gradients (N, E, 1 + n) of all equations."""
+        Q = np.ascontiguousarray(Q, dtype=float)
+        out = np.empty((len(Q), self.equations, 1 + self.n))
+        self.library.equations(len(Q), *(ctypes.c_void_p(a.ctypes.data) for a in (Q, out)))
+        return out
+
+    def clear(self, q: Array, radius: float) -> bool:
+        q = np.ascontiguousarray(q, dtype=float)
+        return bool(self.library.clear(ctypes.c_void_p(q.ctypes.data), ctypes.c_double(radius)))
+
+    def inside(self, q: Array) -> bool:
+        q = np.ascontiguousarray(q, dtype=float)
+        return bool(self.library.inside(ctypes.c_void_p(q.ctypes.data)))
+
+    def text(self, function: str, i: int) -> bytes:
+        call = getattr(self.library, function)
+        call.restype = ctypes.c_char_p
+        return bytes(call(i))
+
+
+def number_of(header: str, name: str) -> int:
+    found = re.search(rf"^#define \w+_{name} (\d+)$", header, re.MULTILINE)
+    assert found is not None
+    return int(found[1])
+
+
+def compiled(header: str, folder: Path, *flags: str, compiler: str = "gcc") -> CGuard:
+    (folder / "guard.h").write_text(header, encoding="ascii")
+    prefix = re.search(r"^#ifndef (\w+)_GUARD_H$", header, re.MULTILINE)
+    assert prefix is not None
+    big = prefix[1]
+    small = re.search(rf"double ({big.lower()})_clearance", header, re.MULTILINE)
+    assert small is not None
+    library = folder / "guard.so"
+    language = ["-std=c99"] if compiler == "gcc" else ["-std=c++11", "-x", "c++"]
+    counts = {name: number_of(header, name) for name in ("JOINTS", "FAMILIES", "EQUATIONS")}
+    done = subprocess.run(
+        [
+            compiler, *language, *WARNINGS, *(flags or ("-O2",)), "-shared", "-fPIC",
+            f'-DGUARD_HEADER="{folder}/guard.h"', f"-DPREFIX={small[1]}",
+            *(f"-D{name}_={count}" for name, count in counts.items()),
+            "-o", str(library), str(DRIVER), "-lm",
+        ],
+        capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return CGuard(ctypes.CDLL(str(library)), *counts.values())
+
+
+def module(text: str, folder: Path) -> ModuleType:
+    path = folder / "guard.py"
+    path.write_text(text, encoding="ascii")
+    spec = importlib.util.spec_from_file_location("exported_guard", path)
+    assert spec is not None
+    assert spec.loader is not None
+    found = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(found)
+    return found
+
+
+def configurations(form: ClosedForm, count: int, seed: int = 0) -> Array:
+    """Random ones, ones near families, ones on them, ones far away and at limits."""
+    rng = np.random.default_rng(seed)
+    n = form.arm.n
+    on = [f.points(max(2, count // (4 * max(1, len(form.families)))), rng) for f in form.families]
+    on_them = np.concatenate([np.zeros((0, n)), *on])
+    near = np.repeat(on_them, 2, axis=0)
+    near += rng.normal(size=near.shape) * 10.0 ** rng.uniform(-12, -1, (len(near), 1))
+    far = rng.uniform(-300, 300, (count // 20, n))
+    limits = np.where(np.isfinite(form.arm.lower), form.arm.lower, 0.0)[None]
+    rest = max(count - len(on_them) - len(near) - len(far) - 1, 0)
+    return np.concatenate([on_them, near, far, limits, rng.uniform(-4, 4, (rest, n))])
+
+
+def sliding_form() -> tuple[Arm, ClosedForm]:
+    """d3^2 + 0.5 d3 cos q2 - 0.3 = 0 and q5 = 0.2, and d3 = 0.1 or both, in a Stanford arm."""
+    arm = arm_of("stanford").with_task(length_scale=0.4)
+    form = pinsing.closed_form(arm)
+    frequencies, powers = np.zeros((2, 3, 6), dtype=np.int64)
+    powers[:2, 2], frequencies[1, 1] = (2, 1), 2
+    equation = Equation(
+        joints=form.symbols,
+        frequencies=frequencies,
+        powers=powers,
+        cos=np.array([1.0, 0.5, -0.3]),
+        sin=np.zeros(3),
+        shift=np.zeros(6),
+    )
+    single = replace(form.families[0], branches=(Branch((), (equation,)),))
+    wrist = form.families[2].branches[0].values
+    both = replace(form.families[0], name="F4", branches=(Branch(wrist, (equation,)),))
+    return arm, replace(form, families=(single, *form.families[1:], both))
+
+
+def case(name: str) -> tuple[Arm, ClosedForm]:
+    if name == "slides":
+        return sliding_form()
+    return arm_of(name), closed(name)
+
+
+def compare(arm: Arm, form: ClosedForm, found: CGuard, count: int) -> None:
+    """A guard against pinsing: never above, and the same but for rounding."""
+    Q = configurations(form, count)
+    lower, number, each = found.ask(Q)
+    watched = watch(form, every_name(form))
+    reference = two_sided(watched.conditions, Q, each=True)
+    assert reference.each is not None
+    # Several equations are combined with multiples that near a family depend on rounding.
+    several = any(len(b.equations) > 1 for f in watched.families for b in f.branches)
+    close = {"rtol": 1e-7, "atol": 1e-8 if several else 1e-12}
+    np.testing.assert_allclose(lower, reference.lower, **close)
+    np.testing.assert_allclose(each[..., 1], reference.each[..., 0], **close)
+    assert (lower == each[..., 1].min(axis=1)).all()
+    assert (number == each[..., 1].argmin(axis=1)).all()
+    # Nothing is clear within an upper bound, and nothing on a family is clear at all.
+    assert (lower <= reference.upper).all()
+    some = Q[:: max(1, len(Q) // 60)]
+    true = pinsing.clearance(
+        form, some, families=every_name(form), certify=True, gap=1e-4, seconds=0.05
+    )
+    assert (found.ask(some)[0] <= true.upper).all()
+    values = found.values(Q)
+    equations = [e for f in watched.families for e in f.equations]
+    assert len(equations) == found.equations
+    for i, e in enumerate(equations):
+        size = e.size * max(1.0, float(np.abs(Q[:, list(e.involved)]).max()) ** int(e.powers.max()))
+        np.testing.assert_allclose(values[:, i, 0], e(Q), atol=1e-12 * size)
+        np.testing.assert_allclose(values[:, i, 1:], e.gradient(Q), atol=1e-11 * size)
+    f, slope = each[..., 0], each[..., 2:]
+    step = 1e-6 * np.random.default_rng(1).normal(size=Q.shape)
+    after = found.ask(Q + step)[2][..., 0]
+    smooth = (np.abs(f) > 1e-3) & (each[..., 1] < 0.3)  # half a turn off, another value is nearer
+    change = np.einsum("nfj,nj->nf", slope, step)
+    off = np.abs(after - f - change)[smooth]
+    if off.size:  # another branch may be nearer after the step
+        assert np.quantile(off, 0.99) < 1e-8
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    "name", ["ur5", "puma560", "stanford", "panda", "surgical7", "z1", "scara", "slides", "baxter"]
+)
+def test_a_header_says_what_pinsing_says(name: str, tmp_path: Path) -> None:
+    arm, form = case(name)
+    header = pinsing.export_guard(arm, "c", forms=form)
+    compare(arm, form, compiled(header, tmp_path), 3000)
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", ["ur5", "panda", "slides"])
+def test_a_hundred_thousand_configurations_and_none_is_falsely_clear(
+    name: str, tmp_path: Path
+) -> None:
+    arm, form = case(name)
+    found = compiled(pinsing.export_guard(arm, "c", forms=form), tmp_path)
+    Q = configurations(form, 100_000, seed=7)
+    assert len(Q) >= 100_000
+    lower, _, each = found.ask(Q)
+    reference = two_sided(watch(form, every_name(form)).conditions, Q, each=True)
+    assert reference.each is not None
+    assert (each[..., 1] <= reference.each[..., 1]).all()  # the upper bound of each family
+    np.testing.assert_allclose(lower, reference.lower, rtol=1e-7, atol=1e-12)
+
+
+@needs_gcc
+@pytest.mark.parametrize(
+    "flags", [("-O0",), ("-O3", "-march=native"), ("-Os", "-ffp-contract=off")]
+)
+def test_other_optimisations(flags: tuple[str, ...], tmp_path: Path) -> None:
+    found = compiled(pinsing.export_guard(arm_of("z1"), forms=closed("z1")), tmp_path, *flags)
+    compare(arm_of("z1"), closed("z1"), found, 1000)
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", ["ur5", "slides", "talos_arm"])
+def test_it_is_cplusplus_too(name: str, tmp_path: Path) -> None:
+    arm, form = case(name)
+    found = compiled(pinsing.export_guard(arm, forms=form), tmp_path, compiler="g++")
+    compare(arm, form, found, 500)
+
+
+@needs_gcc
+def test_fast_math_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "g.h").write_text(pinsing.export_guard(arm_of("scara"), forms=closed("scara")))
+    (tmp_path / "g.c").write_text('#include "g.h"\nint main(void) { return 0; }\n')
+    done = subprocess.run(
+        ["gcc", "-std=c99", "-ffast-math", str(tmp_path / "g.c"), "-o", str(tmp_path / "g")],
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode != 0
+    assert "not true under -ffast-math" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "name", ["ur5", "puma560", "stanford", "panda", "surgical7", "slides", "baxter"]
+)
+def test_a_python_guard_says_what_pinsing_says(name: str, tmp_path: Path) -> None:
+    arm, form = case(name)
+    found = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
+    Q = configurations(form, 20_000 if name == "ur5" else 1500)
+    watched = watch(form, every_name(form))
+    reference = two_sided(watched.conditions, Q, each=True)
+    assert reference.each is not None
+    lower = found.clearance(Q)
+    close = {"rtol": 1e-7, "atol": 1e-8 if name == "baxter" else 1e-12}
+    np.testing.assert_allclose(lower, reference.lower, **close)
+    assert (lower <= reference.upper).all()
+    for i, family in enumerate(watched.families):
+        f, gradient, low = found.family(i, Q)
+        np.testing.assert_allclose(low, reference.each[:, i, 0], **close)
+        if len(family.branches) == 1 and len(family.equations) == 1 and not family.values[0]:
+            (e,) = family.equations
+            np.testing.assert_allclose(f, e(Q), atol=1e-9)
+            np.testing.assert_allclose(gradient, e.gradient(Q), atol=1e-8)
+    # One configuration, and a grid of them
+    assert found.clearance(Q[0]).shape == ()
+    assert found.clearance(Q[:6].reshape(2, 3, -1)).shape == (2, 3)
+    assert (found.nearest(Q) == reference.each[..., 0].argmin(axis=1)).mean() > 0.999
+    assert arm.joints == found.JOINTS
+    assert pinsing.__version__ == found.VERSION
+    with pytest.raises(ValueError, match="values, got shape"):
+        found.clearance([0.0])
+    with pytest.raises(IndexError):
+        found.family(99, Q)
+
+
+@needs_gcc
+def test_values_that_are_not_finite_are_never_clear(tmp_path: Path) -> None:
+    arm, form = arm_of("ur5"), closed("ur5")
+    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path)
+    python = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
+    good = np.array([0, -1.2, 1.3, -1, -1.4, 0])
+    assert c.clear(good, 0.05)
+    assert python.is_clear(good, 0.05)
+    for value in (np.nan, np.inf, -np.inf, 1e300, -1e308):
+        for joint in range(1, 5):
+            q = good.copy()
+            q[joint] = value
+            assert not c.clear(q, 0.0)
+            assert not python.is_clear(q, 0.0)
+    assert c.ask(np.full((1, 6), np.nan))[1][0] == -1
+    assert not c.clear(good, np.nan)
+
+
+@needs_gcc
+def test_limits(tmp_path: Path) -> None:
+    arm, form = arm_of("scara"), closed("scara")
+    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path)
+    python = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
+    for q in ([0, 1, 0.1, 0], [0, 3, 0.1, 0], [0, 1, -0.1, 0], arm.lower, arm.upper):
+        expected = bool(((np.array(q) >= arm.lower) & (np.array(q) <= arm.upper)).all())
+        assert c.inside(np.array(q)) is expected
+        assert bool(python.within_limits(q)) is expected
+
+
+HOSTILE = [
+    'a*/ int x; /*"', "tab\tline\nbreak", "ключ", "q\\", 'quote"quote', "??/ trigraph ??)", "",
+    "@families@", "%s{x}", "null\0byte", "\ud800", "/*", "//", "\u2028end", "'''\"\"\"", "*\\\n/",
+]  # fmt: skip
+
+
+@needs_gcc
+@pytest.mark.parametrize("name", HOSTILE, ids=ascii)
+def test_names_that_want_to_be_code(name: str, tmp_path: Path) -> None:
+    arm = arm_of("planar3r")
+    form = closed("planar3r")
+    joints = (name, f"x{name}", f"{name}{name}")
+    source = replace(arm.source, label=name)
+    odd = replace(arm, name=name, joints=joints, source=source, tip=arm.tip)
+    form = replace(form, arm=replace(form.arm, name=name, joints=joints))
+    form = replace(form, families=(replace(form.families[0], text=name),))
+    header = pinsing.export_guard(odd, forms=form)
+    assert header.isascii()
+    c = compiled(header, tmp_path)
+    assert c.text("joint_name", 1) == f"x{name}".encode("utf-8", "backslashreplace").split(b"\0")[0]
+    assert c.text("family_text", 0) == name.encode("utf-8", "backslashreplace").split(b"\0")[0]
+    python = module(pinsing.export_guard(odd, "python", forms=form), tmp_path)
+    assert joints == python.JOINTS
+    assert (name,) == python.TEXTS
+    Q = configurations(form, 200)
+    np.testing.assert_allclose(c.ask(Q)[0], python.clearance(Q), rtol=1e-9, atol=1e-12)
+
+
+def test_prefixes() -> None:
+    arm, form = arm_of("planar3r"), closed("planar3r")
+    for name, expected in {
+        "UR-5e": "ur_5e",
+        "5bar": "robot_5bar",
+        "робот": "robot",
+        "": "robot",
+        "_x_": "x",
+        "a" * 99: "a" * 31,
+        "for": "for",
+    }.items():
+        odd = replace(arm, name=name)
+        named = replace(form, arm=replace(form.arm, name=name))
+        assert make_guard(odd, "c", forms=named).prefix == expected
+    assert "left_arm_clearance(" in pinsing.export_guard(arm, forms=form, prefix="left_arm")
+    for bad in ("", "1a", "a-b", "a b", "a_", "_a", "a" * 32, 'a"', "ä"):
+        with pytest.raises(OptionError, match="prefix must be"):
+            pinsing.export_guard(arm, forms=form, prefix=bad)
+
+
+@needs_gcc
+def test_two_guards_in_one_program(tmp_path: Path) -> None:
+    for name in ("ur5", "panda"):
+        (tmp_path / f"{name}.h").write_text(pinsing.export_guard(arm_of(name), forms=closed(name)))
+    (tmp_path / "both.c").write_text(
+        '#include "ur5.h"\n#include "panda.h"\n#include "ur5.h"\n'
+        "int main(void) { const double q[7] = {0}; int f = -2;\n"
+        "return (ur5_clearance(q, &f) <= 0.0 && panda_clearance(q, NULL) >= 0.0) ? 0 : 1; }\n"
+    )
+    out = tmp_path / "both"
+    subprocess.run(
+        ["gcc", "-std=c99", *WARNINGS, str(tmp_path / "both.c"), "-o", str(out), "-lm"], check=True
+    )
+    assert subprocess.run([str(out)]).returncode == 0
+
+
+@needs_gcc
+def test_where_families_are_missing_nothing_is_clear(tmp_path: Path) -> None:
+    arm = arm_of("panda")
+    poor = pinsing.closed_form(arm, seconds=0.02)
+    assert not poor.complete
+    whole = closed("panda")
+    for form, families in ((poor, None), (whole, ["F1"])):
+        made = make_guard(arm, "c", forms=form, families=families)
+        assert not made.complete
+        assert made.notes
+        c = compiled(made.text, tmp_path)
+        python = module(make_guard(arm, "python", forms=form, families=families).text, tmp_path)
+        rng = np.random.default_rng(0)
+        for q in rng.uniform(-2, 2, (20, 7)):
+            assert not c.clear(q, 0.0)
+            assert not python.is_clear(q, 0.0)
+            assert python.clearance(q) == 0.0
+        assert python.known_clearance(np.full(7, 1.0)) > 0
+        assert "#define PANDA_COMPLETE 0" in made.text
+        for note in made.notes:
+            assert note.split()[0] in made.text
+
+
+def test_an_equation_too_large_for_a_file_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(guard_module, "MOST_TERMS", 2)
+    made = make_guard(arm_of("ur5"), "c", forms=closed("ur5"))
+    assert not made.complete
+    assert any("F3 is left out: its equations have 3 terms" in note for note in made.notes)
+    assert "#define UR5_FAMILIES 2" in made.text
+
+
+@needs_gcc
+def test_an_arm_that_is_never_singular(tmp_path: Path) -> None:
+    arm = build([Joint(d=0.2)])
+    form = pinsing.closed_form(arm)
+    c = compiled(pinsing.export_guard(arm, forms=form), tmp_path)
+    assert c.ask(np.zeros((1, 1)))[0][0] == np.inf
+    assert c.clear(np.zeros(1), 1e9)
+    python = module(pinsing.export_guard(arm, "python", forms=form), tmp_path)
+    assert python.clearance([0.3]) == np.inf
+    assert python.nearest([0.3]) == -1
+
+
+def test_a_family_without_a_known_point_counts() -> None:
+    form = closed("stanford")
+    unsure = replace(form.families[2], real=False)
+    form = replace(form, families=(*form.families[:2], unsure))
+    assert "#define STANFORD_FAMILIES 3" in pinsing.export_guard(arm_of("stanford"), forms=form)
+
+
+def test_the_hash_is_that_of_the_numbers() -> None:
+    def hash_of(arm: Arm, form: ClosedForm) -> str:
+        found = re.search(r'_ROBOT_HASH "(sha256:\w{64})"', pinsing.export_guard(arm, forms=form))
+        assert found is not None
+        return found[1]
+
+    arm, form = arm_of("ur5"), closed("ur5")
+    again = pinsing.load("ur5")
+    assert hash_of(arm, form) == hash_of(again, form)
+    assert hash_of(arm, form) != hash_of(arm_of("ur10"), closed("ur10"))
+    assert pinsing.export_guard(arm, forms=form) == pinsing.export_guard(again, forms=form)
+
+
+def test_forms_of_two_tasks_and_of_another_arm() -> None:
+    arm = arm_of("ur5")
+    both = [closed("ur5"), pinsing.closed_form(arm.with_task("position"))]
+    text = pinsing.export_guard(arm, "python", forms=both)
+    assert "'pose F1'" in text
+    assert "'position F1'" in text
+    with pytest.raises(OptionError, match="another arm"):
+        pinsing.export_guard(arm, forms=closed("ur10"))
+    with pytest.raises(UnknownNameError):
+        pinsing.export_guard(arm, forms=closed("ur5"), families=["F9"])
+    with pytest.raises(PinsingError, match="language"):
+        pinsing.export_guard(arm, "rust", forms=closed("ur5"))  # type: ignore[arg-type]
+    with pytest.raises(OptionError, match="arm must be"):
+        pinsing.export_guard(pinsing.load_mechanism("urdf/five_bar.urdf"))  # type: ignore[arg-type]
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(command, list(words), prog_name="pinsing")
+
+
+class TestCommand:
+    def test_both_at_once(self, tmp_path: Path) -> None:
+        h, py = tmp_path / "guard.h", tmp_path / "guard.py"
+        done = run("export", "ur5", "--c", str(h), "--python", str(py))
+        assert done.exit_code == 0, done.stderr
+        assert f"wrote {h}" in done.stderr
+        assert h.read_text() == pinsing.export_guard(arm_of("ur5"), forms=closed("ur5"))
+        script = "import guard; print(guard.clearance([0, -1.2, 1.3, -1, -1.4, 0]) > 0.1)"
+        said = subprocess.run(
+            [sys.executable, "-W", "error", "-c", script], cwd=tmp_path, capture_output=True,
+            text=True,
+        )  # fmt: skip
+        assert said.stdout == "True\n", said.stderr
+
+    def test_to_stdout(self) -> None:
+        done = run("export", "scara", "--c", "-")
+        assert done.exit_code == 0
+        assert done.stdout.startswith("/*\n")
+        assert done.stdout.endswith("#endif\n")
+
+    def test_what_is_missing_is_said(self, tmp_path: Path) -> None:
+        done = run("export", "panda", "--seconds", "0.02", "--c", str(tmp_path / "g.h"))
+        assert done.exit_code == 0
+        assert "not complete" in done.stderr
+        assert "nothing is ever clear" in done.stderr
+
+    @pytest.mark.parametrize(
+        "words",
+        [
+            ("ur5",),
+            ("ur5", "--c", "-", "--python", "-"),
+            ("ur5", "--c", "nowhere/at/all/g.h"),
+            ("ur5", "--c", "-", "--prefix", "7"),
+            ("ur5", "--c", "-", "--family", "F42"),
+            ("ur5", "--c", "-", "--seconds", "0"),
+            ("no_such_robot", "--c", "-"),
+        ],
+    )
+    def test_bad_input_is_one_line(self, words: tuple[str, ...]) -> None:
+        done = run("export", *words)
+        assert done.exit_code == 2
+        assert done.stdout == ""
+        assert sum("error: " in line for line in done.stderr.splitlines()) == 1
+
+    def test_the_robot_is_not_overwritten(self, tmp_path: Path) -> None:
+        robot = tmp_path / "arm.urdf"
+        shutil.copy(Path(__file__).parents[1] / "urdf" / "scara.urdf", robot)
+        before = robot.read_bytes()
+        assert run("export", str(robot), "--c", str(robot)).exit_code == 2
+        assert robot.read_bytes() == before
+
+
+EXAMPLES = Path(__file__).parents[1] / "examples"
+
+
+@needs_gcc
+@pytest.mark.skipif(shutil.which("make") is None, reason="no make")
+def test_the_example_in_c(tmp_path: Path) -> None:
+    folder = tmp_path / "guard_c"
+    shutil.copytree(EXAMPLES / "guard_c", folder)
+    (folder / "ur5_guard.h").write_text(pinsing.export_guard(arm_of("ur5"), forms=closed("ur5")))
+    subprocess.run(
+        ["make", f"CFLAGS=-std=c99 -O2 {' '.join(WARNINGS)}", "loop"],
+        cwd=folder, check=True, capture_output=True,
+    )  # fmt: skip
+    done = subprocess.run(["./loop"], cwd=folder, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 0
+    assert "q5 = 0\u00b0 or 180\u00b0, slowing down" in done.stdout
+    nearest = re.search(r"nearest ([\d.]+) rad, q5 = ([\d.]+)", done.stdout)
+    assert nearest is not None
+    assert 0.05 <= float(nearest[1]) < 0.1
+    assert float(nearest[2]) > 0.05
+
+
+def test_the_example_in_python() -> None:
+    done = subprocess.run(
+        [sys.executable, str(EXAMPLES / "guard_loop.py")], capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert "warn, 0." in done.stdout
+    nearest = re.search(r"nearest ([\d.]+) rad", done.stdout)
+    assert nearest is not None
+    assert 0.05 <= float(nearest[1]) < 0.1
