@@ -266,7 +266,12 @@ def test_an_arm_without_families() -> None:
 
 def test_what_is_missing_is_said() -> None:
     poor = pinsing.closed_form(arm_of("panda"), seconds=0.02)
-    assert pinsing.Monitor(poor).complete is poor.complete is False
+    monitor = pinsing.Monitor(poor)
+    assert monitor.complete is poor.complete is False
+    for q in np.random.default_rng(0).uniform(-2, 2, (50, 7)):
+        assert monitor.update(q).level != "clear"
+    nothing = pinsing.Monitor(dataclasses.replace(poor, families=()))
+    assert nothing.update(np.ones(7))[:3] == ("stop", "", 0.0)
 
 
 def test_a_family_without_a_known_point_counts() -> None:

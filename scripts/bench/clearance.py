@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import time
+import timeit
 from collections.abc import Callable
 
 import numpy as np
@@ -19,6 +20,8 @@ from pinsing.bounds.two_sided import two_sided
 from pinsing.families import Branch, Family, closed_form
 from pinsing.families.zero_set import project
 from pinsing.proximity.crossings import crossings
+from pinsing.proximity.monitor import Monitor
+from pinsing.proximity.suggestion import suggest
 from pinsing.proximity.trajectory import check_trajectory
 from pinsing.proximity.watched import watch
 from pinsing.robot.load import load
@@ -121,6 +124,45 @@ def motions(count: int) -> None:
     print(f"check_trajectory of the same: {time.perf_counter() - start:.2f} s")
 
 
+def monitors(calls: int = 2000) -> None:
+    print("\nMonitor.update, one call from Python: least, and median and most over 50 places")
+    for name in ("ur5", "puma560", "stanford", "panda", "surgical7"):
+        form = closed_form(load(name))
+        monitor = Monitor(form, warn=0.2, stop=0.1)
+        rng = np.random.default_rng(0)
+        places = rng.uniform(-2, 2, (50, 2, form.arm.n))
+        each = [
+            min(timeit.repeat(lambda q=q, v=v, m=monitor: m.update(q, v), number=40, repeat=20))
+            / 40
+            * 1e6
+            for q, v in places
+        ]
+        q = places[0, 0]
+        alone = best(lambda m=monitor, q=q: [m.update(q) for _ in range(calls)]) / calls * 1e6
+        print(
+            f"{name:10} {min(each):5.1f} {np.median(each):5.1f} {max(each):5.1f} us with speeds, "
+            f"{alone:5.1f} us without"
+        )
+
+
+def suggestions() -> None:
+    print("\nsuggest, closed form given: proven clearance, bound of what is possible, time")
+    for name in ("ur5", "puma560", "stanford", "panda", "surgical7"):
+        arm = load(name)
+        form = closed_form(arm)
+        for near in (None, np.zeros(arm.n)):
+            if near is not None and not arm.within_limits(near):
+                continue
+            start = time.perf_counter()
+            found = suggest(arm, near=near, forms=form, seconds=60)
+            took = time.perf_counter() - start
+            words = "anywhere" if near is None else "near zero"
+            print(
+                f"{name:10} {words:9} {np.degrees(found.lower):7.2f} of at most "
+                f"{np.degrees(found.most):7.2f} degrees  {took:6.2f} s"
+            )
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=100_000)
@@ -129,3 +171,5 @@ if __name__ == "__main__":
     distances(options.each)
     clearances(options.count)
     motions(options.count)
+    monitors()
+    suggestions()

@@ -94,8 +94,8 @@ class Monitor:
     names : tuple of str
         The families that are watched.
     complete : bool
-        Whether the closed forms are complete. Otherwise a configuration may be singular that is
-        said to be clear.
+        Whether the closed forms are complete. Otherwise the level is never "clear", since other
+        configurations may be singular; and where no family is known at all, ``lower`` is 0.
 
     Raises
     ------
@@ -223,10 +223,16 @@ class Monitor:
             raise self._not_finite(velocity)
         lower, upper, time, rate = self._out.tolist()
         hold = 1.0 + self.hysteresis
+        if not self.complete and family < 0:
+            lower = 0.0
         level = CLEAR
         if lower <= self.stop or (self.level == STOP and lower <= self.stop * hold):
             level = STOP
-        elif lower <= self.warn or (self.level != CLEAR and lower <= self.warn * hold):
+        elif (
+            lower <= self.warn
+            or (self.level != CLEAR and lower <= self.warn * hold)
+            or not self.complete
+        ):
             level = WARN
         self.level = level
         name = self._listed[family]

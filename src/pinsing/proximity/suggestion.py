@@ -209,6 +209,9 @@ def suggest(
         lower, upper, family = float(at.lower[0]), float(at.upper[0]), str(at.nearest[0])
         if _bounded(arm, watched):
             most = max(best.most, upper) + (0.0 if near is None else _margin(arm, reach))
+        if target is not None:  # the clearance changes by no more than one moves
+            there = certified(watched, target[None], SearchOptions(gap=1e-3))
+            most = max(min(most, float(there.upper[0]) + reach), upper)
     elif watched.complete:
         q = _rounded(arm, watched, room, room.center / watched.weight)
     else:
