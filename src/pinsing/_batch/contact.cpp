@@ -90,7 +90,7 @@ double step_of_value(const Conditions& c, std::int64_t i, const double* x, const
     const double turn = c.turn[j];
     double ahead = c.value[i] - x[j];
     const double slack = 1e-15 * (std::fabs(x[j]) + std::fabs(c.value[i]) + turn);
-    const double off = turn > 0.0 ? std::remainder(ahead, turn) : ahead;
+    const double off = turn > 0.0 ? ahead - turn * std::floor(ahead / turn + 0.5) : ahead;
     if (std::fabs(off) <= slack) return 0.0;
     if (u[j] == 0.0) return kInfinite;
     if (u[j] < 0.0) ahead = -ahead;
@@ -102,8 +102,10 @@ double step_of_value(const Conditions& c, std::int64_t i, const double* x, const
 double step_of_branch(const Conditions& c, std::int64_t b, const double* x, const double* u,
                       std::int64_t& work) {
     double step = 0.0;
-    for (std::int64_t i = c.value_start[b]; i < c.value_start[b + 1]; i++)
+    for (std::int64_t i = c.value_start[b]; i < c.value_start[b + 1] && step < kInfinite; i++) {
         step = std::max(step, step_of_value(c, i, x, u));
+        work--;
+    }
     for (std::int64_t e = c.equation_start[b]; e < c.equation_start[b + 1] && step < kInfinite; e++) {
         step = std::max(step, step_of_equation(c, e, x, u));
         work -= c.term_start[e + 1] - c.term_start[e];
@@ -225,7 +227,7 @@ Contact contact_along(const Conditions& c, std::int64_t family, const double* x,
 
     const double end = std::min(horizon * speed, 1e6);
     const std::int64_t terms = c.branches == 0 ? 0 : c.term_start[c.equation_start[c.branches]];
-    std::int64_t work = std::max<std::int64_t>(4 * terms, 600);
+    std::int64_t work = std::max<std::int64_t>(2 * terms, 300);
     double best = end;
     bool met = false;
     for (int b = 0; b < c.branches; b++) {

@@ -64,7 +64,7 @@ def contact_along(c: Conditions, family: int, x: Array, velocity: Array, horizon
     own = [_approach(c, b, x, u) for b in range(c.branches) if c.family[b] == family]
     rate = min(own, default=(0.0, 0.0))[1] * speed
     end = min(horizon * speed, _FARTHEST)
-    work = max(4 * len(c.amplitude), 600)
+    work = max(2 * len(c.amplitude), 300)
     best, met = end, False
     for b in range(c.branches):
         s, at, steps = 0.0, x, 0
@@ -82,10 +82,12 @@ def contact_along(c: Conditions, family: int, x: Array, velocity: Array, horizon
 
 
 def _step(c: Conditions, b: int, x: Array, u: Array) -> tuple[float, int]:
-    """How far along u a branch is not met, and how many terms were computed for it."""
+    """How far along u a branch is not met, and how many terms and values were computed for it."""
     step, cost = 0.0, 0
     for i in range(c.value_start[b], c.value_start[b + 1]):
-        step = max(step, _of_value(c, i, x, u))
+        if math.isinf(step):
+            break
+        step, cost = max(step, _of_value(c, i, x, u)), cost + 1
     for e in range(c.equation_start[b], c.equation_start[b + 1]):
         if math.isinf(step):
             break
@@ -99,7 +101,7 @@ def _of_value(c: Conditions, i: int, x: Array, u: Array) -> float:
     turn, here, moves = float(c.turn[j]), float(x[j]), float(u[j])
     ahead = value - here
     slack = 1e-15 * (abs(here) + abs(value) + turn)
-    off = math.remainder(ahead, turn) if turn > 0 else ahead
+    off = ahead - turn * math.floor(ahead / turn + 0.5) if turn > 0 else ahead
     if abs(off) <= slack:
         return 0.0
     if moves == 0:

@@ -42,8 +42,9 @@ class Verdict(NamedTuple):
         tell, far from all of them.
     time_to_contact : float or None
         Seconds: going on at ``dq``, no family is met sooner, which is proven; where one lies ahead
-        it is the time of contact but for some 1e-6 of it. Infinite where none is met within the
-        horizon. None without ``dq``.
+        it is the time of contact but for some 1e-6 of it. The work of a call is bounded: far ahead,
+        or along a family that is nearly touched, the time may be too early, never too late.
+        Infinite where none is met within the horizon. None without ``dq``.
     trend : str or None
         "toward" or "away" from ``family``, or "steady"; None without ``dq``.
     rate : float or None
