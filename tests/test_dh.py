@@ -15,6 +15,7 @@ import pinocchio as pin
 import pytest
 from numpy import cos, sin
 
+import pinsing
 from pinsing.description.dh_table import DHRow
 from pinsing.description.dh_urdf import DHTable, dh_to_urdf, read_dh, urdf_folder
 from pinsing.description.yaml_tree import parse_number
@@ -531,3 +532,26 @@ def test_no_machine_path_in_the_urdfs() -> None:
         text = (urdf_folder() / f"{name}.urdf").read_text()
         assert "xacro" not in text
         assert str(urdf_folder()) not in text
+
+
+def test_a_table_is_a_robot(tmp_path):
+    """`load` takes a table itself: the same arm as by way of a URDF file."""
+    import pickle
+
+    path = urdf_folder() / "puma560.dh.yaml"
+    by_table, by_urdf = pinsing.load(path), pinsing.load("puma560")
+    assert by_table.joints == by_urdf.joints
+    Q = by_urdf.space.sample(5, np.random.default_rng(0))
+    J = pinsing.frame_jacobians(by_urdf, Q)
+    assert np.allclose(pinsing.frame_jacobians(by_table, Q), J, atol=1e-15)
+    again = pickle.loads(pickle.dumps(by_table))
+    assert np.allclose(pinsing.frame_jacobians(again, Q), J, atol=1e-15)
+    with pytest.raises(RobotFileError, match="xacro arguments"):
+        pinsing.load(path, xacro_args={"a": "1"})
+    loops = urdf_folder() / "five_bar.loops.yaml"
+    with pytest.raises(RobotFileError):
+        pinsing.load(loops)
+    broken = tmp_path / "x.yaml"
+    broken.write_text("rows: [")
+    with pytest.raises(RobotFileError):
+        pinsing.load(broken)

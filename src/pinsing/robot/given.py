@@ -17,7 +17,7 @@ import pinocchio as pin
 from pinsing.description.catalog import CatalogEntry, locate_robot
 from pinsing.description.urdf import Description, parse_description, read_description
 from pinsing.description.urdf_source import has_control
-from pinsing.errors import ArgumentError, PinsingError
+from pinsing.errors import ArgumentError, PinsingError, RobotFileError
 
 _EXPECTED = "a file, the name of a robot, the text of a URDF, a pin.Model or a RobotWrapper"
 
@@ -94,7 +94,8 @@ def given_file(
 ) -> GivenFile:
     """Read a robot that was given by path, by name, or as the text of a URDF.
 
-    Text that begins with ``<``, blanks aside, is a URDF: no file or robot is called so.
+    Text that begins with ``<``, blanks aside, is a URDF: no file or robot is called so. A file
+    that ends in .yaml or .yml is a DH table.
 
     Raises
     ------
@@ -106,8 +107,20 @@ def given_file(
         return GivenFile(description, "URDF text", None, None, description.package_dirs)
     found = locate_robot(robot if isinstance(robot, str) else Path(robot))
     entry = found if isinstance(found, CatalogEntry) else None
+    if isinstance(found, Path) and found.suffix.lower() in (".yaml", ".yml"):
+        return _table(found, os.fspath(robot), xacro_args)
     description = read_description(
         found.path if isinstance(found, CatalogEntry) else found, packages, xacro_args
     )
     dirs = dict.fromkeys([*description.package_dirs, *(entry.package_dirs if entry else ())])
     return GivenFile(description, os.fspath(robot), description.path, entry, tuple(dirs))
+
+
+def _table(path: Path, label: str, xacro_args: Mapping[str, str] | None) -> GivenFile:
+    """A DH table, by way of the URDF that is made of it."""
+    from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+
+    if xacro_args:
+        raise RobotFileError("is no xacro file, so it takes no xacro arguments", path)
+    description = parse_description(dh_to_urdf(read_dh(path)))
+    return GivenFile(description, label, path, None, ())

@@ -67,9 +67,10 @@ def load(
     Parameters
     ----------
     robot : str, path, pin.Model or object with ``.model``
-        A URDF or xacro file, the name of a known robot (``pinsing list``), the text of a URDF
-        (it begins with ``<``), a model, or a ``RobotWrapper``. Joint vectors of the arm are
-        its own (n,) or, everywhere, the whole model's configuration (nq,); see ``Arm.q_of``.
+        A URDF or xacro file, a DH table (.yaml), the name of a known robot (``pinsing list``),
+        the text of a URDF (it begins with ``<``), a model, or a ``RobotWrapper``. Joint vectors of
+        the arm are its own (n,) or, everywhere, the whole model's configuration (nq,); see
+        ``Arm.q_of``.
     tip : str, optional
         Frame whose motion is judged. By default the only arm's usual tool frame, or its
         farthest; several arms are refused with the list of them.
