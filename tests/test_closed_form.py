@@ -180,7 +180,10 @@ def test_text_and_legend() -> None:
     assert closed("stanford").symbols == ("q1", "q2", "d3", "q4", "q5", "q6")
 
 
-@pytest.mark.parametrize("name", ["stanford", "xarm7", "so101", "baxter", "surgical7"])
+@pytest.mark.parametrize(
+    "name",
+    ["stanford", "xarm7", "so101", pytest.param("baxter", marks=pytest.mark.slow), "surgical7"],
+)
 def test_json_round_trip(name: str) -> None:
     form = closed(name)
     again = ClosedForm.from_json(form.to_json())

@@ -78,7 +78,7 @@ def test_a_position_of_the_ur5_that_only_three_equations_state():
     assert not form.fully_decomposed
 
 
-@pytest.mark.parametrize("name", [*POSITIONS, "panda"])
+@pytest.mark.parametrize("name", [*POSITIONS, pytest.param("panda", marks=pytest.mark.slow)])
 def test_no_family_lies_in_another(name):
     _, form = position(name)
     rng = np.random.default_rng(5)

@@ -105,7 +105,9 @@ def random_table(rng: np.random.Generator) -> str:
     return "\n".join(lines) + "\n"
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize(
+    "seed", [*range(20), *(pytest.param(k, marks=pytest.mark.slow) for k in range(20, 60))]
+)
 def test_random_tables_equal_dh(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     table = tmp_path / "random.dh.yaml"

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
@@ -143,8 +144,14 @@ def allowed(importer: str, imported: str) -> bool:
     return ORDER.index(importer) > ORDER.index(imported)
 
 
-ALL = [i for module in MODULES for i in imports_of(module)]
-OWN = [i for i in ALL if i.imported in MODULES]
+@cache
+def every_import() -> tuple[Import, ...]:
+    return tuple(i for module in MODULES for i in imports_of(module))
+
+
+@cache
+def own_imports() -> tuple[Import, ...]:
+    return tuple(i for i in every_import() if i.imported in MODULES)
 
 
 def test_the_walk_sees_what_it_should(tmp_path):
@@ -197,7 +204,7 @@ def test_every_package_has_its_place():
 
 
 def test_every_exception_is_used():
-    used = {(room(i.importer), room(i.imported)) for i in OWN}
+    used = {(room(i.importer), room(i.imported)) for i in own_imports()}
     assert used >= EXCEPTIONS
 
 
@@ -205,7 +212,7 @@ def test_every_exception_is_used():
 def test_imports_point_down(module):
     wrong = [
         str(i)
-        for i in OWN
+        for i in own_imports()
         if i.importer == module and not allowed(room(i.importer), room(i.imported))
     ]
     assert not wrong, "\n".join(wrong)
@@ -239,14 +246,14 @@ def test_no_module_imports_itself_by_way_of_others():
     Two that need each other are one thing, or lack a third below both: a result stands with its
     text in one module, what makes it in another above.
     """
-    assert not circle((i.importer, i.imported) for i in OWN)
+    assert not circle((i.importer, i.imported) for i in own_imports())
 
 
 @pytest.mark.parametrize("library", HEAVY)
 def test_heavy_imports_wait_until_they_are_needed(library):
     wrong = [
         str(i)
-        for i in ALL
+        for i in every_import()
         if i.imported.partition(".")[0] == library
         and i.at_import
         and room(i.importer) not in HEAVY[library]

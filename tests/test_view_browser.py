@@ -99,6 +99,7 @@ def test_next_and_previous_by_button_and_key(page: Any, stanford: Viewer) -> Non
     playing("F3, pose 3 of 3")
 
 
+@pytest.mark.slow
 def test_a_flat_ellipsoid_is_seen(page: Any, stanford: Viewer) -> None:
     open_page(page, stanford.url)
     frame = page.evaluate("() => window.pinsing.view.frame")
@@ -206,6 +207,7 @@ def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
     assert "° from F1" in text(page, "#nearest")
 
 
+@pytest.mark.slow
 def test_meshes_are_drawn_whole(page: Any) -> None:
     with Viewer(load("ur5"), poses=[[0, -1.2, 1.4, 0.3, 0.8, 0]]) as viewer:
         open_page(page, viewer.url)
@@ -329,6 +331,7 @@ def test_the_clearest_pose_is_clear(page: Any, static: Path) -> None:
     assert said > 60
 
 
+@pytest.mark.slow
 def test_a_pose_is_taken_along(page: Any, static: Path) -> None:
     open_page(page, static.as_uri() + "#q=0.1,0.2,0.03,0.4")
     for kind, words in (

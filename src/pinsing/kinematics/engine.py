@@ -111,9 +111,7 @@ def engine_name(arm: Arm) -> str:
 
 def model_values(arm: Arm, Q: Array) -> Array:
     """Plain value of every joint of the model, mimic joints included: (N, n) -> (N, nv)."""
-    if arm.coupling is None:
-        return Q
-    return np.asarray(Q @ arm.coupling.matrix.T + arm.coupling.offset)
+    return Q if arm.coupling is None else arm.coupling.values(Q)
 
 
 def pinocchio_jacobians(arm: Arm, Q: Array) -> Array:

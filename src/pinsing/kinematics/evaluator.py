@@ -63,15 +63,7 @@ def evaluator(arm: Arm, engine: str = "auto") -> Evaluator:
     Parameters
     ----------
     engine : str
-        ``auto`` or ``batch`` (the best instruction set here), ``pinocchio``, or an
-        instruction set: ``baseline``, ``avx2``, ``avx512``.
-
-    Raises
-    ------
-    EngineError
-        If the engine is not there, or disagrees with Pinocchio on this arm.
-    OptionError
-        If there is no such engine.
+        As in `fixed_engine`, which says what is raised, too.
     """
     return Evaluator(_lean(arm), generic_rank(arm), fixed_engine(arm, engine))
 

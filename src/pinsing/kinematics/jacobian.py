@@ -73,7 +73,7 @@ def frame_jacobians(
     arm : Arm
         The arm, from ``load``.
     Q : (N, n) array_like
-        Radians or metres.
+        Radians or metres; or (N, nq), the whole model's configurations.
     engine : str
         "auto", "batch" (the compiled kernel), "pinocchio" or an instruction set; see
         `pinsing.kinematics.engine.fixed_engine`.
@@ -144,11 +144,7 @@ def task_jacobians(
 
     Parameters
     ----------
-    arm : Arm
-        The arm, from ``load``.
-    Q : (N, n) array_like
-        Radians or metres; or (N, nq), the whole model's configurations.
-    engine, threads
+    arm, Q, engine, threads
         As in ``frame_jacobians``.
 
     Returns
@@ -158,10 +154,8 @@ def task_jacobians(
 
     Raises
     ------
-    ConfigurationError
-        If Q is not of that shape or not finite.
-    EngineError
-        If the engine asked for is not there, or disagrees with Pinocchio.
+    ConfigurationError, EngineError
+        As ``frame_jacobians``.
 
     Examples
     --------
@@ -181,11 +175,7 @@ def singular_values(
 
     Parameters
     ----------
-    arm : Arm
-        The arm, from ``load``.
-    Q : (N, n) array_like
-        Radians or metres; or (N, nq), the whole model's configurations.
-    engine, threads
+    arm, Q, engine, threads
         As in ``frame_jacobians``.
 
     Returns
@@ -196,10 +186,8 @@ def singular_values(
 
     Raises
     ------
-    ConfigurationError
-        If Q is not of that shape or not finite.
-    EngineError
-        If the engine asked for is not there, or disagrees with Pinocchio.
+    ConfigurationError, EngineError
+        As ``frame_jacobians``.
     OptionError
         If no joint moves the tip in any row of the task.
 

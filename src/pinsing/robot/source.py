@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
@@ -24,6 +25,10 @@ class Coupling:
 
     matrix: Array
     offset: Array
+
+    def values(self, q: Array) -> Array:
+        """Values (..., nv) of the model's joints, of those (..., n) of the free ones."""
+        return np.asarray(q @ self.matrix.T + self.offset)
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,7 @@ class WholeModel:
 
     def values(self, q: Array) -> Array:
         """One value (..., nv) for each joint that is not locked, of joint vectors (..., n)."""
-        return q if self.coupling is None else q @ self.coupling.matrix.T + self.coupling.offset
+        return q if self.coupling is None else self.coupling.values(q)
 
     def chain_q(self, q: Array, called: str) -> Array:
         """Joint vectors (..., n), out of such or of configurations (..., nq) of the whole model.
