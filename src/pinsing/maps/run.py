@@ -161,10 +161,19 @@ def sigma_map(
     out : path-like, optional
         Folder that each finished chunk is put in. A run that was stopped, or killed, goes on
         when called again.
-    engine, threads, executor, parallel, tell
-        As in ``sweep``.
+    engine : str
+        ``auto``, ``batch``, ``pinocchio``, or an instruction set (``baseline``, ``avx2``,
+        ``avx512``). A run that goes on keeps the one it began with.
+    threads : int, optional
+        As many as the process may use by default.
+    executor : Executor, optional
+        Takes the chunks instead of threads: any ``concurrent.futures.Executor``.
+    parallel : int, optional
+        How many chunks it works on at once; the number of processors here by default.
     progress : callable, optional
         Called with (configurations done, all of them).
+    tell : callable, optional
+        Called with sentences for people: how much was there already, what was damaged.
 
     Returns
     -------
