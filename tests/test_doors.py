@@ -60,6 +60,45 @@ def test_any_object_with_a_model():
         pinsing.load(RobotWrapper)
 
 
+def test_a_script_with_a_wrapper():
+    """As people who use Pinocchio begin: the wrapper's own q goes into every function."""
+    robot = RobotWrapper(model_of("panda"))  # with its two fingers
+    arm = pinsing.load(robot)
+    q = pin.randomConfiguration(robot.model)
+    state = pinsing.at(arm, q)
+    robot.forwardKinematics(q)
+    tip = robot.framePlacement(q, robot.model.getFrameId(arm.tip))
+    assert np.allclose(state.tip_position, tip.translation, atol=1e-12)
+    form = pinsing.closed_form(arm)
+    assert pinsing.clearance(form, arm.q_of(q)).lower > 0
+    assert np.allclose(arm.full_q(arm.q_of(q), others=q), q)
+
+
+def test_a_script_with_pink():
+    """Inverse kinematics towards a point out of reach ends where ``at`` says why."""
+    pink = pytest.importorskip("pink", reason="needs pin-pink, which pinsing does not install")
+    pytest.importorskip("daqp", reason="needs a solver for pink")
+    model = model_of("ur5")
+    start = np.array([0.0, -1.2, 1.0, -0.5, -1.2, 0.0])
+    configuration = pink.Configuration(model, model.createData(), start)
+    arm = pinsing.load(configuration)
+    R = configuration.get_transform_frame_to_world("tool0").rotation
+    theirs = np.kron(np.eye(2), R) @ configuration.get_frame_jacobian("tool0")
+    assert np.allclose(pinsing.frame_jacobian(arm, configuration.q), theirs, atol=1e-12)
+    task = pink.tasks.FrameTask("tool0", position_cost=1.0, orientation_cost=1.0)
+    task.set_target_from_configuration(configuration)
+    goal = task.transform_target_to_world.copy()
+    goal.translation = goal.translation + np.array([0.6, 0.0, 0.0])
+    task.set_target(goal)
+    assert pinsing.at(arm, configuration.q).status == "regular"
+    for _ in range(120):
+        speed = pink.solve_ik(configuration, [task], 0.02, solver="daqp")
+        configuration.integrate_inplace(speed, 0.02)
+    state = pinsing.at(arm, configuration.q)
+    assert state.status == "near-singular"
+    assert state.lost
+
+
 def test_the_model_of_the_caller_stays_as_it_is():
     model = model_of("panda")
     before = model.copy()
@@ -70,7 +109,9 @@ def test_the_model_of_the_caller_stays_as_it_is():
     assert arm.source.full_model == before
 
 
-@pytest.mark.parametrize("name", [None, 3, 2.5, b"ur5", [], {}, object(), np.zeros(6)])
+@pytest.mark.parametrize(
+    "name", [None, 3, 2.5, b"ur5", "", " \n", [], {}, object(), np.zeros(6)], ids=repr
+)
 def test_what_is_no_robot(name):
     with pytest.raises(ArgumentError, match=r'^robot must be .*pinsing\.load\("ur5"\)') as caught:
         pinsing.load(name)

@@ -199,9 +199,11 @@ class _Bar:
             return
         self._drawn = now
         share = min(done / total, 1.0) if total else 1.0
-        full = round(_BAR * share)
+        full, width = round(_BAR * share), Page.of(sys.stderr).width - 1
         line = f"{'━' * full}{'─' * (_BAR - full)} {100 * share:3.0f} %  {text}"
-        self._write(line[: Page.of(sys.stderr).width - 1])
+        while len(line) > width and ", " in line:  # no half of a number at the edge
+            line = line.rpartition(", ")[0]
+        self._write(line[:width])
 
     def clear(self) -> None:
         if self._drawn > -math.inf:

@@ -105,6 +105,10 @@ def given_file(
     if isinstance(robot, str) and robot.lstrip("\ufeff \t\r\n").startswith("<"):
         description = parse_description(robot, packages)
         return GivenFile(description, "URDF text", None, None, description.package_dirs)
+    if isinstance(robot, str) and not robot.strip():
+        from pinsing.arguments import shown
+
+        raise ArgumentError("robot", _EXPECTED, shown(robot), 'pinsing.load("ur5") loads one')
     found = locate_robot(robot if isinstance(robot, str) else Path(robot))
     entry = found if isinstance(found, CatalogEntry) else None
     if isinstance(found, Path) and found.suffix.lower() in (".yaml", ".yml"):

@@ -317,7 +317,7 @@ def _swept(result: SweepResult, degrees: bool, room: int) -> Iterator[tuple[Span
         condition = unbroken(result.set_text(fixed)).replace(",\u00a0", ", ")
         yield f"{condition}: ", alarm("singular"), " whatever the others"
     if result.summary is not None:
-        yield (str(result.summary),)
+        yield (str(result.summary).replace(" %", "\u00a0%"),)
 
 
 def curves_of(
