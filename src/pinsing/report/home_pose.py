@@ -48,7 +48,9 @@ class SingularPose:
     instead: Array | None
     clearance: float
 
-    def text(self, robot: str, prismatic: Bool, degrees: bool) -> str:
+    def text(
+        self, robot: str, prismatic: Bool, degrees: bool = False, room: int | None = None
+    ) -> str:
         """One line: what is singular, and a configuration to paste or the command for one."""
         outside = "" if self.within_limits else ", which is outside the limits,"
         on = f" (on {', '.join(self.families)})" if self.families else ""
@@ -56,7 +58,7 @@ class SingularPose:
         if self.instead is None:
             return f"{said}; pinsing suggest {robot} finds one that is not"
         far = f"{np.floor(np.degrees(self.clearance) * 100) / 100:g}°"
-        pose = typed(self.instead, prismatic, degrees, digits=8)
+        pose = typed(self.instead, prismatic, degrees, digits=8, room=room)
         return f"{said}; near it, and proven to be {far} away from all that are: {pose}"
 
 

@@ -117,10 +117,10 @@ class ArmInfo(JsonResult):
         header = ("#", "joint", "type", "lower", "upper", "unit")
         return Table(header, tuple(rows), frozenset({0, 3, 4}))
 
-    def poses(self, degrees: bool = False) -> list[str]:
+    def poses(self, degrees: bool = False, room: int | None = None) -> list[str]:
         """A line for each pose that people begin with and that is singular."""
         arm = self.arm
-        return [p.text(arm.source, arm.prismatic, degrees) for p in self.singular_poses]
+        return [p.text(arm.source, arm.prismatic, degrees, room) for p in self.singular_poses]
 
     def __str__(self) -> str:
         return f"{self.head()}\n\n{PLAIN.table(self.joints())}"
