@@ -599,6 +599,12 @@ def test_a_type_3_configuration_that_is_not_flat():
     q = np.array([0.0, 0.0, np.pi / 2, np.pi / 2])
     assert np.abs(residual(mechanism, q)).max() < 1e-12
     assert mechanism_at(mechanism, q).kind == "type 3"
+    free = np.ones(mechanism.n, dtype=bool)
+    start, error = gauss_newton(Loops(mechanism), q + np.array([0.04, -0.03, 0.05, 0.02]), free)
+    assert error < 1e-12
+    assert mechanism_at(mechanism, start).kind == "regular"
+    point = refine(mechanism, start, "type 3")
+    assert (point.kind, point.converged) == ("type 3", True)
 
 
 def test_3rrr_type_1_is_a_straight_elbow_and_type_2_three_forces_in_one_point():
@@ -640,6 +646,24 @@ def test_refine_without_held_joints_finds_the_nearest_type_2():
     assert point.kind == "type 2"
     assert point.moving == ""
     assert np.abs(mechanism.fold(point.q - start)).max() < 0.5
+
+
+def test_refine_finds_where_both_types_meet():
+    """Type 3 is two conditions: with both inputs free it is found from beside it."""
+    mechanism = shipped("five_bar")
+    found = [
+        refine(mechanism, p.q, "type 3")
+        for p in analyze_mechanism(mechanism).points
+        if p.kind in ("type 1", "type 2")
+    ]
+    both = [p for p in found if p.converged]
+    assert both
+    for point in both:
+        assert point.kind in ("type 3", "constraint")
+        assert point.ratio < 1e-9
+        assert np.abs(residual(mechanism, point.q)).max() < 1e-9
+    with pytest.raises(OptionError, match="unknown kind 'type 4'"):
+        refine(mechanism, home(mechanism), "type 4")
 
 
 def test_refine_does_not_pretend():

@@ -89,11 +89,22 @@ def closed(mechanism: Mechanism, count: int) -> list[np.ndarray]:
 
 
 @needs_node
+@pytest.mark.parametrize("name", ["five_bar", "slider_crank"])
+def test_frames_measures_and_verdicts_agree(name: str) -> None:
+    agree(name, 100)
+
+
+@needs_node
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EVERY)
 def test_frames_measures_and_verdicts_agree_at_1000_configurations(name: str) -> None:
     """Loops of all three kinds, sliding joints; what is singular is among them."""
+    agree(name, 1000)
+
+
+def agree(name: str, count: int) -> None:
     mechanism = mechanism_of(name)
-    Q = closed(mechanism, 1000)
+    Q = closed(mechanism, count)
     if name in SHIPPED:
         Q += [p.q for p in analyzed(name).points]
     found = run(

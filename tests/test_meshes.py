@@ -277,3 +277,32 @@ def test_a_texture_is_an_image_from_beside_the_mesh(tmp_path: Path) -> None:
         f"<library_images>{images}</library_images></COLLADA>"
     )
     assert list(_textures(file)) == ["real.png"]
+
+
+CAPSULE = """<robot name="pill"><link name="base"/><link name="arm"><visual>
+<origin xyz="0.1 0.2 0.3" rpy="0.4 0.5 0.6"/><geometry><capsule radius="{}" length="{}"/></geometry>
+<material name="black"><color rgba="0.02 0.02 0.02 1"/></material></visual></link>
+<joint name="turn" type="continuous"><parent link="base"/><child link="arm"/><axis xyz="0 0 1"/>
+</joint></robot>"""
+
+
+def test_a_capsule_is_a_cylinder_with_round_ends() -> None:
+    arm = load(CAPSULE.format(0.05, 0.4), task="wz")
+    geometry = read_links(arm).geometry
+    assert geometry is not None
+    found = list(geometry.geometryObjects)
+    assert [type(g.geometry).__name__ for g in found] == ["Cylinder", "Sphere", "Sphere"]
+    place = pin.SE3(pin.rpy.rpyToMatrix(0.4, 0.5, 0.6), np.array([0.1, 0.2, 0.3]))
+    for g, along in zip(found, (0.0, 0.2, -0.2), strict=True):
+        expected = place * pin.SE3(np.eye(3), np.array([0.0, 0.0, along]))
+        np.testing.assert_allclose(g.placement.homogeneous, expected.homogeneous, atol=1e-12)
+        np.testing.assert_allclose(g.meshColor, [0.02, 0.02, 0.02, 1.0])
+        assert g.geometry.radius == 0.05
+    assert found[0].geometry.halfLength == pytest.approx(0.2)
+
+
+def test_a_capsule_of_negative_length_is_left_out() -> None:
+    arm = load(CAPSULE.format(0.05, -0.4), task="wz")
+    geometry = read_links(arm).geometry
+    assert geometry is None or not len(geometry.geometryObjects)
+    assert any("cannot be read is left out" in note for note in arm.notes)

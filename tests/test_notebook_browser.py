@@ -198,3 +198,22 @@ def test_a_long_equation_unfolds(page, tmp_path):
     details.first.locator("summary").click()
     assert inside.is_visible()
     assert page.evaluate("() => document.getElementById('panda').scrollWidth") <= 900
+
+
+def test_a_viewer_is_a_page_within_the_notebook(page, tmp_path):
+    """It computes, alone in its frame: no server, and no way into the notebook."""
+    viewer = pinsing.Viewer(pinsing.load("scara"), skeleton=True)
+    page.goto(notebook(tmp_path, {"viewer": viewer}, ""))
+    frame = next(f for f in page.frames if f is not page.main_frame)
+    frame.wait_for_selector("body[data-ready=yes]", state="attached", timeout=90_000)
+    assert frame.locator("#robot").inner_text() == "scara"
+    before = frame.locator(".joint .value").first.inner_text()
+    frame.evaluate("() => window.pinsing.move(0, 0.5)")
+    frame.wait_for_function(
+        "(b) => document.querySelector('.joint .value').textContent !== b", arg=before
+    )
+    frame.locator("#copy-as").select_option("link")
+    frame.locator("#copy").click()
+    frame.wait_for_function("() => document.getElementById('copied').textContent.length > 0")
+    closed = "() => { try { return parent.document.title } catch (e) { return e.name } }"
+    assert frame.evaluate(closed) == "SecurityError"

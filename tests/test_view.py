@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import base64
 import gzip
+import html
 import json
 import os
 import re
@@ -547,11 +548,21 @@ def test_close_gives_the_port_back() -> None:
         again.bind(("127.0.0.1", port))
 
 
-def test_a_notebook_gets_a_frame_with_the_page(live: Viewer) -> None:
+def test_a_notebook_gets_the_page_itself() -> None:
+    """Nothing of it needs this program: it starts no server."""
+    viewer = Viewer(textbook("scara"), skeleton=True)
+    for cell in (viewer._repr_html_(), viewer.jupyter_cell(height=300).data):
+        frame = re.search(r'<iframe [^>]*srcdoc="([^"]*)"', cell)
+        assert frame is not None
+        assert html.unescape(frame[1]) == viewer.html()
+        assert "127.0.0.1" not in cell
+    assert viewer._server is None
+
+
+def test_a_notebook_can_frame_the_live_page(live: Viewer) -> None:
     framed = live._server.framed_url  # type: ignore[union-attr]
     assert framed != live.url
-    assert f'src="{framed}"' in live._repr_html_()
-    assert framed in live.jupyter_cell(height=300).data
+    assert f'src="{framed}"' in live.jupyter_cell(height=300, live=True).data
     assert get(framed)[0] == 200
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -143,7 +144,8 @@ def view_loops(
 
     ``--png`` is a picture of the linkage, with ``--panel`` one of the page.
     """
-    from pinsing.cli.serving import picture_size, serve
+    from pinsing.cli.serving import picture_size, serve, write_files
+    from pinsing.cli.waiting import waiting
 
     if STDOUT in (html, png):
         raise OptionError("--html and --png need the name of a file")
@@ -153,26 +155,28 @@ def view_loops(
     from pinsing.mechanism import analyze_mechanism
     from pinsing.view.mechanism import MechanismViewer
 
-    found = (
-        analyze_mechanism(mechanism, inputs if poses else None)
-        if analysis is None
-        else _saved(analysis, mechanism)
-    )
-    with MechanismViewer(
-        mechanism, found, scale=scale, skeleton=skeleton, host=host, port=port
-    ) as viewer:
-        for note in viewer.notes:
-            say(f"note: {note}")
-        if poses:
-            viewer.show_inputs(inputs)
-        if family is not None:
-            viewer.show_group(family)
-        if html is not None:
-            viewer.save_html(html)
-            say(f"wrote {html}")
-        if png is not None:
-            viewer.save_png(png, picture, panel)
-            say(f"wrote {png}")
+    with contextlib.ExitStack() as stack:
+        with waiting() as at:
+            at("finding the singular configurations")
+            found = (
+                analyze_mechanism(mechanism, inputs if poses else None)
+                if analysis is None
+                else _saved(analysis, mechanism)
+            )
+            at("preparing the page")
+            viewer = stack.enter_context(
+                MechanismViewer(
+                    mechanism, found, scale=scale, skeleton=skeleton, host=host, port=port
+                )
+            )
+            at("")
+            for note in viewer.notes:
+                say(f"note: {note}")
+            if poses:
+                viewer.show_inputs(inputs)
+            if family is not None:
+                viewer.show_group(family)
+            write_files(viewer, html, png, picture, panel, at)
         if html is None and png is None:
             serve(viewer, host, no_open)
 

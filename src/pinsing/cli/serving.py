@@ -7,6 +7,7 @@ import json
 import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,6 +42,27 @@ def serve(tab: Tab, host: str, no_open: bool) -> None:
     except KeyboardInterrupt:
         say("ended")
         gc.freeze()  # nothing is to be collected any more: that took a third of a second
+
+
+def write_files(
+    tab: Tab,
+    html: str | Path | None,
+    png: str | Path | None,
+    size: tuple[int, int],
+    panel: bool,
+    at: Callable[[str], None],
+) -> None:
+    """Write the page, a picture of it, or both; ``at`` is told what is being done."""
+    if html is not None:
+        at("writing the page")
+        tab.save_html(html)
+        at("")
+        say(f"wrote {html}")
+    if png is not None:
+        at("taking the picture in Chromium")
+        tab.save_png(png, size, panel)
+        at("")
+        say(f"wrote {png}")
 
 
 def _has_desktop() -> bool:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,7 +13,8 @@ from pinsing.cli import completion
 from pinsing.cli.mechanism import loops_option, view_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, say
-from pinsing.cli.serving import picture_size, read_json, serve
+from pinsing.cli.serving import picture_size, read_json, serve, write_files
+from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:
@@ -96,35 +99,49 @@ def view_command(
     from pinsing.view.viewer import Viewer
 
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
-    families, findings = _find(arm) if analysis is None else _read(analysis, arm)
-    with Viewer(
-        arm, families, vectors, findings, scale=scale, skeleton=skeleton, host=host, port=port
-    ) as viewer:
-        for note in viewer.notes:
-            say(f"note: {note}")
-        if family is not None:
-            viewer.show_family(family)
-        if html is not None:
-            viewer.save_html(html)
-            say(f"wrote {html}")
-        if png is not None:
-            viewer.save_png(png, picture, panel)
-            say(f"wrote {png}")
+    with contextlib.ExitStack() as stack:
+        with waiting() as at:
+            if analysis is None:
+                families, findings = _find(arm, at)
+            else:
+                families, findings = _read(analysis, arm)
+            at("preparing the page")
+            viewer = stack.enter_context(
+                Viewer(
+                    arm,
+                    families,
+                    vectors,
+                    findings,
+                    scale=scale,
+                    skeleton=skeleton,
+                    host=host,
+                    port=port,
+                )
+            )
+            at("")
+            for note in viewer.notes:
+                say(f"note: {note}")
+            if family is not None:
+                viewer.show_family(family)
+            write_files(viewer, html, png, picture, panel, at)
         if html is None and png is None:
             serve(viewer, host, no_open)
 
 
-def _find(arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
+def _find(arm: Arm, at: Callable[[str], None]) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
     """Families by algebra; where that has gaps, what a sweep finds as well."""
     from pinsing.families import closed_form
 
+    at("finding the singular families")
     found = closed_form(arm)
+    at("")
     if found.complete:
         return found.families, ()
     for gap in found.gaps:
         say(f"note: the closed forms have a gap, so a sweep runs too: {gap}")
     from pinsing.analysis.analyze import analyze
 
+    at("sweeping")
     return _parts(analyze(arm))
 
 

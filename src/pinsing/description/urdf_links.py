@@ -6,6 +6,7 @@ to the file that was found, so that no later reader looks for them elsewhere.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,7 +17,12 @@ from pinsing.description.xml_tree import Node
 from pinsing.errors import RobotFileError
 
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
-_SHAPES = {"box": {"size": 3}, "cylinder": {"radius": 1, "length": 1}, "sphere": {"radius": 1}}
+_SHAPES = {
+    "box": {"size": 3},
+    "cylinder": {"radius": 1, "length": 1},
+    "sphere": {"radius": 1},
+    "capsule": {"radius": 1, "length": 1},
+}
 
 
 @dataclass
@@ -138,12 +144,55 @@ def _shape(node: Node, source: UrdfSource, what: str, meshes: Meshes) -> list[No
             clean.attributes[key] = shape.attributes[key]
         if not clean.attributes:
             raise source.error(f"{what}: unknown shape <{shape.tag}>", shape)
-    children = [*origin, Node("geometry", {}, 0, [clean])]
+    placed = [(clean, origin)]
+    if shape.tag == "capsule":
+        radius, length = (source.numbers(shape, key, 1, what)[0] for key in ("radius", "length"))
+        placed = _capsule(radius, length, _pose(node, source, what), shape.line)
+    extra = []
     if node.tag == "visual":
         for material in node.all("material")[:1]:
-            children += check_material(material, source, meshes)
-    named = {k: v for k, v in node.attributes.items() if k == "name"}
-    return [Node(node.tag, named, node.line, children)]
+            extra += check_material(material, source, meshes)
+    named = {k: v for k, v in node.attributes.items() if k == "name" and shape.tag != "capsule"}
+    return [
+        Node(node.tag, named, node.line, [*at, Node("geometry", {}, 0, [made]), *extra])
+        for made, at in placed
+    ]
+
+
+def _pose(node: Node, source: UrdfSource, what: str) -> tuple[list[float], list[float]]:
+    """Translation and roll, pitch, yaw of a shape in its link."""
+    origin = node.first("origin")
+    zero = [0.0, 0.0, 0.0]
+    if origin is None:
+        return zero, zero
+    xyz, rpy = (
+        list(source.numbers(origin, key, 3, what)) if key in origin.attributes else zero
+        for key in ("xyz", "rpy")
+    )
+    return xyz, rpy
+
+
+def _capsule(
+    radius: float, length: float, pose: tuple[list[float], list[float]], line: int
+) -> list[tuple[Node, list[Node]]]:
+    """A capsule as a cylinder and two spheres: not every reader of URDF knows the shape.
+
+    ``length`` is that of the cylinder, between the centres of the spheres.
+    """
+    xyz, rpy = pose
+    (cr, cp, cy), (sr, sp, sy) = ([f(a) for a in rpy] for f in (math.cos, math.sin))
+    z = (cy * sp * cr + sy * sr, sy * sp * cr - cy * sr, cp * cr)  # third column of Rz Ry Rx
+
+    def origin(along: float) -> list[Node]:
+        at = " ".join(repr(x + along * d) for x, d in zip(xyz, z, strict=True))
+        return [Node("origin", {"xyz": at, "rpy": " ".join(map(repr, rpy))}, line)]
+
+    def ball() -> Node:
+        return Node("sphere", {"radius": repr(radius)}, line)
+
+    rod = Node("cylinder", {"radius": repr(radius), "length": repr(length)}, line)
+    half = length / 2
+    return [(rod, origin(0.0)), (ball(), origin(half)), (ball(), origin(-half))]
 
 
 def check_material(node: Node, source: UrdfSource, meshes: Meshes) -> list[Node]:

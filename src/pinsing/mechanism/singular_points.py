@@ -5,6 +5,7 @@ inputs but one held, and a velocity z of unit length with
 
     type 1:      G z = 0, J z = 0     (a motion that leaves the output at rest)
     type 2:      G z = 0, S z = 0     (a motion that leaves the actuators at rest)
+    type 3:      both, each with a motion of its own
     constraint:  G Z = 0, Z' Z = 1    (one motion more than the mobility)
 """
 
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.mechanism.closure import Loops, ranks
 from pinsing.mechanism.modes import mode_of
@@ -94,8 +96,15 @@ def refine_point(
     """Singular point of a kind near q (n,), the joints ``held`` (indices) kept at their values.
 
     With one joint fewer held than the mobility the point is isolated; with fewer held, the
-    nearest one of a continuum is taken.
+    nearest one of a continuum is taken. Type 3 is two conditions: it takes one joint fewer held.
+
+    Raises
+    ------
+    OptionError
+        If the kind is none of ``type 1``, ``type 2``, ``type 3`` and ``constraint``.
     """
+    if kind not in (*KINDS, "type 3"):
+        raise OptionError(f"unknown kind {kind!r}: it is type 1, type 2, type 3 or constraint")
     q = mechanism.check(q)
     loops = Loops(mechanism)
     found = _solve(_System(loops, q, kind, list(held)), q) * loops.column_scale
@@ -172,41 +181,57 @@ class _System:
         self.loops, self.kind, self.held = loops, kind, held
         self.n = mechanism.n
         self.anchor = (q / loops.column_scale)[held]
-        self.extra = 1 if kind != "constraint" else ranks(mechanism).mobility + 1
-        self._upper = np.triu_indices(self.extra)
+        self.extra = {"type 3": 2, "constraint": ranks(mechanism).mobility + 1}.get(kind, 1)
+        # Products of columns of Z that are given: the two of type 3 are each of length 1, no more.
+        self._pairs = np.diag_indices(2) if kind == "type 3" else np.triu_indices(self.extra)
         self._actuated = np.eye(self.n)[list(mechanism.actuated)]
 
-    def matrix(self, x: Array) -> tuple[Array, Array, Array]:
-        """Closure error, constraint Jacobian, and the matrix whose null space is asked for."""
+    def matrices(self, x: Array) -> tuple[Array, Array, list[tuple[Array, slice]]]:
+        """Closure error, constraint Jacobian, and matrices with the columns of Z they take to 0."""
         q = x * self.loops.column_scale
         error, G = self.loops.scaled(q)
-        if self.kind == "type 1":
-            return error, G, np.vstack([G, self.loops.output_scaled(q)])
-        if self.kind == "type 2":
-            return error, G, np.vstack([G, self._actuated])
-        return error, G, G
+        if self.kind == "constraint":
+            return error, G, [(G, slice(None))]
+        found = []
+        if self.kind != "type 2":
+            found.append(np.vstack([G, self.loops.output_scaled(q)]))
+        if self.kind != "type 1":
+            found.append(np.vstack([G, self._actuated]))
+        return error, G, [(M, slice(k, k + 1)) for k, M in enumerate(found)]
+
+    def products(self, x: Array, Z: Array) -> tuple[Array, Array]:
+        """Closure error, and what the matrices make of Z."""
+        error, _, blocks = self.matrices(x)
+        return error, np.concatenate([(M @ Z[:, c]).ravel() for M, c in blocks])
 
     def start(self, q: Array) -> tuple[Array, Array]:
         x = q / self.loops.column_scale
-        return x, np.linalg.svd(self.matrix(x)[2])[2][-self.extra :].T
+        Z = np.zeros((self.n, self.extra))
+        for M, c in self.matrices(x)[2]:
+            Z[:, c] = np.linalg.svd(M)[2][-Z[:, c].shape[1] :].T
+        return x, Z
 
     def residual(self, x: Array, Z: Array) -> Array:
-        error, _, M = self.matrix(x)
-        unit = (Z.T @ Z - np.eye(self.extra))[self._upper]
-        return np.concatenate([error, (M @ Z).ravel(), unit, x[self.held] - self.anchor])
+        unit = (Z.T @ Z - np.eye(self.extra))[self._pairs]
+        return np.concatenate([*self.products(x, Z), unit, x[self.held] - self.anchor])
 
     def jacobian(self, x: Array, Z: Array) -> Array:
         """Exact but for the derivative of the Jacobians, which is a central difference."""
         n, d, step = self.n, self.extra, 1e-5
-        error, G, M = self.matrix(x)
-        k, rows = len(error), M.shape[0] * d
-        J = np.zeros((k + rows + len(self._upper[0]) + len(self.held), n + n * d))
+        error, G, blocks = self.matrices(x)
+        k, rows = len(error), sum(len(M) * Z[:, c].shape[1] for M, c in blocks)
+        J = np.zeros((k + rows + len(self._pairs[0]) + len(self.held), n + n * d))
         J[:k, :n] = G
         for j, e in enumerate(np.eye(n)):
-            change = self.matrix(x + step * e)[2] - self.matrix(x - step * e)[2]
-            J[k : k + rows, j] = (change @ Z).ravel() / (2 * step)
-        J[k : k + rows, n:] = np.kron(M, np.eye(d))
-        for r, (a, b) in enumerate(zip(*self._upper, strict=True)):
+            change = self.products(x + step * e, Z)[1] - self.products(x - step * e, Z)[1]
+            J[k : k + rows, j] = change / (2 * step)
+        at, place = k, np.arange(n * d).reshape(n, d)
+        for M, c in blocks:
+            columns = place[:, c]
+            block = np.kron(M, np.eye(columns.shape[1]))
+            J[at : at + len(block), n + columns.ravel()] = block
+            at += len(block)
+        for r, (a, b) in enumerate(zip(*self._pairs, strict=True)):
             row = np.zeros((n, d))
             row[:, a] += Z[:, b]
             row[:, b] += Z[:, a]
@@ -249,6 +274,7 @@ def _point(loops: Loops, q: Array, kind: str, held: Sequence[int], rtol: float) 
     ratio = {
         "type 1": found.output_ratio,
         "type 2": found.input_ratio,
+        "type 3": max(found.output_ratio, found.input_ratio),
         "constraint": found.constraint_ratio,
     }[kind]
     converged = closure <= rtol and ratio <= rtol

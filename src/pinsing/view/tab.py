@@ -164,29 +164,38 @@ class Tab:
             self._server = None
 
     @checked
-    def jupyter_cell(self, height: int = 600) -> Any:
+    def jupyter_cell(self, height: int = 600, live: bool = False) -> Any:
         """The page as a notebook cell.
+
+        The cell holds the page itself, as it is now: it works where the notebook is opened again,
+        on another computer, and after this program has ended.
 
         Parameters
         ----------
         height : int
             Pixels.
+        live : bool
+            Frame the page of the server instead: it follows `show`, for as long as this program
+            runs, on this computer.
         """
         from IPython.display import HTML
 
-        return HTML(self._iframe(height))  # type: ignore[no-untyped-call]
+        cell = self._live_frame(height) if live else self._frame(height)
+        return HTML(cell)  # type: ignore[no-untyped-call]
 
     def _repr_html_(self) -> str:
-        return self._iframe(600)
+        return self._frame(600)
 
-    def _iframe(self, height: int) -> str:
+    def _frame(self, height: int) -> str:
+        # A page of its own: its scripts cannot reach the notebook, whatever a robot's file says.
+        page = html.escape(self.html())
+        sandbox = 'sandbox="allow-scripts allow-downloads" allow="clipboard-write"'
+        return _iframe(f'{sandbox} srcdoc="{page}"', self._shown.name, height)
+
+    def _live_frame(self, height: int) -> str:
         self.url  # noqa: B018 (starts the server)
         assert self._server is not None
-        return (
-            f'<div><iframe src="{html.escape(self._server.framed_url)}" style="width: 100%; '
-            f'height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
-            "</iframe></div>"
-        )
+        return _iframe(f'src="{html.escape(self._server.framed_url)}"', self._shown.name, height)
 
     def __enter__(self) -> Self:
         return self
@@ -198,6 +207,14 @@ class Tab:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def _iframe(what: str, name: str, height: int) -> str:
+    return (
+        f'<div><iframe title="{html.escape(f"pinsing: {name}")}" {what} style="width: 100%; '
+        f'height: {int(height)}px; border: 1px solid #dfe4ea; border-radius: 6px">'
+        "</iframe></div>"
+    )
 
 
 def place_in_list(entries: Sequence[tuple[str, int]], wanted: str | int, pose: int) -> int:
