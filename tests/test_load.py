@@ -124,6 +124,7 @@ def test_several_arms_are_refused_with_the_list(robot, tips):
     for tip in tips:
         assert f"--tip {tip} " in message
         assert load(robot, tip=tip).tip == tip  # the advice works
+    assert re.search(r"in Python load\(\.\.\., tip='[^']+'\)$", message)
 
 
 def test_a_given_tip():

@@ -77,10 +77,14 @@ def measured(text: str) -> str:
 
 
 def formula(text: str) -> str:
-    """A condition that is broken between terms and conditions only, never inside of one."""
-    loose = re.sub(r" (?=[-+=] |and |or |\()", "\n", text)
+    """A condition that is broken between terms and conditions only, never inside of one.
+
+    What follows a colon is said in words, and broken like words.
+    """
+    condition, colon, words = text.partition(": ")
+    loose = re.sub(r" (?=[-+=] |and |or |\()", "\n", condition)
     loose = re.sub(r"(?<=;) ", "\n", loose)
-    return unbroken(loose).replace("\n", " ")
+    return unbroken(loose).replace("\n", " ") + colon + words
 
 
 def safe(text: str, painted: bool = False) -> str:

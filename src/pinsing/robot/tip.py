@@ -226,7 +226,10 @@ def choose_chain(
     if len(arms) > 1:
         lines = ", ".join(f"--tip {quote(c.tip)} ({c.length(model)} joints)" for c in arms[:8])
         more = f" and {len(arms) - 8} more" if len(arms) > 8 else ""
-        raise ChainError(f"{label}: {len(arms)} chains could be the arm; choose one: {lines}{more}")
+        raise ChainError(
+            f"{label}: {len(arms)} chains could be the arm; choose one: {lines}{more}; "
+            f"in Python load(..., tip={arms[0].tip!r})"
+        )
     chosen = arms[0]
     notes = []
     others = [c for c in found if c is not chosen]
