@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shutil
+from pathlib import Path
+
 import numpy as np
 import pinocchio as pin
 import pytest
 
 from pinsing._batch import engine as kernel
+from pinsing._batch.built_from import SUFFIXES, fingerprint, why_stale
 from pinsing.errors import EngineError, OptionError
 from pinsing.kinematics import engine
 from pinsing.kinematics import jacobian as kinematics
@@ -69,6 +73,26 @@ def test_a_kernel_that_differs_is_refused(monkeypatch):
         kinematics.frame_jacobians(arm, np.zeros((1, 6)), engine="batch")
     J = kinematics.frame_jacobians(arm, np.zeros((1, 6)))[0]
     np.testing.assert_array_equal(J, kinematics.frame_jacobian(arm, np.zeros(6)))
+
+
+@needs_kernel
+def test_a_kernel_of_other_sources_is_not_used(tmp_path):
+    """In a copy of the folder where one line of C++ has changed since the build."""
+    here = Path(kernel.__file__).parent
+    built = fingerprint(here)
+    assert getattr(kernel._kernel, "SOURCES", built) == built  # CMake computes the same
+    assert why_stale(built, here) is None
+    assert "build it again with pip install" in why_stale("0" * 64, here)
+    for file in here.iterdir():
+        if file.suffix in SUFFIXES:
+            shutil.copy(file, tmp_path)
+    assert why_stale(built, tmp_path) is None
+    with (tmp_path / "module.hpp").open("a") as file:
+        file.write("// changed\n")
+    assert "\n" not in why_stale(built, tmp_path)
+    for file in tmp_path.iterdir():
+        file.unlink()
+    assert why_stale(built, tmp_path) is None  # a wheel without sources
 
 
 def test_without_the_kernel_pinocchio_runs(monkeypatch):

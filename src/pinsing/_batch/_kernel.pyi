@@ -8,6 +8,7 @@ MAX_RANK: int
 MAX_COLUMNS: int
 MAX_JOINTS: int
 CHUNK: int
+SOURCES: str
 MAX_CONDITION_JOINTS: int
 
 class ConditionSet:

@@ -12,11 +12,13 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pinsing._batch.built_from import why_stale
 from pinsing._batch.chain import FlatChain
 
 try:
@@ -27,7 +29,7 @@ except ImportError as error:  # not built at install time, or built for another 
         f"found when pinsing was installed; install one and reinstall pinsing ({error})"
     )
 else:
-    _missing = None
+    _missing = why_stale(getattr(_kernel, "SOURCES", None), Path(__file__).parent)
 
 Floats = NDArray[np.float64]
 

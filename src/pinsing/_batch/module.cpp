@@ -173,6 +173,7 @@ NB_MODULE(_kernel, m) {
     m.attr("MAX_COLUMNS") = pinsing::kMaxColumns;
     m.attr("MAX_JOINTS") = pinsing::kMaxJoints;
     m.attr("CHUNK") = kChunk;
+    m.attr("SOURCES") = PINSING_SOURCES;  // of built_from.py
     m.def("isa_names", &isa_names);
     m.def("jacobians", &jacobians, "R"_a.noconvert(), "t"_a.noconvert(), "prismatic"_a.noconvert(),
           "Q"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a);
