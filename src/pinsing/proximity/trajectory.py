@@ -186,7 +186,15 @@ def check_trajectory(
         last = min(first + _CHUNK, N)
         # One sample to each side, so that what happens at the seams is seen as a whole.
         low, high = max(first - 2, 0), min(last + 2, N)
-        part = watched.check(samples[low:high])
+        block = samples[low:high]
+        plain = block.dtype.kind in "fiub"
+        part = np.array(block, dtype=float) if plain else watched.check(block)
+        wrong = np.argwhere(~np.isfinite(part))
+        if len(wrong):
+            i, j = (int(k) for k in wrong[0])
+            raise ConfigurationError(
+                f"joint {arm.joints[j]!r} is {part[i, j]} in sample {low + i + 1} of {N}"
+            )
         passage.feed(times[low:high], part, first - low, last - low, last == N)
         speeds.feed(times[low:high], part, first - low, last - low)
         if progress is not None:

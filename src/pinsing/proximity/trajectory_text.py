@@ -79,7 +79,8 @@ def _excess(e: Excess) -> str:
 
 def _met(check: TrajectoryCheck) -> str:
     if not check.crossings:
-        return f"Meets no singular configuration: {check.samples} samples, proven in between."
+        of = "1 sample" if check.samples == 1 else f"{check.samples} samples, proven in between"
+        return f"Meets no singular configuration: {of}."
     first = check.crossings[0]
     names = sorted({c.family for c in check.crossings})
     times = "once" if len(check.crossings) == 1 else f"{len(check.crossings)} times"
