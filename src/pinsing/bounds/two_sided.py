@@ -54,6 +54,7 @@ def two_sided(
     each: bool = False,
     compiled: bool = True,
     threads: int | None = None,
+    isa: str | None = None,
 ) -> Bounds:
     """Bounds of the distance of Q (N, n) from conditions.
 
@@ -69,6 +70,9 @@ def two_sided(
         Whether the compiled engine is used where there is one.
     threads : int, optional
         Threads of the compiled engine; as many as there are processors.
+    isa : str, optional
+        Instruction set of the compiled engine, for the same bits on every machine; the best
+        one here by default.
     """
     X = conditions.scaled(Q)
     handle = conditions.compiled() if compiled else None
@@ -77,7 +81,7 @@ def two_sided(
     lower, upper, family = np.empty(N), np.empty(N), np.empty(N, dtype=np.int64)
     if handle is not None:
         count = 1 if N < 4096 else threads or engine.cpu_count()
-        handle.clearances(X, lower, upper, family, every, engine.isa_names()[-1], count)
+        handle.clearances(X, lower, upper, family, every, isa or engine.isa_names()[-1], count)
         return Bounds(lower, upper, family, every if each else None)
     for first in range(0, N, _CHUNK):
         every[first : first + _CHUNK] = _each(conditions, X[first : first + _CHUNK])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -13,7 +13,13 @@ from pinsing.cli.figure import check_figure, save_figure
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import OutputFile, emit, emit_json, say
 from pinsing.cli.running import run_progress
+from pinsing.cli.serving import serve
 from pinsing.errors import OptionError
+
+if TYPE_CHECKING:
+    from pinsing._types import Array
+    from pinsing.families import Family
+    from pinsing.robot.arm import Arm
 
 _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
 
@@ -70,6 +76,14 @@ def angle(text: str, option: str) -> float:
     metavar="FILE",
     help="Draw the clearance along the trajectory (png, pdf, svg).",
 )
+@click.option("--view", "view", is_flag=True, help="Show the path in a browser, by clearance.")
+@click.option(
+    "--html",
+    type=OutputFile(dash=False),
+    metavar="FILE",
+    help="Write what --view shows as a page that needs no server.",
+)
+@click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
 @json_option
 def check_command(
     request: RobotRequest,
@@ -80,6 +94,9 @@ def check_command(
     families: tuple[str, ...],
     tip_speed: float,
     plot: Path | None,
+    view: bool,
+    html: Path | None,
+    no_open: bool,
     json_target: str | Path | None,
 ) -> int:
     """Check the trajectory in FILE: which singularities it meets, when, and how near it comes.
@@ -121,4 +138,23 @@ def check_command(
         save_figure(axes.figure, plot, bbox_inches="tight")
     if not emit_json(check, json_target):
         emit(summary(check, deg) + "\n\n" + details(check, deg))
+    if view or html is not None:
+        _show(arm, form.families, read.Q, html, view, no_open)
     return int(fail is not None and not check.clearance > fail)
+
+
+def _show(
+    arm: Arm, families: tuple[Family, ...], Q: Array, html: Path | None, view: bool, no_open: bool
+) -> None:
+    """Write the page of a path, serve it, or both."""
+    from pinsing.view.viewer import Viewer
+
+    host = "127.0.0.1"
+    with Viewer(arm, families, path=Q, host=host) as viewer:
+        for note in viewer.notes:
+            say(f"note: {note}")
+        if html is not None:
+            viewer.save_html(html)
+            say(f"wrote {html}")
+        if view:
+            serve(viewer, host, no_open)

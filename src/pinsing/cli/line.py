@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from pinsing.proximity.line import LineCheck
 
 _LISTED = 12
+_STILL = 1e-6
+"""Share of the speed asked for below which an allowed speed is none."""
 
 
 @click.command("line", short_help="Whether the tip can follow a straight line (MoveL).")
@@ -99,7 +101,14 @@ def _text(line: LineCheck, deg: bool) -> str:
         if a.upper > 0:
             near = f"{math.degrees(a.upper):.3g}°"
             out.append(f"  nearest to {a.family}: {near}, at {a.t:.6g} m")
-    if line.allowed_speed < line.speed:
+    if line.allowed_speed < _STILL * line.speed:
+        start = min(o.s for o in line.too_fast)
+        out.append(
+            f"At {line.speed:g} m/s joints are too fast from {start:.6g} m on. At the singularity "
+            "itself no speed is slow enough, as joint speeds grow without bound: stop the line "
+            "before it, or take another posture."
+        )
+    elif line.allowed_speed < line.speed:
         out.append(
             f"At {line.speed:g} m/s joints are too fast; {line.allowed_speed:.4g} m/s keeps all "
             "limits on all of it."
@@ -107,9 +116,11 @@ def _text(line: LineCheck, deg: bool) -> str:
     else:
         out.append(f"At {line.speed:g} m/s all joints keep their speed limits.")
     for o in line.too_fast[:_LISTED]:
+        unbounded = o.allowed < _STILL * line.speed
+        worst = "without bound" if unbounded else f"{o.worst:.4g}"
+        allowed = "" if unbounded else f"; allowed there: {o.allowed:.4g} m/s"
         out.append(
-            f"  {o.joint}: {o.worst:.4g} (limit {o.limit:.4g}) from {o.s:.6g} to {o.s_end:.6g} m; "
-            f"allowed there: {o.allowed:.4g} m/s"
+            f"  {o.joint}: {worst} (limit {o.limit:.4g}) from {o.s:.6g} to {o.s_end:.6g} m{allowed}"
         )
     out += [f"note: {n}" for n in line.notes]
     return "\n".join(out)

@@ -36,6 +36,13 @@ if TYPE_CHECKING:
     shell_complete=completion.choices("sobol", "random", "grid"),
     help="sobol, random or grid.",
 )
+@click.option(
+    "--measure",
+    type=click.Choice(("sigma", "clearance")),
+    default="sigma",
+    show_default=True,
+    help="clearance: bounds of the distance to the nearest family too.",
+)
 @click.option("--count", metavar="N", help="Configurations, such as 1e8.  [default: 2**20]")
 @click.option("--steps", metavar="N|A=N,...", help="Values of each joint in a grid.")
 @click.option(
@@ -76,6 +83,7 @@ if TYPE_CHECKING:
 def map_command(
     request: RobotRequest,
     sampling: str,
+    measure: str,
     count: str | None,
     steps: str | None,
     map_joints: str | None,
@@ -100,7 +108,7 @@ def map_command(
     """
     # All that can be wrong without the robot is found before it is read.
     chosen: dict[str, Any] = {"ignore_limits": ignore_limits, "seed": seed, "out": out}
-    chosen["keep_values"] = keep_values
+    chosen |= {"keep_values": keep_values, "measure": measure}
     for name, text in (("count", count), ("chunk", chunk)):
         if text is not None:
             chosen[name] = _whole(text, f"--{name}")

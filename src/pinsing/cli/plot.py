@@ -60,7 +60,7 @@ _STEPS = 400
     type=click.Choice(("sigma", "clearance")),
     default="sigma",
     show_default=True,
-    help="workspace: what is shown.",
+    help="map, workspace: what is shown.",
 )
 @click.option("--dpi", type=click.IntRange(30, 1200), default=200, show_default=True)
 @deg_option
@@ -81,7 +81,7 @@ def plot_command(
 
     \b
     curves      sigma_min along each joint, from a nominal configuration
-    map         sigma_min over two joints, with the closed-form loci on top
+    map         sigma_min (or clearance) over two joints, with the closed-form loci on top
     ellipsoids  velocity ellipsoids at a configuration
     along       singular values on straight joint motions between configurations, families marked
     workspace   the best sigma_min (or clearance) found at each place of the tip, in slices
@@ -127,7 +127,13 @@ def _draw(
     if kind == "map":
         assert joints is not None
         return plot.sigma_plane(
-            arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits, degrees=deg
+            arm,
+            joints[0],
+            joints[1],
+            q=q,
+            measure=measure,
+            ignore_limits=ignore_limits,
+            degrees=deg,
         )
     if kind == "ellipsoids":
         from pinsing.configuration.at import at

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -11,6 +12,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.joint_text import typed
+from pinsing.maps.clearance import ClearancePoint, ClearanceSpread
 from pinsing.maps.plan import MapPlan
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
@@ -48,6 +50,8 @@ class MapResult(JsonResult):
         False if the map was stopped.
     notes : tuple of str
         The notes of the plan, and what happened on the way.
+    clearance : ClearanceSpread, optional
+        Bounds of the distance to the nearest family, if the map was asked for them.
     """
 
     schema: ClassVar[str] = "pinsing/map/1"
@@ -63,6 +67,7 @@ class MapResult(JsonResult):
     worst: tuple[MapPoint, ...]
     complete: bool
     notes: tuple[str, ...]
+    clearance: ClearanceSpread | None = field(default=None, metadata={"optional": True})
 
     @checked
     def head(self, page: Page = PLAIN) -> str:
@@ -111,7 +116,10 @@ class MapResult(JsonResult):
         map of planar3r: Sobol sample of 1,000 configurations over q2, q3
         """
         rows = Table(("share", "sigma_min", "ratio"), self.quantile_rows(), frozenset({0, 1, 2}))
-        return "\n\n".join([self.head(page), page.table(rows), self.tail(degrees, page)])
+        parts = [self.head(page), page.table(rows), self.tail(degrees, page)]
+        if self.clearance is not None:
+            parts[1:1] = _clearance_text(self.clearance, self.plan, degrees, page)
+        return "\n\n".join(parts)
 
     def quantile_rows(self) -> tuple[tuple[str, str, str], ...]:
         """Share of the configurations, and what sigma_r and the ratio are at most there."""
@@ -146,7 +154,45 @@ class MapResult(JsonResult):
         return self.text()
 
 
-def result_of(plan: MapPlan, engine: str, tally: Tally, notes: tuple[str, ...] = ()) -> MapResult:
+def _clearance_text(spread: ClearanceSpread, plan: MapPlan, degrees: bool, page: Page) -> list[str]:
+    """Quantiles of both bounds, and the configurations that are nearest to a family."""
+    slides = any(plan.arm.prismatic)
+    unit = "degrees" if degrees else "rad"
+    what = f"clearance: distance to the nearest of {', '.join(spread.families)}, in {unit}" + (
+        f" (of joints that slide, metres over {plan.arm.length_scale:g} m count as rad)"
+        if slides
+        else ""
+    )
+    if not spread.complete:
+        what += (
+            "; the closed form is NOT complete: singular configurations of no family may be nearer"
+        )
+    scale = 180 / math.pi if degrees else 1.0
+    rows = []
+    for p in _SHOWN_QUANTILES:
+        share = {0.0: "smallest", 0.5: "median", 1.0: "largest"}.get(p, f"{100 * p:g} %")
+        both = (scale * spread.lower.quantile(p), scale * spread.upper.quantile(p))
+        rows.append((share, *(f"{value:.4g}" if value < math.inf else "-" for value in both)))
+    table = Table(("share", "at least", "at most"), tuple(rows), frozenset({0, 1, 2}))
+    lines = ["the smallest clearances:"]
+    lines += [_nearest(p, plan, degrees, scale, page) for p in spread.nearest[:_SHOWN_WORST]]
+    return [page.paragraph(what, rest="  "), page.table(table), "\n".join(lines)]
+
+
+def _nearest(point: ClearancePoint, plan: MapPlan, degrees: bool, scale: float, page: Page) -> str:
+    q = typed(point.q, plan.arm.prismatic, degrees, _DIGITS, room=page.width - 34)
+    return page.paragraph(
+        f"{scale * point.lower:.3g} from {point.family} at {q}", first="  ", rest="    "
+    )
+
+
+def result_of(
+    plan: MapPlan,
+    engine: str,
+    tally: Tally,
+    notes: tuple[str, ...] = (),
+    clearance: ClearanceSpread | None = None,
+) -> MapResult:
     """Turn a tally into a result.
 
     Raises
@@ -172,4 +218,5 @@ def result_of(plan: MapPlan, engine: str, tally: Tally, notes: tuple[str, ...] =
         worst=worst_points(tally, locate),
         complete=tally.done == plan.count,
         notes=plan.notes + notes,
+        clearance=clearance,
     )

@@ -13,16 +13,28 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing.arguments import checked
-from pinsing.errors import OptionError
+from pinsing.errors import OptionError, UnknownNameError
 from pinsing.kinematics.evaluator import Evaluator, run_identity
+from pinsing.maps.clearance import (
+    CLEARANCE_TALLY,
+    Nearness,
+    check_clearance,
+    clearance_part,
+    clearance_room,
+    put_clearance,
+)
 from pinsing.maps.plan import BLOCK, WORST, MapPlan, plan_map
 from pinsing.maps.result import MapResult, result_of
+from pinsing.proximity.watched import Forms
 from pinsing.robot.arm import Arm
 from pinsing.runs.chunk_file import Record
 from pinsing.runs.execute import planned_evaluator, running
 from pinsing.runs.options import Progress, RunOptions, Tell
 from pinsing.runs.tally import Tally
 from pinsing.runs.tally_check import TALLY, check_names, check_tally, finite, tally_room
+
+MEASURES = ("sigma", "clearance")
+"""What a map measures."""
 
 RESULT = "result.json"
 """File of a folder that holds the result of a complete map."""
@@ -40,11 +52,14 @@ class MapJob:
         The arm, on a fixed engine.
     keep_values : bool
         All singular values are part of the records.
+    near : Nearness, optional
+        The families, if the clearance is part of the records.
     """
 
     plan: MapPlan
     evaluator: Evaluator
     keep_values: bool = False
+    near: Nearness | None = None
 
     @property
     def chunks(self) -> int:
@@ -53,7 +68,9 @@ class MapJob:
 
     def identity(self) -> Mapping[str, Any]:
         """What decides the numbers, as plain JSON values."""
-        values = {"keep_values": self.keep_values}
+        values: dict[str, Any] = {"keep_values": self.keep_values}
+        if self.near is not None:
+            values["clearance"] = self.near.fingerprint()
         return run_identity("map", self.evaluator) | self.plan.identity() | values
 
     def part(self, index: int) -> Callable[[], Record]:
@@ -68,7 +85,10 @@ class MapJob:
     def check(self, index: int, record: Record) -> None:
         """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
         start, stop = self.span(index)
-        check_names(record, TALLY + (("sigma",) if self.keep_values else ()))
+        names = TALLY + (("sigma",) if self.keep_values else ())
+        check_names(record, names + (CLEARANCE_TALLY if self.near is not None else ()))
+        if self.near is not None:
+            check_clearance(record, self.plan.worst, start, stop)
         check_tally(record, self.plan.worst, stop - start, start, stop)
         if self.keep_values:
             finite(record, "sigma", (stop - start, self.evaluator.rank))
@@ -77,6 +97,8 @@ class MapJob:
         """Bytes that the arrays of a chunk take at most."""
         start, stop = self.span(index)
         values = 8 * self.evaluator.rank * (stop - start) if self.keep_values else 0
+        if self.near is not None:
+            values += clearance_room(self.plan.worst, stop - start)
         return tally_room(self.plan.worst, stop - start) + values
 
 
@@ -88,14 +110,19 @@ def compute_map_chunk(job: MapJob, index: int) -> Record:
     """
     plan = job.plan
     start, stop = job.span(index)
-    tally = Tally(plan.worst)
+    tally, distances = Tally(plan.worst), Tally(plan.worst)
     kept = []
     for first in range(start, stop, BLOCK):
-        found = job.evaluator.measure(plan.configurations(first, min(stop, first + BLOCK)))
+        Q = plan.configurations(first, min(stop, first + BLOCK))
+        found = job.evaluator.measure(Q)
         tally.add(first, found.sigma[:, -1], found.ratio)
+        if job.near is not None:
+            job.near.add(distances, first, Q, job.evaluator.engine)
         if job.keep_values:
             kept.append(found.sigma)
     record = tally.record()
+    if job.near is not None:
+        put_clearance(record, distances)
     if job.keep_values:
         record["sigma"] = np.concatenate(kept)
     return record
@@ -106,6 +133,8 @@ def sigma_map(
     arm: Arm,
     sampling: str = "sobol",
     *,
+    measure: str = "sigma",
+    forms: Forms | None = None,
     count: int | None = None,
     steps: int | Mapping[str, int] | None = None,
     joints: Sequence[str] | None = None,
@@ -124,7 +153,7 @@ def sigma_map(
     progress: Progress | None = None,
     tell: Tell | None = None,
 ) -> MapResult:
-    """Map sigma_r over the joints: how it is distributed, and where it is smallest.
+    """Map sigma_r, or the clearance, over the joints: how it is distributed, where it is smallest.
 
     The memory taken does not depend on ``count``: some 2 MB a thread, and with
     ``keep_values`` two chunks of singular values a thread (8 r bytes a configuration).
@@ -136,6 +165,11 @@ def sigma_map(
         Any arm; its own (raw) geometry.
     sampling : str
         ``sobol`` (evenly spread, the default), ``random``, or ``grid``.
+    measure : str
+        ``sigma``, or ``clearance``: the proven lower bound and the upper bound of the distance
+        to the nearest family as well, as ``pinsing.clearance`` gives them without ``certify``.
+    forms : ClosedForm or sequence of ClosedForm, optional
+        For the clearance; ``closed_form(arm)`` by default.
     count : int, optional
         Configurations; 2**20 by default. A grid takes as many as fit.
     steps : int or mapping of joint names to int, optional
@@ -213,29 +247,43 @@ def sigma_map(
         keep_values=keep_values,
     )
     options = RunOptions(out, engine, threads, executor, parallel, progress, tell)
-    return run_map(arm, plan, options, keep_values)
+    if measure not in MEASURES:
+        raise UnknownNameError("measure", measure, MEASURES)
+    if measure == "sigma" and forms is not None:
+        raise OptionError("forms belong to a map of the clearance: give measure='clearance'")
+    near = Nearness.of(arm, forms) if measure == "clearance" else None
+    return run_map(arm, plan, options, keep_values, near)
 
 
 def run_map(
-    arm: Arm, plan: MapPlan, options: RunOptions | None = None, keep_values: bool = False
+    arm: Arm,
+    plan: MapPlan,
+    options: RunOptions | None = None,
+    keep_values: bool = False,
+    near: Nearness | None = None,
 ) -> MapResult:
     """Run a plan that was made for ``arm``; see `sigma_map`."""
     options = RunOptions() if options is None else options
     if keep_values and options.out is None:
         raise OptionError("keep_values needs a folder to keep them in: give out")
-    job = MapJob(plan, planned_evaluator(arm, options), keep_values)
-    tally, notes = Tally(plan.worst), []
+    job = MapJob(plan, planned_evaluator(arm, options), keep_values, near)
+    tally, distances, notes = Tally(plan.worst), Tally(plan.worst), []
     with running(job, options) as (chunks, folder):
         try:
             for _, record in chunks:
                 tally.join(Tally.from_record(record, plan.worst))
+                if near is not None:
+                    distances.join(Tally.from_record(clearance_part(record), plan.worst))
                 if options.progress is not None:
                     options.progress(tally.done, plan.count)
         except KeyboardInterrupt:
             notes.append(f"stopped after {tally.done:,} of {plan.count:,} configurations")
         if not tally.done:
             raise KeyboardInterrupt
-        result = result_of(plan, job.evaluator.engine, tally, tuple(notes))
+        spread = None
+        if near is not None:
+            spread = near.spread(distances, lambda i: plan.configurations(i, i + 1)[0])
+        result = result_of(plan, job.evaluator.engine, tally, tuple(notes), spread)
         if folder is not None and result.complete:
             folder.write_text(RESULT, result.to_json() + "\n")
     return result

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import cycle
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -12,6 +12,8 @@ from matplotlib.axes import Axes
 
 from pinsing._types import Array
 from pinsing.arguments import checked, whole_number
+from pinsing.bounds.conditions import Conditions
+from pinsing.bounds.two_sided import two_sided
 from pinsing.errors import OptionError
 from pinsing.families import Branch, Equation, Family
 from pinsing.kinematics.jacobian import singular_values
@@ -48,6 +50,7 @@ def sigma_plane(
     ax: Axes | None = None,
     *,
     q: npt.ArrayLike | None = None,
+    measure: Literal["sigma", "clearance"] = "sigma",
     families: Iterable[Family] | None = None,
     samples: int = SAMPLES,
     ignore_limits: bool = False,
@@ -66,6 +69,9 @@ def sigma_plane(
     q : (n,) array_like
         Values of the other joints, radians and metres; by default a regular configuration
         within the limits.
+    measure : str
+        "sigma": the smallest singular value. "clearance": the proven lower bound of the distance
+        to the nearest of the families, in degrees; limits are not considered.
     families : iterable of Family, optional
         Drawn where they meet this plane; ``closed_form(arm).families`` by default.
     samples : int
@@ -86,7 +92,7 @@ def sigma_plane(
     UnknownNameError
         If a joint does not exist.
     OptionError
-        If both joints are the same.
+        If both joints are the same, or the measure is another word.
     ConfigurationError
         If q has the wrong length or is not finite.
 
@@ -106,18 +112,20 @@ def sigma_plane(
         from pinsing.families import closed_form
 
         families = closed_form(arm).families
+    families = tuple(families)
     base = regular_configuration(arm) if q is None else arm.check_one(q)
     lower, upper = arm.space.range(ignore_limits)
     x, y = (np.linspace(lower[j], upper[j], samples) for j in (a, b))
     Q = np.tile(base, (samples, samples, 1))
     Q[..., a], Q[..., b] = x[None, :], y[:, None]
-    sigma = singular_values(arm, Q.reshape(-1, arm.n))[:, -1].reshape(samples, samples)
+    values, label = _measured(arm, Q.reshape(-1, arm.n), measure, families)
 
     ax = new_axes(3.6) if ax is None else ax
-    mesh = ax.pcolormesh(x, y, sigma, cmap="cividis", shading="nearest", rasterized=True, vmin=0)
+    shown = values.reshape(samples, samples)
+    mesh = ax.pcolormesh(x, y, shown, cmap="cividis", shading="nearest", rasterized=True, vmin=0)
     # Above, where it leaves the map and the legend the whole width.
     bar = ax.figure.colorbar(mesh, ax=ax, location="top", pad=0.02, aspect=34, shrink=0.96)
-    bar.set_label(r"$\sigma_{\min}$", fontsize=SMALL + 1)
+    bar.set_label(label, fontsize=SMALL + 1)
     bar.ax.tick_params(labelsize=SMALL)
     styles = cycle(zip(_LINES, DASHES, strict=True))
     for family in families:
@@ -144,6 +152,18 @@ def sigma_plane(
         for text in legend.get_texts():
             text.set_color("white")
     return ax
+
+
+def _measured(arm: Arm, Q: Array, measure: str, families: tuple[Family, ...]) -> tuple[Array, str]:
+    """Values (N,) at Q (N, n), and what they are."""
+    if measure == "sigma":
+        return singular_values(arm, Q)[:, -1], r"$\sigma_{\min}$"
+    real = [family.branches for family in families if family.real]
+    if not real:
+        raise OptionError("clearance is infinite: no family of singular configurations is known")
+    weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
+    conditions = Conditions.of(real, np.asarray(arm.prismatic), weight)
+    return np.degrees(two_sided(conditions, Q).lower), "clearance, at least [deg]"
 
 
 def regular_configuration(arm: Arm) -> Array:

@@ -96,20 +96,24 @@ def distance_words(found: Distances, degrees: bool, prismatic: npt.NDArray[np.bo
     """One line a family: how far, how sure, and which joints have to move."""
     lines = []
     for d in found.families:
-        far = _length(d.upper)
+        moved = np.flatnonzero(np.abs(d.q - found.q) > 1e-9)
+        slides, turns = bool(prismatic[moved].any()), not prismatic[moved].all()
+        far = _length(d.upper, slides)
         if d.upper - d.lower > 2 * GAP:
-            far = f"{_length(d.lower)} to {far}"
+            far = f"{_length(d.lower, slides)} to {far}"
+        if slides:
+            far += " (rad, and metres over the length scale)" if turns else " length scales"
         moves = [
             f"q{j + 1} {_joint(float(d.q[j] - found.q[j]), degrees, bool(prismatic[j]))}"
-            for j in np.flatnonzero(np.abs(d.q - found.q) > 1e-9)
+            for j in moved
         ]
         way = f"by {', '.join(moves)}" if moves else "on it"
         lines.append(f"{d.family}: {far}, {way}; the family is {d.reachability}")
     return lines
 
 
-def _length(x: float) -> str:
-    return f"{math.degrees(x):.4g}° ({x:.4g})"
+def _length(x: float, slides: bool) -> str:
+    return f"{x:.4g}" if slides else f"{math.degrees(x):.4g}° ({x:.4g})"
 
 
 def _joint(x: float, degrees: bool, slides: bool) -> str:

@@ -14,11 +14,11 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch, closed_form
 from pinsing.proximity.crossings import Crossing
-from pinsing.proximity.line_tracking import Line, Tracked, landing, track
+from pinsing.proximity.line_tracking import Line, Tracked, landing, span, track
 from pinsing.proximity.passage import Approach, Passage, Stretch
 from pinsing.proximity.speeds import limits_of
 from pinsing.proximity.trajectory import NEAR
-from pinsing.proximity.watched import Forms, Watched, watch
+from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, watch
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -181,9 +181,10 @@ def check_line(
     q = arm.check(q0)
     if q.ndim != 1:
         raise ConfigurationError(f"q0 is one configuration, got shape {q.shape}")
-    watched = watch(closed_form(arm) if forms is None else forms)
-    if watched.joints != arm.joints:
-        raise OptionError("the closed form is of an arm with other joints")
+    if forms is None:
+        forms = closed_form(arm)
+    require_forms_of(forms, arm)
+    watched = watch(forms)
     line = Line.to(arm, q, _target(pose))
     if line.length < 1e-9:
         raise ConfigurationError("the line has no length: the tip is at the target already")
@@ -214,7 +215,7 @@ def check_line(
         allowed_speed=allowed,
         s=s,
         q=tracked.q,
-        notes=_notes(arm, tracked, outcome, watched.complete),
+        notes=_notes(arm, line, tracked, outcome, watched.complete),
     )
 
 
@@ -289,8 +290,16 @@ def _edge(s: Array, allowed: Array, i: int, side: int, speed: float) -> float:
     return float(s[k] + min(max(share, 0.0), 1.0) * (s[i] - s[k]))
 
 
-def _notes(arm: Arm, tracked: Tracked, outcome: str, complete: bool) -> tuple[str, ...]:
+def _notes(arm: Arm, line: Line, tracked: Tracked, outcome: str, complete: bool) -> tuple[str, ...]:
     notes = []
+    longest = span(arm)
+    root = np.array(arm.model.jointPlacements[1].translation)
+    away = float(np.linalg.norm(line.start + line.along - root))
+    if outcome != "reached" and longest is not None and away > longest + 1e-9:
+        notes.append(
+            f"the target is out of reach in any posture: it is {away:.4g} m from joint 1, and the "
+            f"links end to end are {longest:.4g} m"
+        )
     if outcome == "undecided":
         notes.append(
             "the tracking stopped and no family is there: the posture may jump to another branch, "
@@ -298,6 +307,8 @@ def _notes(arm: Arm, tracked: Tracked, outcome: str, complete: bool) -> tuple[st
         )
     outside = (tracked.q < arm.lower - 1e-9) | (tracked.q > arm.upper + 1e-9)
     notes += [f"{arm.joints[j]} leaves its limits" for j in np.flatnonzero(outside.any(axis=0))]
+    if arm.prismatic.any():
+        notes.append(metric_note(arm.length_scale))
     if not complete:
         notes.append("the closed form is not complete: other singular configurations may be met")
     return tuple(notes)

@@ -14,6 +14,7 @@ from pinsing.kinematics.jacobian import frame_jacobian
 from pinsing.robot.arm import Arm
 
 _LONGEST, _FIRST, _SHORTEST = 0.02, 1e-3, 1e-10
+_FOLDS = 1e-3
 _ON = 1e-13
 _TURNED = 0.3
 """Correction over step from which on a step is too long to be sure of the branch."""
@@ -83,8 +84,13 @@ class Tracked:
     rate: Array
 
     def ended(self, q: Array, s: float) -> Tracked:
-        """The same with an end at which the rate is infinite."""
-        rate = np.where(np.abs(q - self.q[-1]) > 1e-15, np.inf, self.rate[-1])
+        """The same with an end at which the rate is infinite, of those joints that turn back.
+
+        They move as the root of what is left of the line, the others in proportion to it.
+        """
+        left = np.abs(q - self.q[-1])
+        folds = (left > 1e-15) & (left > _FOLDS * left.max())
+        rate = np.where(folds, np.inf, self.rate[-1])
         if s <= self.s[-1]:
             keep = self.s < s
             base = Tracked(self.s[keep], self.q[keep], self.rate[keep])
@@ -98,6 +104,21 @@ def tip(arm: Arm, q: Array) -> pin.SE3:
     data = arm.model.createData()
     pin.framesForwardKinematics(arm.model, data, arm.model_q(q))
     return pin.SE3(data.oMf[arm.tip_id])
+
+
+def span(arm: Arm) -> float | None:
+    """Metres that the tip is from the origin of joint 1 at most; None if that is not known.
+
+    The lengths of all links one after the other, and the strokes of joints that slide.
+    """
+    if arm.coupling is not None:
+        return None
+    model = arm.model
+    links = [model.jointPlacements[i].translation for i in range(2, model.njoints)]
+    links.append(model.frames[arm.tip_id].placement.translation)
+    stroke = np.maximum(np.abs(arm.lower), np.abs(arm.upper))[arm.prismatic]
+    total = sum(float(np.linalg.norm(v)) for v in links) + float(stroke.sum())
+    return total if np.isfinite(total) else None
 
 
 def track(arm: Arm, line: Line, q: Array) -> Tracked:

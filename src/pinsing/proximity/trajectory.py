@@ -17,7 +17,7 @@ from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.motion import check_times
 from pinsing.proximity.passage import Approach, Passage, Stretch
 from pinsing.proximity.speeds import Excess, Speeds
-from pinsing.proximity.watched import Forms, watch
+from pinsing.proximity.watched import Forms, metric_note, watch
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -238,6 +238,8 @@ def _notes(arm: Arm, timed: bool, accelerations: bool, complete: bool) -> tuple[
         notes.append("no times given: joint speeds and accelerations were not judged")
     elif not accelerations:
         notes.append("robot descriptions hold no acceleration limits: none were judged")
+    if arm.prismatic.any():
+        notes.append(metric_note(arm.length_scale))
     if not complete:
         notes.append("the closed form is not complete: other singular configurations may be met")
     return tuple(notes)

@@ -104,7 +104,7 @@ def _near(check: TrajectoryCheck, degrees: bool) -> str:
     if not check.stretches:
         words = f"Never within {_angle(check.near)}"
     else:
-        words = f"Within {_angle(check.near)} in {len(check.stretches)} stretches, {share}"
+        words = f"Within {_angle(check.near)} in {_stretches(len(check.stretches))}, {share}"
     ends = {"toward": "it ends moving toward", "away": "it ends moving away from"}
     end = ends.get(check.trend)
     return words + (f"; {end} the nearest family." if end else ".")
@@ -144,6 +144,12 @@ def _advice(check: TrajectoryCheck) -> str:
     if check.stretches:
         s = min(check.stretches, key=lambda x: x.clearance)
         return f"Slow down, or keep away from {s.family}, around t = {s.t:.6g} to {s.t_end:.6g}."
+    if check.outside:
+        return f"Bring {check.outside[0].joint} within its limits."
     if not check.complete:
         return "The closed form is not complete: look at singular values along it as well."
     return "Nothing to do."
+
+
+def _stretches(count: int) -> str:
+    return "1 stretch" if count == 1 else f"{count} stretches"

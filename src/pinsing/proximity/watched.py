@@ -180,6 +180,14 @@ def watch(
     return chosen
 
 
+def metric_note(length_scale: float) -> str:
+    """What a distance of an arm with sliding joints is, in a sentence."""
+    return (
+        f"distances count a slide of {length_scale:g} m (the length scale) as 1 rad, and are "
+        "given as angles"
+    )
+
+
 def _named(forms: Sequence[ClosedForm]) -> dict[str, Family]:
     """Families by name, after the task where there are several forms."""
     several = len(forms) > 1

@@ -76,6 +76,8 @@ class Distribution:
         rank = max(1, math.ceil(p * int(cumulated[-1])))
         k = int(np.searchsorted(cumulated, rank))
         low, high = float(self.lower[k]), float(self.upper[k])
+        if math.isinf(high) and math.isinf(self.largest.value):
+            return math.inf
         middle = (low + high) / 2 if math.isfinite(high) and low > 0 else low
         return min(max(middle, self.smallest.value), self.largest.value)
 

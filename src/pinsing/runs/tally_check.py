@@ -59,10 +59,12 @@ def array_of(
     return array
 
 
-def finite(record: Record, name: str, shape: tuple[int | None, ...]) -> npt.NDArray[np.float64]:
-    """Finite numbers of at least 0; as `array_of`."""
+def finite(
+    record: Record, name: str, shape: tuple[int | None, ...], bounded: bool = True
+) -> npt.NDArray[np.float64]:
+    """Finite numbers of at least 0, or infinite ones too if not ``bounded``; as `array_of`."""
     array = array_of(record, name, shape, whole=False).astype(np.float64, copy=False)
-    if not (np.isfinite(array).all() and (array >= 0).all()):
+    if not ((np.isfinite(array).all() or not bounded) and (array >= 0).all()):
         raise ValueError(f"{name} is negative or not finite")
     return array
 
@@ -90,8 +92,12 @@ def check_names(record: Record, names: tuple[str, ...]) -> None:
         raise ValueError(f"{other[0][:40]!r} is missing or does not belong there")
 
 
-def check_tally(record: Record, worst: int, count: int, start: int, stop: int) -> None:
+def check_tally(
+    record: Record, worst: int, count: int, start: int, stop: int, ratios: bool = True
+) -> None:
     """Judge the tally of ``count`` configurations with numbers from ``start`` to ``stop``.
+
+    Ratios are at most 1; without ``ratios`` its values are distances, some of them infinite.
 
     Raises
     ------
@@ -103,11 +109,12 @@ def check_tally(record: Record, worst: int, count: int, start: int, stop: int) -
         raise ValueError(f"it counts {done} configurations, not {count}")
     if not count:
         return _check_empty(record)
-    value = finite(record, "value", (2, 2))
+    value = finite(record, "value", (2, 2), ratios)
     whole(record, "index", (2, 2), start, stop)
-    if (value[:, SMALLEST] > value[:, LARGEST]).any() or value[_RATIO, LARGEST] > _ABOVE:
+    above = ratios and value[_RATIO, LARGEST] > _ABOVE
+    if (value[:, SMALLEST] > value[:, LARGEST]).any() or above:
         raise ValueError("its smallest and largest values contradict each other")
-    _check_worst(record, min(worst, count), value, start, stop)
+    _check_worst(record, min(worst, count), value, start, stop, ratios)
     if _singular(record) != min(singular, worst):
         raise ValueError("its worst configurations and its number of singular ones differ")
     for row, name in zip(value, MEASURES, strict=True):
@@ -120,10 +127,15 @@ def _singular(record: Record) -> int:
 
 
 def _check_worst(
-    record: Record, size: int, value: npt.NDArray[np.float64], start: int, stop: int
+    record: Record,
+    size: int,
+    value: npt.NDArray[np.float64],
+    start: int,
+    stop: int,
+    bounded: bool,
 ) -> None:
     index = whole(record, "worst_index", (size,), start, stop)
-    sigma, ratio = (finite(record, f"worst_{name}", (size,)) for name in MEASURES)
+    sigma, ratio = (finite(record, f"worst_{name}", (size,), bounded) for name in MEASURES)
     ordered = np.lexsort((index, ratio))
     if len(np.unique(index)) < size or (ordered != np.arange(size)).any():
         raise ValueError("its worst configurations are not in order")

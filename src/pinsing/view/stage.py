@@ -44,6 +44,10 @@ class Stage:
         Leave shapes out.
     notes : tuple of str
         What could not be drawn.
+    way : (K, n) array, optional
+        Poses of a motion that pages show first, radians and metres.
+    samples : int
+        How many samples that motion has.
     q : (n,) array
         The configuration shown.
     chosen : (entry, pose) or None
@@ -56,6 +60,8 @@ class Stage:
     sizes: Sizes
     skeleton: bool
     notes: tuple[str, ...] = ()
+    way: Array | None = None
+    samples: int = 0
     q: Array = field(init=False)
     chosen: tuple[int, int] | None = field(init=False)
 
@@ -87,8 +93,10 @@ class Stage:
         lower, upper = arm.span
         names = list(arm.model.names)[1:]
         columns = zip(arm.joints, self._symbols(), arm.prismatic, lower, upper, strict=True)
+        way = {} if self.way is None else {"rows": self.way.tolist(), "samples": self.samples}
         return {
             "live": live,
+            "way": way or None,
             "robot": {
                 "name": arm.name,
                 "base": arm.base,

@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.families import Family
 from pinsing.families.paths import FamilyLike
 from pinsing.robot.arm import Arm
 from pinsing.sweeps.finding import Finding
@@ -22,6 +24,7 @@ from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import Stage
 from pinsing.view.tab import Tab, place_in_list
+from pinsing.view.way import thinned
 
 
 class Viewer(Tab):
@@ -42,6 +45,10 @@ class Viewer(Tab):
         Configurations to list, radians and metres.
     findings : iterable of Finding, optional
         What a sweep has found, to be listed as well.
+    path : (N, n) array_like, optional
+        A joint motion, radians and metres, linear between its samples: pages show it first, as a
+        line of the tip coloured by clearance, ready to be played. Of a long one each stretch is
+        shown by its pose nearest to a family.
     visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer, optional
         Draw into this one as well: axes, ellipsoids and lost motions below its node
         ``pinsing``. One that displays the robot of the arm is moved along.
@@ -68,6 +75,7 @@ class Viewer(Tab):
         poses: Iterable[npt.ArrayLike] | None = None,
         findings: Iterable[Finding] | None = None,
         *,
+        path: npt.ArrayLike | None = None,
         visualizer: Any = None,
         scale: float = 1.0,
         skeleton: bool = False,
@@ -92,7 +100,12 @@ class Viewer(Tab):
         links = Links(None) if skeleton else read_links(arm)
         recorder = Recorder()
         notes = draw_scene(recorder.visualizer(), arm, links, size)
-        self._stage = Stage(arm, entries, links, size, skeleton, notes)
+        way, samples = None, 0
+        if path is not None:
+            Q = np.atleast_2d(arm.check(path))
+            known = [entry.family for entry in entries if isinstance(entry.family, Family)]
+            way, samples = thinned(arm, known, Q), len(Q)
+        self._stage = Stage(arm, entries, links, size, skeleton, notes, way, samples)
         self._overlay = None if visualizer is None else Overlay(visualizer, arm, size)
         super().__init__(self._stage, recorder.packed(), host, port)
         if self._overlay is not None:

@@ -83,7 +83,9 @@ class App {
     const frame = shared ?? this.source.compute(q);
     this.frame(frame);
     this.view.fit([frame]);
-    if (this.entry !== null) this.lookForMeetings(entry, pose);
+    const { way } = this.page;
+    if (way && !shared) this.follow("path", way.rows, way.samples);
+    else if (this.entry !== null) this.lookForMeetings(entry, pose);
   }
 
   frame(frame, dragged = -1) {
