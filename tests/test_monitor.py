@@ -18,7 +18,9 @@ from pinsing.bounds import contact
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch
 
-ARMS = ["ur5", "panda", "stanford", "puma560", "surgical7", "z1", "scara", "baxter"]
+QUICK = ["ur5", "panda", "stanford", "scara"]  # six and seven joints, a prismatic one, four
+LONG = ["puma560", "surgical7", "z1", "baxter"]
+ARMS = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in LONG)]
 needs_engine = pytest.mark.skipif(not engine.available(), reason="no compiled engine")
 
 
@@ -58,7 +60,15 @@ def test_lower_is_never_above_the_distance(name: str) -> None:
             assert verdict.lower <= true.upper[i // 5]
 
 
-@pytest.mark.parametrize("name", ["ur5", "puma560", "stanford", "surgical7", "z1", "irb1400"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "ur5",
+        "stanford",
+        "surgical7",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("puma560", "z1", "irb1400")),
+    ],
+)
 def test_time_to_contact_is_that_of_the_first_crossing(name: str) -> None:
     form = closed(name)
     single = [
