@@ -96,7 +96,7 @@ def signs_of_det(arm, path, count=60):
 
 
 @pytest.mark.parametrize(
-    "name", [_slow(n) if n in ("talos_arm", "z1", "iiwa14") else n for n in COUNTS]
+    "name", [_slow(n) if n in ("talos_arm", "z1", "iiwa14", "so101") else n for n in COUNTS]
 )
 def test_counts(name):
     for limits, count in zip((False, True), COUNTS[name], strict=True):
