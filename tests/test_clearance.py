@@ -188,7 +188,7 @@ def test_the_gap_closes(name: str) -> None:
     rng = np.random.default_rng(5)
     for family in closed(name).families:
         for q in rng.uniform(-3, 3, (20, family.n)):
-            found = family.distance(q, seconds=20)
+            found = family.distance(q, seconds=120)
             assert found.upper - found.lower <= 1e-6
             if not family.equations:
                 assert found.exact
@@ -235,7 +235,7 @@ def test_both_searches_agree() -> None:
     conditions = form.families[2].conditions()
     Q = np.random.default_rng(8).uniform(-3, 3, (3, 6))
     for limited in (False, True):
-        options = SearchOptions(gap=1e-3, seconds=20, within_limits=limited)
+        options = SearchOptions(gap=1e-3, seconds=120, within_limits=limited)
         limits = form.arm.lower, form.arm.upper
         a = nearest_points(conditions, Q, *limits, options)
         b = nearest_points(conditions, Q, *limits, options, compiled=False)
@@ -276,7 +276,7 @@ def test_prismatic_joints_in_equations(norm: str, compiled: bool) -> None:
     conditions = family.conditions(norm=norm)
     Q = np.stack([rng.uniform(-1, 2, 40), rng.uniform(-1.5, 1.5, 40)], axis=1)
     quick = two_sided(conditions, Q, compiled=compiled)
-    options = SearchOptions(within_limits=True, gap=1e-5, seconds=5 if compiled else 0.5)
+    options = SearchOptions(within_limits=True, gap=1e-5, seconds=120 if compiled else 0.5)
     for i, q in enumerate(Q):
         off = np.abs([np.append(root, other) - q[0], np.tile(angle, 2) - q[1]])
         off[0] /= 0.5
