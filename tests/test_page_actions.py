@@ -41,7 +41,7 @@ def addresses(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, di
         yield out
 
 
-@pytest.fixture(params=["file", "live"])
+@pytest.fixture(params=["file", pytest.param("live", marks=pytest.mark.slow)])
 def pages(request: pytest.FixtureRequest, addresses: dict[str, dict[str, str]]) -> dict[str, str]:
     return addresses[request.param]
 
@@ -244,7 +244,7 @@ def test_every_action_works_on_a_mechanism(page: Any, pages: dict[str, str]) -> 
 
 
 @pytest.mark.parametrize("kind", ["arm", "mechanism"])
-@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
 def test_axe_has_no_serious_finding(
     page: Any, addresses: dict[str, dict[str, str]], kind: str, scheme: str
 ) -> None:

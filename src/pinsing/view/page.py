@@ -24,6 +24,7 @@ ENGINE = (
     "clearance",
     "trajectory",
     "meet",
+    "locus",
     "loops",
     "mechanism",
     "drive",
@@ -40,6 +41,7 @@ ENGINE = (
 SCRIPTS = (
     "scene.js",
     "panel.js",
+    "locus.js",
     "source.js",
     "player.js",
     "take.js",

@@ -180,6 +180,19 @@ def check_place(entry: object, pose: object, counts: Sequence[int]) -> None:
         raise OptionError(f"there is no pose {pose} of entry {entry}")
 
 
+def _solved(entry: Entry) -> list[dict[str, Any]]:
+    """Long equations, each as one for a joint: texts."""
+    return [
+        {
+            "condition": one.condition,
+            "solution": one.solution,
+            "where": [list(part) for part in one.where],
+            "exact": [list(part) for part in one.exact],
+        }
+        for one in getattr(entry.family, "solved", ())
+    ]
+
+
 def _entry(entry: Entry, n: int) -> dict[str, Any]:
     moves = bool(entry.poses) and not entry.name.startswith("P")
     return {
@@ -187,6 +200,7 @@ def _entry(entry: Entry, n: int) -> dict[str, Any]:
         "text": entry.text,
         "more": [*_more(entry)],
         "reason": entry.reason,
+        "solved": _solved(entry),
         "poses": len(entry.poses),
         "q": [pose.tolist() for pose in entry.poses],
         "moved": list(entry.moved),

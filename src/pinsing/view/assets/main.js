@@ -12,6 +12,7 @@ class App {
       choose: (entry, pose) => this.choose(entry, pose),
       play: (kind) => this.play(kind),
       move: (joint, value) => this.move(joint, value),
+      pick: (values) => this.pick(values),
       meet: (entry, found) => this.meet(entry, found),
     });
     this.source = this.makeSource({ pushed: (message) => this.pushed(message), gone: () => this.gone() });
@@ -100,7 +101,19 @@ class App {
     if (!this.running) this.resting = setTimeout(() => this.rest(this.view.frame), 60);
   }
 
-  rest(frame) { this.panel.ticks(this.source.marks(frame.q)); }
+  rest(frame) {
+    this.panel.ticks(this.source.marks(frame.q));
+    if (this.entry !== null) this.panel.curve(this.entry, this.source.familyOf(this.entry), frame.q);
+  }
+
+  // Joints put at values, the others as they are: [[joint, value], ...].
+  pick(values) {
+    ++this.turn;
+    if (this.path) { this.player.clear(); this.panel.playing(null); }
+    const q = this.panel.values(this.view.frame);
+    for (const [joint, value] of values) q[joint] = value;
+    this.frame(this.source.compute(q));
+  }
 
   // The pose in the address, as a frame.
   shared() {

@@ -112,6 +112,11 @@ class Panel {
         row.append(play);
       }
       item.append(button, row);
+      if (entry.solved?.length) {
+        const box = statement(entry.solved);
+        box.hidden = true;
+        item.append(box);
+      }
       $("entries").append(item);
       return item;
     });
@@ -123,6 +128,16 @@ class Panel {
     button.title = "A pose on both; once more for the next";
     button.addEventListener("click", () => this.actions.meet(entry, found));
     this.items[entry].querySelector(".actions").append(button);
+  }
+
+  // The curve of the chosen entry's equation.
+  curve(entry, family, q) {
+    if (this.drawn?.entry !== entry) {
+      this.drawn?.locus.node.remove();
+      const joints = this.page.engine.joints, has = family !== null && Engine.curveBranch(family, q, joints);
+      this.drawn = has ? { entry, locus: new Locus(this.page, family, q, this.actions.pick) } : null;
+      if (has) this.items[entry].append(this.drawn.locus.node);
+    } else this.drawn.locus.draw(q);
   }
 
   nearestWords(words) { $("nearest-pose").textContent = words; }
@@ -230,6 +245,8 @@ class Panel {
     this.items.forEach((item, i) => {
       item.classList.toggle("chosen", i === entry);
       item.querySelector(".actions").hidden = i !== entry;
+      const said = item.querySelector(".statement");
+      if (said) said.hidden = i !== entry;
       item.querySelectorAll(".pose").forEach((b, k) => b.classList.toggle("on", i === entry && k === pose));
     });
     if (entry !== null && scroll) this.items[entry].scrollIntoView({ block: "nearest" });

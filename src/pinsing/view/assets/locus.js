@@ -1,0 +1,99 @@
+// The equation of a family as one for a joint, and its curve over two joints, the others on sliders.
+"use strict";
+
+const LOCUS = { wide: 320, high: 210, left: 44, bottom: 30, top: 8, right: 8 };
+
+// "R cos(q3 - φ) = 0", what follows, and what R and φ are.
+function statement(solved) {
+  const box = make("div", "statement");
+  for (const one of solved) {
+    box.append(formula(make("p"), one.condition), formula(make("p", "note"), one.solution));
+    for (const [title, parts] of [["with", one.where], ["with exact coefficients", one.exact]]) {
+      if (!parts.length) continue;
+      const details = make("details");
+      details.append(make("summary", "", title), ...parts.map(([name, text]) => formula(make("p"), `${name} = ${text}`)));
+      box.append(details);
+    }
+  }
+  return box;
+}
+
+class Locus {
+  // `pick(values)` is given [[joint, value], ...] where the picture is clicked.
+  constructor(page, family, q, pick) {
+    Object.assign(this, { page, family, pick });
+    this.node = make("div", "locus");
+    const { involved } = Engine.curveBranch(family, q, page.engine.joints);
+    const pair = involved.slice(-2);
+    this.menus = pair.map((chosen, k) => {
+      const menu = make("select");
+      menu.setAttribute("aria-label", k ? "Joint upward" : "Joint across");
+      for (const j of involved) menu.append(new Option(page.joints[j].symbol, j, false, j === chosen));
+      menu.addEventListener("change", () => this.changed(k));
+      return menu;
+    });
+    this.shown = pair;
+    const head = make("p", "note");
+    head.append("Where it holds over ", this.menus[0], " and ", this.menus[1], ", the others on their sliders:");
+    this.picture = this.make("svg", { viewBox: `0 0 ${LOCUS.wide} ${LOCUS.high}`, role: "img" });
+    this.picture.addEventListener("click", (event) => this.clicked(event));
+    this.words = make("p", "note");
+    this.node.append(head, this.picture, this.words);
+    this.draw(q);
+  }
+
+  make(tag, attributes, text) {
+    const node = document.createElementNS("http://www.w3.org/2000/svg", tag);
+    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
+    if (text !== undefined) node.textContent = text;
+    return node;
+  }
+
+  // The two joints differ: choosing that of the other menu swaps them.
+  changed(k) {
+    const next = this.menus.map((m) => Number(m.value));
+    if (next[0] === next[1]) this.menus[1 - k].value = String(next[1 - k] = this.shown[k]);
+    this.shown = next;
+    this.draw(this.q);
+  }
+
+  get spans() { return this.shown.map((j) => [this.page.joints[j].lower, this.page.joints[j].upper]); }
+
+  x(v) { const [a, b] = this.spans[0]; return LOCUS.left + ((v - a) / (b - a)) * (LOCUS.wide - LOCUS.left - LOCUS.right); }
+
+  y(v) { const [a, b] = this.spans[1]; return LOCUS.high - LOCUS.bottom - ((v - a) / (b - a)) * (LOCUS.high - LOCUS.bottom - LOCUS.top); }
+
+  draw(q) {
+    this.q = q;
+    const { joints, engine } = this.page, [i, j] = this.shown, spans = this.spans;
+    const branch = Engine.curveBranch(this.family, q, engine.joints), held = q.slice();
+    for (const v of branch.values) held[v.joint] = v.value;
+    const lines = Engine.locus(branch.equation, held, i, j, ...spans);
+    const text = (k, v) => (joints[k].prismatic ? `${Math.round(1000 * v)} mm` : `${Math.round((v * 180) / Math.PI)}\u00b0`);
+    const [left, right] = spans[0].map((v) => this.x(v)), [low, high] = spans[1].map((v) => this.y(v));
+    const path = lines.map((line) => line.map(([a, b], k) => `${k ? "L" : "M"}${this.x(a).toFixed(1)} ${this.y(b).toFixed(1)}`).join("")).join("");
+    const label = (k, v, x, y, anchor) => this.make("text", { x, y, "text-anchor": anchor }, v === null ? joints[k].symbol : text(k, v));
+    this.picture.replaceChildren(
+      this.make("rect", { x: left, y: high, width: right - left, height: low - high }),
+      this.make("path", { d: path }),
+      this.make("circle", { cx: this.x(q[i]), cy: this.y(q[j]), r: 4.5 }),
+      label(i, spans[0][0], left, low + 14, "start"), label(i, spans[0][1], right, low + 14, "end"),
+      label(i, null, (left + right) / 2, low + 14, "middle"),
+      label(j, spans[1][0], left - 4, low, "end"), label(j, spans[1][1], left - 4, high + 8, "end"),
+      label(j, null, left - 4, (low + high) / 2, "end"));
+    const symbols = [joints[i].symbol, joints[j].symbol].join(" and ");
+    const fixed = branch.values.map((v) => `${joints[v.joint].symbol} = ${text(v.joint, v.value)}`).join(", ");
+    this.words.textContent = `${lines.length ? "" : "It holds nowhere here: move the other sliders. "}` +
+      `${fixed ? `The curve is for ${fixed}. ` : ""}Dot: this pose. A click moves ${symbols} there.`;
+    this.picture.setAttribute("aria-label", `Curve of ${this.family.name} over ${symbols}`);
+  }
+
+  clicked(event) {
+    const box = this.picture.getBoundingClientRect();
+    const x = ((event.clientX - box.left) * LOCUS.wide) / box.width, y = ((event.clientY - box.top) * LOCUS.high) / box.height;
+    const [[a, b], [c, d]] = this.spans, inside = (v, low, high) => Math.min(high, Math.max(low, v));
+    const across = a + ((x - LOCUS.left) / (LOCUS.wide - LOCUS.left - LOCUS.right)) * (b - a);
+    const up = c + ((LOCUS.high - LOCUS.bottom - y) / (LOCUS.high - LOCUS.bottom - LOCUS.top)) * (d - c);
+    this.pick([[this.shown[0], inside(across, a, b)], [this.shown[1], inside(up, c, d)]]);
+  }
+}
