@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from node import needs_node, run
 
 import pinsing
 from pinsing.algebra.equation import Equation
@@ -22,6 +23,9 @@ from pinsing.geometry.surd import exact_of, exact_text, surd
 from pinsing.kinematics.verdict import ratios
 from pinsing.mathml import mathml
 from pinsing.proof.checker import verify
+from pinsing.view.ellipsoids import sizes
+from pinsing.view.engine_data import engine_data
+from pinsing.view.entries import family_entries
 
 # Offset wrists. FANUC CRX-10iA/L and ABB GoFa 5: a, alpha, d, theta at zero (m, degrees).
 DH = {
@@ -355,3 +359,26 @@ def test_what_enters_twice_is_not_solved() -> None:
     solved = joint_form(nowhere, 0)
     assert solved is not None
     assert np.isnan(solved.solve(np.zeros(3))).all()
+
+
+@needs_node
+def test_the_page_says_the_pitch_of_the_pose_shown(folder: Path) -> None:
+    """The pitch changes along a family: it is computed in the page, with Python's words."""
+    form = form_of("crx", folder)
+    arm = form.geometry.arm
+    (family,) = form.families
+    entries = family_entries(arm, form.families, 1)
+    Q = family.sample(4, np.random.default_rng(5))
+    data = engine_data(arm, entries, sizes(arm))
+    shown = run(
+        "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", {"data": data, "Q": Q.tolist()}
+    )
+    pitches = set()
+    for q, here in zip(Q, shown, strict=True):
+        (said,), (told,) = here["why"], [d.reason for d in pinsing.at(arm, q).dependences]
+        mine, yours = (re.split(r"pitch (\S+) m/rad", words) for words in (said, told))
+        assert mine[::2] == yours[::2]  # a complex here, a common line there
+        if mine[1:]:
+            assert float(mine[1]) == pytest.approx(float(yours[1]), rel=2e-3)
+            pitches.add(mine[1])
+    assert len(pitches) > 1

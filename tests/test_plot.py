@@ -19,6 +19,7 @@ from matplotlib.axes import Axes
 from matplotlib.contour import ContourSet
 from mpl_toolkits.mplot3d import Axes3D
 
+import pinsing
 from pinsing import plot
 from pinsing.configuration.at import at
 from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
@@ -246,6 +247,57 @@ def test_a_map_refuses_what_makes_no_sense() -> None:
 # Ellipsoids -------------------------------------------------------------------------
 
 
+def test_a_locus_is_where_the_arm_is_singular() -> None:
+    """Every point of each curve, put into the arm, is singular; one curve for each third value."""
+    arm = pinsing.load("panda")
+    family = next(f for f in closed_form(arm).families if f.equations and len(f.joints) == 3)
+    x, third, y = family.joints
+    values = (np.pi / 2, -np.pi / 2)
+    assert family.generic is not None
+    ax = plot.locus(arm, family, x, y, third=third, values=values, ignore_limits=True)
+    curves = [c for c in ax.collections if isinstance(c, ContourSet)]
+    assert len(curves) == len(values) == len(labels(ax))
+    for value, curve in zip(values, curves, strict=True):
+        places = np.concatenate([path.vertices for path in curve.get_paths()])[::40]
+        assert len(places) > 10
+        Q = np.tile(family.generic, (len(places), 1))
+        Q[:, arm.joints.index(third)] = value
+        Q[:, [arm.joints.index(x), arm.joints.index(y)]] = places
+        ratio = singular_values(arm, Q)[:, -1] / singular_values(arm, Q)[:, 0]
+        assert (ratio < 1e-3).all()  # the grid's width away from the true curve at most
+    assert is_outside(ax)
+
+
+def test_a_locus_says_where_there_is_none_and_where_all_of_it_is() -> None:
+    arm = textbook("puma560")
+    family = next(f for f in closed_form(arm).families if f.text.startswith("q5 ="))
+    wrist = arm.joints[4]
+    ax = plot.locus(arm, family, arm.joints[1], arm.joints[2], third=wrist, values=[0.0, 1.0])
+    assert labels(ax)[0].endswith(": the whole plane")
+    assert labels(ax)[1].endswith(": none")
+    line = plot.locus(arm, family, wrist, arm.joints[0])
+    assert any(np.allclose(one.get_xdata(), 0) for one in line.get_lines() if len(one.get_xdata()))
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"third": "q5"}, "belong together"),
+        ({"third": "q2", "values": [0.0]}, "already"),
+        ({"third": "q4", "values": []}, "a row of 1 to 12"),
+        ({"joint_b": "q2"}, "two different joints"),
+        ({"family": closed_form(pinsing.load("planar3r")).families[0]}, "another arm"),
+    ],
+)
+def test_a_locus_refuses_what_makes_no_sense(given: dict[str, Any], words: str) -> None:
+    arm = pinsing.load("puma560")
+    names = dict(zip([f"q{k}" for k in range(1, 7)], arm.joints, strict=True))
+    options = {"joint_a": "q2", "joint_b": "q3", "family": closed_form(arm).families[0], **given}
+    options = {k: names.get(v, v) if isinstance(v, str) else v for k, v in options.items()}
+    with pytest.raises(OptionError, match=words):
+        plot.locus(arm, **options)
+
+
 def test_an_ellipsoid_has_the_radii_of_the_state(monkeypatch: pytest.MonkeyPatch) -> None:
     arm = textbook("puma560")
     q = np.array([0.3, 0.4, 0.5, 0.6, 0.7, 0.8])
@@ -419,6 +471,8 @@ def test_multiples_of_pi() -> None:
     [
         ("map puma560 --over q2,q3", "png"),
         ("map scara --over q1,q2 --q 0,90,0.1,0 --deg", "svg"),
+        ("map puma560 --over q2,q3 --family F1", "png"),
+        ("locus puma560 --family F2 --each q4=0,60 --deg", "png"),
         ("curves scara", "pdf"),
         ("curves stanford --fixed q4=0 --over q2,d3", "svg"),
         ("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png"),

@@ -257,6 +257,17 @@ CALLS = {
     "plot.ellipsoids": Call(
         lambda: pinsing.plot.ellipsoids, lambda: {"state": pinsing.at(arm(), Q)}
     ),
+    "plot.locus": Call(
+        lambda: pinsing.plot.locus,
+        with_arm(
+            family=pinsing.closed_form(arm()).families[0],
+            joint_a="q1",
+            joint_b="q2",
+            third="q3",
+            values=[0.0, 1.0],
+            samples=5,
+        ),
+    ),
     "plot.sigma_along": Call(
         lambda: pinsing.plot.sigma_along, with_arm(trajectory=[Q, (0.2, 0.5, 0.7)])
     ),
@@ -378,6 +389,9 @@ TAKERS = [case for case in CASES if case[1] in MADE]
 @pytest.mark.parametrize("value", ["ur5", None, 3.0, Unfit()], ids=repr)
 def test_what_belongs_there_is_told(name, parameter, value):
     """A name, None or a number where an arm belongs: how to get one, and a TypeError too."""
+    if value is None and inspect.signature(PUBLIC[name]).parameters[parameter].default is None:
+        assert wrong(name, parameter, value) is None  # what may be left out may be None
+        return
     error = wrong(name, parameter, value)
     assert isinstance(error, ArgumentError)
     assert isinstance(error, TypeError)

@@ -16,9 +16,10 @@ from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
     from pinsing._types import Array
+    from pinsing.families import Family
     from pinsing.robot.arm import Arm
 
-KINDS = ("curves", "map", "ellipsoids", "along", "workspace")
+KINDS = ("curves", "map", "locus", "ellipsoids", "along", "workspace")
 _STEPS = 400
 
 
@@ -39,7 +40,7 @@ _STEPS = 400
     "--over",
     metavar="A,B",
     shell_complete=completion.joints,
-    help="map: its two joints. curves: those that move.",
+    help="map, locus: the two joints. curves: those that move.",
 )
 @click.option(
     "--fixed",
@@ -48,7 +49,20 @@ _STEPS = 400
     shell_complete=completion.joint_value,
     help="curves: joint held at a special value; repeatable.",
 )
-@click.option("--ignore-limits", is_flag=True, help="curves, map: whole circles.")
+@click.option(
+    "--family",
+    "families",
+    multiple=True,
+    metavar="NAME",
+    help="locus: which family, such as F1. map: those shown; repeatable.  [default: all]",
+)
+@click.option(
+    "--each",
+    metavar="JOINT=V1,V2,...",
+    shell_complete=completion.joint_value,
+    help="locus: values of a third joint, a curve for each.",
+)
+@click.option("--ignore-limits", is_flag=True, help="curves, map, locus: whole circles.")
 @click.option(
     "--motions",
     type=click.Choice(("pure", "all")),
@@ -71,6 +85,8 @@ def plot_command(
     configurations: tuple[str, ...],
     over: str | None,
     fixed: tuple[str, ...],
+    families: tuple[str, ...],
+    each: str | None,
     ignore_limits: bool,
     motions: str | None,
     measure: str,
@@ -82,6 +98,7 @@ def plot_command(
     \b
     curves      sigma_min along each joint, from a nominal configuration
     map         sigma_min (or clearance) over two joints, with the closed-form loci on top
+    locus       a family as a curve over two joints, or several: one for each third value
     ellipsoids  velocity ellipsoids at a configuration
     along       singular values on straight joint motions between configurations, families marked
     workspace   the best sigma_min (or clearance) found at each place of the tip, in slices
@@ -94,6 +111,12 @@ def plot_command(
     joints = None if over is None else [name.strip() for name in over.split(",")]
     if kind == "map" and (joints is None or len(joints) != 2):
         raise OptionError("a map needs its two joints, such as --over q2,q3")
+    if families and kind not in ("map", "locus"):
+        raise OptionError(f"--family is for map and locus, not for {kind}")
+    if each is not None and kind != "locus":
+        raise OptionError(f"--each is for locus, not for {kind}")
+    if kind == "locus" and (len(families) != 1 or (joints is not None and len(joints) != 2)):
+        raise OptionError("a locus needs one family, such as --family F1, and two joints if any")
     if kind == "along" and len(configurations) < 2:
         raise OptionError("along needs two configurations or more: give --q twice")
     if kind != "along" and len(configurations) > 1:
@@ -104,7 +127,11 @@ def plot_command(
     matplotlib.use("agg")
     vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
     held = dict(_fixed(arm, text, deg) for text in fixed)
-    axes = _draw(kind, arm, vectors, joints, held, ignore_limits, motions, measure, deg)
+    if kind == "locus":
+        axes = _locus(arm, families[0], vectors, joints, each, ignore_limits, deg)
+    else:
+        shown = _families(arm, families) if families else None
+        axes = _draw(kind, arm, vectors, joints, held, shown, ignore_limits, motions, measure, deg)
     save_figure(axes.figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
 
 
@@ -114,6 +141,7 @@ def _draw(
     vectors: list[Array],
     joints: list[str] | None,
     held: dict[str, float],
+    families: list[Family] | None,
     ignore_limits: bool,
     motions: Any,
     measure: Any,
@@ -131,6 +159,7 @@ def _draw(
             joints[0],
             joints[1],
             q=q,
+            families=families,
             measure=measure,
             ignore_limits=ignore_limits,
             degrees=deg,
@@ -169,19 +198,62 @@ def _draw(
     )
 
 
+def _families(arm: Arm, names: tuple[str, ...]) -> list[Family]:
+    """The families of these names."""
+    from pinsing.errors import UnknownNameError
+    from pinsing.families import closed_form
+
+    every = {family.name: family for family in closed_form(arm).families}
+    for name in names:
+        if name not in every:
+            raise UnknownNameError("family", name, tuple(every))
+    return [every[name] for name in names]
+
+
+def _locus(
+    arm: Arm,
+    name: str,
+    vectors: list[Array],
+    joints: list[str] | None,
+    each: str | None,
+    ignore_limits: bool,
+    deg: bool,
+) -> Any:
+    from pinsing import plot
+
+    (family,) = _families(arm, (name,))
+    third, values = (None, None) if each is None else _joint_values(arm, each, "--each", deg)
+    return plot.locus(
+        arm,
+        family,
+        *(joints or ()),
+        q=vectors[0] if vectors else None,
+        third=third,
+        values=values,
+        ignore_limits=ignore_limits,
+        degrees=deg,
+    )
+
+
 def _fixed(arm: Arm, text: str, deg: bool) -> tuple[str, float]:
+    name, values = _joint_values(arm, text, "--fixed", deg)
+    if len(values) != 1:
+        raise OptionError(f"--fixed {text!r} needs one value")
+    return name, values[0]
+
+
+def _joint_values(arm: Arm, text: str, option: str, deg: bool) -> tuple[str, list[float]]:
+    """``JOINT=V1,V2`` as a name and radians or metres."""
     import math
 
     from pinsing.errors import UnknownNameError
 
-    name, equals, number = text.partition("=")
+    name, equals, numbers = text.partition("=")
     name = name.strip()
     if not equals:
-        raise OptionError(f"--fixed {text!r} is not of the form JOINT=VALUE")
+        raise OptionError(f"{option} {text!r} is not of the form JOINT=VALUE")
     if name not in arm.joints:
         raise UnknownNameError("joint", name, arm.joints)
-    values = parse_numbers(number, "--fixed", deg)
-    if len(values) != 1:
-        raise OptionError(f"--fixed {text!r} needs one value")
-    slides = bool(arm.prismatic[arm.joints.index(name)])
-    return name, math.radians(values[0]) if deg and not slides else values[0]
+    values = parse_numbers(numbers, option, deg)
+    turns = deg and not arm.prismatic[arm.joints.index(name)]
+    return name, [math.radians(v) if turns else float(v) for v in values]

@@ -7,10 +7,19 @@ it makes a figure that is readable at one column's width.
 from pinsing.plot.along import sigma_along
 from pinsing.plot.curves import sigma_curves
 from pinsing.plot.ellipsoids import ellipsoids
+from pinsing.plot.locus import locus
 from pinsing.plot.plane import sigma_plane
 from pinsing.plot.workspace import workspace
 
 sigma_map = sigma_plane
 """As `sigma_plane`: the name that it had before, which is that of `pinsing.sigma_map` too."""
 
-__all__ = ["ellipsoids", "sigma_along", "sigma_curves", "sigma_map", "sigma_plane", "workspace"]
+__all__ = [
+    "ellipsoids",
+    "locus",
+    "sigma_along",
+    "sigma_curves",
+    "sigma_map",
+    "sigma_plane",
+    "workspace",
+]

@@ -7,7 +7,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from pinsing._types import Array
-from pinsing.arguments import checked
+from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure
@@ -70,8 +70,8 @@ def sigma_along(
         raise ConfigurationError(
             f"a trajectory needs two configurations or more, (N, {arm.n}); got shape {Q.shape}"
         )
-    t = _path_length(arm, Q) if times is None else np.asarray(times, dtype=float)
-    if t[-1] == t[0] and times is None:
+    t = _path_length(arm, Q) if times is None else real_numbers(times, "times")
+    if times is None and t[-1] == t[0]:
         raise ConfigurationError("the trajectory stays at one configuration: it has no length")
     if (
         t.shape != (len(Q),)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from itertools import cycle
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -15,9 +15,10 @@ from pinsing.arguments import checked, whole_number
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.two_sided import two_sided
 from pinsing.errors import OptionError
-from pinsing.families import Branch, Equation, Family
+from pinsing.families import Family
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import ratios
+from pinsing.plot.family_curve import draw_family
 from pinsing.plot.style import (
     DASHES,
     SMALL,
@@ -37,7 +38,6 @@ _MOST_SAMPLES = 2000
 
 # On top of the blue to yellow of the map.
 _LINES = ("#FFFFFF", "#FF9DA7", "#A6F0C6", "#F4C7FF", "#FFFFFF", "#FF9DA7", "#A6F0C6")
-_HERE = 1e-6
 _SHORT = 26
 """Letters of a condition that a legend has room for."""
 
@@ -130,20 +130,14 @@ def sigma_plane(
     styles = cycle(zip(_LINES, DASHES, strict=True))
     for family in families:
         color, dash = next(styles)
-        _draw_family(ax, family, Q, (a, b), {"colors": color, "linestyles": dash})
+        draw_family(ax, family, Q, (a, b), family_label(family), color=color, dash=dash)
     ax.set_xlim(x[0], x[-1])
     ax.set_ylim(y[0], y[-1])
     for axis, j in ((ax.xaxis, a), (ax.yaxis, b)):
         ticks(axis, lower[j], upper[j], bool(arm.prismatic[j]), degrees)
     ax.set_xlabel(joint_label(a, bool(arm.prismatic[a]), degrees), fontsize=SMALL + 1)
     ax.set_ylabel(joint_label(b, bool(arm.prismatic[b]), degrees), fontsize=SMALL + 1)
-    rest = ", ".join(
-        f"{joint_symbol(j, bool(arm.prismatic[j]))} = "
-        f"{value_label(float(base[j]), bool(arm.prismatic[j]), degrees)}"
-        for j in range(arm.n)
-        if j not in (a, b)
-    )
-    ax.set_title(f"{plain(arm.name)}, {rest}" if arm.n > 2 else plain(arm.name), fontsize=SMALL - 1)
+    ax.set_title(held_title(arm, base, (a, b), degrees), fontsize=SMALL - 1)
     legend_below(ax, 1, at=(-0.17, -0.17), left=True)
     legend = ax.get_legend()
     if legend is not None:  # light lines need a dark ground, as they have on the map
@@ -166,6 +160,17 @@ def _measured(arm: Arm, Q: Array, measure: str, families: tuple[Family, ...]) ->
     return np.degrees(two_sided(conditions, Q).lower), "clearance, at least [deg]"
 
 
+def held_title(arm: Arm, q: Array, moving: Iterable[int], degrees: bool) -> str:
+    """The arm's name, and where the joints stay that do not move."""
+    rest = ", ".join(
+        f"{joint_symbol(j, bool(arm.prismatic[j]))} = "
+        f"{value_label(float(q[j]), bool(arm.prismatic[j]), degrees)}"
+        for j in range(arm.n)
+        if j not in tuple(moving)
+    )
+    return f"{plain(arm.name)}, {rest}" if rest else plain(arm.name)
+
+
 def regular_configuration(arm: Arm) -> Array:
     """The most regular of some configurations within the limits; the same every time."""
     rng = np.random.default_rng(3)
@@ -175,107 +180,10 @@ def regular_configuration(arm: Arm) -> Array:
     return np.asarray(np.clip(np.round(chosen, 2), *arm.span))
 
 
-def _draw_family(
-    ax: Axes, family: Family, Q: Array, plane: tuple[int, int], style: dict[str, Any]
-) -> None:
-    """Draw the part of a family that lies in the plane, under one name in the legend."""
-    a, b = plane
-    x, y = Q[0, :, a], Q[:, 0, b]
-    line = {"color": style["colors"], "linestyle": style["linestyles"], "linewidth": 1.3}
-    drawn = False
-    for branch in family.branches:
-        free = _values_in_plane(branch, Q[0, 0], plane, family.prismatic)
-        if free is None:
-            continue
-        equations = _in_plane(branch.equations, Q, plane)
-        if equations is None:
-            continue
-        xs, ys = (
-            _copies(free.get(j), axis, bool(family.prismatic[j])) for j, axis in ((a, x), (b, y))
-        )
-        if xs is None and ys is None:
-            if len(equations) != 1:
-                continue  # everything, or points: nothing that a line could show
-            ax.contour(x, y, equations[0](Q), levels=[0.0], linewidths=1.3, **style)
-            drawn = True
-            continue
-        if xs is not None and ys is not None:
-            if not equations:
-                grid = np.array([(u, v) for u in xs for v in ys]).reshape(-1, 2)
-                ax.plot(*grid.T, "o", color=line["color"], markersize=4)
-                drawn = drawn or bool(len(grid))
-            continue
-        fixed, other = (a, y) if xs is not None else (b, x)
-        for value in xs if xs is not None else ys or ():
-            if not equations:
-                (ax.axvline if fixed == a else ax.axhline)(value, **line)
-                drawn = True
-            else:
-                points = _zeros(equations[0], Q[0, 0], fixed, value, b if fixed == a else a, other)
-                held = np.full(len(points), value)
-                pair = (held, points) if fixed == a else (points, held)
-                ax.plot(*pair, "o", color=line["color"], markersize=4)
-                drawn = drawn or bool(len(points))
-    if drawn:
-        ax.plot([], [], label=_label(family), **line)
-
-
-def _label(family: Family) -> str:
+def family_label(family: Family) -> str:
     """``F1: q3 = 0° or 180°`` where that is short, else the family's name and its joints."""
     if len(family.text) <= _SHORT:
         return f"{family.name}: {family.text}"
     joints = sorted({j for b in family.branches for j in b.involved})
     named = ", ".join(joint_symbol(j, bool(family.prismatic[j])) for j in joints)
     return f"{family.name} (of {named})"
-
-
-def _values_in_plane(
-    branch: Branch, q: Array, plane: tuple[int, int], prismatic: npt.NDArray[np.bool_]
-) -> dict[int, float] | None:
-    """Values that a branch gives the two joints, None if the other joints rule it out."""
-    free = {}
-    for v in branch.values:
-        if v.joint in plane:
-            free[v.joint] = v.value
-            continue
-        gap = q[v.joint] - v.value
-        if not prismatic[v.joint]:
-            gap -= 2 * np.pi * np.round(gap / (2 * np.pi))
-        if abs(gap) > _HERE:
-            return None
-    return free
-
-
-def _in_plane(
-    equations: Iterable[Equation], Q: Array, plane: tuple[int, int]
-) -> list[Equation] | None:
-    """Equations that speak of the two joints; None if another one is not fulfilled."""
-    out = []
-    for e in equations:
-        if set(e.involved) & set(plane):
-            out.append(e)
-        elif abs(float(e(Q[0, 0]))) > _HERE * e.size:
-            return None
-    return out
-
-
-def _copies(value: float | None, axis: Array, slides: bool) -> list[float] | None:
-    """A value and its copies a whole turn away, within the axis; None if there is no value."""
-    if value is None:
-        return None
-    turns = [0.0] if slides else (2 * np.pi * np.arange(-2, 3)).tolist()
-    return [value + t for t in turns if axis[0] - 1e-9 <= value + t <= axis[-1] + 1e-9]
-
-
-def _zeros(
-    equation: Equation, q: Array, fixed: int, value: float, moving: int, axis: Array
-) -> Array:
-    """Places on a line of the plane where an equation changes sign."""
-    fine = np.linspace(axis[0], axis[-1], 2001)
-    Q = np.tile(q, (len(fine), 1))
-    Q[:, fixed], Q[:, moving] = value, fine
-    f = equation(Q)
-    k = np.flatnonzero(f[:-1] * f[1:] <= 0)
-    slope = f[k + 1] - f[k]
-    part = np.divide(-f[k], slope, out=np.zeros(len(k)), where=slope != 0)
-    return np.asarray(fine[k] + part * (fine[1] - fine[0]))

@@ -19,6 +19,7 @@ ENGINE = (
     "measures",
     "families",
     "lost",
+    "reasons",
     "arm",
     "paths",
     "clearance",

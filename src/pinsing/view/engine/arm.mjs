@@ -9,8 +9,10 @@ import { apart, distance } from "./families.mjs";
 import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
 import { causes, EXACT, lostMotions, meetingPoint } from "./lost.mjs";
 import { ellipsoid, flatDirection, pureEllipsoids, taskRows, verdictOf } from "./measures.mjs";
+import { reasons } from "./reasons.mjs";
 
 const ON = 1e-7; // radians: closer is on the family
+const STRUCTURE = 2e-5; // radians, and share of the arm's length: geometry that is so at every configuration
 const FLAT = 1e-5; // share of the largest semi-axis at which one counts as flat
 
 // Kinematics and verdict at q (n): the part that is cheap.
@@ -30,6 +32,7 @@ export function frameAt(data, q, families = data.families) {
   const largest = Math.max(own.sigma[0], judge.size);
   const rankAt = (tol) => own.sigma.filter((s) => s > tol * largest).length;
   const rank = rankAt(zero), here = nearestFamily(data, q, families);
+  const on = here?.on ? families.find((f) => f.entry === here.entry) : null;
   const lost = status === "regular" ? [] : losses(data, J, own.left.slice(rank), { tip, status, ratio });
   const dependent = status === "regular" ? []
     : causes(own.Js, task.used, task.rank, (status === "near-singular" ? zero : Math.max(1e-8, judge.rtol)) * largest);
@@ -43,7 +46,7 @@ export function frameAt(data, q, families = data.families) {
       close: norm(subtract(m.point, tip.t)) <= 1.5 * sizes.reach,
     })),
     hot: [...new Set(dependent.flat())].sort((a, b) => a - b),
-    why: reasons(dependent, here, families),
+    why: reasons(dependent, on, J, task, Math.min(0.05, Math.max(STRUCTURE, 30 * zero)), status === "near-singular" ? "nearly " : ""),
     status, rank: rankAt(judge.rtol), genericRank: task.rank, sigma, ratio,
     condition: sigma[task.rank - 1] > Math.max(6, q.length) * Number.EPSILON * sigma[0] ? sigma[0] / sigma[task.rank - 1] : Infinity,
     manipulability: sigma.slice(0, task.rank).reduce((a, b) => a * b, 1),
@@ -137,16 +140,6 @@ export function nearestFamily(data, q, families = data.families) {
 }
 
 const short = (v) => (v >= 20 ? v.toFixed(0) : v >= 0.1 ? v.toFixed(1) : String(Number(v.toPrecision(2))));
-
-function reasons(dependent, here, families) {
-  if (!dependent.length) return [];
-  const family = here && here.on ? families.find((f) => f.entry === here.entry) : null;
-  if (family && family.reason && dependent.length === 1) return [family.reason];
-  return dependent.map((ids) => ids.length === 1 ? `joint ${ids[0] + 1} does not move the task`
-    : `axes ${list(ids.map((i) => i + 1))} are linearly dependent`);
-}
-
-const list = (items) => `${items.slice(0, -1).join(", ")} and ${items[items.length - 1]}`;
 
 // Where the rounded numbers of the file hide a singularity.
 function notes(data, q, ratio) {
