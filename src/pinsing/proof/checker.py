@@ -30,8 +30,59 @@ Move = tuple[Matrix, list[Poly], Poly]  # takes a screw (v, w) to (R v + t x w, 
 Where = tuple[dict[int, tuple[Poly, Poly]], list[Poly]]  # joints at points; forms that vanish
 
 
+class OneOf(tuple[Any, ...]):
+    """Shapes, of which one fits."""
+
+
+# What a file looks like: [s] is a list of s, (s, t) one of just s and t; `fits` says it.
+FORMS, LATER = [int], OneOf((int, type(None)))
+MINOR = {"minor": ([int], [int])}
+SOURCE = OneOf((int, MINOR, {**MINOR, "at": FORMS}, {"resultant": (int, int, int)}))
+SUM, NUMBERS = [(str, SOURCE)], (str, str, str)
+CLOSED: list[dict[str, Any]] = [
+    {"family": int},
+    {"too_small": True},
+    {"sum": SUM, "cases": [(int, int, LATER)]},
+    {"sum": SUM, "squares": [(str, int)], "then": LATER},
+]
+PLACE = OneOf({"forms": FORMS, **c, **p} for c in CLOSED for p in ({}, {"points": True}))
+LINK = {"rotation": (NUMBERS,) * 3, "translation": NUMBERS, "joint": int, "multiple": str}
+FAMILY = {"name": str, "forms": FORMS, "sums": [[(str, int)]], "least_codimension": int}
+SHAPE: dict[Any, Any] = {
+    **dict.fromkeys(("schema", "robot", "base", "tip_frame", "task"), str),
+    "joints": [{"name": str, "kind": OneOf(("revolute", "prismatic"))}],
+    "square_roots": [int],
+    "chain": [{**LINK, "plus": OneOf((str, (str, str)))}],
+    "tip": NUMBERS,
+    "rows": [int],
+    **dict.fromkeys(("axes", "rank"), int),
+    "dependent_rows": {str: {str: str}},
+    "dependent_columns": {str: {str: str}},
+    "polynomials": [str],
+    "families": [FAMILY],
+    "places": [PLACE],
+}
+
+
 class Rejected(Exception):
     """The file does not prove what it states."""
+
+
+def fits(item: Any, shape: Any) -> bool:
+    """Whether what was read has the types and keys of a shape, no more and no fewer."""
+    if isinstance(shape, OneOf):
+        return any(fits(item, one) for one in shape)
+    if isinstance(shape, tuple):
+        return type(item) is list and len(item) == len(shape) and all(map(fits, item, shape))
+    if isinstance(shape, list):
+        return type(item) is list and all(fits(part, shape[0]) for part in item)
+    if isinstance(shape, dict):
+        keys = dict.fromkeys(item, shape[str]) if str in shape and type(item) is dict else shape
+        same = type(item) is dict and item.keys() == keys.keys()
+        return same and all(fits(item[k], keys[k]) for k in keys)
+    if isinstance(shape, type):
+        return type(item) is shape
+    return type(item) is type(shape) and bool(item == shape)
 
 
 def need(truth: bool, otherwise: str) -> None:
@@ -74,7 +125,7 @@ class Ring:
 
     def parse(self, text: str) -> Poly:
         """Read a sum of terms, such as ``2x1^2y3 -1/3x1y1y3s2``."""
-        need(type(text) is str and FORM.fullmatch(text) is not None, f"no form: {text[:40]!r}")
+        need(FORM.fullmatch(text) is not None, f"no form: {text[:40]!r}")
         terms: dict[tuple[int, ...], Any] = {}
         for term in text.split(" "):
             number, key = re.split("[xys]", term)[0], [0] * len(self.names)
@@ -94,8 +145,7 @@ class Ring:
         return number
 
     def vector(self, texts: list[str]) -> list[Poly]:
-        """Read three numbers."""
-        need(type(texts) is list and len(texts) == 3, "a vector is not of three numbers")
+        """Read numbers."""
         return [self.number(text) for text in texts]
 
     def reduced(self, form: Poly) -> Poly:
@@ -247,7 +297,7 @@ class Certificate:
 
     def __init__(self, data: dict[str, Any]) -> None:
         need(data["schema"] == SCHEMA, f"the schema is not {SCHEMA}")
-        self.slides = [{"revolute": False, "prismatic": True}[j["kind"]] for j in data["joints"]]
+        self.slides = [joint["kind"] == "prismatic" for joint in data["joints"]]
         self.data, self.ring = data, Ring(self.slides, data["square_roots"])
         self.rows, self.rank = data["rows"], data["rank"]
         need(
@@ -274,21 +324,22 @@ class Certificate:
                 for i, j in ((0, 0), (0, 1), (1, 1))
             ]
             proper = [ring.reduced(a) for a in cross(R[0], R[1])] == R[2]
-            need(len(R) == 3 and products == [1, 0, 1] and proper, "a rotation is none")
+            need(products == [1, 0, 1] and proper, "a rotation is none")
             moves += [
                 (eye, ring.vector(link["translation"]), one),
                 (R, [o] * 3, one),
             ]
             (x, y), unit = pick(ring.pairs, link["joint"]), pick(ring.unit, link["joint"])
+            plus_fits = (type(link["plus"]) is str) == self.slides[link["joint"]]
+            need(plus_fits, "a constant is not of the joint's kind")
             if self.slides[link["joint"]]:
                 way = ring.number(link["multiple"]) * y + ring.number(link["plus"]) * x
                 moves.append(([[x * a for a in row] for row in eye], [o, o, way], unit))
             else:
-                c, s = (ring.number(text) for text in link["plus"])
-                need(
-                    ring.reduced(c * c + s * s) == 1 and abs(times := int(link["multiple"])) < 7,
-                    "no angle",
-                )
+                c, s = ring.vector(link["plus"])
+                need(ring.reduced(c * c + s * s) == 1, "no angle")
+                need(re.fullmatch("-?[0-6]", link["multiple"]) is not None, "no multiple of turns")
+                times = int(link["multiple"])
                 moves.append(([[c, -s, o], [s, c, o], [o, o, one]], [o] * 3, one))
                 c, s = x * x - y * y, 2 * x * y * (1 if times > 0 else -1)
                 moves += [([[c, -s, o], [s, c, o], [o, o, unit]], [o] * 3, unit)] * abs(times)
@@ -386,9 +437,9 @@ class Certificate:
         sums = [p for total in sums for p in ring.stripped(ring.put(total, values)) if p != 0]
         for minor in self.minors(self.rank, values):
             shown = any(ring.divides(p, minor) for p in sums) or ring.vanishes(minor, left)
-            need(shown, f"a family is regular somewhere: {f}")
+            need(shown, f"family {f['name'][:20]} is not shown to be singular")
         least = f["least_codimension"] - len(values)
-        need(ring.codimension_at_least(least, left), f"a family is larger: {f}")
+        need(ring.codimension_at_least(least, left), f"family {f['name'][:20]} may be larger")
 
     def forms(self, entry: dict[str, Any]) -> list[Poly]:
         """Forms of a family or a place."""
@@ -412,7 +463,7 @@ class Certificate:
             return need(self.lies_in((values, left), family), "it is not in the family")
         if "too_small" in place:
             least = self.bound + 1 - len(values)
-            return need(not points and ring.codimension_at_least(least, left), "large enough")
+            return need(not points and ring.codimension_at_least(least, left), "not shown to be too small")
         total = ring.zero
         for factor, source in place["sum"]:
             total += ring.times(ring.parse(factor), self.source(source, forms, points))
@@ -430,7 +481,8 @@ class Certificate:
         need(ring.same(*ring.stripped(total), *ring.stripped(found)), "the sum is something else")
         for more, then in cases:
             inside = ring.where([*forms, *more])
-            if ring.empty(inside[1]):
+            if then is None:
+                need(ring.empty(inside[1]), "a case leads nowhere")
                 continue
             target = pick(self.data["places"], then)
             need(then > number, "a case leads back")
@@ -465,6 +517,14 @@ class Certificate:
         return all(self.ring.vanishes(f, place[1]) for f in images)
 
 
+def explained(data: Any) -> str:
+    """Which key of a file has not the types that the format says."""
+    if type(data) is not dict or data.get("schema") != SCHEMA:
+        return f"the schema is not {SCHEMA}"
+    wrong = [k for k in {**SHAPE, **data} if not fits(data.get(k), SHAPE.get(k))]
+    return f"not the types of the format: {', '.join(wrong)[:80]}"
+
+
 def unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """A JSON object, if no key is there twice."""
     need(len(dict(pairs)) == len(pairs), "a key is there twice")
@@ -483,6 +543,7 @@ def verify(text: str) -> dict[str, Any]:
         data = json.loads(
             text, object_pairs_hook=unique, parse_float=inexact, parse_constant=inexact
         )
+        need(fits(data, SHAPE), explained(data))
         Certificate(data).check()
         statement(data)  # names prove nothing, but are said
     except (
