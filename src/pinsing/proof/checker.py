@@ -463,7 +463,9 @@ class Certificate:
             return need(self.lies_in((values, left), family), "it is not in the family")
         if "too_small" in place:
             least = self.bound + 1 - len(values)
-            return need(not points and ring.codimension_at_least(least, left), "not shown to be too small")
+            return need(
+                not points and ring.codimension_at_least(least, left), "not shown to be too small"
+            )
         total = ring.zero
         for factor, source in place["sum"]:
             total += ring.times(ring.parse(factor), self.source(source, forms, points))
