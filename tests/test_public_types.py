@@ -428,3 +428,12 @@ def test_numbers_of_every_kind_count():
     ):
         assert np.allclose(pinsing.at(arm(), q).sigma, reference)
     assert pinsing.plan_sweep(arm(), levels=np.int64(1), samples=np.int32(5)).samples == 5
+
+
+def test_another_thread_may_be_importing_masked_arrays(monkeypatch):
+    """The module is known before its classes are: seen in a worker of Dask with two threads."""
+    import sys
+    import types
+
+    monkeypatch.setitem(sys.modules, "numpy.ma", types.ModuleType("numpy.ma"))
+    assert pinsing.at(arm(), list(Q)).sigma.size > 0

@@ -5,9 +5,13 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
+
+from pinsing.cli import app
 
 COMMANDS = {
     "at": ["at", "planar3r", "--q", "0,0,0", "--fail-if-singular"],
@@ -84,3 +88,75 @@ def test_a_stream_that_others_have_set_not_to_wait(tmp_path: Path) -> None:
     assert child.returncode == 0
     assert len(text) > 1_000_000
     assert text.rstrip().endswith(b"}")
+
+
+# Every command -------------------------------------------------------------------------
+
+URDF = Path(__file__).parent.parent / "urdf"
+Q = ("--q", "0,1,0.5")
+PRINTING = {
+    "info": ("info", "planar3r"),
+    "analyze": (
+        *("analyze", "planar3r", "--levels", "1", "--samples", "5"),
+        *("--random-starts", "2", "--fail-if-singular"),
+    ),
+    "at": ("at", "planar3r", "--q", "0,0,0", "--fail-if-singular"),
+    "check": ("check", "planar3r", "PATH", "--fail-if-singular"),
+    "line": ("line", "stanford", "--q", "0.1,0.7,0.3,0.2,0.6,0.1", "--to", "0.1,0.2,0.3"),
+    "suggest": ("suggest", "planar3r"),
+    "aspects": ("aspects", "planar3r"),
+    "postures": ("postures", "planar3r", *Q),
+    "cuspidal": ("cuspidal", "planar3r", "--poses", "1"),
+    "export": ("export", "planar3r", "--c", "-"),
+    "sweep": ("sweep", "planar3r", "--levels", "1", "--samples", "5"),
+    "map": ("map", "planar3r", "--count", "2000"),
+    "families": ("families", "planar3r"),
+    "verify": ("verify", "CERTIFICATE"),
+    "view": ("view", "planar3r", "--skeleton", "--html", "-"),
+    "plot": ("plot", "ellipsoids", "planar3r", "--q", "0,1,0", "-o", "-"),
+    "report": ("report", "--help"),  # a report is a file: nothing else goes to stdout
+    "dh": ("dh", str(URDF / "stanford.dh.yaml"), "-o", "-"),
+    "list": ("list", "ur5"),
+}
+ENDINGS = {"full": ">/dev/full", "closed": ">&-", "gone": "| true; exit ${PIPESTATUS[0]}"}
+
+
+def commands() -> list[str]:
+    def below(group: Any, path: str = "") -> Iterator[str]:
+        for name, one in group.commands.items():
+            whole = f"{path} {name}".strip()
+            yield from below(one, whole) if hasattr(one, "commands") else [whole]
+
+    return list(below(app.command))
+
+
+def test_every_command_is_here() -> None:
+    assert sorted(commands()) == sorted(PRINTING)
+
+
+@pytest.fixture(scope="module")
+def read(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    folder = tmp_path_factory.mktemp("read")
+    (folder / "path.csv").write_text("0,0.5,0.7\n0.2,0.0,0.0\n")
+    certificate = folder / "certificate.json"
+    done = shell(["families", "planar3r", "--certificate", str(certificate)], "")
+    assert done.returncode == 0, done.stderr
+    return {"PATH": str(folder / "path.csv"), "CERTIFICATE": str(certificate)}
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not FULL.exists(), reason="there is no /dev/full here")
+@pytest.mark.parametrize("name", sorted(PRINTING))
+def test_no_command_ends_with_1_where_nobody_takes_its_output(
+    read: dict[str, str], name: str
+) -> None:
+    """Also where 1 is what it would end with: that means something else."""
+    for words in ([read.get(word, word) for word in PRINTING[name]], [*name.split(), "--help"]):
+        for kind, ending in ENDINGS.items():
+            done = shell(words, ending)
+            assert "Traceback" not in done.stderr
+            # What is read by nobody may have been written before its reader went.
+            assert done.returncode in ({141, 0} if kind == "gone" else {2}), (kind, done.stderr)
+            said = [x for x in done.stderr.splitlines() if x.startswith("pinsing: error: ")]
+            assert len(said) == (done.returncode == 2), done.stderr
+            assert all(x.startswith("pinsing: ") for x in done.stderr.splitlines())

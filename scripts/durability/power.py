@@ -13,8 +13,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from durability.commands import COMMANDS
 from durability.disk import Disk, Operation
-from durability.failures import COMMANDS, _contents, _word, call
+from durability.failures import _contents, call
 
 RUNS = ("map --out DIR", "sweep --out DIR")
 
@@ -100,14 +101,13 @@ def cuts(
 
     Without ``flushing`` the disk ignores what it is told to flush: that must be noticed.
     """
-    words, name, _ = COMMANDS[command]
     place = folder / "disk"
-    words = tuple(_word(w, place / name) for w in words)
+    words = COMMANDS[command].placed(place)
     shutil.rmtree(place, ignore_errors=True)
     place.mkdir(parents=True)
     disk = Disk(place)
     with disk.watched():
-        code, err = call(list(words))
+        code, err = call(words)
     if code:
         raise RuntimeError(f"{command} fails by itself: {err}")
     expected = _contents(place)
@@ -127,7 +127,7 @@ def cuts(
                 (place / path).mkdir()
             else:
                 (place / path).write_bytes(data)
-        code, err = call(list(words))
+        code, err = call(words)
         row["damaged"] += "damaged and done again" in err
         if code == 0 and _contents(place) == expected:
             row["good"] += 1

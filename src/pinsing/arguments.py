@@ -319,7 +319,8 @@ def _holds_masked(value: Any) -> bool:
 def _is_masked(value: Any) -> bool:
     # Who has a masked array has imported numpy.ma; importing it here would cost each start 25 ms.
     ma = sys.modules.get("numpy.ma")
-    return ma is not None and isinstance(value, ma.MaskedArray)
+    kind = getattr(ma, "MaskedArray", None)  # another thread may be at importing it just now
+    return kind is not None and isinstance(value, kind)
 
 
 _PLAIN: dict[Any, _Kind | None] = {

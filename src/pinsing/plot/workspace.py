@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +16,9 @@ from pinsing.plot.style import SMALL, plain
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.watched import watch
 from pinsing.robot.arm import Arm
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 SAMPLES = 60_000
 _MOST = 5_000_000
@@ -77,11 +80,7 @@ def workspace(
     'x [m]'
     """
     whole_number(samples, "samples", 100, _MOST)
-    if axes is None:
-        axes = _three()
-    elif np.size(axes) != 3:
-        raise OptionError("workspace needs three axes, for the slices x-z, y-z and x-y")
-    every = list(np.ravel(axes))
+    every = _three() if axes is None else _given(axes)
     Q = arm.space.sample(samples, np.random.default_rng(_SEED))
     tips = tip_positions(arm, Q)
     values, label = _measured(arm, Q, measure, forms)
@@ -89,7 +88,7 @@ def workspace(
     size = float((high - low).max()) or 1.0
     middle = np.array([0.0, 0.0, (low[2] + high[2]) / 2]) if through is None else np.array(through)
     top = float(values.max(initial=0.0)) or 1.0
-    mesh = None
+    mesh: Any = None
     for ax, ((a, b), across) in zip(every, _PLANES, strict=True):
         near = np.abs(tips[:, across] - middle[across]) <= _SLAB * size
         grid, edges = _best(tips[near][:, [a, b]], values[near], low[[a, b]], size)
@@ -149,7 +148,20 @@ def _best(points: Array, values: Array, low: Array, size: float) -> tuple[Array,
     return np.where(np.isfinite(grid), grid, np.nan), edges
 
 
-def _three() -> Any:
+def _three() -> list[Axes]:
     from matplotlib import pyplot as plt
 
-    return plt.subplots(1, 3, figsize=(9.0, 3.3), layout="constrained")[1]
+    return list(plt.subplots(1, 3, figsize=(9.0, 3.3), layout="constrained")[1])
+
+
+def _given(axes: Any) -> list[Axes]:
+    from matplotlib.axes import Axes
+
+    every = list(axes.flat) if isinstance(axes, np.ndarray) else axes
+    if (
+        not isinstance(every, list | tuple)
+        or len(every) != 3
+        or not all(isinstance(ax, Axes) for ax in every)
+    ):
+        raise OptionError("axes must be three of matplotlib's, for the slices x-z, y-z and x-y")
+    return list(every)

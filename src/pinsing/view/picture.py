@@ -65,6 +65,11 @@ def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) 
             "(apt install chromium, or name one in the variable CHROMIUM); "
             "--html needs none"
         )
+    write_bytes(path, _taken(browser, url, size))
+
+
+def _taken(browser: str, url: str, size: tuple[int, int]) -> bytes:
+    """The picture, as PNG."""
     # The profile may still be written to for a moment after the end.
     with tempfile.TemporaryDirectory(prefix="pinsing-", ignore_cleanup_errors=True) as profile:
         process = subprocess.Popen(
@@ -75,13 +80,12 @@ def take_picture(url: str, path: str | os.PathLike[str], size: tuple[int, int]) 
         )
         try:
             address = _debugging_address(process, Path(profile))
-            picture = _run(_capture(address, url, size))
+            return _run(_capture(address, url, size))
         except BaseException:
             process.kill()
             raise
         finally:
             _end(process)
-    write_bytes(path, picture)
 
 
 def _end(process: subprocess.Popen[bytes]) -> None:
