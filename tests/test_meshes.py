@@ -144,6 +144,71 @@ def test_a_reader_that_does_not_end_is_ended(tmp_path, monkeypatch):
     assert "not read within 0.3 s" in str(read_meshes([path])[path])
 
 
+def test_processor_time_is_what_a_mesh_may_use_up(tmp_path, monkeypatch):
+    jail = Path(meshes.child_jail.__file__)
+    (tmp_path / "busy.py").write_text(
+        f"import sys; sys.path.insert(0, {str(jail.parent)!r}); import child_jail\n"
+        "child_jail.begin_work(0.3)\nprint('{\"no_wall\": []}', flush=True)\nwhile True: pass\n"
+    )
+    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "busy.py")
+    monkeypatch.setattr(meshes, "SECONDS_EACH", 100.0)
+    path = tmp_path / "a.stl"
+    path.write_bytes(GOOD)
+    assert "is not read within 100 s" in str(read_meshes([path])[path])
+
+
+WALLS = """
+import sys
+sys.path.insert(0, {jail!r})
+import child_jail
+print(child_jail.read_only_below([{folder!r}, "/nowhere"]), flush=True)
+for name in ({inside!r}, {outside!r}, {link!r}, "/etc/passwd"):
+    try:
+        open(name).close()
+        print("open")
+    except PermissionError:
+        print("refused")
+try:
+    open({inside!r} + "2", "w")
+    print("open")
+except PermissionError:
+    print("refused")
+"""
+
+
+def test_the_reader_of_meshes_sees_their_folders_only(tmp_path):
+    folder = tmp_path / "meshes"
+    folder.mkdir()
+    (folder / "a.stl").write_bytes(GOOD)
+    (tmp_path / "secret").write_text("password")
+    (folder / "link.stl").symlink_to(tmp_path / "secret")
+    script = WALLS.format(
+        jail=str(Path(meshes.child_jail.__file__).parent),
+        folder=str(folder),
+        inside=str(folder / "a.stl"),
+        outside=str(tmp_path / "secret"),
+        link=str(folder / "link.stl"),
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    lines = done.stdout.splitlines()
+    assert done.returncode == 0, done.stderr
+    if lines[0]:
+        pytest.skip(lines[0])
+    assert lines == ["", "open", "refused", "refused", "refused", "refused"]
+
+
+def test_a_wall_that_is_not_there_is_said(tmp_path, monkeypatch):
+    (tmp_path / "open.py").write_text(
+        """print('{"no_wall": ["Landlock is not there"]}', flush=True)"""
+    )
+    monkeypatch.setattr(meshes, "_WORKER", tmp_path / "open.py")
+    path = tmp_path / "a.stl"
+    path.write_bytes(GOOD)
+    said = []
+    read_meshes([path], said.append)
+    assert said == ["meshes were read without all of the kernel's walls: Landlock is not there"]
+
+
 def test_a_reader_that_dies_is_started_again(tmp_path, monkeypatch):
     (tmp_path / "dies.py").write_text("import os; os.kill(os.getpid(), 11)")
     monkeypatch.setattr(meshes, "_WORKER", tmp_path / "dies.py")
@@ -229,7 +294,7 @@ def test_meshes_read_once_are_read_from_the_disk(
     assert isinstance(first, meshes.Mesh)
     (kept,) = (tmp_path / "cache" / "meshes").iterdir()
     asked: list[object] = []
-    monkeypatch.setattr(meshes, "_ask_child", lambda paths: asked.append(paths) or {})
+    monkeypatch.setattr(meshes, "_ask_child", lambda paths, _: asked.append(paths) or {})
     again = meshes.read_meshes([file])[file]
     assert isinstance(again, meshes.Mesh)
     np.testing.assert_array_equal(again.vertices, first.vertices)

@@ -101,7 +101,7 @@ PRINTING = {
         *("--random-starts", "2", "--fail-if-singular"),
     ),
     "at": ("at", "planar3r", "--q", "0,0,0", "--fail-if-singular"),
-    "check": ("check", "planar3r", "PATH", "--fail-if-singular"),
+    "check": ("check", "planar3r", "PATH"),
     "line": ("line", "stanford", "--q", "0.1,0.7,0.3,0.2,0.6,0.1", "--to", "0.1,0.2,0.3"),
     "suggest": ("suggest", "planar3r"),
     "aspects": ("aspects", "planar3r"),
@@ -112,8 +112,8 @@ PRINTING = {
     "map": ("map", "planar3r", "--count", "2000"),
     "families": ("families", "planar3r"),
     "verify": ("verify", "CERTIFICATE"),
-    "view": ("view", "planar3r", "--skeleton", "--html", "-"),
-    "plot": ("plot", "ellipsoids", "planar3r", "--q", "0,1,0", "-o", "-"),
+    "view": ("view", "--help"),
+    "plot": ("plot", "--help"),  # and so is a figure
     "report": ("report", "--help"),  # a report is a file: nothing else goes to stdout
     "dh": ("dh", str(URDF / "stanford.dh.yaml"), "-o", "-"),
     "list": ("list", "ur5"),

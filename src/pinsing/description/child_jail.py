@@ -13,7 +13,7 @@ import os
 import signal
 import struct
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 # Numbers of the system calls that a running interpreter needs, x86-64 and arm64.
 _CALLS = {
@@ -60,6 +60,7 @@ _READING_CALLS = {
     "getdents64": (217, 61),
     "sysinfo": (99, 179),
     "sched_getaffinity": (204, 123),
+    "setitimer": (38, 103),
 }
 _OPENAT = (257, 56)
 _WRITING = 0o3 | 0o100 | 0o1000 | 0o2000 | 0o20000000  # access mode, create, truncate, append, temp
@@ -68,6 +69,11 @@ _MACHINES = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
 _LOAD, _EQUAL, _ANY_BIT, _RETURN = 0x20, 0x15, 0x45, 0x06  # of the kernel's packet filter
 _ALLOW, _ERROR_EPERM = 0x7FFF0000, 0x00050001
 _SET_SECCOMP, _FILTER_MODE, _SET_NO_NEW_PRIVILEGES = 22, 2, 38
+
+# Landlock's calls have these numbers on every machine; its rights are bits.
+_CREATE_RULESET, _ADD_RULE, _RESTRICT_SELF = 444, 445, 446
+_EVERYTHING = (1 << 13) - 1
+_READING = 1 << 2 | 1 << 3  # files, and what is in folders
 
 _WATCHED = (
     "open",
@@ -97,7 +103,7 @@ _WATCHED = (
 )
 
 
-OUT_OF_TIME = (-int(getattr(signal, "SIGXCPU", 24)),)
+OUT_OF_TIME = (-int(getattr(signal, "SIGXCPU", 24)), -int(getattr(signal, "SIGPROF", 27)))
 """Exit codes of a process that has used up its processor time."""
 
 
@@ -120,6 +126,12 @@ def limit_resources(seconds: int, memory: int) -> None:
         # Some systems have the name and refuse the call; the parent's timeout remains.
         with contextlib.suppress(ValueError, OSError):
             resource.setrlimit(getattr(resource, name), (soft, hard))
+
+
+def begin_work(seconds: float) -> None:
+    """End this process by SIGPROF if it uses more processor time [s] until this is called again."""
+    if hasattr(signal, "ITIMER_PROF"):
+        signal.setitimer(signal.ITIMER_PROF, seconds)
 
 
 def watch(refuse: Callable[[str], BaseException]) -> None:
@@ -167,6 +179,51 @@ def close_in(reading: bool = False) -> str:
     ):
         if call(option, first, second, 0, 0) != 0:
             return f"the kernel takes no filter ({os.strerror(ctypes.get_errno())})"
+    return ""
+
+
+def read_only_below(folders: Iterable[str]) -> str:
+    """Let the kernel open files below some folders only, for reading; say why not, or return "".
+
+    Landlock (Linux 5.13 and later, where it is switched on). There is no way back.
+    """
+    if not sys.platform.startswith("linux") or os.uname().machine not in _MACHINES:
+        return f"no Landlock is known for {sys.platform}"
+    try:
+        import ctypes
+
+        libc = ctypes.CDLL(None, use_errno=True)
+    except (ImportError, OSError) as error:
+        return f"Landlock cannot be reached ({error})"
+
+    def failed(what: str) -> str:
+        return f"Landlock {what} ({os.strerror(ctypes.get_errno())})"
+
+    # What the first version of Landlock knows: it is what every later one takes as well.
+    attributes = ctypes.create_string_buffer(struct.pack("=Q", _EVERYTHING), 8)
+    call = libc.syscall
+    call.restype = ctypes.c_long
+    rules = call(_CREATE_RULESET, attributes, ctypes.c_size_t(8), ctypes.c_uint(0))
+    if rules < 0:
+        return failed("is not there")
+    try:
+        for folder in folders:
+            try:
+                handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
+            except OSError:  # not there: nothing to read in it
+                continue
+            try:
+                rule = ctypes.create_string_buffer(struct.pack("=Qi", _READING, handle), 12)
+                if call(_ADD_RULE, rules, 1, rule, ctypes.c_uint(0)) != 0:
+                    return failed("takes no rule")
+            finally:
+                os.close(handle)
+        if libc.prctl(_SET_NO_NEW_PRIVILEGES, *map(ctypes.c_ulong, (1, 0, 0, 0))) != 0:
+            return failed("needs what is refused")
+        if call(_RESTRICT_SELF, rules, ctypes.c_uint(0)) != 0:
+            return failed("is refused")
+    finally:
+        os.close(rules)
     return ""
 
 

@@ -3,7 +3,9 @@
 It is started by path (see `pinsing.view.meshes`), gets the paths of meshes as a line of JSON, and
 answers for each, in order, with a line of JSON: ``problem``, or the numbers of vertices and of
 triangles, whose doubles and 32-bit integers follow as bytes. Memory is limited, nothing can be
-written, and on Linux the kernel lets it read files only: no socket, no process.
+written, and on Linux the kernel lets it read files in the folders of its meshes only, where it has
+Landlock, and any file where it has not: no socket, no process. What is missing of that is said in
+the line before the answers.
 """
 
 from __future__ import annotations
@@ -86,8 +88,13 @@ def main() -> None:
 
     loader = coal.MeshLoader()
     child_jail.limit_resources(request["seconds"], request["memory"])
-    child_jail.close_in(reading=True)
+    # Landlock first: the filter lets no more rules be made.
+    folders = {os.path.dirname(os.path.realpath(path)) for path, _ in request["paths"]}
+    walls = (child_jail.read_only_below(folders), child_jail.close_in(reading=True))
+    out.write(json.dumps({"no_wall": [why for why in walls if why]}).encode() + b"\n")
+    out.flush()
     for path, content in request["paths"]:
+        child_jail.begin_work(request["seconds_each"])
         answer(loader, path, content, out)
 
 

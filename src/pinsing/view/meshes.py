@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import subprocess
 import sys
 import threading
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,9 @@ from pinsing.description import child_jail
 from pinsing.view.mesh_cache import cache_folder, content_key, keep, kept
 
 SECONDS_EACH = 20.0
+"""Processor time for one mesh, which a busy machine does not use up."""
+_PATIENCE = 5  # times that on the clock, whatever else runs
+_FAREWELL = 1.0
 _MEMORY = 2 * 2**30
 _LARGEST_FILE = 256 * 2**20
 _WORKER = Path(__file__).with_name("mesh_worker.py")
@@ -87,7 +91,8 @@ def read_geometry(model: pin.Model, xml: str) -> tuple[pin.GeometryModel, tuple[
     if not wanted:
         return geometry, ()
     paths = tuple(dict.fromkeys(path for path, _ in wanted.values()))
-    found = read_meshes(paths)
+    said: list[str] = []
+    found = read_meshes(paths, said.append)
     for name in [g.name for g in geometry.geometryObjects if g.name in wanted]:
         path, scale = wanted[name]
         mesh_read = found[path]
@@ -98,7 +103,7 @@ def read_geometry(model: pin.Model, xml: str) -> tuple[pin.GeometryModel, tuple[
         held.meshPath, held.meshScale = str(path), scale
         as_file = path.suffix.lower() in _AS_FILES
         held.geometry = coal.BVHModelOBBRSS() if as_file else mesh_read.geometry()
-    return geometry, _notes(found)
+    return geometry, (*_notes(found), *said)
 
 
 def _notes(found: Mapping[Path, Mesh | str]) -> tuple[str, ...]:
@@ -109,8 +114,12 @@ def _notes(found: Mapping[Path, Mesh | str]) -> tuple[str, ...]:
     return tuple("".join(c if c.isprintable() else "?" for c in note) for note in notes)
 
 
-def read_meshes(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
+def read_meshes(
+    paths: Sequence[Path], tell: Callable[[str], object] = lambda _: None
+) -> dict[Path, Mesh | str]:
     """Read files in a child process; each gives a mesh, or what is wrong with it in words.
+
+    ``tell`` is called with a line that says which of the kernel's walls around it is not there.
 
     Files whose content was read before, and found in order, are taken from `mesh_cache`.
     """
@@ -133,8 +142,13 @@ def read_meshes(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
         if before is not None and (mesh := _mesh(*before)) is not None:
             found[path] = mesh
     left = [path for path in left if path not in found]
+    told = False
     while left:
-        done = _ask_child(left)
+        missing: list[str] = []
+        done = _ask_child(left, missing)
+        if missing and not told:
+            told = True
+            tell(f"meshes were read without all of the kernel's walls: {'; '.join(missing)}")
         found.update(done)
         if len(done) == 0:  # the child did not even start
             found.update(dict.fromkeys(left, "the reader of meshes cannot be started"))
@@ -162,12 +176,16 @@ def _mesh(vertices: bytes, faces: bytes) -> Mesh | None:
     )
 
 
-def _ask_child(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
-    """Return what a child made of the first files; the one at which it ended comes last."""
+def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, Mesh | str]:
+    """Return what a child made of the first files; the one at which it ended comes last.
+
+    What it says of walls that are not there is put into ``missing``.
+    """
     request = {
         "paths": [(str(path), path.suffix.lower() not in _AS_FILES) for path in paths],
         "sys_path": [os.path.abspath(entry) for entry in sys.path],
         "jail": child_jail.__file__,
+        "seconds_each": SECONDS_EACH,
         "seconds": int(SECONDS_EACH) * len(paths) + 10,
         "memory": _MEMORY,
     }
@@ -193,18 +211,25 @@ def _ask_child(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
         with child.stdout:
             with child.stdin:
                 child.stdin.write(json.dumps(request).encode() + b"\n")
-            for path in paths:
-                clock = threading.Timer(SECONDS_EACH, stop)
+            waiting: list[Path | None] = [None, *paths]  # the first answer is about the walls
+            for path in waiting:
+                clock = threading.Timer(SECONDS_EACH * _PATIENCE, stop)
                 clock.daemon = True
                 clock.start()
                 try:
+                    if path is None:
+                        missing += _walls(child.stdout)
+                        continue
                     result = _receive(child.stdout)
                 finally:
                     clock.cancel()
                 if result is None:
+                    with contextlib.suppress(subprocess.TimeoutExpired):
+                        child.wait(_FAREWELL)  # of itself, so that its exit code says why
+                    slow = late.is_set() or child.returncode in child_jail.OUT_OF_TIME
                     why = (
                         f"is not read within {SECONDS_EACH:g} s"
-                        if late.is_set()
+                        if slow
                         else ("needs too much memory, or breaks its reader")
                     )
                     done[path] = why
@@ -216,6 +241,12 @@ def _ask_child(paths: Sequence[Path]) -> dict[Path, Mesh | str]:
         child.kill()
         child.wait()
     return done
+
+
+def _walls(stream: Any) -> list[str]:
+    """What a child says of walls that are not there; nothing if it has ended before."""
+    line = stream.readline(10_000)
+    return [str(why) for why in json.loads(line)["no_wall"]] if line.endswith(b"\n") else []
 
 
 def _receive(stream: Any) -> Mesh | str | None:
