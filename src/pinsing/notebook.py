@@ -41,7 +41,11 @@ def name(words: str) -> str:
 def formula(latex: str, short: str = "") -> str:
     """LaTeX of our own making, typeset; behind ``short``, where that is given."""
     typeset = f'<span style="font-size:115%">{mathml(latex)}</span>'
-    return f"<details><summary>{text(short)}</summary>{typeset}</details>" if short else typeset
+    if not short:
+        return typeset
+    # What no line may end in scrolls by itself: the table stays as wide as it is.
+    inside = f'<div style="max-width: 24em; overflow-x: auto">{typeset}</div>'
+    return f"<details><summary>{text(short)}</summary>{inside}</details>"
 
 
 def legend(named: Iterable[tuple[str, str]]) -> str:
