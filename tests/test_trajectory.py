@@ -322,3 +322,67 @@ def test_what_is_not_finite_is_named_by_its_sample_however_long_the_trajectory()
     Q[41_233, 2] = np.nan
     with pytest.raises(pinsing.PinsingError, match="'elbow_joint' is nan in sample 41234 of 45000"):
         pinsing.check_trajectory(pinsing.load("ur5"), Q)
+
+
+class TestStretches:
+    """Nothing that is near lies outside the stretches, and no clearance is larger than true."""
+
+    def test_ends_of_a_joint_value(self):
+        arm = pinsing.load("ur5")
+        check = pinsing.check_trajectory(arm, [[0, -1, 1, 0, 1, 0], [0, -1, 1, 0, -1, 0]])
+        (stretch,) = check.stretches
+        reach = check.near / 2
+        assert 0.5 - reach - 1e-4 <= stretch.t <= 0.5 - reach
+        assert 0.5 + reach <= stretch.t_end <= 0.5 + reach + 1e-4
+        assert (stretch.family, stretch.clearance) == ("F2", 0.0)
+
+    def test_between_far_samples(self):
+        arm = pinsing.load("ur5")
+        there = [0, -1, 1, 0, 1, 0]
+        check = pinsing.check_trajectory(arm, [there, [0, -1, 1, 0, 0.06, 0], there])
+        (stretch,) = check.stretches
+        slack = (check.near - 0.06) / 0.94
+        assert stretch.t == pytest.approx(1 - slack, abs=2e-4)
+        assert stretch.t_end == pytest.approx(1 + slack, abs=2e-4)
+        assert 0.055 < stretch.clearance <= 0.06
+
+    @pytest.mark.parametrize("step", [0.1, 0.5, 1.5])
+    def test_random_walks(self, step):
+        arm = pinsing.load("puma560")
+        form = pinsing.closed_form(arm)
+        rng = np.random.default_rng(3)
+        for _ in range(6):
+            Q = rng.uniform(-2, 2, 6) + np.cumsum(rng.normal(size=(12, 6)) * step / 2.5, axis=0)
+            check = pinsing.check_trajectory(arm, Q, forms=form)
+            t = np.linspace(0, 11, 3000)
+            fine = np.stack([np.interp(t, np.arange(12), q) for q in Q.T], axis=1)
+            upper = pinsing.clearance(form, fine).upper
+            inside = np.zeros(len(t), dtype=bool)
+            for s in check.stretches:
+                mine = (t >= s.t) & (t <= s.t_end)
+                inside |= mine
+                assert upper[mine].min(initial=np.inf) >= s.clearance - 1e-9
+            assert (upper[~inside] >= check.near - 1e-9).all()
+            for c in check.crossings:
+                assert any(s.t <= c.t <= s.t_end and s.clearance == 0 for s in check.stretches)
+
+    def test_a_long_one_in_parts_is_the_same(self, monkeypatch):
+        from pinsing.proximity import trajectory
+
+        arm = pinsing.load("puma560")
+        form = pinsing.closed_form(arm)
+        rng = np.random.default_rng(5)
+        Q = np.cumsum(rng.normal(size=(60, 6)) * 0.1, axis=0)
+        whole = pinsing.check_trajectory(arm, Q, forms=form).stretches
+        monkeypatch.setattr(trajectory, "_CHUNK", 7)
+        parts = pinsing.check_trajectory(arm, Q, forms=form).stretches
+        assert len(whole) == len(parts) > 0
+        for a, b in zip(whole, parts, strict=True):
+            assert (a.t, a.t_end) == pytest.approx((b.t, b.t_end), abs=1e-3)
+
+    def test_words(self):
+        arm = pinsing.load("ur5")
+        check = pinsing.check_trajectory(arm, [[0, -1, 1, 0, 1, 0], [0, -1, 1, 0, -1, 0]])
+        text = summary(check)
+        assert "in 1 stretch, 8.73 % of the time" in text
+        assert "from F2" not in text.split("Nearest without meeting")[1].splitlines()[0]

@@ -15,8 +15,9 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch, closed_form
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.line_tracking import Line, Tracked, landing, span, track
-from pinsing.proximity.passage import Approach, Passage, Stretch
+from pinsing.proximity.passage import Approach, Passage
 from pinsing.proximity.speeds import limits_of
+from pinsing.proximity.stretches import Stretch
 from pinsing.proximity.trajectory import NEAR
 from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, watch
 from pinsing.robot.arm import Arm

@@ -12,6 +12,7 @@ from pinsing.bounds.nearest import SearchOptions, nearest_points
 from pinsing.bounds.two_sided import two_sided
 from pinsing.proximity.crossings import Crossing, crossings_of
 from pinsing.proximity.motion import Motion
+from pinsing.proximity.stretches import Stretch, Stretches
 from pinsing.proximity.watched import Watched
 
 _MOST = 1000
@@ -47,26 +48,6 @@ class Approach:
     lower: float
 
 
-@dataclass(frozen=True)
-class Stretch:
-    """A time in which the clearance may be below a bound.
-
-    Attributes
-    ----------
-    t, t_end : float
-        From when to when.
-    family : str
-        The nearest family.
-    clearance : float
-        The least lower bound in it.
-    """
-
-    t: float
-    t_end: float
-    family: str
-    clearance: float
-
-
 @dataclass(frozen=True, eq=False)
 class Met:
     """What a motion met; fields as on TrajectoryCheck."""
@@ -94,8 +75,7 @@ class Passage:
         self.watched, self.near = watched, near
         count = len(watched.families)
         self._crossings: list[Crossing] = []
-        self._stretches: list[Stretch] = []
-        self._open = False
+        self._stretches = Stretches(watched, near)
         self._cut = False
         self._least = np.full(count, np.inf)
         self._candidates: list[list[_Candidate]] = [[] for _ in range(count)]
@@ -143,7 +123,7 @@ class Passage:
         self._least = np.minimum(self._least, lower.min(axis=0))
         for f in range(lower.shape[1]):
             self._candidate(f, motion, u, lower[:, f])
-        self._near(motion.time(u), lower)
+        self._stretches.feed(motion, u, Q, lower.min(axis=1), lower.argmin(axis=1))
         if end and len(u) > 1:
             f = int(np.argmin(lower[-1]))
             change = float(lower[-1, f] - lower[-2, f])
@@ -163,24 +143,6 @@ class Passage:
         kept.sort(key=lambda c: c.bound)
         del kept[_CANDIDATES:]
 
-    def _near(self, t: Array, lower: Array) -> None:
-        least, family = lower.min(axis=1), lower.argmin(axis=1)
-        inside = np.concatenate([[False], least < self.near, [False]]).astype(int)
-        starts, ends = np.flatnonzero(np.diff(inside) == 1), np.flatnonzero(np.diff(inside) == -1)
-        for a, b in zip(starts, ends, strict=True):
-            k = int(a + np.argmin(least[a:b]))
-            name = self.watched.names[family[k]]
-            new = Stretch(float(t[a]), float(t[b - 1]), name, float(least[k]))
-            if a == 0 and self._open and self._stretches:
-                old = self._stretches[-1]
-                deeper = new if new.clearance < old.clearance else old
-                self._stretches[-1] = Stretch(old.t, new.t_end, deeper.family, deeper.clearance)
-            elif len(self._stretches) < _MOST:
-                self._stretches.append(new)
-            else:
-                self._cut = True
-        self._open = bool(len(ends) and ends[-1] == len(t))
-
     def finish(self) -> Met:
         """All of it, the nearest approaches certified."""
         approaches = [self._approach(f) for f in range(len(self.watched.families))]
@@ -188,7 +150,11 @@ class Passage:
         found.sort(key=lambda a: a.upper)
         self._crossings.sort(key=lambda c: c.t)
         return Met(
-            tuple(self._crossings), self._cut, tuple(found), tuple(self._stretches), self._trend
+            tuple(self._crossings),
+            self._cut or self._stretches.cut,
+            tuple(found),
+            self._stretches.finish(self._crossings),
+            self._trend,
         )
 
     def _approach(self, f: int) -> Approach | None:

@@ -15,8 +15,9 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import closed_form
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.motion import check_times
-from pinsing.proximity.passage import Approach, Passage, Stretch
+from pinsing.proximity.passage import Approach, Passage
 from pinsing.proximity.speeds import Excess, Speeds
+from pinsing.proximity.stretches import Stretch
 from pinsing.proximity.watched import Forms, metric_note, watch
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize

@@ -64,6 +64,14 @@ def _joint(check: TrajectoryCheck, j: int, value: float, degrees: bool) -> str:
     return f"{value:.5g}"
 
 
+def _percent(share: float) -> str:
+    return f"{100 * share:.3g} %" if share < 0.9995 else "all"
+
+
+def _times(count: int, what: str) -> str:
+    return f"{count} {what}{'s' * (count != 1)}"
+
+
 def _more(count: int, cut: bool) -> list[str]:
     if count <= _LISTED:
         return []
@@ -93,14 +101,17 @@ def _met(check: TrajectoryCheck) -> str:
 def _nearest(check: TrajectoryCheck) -> str:
     if not check.approaches:
         return "There is no family of singular configurations to come near to."
-    a = next((x for x in check.approaches if x.upper > 0), check.approaches[0])
+    met = {c.family for c in check.crossings}
+    a = next((x for x in check.approaches if x.family not in met and x.upper > 0), None)
+    if a is None:
+        return "Every family of singular configurations is met."
     return f"Nearest without meeting: {_angle(a.upper)} from {a.family} at t = {a.t:.6g}."
 
 
 def _near(check: TrajectoryCheck, degrees: bool) -> str:
     total = sum(s.t_end - s.t for s in check.stretches)
     span = check.t_last - check.t_first
-    share = f"{100 * total / span:.2g} % of the time" if span > 0 else "all of it"
+    share = f"{_percent(total / span)} of the time" if span > 0 else "all of it"
     if not check.stretches:
         words = f"Never within {_angle(check.near)}"
     else:
@@ -113,7 +124,7 @@ def _near(check: TrajectoryCheck, degrees: bool) -> str:
 def _speeds(check: TrajectoryCheck) -> str:
     parts = []
     if check.jumps:
-        parts.append(f"{len(check.jumps)} jumps between samples ({check.jumps[0].joint})")
+        parts.append(f"{_times(len(check.jumps), 'jump')} between samples ({check.jumps[0].joint})")
     if check.too_fast:
         parts.append(f"joint speeds above limits {len(check.too_fast)} times")
     if check.too_abrupt:
@@ -146,6 +157,12 @@ def _advice(check: TrajectoryCheck) -> str:
         return f"Slow down, or keep away from {s.family}, around t = {s.t:.6g} to {s.t_end:.6g}."
     if check.outside:
         return f"Bring {check.outside[0].joint} within its limits."
+    if check.costly:
+        e = check.costly[0]
+        return (
+            f"Keep tip speeds below {check.tip_speed:g} around t = {e.t_worst:.6g} ({e.joint}), "
+            "or take another posture."
+        )
     if not check.complete:
         return "The closed form is not complete: look at singular values along it as well."
     return "Nothing to do."
