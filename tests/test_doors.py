@@ -110,7 +110,9 @@ def test_the_model_of_the_caller_stays_as_it_is():
 
 
 @pytest.mark.parametrize(
-    "name", [None, 3, 2.5, b"ur5", "", " \n", [], {}, object(), np.zeros(6)], ids=repr
+    "name",
+    [None, 3, 2.5, b"ur5", "", " \n", [], {}, object(), np.zeros(6)],
+    ids=lambda x: f"{x!r}"[:12],
 )
 def test_what_is_no_robot(name):
     with pytest.raises(ArgumentError, match=r'^robot must be .*pinsing\.load\("ur5"\)') as caught:

@@ -18,7 +18,7 @@ import numpy as np
 from pinsing._batch import engine
 from pinsing.robot.load import load
 from pinsing.sweeps.findings import singular_configurations
-from pinsing.sweeps.plan import plan_sweep
+from pinsing.sweeps.planning import plan_sweep
 from pinsing.sweeps.run import run_sweep
 
 
