@@ -2,8 +2,7 @@
 
     python examples/guard_loop.py
 
-A UR5 turns its wrist towards q5 = 0 while its shoulder swings. Each tick asks a Monitor for its
-verdict, and scales the joint speeds by the proven clearance.
+A UR5 turns its wrist towards q5 = 0; joint speeds are scaled by the clearance of a Monitor.
 """
 
 from __future__ import annotations
@@ -25,14 +24,13 @@ def main() -> None:
     for tick in range(2000):
         share = float(np.clip((clearance - STOP) / (WARN - STOP), 0, 1))
         verdict = monitor.update(q, share * wish)
-        clearance = verdict.lower
-        least = min(least, clearance)
+        clearance, least = verdict.lower, min(least, verdict.lower)
         if verdict.level != before:
+            before = verdict.level
             print(
                 f"{tick * PERIOD:.3f} s: {verdict.level}, {verdict.lower:.4f} rad from "
                 f"{verdict.family}, {verdict.trend}; contact in {verdict.time_to_contact:.2f} s"
             )
-            before = verdict.level
         q = q + share * wish * PERIOD
     print(f"nearest {least:.4f} rad, q5 = {q[4]:.4f}")
 

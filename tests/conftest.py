@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -30,6 +31,15 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 
 WriteUrdf = Callable[..., Path]
 MakeModel = Callable[..., pin.Model]
+
+
+@pytest.fixture(autouse=True)
+def _no_figure_stays() -> Iterator[None]:
+    """What a test draws is its own: pyplot keeps figures, and warns of many of them."""
+    yield
+    pyplot = sys.modules.get("matplotlib.pyplot")
+    if pyplot is not None:
+        pyplot.close("all")
 
 
 @pytest.fixture

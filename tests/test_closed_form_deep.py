@@ -118,7 +118,8 @@ def test_describing_keeps_to_the_time_as_well():
     arm = load("talos_full_v2", tip="gripper_left_base_link", base="torso_2_link", task="position")
     form = closed_form(arm, seconds=1)
     assert not form.complete
-    assert "simultaneous equations or more" in form.gaps[-1] or "time budget" in form.gaps[-1]
+    why = ("simultaneous equations or more", "time budget", "a step of the algebra was stopped")
+    assert any(reason in form.gaps[-1] for reason in why)
     assert form.seconds < 15
 
 

@@ -163,15 +163,10 @@ def test_other_bad_input() -> None:
         check_line(arm, q, tip(arm, q).translation, forms=form)
     with pytest.raises(OptionError, match="speed"):
         check_line(arm, q, [0.1, 0.2, 0.3], -1.0, forms=form)
-    # From a singular configuration: it ends where it starts, or is refused.
-    stuck = check_line(arm, np.zeros(6), [5.0, 0.0, 0.0], forms=form)
-    assert stuck.outcome == "singular"
-    assert stuck.s_end < 1e-9
-    # What is lost there is to turn about the base's x axis.
-    here = tip(arm, np.zeros(6))
-    lost = pin.SE3(pin.exp3(np.array([0.1, 0, 0])) @ here.rotation, here.translation).homogeneous
-    with pytest.raises(ConfigurationError, match="cannot move along"):
-        check_line(arm, np.zeros(6), lost, forms=form)
+    # From a singular configuration it is not determined where the joints go.
+    for pose in ([5.0, 0.0, 0.0], [0.3, 0.2, 0.4]):
+        with pytest.raises(ConfigurationError, match="starts at a singular configuration"):
+            check_line(arm, np.zeros(6), pose, forms=form)
 
 
 def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -199,3 +194,11 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
         assert code == 2
         assert err.count("error:") == 1
         assert not out
+
+
+def test_a_singular_start_is_refused():
+    arm = pinsing.load("ur5")
+    with pytest.raises(ConfigurationError, match=r"starts at a singular configuration \(on F1, F2"):
+        pinsing.check_line(arm, np.zeros(6), [0.3, 0.2, 0.4])
+    with pytest.raises(OptionError):
+        pinsing.check_line(arm, [0, -1, 1, 0, 1, 0], [0.3, 0.2, 0.4], speed=float("inf"))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import timeit
 from itertools import pairwise
 
 import numpy as np
@@ -347,17 +346,6 @@ def test_continuous_joints_count_modulo_whole_turns() -> None:
         verdict = monitor.update(q + 2 * np.pi * turns, [0, 0, 0, 0, -1, 0])
         assert verdict.lower == pytest.approx(0.3, abs=1e-12)
         assert verdict.time_to_contact == pytest.approx(0.3, abs=1e-9)
-
-
-@needs_engine
-@pytest.mark.parametrize("name", ["ur5", "panda"])
-def test_it_is_fast_enough_for_a_control_loop(name: str) -> None:
-    """Minima on a machine that others use: 20 us is the promise."""
-    monitor = pinsing.Monitor(closed(name), warn=0.2, stop=0.1)
-    rng = np.random.default_rng(0)
-    for q, v in rng.uniform(-2, 2, (10, 2, closed(name).arm.n)):
-        best = min(timeit.repeat(lambda q=q, v=v: monitor.update(q, v), number=5, repeat=600))
-        assert best / 5 < 20e-6
 
 
 def test_contact_of_nothing() -> None:

@@ -386,3 +386,25 @@ class TestStretches:
         text = summary(check)
         assert "in 1 stretch, 8.73 % of the time" in text
         assert "from F2" not in text.split("Nearest without meeting")[1].splitlines()[0]
+
+
+def test_what_strangers_wrote(tmp_path):
+    """Columns that are no joints, decimal commas, bytes that are no array: one line each."""
+    arm = arm_of("planar3r")
+    names = ",".join(arm.joints)
+    cases = {
+        "extra.csv": (f"{names},extra\n0,1,2,foo\n", "extra"),
+        "comma.csv": (f"{names.replace(',', ';')}\n0,5;1,5;2\n", "decimal comma"),
+        "bytes.npy": ("no array at all", "no NPY file"),
+    }
+    for name, (text, said) in cases.items():
+        path = tmp_path / name
+        path.write_text(text)
+        with pytest.raises(ConfigurationError, match=said):
+            read_trajectory(path, arm)
+
+
+def test_an_event_ends_with_the_motion():
+    form = pinsing.closed_form(pinsing.load("ur5"))
+    along = pinsing.crossings(form, [[0, -1, 1, 0, 0, 0], [1, -1, 1, 0, 0, 0], [2, -1, 1, 0, 0, 0]])
+    assert all(c.t_end <= 2.0 for c in along)

@@ -98,7 +98,7 @@ def test_a_plot_marks_what_at_calls_singular(task: str) -> None:
     arm = planar3r(task).with_task(length_scale=3e8)
     Q = questions(arm)
     expected = [at(arm, q).status for q in Q]
-    axes = plot.sigma_along(arm, Q)
+    axes = plot.sigma_along(arm, Q, times=np.arange(float(len(Q))))
     marked = next((x for x in axes.get_lines() if x.get_label() == "singular"), None)
     found = [] if marked is None else marked.get_xdata()
     assert list(found) == [i for i, s in enumerate(expected) if s == "singular"]

@@ -96,6 +96,7 @@ COMMANDS: dict[str, Command] = {
     ),
     "check --json": _json("check", "planar3r", "PATH"),
     "check --plot": Command(("check", "planar3r", "PATH", "--plot", "OUT"), "check.png"),
+    "check --html": Command(("check", "planar3r", "PATH", "--html", "OUT"), "check.html"),
     "export --c --python": Command(
         ("export", "planar3r", "--c", "OUT", "--python", "OUT2"), "guard.h", ("guard.py",)
     ),

@@ -143,9 +143,8 @@ def crossings_of(watched: Watched, motion: Motion) -> Crossings:
         rows = zip(found, Q, begin, end, strict=True)
         for (_, _, f, kind), q, b, e in rows:
             long = kind == "along" or (kind == "touch" and e > b)
-            events.append(
-                Crossing(float(b), float(e) if long else float(b), q, watched.names[f], kind)
-            )
+            until = min(float(e), float(motion.t[-1])) if long else float(b)
+            events.append(Crossing(float(b), until, q, watched.names[f], kind))
     return Crossings(tuple(events), watched.names, watched.complete)
 
 

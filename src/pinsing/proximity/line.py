@@ -13,6 +13,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch, closed_form
+from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.line_tracking import Line, Tracked, landing, span, track
 from pinsing.proximity.passage import Approach, Passage
@@ -175,8 +176,8 @@ def check_line(
     >>> line.outcome, line.family, round(line.s_end, 4), round(line.length, 4)
     ('singular', 'F1', 0.0875, 0.4265)
     """
-    if not speed > 0:
-        raise OptionError(f"speed must be positive, got {speed!r}")
+    if not 0 < speed < np.inf:
+        raise OptionError(f"speed must be a positive number, got {speed!r}")
     if not near > 0:
         raise OptionError(f"near must be positive, got {near!r}")
     q = arm.check(q0)
@@ -189,6 +190,13 @@ def check_line(
     line = Line.to(arm, q, _target(pose))
     if line.length < 1e-9:
         raise ConfigurationError("the line has no length: the tip is at the target already")
+    if float(ratios(arm, q[None])[0]) <= SINGULAR_RTOL:
+        on = [n for n, f in zip(watched.names, watched.families, strict=True) if f.contains(q)]
+        where = f" (on {', '.join(on)})" if on else ""
+        raise ConfigurationError(
+            f"the line starts at a singular configuration{where}: which way the joints go from "
+            "there is not determined; begin beside it"
+        )
     tracked = track(arm, line, q)
     outcome, family, located = ("reached", "", False)
     if tracked.s[-1] < 1.0:

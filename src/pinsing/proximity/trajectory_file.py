@@ -120,7 +120,7 @@ def _npy(path: Path, arm: Arm) -> TrajectoryFile:
         raise ConfigurationError(f"{path}: is not a plain file")
     try:
         array = np.load(path, mmap_mode="r", allow_pickle=False)
-    except (EOFError, SyntaxError, tokenize.TokenError, RecursionError) as error:
+    except (EOFError, ValueError, SyntaxError, tokenize.TokenError, RecursionError) as error:
         reason = type(error).__name__
         raise ConfigurationError(f"cannot read {path}: it is no NPY file ({reason})") from None
     if not isinstance(array, np.ndarray):  # an NPZ file under another name
@@ -161,6 +161,7 @@ def _text(path: Path, arm: Arm) -> TrajectoryFile:
         separator = next((s for s in (",", ";", "\t") if s in line), None)
         words = [w.strip().strip("\"'") for w in line.split(separator)]
         named = any(_number(w) is None for w in words)
+        order, time = _order(path, arm, words) if named else ([], None)
         parts = [] if named else [_rows(path, io.StringIO(line), separator, len(words), number)]
         done = number
         while True:
@@ -172,7 +173,6 @@ def _text(path: Path, arm: Arm) -> TrajectoryFile:
     table = np.concatenate(parts) if parts else np.zeros((0, len(words)))
     if not named:
         return _columns(path, arm, table)
-    order, time = _order(path, arm, words)
     notes = () if time is not None else ("no column of times",)
     return TrajectoryFile(table[:, order], None if time is None else table[:, time], notes)
 
@@ -187,6 +187,8 @@ def _rows(path: Path, file: io.TextIOBase, separator: str | None, width: int, fi
             table = np.loadtxt(file, delimiter=separator, max_rows=_ROWS, ndmin=2, comments="#")
         except ValueError as error:
             words = " ".join(str(error).split())
+            if separator != "," and re.search(r"'-?\d*,\d", words):
+                words = "a number has a decimal comma: write points"
             raise ConfigurationError(f"{path}: after line {first}: {words:.200}") from None
     if table.size and table.shape[1] != width:
         raise ConfigurationError(
