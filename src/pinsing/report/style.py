@@ -27,6 +27,7 @@ pre { background: var(--ground); border: 1px solid var(--line); border-radius: .
   padding: .5rem .7rem; margin: .5rem 0; white-space: pre-wrap; font-size: .9rem; }
 .equation { background: var(--ground); border-left: 4px solid #7a8796; padding: .6rem .9rem;
   margin: .6rem 0; font-size: 1.15rem; }
+.equation .math { display: block; overflow-x: auto; overflow-y: hidden; }
 .equation .math math { margin: .1rem 0; }
 .equation p { margin: .25rem 0; }
 .wide { overflow-x: auto; margin: .8rem 0; }
@@ -70,7 +71,7 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
   h2, h3, caption { break-after: avoid; }
   figure, .equation, tr, dl > div, pre { break-inside: avoid; }
   .paper { display: block; }
-  .wide { overflow: visible; }
+  .wide, .equation .math { overflow: visible; }
   .badge { color: #000; background: none; border: 1px solid #000; }
   .badge.alarm, .badge.caution, .badge.good { background: none; }
   figure img { max-height: 105mm; }
