@@ -152,7 +152,7 @@ class Apart:
             while True:
                 left = self._until + _GRACE - time.monotonic()
                 if left <= 0:
-                    reason = f"a step of the algebra was stopped after {self._seconds:.3g} s"
+                    reason = f"the time budget of {self._seconds:.3g} s ran out in one step of the algebra"
                     return Outcome(None, told, reason)
                 if not self._from_child.poll(min(left, _LOOK)):
                     continue
