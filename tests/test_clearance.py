@@ -387,6 +387,7 @@ def test_several_closed_forms() -> None:
     ("options", "error"),
     [
         ({"families": ["F9"]}, UnknownNameError),
+        ({"families": []}, OptionError),
         ({"weights": [1, 1]}, OptionError),
         ({"weights": [1, 1, 1, 1, 1, 0]}, OptionError),
         ({"weights": [1, 1, 1, 1, 1, np.nan]}, OptionError),

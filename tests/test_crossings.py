@@ -196,6 +196,12 @@ def test_the_compiled_zeros_are_those_of_numpy(name: str) -> None:
         (np.zeros((3, 5)), None, ConfigurationError, "6 values"),
         (np.zeros(6), None, ConfigurationError, "waypoints"),
         (np.full((3, 6), np.nan), None, ConfigurationError, "nan"),
+        (
+            [[0] * 6, [0, 0, 1e300, 0, 0, 0]],
+            None,
+            ConfigurationError,
+            "sample 2: elbow_joint is 1e",
+        ),
         (np.zeros((3, 6)), [0, 2, 1], OptionError, "ascend"),
         (np.zeros((3, 6)), [0, 1, 1], OptionError, "ascend"),
         (np.zeros((3, 6)), [0, np.nan, 1], OptionError, "sample 2"),

@@ -322,6 +322,9 @@ def test_what_is_not_finite_is_named_by_its_sample_however_long_the_trajectory()
     Q[41_233, 2] = np.nan
     with pytest.raises(pinsing.PinsingError, match="'elbow_joint' is nan in sample 41234 of 45000"):
         pinsing.check_trajectory(pinsing.load("ur5"), Q)
+    Q[41_233, 2] = -1e12
+    with pytest.raises(pinsing.PinsingError, match="sample 41234: elbow_joint is -1e"):
+        pinsing.check_trajectory(pinsing.load("ur5"), Q)
 
 
 class TestStretches:

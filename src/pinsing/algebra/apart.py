@@ -152,8 +152,8 @@ class Apart:
             while True:
                 left = self._until + _GRACE - time.monotonic()
                 if left <= 0:
-                    reason = f"the time budget of {self._seconds:.3g} s ran out in one step of the algebra"
-                    return Outcome(None, told, reason)
+                    budget = f"the time budget of {self._seconds:.3g} s"
+                    return Outcome(None, told, f"{budget} ran out in one step of the algebra")
                 if not self._from_child.poll(min(left, _LOOK)):
                     continue
                 kind, what = self._from_child.recv()

@@ -14,6 +14,8 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.proximity.watched import Watched
 
 _MOST_DEGREE = 15
+# Beyond it a float says nothing of an angle that is worth a check, and speeds overflow.
+_FARTHEST = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +56,7 @@ def motion_of(watched: Watched, motion: Any, t: npt.ArrayLike | None = None) -> 
     Raises
     ------
     ConfigurationError
-        If waypoints have the wrong shape or a value that is not finite.
+        If waypoints have the wrong shape, or a value that is not finite or beyond 1e9.
     OptionError
         If times are not finite, not ascending, or not as many as waypoints.
     """
@@ -67,10 +69,28 @@ def motion_of(watched: Watched, motion: Any, t: npt.ArrayLike | None = None) -> 
         raise ConfigurationError(f"waypoints have shape (N, {watched.n}), got {Q.shape}")
     if len(Q) == 0:
         raise ConfigurationError("there is no waypoint")
+    check_reach(watched, Q)
     times = check_times(t, len(Q))
     if len(Q) == 1:  # a motion that rests
         Q, times = np.repeat(Q, 2, axis=0), np.array([times[0], times[0]])
     return Motion(times, np.stack([Q[:-1], np.diff(Q, axis=0)], axis=1))
+
+
+def check_reach(watched: Watched, Q: Array, what: str = "sample", first: int = 1) -> None:
+    """Refuse values (N, n) that are no position of a joint: what is wrong is named by its number.
+
+    Raises
+    ------
+    ConfigurationError
+        If a value is beyond 1e9.
+    """
+    far = np.argwhere(np.abs(Q) > _FARTHEST)
+    if len(far):
+        i, j = far[0]
+        raise ConfigurationError(
+            f"{what} {first + i}: {watched.joints[j]} is {Q[i, j]:g}; values beyond "
+            f"{_FARTHEST:g} (radians, metres) are no positions of a joint"
+        )
 
 
 def check_times(t: npt.ArrayLike | None, count: int) -> Array:
@@ -116,4 +136,8 @@ def _polynomial(watched: Watched, motion: Any) -> Motion:
     times = check_times(x, len(x))
     rising = np.moveaxis(c[::-1], 0, 1)  # (m, degree + 1, n), powers of the local time
     width = np.diff(times)[:, None, None] ** np.arange(len(c))[None, :, None]
-    return Motion(times, np.ascontiguousarray(rising * width))
+    with np.errstate(over="ignore", invalid="ignore"):
+        pieces = np.ascontiguousarray(rising * width)
+    # Of a piece, no value exceeds the sum of its coefficients.
+    check_reach(watched, np.nan_to_num(np.abs(pieces).sum(axis=1), nan=np.inf), "piece")
+    return Motion(times, pieces)

@@ -14,7 +14,7 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import closed_form
 from pinsing.proximity.crossings import Crossing
-from pinsing.proximity.motion import check_times
+from pinsing.proximity.motion import check_reach, check_times
 from pinsing.proximity.passage import Approach, Passage
 from pinsing.proximity.speeds import Excess, Speeds
 from pinsing.proximity.stretches import Stretch
@@ -196,6 +196,7 @@ def check_trajectory(
             raise ConfigurationError(
                 f"joint {arm.joints[j]!r} is {part[i, j]} in sample {low + i + 1} of {N}"
             )
+        check_reach(watched, part, "sample", low + 1)
         passage.feed(times[low:high], part, first - low, last - low, last == N)
         speeds.feed(times[low:high], part, first - low, last - low)
         if progress is not None:

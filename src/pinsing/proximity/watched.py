@@ -133,7 +133,8 @@ def watch(
     Raises
     ------
     OptionError
-        If there is no closed form, or they are of different arms, or weights make no sense.
+        If there is no closed form, or they are of different arms, or weights make no sense; if
+        ``families`` is empty and there are some.
     UnknownNameError
         If there is no family of a name.
     """
@@ -156,6 +157,10 @@ def watch(
         for name in names:
             if name not in named:
                 raise UnknownNameError("family", str(name), named)
+        if named and not names:
+            raise OptionError(
+                "families is empty, so nothing would be watched: leave it out for all"
+            )
     prismatic = np.array(first.arm.prismatic)
     scale = first.arm.length_scale
     weight = np.where(prismatic, 1 / scale, 1.0)
