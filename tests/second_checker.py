@@ -278,9 +278,21 @@ class Together:
         if plain.nowhere:
             return True
         forms = plain.forms
-        joints = sorted({j for f in forms for j in ring.joints(f)})
         if len(forms) == 0:
             return False
+        return self.missing(c, forms) or self.missing(c, [*forms, *self.eliminated(forms)])
+
+    def eliminated(self, forms):
+        """Resultants of all pairs in all joints of both, units out: zero on components, too."""
+        found = []
+        for p, q in combinations(forms, 2):
+            for j in set(self.ring.joints(p)) & set(self.ring.joints(q)):
+                found.append(self.ring.without_units(self.ring.resultant(p, q, j)))
+        return [r for r in found if r]
+
+    def missing(self, c, forms):
+        """For any c - 1 joints: no common zero at some values of the others."""
+        joints = sorted({j for f in forms for j in self.ring.joints(f)})
         return all(
             self.not_onto(forms, kept, [j for j in joints if j not in kept])
             for kept in combinations(joints, min(c - 1, len(joints)))
@@ -293,15 +305,15 @@ class Together:
                 j: (ring.one, ring.ctx.constant(seed * 7 + 5 * k * k + 3 * k + 2))
                 for k, j in enumerate(others)
             }
-            if self.no_zero([ring.put(f, point) for f in forms], kept, others=False):
+            if self.no_zero([ring.put(f, point) for f in forms], kept):
                 return True
-        return sum(len(f.monoms()) for f in forms) < 200 and self.no_zero(forms, kept, others=True)
+        return False
 
-    def no_zero(self, forms, joints, others):
-        """No common zero, by elimination; with `others`, none over most of the other joints."""
+    def no_zero(self, forms, joints):
+        """No common zero, by elimination."""
         ring = self.ring
-        forms = [ring.without_units(f) if others else f for f in forms if f]
-        if any(not set(ring.joints(f)) & set(joints) for f in forms):
+        forms = [f for f in forms if f]
+        if any(not ring.joints(f) for f in forms):
             return True
         for j in sorted(joints, key=lambda j: sum(ring.degree(f, j) for f in forms)):
             having = [f for f in forms if ring.degree(f, j)]
@@ -309,7 +321,7 @@ class Together:
                 continue
             rest = [f for f in forms if not ring.degree(f, j)]
             rest += [ring.resultant(p, q, j) for p, q in combinations(having, 2)]
-            if self.no_zero(rest, [k for k in joints if k != j], others):
+            if self.no_zero(rest, [k for k in joints if k != j]):
                 return True
         return False
 

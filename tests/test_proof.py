@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from test_real_parts import iiwa_with_offset
 
 import pinsing
 from pinsing import load
@@ -33,6 +34,8 @@ ARMS = {
     "planar3r position": {"robot": "planar3r", "task": "position"},
     "planar3r one row": {"robot": "planar3r", "task": "vx"},
     "ur5 orientation": {"robot": "ur5", "task": "orientation"},
+    # Zeros of its equations at complex infinity are no singular configurations.
+    "head of alex": {"robot": "alex_nub_hands", "tip": "Head"},
 }
 SEVERAL_EQUATIONS = {
     "baxter": {"robot": "baxter", "tip": "left_gripper"},
@@ -79,6 +82,16 @@ def test_an_arm_whose_complex_set_is_larger_is_proven():
     form = closed_form(load("talos_full_v2", **how), prove=True)
     assert form.word == "proven", form.proof.reason
     assert any("squares" in place for place in form.certificate["places"])
+
+
+@pytest.mark.slow
+def test_joint_values_that_depend_on_each_other_are_proven():
+    """The KUKA with its 0.436 mm: four pairs of algebraic values, stated by two equations."""
+    form = closed_form(iiwa_with_offset(), prove=True)
+    assert form.word == "proven", form.proof.reason
+    pair = next(f for f in form.certificate["families"] if len(f["forms"]) == 2)
+    assert pair["least_codimension"] == 2
+    assert form.proof.size < 20_000
 
 
 @pytest.mark.slow

@@ -238,34 +238,45 @@ class Ring:
         tops = self.top(p, joint), self.top(g, joint)
         return found if all(tops) else self.times(found, sum(tops, self.zero))  # x = 0 counts, too
 
-    def apart(self, forms: list[Poly], joints: tuple[int, ...], strip: bool) -> bool:
-        """Whether forms are shown to have no common zero, whatever most other joints are at."""
-        forms = [f for form in forms for f in (self.stripped(form) if strip else [form]) if f != 0]
-        if any(not {*joints} & {*self.joints(f)} for f in forms):
+    def apart(self, forms: list[Poly], joints: tuple[int, ...]) -> bool:
+        """Whether forms in a few joints are shown to have no common zero."""
+        if self.empty(forms):
             return True
+        forms = [f for f in forms if f != 0]
         if not joints or len(forms) < 2:
             return False
         having = sorted((f for f in forms if self.degree(f, joints[0])), key=len)
         rest = [f for f in forms if not self.degree(f, joints[0])]
         rest += [self.resultant(*pair, joints[0]) for pair in itertools.combinations(having, 2)]
-        return self.apart(rest, joints[1:], strip)
+        return self.apart(rest, joints[1:])
 
     def codimension_at_least(self, least: int, forms: list[Poly]) -> bool:
         """Whether that is shown of all components of the common zeros of some forms.
 
         A component of less has points at all values of all joints but least - 1, whichever these
-        are: to see one choice of values without a point is enough, or that most have none.
+        are: to see one choice of values without a point is enough.
         """
         if least <= 0 or self.empty(forms):
             return True
+        # Zeros at a complex zero of a unit, which may fill the gaps, are none of the resultants'.
+        plain = self.has_gaps(least, forms)
+        return plain or self.has_gaps(least, [*forms, *self.eliminated(forms)])
+
+    def eliminated(self, forms: list[Poly]) -> Iterator[Poly]:
+        """Resultants of each two forms, in each joint of both, without units."""
+        for p, g in itertools.combinations([f for f in forms if f != 0], 2):
+            for j in {*self.joints(p)} & {*self.joints(g)}:
+                yield from self.stripped(self.resultant(p, g, j))
+
+    def has_gaps(self, least: int, forms: list[Poly]) -> bool:
+        """Whether common zeros have no points at some values of all joints but least - 1."""
         involved = sorted({j for p in forms for j in self.joints(p)})
         for free in itertools.combinations(involved, min(least - 1, len(involved))):
             held = [
                 {j: (self.one, self.one * (a + 3 * j)) for j in involved if j not in free}
                 for a in range(2, 6)
             ]
-            seen = any(self.apart([self.put(p, at) for p in forms], free, False) for at in held)
-            if not seen and not self.apart(forms, free, True):
+            if not any(self.apart([self.put(p, at) for p in forms], free) for at in held):
                 return False
         return True
 

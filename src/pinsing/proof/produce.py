@@ -68,6 +68,7 @@ def certificate(
         for s in stated:
             forms = [*_linear(draft, s.component.values)]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in s.component.relations]
+            forms = _without_implied(draft, tidy.place_of(forms))
             for part in tidy.parts(forms) if in_parts else [tidy.place_of(forms)]:
                 data["families"].append(
                     {
@@ -93,6 +94,19 @@ def _linear(draft: Certificate, values: Mapping[int, Value]) -> Iterator[Any]:
         (x, y), point = draft.ring.pairs[j], v if len(v) == 2 else (1, v[0])
         a, b = (draft.ring.number(number_text(c)) for c in point)
         yield draft.ring.reduced(b * x - a * y)
+
+
+def _without_implied(draft: Certificate, family: Place) -> list[Any]:
+    """Forms of a family without those that vanish wherever the shorter ones do.
+
+    Soundness is shown by division, a form and a joint at a time: more forms than needed hinder it.
+    """
+    linear, rest = family.forms[: len(family.values)], family.relations
+    kept: list[Any] = []
+    for p in rest:
+        if not kept or not draft.ring.vanishes(p, kept):
+            kept.append(p)
+    return [*linear, *kept]
 
 
 def _written(place: Place, polynomials: _Table, number: Mapping[int, int]) -> dict[str, Any]:
