@@ -407,8 +407,9 @@ class TestCuspidality:
         ("lengths", "answer", "aspects", "most"),
         [
             ((1, 2, 1.5, 1), "cuspidal", 2, 4),
-            ((1, 2, 0.2, 1), "no evidence", 2, 2),
-            ((1, 2, 1.5, 0), "no evidence", 4, 4),
+            _slow((1, 2, 0.2, 1), "not cuspidal", 2, 2),
+            ((1, 2, 0.1, 1), "not cuspidal", 2, 2),
+            ((1, 2, 1.5, 0), "not cuspidal", 4, 4),
         ],
     )
     def test_orthogonal_arms(self, tmp_path, lengths, answer, aspects, most):
@@ -422,9 +423,16 @@ class TestCuspidality:
     @pytest.mark.parametrize("name", ["ur5", _slow("puma560"), _slow("irb1400")])
     def test_classic_arms_are_never_called_cuspidal(self, name):
         found = pinsing.cuspidality(arm_of(name), forms=form_of(name), poses=4)
+        assert found.answer == "not cuspidal"
+        assert found.proven
+        assert "3 signs" in found.reason
+        assert found.most_solutions == 8
+        assert found.witness is None
+
+    def test_where_no_theorem_is_known_nothing_is_claimed(self):
+        found = pinsing.cuspidality(arm_of("so101"), forms=form_of("so101"), poses=2)
         assert found.answer == "no evidence"
         assert not found.proven
-        assert found.witness is None
 
     def test_a_redundant_arm_is_refused(self):
         with pytest.raises(OptionError, match="as many"):

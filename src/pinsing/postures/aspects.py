@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import islice
 from typing import ClassVar
 
@@ -15,8 +15,10 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.families import ClosedForm
 from pinsing.joint_text import typed
 from pinsing.postures.joint_map import Map, make_map
+from pinsing.postures.names import posture_names
 from pinsing.postures.partition import Part
 from pinsing.postures.piece import Piece
 from pinsing.proximity.clearance import quick
@@ -47,6 +49,9 @@ class Aspect:
         What tells it apart: signs of equations, ranges of joints between singular values.
     signs : dict of str to int
         Sign of each equation that separates, by family; 0 where it takes both.
+    names : tuple of str
+        Words of the field, such as "elbow up", where it has some for this arm
+        (`pinsing.postures.names`).
     """
 
     number: int
@@ -54,6 +59,7 @@ class Aspect:
     clearance: float
     where: tuple[str, ...]
     signs: dict[str, int]
+    names: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,7 +209,8 @@ class Aspects(JsonResult):
         if len(self.listed) > 1:
             lines.append("")
         for a in self.listed if len(self.listed) > 1 else ():
-            lines.append(f"{a.number:>4}  {', '.join(a.where)}")
+            said = "; ".join(", ".join(words) for words in (a.names, a.where) if words)
+            lines.append(f"{a.number:>4}  {said}")
             lines.append(f"      {typed(a.q, self.arm.prismatic, degrees, digits=4)}")
         if self.lower > len(self.listed):
             lines.append(f"(the first {len(self.listed)} of them)")
@@ -261,23 +268,33 @@ def aspects(forms: Forms, limits: bool = True, *, seconds: float = SECONDS) -> A
         exact &= all(p.closed for p in pieces)
         lower, upper = lower * low, upper * high
         parts.append(PartCount(*_named(chosen, part), low, high))
-    form = forms if not isinstance(forms, (list, tuple)) else forms[0]
+    form = forms if isinstance(forms, ClosedForm) else forms[0]
     notes = list(dict.fromkeys(cut.notes))
-    accepted = getattr(form, "proof", None) is not None and form.proof.accepted  # type: ignore[union-attr]
+    accepted = form.proof is not None and form.proof.accepted
     if exact and not accepted:
         notes.append("this rests on the closed form, for which no certificate was made here")
     return Aspects(
-        arm=form.arm,  # type: ignore[union-attr]
+        arm=form.arm,
         within_limits=limits,
         lower=lower,
         upper=upper if exact else None,
         parts=tuple(parts),
-        listed=tuple(_listed(chosen)),
+        listed=tuple(_named_aspects(list(_listed(chosen)), form)),
         families=cut.cutting,
         notes=tuple(notes),
         seconds=time.monotonic() - begin,
         _map=chosen,
     )
+
+
+def _named_aspects(found: list[Aspect], form: ClosedForm) -> Iterator[Aspect]:
+    """The same with the words of the field; an aspect's are those of its representative."""
+    if form.geometry is None or not found:
+        yield from found
+        return
+    words = posture_names(form.geometry, np.array([a.q for a in found]))
+    for aspect, names in zip(found, words, strict=True):
+        yield replace(aspect, names=names)
 
 
 def _named(chosen: Map, part: Part) -> tuple[tuple[str, ...], tuple[str, ...]]:

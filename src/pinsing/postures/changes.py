@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy.typing as npt
@@ -13,11 +13,13 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
+from pinsing.geometry.nominal import nominal
 from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.aspects import aspects
 from pinsing.postures.connection import DIFFERENT, SAME, Connection, connect
 from pinsing.postures.inverse import InverseSolution, inverse
+from pinsing.postures.names import posture_names
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
@@ -39,11 +41,14 @@ class PostureChange:
     connection : Connection or None
         Whether it can be reached without a singularity, and by which way; None where it is
         singular or outside the limits.
+    names : tuple of str
+        Words of the field for the posture, such as "elbow up", where it has some.
     """
 
     solution: InverseSolution
     aspect: int | None
     connection: Connection | None
+    names: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +71,8 @@ class PostureChanges(JsonResult):
         What speaks against that these are all.
     notes : tuple of str
         What the answers rest on.
+    names : tuple of str
+        Words of the field for the posture at q, where it has some.
 
     Examples
     --------
@@ -85,6 +92,7 @@ class PostureChanges(JsonResult):
     others: tuple[PostureChange, ...]
     doubt: str
     notes: tuple[str, ...]
+    names: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
     @checked
     def text(self, degrees: bool = False) -> str:
@@ -104,8 +112,10 @@ class PostureChanges(JsonResult):
         """
         count = len(self.others)
         here = "singular" if self.aspect is None else f"in aspect {self.aspect}"
+        called = f" ({', '.join(self.names)})" if self.names else ""
         lines = [
-            f"{count} other inverse solution{'s' * (count != 1)} of this pose; this one is {here}"
+            f"{count} other inverse solution{'s' * (count != 1)} of this pose; "
+            f"this one is {here}{called}"
         ]
         for k, other in enumerate(self.others, 1):
             s, way = other.solution, other.connection
@@ -122,7 +132,7 @@ class PostureChanges(JsonResult):
                 said = f"aspect {other.aspect}: only by way of a singularity, proven"
             else:
                 said = "undecided"
-            lines.append(f"{k:>4}  {said}")
+            lines.append(f"{k:>4}  {', '.join(other.names)}{': ' * bool(other.names)}{said}")
             lines.append(f"      {typed(s.q, self.arm.prismatic, degrees, digits=6)}")
             if way is not None and way.answer == SAME and way.path is not None:
                 for q in way.path[1:-1]:
@@ -202,7 +212,8 @@ def posture_changes(
             left = max(0.05, min(5.0, until - time.monotonic()))
             way = connect(form, here, s.q, limits=limits, of=found, seconds=left)
         number = None if way is None else way.aspects[1]
-        others.append(PostureChange(s, number, way))
+        names = posture_names(nominal(arm), s.q[None])[0] if s.regular else ()
+        others.append(PostureChange(s, number, way, names))
     order = {SAME: 0, "undecided": 1, DIFFERENT: 2}
     others.sort(key=lambda o: 3 if o.connection is None else order[o.connection.answer])
     return PostureChanges(
@@ -213,6 +224,7 @@ def posture_changes(
         others=tuple(others),
         doubt=known.doubt,
         notes=tuple([*notes, *(n for n in found.notes if "certificate" in n or "complete" in n)]),
+        names=() if start is None else posture_names(nominal(arm), here[None])[0],
     )
 
 

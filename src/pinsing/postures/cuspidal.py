@@ -13,12 +13,14 @@ from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
+from pinsing.geometry.nominal import nominal
 from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.postures.aspects import Aspects, aspects
 from pinsing.postures.connection import SAME, Connection, connect
 from pinsing.postures.inverse import inverse
+from pinsing.postures.ladder import ladder_of
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
@@ -67,7 +69,7 @@ class Cuspidality(JsonResult):
     --------
     >>> import pinsing
     >>> pinsing.cuspidality(pinsing.load("puma560"), poses=5).answer
-    'no evidence'
+    'not cuspidal'
     """
 
     schema: ClassVar[str] = "pinsing/cuspidality/1"
@@ -98,8 +100,8 @@ class Cuspidality(JsonResult):
         --------
         >>> import pinsing
         >>> found = pinsing.cuspidality(pinsing.load("puma560"), poses=3)
-        >>> print(found.text().splitlines()[0])
-        no evidence in 3 poses that the arm is cuspidal
+        >>> print(found.text().splitlines()[0][:50])
+        not cuspidal, proven: three axes of the wrist meet
         """
         if self.answer == CUSPIDAL:
             lines = ["cuspidal, proven: " + self.reason]
@@ -130,9 +132,12 @@ def cuspidality(
 ) -> Cuspidality:
     """Look whether an arm is cuspidal: two regular inverse solutions of a pose in one aspect.
 
-    Joint limits do not count (Wenger, 1992). Poses are those of random configurations; of each all
-    inverse solutions are found and told apart by their aspects. Where two share one, a way that
-    meets no family is found and proven; that is a witness. Where a pose has more regular
+    Joint limits do not count (Wenger, 1992). That an arm is not cuspidal is proven where its
+    inverse solution goes step by step, each with two answers that a sign tells apart
+    (`pinsing.postures.ladder`), or where no point has more than two solutions.
+    Poses are those of random configurations; of each
+    all inverse solutions are found and told apart by their aspects. Where two share one, a way
+    that meets no family is found and proven; that is a witness. Where a pose has more regular
     solutions than there are aspects, two must share one; that is a reason without a way.
 
     Parameters
@@ -160,7 +165,7 @@ def cuspidality(
     --------
     >>> import pinsing
     >>> pinsing.cuspidality(pinsing.load("ur5"), poses=3).proven
-    False
+    True
     """
     whole_number(poses, "poses", 1, 1_000_000)
     whole_number(seed, "seed", 0, MAX_SEED)
@@ -176,7 +181,7 @@ def cuspidality(
     found = aspects(form, limits=False)
     rng = np.random.default_rng(seed)
     notes = [n for n in found.notes if "complete" in n or "certificate" in n]
-    most, crowded, tried = 0, 0, 0
+    most, tried = 0, 0
     for k, q in enumerate(arm.space.sample(poses, rng, True)):
         pose = tip_placement(arm, q).homogeneous
         known = inverse(arm, pose, seed=seed)
@@ -202,7 +207,12 @@ def cuspidality(
                         k + 1,
                         notes,
                     )
-        crowded = max(crowded, len(regular))
+        ladder = ladder_of(nominal(arm))
+    if ladder is not None:
+        if not nominal(arm).exact:
+            notes.append("this is about the nominal geometry, as the closed form is")
+        nan = float("nan")
+        return _answer(arm, found, NOT_CUSPIDAL, ladder.reason, None, nan, nan, most, poses, notes)
     if tried:
         reason = f"{tried} pairs of solutions share an aspect, and no way was found"
     elif found.proven:

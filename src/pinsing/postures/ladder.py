@@ -1,0 +1,200 @@
+"""Arms whose inverse solution goes step by step, each with two answers that a sign tells apart.
+
+**Theorem.** Let each step of an inverse solution leave at most two values of one joint, given the
+pose and the joints found before, of opposite signs of a function that is zero only where the arm
+is singular. Then no two regular inverse solutions of a pose agree in all signs. A sign cannot
+change along a way without a singular configuration. So two inverse solutions of one pose are
+never in one aspect: the arm is not cuspidal, and a pose has at most 2^k regular solutions, k the
+number of steps.
+
+Why the functions are zero only at singular configurations: let ``g(x; T) = 0`` be the equation of
+a step, x its joint and T the pose, which holds for all configurations. If ``dg/dx = 0`` at one,
+then for every velocity of the joints dg is zero, so dg/dT is zero on every velocity of the tip
+that keeps the joints found before: on all of them, if the arm is regular. In each step here dg/dT
+is not zero unless the arm is singular for a reason that the step names.
+
+- *Spherical wrist* (the last three axes meet in a point; or the first three, the chain then read
+  from tip to base): the point is moved by three joints alone (`pinsing.postures.three_joints`);
+  then the rotation of the wrist is known, and with it the angle of its outer axes, which leaves
+  two values of the middle one, of opposite signs of the derivative; the outer ones are then known
+  unless their axes are parallel, where the arm is singular.
+- *Three parallel axes* between one and two joints, these two crossing (or the mirror image): the
+  crossing point is known from the pose, and so is its height along the parallel axes, which
+  leaves two values of the first joint; the angle between them and the last axis leaves two of the
+  joint before it; the last one is then known; in the plane of the three, two links reach a point.
+- *All axes parallel*: two links reach a point in a plane; a slide along them changes nothing.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.geometry.exact_rank import exact_generic_rank
+from pinsing.geometry.nominal import Nominal
+from pinsing.postures.exact_chain import ExactChain
+from pinsing.postures.stage import Stage
+from pinsing.postures.three_joints import ways_of
+
+
+@dataclass(frozen=True, eq=False)
+class Ladder:
+    """Steps of an inverse solution whose signs tell all solutions of a pose apart.
+
+    Attributes
+    ----------
+    stages : tuple of Stage
+        The steps with two answers.
+    kind : str
+        What the arm is: in a few words.
+    chain : ExactChain
+        The chain as it is read: from base to tip, or from tip to base.
+    point : tuple of int and float, or None
+        A point that is known from the pose: a place in the chain, and a height along its axis.
+    """
+
+    stages: tuple[Stage, ...]
+    kind: str
+    chain: ExactChain
+    point: tuple[int, float] | None
+
+    @property
+    def most(self) -> int:
+        """A pose has no more regular solutions."""
+        return 1 << len(self.stages)
+
+    @property
+    def reason(self) -> str:
+        """Why the arm is not cuspidal."""
+        steps = "; ".join(s.reason for s in self.stages)
+        count = f"{len(self.stages)} signs" if len(self.stages) > 1 else "one sign"
+        return (
+            f"{self.kind}: {count}, which only a singular configuration changes, tell all inverse "
+            f"solutions of a pose apart, at most {self.most} ({steps})"
+        )
+
+    def signs(self, Q: Array) -> Array:
+        """Signs (N, k) at configurations (N, n)."""
+        return np.stack([np.sign(s.value(Q)) for s in self.stages], axis=1)
+
+
+def ladder_of(geometry: Nominal) -> Ladder | None:
+    """The steps of an arm, or None where no theorem that is known here holds for it.
+
+    Parameters
+    ----------
+    geometry : Nominal
+        Its exact geometry.
+    """
+    arm = geometry.arm
+    if arm.coupling is not None:
+        return None
+    return arm.once("ladder", lambda: _ladder(geometry))
+
+
+def _ladder(geometry: Nominal) -> Ladder | None:
+    rows, n = geometry.arm.task.rows, geometry.arm.n
+    if exact_generic_rank(geometry, rows) != n:
+        return None
+    chain = ExactChain.of(geometry)
+    if rows == (0, 1, 2) and n == 3:
+        w = chain.translation[3]
+        stages = ways_of(chain, (w[0], w[1], w[2]))
+        return None if stages is None else Ladder(stages, "three joints move a point", chain, None)
+    if rows == tuple(range(6)) and n == 6 and not any(chain.prismatic[3:]):
+        found = _wrist(chain) or _planar_middle(chain)
+        if found is not None:
+            return found
+    if rows == tuple(range(6)) and n == 6:
+        back = chain.backward()
+        if not any(back.prismatic[3:]):
+            return _wrist(back) or _planar_middle(back)
+        return None
+    if rows == tuple(range(6)) or (rows == (0, 1, 5) and _upright(chain)):
+        return _planar(chain)
+    return None
+
+
+def _wrist(chain: ExactChain) -> Ladder | None:
+    point = chain.common_point(3)
+    if point is None:
+        return None
+    C, c = chain.rotation[3], chain.translation[3]
+    height = point[2]
+    w = tuple(c[k] + C[k][2] * height for k in range(3))
+    stages = ways_of(chain, (w[0], w[1], w[2]))
+    if stages is None:
+        return None
+    where = "wrist" if chain.sign > 0 else "shoulder"
+    kind = f"three axes of the {where} meet in a point"
+    return Ladder((*stages, _bent(chain, 4, where)), kind, chain, (3, float(height)))
+
+
+def _bent(chain: ExactChain, j: int, name: str) -> Stage:
+    """The angle of axes j - 1 and j + 1 as a step that finds joint j."""
+
+    def value(Q: Array) -> Array:
+        x = chain.values(Q)[:, j]
+        C, _ = chain.numbers
+        a, b = C[j][2], C[j + 1][:, 2]
+        c, s = np.cos(x), np.sin(x)
+        return np.asarray(-s * (a[0] * b[0] + a[1] * b[1]) + c * (a[1] * b[0] - a[0] * b[1]))
+
+    joint = chain.order[j]
+    outer = sorted((chain.order[j - 1] + 1, chain.order[j + 1] + 1))
+    said = f"the angle between axes {outer[0]} and {outer[1]} leaves two values of joint"
+    return Stage(name, joint, value, f"{said} {joint + 1}")
+
+
+def _planar_middle(chain: ExactChain) -> Ladder | None:
+    if any(chain.prismatic) or not (chain.parallel(1) and chain.parallel(2)):
+        return None
+    crossing = chain.crossing(4)
+    if chain.parallel(0) or chain.parallel(3) or crossing is None:
+        return None
+    height = float(crossing[0])
+
+    def shoulder(Q: Array) -> Array:
+        R, p = chain.frames(chain.values(Q))
+        c = p[:, 4] + height * R[:, 4, :, 2]
+        across = np.cross(R[:, 0, :, 2], R[:, 1, :, 2])
+        return np.asarray((across * (c - p[:, 0])).sum(axis=1))
+
+    axes = ", ".join(str(j + 1) for j in sorted(chain.order[1:4]))
+    first = chain.order[0]
+    said = f"the height of a known point along axes {axes} leaves two values of joint {first + 1}"
+    stages = (
+        Stage("shoulder", first, shoulder, said),
+        _two_links(chain, (1, 2, 3)),
+        _bent(chain, 4, "wrist"),
+    )
+    return Ladder(stages, f"axes {axes} are parallel, and two others cross", chain, (4, height))
+
+
+def _planar(chain: ExactChain) -> Ladder | None:
+    turning = [j for j in range(chain.n) if not chain.prismatic[j]]
+    if len(turning) != 3 or not all(chain.parallel(j) for j in range(chain.n - 1)):
+        return None
+    stage = _two_links(chain, (turning[0], turning[1], turning[2]))
+    return Ladder((stage,), "all axes are parallel", chain, None)
+
+
+def _two_links(chain: ExactChain, places: tuple[int, int, int]) -> Stage:
+    i, j, k = places
+
+    def value(Q: Array) -> Array:
+        R, p = chain.frames(chain.values(Q))
+        inner, outer = p[:, j] - p[:, i], p[:, k] - p[:, j]
+        return np.asarray((inner * np.cross(R[:, j, :, 2], outer)).sum(axis=1))
+
+    joint = chain.order[j]
+    said = f"two links reach a point in a plane by two values of joint {joint + 1}"
+    return Stage("elbow", joint, value, said)
+
+
+def _upright(chain: ExactChain) -> bool:
+    """Whether the first axis is along z of the base."""
+    C = chain.rotation[0]
+    return bool(C[0][2] == 0 and C[1][2] == 0)

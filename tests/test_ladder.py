@@ -1,0 +1,179 @@
+"""Signs that tell inverse solutions apart, and the names that the field has for them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.postures.exact_chain import ExactChain
+from pinsing.postures.ladder import ladder_of
+from pinsing.postures.names import posture_names
+from pinsing.postures.root_bound import Interval, one_root_left, wave
+from pinsing.postures.three_joints import Point
+
+ROW = "  - {{alpha: {}, a: {}, d: {}, theta: 0, type: {}, limits: [{}, {}]}}\n"
+HEAD = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
+
+
+def table(tmp_path, rows, task="position"):
+    text = ""
+    for alpha, a, d, *rest in rows:
+        kind = rest[0] if rest else "revolute"
+        low, high = (-180, 180) if kind == "revolute" else (-1, 1)
+        text += ROW.format(alpha, a, d, kind, low, high)
+    path = tmp_path / "made.dh.yaml"
+    path.write_text(HEAD + text)
+    return pinsing.load(dh_to_urdf(read_dh(path)), task=task)
+
+
+def share(arm, count=60):
+    """det J over the product of what the signs are taken of, at random configurations."""
+    nominal = pinsing.nominal(arm)
+    ladder = ladder_of(nominal)
+    Q = nominal.arm.space.sample(count, np.random.default_rng(3), True)
+    J = pinsing.task_jacobians(nominal.arm, Q)
+    rows = np.abs(J).max(axis=(0, 2)) > 1e-12
+    det = np.linalg.det(J[:, rows])
+    return det / np.prod([s.value(Q) for s in ladder.stages], axis=0)
+
+
+ARMS = ["ur5", "puma560", "irb1400", "kinova", "z1", "talos_arm", "stanford", "scara"]
+
+
+@pytest.mark.parametrize("name", ARMS)
+def test_the_determinant_is_the_product_of_the_signed_values(name):
+    """So they are zero exactly where the arm is singular: up to one constant, of one size."""
+    ratio = share(pinsing.load(name))
+    assert np.ptp(np.abs(ratio)) < 1e-9 * np.abs(ratio[0])
+
+
+POSITION = {
+    "first axes parallel": [(0, 1, 0), (90, 0.7, 0.2), (0, 0.5, 0.1)],
+    "first axes cross": [(90, 0, 0.3), (60, 0.7, 0.2), (0, 0.5, 0.1)],
+    "last axes parallel": [(90, 0.4, 0.3), (0, 0.7, 0.2), (0, 0.5, 0.1)],
+    "twisted, last axes parallel": [(60, 0.4, 0.3), (0, 0.7, 0.2), (0, 0.5, 0.1)],
+    "orthogonal, no offset": [(-90, 1, 0), (90, 2, 0), (0, 1.5, 0)],
+    "few solutions": [(-90, 1, 0), (90, 2, 1), (0, 0.1, 0)],
+    "a slide, the first axes cross": [(90, 0, 0), (90, 0.3, 0.2), (0, 0, 0.5, "prismatic")],
+    "a slide, offset": [(90, 0.4, 0), (90, 0, 0.2), (0, 0, 0.5, "prismatic")],
+}
+
+
+@pytest.mark.parametrize("rows", POSITION.values(), ids=POSITION)
+def test_no_two_solutions_of_a_point_agree_in_all_signs(tmp_path, rows):
+    """The theorem, at random points; with the product of the values against det J."""
+    arm = table(tmp_path, rows)
+    ladder = ladder_of(pinsing.nominal(arm))
+    assert ladder is not None
+    ratio = share(arm)
+    assert (ratio > 0).all() or (ratio < 0).all() or rows[0][0] == 0
+    rng = np.random.default_rng(1)
+    most = 0
+    for q in arm.space.sample(6, rng, True):
+        found = [s.q for s in pinsing.inverse(arm, tip_placement(arm, q).translation) if s.regular]
+        signs = ladder.signs(np.array(found))
+        assert len({tuple(s) for s in signs}) == len(found)
+        most = max(most, len(found))
+    assert 2 <= most <= ladder.most
+
+
+def test_arms_without_a_ladder(tmp_path):
+    """Cuspidal and other arms: nothing is claimed of them."""
+    assert (
+        ladder_of(pinsing.nominal(table(tmp_path, [(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)]))) is None
+    )
+    for name in ("so101", "panda", "iiwa14"):
+        assert ladder_of(pinsing.nominal(pinsing.load(name))) is None
+
+
+def test_what_is_left_of_the_equation_has_the_roots_of_the_others(tmp_path):
+    """The sign of its discriminant against the number of solutions found, arm with 2 and 4."""
+    arm = table(tmp_path, [(-90, 1, 0), (90, 2, 1), (0, 1.5, 0)])
+    chain = ExactChain.of(pinsing.nominal(arm))
+    cubic = Point.of(chain, chain.translation[3]).numbers.deflated()
+    assert not one_root_left(cubic)
+    counts = set()
+    for q in arm.space.sample(12, np.random.default_rng(2), True):
+        sign = cubic.at(chain.values(q[None])[:, 1:])
+        if sign.low[0] < 0 < sign.high[0]:
+            continue
+        known = pinsing.inverse(arm, tip_placement(arm, q).translation)
+        counts.add(len(known))
+        assert len(known) == (2 if sign.high[0] < 0 else 4)
+    assert counts == {2, 4}
+
+
+def test_intervals_hold():
+    rng = np.random.default_rng(0)
+    low = rng.uniform(-9, 9, 200)
+    high = low + rng.uniform(0, 4, 200)
+    x = low + (high - low) * rng.uniform(0, 1, (400, 200))
+    y = wave(0.3, -0.7, low, high)
+    value = 0.3 * np.cos(x) - 0.7 * np.sin(x)
+    assert (value >= y.low - 1e-12).all()
+    assert (value <= y.high + 1e-12).all()
+    assert np.abs(value.max(axis=0) - y.high).max() < 0.05
+    a, b = Interval(low, high), y
+    assert ((x * value >= (a * b).low - 1e-9) & (x * value <= (a * b).high + 1e-9)).all()
+    assert ((x * x >= a.squared.low) & (x * x <= a.squared.high)).all()
+
+
+class TestNames:
+    def names(self, name, q):
+        return posture_names(pinsing.nominal(pinsing.load(name)), np.array([q]))[0]
+
+    def test_a_usual_posture_of_ur5(self):
+        # The elbow above the line from shoulder to wrist, as in its drawings; then mirrored.
+        up = self.names("ur5", np.radians([0, -70, 75, -90, -80, 0]))
+        assert "elbow up" in up
+        down = self.names("ur5", np.radians([0, -10, -75, -5, -80, 0]))
+        assert "elbow down" in down
+        assert "wrist flip" in up
+        assert "wrist no-flip" in self.names("ur5", np.radians([0, -70, 75, -90, 80, 0]))
+
+    def test_elbow_up_is_up(self):
+        """Height of the elbow over the line from shoulder to wrist, while the wrist is ahead."""
+        arm = pinsing.nominal(pinsing.load("irb1400")).arm
+        geometry = pinsing.nominal(pinsing.load("irb1400"))
+        chain = ExactChain.of(geometry)
+        Q = arm.space.sample(200, np.random.default_rng(0))
+        R, p = chain.frames(chain.values(Q))
+        place, height = ladder_of(geometry).point
+        p[:, 3] = p[:, place] + height * R[:, place, :, 2]  # the centre of the wrist
+        inner = np.linalg.norm(p[:, 3, :2] - p[:, 1, :2], axis=1)
+        ahead = (p[:, 1, :2] * p[:, 3, :2]).sum(axis=1) > 0
+        beyond = np.linalg.norm(p[:, 3, :2], axis=1) > np.linalg.norm(p[:, 1, :2], axis=1)
+        plain = ahead & beyond & (inner > 0.1)
+        rise = (p[:, 3, 2] - p[:, 1, 2]) / inner
+        toward = (p[:, 3, :2] - p[:, 1, :2]) / inner[:, None]
+        at = ((p[:, 2, :2] - p[:, 1, :2]) * toward).sum(axis=1)
+        above = p[:, 2, 2] > p[:, 1, 2] + rise * at
+        names = posture_names(geometry, Q)
+        assert plain.sum() > 20
+        for said, up, use in zip(names, above, plain, strict=True):
+            if use:
+                assert said[1] == ("elbow up" if up else "elbow down")
+                assert said[0] == "shoulder front"
+
+    @pytest.mark.parametrize("name", ["ur5", "puma560", "kinova", "z1"])
+    def test_eight_postures_of_a_pose_have_eight_names(self, name):
+        arm = pinsing.load(name)
+        q = arm.space.sample(1, np.random.default_rng(11), True)[0]
+        found = [s.q for s in pinsing.inverse(arm, tip_placement(arm, q).homogeneous)]
+        names = posture_names(pinsing.nominal(arm), np.array(found))
+        assert len(found) >= 4
+        assert len(set(names)) == len(found)
+
+    def test_aspects_have_them_in_text_and_json(self):
+        form = pinsing.closed_form(pinsing.load("puma560"))
+        found = pinsing.aspects(form, limits=False)
+        assert len({a.names for a in found}) == 8
+        assert "shoulder left, elbow up, wrist flip" in str(found)
+        assert pinsing.Aspects.from_dict(found.to_dict())[0].names == found[0].names
+
+    def test_none_where_the_field_has_none(self):
+        geometry = pinsing.nominal(pinsing.load("so101"))
+        assert posture_names(geometry, np.zeros((2, 5))) == [(), ()]
