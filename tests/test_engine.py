@@ -80,8 +80,9 @@ def test_a_kernel_of_other_sources_is_not_used(tmp_path):
     """In a copy of the folder where one line of C++ has changed since the build."""
     here = Path(kernel.__file__).parent
     built = fingerprint(here)
-    assert getattr(kernel._kernel, "SOURCES", built) == built  # CMake computes the same
+    assert built == kernel._kernel.SOURCES  # CMake computes the same
     assert why_stale(built, here) is None
+    assert "build it again with pip install" in why_stale(None, here)  # of before fingerprints
     assert "build it again with pip install" in why_stale("0" * 64, here)
     for file in here.iterdir():
         if file.suffix in SUFFIXES:
@@ -93,6 +94,7 @@ def test_a_kernel_of_other_sources_is_not_used(tmp_path):
     for file in tmp_path.iterdir():
         file.unlink()
     assert why_stale(built, tmp_path) is None  # a wheel without sources
+    assert why_stale(None, tmp_path) is None
 
 
 def test_without_the_kernel_pinocchio_runs(monkeypatch):

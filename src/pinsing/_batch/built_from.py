@@ -25,11 +25,10 @@ def fingerprint(folder: Path) -> str | None:
 def why_stale(built: object, folder: Path) -> str | None:
     """Why a kernel with fingerprint ``built`` is not used; None where it fits its sources.
 
-    An installation without sources has nothing to compare: its kernel came with its Python. Nor
-    has a kernel built before fingerprints were written (None).
+    An installation without sources has nothing to compare: its kernel came with its Python. A
+    kernel without a fingerprint (None) was built before fingerprints were written, so beside
+    sources it is an old one.
     """
-    if built is None:
-        return None
     try:
         here = fingerprint(folder)
     except OSError:

@@ -321,7 +321,7 @@ def special(c: Content) -> Section:
                 lost or text("nothing"),
             )
         )
-    header = ("", "joints (deg, m)", "verdict", "σ ratio", "nearest family", "lost there")
+    header = ("", "joints (deg, m)", "verdict", "σ_min/σ_max", "nearest family", "lost there")
     named = [s.name for s in c.special if not s.name.startswith(("zero", "mid-range", "given"))]
     none = "" if named else "The description names no home configuration."
     return section(
@@ -331,7 +331,7 @@ def special(c: Content) -> Section:
         _instead(c),
         paragraph(
             text(
-                "The σ ratio is sigma_r / sigma_1 of the Jacobian. The distance of the nearest "
+                "σ_min/σ_max is of the singular values of the Jacobian. The distance of the nearest "
                 "family is Euclidean over the joints, whatever the limits; at least the first "
                 "number is proven where two stand."
             ),
@@ -418,11 +418,11 @@ def proof(c: Content, certificate: str | None) -> Section:
             paragraph(
                 text(
                     "The numbers of the file are rounded. On the geometry as it stands there, the "
-                    "σ ratio on each family is no larger than:"
+                    "σ_min/σ_max on each family is no larger than:"
                 )
             )
         )
-        parts.append(table("σ ratio on the file's own numbers", ("", "at most"), rows, (1,)))
+        parts.append(table("σ_min/σ_max on the file's own numbers", ("", "at most"), rows, (1,)))
     return section("proof", "How sure this is", *parts)
 
 
@@ -449,15 +449,15 @@ def words() -> Section:
             "direction, as with a stretched elbow. At an interior one it does not.",
         ),
         (
-            "σ ratio",
+            "σ_min/σ_max",
             "The smallest singular value of the Jacobian that counts, over the largest: 0 where "
             "singular, near 1 where the tool moves as well in every direction.",
         ),
         (
             "velocity ellipsoid",
             "The velocities of the tool that joint speeds of total size 1 reach. Drawn are pure "
-            "motions where the task is a pose: translations that do not turn the tool, and "
-            "rotations that leave its tip at rest.",
+            "motions where the task is a pose: pure translations (ω = 0), and rotations that leave "
+            "its tip at rest (v = 0).",
         ),
         (
             "proven, probable, not complete",

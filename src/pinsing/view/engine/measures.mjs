@@ -23,8 +23,8 @@ export function ellipsoid(rows) {
   return { axes, radii: [0, 1, 2].map((k) => sigma[k] ?? 0) };
 }
 
-// Ellipsoids of the translations that do not turn the tool, and of the turns that leave the tip
-// at rest: these go flat where a wrench (f, m) needs no joint torque, along f and along m.
+// Ellipsoids of the pure translations (omega = 0), and of the turns that leave the tip at rest:
+// these go flat where a wrench (f, m) needs no joint torque, along f and along m.
 export function pureEllipsoids(J, rtol) {
   const v = J.slice(0, 3), w = J.slice(3);
   return { translation: ellipsoid(atRest(v, w, rtol)), rotation: ellipsoid(atRest(w, v, rtol)) };
