@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tiers import tiered
 
 from pinsing.analysis import analyze as module
 from pinsing.analysis.analyze import analyze
@@ -23,7 +24,7 @@ def stanford() -> Analysis:
     return analyze(load("stanford"))
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", tiered(ARMS, ("stanford", "puma560", "scara", "planar3r", "ur5")))
 def test_all_three_agree(name):
     found = analyze(load(name), random_starts=100)
     assert found.problems == ()
@@ -95,6 +96,7 @@ def test_a_wrong_family_is_reported(monkeypatch):
     assert any("F1 has samples that Pinocchio finds regular" in p for p in found.problems)
 
 
+@pytest.mark.slow
 def test_rounded_geometry_is_told_apart():
     """xArm 7: 1.5708 in the file; families are exact on the nominal arm, nearly so on the raw."""
     arm = load("xarm7")

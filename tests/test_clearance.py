@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from singular_sets import arm_of, closed
+from tiers import tiered
 
 import pinsing
 from pinsing._batch import engine
@@ -50,7 +51,7 @@ def one(family: Family, branch: Branch) -> Family:
     return dataclasses.replace(family, branches=(branch,))
 
 
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", tiered(ARMS, ("ur5", "puma560", "stanford")))
 def test_lower_is_never_above_and_upper_never_below_a_dense_search(name: str) -> None:
     form = closed(name)
     rng = np.random.default_rng(3)
@@ -229,6 +230,7 @@ def test_the_compiled_bounds_are_those_of_numpy(name: str) -> None:
         np.testing.assert_array_equal(picked, a.lower)
 
 
+@pytest.mark.slow
 @needs_engine
 def test_both_searches_agree() -> None:
     form = closed("ur5")

@@ -22,6 +22,7 @@ from singular_sets import (
     random_arm,
     random_singular,
 )
+from tiers import tiered
 
 from pinsing.errors import OptionError, ResultError
 from pinsing.families import ClosedForm, Equation, Family, closed_form
@@ -182,7 +183,7 @@ def test_text_and_legend() -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["stanford", "xarm7", "so101", pytest.param("baxter", marks=pytest.mark.slow), "surgical7"],
+    tiered(["stanford", "xarm7", "so101", "baxter", "surgical7"], ("stanford", "xarm7")),
 )
 def test_json_round_trip(name: str) -> None:
     form = closed(name)

@@ -7,6 +7,7 @@ import functools
 import numpy as np
 import pytest
 from singular_sets import check_families, check_search, drop
+from tiers import tiered
 
 from pinsing.analysis.analyze import analyze
 from pinsing.description.catalog import data_folder
@@ -42,7 +43,7 @@ def chain(name):
     return arm, closed_form(arm, seconds=60)
 
 
-@pytest.mark.parametrize("name", POSITIONS)
+@pytest.mark.parametrize("name", tiered(POSITIONS, ("ur5", "irb1400")))
 def test_positions_are_complete(name):
     arm, form = position(name)
     assert form.complete, form.gaps

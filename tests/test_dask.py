@@ -135,6 +135,7 @@ def test_errors_and_ends_reach_who_waits(shared: Cluster) -> None:
         ended.result(SECONDS)
 
 
+@pytest.mark.slow
 def test_a_worker_killed_in_the_middle(tmp_path: Path) -> None:
     arm = load("panda")
     options = {"count": 24 * BLOCK, "chunk": BLOCK, "engine": "pinocchio"}
@@ -195,9 +196,8 @@ def test_a_bad_address_is_one_line_at_once(address: str) -> None:
     assert "no address such as tcp://HOST:PORT" in errors[0]
 
 
-@pytest.mark.parametrize(
-    "number", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:
     out = tmp_path / "run"
     words = ["map", "planar3r", "--count", "2e6", "--chunk", "4096", "--out", str(out)]

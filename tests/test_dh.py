@@ -14,6 +14,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from numpy import cos, sin
+from tiers import tiered
 
 import pinsing
 from pinsing.description.dh_table import DHRow
@@ -105,9 +106,7 @@ def random_table(rng: np.random.Generator) -> str:
     return "\n".join(lines) + "\n"
 
 
-@pytest.mark.parametrize(
-    "seed", [*range(20), *(pytest.param(k, marks=pytest.mark.slow) for k in range(20, 60))]
-)
+@pytest.mark.parametrize("seed", tiered(range(60), range(8)))
 def test_random_tables_equal_dh(seed: int, tmp_path: Path) -> None:
     rng = np.random.default_rng(seed)
     table = tmp_path / "random.dh.yaml"

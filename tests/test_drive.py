@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mechanisms import analyzed, four_bar, shipped
+from tiers import tiered
 
 from pinsing.errors import PinsingError
 from pinsing.mechanism import feasible, home, motions, residual
@@ -44,7 +45,7 @@ def test_long_drags_never_change_the_assembly_mode(name: str, rng: np.random.Gen
     assert 5 < stopped < 55
 
 
-@pytest.mark.parametrize("name", FIRST)
+@pytest.mark.parametrize("name", tiered(NAMES, ("four_bar",)))
 def test_a_stretch_ends_where_driving_does(name: str, rng: np.random.Generator) -> None:
     mechanism = shipped(name)
     q = home(mechanism)
@@ -111,7 +112,7 @@ def test_limits_of_the_joint_end_a_stretch() -> None:
     assert {p.kind for p in found.points} == {"type 1"}
 
 
-@pytest.mark.parametrize("name", FIRST)
+@pytest.mark.parametrize("name", tiered(NAMES, ("four_bar",)))
 def test_type_2_is_left_to_where_the_loops_close(name: str) -> None:
     mechanism = shipped(name)
     ends = [p for p in analyzed(name).points if p.range_end]

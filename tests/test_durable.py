@@ -284,9 +284,10 @@ def kill_until_done(words: list[str], out: Path, seed: int, wait: float, most: i
         kills += 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("where", "most"),
-    [pytest.param("--threads", 3, marks=pytest.mark.slow), ("--workers", 1)],
+    [("--threads", 3), ("--workers", 1)],
 )
 def test_killed_again_and_again(tmp_path: Path, where: str, most: int) -> None:
     words = ["map", "panda", "--count", "4000000", "--chunk", "65536", "--seed", "3"]

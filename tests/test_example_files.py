@@ -39,6 +39,7 @@ def test_every_example_is_run_by_a_test():
         assert any(file.name in text for text in tests), file.name
 
 
+@pytest.mark.slow
 def test_through_singularities(tmp_path):
     picture = tmp_path / "speeds.png"
     said = run("through_singularities.py", picture)

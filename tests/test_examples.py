@@ -14,6 +14,7 @@ from typing import Any
 import matplotlib
 import pytest
 from matplotlib import pyplot
+from tiers import tiered
 
 import pinsing
 from pinsing import plot
@@ -33,6 +34,9 @@ PLUMBING = {
 }
 # An example would need what a test run has not: a desktop, IPython, a browser.
 ELSEWHERE = {"Viewer.jupyter_cell", "Viewer.open", "Viewer.save_png"}
+
+# These take seconds each.
+LONG = {"Aspects.of", "aspects", "connect"}
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
@@ -163,9 +167,10 @@ def test_every_function_has_an_example(name):
     assert len(lines) <= 10, f"{name}: its example is too long to be read at a glance"
 
 
-@pytest.mark.parametrize(
-    "name", [n for n in sorted(set(PUBLIC) - SHARED) if ">>>" in PUBLIC[n].doc]
-)
+EXAMPLES = [n for n in sorted(set(PUBLIC) - SHARED) if ">>>" in PUBLIC[n].doc]
+
+
+@pytest.mark.parametrize("name", tiered(EXAMPLES, set(EXAMPLES) - LONG))
 def test_examples_are_true(name, tmp_path, monkeypatch):
     """Each by itself, as somebody would paste it: it imports what it needs."""
     monkeypatch.chdir(tmp_path)

@@ -692,6 +692,7 @@ def test_tasks_by_any_name():
     assert parse_task("vy,wx").row_names == ("vy", "wx")
 
 
+@pytest.mark.slow
 def test_every_robot_of_the_catalog_loads_or_says_why():
     from pinsing.description.catalog import known_robots
 

@@ -10,6 +10,7 @@ from mechanisms import (
     R2,
     R3,
     URDF,
+    analyzed,
     four_bar,
     from_model,
     paper_matrices,
@@ -700,7 +701,7 @@ def test_analysis_at_other_inputs():
 
 
 def test_length_scale_changes_measures_and_no_finding():
-    plain = analyze_mechanism(shipped("five_bar"))
+    plain = analyzed("five_bar")
     scaled = analyze_mechanism(load_mechanism(URDF / "five_bar.urdf", length_scale=0.25))
     assert plain.state.constraint_ratio > 0
     for a, b in zip(plain.points, scaled.points, strict=True):

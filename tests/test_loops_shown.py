@@ -6,6 +6,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from mechanisms import URDF, shipped
+from tiers import tiered
 
 mpl.use("agg")
 import click
@@ -44,7 +45,7 @@ def paths(ax, color: str) -> list[np.ndarray]:
     return out
 
 
-@pytest.mark.parametrize("sign", ["+", "-"])
+@pytest.mark.parametrize("sign", tiered("+-", "+"))
 def test_lines_of_the_map_lie_on_the_closed_forms(sign):
     from pinsing.plot.mechanism import TYPE_1, TYPE_2
 
@@ -109,7 +110,7 @@ def test_analyze_prints_json_and_tells_by_its_exit_code(capsys):
     assert '"schema": "pinsing/mechanism-analysis/1"' in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("kind", ["map", "curves", "ellipsoids"])
+@pytest.mark.parametrize("kind", tiered(["map", "curves", "ellipsoids"], ("curves", "ellipsoids")))
 def test_plots_are_written(kind, tmp_path):
     out = tmp_path / f"{kind}.png"
     plot_loops(LOOPS, kind=kind, out=out, configurations=["60,60"], deg=True, dpi=50, **FIVE_BAR)

@@ -448,6 +448,7 @@ def peak_mebibytes(count: str, *words: str) -> float:
     return float(done.stdout)
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_map() -> None:
     small, large = peak_mebibytes("10**4"), peak_mebibytes("10**7")
     # All sigma_r of 10**7 configurations alone would be 76 MiB.

@@ -328,7 +328,8 @@ def test_the_page_goes_on_when_the_program_has_ended(page: Any) -> None:
     assert "nearest" in text(page, "#nearest")
 
 
-@pytest.mark.parametrize("panel", [True, pytest.param(False, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("panel", [True, False])
 def test_a_picture_of_a_singular_pose_is_taken(panel: bool, tmp_path: Any) -> None:
     from mechanisms import URDF
     from PIL import Image

@@ -10,6 +10,7 @@ import pinocchio as pin
 import pytest
 from mechanisms import analyzed, four_bar, from_model, planar_tree, shipped
 from node import needs_node, run
+from tiers import tiered
 
 from pinsing.mechanism import (
     assemblies,
@@ -70,6 +71,7 @@ def spherical() -> Mechanism:
 
 MADE = {"slider_crank": slider_crank, "spherical": spherical}
 EVERY = [*SHIPPED, *MADE]
+FEW = ("five_bar", "slider_crank")
 
 
 def mechanism_of(name: str) -> Mechanism:
@@ -229,7 +231,7 @@ def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> N
 
 
 @needs_node
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", tiered(EVERY, FEW))
 def test_driving_follows_the_same_mode_as_far(name: str) -> None:
     mechanism = mechanism_of(name)
     rng = np.random.default_rng(4)
@@ -253,7 +255,7 @@ def test_driving_follows_the_same_mode_as_far(name: str) -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", tiered(EVERY, FEW))
 def test_ranges_and_singular_poses_on_the_way_agree(name: str) -> None:
     mechanism = mechanism_of(name)
     q = home(mechanism)
@@ -287,7 +289,7 @@ def test_ranges_of_the_five_bar_are_the_reach_of_its_rods() -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", tiered(EVERY, FEW))
 def test_modes_agree(name: str) -> None:
     mechanism = mechanism_of(name)
     q = home(mechanism)
@@ -326,7 +328,7 @@ def test_a_singular_pose_is_its_own_mode_and_nothing_is_ahead() -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
 def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
     mechanism = shipped(name)
     rng = np.random.default_rng(2)
@@ -355,7 +357,7 @@ def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
 def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
     mechanism = shipped(name)
     listed = groups(mechanism, analyzed(name))
@@ -401,7 +403,7 @@ def test_open_loops_are_not_shown_as_closed() -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", EVERY)
+@pytest.mark.parametrize("name", tiered(EVERY, FEW))
 def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     mechanism = mechanism_of(name)
     found = run("(m, data) => m.healthiestPose(data, 120)", data_of(mechanism))

@@ -11,6 +11,7 @@ import pytest
 from arms import textbook
 from node import needs_node, run
 from numpy.typing import NDArray
+from tiers import tiered
 
 from pinsing import closed_form, load, singular_values
 from pinsing.kinematics.verdict import ratios, status_of
@@ -64,7 +65,7 @@ ODD = ("stanford at 3e8", "stanford vz,wx at 1e-3", "planar3r vx", "planar3r pos
 
 
 @needs_node
-@pytest.mark.parametrize("name", ARMS + ODD)
+@pytest.mark.parametrize("name", tiered(ARMS + ODD, ("ur5", "scara", "mimic", *ODD)))
 def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) -> None:
     """Prismatic, continuous and mimic joints among them; singular configurations too."""
     arm = arm_of(name, tmp_path)
@@ -98,7 +99,7 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
 
 
 @needs_node
-@pytest.mark.parametrize("name", ARMS)
+@pytest.mark.parametrize("name", tiered(ARMS, ("ur5", "stanford", "mimic")))
 def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
     """Ellipsoids, lost motions in words, axes to blame, the nearest family."""
     arm = arm_of(name, tmp_path)
@@ -134,7 +135,7 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", ["ur5", "puma560", "panda"])
+@pytest.mark.parametrize("name", tiered(["ur5", "puma560", "panda"], ("puma560",)))
 def test_the_lower_bound_is_never_too_long(name: str) -> None:
     """Against many points of the families themselves."""
     arm = load(name)
@@ -157,7 +158,9 @@ def test_the_lower_bound_is_never_too_long(name: str) -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", ["ur5", "stanford", "panda", "scara"])
+@pytest.mark.parametrize(
+    "name", tiered(["ur5", "stanford", "panda", "scara"], ("stanford", "scara"))
+)
 def test_paths_lead_in_and_along(name: str) -> None:
     arm = load(name)
     data, entries = engine(arm)

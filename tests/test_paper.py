@@ -25,9 +25,14 @@ def folder(tmp_path_factory) -> Path:
 
 
 @pytest.fixture(scope="module")
-def made(folder) -> list[Section]:
+def of_stanford(folder) -> list[Section]:
+    return list(stanford.make(folder))
+
+
+@pytest.fixture(scope="module")
+def made(folder, of_stanford) -> list[Section]:
     return [
-        *stanford.make(folder),
+        *of_stanford,
         *surgical.make(folder, readings=False),
         *parallel.make(folder),
         *claims.make(folder),
@@ -40,46 +45,56 @@ def row(made: list[Section], start: str) -> Row:
     return found[0]
 
 
-@pytest.mark.parametrize(
-    ("start", "verdict", "contains"),
-    [
-        ("σ_min, all revolute π/3, d3", DIFFERS, "0.163162"),
-        ("σ_min, all revolute π/2, d3", AGREES, "0.20905"),
-        ("Appendix A", AGREES, "below 1e-12"),
-        ("Section 3.1: |J11|", AGREES, "-d3² sin q2"),
-        ("Singular configurations, Sections 3.1", AGREES, "complete"),
-        ("d1 = 0.3 m", DIFFERS, "outside"),
-        ("Figure 6: σ_min over d1", AGREES, "below"),
-        ("Figure 6: σ_min over q6", DIFFERS, "0.058"),
-        ("Singular configuration q4 = q5", INCOMPLETE, "q4 = 0, ±π alone"),
-        ("All singular configurations", INCOMPLETE, "sin q6 = -0.2"),
-        ("Row 1:", AGREES, "K ∞"),
-        ("Row 7:", DIFFERS, "K 30.84"),
-        ("Row 8:", DIFFERS, "K ∞"),
-        ("Rows 4 to 13", DIFFERS, "at most 3.67"),
-        ("Figure 13", DIFFERS, "0.009619"),
-        ("Figure 16", AGREES, "1.005"),
-        ("σ_min of the first matrix", AGREES, "0.471384"),
-        ("σ_min of the second matrix", AGREES, "0.848528"),
-        ("Eq. (13)", DIFFERS, "J_q X' = J_x q'"),
-        ("Table 4: q1 = pi/3, q2 = 1.40924", AGREES, "1.4092166545"),
-        ("Table 4: q1 = pi/3, q2 = 2.70535", AGREES, "assembly -"),
-        ("Type 1 points on the paper's own curves", INCOMPLETE, "2.2456653 (assembly +)"),
-        ("“There is no mechanism singularity”", DIFFERS, "q2 = 0.6270392"),
-        ("Figure 11: one curve over q2", DIFFERS, "assembly - above"),
-        ("Table 5", AGREES, "surgical7 2 of 4"),
-        ("Table 6 (analytical method): serial, not", EXTENDED, "surgical7: families 4"),
-        ("Table 6 (analytical method): parallel", EXTENDED, "five_bar: loci 6"),
-        ("Section 5, PUMA 560", EXTENDED, "family F3"),
-        ("Section 5, ABB IRB 1400", EXTENDED, "family F3"),
-    ],
-)
+# The Stanford arm first.
+ROWS = [
+    ("σ_min, all revolute π/3, d3", DIFFERS, "0.163162"),
+    ("σ_min, all revolute π/2, d3", AGREES, "0.20905"),
+    ("Appendix A", AGREES, "below 1e-12"),
+    ("Section 3.1: |J11|", AGREES, "-d3² sin q2"),
+    ("Singular configurations, Sections 3.1", AGREES, "complete"),
+    ("d1 = 0.3 m", DIFFERS, "outside"),
+    ("Figure 6: σ_min over d1", AGREES, "below"),
+    ("Figure 6: σ_min over q6", DIFFERS, "0.058"),
+    ("Singular configuration q4 = q5", INCOMPLETE, "q4 = 0, ±π alone"),
+    ("All singular configurations", INCOMPLETE, "sin q6 = -0.2"),
+    ("Row 1:", AGREES, "K ∞"),
+    ("Row 7:", DIFFERS, "K 30.84"),
+    ("Row 8:", DIFFERS, "K ∞"),
+    ("Rows 4 to 13", DIFFERS, "at most 3.67"),
+    ("Figure 13", DIFFERS, "0.009619"),
+    ("Figure 16", AGREES, "1.005"),
+    ("σ_min of the first matrix", AGREES, "0.471384"),
+    ("σ_min of the second matrix", AGREES, "0.848528"),
+    ("Eq. (13)", DIFFERS, "J_q X' = J_x q'"),
+    ("Table 4: q1 = pi/3, q2 = 1.40924", AGREES, "1.4092166545"),
+    ("Table 4: q1 = pi/3, q2 = 2.70535", AGREES, "assembly -"),
+    ("Type 1 points on the paper's own curves", INCOMPLETE, "2.2456653 (assembly +)"),
+    ("“There is no mechanism singularity”", DIFFERS, "q2 = 0.6270392"),
+    ("Figure 11: one curve over q2", DIFFERS, "assembly - above"),
+    ("Table 5", AGREES, "surgical7 2 of 4"),
+    ("Table 6 (analytical method): serial, not", EXTENDED, "surgical7: families 4"),
+    ("Table 6 (analytical method): parallel", EXTENDED, "five_bar: loci 6"),
+    ("Section 5, PUMA 560", EXTENDED, "family F3"),
+    ("Section 5, ABB IRB 1400", EXTENDED, "family F3"),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("start", "verdict", "contains"), ROWS)
 def test_rows_of_the_page(made, start, verdict, contains):
     found = row(made, start)
     assert found.verdict == verdict
     assert contains in found.computed
 
 
+@pytest.mark.parametrize(("start", "verdict", "contains"), ROWS[:5])
+def test_rows_of_the_stanford_arm(of_stanford, start, verdict, contains):
+    found = row(of_stanford, start)
+    assert found.verdict == verdict
+    assert contains in found.computed
+
+
+@pytest.mark.slow
 def test_table_3_has_all_its_rows(made):
     rows = [r for s in made for r in s.rows if r.what.startswith("Row ")]
     assert len(rows) == len(printed.TABLE_3) == 13
@@ -88,6 +103,7 @@ def test_table_3_has_all_its_rows(made):
     assert len(exact) == 5  # every one of them has q4 = 0
 
 
+@pytest.mark.slow
 def test_every_figure_is_written_and_shown(made, folder):
     names = [f.name for s in made for f in s.figures]
     assert names[:3] == ["fig02", "fig03", "fig04"]
@@ -97,6 +113,7 @@ def test_every_figure_is_written_and_shown(made, folder):
         assert (folder / f"{name}.png").stat().st_size > 5_000
 
 
+@pytest.mark.slow
 def test_pages_hold_every_row_and_are_well_formed(made):
     import xml.etree.ElementTree as ET
 
@@ -114,6 +131,7 @@ def test_pages_hold_every_row_and_are_well_formed(made):
     assert "inf" not in markdown.replace("infinite", "").replace("information", "")
 
 
+@pytest.mark.slow
 def test_committed_page_is_the_one_that_is_made(made):
     """Every verdict of docs/paper.md is what the code says now."""
     text = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
@@ -140,6 +158,7 @@ def test_the_plain_reading_of_table_2_is_pinsings_jacobian():
         np.testing.assert_allclose(J, frame_jacobian(arm, q), atol=1e-12)
 
 
+@pytest.mark.slow
 def test_no_reading_without_offsets_gives_the_printed_values():
     found = readings.search(
         float(printed.SURGICAL_THIRD), float(printed.SURGICAL_HALF), offsets=False

@@ -270,6 +270,7 @@ def test_evidence_of_another_arm_does_not_fit(ur5, panda):
     assert verdict({**ur5, "chain": other["chain"]})
 
 
+@pytest.mark.slow
 def test_least_codimension_is_a_bound(ur5, panda):
     for data, real in ((ur5, 1), (panda, 2)):
         for k in range(len(data["families"])):

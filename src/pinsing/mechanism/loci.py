@@ -12,7 +12,7 @@ common divisor leaves out what the order alone brings in.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -266,20 +266,19 @@ def _metric(dyad: Dyad, form: Equation, leg: int | None, words: str) -> Equation
     return form.scaled(target / size) if target > 1e-12 else form
 
 
-def _candidates(dyad: Dyad, form: Equation, points_only: bool) -> list[Array]:
-    """Inputs on a locus."""
+def _candidates(dyad: Dyad, form: Equation, points_only: bool) -> Iterator[Array]:
+    """Inputs on a locus, found as they are asked for: most often the first will do."""
     n = len(dyad.mechanism.inputs)
     if points_only:
-        return _coincident(dyad)
+        yield from _coincident(dyad)
+        return
     rng = np.random.default_rng(_WITNESS_SEED)
-    out = []
     for base in rng.uniform(-np.pi, np.pi, (60 if n > 1 else 1, n)):
         for free in range(n):
             for value in roots(form, base, free):
                 q = base.copy()
                 q[free] = value
-                out.append(q)
-    return out
+                yield q
 
 
 def _has_real_points(form: Equation) -> bool:

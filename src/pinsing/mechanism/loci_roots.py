@@ -31,20 +31,22 @@ def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
         return np.zeros(0)
     found = np.roots(coefficients[::-1])
     angles = 2 * np.angle(found[np.abs(np.abs(found) - 1) < 1e-5])
+    turn = frequency / 2
+    for _ in range(20):
+        at = phase + np.multiply.outer(angles, turn)
+        cos, sin = np.cos(at), np.sin(at)
+        value = cos @ equation.cos + sin @ equation.sin
+        slope = cos @ (equation.sin * turn) - sin @ (equation.cos * turn)
+        going = (value != 0) & (np.abs(slope) > 1e-14 * equation.size)
+        if not going.any():
+            break
+        angles[going] -= value[going] / slope[going]
+    angles = np.pi - np.mod(np.pi - angles, 2 * np.pi)
+    Q = np.tile(base, (len(angles), 1))
+    Q[:, free] = angles
     out: list[float] = []
-    for angle in angles:
-        q = base.copy()
-        q[free] = angle
-        for _ in range(20):
-            slope = float(equation.gradient(q)[free])
-            value = float(equation(q))
-            if value == 0 or abs(slope) <= 1e-14 * equation.size:
-                break
-            q[free] -= value / slope
-        angle = float(np.pi - np.mod(np.pi - q[free], 2 * np.pi))
-        # At a double root Newton stalls at half the digits.
-        if abs(float(equation(q))) <= 1e-12 * equation.size and all(
-            abs(np.sin((angle - other) / 2)) > 1e-7 for other in out
-        ):
+    # At a double root Newton stalls at half the digits.
+    for angle in angles[np.abs(equation(Q)) <= 1e-12 * equation.size].tolist():
+        if all(abs(np.sin((angle - other) / 2)) > 1e-7 for other in out):
             out.append(angle)
     return np.sort(np.array(out))

@@ -1,0 +1,15 @@
+"""Cases of a test in two tiers: some in the quick one, the others in the slow one."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable
+from typing import Any
+
+import pytest
+
+
+def tiered(cases: Iterable[Any], quick: Collection[Any]) -> list[Any]:
+    """The cases for ``parametrize``, those that are not ``quick`` marked slow."""
+    cases = list(cases)
+    assert all(q in cases for q in quick)
+    return [c if c in quick else pytest.param(c, marks=pytest.mark.slow) for c in cases]
