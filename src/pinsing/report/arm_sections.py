@@ -331,7 +331,7 @@ def special(c: Content) -> Section:
         _instead(c),
         paragraph(
             text(
-                "σ_min/σ_max is of the singular values of the Jacobian. The distance of the nearest "
+                "σ_min and σ_max are singular values of the Jacobian. The distance of the nearest "
                 "family is Euclidean over the joints, whatever the limits; at least the first "
                 "number is proven where two stand."
             ),
