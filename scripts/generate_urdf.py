@@ -1,11 +1,18 @@
 #!/usr/bin/env python3
-"""Make every URDF of urdf/ from its DH table; with --check, only compare (exit code 1 if stale)."""
+"""Make the URDFs of urdf/ from their tables; with --check, only compare (exit code 1 if stale).
+
+Arms come from DH tables (``*.dh.yaml``), mechanisms with closed loops and their loop files from
+tables of their points (``*.mechanism.yaml``).
+"""
 
 from __future__ import annotations
 
 import argparse
 import sys
+from collections.abc import Iterator
 from pathlib import Path
+
+from mechanism_kinds import read_table
 
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.errors import RobotFileError
@@ -21,26 +28,35 @@ def main() -> int:
         help="folder of the *.dh.yaml tables (default: urdf/)",
     )
     options = parser.parse_args()
-    tables = sorted(options.folder.glob("*.dh.yaml"))
-    if not tables:
+    if not any(options.folder.glob("*.dh.yaml")):
         print(f"{options.folder}: no *.dh.yaml here", file=sys.stderr)
         return 2
     stale = []
-    for table in tables:
-        urdf = table.with_name(table.name.removesuffix(".dh.yaml") + ".urdf")
-        try:
-            text = dh_to_urdf(read_dh(table))
-        except RobotFileError as error:
-            print(error, file=sys.stderr)
-            return 2
-        if urdf.is_file() and urdf.read_text(encoding="utf-8") == text:
-            continue
-        stale.append(urdf)
-        if not options.check:
-            urdf.write_text(text, encoding="utf-8")
-    for urdf in stale:
-        print(f"{urdf}: {'differs from its table' if options.check else 'written'}")
+    try:
+        for path, text in texts(options.folder):
+            if path.is_file() and path.read_text(encoding="utf-8") == text:
+                continue
+            stale.append(path)
+            if not options.check:
+                path.write_text(text, encoding="utf-8")
+    except RobotFileError as error:
+        print(error, file=sys.stderr)
+        return 2
+    for path in stale:
+        print(f"{path}: {'differs from its table' if options.check else 'written'}")
     return 1 if stale and options.check else 0
+
+
+def texts(folder: Path) -> Iterator[tuple[Path, str]]:
+    """Each file that a table of the folder means, and its text."""
+    for table in sorted(folder.glob("*.dh.yaml")):
+        yield table.with_name(table.name.removesuffix(".dh.yaml") + ".urdf"), dh_to_urdf(
+            read_dh(table)
+        )
+    for table in sorted(folder.glob("*.mechanism.yaml")):
+        name = table.name.removesuffix(".mechanism.yaml")
+        for suffix, text in zip((".urdf", ".loops.yaml"), read_table(table), strict=True):
+            yield table.with_name(name + suffix), text
 
 
 if __name__ == "__main__":
