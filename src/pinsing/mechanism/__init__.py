@@ -7,10 +7,12 @@ from pinsing.mechanism.feasible import curves, feasible
 from pinsing.mechanism.loci import Locus, LoopForms, loop_forms
 from pinsing.mechanism.modes import home, mode_of
 from pinsing.mechanism.motion import MechanismState, input_output, leg_form, mechanism_at, motions
+from pinsing.mechanism.pose import Pose
+from pinsing.mechanism.problems import Modes, assemblies, assembly_modes, working_modes
 from pinsing.mechanism.result import MechanismAnalysis
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
 from pinsing.mechanism.singular_points import refine_point as refine
-from pinsing.mechanism.solve import InfeasibleError, Solution, assemblies, follow, solve
+from pinsing.mechanism.solve import InfeasibleError, Solution, follow, solve
 from pinsing.mechanism.trace import Trace, trace
 
 __all__ = [
@@ -19,12 +21,15 @@ __all__ = [
     "LoopForms",
     "MechanismAnalysis",
     "MechanismState",
+    "Modes",
+    "Pose",
     "SingularPoint",
     "Solution",
     "Stretch",
     "Trace",
     "analyze_mechanism",
     "assemblies",
+    "assembly_modes",
     "constraint_jacobian",
     "curves",
     "drive",
@@ -46,4 +51,5 @@ __all__ = [
     "split",
     "stretch",
     "trace",
+    "working_modes",
 ]

@@ -16,7 +16,7 @@ from pinsing.mechanism.modes import home, mode_of
 from pinsing.mechanism.motion import mechanism_at
 from pinsing.mechanism.result import Check, MechanismAnalysis, Mode
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
-from pinsing.mechanism.solve import assemblies
+from pinsing.mechanism.problems import assemblies
 from pinsing.robot.load_mechanism import Mechanism
 
 _AGREE = 1e-9

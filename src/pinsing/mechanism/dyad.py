@@ -102,9 +102,9 @@ class Dyad:
 
     def configuration(self, inputs: npt.ArrayLike, left: bool) -> Array:
         """All joints (..., n) of one assembly mode at inputs (..., n_a); NaN if infeasible."""
-        return self.at_pin(inputs, self.pin(inputs, left))
+        return self.reaching(inputs, self.pin(inputs, left))
 
-    def at_pin(self, inputs: npt.ArrayLike, P: Array) -> Array:
+    def reaching(self, inputs: npt.ArrayLike, P: Array) -> Array:
         """All joints (..., n) at inputs (..., n_a) whose rods reach for P (..., 2)."""
         inputs = np.asarray(inputs, dtype=float)
         q = np.zeros((*inputs.shape[:-1], self.mechanism.n))
@@ -135,6 +135,19 @@ class Dyad:
         side = self.sides[0]
         B = side.pivot if side.crank is None else side.end(q[..., side.crank])
         return np.asarray(B + side.rod_length * self.link_directions(q, 0)[1])
+
+    def at_pin(self, mechanism: Mechanism) -> bool:
+        """Whether the output is the position of the pin, in the plane."""
+        frames = {f.name: f for f in mechanism.model.frames}
+        loop, output = mechanism.loops[0], frames[mechanism.output]
+        pins = [frames[loop.frame_a], frames[loop.frame_b]]
+        meets = any(
+            output.parentJoint == p.parentJoint
+            and np.allclose(output.placement.translation, p.placement.translation, atol=1e-12)
+            for p in pins
+        )
+        flat = abs(self.basis[0, 0]) == 1 and set(mechanism.task.rows) == {0, 1}
+        return meets and flat
 
     def close(self, inputs: npt.ArrayLike) -> tuple[Array, ...]:
         """All configurations (n,) at one set of inputs (n_a,): two, one at type 2, or none.

@@ -216,18 +216,9 @@ def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
     """Legs whose stretching loses an output direction; None if the output is another one."""
     mechanism = dyad.mechanism
     cranked = tuple(i for i, side in enumerate(dyad.sides) if side.crank is not None)
-    frames = {f.name: f for f in mechanism.model.frames}
-    loop = mechanism.loops[0]
-    output = frames[mechanism.output]
     if len(cranked) == 2:
-        pins = [frames[loop.frame_a], frames[loop.frame_b]]
-        at_pin = any(
-            output.parentJoint == p.parentJoint
-            and np.allclose(output.placement.translation, p.placement.translation, atol=1e-12)
-            for p in pins
-        )
-        flat = abs(dyad.basis[0, 0]) == 1 and set(mechanism.task.rows) == {0, 1}
-        return cranked if at_pin and flat else None
+        return cranked if dyad.at_pin(mechanism) else None
+    output = mechanism.model.frames[mechanism.output_id]
     driven = dyad.sides[1 - cranked[0]]
     return cranked if int(output.parentJoint) - 1 == driven.pin else None
 
@@ -338,7 +329,7 @@ def _touching(dyad: Dyad, inputs: Array) -> tuple[Array, ...]:
         return ()
     along = (gap**2 + d1**2 - d2**2) / (2 * gap)
     P = first + np.sign(along) * d1 * (second - first) / gap
-    return (dyad.at_pin(inputs, P),)
+    return (dyad.reaching(inputs, P),)
 
 
 def _words(

@@ -1,4 +1,4 @@
-"""Closing the loops: passive joints from actuated ones, along a path, and all modes."""
+"""Closing the loops: passive joints from actuated ones, along a path."""
 
 from __future__ import annotations
 
@@ -10,16 +10,15 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
-from pinsing.mechanism.closure import CLOSED, Loops, Mask, gauss_newton, random_closed
-from pinsing.mechanism.feasible import Interval, distinct, feasible
-from pinsing.mechanism.modes import home, mode_at, mode_of
+from pinsing.mechanism.closure import CLOSED, Loops, Mask, gauss_newton
+from pinsing.mechanism.feasible import Interval
+from pinsing.mechanism.modes import home, mode_of
+from pinsing.mechanism.pose import Pose
 from pinsing.robot.load_mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
 _STEP = 0.05
 _SMALLEST = 1e-5
-_STARTS = 48
-_SEED = 811
 
 
 class InfeasibleError(ConfigurationError):
@@ -34,7 +33,11 @@ class InfeasibleError(ConfigurationError):
     """
 
     def __init__(
-        self, mechanism: Mechanism, inputs: Array, feasible: dict[str, tuple[Interval, ...]]
+        self,
+        mechanism: Mechanism,
+        inputs: Array,
+        feasible: dict[str, tuple[Interval, ...]],
+        beyond: int = 0,
     ) -> None:
         self.inputs, self.feasible = tuple(float(x) for x in inputs), feasible
         asked = ", ".join(f"{n} = {v:.6g}" for n, v in zip(mechanism.inputs, inputs, strict=True))
@@ -42,9 +45,10 @@ class InfeasibleError(ConfigurationError):
             f"{name} in {' or '.join(str(i) for i in found)}" if found else f"no {name} at all"
             for name, found in feasible.items()
         )
+        outside = " within the joint limits (beyond them they do)" if beyond else ""
         super().__init__(
-            f"{mechanism.name}: the loops do not close at {asked}; with the other inputs held, "
-            f"they close for {ranges}"
+            f"{mechanism.name}: the loops do not close at {asked}{outside}; with the other inputs "
+            f"held, they close for {ranges}"
         )
 
 
@@ -68,9 +72,14 @@ class Solution(JsonResult):
         Part of the path covered, 0 to 1.
     note : str
         Why it ended early, else empty.
+    pose : Pose or None
+        Of the output, where it was asked for.
+    ways : int
+        In how many ways passive joints (balls, universal joints) can be flipped with the same
+        pose and the same loads, as far as they were looked for.
     """
 
-    schema: ClassVar[str] = "pinsing/mechanism-solution/1"
+    schema: ClassVar[str] = "pinsing/mechanism-solution/2"
 
     inputs: Array
     q: Array
@@ -79,6 +88,8 @@ class Solution(JsonResult):
     mode: str
     reached: float
     note: str
+    pose: Pose | None = None
+    ways: int = 1
 
 
 def solve(
@@ -159,40 +170,3 @@ def _predict(loops: Loops, q: Array, move: Array, actuated: list[int], free: Mas
     out = q.copy()
     out[free] += passive * loops.column_scale[free]
     return out
-
-
-def assemblies(
-    mechanism: Mechanism, inputs: npt.ArrayLike, starts: int = _STARTS, seed: int = _SEED
-) -> tuple[Solution, ...]:
-    """All ways found to close the loops at given inputs (n_a,), each with its mode.
-
-    From the closed form where the mechanism has one (planar RR-RR loops: exactly two), else by
-    Newton from ``starts`` random positions of the passive joints.
-
-    Raises
-    ------
-    InfeasibleError
-        If there is none; it carries the feasible range of each input.
-    """
-    from pinsing.mechanism.dyad import planar_dyad
-
-    inputs = mechanism.check_inputs(inputs)
-    shape = planar_dyad(mechanism)
-    if shape is not None:
-        found: list[Array] = list(shape.close(inputs))
-    else:
-        start = mechanism.home.copy()
-        start[list(mechanism.actuated)] = inputs
-        free = np.isin(np.arange(mechanism.n), mechanism.passive)
-        rng = np.random.default_rng(seed)
-        found = distinct(mechanism, random_closed(mechanism, starts, rng, free, start))
-    if not found:
-        raise InfeasibleError(mechanism, inputs, feasible(mechanism, inputs))
-    loops = Loops(mechanism)
-    order = sorted(found, key=lambda q: (mode_at(mechanism, q).order, np.round(q, 6).tolist()))
-    return tuple(
-        Solution(
-            inputs, q, float(np.abs(loops.scaled(q)[0]).max()), True, mode_of(mechanism, q), 1.0, ""
-        )
-        for q in order
-    )

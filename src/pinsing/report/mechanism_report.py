@@ -14,7 +14,8 @@ from pinsing._version import __version__
 from pinsing.mechanism import MechanismAnalysis, MechanismState, analyze_mechanism, mechanism_at
 from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.feasible import Interval
-from pinsing.mechanism.solve import InfeasibleError, assemblies
+from pinsing.mechanism.problems import assemblies
+from pinsing.mechanism.solve import InfeasibleError
 from pinsing.report.arm_report import SCHEMA
 from pinsing.report.arm_sections import counted
 from pinsing.report.closing import computed, data, model, result

@@ -167,6 +167,19 @@ class Mechanism(Memory):
         """
         return replace(self, actuated=tuple(self.space.index(name) for name in names))
 
+    def without_limits(self) -> Mechanism:
+        """Return the same mechanism with joints that turn and slide without end.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> free = pinsing.load_mechanism("gough_stewart").without_limits()
+        >>> float(free.upper.min())
+        inf
+        """
+        endless = np.full(self.n, np.inf)
+        return replace(self, lower=-endless, upper=endless)
+
     def check(self, q: npt.ArrayLike, name: str = "q") -> Array:
         """Return ``q`` as a float array of shape (..., n), or say what is wrong with it.
 

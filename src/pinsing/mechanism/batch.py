@@ -1,0 +1,249 @@
+"""Loop closure of many configurations at once: residuals, constraint Jacobians, Newton steps.
+
+The same numbers as Pinocchio's constraint models give one by one, for arrays of configurations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing._types import Array, Bool
+from pinsing.mechanism.structure import structure
+from pinsing.robot.mechanism import Mechanism
+
+_LARGEST_STEP = 0.5
+_CLOSE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Placements of N configurations, metres.
+
+    Attributes
+    ----------
+    rotation : (n + 1, N, 3, 3) array
+        Of each joint's frame; entry 0 is the base.
+    position : (n + 1, N, 3) array
+        Of its origin.
+    axis : (n, N, 3) array
+        Axes of the joints.
+    """
+
+    rotation: Array
+    position: Array
+    axis: Array
+
+
+class BatchLoops:
+    """Closure of the loops, and the motion of the output, of many configurations at once."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        model = mechanism.model
+        built = structure(mechanism)
+        self._parents = [int(model.parents[j + 1]) for j in range(mechanism.n)]
+        self._own = built.axes
+        places = [model.jointPlacements[j + 1] for j in range(mechanism.n)]
+        self._place = [(np.array(m.rotation), np.array(m.translation)) for m in places]
+        self._above = np.zeros((mechanism.n + 1, mechanism.n), dtype=bool)
+        for j, parent in enumerate(self._parents):
+            self._above[j + 1] = self._above[parent]
+            self._above[j + 1, j] = True
+        frames = {f.name: f for f in model.frames}
+
+        def fixed(name: str) -> tuple[int, Array, Array]:
+            frame = frames[name]
+            place = frame.placement
+            return int(frame.parentJoint), np.array(place.rotation), np.array(place.translation)
+
+        self._loops = [
+            (fixed(x.frame_a), fixed(x.frame_b), x.kind, x.rows) for x in mechanism.loops
+        ]
+        self._output = fixed(mechanism.output)
+        self._scale = mechanism.length_scale
+        self.units = mechanism.space.metric
+
+    def place(self, Q: Array) -> Placed:
+        """Placements of all joints at Q (N, n)."""
+        count, n = Q.shape
+        R = np.empty((n + 1, count, 3, 3))
+        p = np.empty((n + 1, count, 3))
+        axis = np.empty((n, count, 3))
+        R[0], p[0] = np.eye(3), 0.0
+        for j, parent in enumerate(self._parents):
+            turned, moved = self._place[j]
+            own = self._own[j]
+            up = R[parent] @ turned
+            p[j + 1] = p[parent] + R[parent] @ moved
+            axis[j] = up @ own
+            if self.mechanism.prismatic[j]:
+                R[j + 1] = up
+                p[j + 1] += Q[:, j, None] * axis[j]
+                continue
+            K = np.array([[0, -own[2], own[1]], [own[2], 0, -own[0]], [-own[1], own[0], 0]])
+            s, c = np.sin(Q[:, j]), np.cos(Q[:, j])
+            R[j + 1] = up @ (np.eye(3) + s[:, None, None] * K + (1 - c)[:, None, None] * (K @ K))
+        return Placed(R, p, axis)
+
+    def _frame(self, placed: Placed, which: tuple[int, Array, Array]) -> tuple[Array, Array]:
+        body, turned, moved = which
+        R = placed.rotation[body]
+        return R @ turned, placed.position[body] + R @ moved
+
+    def _velocity(self, placed: Placed, body: int, point: Array) -> tuple[Array, Array]:
+        """Velocity of a point (N, 3) of a body, and its turning, per joint: (N, 3, n) each."""
+        count, n = point.shape[0], self.mechanism.n
+        linear, angular = np.zeros((count, 3, n)), np.zeros((count, 3, n))
+        for j in np.flatnonzero(self._above[body]):
+            axis = placed.axis[j]
+            if self.mechanism.prismatic[j]:
+                linear[:, :, j] = axis
+            else:
+                linear[:, :, j] = np.cross(axis, point - placed.position[j + 1])
+                angular[:, :, j] = axis
+        return linear, angular
+
+    def closure(
+        self, Q: Array, loops: tuple[int, ...] | None = None, placed: Placed | None = None
+    ) -> tuple[Array, Array]:
+        """Residual (N, k) and Jacobian (N, k, n) of loops at Q, lengths over the length scale."""
+        placed = self.place(Q) if placed is None else placed
+        errors, rows = [np.zeros((len(Q), 0))], [np.zeros((len(Q), 0, self.mechanism.n))]
+        for k in range(len(self._loops)) if loops is None else loops:
+            a, b, kind, count = self._loops[k]
+            Ra, pa = self._frame(placed, a)
+            Rb, pb = self._frame(placed, b)
+            one, turn_a = self._velocity(placed, a[0], pb)
+            two, turn_b = self._velocity(placed, b[0], pb)
+            back = np.swapaxes(Ra, 1, 2)
+            e = (back @ (pb - pa)[:, :, None])[:, :, 0] / self._scale
+            J = back @ (two - one) / self._scale
+            errors.append(e[:, : min(count, 3)])
+            rows.append(J[:, : min(count, 3)])
+            if kind == "6d":
+                errors.append(_log(back @ Rb))
+                rows.append(back @ (turn_b - turn_a))
+        J = np.concatenate(rows, axis=1)
+        return np.concatenate(errors, axis=1), J * self.units
+
+    def output(self, Q: Array, placed: Placed | None = None) -> tuple[Array, Array, Array]:
+        """Rotation (N, 3, 3), position (N, 3) and 6-row Jacobian (N, 6, n) of the output.
+
+        Base axes; lengths over the length scale in the Jacobian only.
+        """
+        placed = self.place(Q) if placed is None else placed
+        R, p = self._frame(placed, self._output)
+        linear, angular = self._velocity(placed, self._output[0], p)
+        J = np.concatenate([linear / self._scale, angular], axis=1)
+        return R, p, J * self.units
+
+    def reach(
+        self, Q: Array, rotation: Array, position: Array, placed: Placed | None = None
+    ) -> tuple[Array, Array]:
+        """Error (N, 6) of the output's pose against wanted ones, and its Jacobian (N, 6, n)."""
+        R, p, J = self.output(Q, placed)
+        turn = _log(R @ np.swapaxes(rotation, -1, -2))
+        return np.concatenate([(p - position) / self._scale, turn], axis=1), J
+
+
+def newton(
+    loops: BatchLoops,
+    Q: Array,
+    free: Bool,
+    which: tuple[int, ...] | None = None,
+    target: tuple[Array, Array, tuple[int, ...]] | None = None,
+    steps: int = 60,
+) -> tuple[Array, Array]:
+    """Damped Gauss-Newton on many starts at once: configurations (N, n), residuals (N,).
+
+    Parameters
+    ----------
+    loops : BatchLoops
+        Of the mechanism.
+    Q : (N, n) array
+        Starts; joints that are not ``free`` stay.
+    free : (n,) array of bool
+        What may move.
+    which : tuple of int, optional
+        Loops to close; all by default.
+    target : (rotation, position, rows), optional
+        Pose of the output to reach, (3, 3) or (N, 3, 3) and (3,) or (N, 3), and which of its six
+        rows count.
+    steps : int
+        Most steps.
+    """
+    Q = Q.copy()
+    columns = np.flatnonzero(free)
+    size = np.full(len(Q), np.inf)
+    active = np.arange(len(Q))
+    for _ in range(steps + 1):
+        if not len(active):
+            break
+        X = Q[active]
+        error, J = _system(loops, X, which, target, active)
+        size[active] = np.abs(error).max(axis=1, initial=0.0)
+        active_now = size[active] > 1e-13
+        J = J[:, :, columns]
+        step = _step(J[active_now], error[active_now])
+        longest = np.abs(step).max(axis=1, initial=0.0)
+        step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(longest, 1e-300))[:, None]
+        active = active[active_now]
+        moved = Q[active]
+        moved[:, columns] += step * loops.units[columns]
+        Q[active] = moved
+        # What has stopped moving without having arrived is at a minimum that is not zero.
+        active = active[longest > 1e-12]
+    error, _ = _system(loops, Q, which, target, np.arange(len(Q)))
+    return Q, np.abs(error).max(axis=1, initial=0.0)
+
+
+def _system(
+    loops: BatchLoops,
+    X: Array,
+    which: tuple[int, ...] | None,
+    target: tuple[Array, Array, tuple[int, ...]] | None,
+    active: Array,
+) -> tuple[Array, Array]:
+    placed = loops.place(X)
+    error, J = loops.closure(X, which, placed)
+    if target is not None:
+        R, p, rows = target
+        R = R if R.ndim == 2 else R[active]
+        p = p if p.ndim == 1 else p[active]
+        miss, K = loops.reach(X, R, p, placed)
+        error = np.concatenate([error, miss[:, list(rows)]], axis=1)
+        J = np.concatenate([J, K[:, list(rows)]], axis=1)
+    return error, J
+
+
+def _step(J: Array, error: Array) -> Array:
+    """Least steps of Levenberg and Marquardt; the damping goes with the square of the error."""
+    damping = 1e-13 + 1e-3 * np.minimum(1.0, (error**2).sum(axis=1))
+    Jt = np.swapaxes(J, 1, 2)
+    wide = J.shape[1] <= J.shape[2]
+    A = J @ Jt if wide else Jt @ J
+    A = A + damping[:, None, None] * np.eye(A.shape[-1])
+    if wide:
+        return np.asarray(-(Jt @ np.linalg.solve(A, error[:, :, None]))[:, :, 0])
+    return np.asarray(-np.linalg.solve(A, Jt @ error[:, :, None])[:, :, 0])
+
+
+def _log(R: Array) -> Array:
+    """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
+    skew = np.stack(
+        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
+    )
+    cosine = np.clip((np.trace(R, axis1=1, axis2=2) - 1) / 2, -1, 1)
+    sine = np.linalg.norm(skew, axis=1) / 2
+    angle = np.arctan2(sine, cosine)
+    factor = np.where(sine > _CLOSE, angle / np.maximum(2 * sine, _CLOSE), 0.5)
+    out = factor[:, None] * skew
+    # Half a turn: the axis is the largest column of R + 1.
+    half = (sine <= 1e-7) & (cosine < 0)
+    for k in np.flatnonzero(half):
+        columns = R[k] + np.eye(3)
+        best = columns[:, int(np.argmax(np.diag(columns)))]
+        out[k] = np.pi * best / np.linalg.norm(best)
+    return np.asarray(out)

@@ -1,0 +1,8 @@
+"""Bounds known for mechanisms whose legs pass one force each."""
+from __future__ import annotations
+
+from pinsing.robot.mechanism import Mechanism
+
+
+def most_assemblies(mechanism: Mechanism) -> int | None:
+    return None

@@ -1,0 +1,182 @@
+"""How a mechanism is built: the legs between base and output, and joints that share a centre."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.mechanism import Mechanism
+
+_SMALL = 1e-9
+
+
+@dataclass(frozen=True)
+class Leg:
+    """What connects base and output on a way of its own.
+
+    Attributes
+    ----------
+    joints : tuple of int
+        Indices of its joints, in the model's order.
+    loops : tuple of int
+        The loops that close it.
+    carries : bool
+        Whether the spanning tree reaches the output through it.
+    """
+
+    joints: tuple[int, ...]
+    loops: tuple[int, ...]
+    carries: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Centre:
+    """Passive joints, one after the other, whose axes meet in a point: a universal joint or a ball.
+
+    Attributes
+    ----------
+    joints : tuple of int
+        Indices, from the base outwards; a joint that shares its point with none is alone.
+    point : (3,) array
+        The common point, metres, in the frame of the first of the joints.
+    """
+
+    joints: tuple[int, ...]
+    point: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Structure:
+    """Legs and centres of a mechanism, and the axes that both stand on.
+
+    Attributes
+    ----------
+    output : int
+        Joint of the model that carries the output; 0 for the base itself.
+    legs : tuple of Leg
+        In the order of their first joints.
+    centres : tuple of Centre
+        All passive turning joints, each in one.
+    axes : (n, 3) array
+        Axis of each joint in its own frame.
+    """
+
+    output: int
+    legs: tuple[Leg, ...]
+    centres: tuple[Centre, ...]
+    axes: Array
+
+
+def structure(mechanism: Mechanism) -> Structure:
+    """Legs and centres of a mechanism (found once)."""
+    return mechanism.once("structure", lambda: _structure(mechanism))
+
+
+def bodies(mechanism: Mechanism) -> tuple[tuple[int, int], ...]:
+    """The two bodies (joints of the model, 0 the base) that each loop holds together."""
+    frames = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
+    return tuple((frames[x.frame_a], frames[x.frame_b]) for x in mechanism.loops)
+
+
+def _structure(mechanism: Mechanism) -> Structure:
+    model = mechanism.model
+    output = int(model.frames[mechanism.output_id].parentJoint)
+    axes = np.array([joint_axis(model.joints[j + 1], mechanism.joints[j])[0]
+                     for j in range(mechanism.n)])  # fmt: skip
+    return Structure(
+        output, _legs(mechanism, output), tuple(_centres(mechanism, axes, output)), axes
+    )
+
+
+def _legs(mechanism: Mechanism, output: int) -> tuple[Leg, ...]:
+    """Connected parts of what remains without base and output."""
+    model = mechanism.model
+    ends = [(int(model.parents[j + 1]), j + 1) for j in range(mechanism.n)]
+    ends += bodies(mechanism)
+    fixed = {0, output}
+    group = {b: b for b in range(model.njoints) if b not in fixed}
+
+    def root(b: int) -> int:
+        while group[b] != b:
+            b = group[b]
+        return b
+
+    for a, b in ends:
+        if a not in fixed and b not in fixed:
+            group[root(a)] = root(b)
+    parts: dict[int, tuple[list[int], list[int]]] = {}
+    for k, (a, b) in enumerate(ends):
+        inner = [x for x in (a, b) if x not in fixed]
+        # An edge from base to output is a leg of its own, known by a number no body has.
+        key = root(inner[0]) if inner else -1 - k
+        joints, loops = parts.setdefault(key, ([], []))
+        (joints if k < mechanism.n else loops).append(k if k < mechanism.n else k - mechanism.n)
+    found = [
+        Leg(tuple(joints), tuple(loops), output - 1 in joints) for joints, loops in parts.values()
+    ]
+    return tuple(sorted(found, key=lambda leg: leg.joints or (mechanism.n,)))
+
+
+def _centres(mechanism: Mechanism, axes: Array, output: int) -> list[Centre]:
+    loose = [j for j in mechanism.passive if not mechanism.prismatic[j]]
+    left, out = set(loose), []
+    while left:
+        # An axis may pass through two centres: joints that sit in the point go first.
+        runs = [_run(mechanism, axes, output, j, left) for j in sorted(left)]
+        best = max(runs, key=lambda run: (run[1], len(run[0].joints), -run[0].joints[0]))[0]
+        out.append(best)
+        left -= set(best.joints)
+    return sorted(out, key=lambda c: c.joints)
+
+
+def _run(
+    mechanism: Mechanism, axes: Array, output: int, first: int, left: set[int]
+) -> tuple[Centre, int]:
+    """Joints from ``first`` on whose axes share a point, and how many sit in it."""
+    model = mechanism.model
+    parents = [int(p) for p in model.parents]
+    busy = {b for pair in bodies(mechanism) for b in pair}
+    chain, point, start, sitting = [first], np.zeros(3), np.zeros(3), 1
+    free = True  # along the first axis, until a second one crosses it
+    here = first
+    while here + 1 != output and here + 1 not in busy:
+        after = [j for j in range(mechanism.n) if parents[j + 1] == here + 1]
+        if len(after) != 1 or after[0] not in left:
+            break
+        place = model.jointPlacements[after[0] + 1]
+        met = _meeting(place, axes[here], axes[after[0]], point, free)
+        if met is None:
+            break
+        if free:
+            start = met[0]
+            sitting = int(np.linalg.norm(start) <= _SMALL)
+        point, free, here = met[1], False, after[0]
+        sitting += int(np.linalg.norm(point) <= _SMALL)
+        chain.append(here)
+    return Centre(tuple(chain), start), sitting
+
+
+def _meeting(
+    place: object, axis: Array, following: Array, point: Array, free: bool
+) -> tuple[Array, Array] | None:
+    """Where two axes meet, in the frame of the first joint and in that of the second.
+
+    With ``free`` false the point is given, on the first axis.
+    """
+    R, t = np.array(place.rotation), np.array(place.translation)  # type: ignore[attr-defined]
+    direction = R @ following
+    normal = np.cross(axis, direction)
+    size = float(np.linalg.norm(normal))
+    if free:
+        if size <= _SMALL or abs(t @ normal) > _SMALL * size:
+            return None
+        # t + s d = r a: the common point is r a.
+        r = float(np.cross(t, direction) @ normal) / size**2
+        point = r * axis
+    inside = R.T @ (point - t)
+    if np.linalg.norm(np.cross(inside, following)) > _SMALL:
+        return None
+    return point, inside
