@@ -50,8 +50,9 @@ def main() -> int:
 def texts(folder: Path) -> Iterator[tuple[Path, str]]:
     """Each file that a table of the folder means, and its text."""
     for table in sorted(folder.glob("*.dh.yaml")):
-        yield table.with_name(table.name.removesuffix(".dh.yaml") + ".urdf"), dh_to_urdf(
-            read_dh(table)
+        yield (
+            table.with_name(table.name.removesuffix(".dh.yaml") + ".urdf"),
+            dh_to_urdf(read_dh(table)),
         )
     for table in sorted(folder.glob("*.mechanism.yaml")):
         name = table.name.removesuffix(".mechanism.yaml")

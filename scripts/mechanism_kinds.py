@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from fractions import Fraction
@@ -67,9 +68,11 @@ def _pose(keys: dict[str, YamlNode]) -> tuple[Vector, Vector]:
     """Home of the platform: position, and rotation by roll, pitch and yaw in degrees."""
     pose = keys["home"].mapping(("position",), ("turn",))
     at = np.array(_numbers(pose["position"], 3))
-    turn = [x.number(Fraction(1, 180), pi=1) for x in pose["turn"].items("angle", 3)] if (
-        "turn" in pose
-    ) else [0.0, 0.0, 0.0]
+    turn = (
+        [x.number(Fraction(1, 180), pi=1) for x in pose["turn"].items("angle", 3)]
+        if ("turn" in pose)
+        else [0.0, 0.0, 0.0]
+    )
     r, p, y = turn
     return at, _about(Z, y) @ _about((0, 1, 0), p) @ _about((1, 0, 0), r)
 
@@ -140,9 +143,7 @@ def _ups(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
             f"u{k}y", kind, f"cross{k}", f"cylinder{k}", (0, 0, 0), (0, 1, 0), turn, second
         )
         low.bar((0, 0, 0), (0, 0, 0.5 * length), 1.4 * size, "blue")
-        rod = tree.add(
-            f"p{k}", "prismatic", f"cylinder{k}", f"rod{k}", (0, 0, 0), Z, slide, length
-        )
+        rod = tree.add(f"p{k}", "prismatic", f"cylinder{k}", f"rod{k}", (0, 0, 0), Z, slide, length)
         rod.bar((0, 0, -0.6 * length), (0, 0, 0), size, "light")
         tree.driven.append(f"p{k}")
         if k == 1:
@@ -170,9 +171,7 @@ def _rps(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
         value = math.atan2(float(np.cross(Z, reach) @ axis), float(reach @ Z))
         low = tree.add(f"r{k}", kind, "base_link", f"cylinder{k}", a, axis, turn, value)
         low.bar((0, 0, 0), (0, 0, 0.5 * length), 1.4 * size, "blue")
-        rod = tree.add(
-            f"p{k}", "prismatic", f"cylinder{k}", f"rod{k}", (0, 0, 0), Z, slide, length
-        )
+        rod = tree.add(f"p{k}", "prismatic", f"cylinder{k}", f"rod{k}", (0, 0, 0), Z, slide, length)
         rod.bar((0, 0, -0.6 * length), (0, 0, 0), size, "light")
         tree.driven.append(f"p{k}")
         if k == 1:
@@ -299,7 +298,7 @@ def _arc(link, radius: float, start: Vector, end: Vector, size: float, color: st
     angle = math.atan2(float(end @ across), float(end @ start))
     turns = np.linspace(0, angle, 7)
     points = [radius * (math.cos(t) * start + math.sin(t) * across) for t in turns]
-    for a, b in zip(points[:-1], points[1:], strict=True):
+    for a, b in itertools.pairwise(points):
         link.bar(a, b, size, color)
 
 

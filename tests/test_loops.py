@@ -772,7 +772,7 @@ def test_wrong_number_of_actuators_is_said(tmp_path):
     mechanism = load_mechanism(
         URDF / "five_bar.urdf", write(tmp_path, GOOD.replace("[q1, q2]", "[q1]"))
     )
-    with pytest.raises(OptionError, match="2 degrees of freedom, but 1 joints are actuated"):
+    with pytest.raises(OptionError, match="2 degrees of freedom, but 1 joint is actuated"):
         analyze_mechanism(mechanism)
 
 

@@ -143,6 +143,8 @@ CALLS = {
     "analyze_mechanism": Call(
         lambda: pinsing.analyze_mechanism, lambda: {"mechanism": mechanism()}, slow=True
     ),
+    "assembly_modes": Call(lambda: pinsing.assembly_modes, lambda: {"mechanism": mechanism()}),
+    "working_modes": Call(lambda: pinsing.working_modes, lambda: {"mechanism": mechanism()}),
     "at": Call(lambda: pinsing.at, with_arm(q=Q)),
     "clearance": Call(lambda: pinsing.clearance, lambda: {"forms": form(), "Q": [Q]}),
     "inverse_velocity": Call(

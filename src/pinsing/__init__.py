@@ -26,7 +26,13 @@ if TYPE_CHECKING:
         task_jacobians,
     )
     from pinsing.maps import MapPlan, MapResult, plan_map, sigma_map
-    from pinsing.mechanism import MechanismAnalysis, analyze_mechanism
+    from pinsing.mechanism import (
+        MechanismAnalysis,
+        Modes,
+        analyze_mechanism,
+        assembly_modes,
+        working_modes,
+    )
     from pinsing.postures.aspects import Aspects, aspects
     from pinsing.postures.changes import PostureChanges, posture_changes
     from pinsing.postures.connection import Connection, connect
@@ -72,6 +78,7 @@ _HOME = {
     "MapResult": "pinsing.maps",
     "Mechanism": "pinsing.robot.load_mechanism",
     "MechanismAnalysis": "pinsing.mechanism",
+    "Modes": "pinsing.mechanism",
     "Monitor": "pinsing.proximity.monitor",
     "Nominal": "pinsing.geometry.nominal",
     "PinsingError": "pinsing.errors",
@@ -86,6 +93,7 @@ _HOME = {
     "Viewer": "pinsing.view.viewer",
     "analyze": "pinsing.analysis.analyze",
     "analyze_mechanism": "pinsing.mechanism",
+    "assembly_modes": "pinsing.mechanism",
     "aspects": "pinsing.postures.aspects",
     "at": "pinsing.configuration.at",
     "check_line": "pinsing.proximity.line",
@@ -118,6 +126,7 @@ _HOME = {
     "sweep": "pinsing.sweeps.run",
     "task_jacobian": "pinsing.kinematics.jacobian",
     "task_jacobians": "pinsing.kinematics.jacobian",
+    "working_modes": "pinsing.mechanism",
     "write_report": "pinsing.report.write",
 }
 
@@ -140,6 +149,7 @@ __all__ = [
     "MapResult",
     "Mechanism",
     "MechanismAnalysis",
+    "Modes",
     "Monitor",
     "Nominal",
     "PinsingError",
@@ -155,6 +165,7 @@ __all__ = [
     "analyze",
     "analyze_mechanism",
     "aspects",
+    "assembly_modes",
     "at",
     "check_line",
     "check_trajectory",
@@ -186,6 +197,7 @@ __all__ = [
     "sweep",
     "task_jacobian",
     "task_jacobians",
+    "working_modes",
     "write_report",
 ]
 

@@ -50,11 +50,28 @@ def loops_option(run: Run) -> Callable[[F], F]:
     return decorate
 
 
+def joints_option(command: F) -> F:
+    """Add ``--all-joints``, which only mechanisms have."""
+
+    @click.option(
+        "--all-joints", is_flag=True, help="With --loops: values of all joints in each mode."
+    )
+    @functools.wraps(command)
+    def wrapper(*args: Any, all_joints: bool = False, **options: Any) -> Any:
+        if all_joints:
+            raise OptionError("--all-joints goes with --loops: a serial arm has no modes to list")
+        return command(*args, **options)
+
+    return wrapper  # type: ignore[return-value]
+
+
 def analyze_loops(
     loops: Path,
     json_target: str | Path | None = None,
     fail_if_singular: bool = False,
     deg: bool = False,
+    ignore_limits: bool = False,
+    all_joints: bool = False,
     **options: Any,
 ) -> int:
     """``analyze --loops``: modes, ranges, singular points and loci of a mechanism."""
@@ -62,12 +79,12 @@ def analyze_loops(
     from pinsing.mechanism.result import analysis_text
 
     mechanism = read(loops, options)
-    analysis = analyze_mechanism(mechanism)
+    analysis = analyze_mechanism(mechanism, ignore_limits=ignore_limits)
     if not emit_json(analysis, json_target):
         sliding = [
             n for n, slides in zip(mechanism.joints, mechanism.prismatic, strict=True) if slides
         ]
-        emit(analysis_text(analysis, Page.of(), deg, sliding))
+        emit(analysis_text(analysis, Page.of(), deg, sliding, all_joints or None))
     for check in analysis.checks:
         if not check.passed:
             say(f"WARNING: {check.words}")

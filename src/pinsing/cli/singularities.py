@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli import completion
-from pinsing.cli.mechanism import analyze_loops, loops_option
+from pinsing.cli.mechanism import analyze_loops, joints_option, loops_option
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -286,6 +286,7 @@ def sweep_command(
 
 @click.command("analyze", short_help="Find all singular configurations.")
 @loops_option(analyze_loops)
+@joints_option
 @arm_options
 @sweep_options(quiet=True)
 @algebra_options

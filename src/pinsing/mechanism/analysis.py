@@ -2,21 +2,26 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.arguments import checked
-from pinsing.mechanism.closure import ranks
+from pinsing.mechanism.closure import Ranks, ranks
 from pinsing.mechanism.dyad import planar_dyad
-from pinsing.mechanism.feasible import Interval, curves, intervals
+from pinsing.mechanism.feasible import Interval, curves, feasible, intervals
+from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.loci import LoopForms, loop_forms
 from pinsing.mechanism.loci_roots import roots
-from pinsing.mechanism.modes import home, mode_of
-from pinsing.mechanism.motion import mechanism_at
-from pinsing.mechanism.result import Check, MechanismAnalysis, Mode
+from pinsing.mechanism.modes import home
+from pinsing.mechanism.motion import mechanism_at, motions
+from pinsing.mechanism.problems import Modes, assembly_modes, working_modes
+from pinsing.mechanism.result import Check, MechanismAnalysis
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
-from pinsing.mechanism.problems import assemblies
+from pinsing.mechanism.solve import InfeasibleError
+from pinsing.mechanism.trace import Trace
 from pinsing.robot.load_mechanism import Mechanism
 
 _AGREE = 1e-9
@@ -24,7 +29,7 @@ _AGREE = 1e-9
 
 @checked
 def analyze_mechanism(
-    mechanism: Mechanism, inputs: npt.ArrayLike | None = None
+    mechanism: Mechanism, inputs: npt.ArrayLike | None = None, *, ignore_limits: bool = False
 ) -> MechanismAnalysis:
     """Find the singular configurations of a mechanism and state them.
 
@@ -38,6 +43,8 @@ def analyze_mechanism(
         From ``load_mechanism``.
     inputs : (n_a,) array_like, optional
         Values of the actuated joints, radians and metres; home by default.
+    ignore_limits : bool
+        Let all joints, active and passive, go beyond their limits.
 
     Returns
     -------
@@ -48,6 +55,8 @@ def analyze_mechanism(
     ------
     InfeasibleError
         If the loops do not close there; it says where they do.
+    OptionError
+        If fewer joints are actuated than there are degrees of freedom.
 
     Examples
     --------
@@ -56,26 +65,27 @@ def analyze_mechanism(
     >>> found.mobility, found.inputs, len(found.assemblies)
     (1, ('crank',), 2)
     """
+    if ignore_limits:
+        mechanism = mechanism.without_limits()
     generic = ranks(mechanism)
     q = home(mechanism)
     at_home = q[list(mechanism.actuated)]
     asked = at_home if inputs is None else mechanism.check_inputs(inputs)
-    closed = assemblies(mechanism, asked)
+    direct = assembly_modes(mechanism, asked)
+    if not direct.modes:
+        raise InfeasibleError(mechanism, asked, feasible(mechanism, asked), direct.beyond)
     if inputs is not None:
-        q = closed[0].q
+        q = direct.modes[0].q
+    notes = [*mechanism.notes, *_notes(mechanism, generic, q)]
+    moved = _independent(mechanism, generic, q)
     ranges: dict[str, tuple[Interval, ...]] = {}
     points: list[SingularPoint] = []
-    for k, name in enumerate(mechanism.inputs):
-        found = curves(mechanism, asked, k)
-        ranges[name] = intervals(mechanism, found, k)
-        points += find_singular(mechanism, found)
+    for k, name in enumerate(moved.inputs):
+        found = curves(moved, q[list(moved.actuated)] if moved is not mechanism else asked, k)
+        ranges[name] = intervals(moved, found, k)
+        points += find_singular(mechanism, _measured(mechanism, moved, found))
     forms = loop_forms(mechanism)
-    dyad = planar_dyad(mechanism)
-    working: tuple[Mode, ...] = ()
-    if dyad is not None:
-        # The pin, which every way of reaching must share.
-        reached = dyad.working_modes(dyad.point(q))
-        working = tuple(Mode(mode_of(mechanism, x), x) for x in reached)
+    inverse = _inverse(mechanism, generic, q)
     return MechanismAnalysis(
         name=mechanism.name,
         source=mechanism.source.label,
@@ -90,14 +100,67 @@ def analyze_mechanism(
         constraint_rank=generic.constraint,
         constraint_rows=mechanism.rows,
         state=mechanism_at(mechanism, q),
-        assemblies=closed,
-        working=working,
+        assemblies=direct.modes,
+        direct=direct.statement,
+        working=() if inverse is None else inverse.modes,
+        inverse="" if inverse is None else inverse.statement,
         ranges=ranges,
         points=tuple(points),
         forms=forms,
         checks=tuple(_checks(mechanism, asked, tuple(points), forms)),
-        notes=mechanism.notes,
+        notes=tuple(notes),
     )
+
+
+def _inverse(mechanism: Mechanism, generic: Ranks, q: Array) -> Modes | None:
+    """Working modes at the pose of q; None where a pose leaves a freedom open."""
+    if generic.output < generic.mobility:
+        return None
+    return working_modes(mechanism, output_pose(mechanism, q).homogeneous)
+
+
+def _notes(mechanism: Mechanism, generic: Ranks, q: Array) -> list[str]:
+    out = []
+    count = len(mechanism.actuated)
+    if count > generic.mobility:
+        out.append(
+            f"redundantly actuated: {count} actuators for {generic.mobility} degrees of freedom; "
+            "type 2 means that the output moves with all of them held. They are moved as far as "
+            "they are independent, and the others follow"
+        )
+    outside = mechanism.space.outside(q)
+    if outside.any():
+        name = mechanism.joints[int(np.argmax(outside))]
+        out.append(f"home is beyond the limits of {name}: none was found within all limits")
+    return out
+
+
+def _independent(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechanism:
+    """The mechanism driven by as many inputs as it has freedoms; itself where it is."""
+    if len(mechanism.actuated) == generic.mobility:
+        return mechanism
+    inputs = motions(mechanism, q).inputs
+    chosen: list[int] = []
+    for k in range(len(inputs)):
+        if len(chosen) < generic.mobility:
+            sigma = np.linalg.svd(inputs[[*chosen, k]], compute_uv=False)
+            if sigma[len(chosen)] > _AGREE:
+                chosen.append(k)
+    return mechanism.with_actuated([mechanism.inputs[k] for k in chosen])
+
+
+def _measured(
+    mechanism: Mechanism, moved: Mechanism, found: tuple[Trace, ...]
+) -> tuple[Trace, ...]:
+    """Curves with the measures that all actuators together give."""
+    if moved is mechanism:
+        return found
+    out = []
+    for t in found:
+        ratio = np.array([motions(mechanism, q).input_ratio for q in t.q])
+        moving = mechanism.actuated.index(moved.actuated[t.moving])
+        out.append(replace(t, input_ratio=ratio, moving=moving))
+    return tuple(out)
 
 
 def _checks(

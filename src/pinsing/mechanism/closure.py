@@ -175,14 +175,17 @@ def ranks(mechanism: Mechanism) -> Ranks:
     PinsingError
         If the loops close nowhere.
     OptionError
-        If the number of actuated joints is not the mobility.
+        If fewer joints are actuated than there are degrees of freedom. More are redundant
+        actuation, and taken as such.
     """
     found = mechanism.once("ranks", lambda: _ranks(mechanism))
-    if found.mobility != len(mechanism.actuated):
+    if found.mobility > len(mechanism.actuated):
+        count = len(mechanism.actuated)
+        driven = f"{count} {'joints are' if count > 1 else 'joint is'} actuated"
         raise OptionError(
-            f"{mechanism.name} has {found.mobility} degrees of freedom, but "
-            f"{len(mechanism.actuated)} joints are actuated ({', '.join(mechanism.inputs)}): "
-            f"name_mot must list {found.mobility}"
+            f"{mechanism.name} has {found.mobility} degrees of freedom, but {driven} "
+            f"({', '.join(mechanism.inputs)}): "
+            f"name_mot must list {found.mobility} or more"
         )
     return found
 

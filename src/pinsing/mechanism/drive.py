@@ -136,6 +136,7 @@ def _rows(curve: Trace, rows: npt.NDArray[np.intp], closed: bool) -> Trace:
         input_ratio=curve.input_ratio[rows],
         output_ratio=curve.output_ratio[rows],
         closed=closed,
+        held=curve.held,
     )
 
 

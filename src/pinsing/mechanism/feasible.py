@@ -9,13 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.mechanism.closure import random_closed, ranks
+from pinsing.mechanism.batch import BatchLoops, newton
+from pinsing.mechanism.closure import ranks
+from pinsing.mechanism.likeness import likeness, same
 from pinsing.mechanism.singular_points import turning_points
 from pinsing.mechanism.trace import Trace, trace
 from pinsing.robot.load_mechanism import Mechanism
 
 _SEED = 811
-_SAME = 1e-7
+_CLOSED = 1e-9
+_POINT = 1e-7
 
 
 @dataclass(frozen=True)
@@ -45,22 +48,28 @@ class Interval:
         return "whole circle" if self.whole else f"[{self.lower:.6g}, {self.upper:.6g}]"
 
 
-def distinct(mechanism: Mechanism, found: Sequence[Array], tol: float = _SAME) -> list[Array]:
-    """Configurations (n,) that are not the same up to whole turns."""
+def distinct(mechanism: Mechanism, found: Sequence[Array]) -> list[Array]:
+    """Configurations (n,) within the limits, one of each mode."""
     out: list[Array] = []
+    marks: list[Array] = []
     for q in found:
-        if all(np.abs(mechanism.space.wrap(q - other)).max() > tol for other in out):
+        q = mechanism.space.fold(q)
+        if mechanism.space.outside(q).any():
+            continue
+        mark = likeness(mechanism, q)
+        if not any(same(mark, other) for other in marks):
             out.append(q)
+            marks.append(mark)
     return out
 
 
 def curves(
-    mechanism: Mechanism, inputs: npt.ArrayLike, moving: int, starts: int = 24, seed: int = _SEED
+    mechanism: Mechanism, inputs: npt.ArrayLike, moving: int, starts: int = 160, seed: int = _SEED
 ) -> tuple[Trace, ...]:
     """Solution curves with input ``moving`` (position among the inputs) free, the others held.
 
     Each curve is followed as a whole, over type 2 singularities and through all the assembly
-    modes that it connects.
+    modes that it connects, and ends at limits of joints.
     """
     ranks(mechanism)
     inputs = mechanism.check_inputs(inputs)
@@ -69,7 +78,11 @@ def curves(
     start[actuated] = inputs
     free = np.isin(np.arange(mechanism.n), [*mechanism.passive, actuated[moving]])
     rng = np.random.default_rng(seed)
-    closed = random_closed(mechanism, starts, rng, free, start)
+    low, high = mechanism.space.span
+    begin = np.repeat(start[None], starts, axis=0)
+    begin[:, free] = rng.uniform(low, high, begin.shape)[:, free]
+    found, error = newton(BatchLoops(mechanism), begin, free)
+    closed = distinct(mechanism, list(found[error <= _CLOSED]))
     return cover(mechanism, closed, moving)
 
 
@@ -104,7 +117,8 @@ def intervals(mechanism: Mechanism, found: Sequence[Trace], moving: int) -> tupl
         if not mechanism.prismatic[index]:
             if high - low >= 2 * np.pi - 1e-6:
                 return (Interval(-np.pi, np.pi, whole=True),)
-            turn = 2 * np.pi * np.floor((low + np.pi) / (2 * np.pi) + 1e-12)
+            bounded = mechanism.upper[index] - mechanism.lower[index] < 2 * np.pi - 1e-9
+            turn = 0.0 if bounded else 2 * np.pi * np.floor((low + np.pi) / (2 * np.pi) + 1e-12)
             low, high = low - turn, high - turn
         pieces.append((low, high))
     merged: list[list[float]] = []
@@ -113,7 +127,9 @@ def intervals(mechanism: Mechanism, found: Sequence[Trace], moving: int) -> tupl
             merged[-1][1] = max(merged[-1][1], high)
         else:
             merged.append([low, high])
-    return tuple(Interval(low, high) for low, high in merged)
+    # A curve that ends where it begins, at a limit, is no range.
+    scale = mechanism.length_scale if mechanism.prismatic[index] else 1.0
+    return tuple(Interval(low, high) for low, high in merged if high - low > _POINT * scale)
 
 
 def _near(value: Array, ends: Array, prismatic: bool) -> Array:

@@ -77,7 +77,7 @@ def _solutions(
     for _ in range(3):
         Q, size = _close(loops, leg, starts, mine, R[pose], p[pose])
         fresh: list[tuple[int, Array]] = []
-        for i, q, error in zip(pose, Q, size, strict=True):
+        for i, q, error in zip(pose.tolist(), Q, size, strict=True):
             if error <= _CLOSED and _add(mechanism, found[i], q):
                 fresh.append((i, q))
         flips = [(i, x) for i, q in fresh for x in _flipped(mechanism, q, mine)]
@@ -123,9 +123,7 @@ def _flipped(mechanism: Mechanism, q: Array, mine: Bool) -> list[Array]:
     return out
 
 
-def _grouped(
-    mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array]
-) -> list[LegMode]:
+def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array]) -> list[LegMode]:
     groups: list[tuple[Array, list[Array]]] = []
     for q in solutions:
         q = mechanism.space.fold(q)

@@ -1,4 +1,4 @@
-"""When two configurations are one mode: the same, but for how balls and universal joints are flipped.
+"""When two configurations are one mode: alike but for flipped balls and universal joints.
 
 Compared are the pose of the output, the values of the actuated joints, the lines of the passive
 joints' axes without a sense, and the points in which loops close. A universal joint that is

@@ -155,7 +155,11 @@ def mode_of(mechanism: Mechanism, q: npt.ArrayLike) -> str:
 
 
 def home(mechanism: Mechanism) -> Array:
-    """The home configuration with its loops closed; a random one where home leads nowhere."""
+    """The home configuration with its loops closed, within the limits if one can be found.
+
+    Where home leads nowhere, or beyond a limit, a random one within the limits; where there is
+    none either, one beyond them.
+    """
     return np.array(mechanism.once("home", lambda: _home(mechanism)))
 
 
@@ -164,13 +168,24 @@ def _home(mechanism: Mechanism) -> Array:
     # The inputs stay as given if they can.
     passive = np.isin(np.arange(mechanism.n), mechanism.passive)
     masks: tuple[Mask, Mask] = (passive, np.ones(mechanism.n, dtype=bool))
+    spare: list[Array] = []
     for free in masks:
         found, error = gauss_newton(loops, mechanism.home.copy(), free)
         if error <= CLOSED:
-            break
-    else:
-        found = random_closed(mechanism, 30, np.random.default_rng(_SEED))[0]
-    return mechanism.space.wrap(found)
+            found = mechanism.space.fold(found)
+            if not mechanism.space.outside(found).any():
+                return found
+            spare.append(found)
+    rng = np.random.default_rng(_SEED)
+    low, high = mechanism.space.span
+    for start in rng.uniform(low, high, (60, mechanism.n)):
+        found, error = gauss_newton(loops, start, masks[1])
+        found = mechanism.space.fold(found)
+        if error <= CLOSED and not mechanism.space.outside(found).any():
+            return found
+    if not spare:
+        spare = random_closed(mechanism, 30, np.random.default_rng(_SEED))
+    return mechanism.space.fold(spare[0])
 
 
 def _assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:

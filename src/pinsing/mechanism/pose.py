@@ -94,7 +94,8 @@ def read_pose(mechanism: Mechanism, pose: npt.ArrayLike | None) -> pin.SE3:
         full = np.concatenate([at_home.translation, pin.rpy.matrixToRpy(at_home.rotation)])
         full[list(rows)] = values
         return pin.SE3(pin.rpy.rpyToMatrix(*full[3:]), full[:3])
-    names = ", ".join({"v": "", "w": "turn about "}[ROW_NAMES[r][0]] + ROW_NAMES[r][1] for r in rows)
+    named = {"v": "", "w": "turn about "}
+    names = ", ".join(named[ROW_NAMES[r][0]] + ROW_NAMES[r][1] for r in rows)
     raise ConfigurationError(
         f"a pose of {mechanism.output} has {len(rows)} numbers ({names}), 6 (x, y, z, roll, pitch, "
         f"yaw), 7 (x, y, z and a quaternion) or is a matrix (4, 4); got {_shape(values)}"
@@ -109,8 +110,10 @@ def _shape(values: Array) -> str:
 
 def _matrix(values: Array) -> pin.SE3:
     R = values[:3, :3]
-    if np.abs(R @ R.T - np.eye(3)).max() > _UNIT or np.linalg.det(R) < 0 or not np.allclose(
-        values[3], [0, 0, 0, 1], atol=_UNIT
+    if (
+        np.abs(R @ R.T - np.eye(3)).max() > _UNIT
+        or np.linalg.det(R) < 0
+        or not np.allclose(values[3], [0, 0, 0, 1], atol=_UNIT)
     ):
         raise ConfigurationError("the matrix (4, 4) is no pose: its rotation is not orthogonal")
     U, _, Vt = np.linalg.svd(R)

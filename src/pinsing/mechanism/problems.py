@@ -13,7 +13,6 @@ from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
@@ -26,7 +25,7 @@ from pinsing.mechanism.leg_solutions import leg_modes
 from pinsing.mechanism.likeness import SAME, output_pose
 from pinsing.mechanism.modes import home, mode_at, mode_of
 from pinsing.mechanism.motion import motions
-from pinsing.mechanism.pose import Pose, pose_of, read_pose
+from pinsing.mechanism.pose import pose_of, read_pose
 from pinsing.mechanism.solve import InfeasibleError, Solution
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
@@ -88,9 +87,11 @@ class Modes(JsonResult):
 
 @checked
 def assembly_modes(
-    mechanism: Mechanism, inputs: npt.ArrayLike | None = None, starts: int = STARTS,
+    mechanism: Mechanism,
+    inputs: npt.ArrayLike | None = None,
+    starts: int = STARTS,
     seed: int = SEED,
-) -> Modes:  # fmt: skip
+) -> Modes:
     """Solve the direct problem: every pose of the output that was found at given inputs.
 
     Parameters
@@ -138,9 +139,11 @@ def assembly_modes(
 
 @checked
 def working_modes(
-    mechanism: Mechanism, pose: npt.ArrayLike | None = None, starts: int = STARTS,
+    mechanism: Mechanism,
+    pose: npt.ArrayLike | None = None,
+    starts: int = STARTS,
     seed: int = SEED,
-) -> Modes:  # fmt: skip
+) -> Modes:
     """Solve the inverse problem: every way to reach a pose of the output that was found.
 
     Parameters

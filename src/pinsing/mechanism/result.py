@@ -12,6 +12,7 @@ from pinsing.joint_text import typed
 from pinsing.mechanism.feasible import Interval
 from pinsing.mechanism.loci import LoopForms
 from pinsing.mechanism.motion import MechanismState
+from pinsing.mechanism.pose_table import pose_table
 from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.mechanism.solve import Solution
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
@@ -24,24 +25,13 @@ _MEANING = {
     "constraint": "more motions than the mobility",
 }
 
+_FEW = 7
+"""Joints up to which a text lists the values of all of them."""
+_FEW_INPUTS = 3
+_MOST_ROWS = 16
+
 Line = tuple[str, tuple[Span, ...]]
 """An indent, and what follows it."""
-
-
-@dataclass(frozen=True, eq=False)
-class Mode:
-    """A mode that the mechanism has at the analysed output position.
-
-    Attributes
-    ----------
-    name : str
-        Assembly and working mode.
-    q : (n,) array
-        All joints, radians and metres.
-    """
-
-    name: str
-    q: Array
 
 
 @dataclass(frozen=True)
@@ -81,9 +71,14 @@ class MechanismAnalysis(JsonResult):
     state : MechanismState
         At the configuration analysed.
     assemblies : tuple of Solution
-        All ways to close the loops at its inputs.
-    working : tuple of Mode
-        All ways to reach its output position; empty where no closed form lists them.
+        The assembly modes at its inputs (direct problem), one configuration each.
+    direct : str
+        How many, and how sure it is that these are all.
+    working : tuple of Solution
+        The working modes for its pose of the output (inverse problem); empty where a pose
+        leaves a freedom open.
+    inverse : str
+        How many, and how sure it is that these are all.
     ranges : dict of str to tuple of Interval
         For each input, the others held, where the loops close.
     points : tuple of SingularPoint
@@ -96,7 +91,7 @@ class MechanismAnalysis(JsonResult):
         What was assumed.
     """
 
-    schema: ClassVar[str] = "pinsing/mechanism-analysis/1"
+    schema: ClassVar[str] = "pinsing/mechanism-analysis/2"
 
     name: str
     source: str
@@ -112,7 +107,9 @@ class MechanismAnalysis(JsonResult):
     constraint_rows: int
     state: MechanismState
     assemblies: tuple[Solution, ...]
-    working: tuple[Mode, ...]
+    direct: str
+    working: tuple[Solution, ...]
+    inverse: str
     ranges: dict[str, tuple[Interval, ...]]
     points: tuple[SingularPoint, ...]
     forms: LoopForms | None
@@ -128,6 +125,7 @@ def analysis_text(
     page: Page = PLAIN,
     degrees: bool = False,
     sliding: Collection[str] = (),
+    joints: bool | None = None,
 ) -> str:
     """Plain text of an analysis.
 
@@ -141,9 +139,12 @@ def analysis_text(
         Angles in degrees.
     sliding : collection of str
         Joints whose values are no angles.
+    joints : bool or None
+        List the values of all joints of each mode; None: where there are few.
     """
+    joints = len(a.joints) <= _FEW if joints is None else joints
     values = _Values(degrees, frozenset(sliding))
-    lines = [*_head(a, values), *_configurations(a, values), *_points(a, values)]
+    lines = [*_head(a, values), *_configurations(a, values, joints), *_points(a, values)]
     lines += [*_forms(a, values, page), *_checks(a)]
     return "\n".join(
         page.paragraph(*spans, first=indent, rest=indent + "  ") for indent, spans in lines
@@ -206,18 +207,36 @@ def _head(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
     )
 
 
-def _configurations(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
-    yield "  ", (f"{len(a.assemblies)} assembly configurations at these inputs:",)
-    for s in a.assemblies:
-        yield "    ", (f"{s.mode}: {values.named(a.joints, s.q)}",)
+def _configurations(a: MechanismAnalysis, values: _Values, joints: bool) -> Iterator[Line]:
+    yield "  ", (f"direct problem, at these inputs: {a.direct}",)
+    yield from _modes(a, a.assemblies, values, joints)
     if a.working:
-        yield "  ", (f"{len(a.working)} ways to reach the same output position:",)
-        for m in a.working:
-            yield "    ", (f"{m.name}: {values.named(a.joints, m.q)}",)
+        yield "  ", (f"inverse problem, for the pose there: {a.inverse}",)
+        yield from _modes(a, a.working, values, joints)
     yield "  ", ("the loops close, the other inputs held, for",)
     for name, found in a.ranges.items():
         ends = " or ".join(values.interval(name, i) for i in found)
         yield "    ", (f"{name} in {ends or 'nothing'}",)
+
+
+def _modes(
+    a: MechanismAnalysis, modes: Sequence[Solution], values: _Values, joints: bool
+) -> Iterator[Line]:
+    """A table: the pose of the output first."""
+    rows = [s.pose for s in modes if s.pose is not None]
+    count = min(len(rows), len(modes) if joints else _MOST_ROWS)
+    for line in pose_table(
+        rows[:count],
+        [(str(s.ways), s.mode) for s in modes[:count]],
+        ("ways", "mode"),
+        values.degrees,
+    ):
+        yield "    ", (line,)
+    if count < len(modes):
+        yield "    ", (f"{len(modes) - count} more are in the JSON (--json)",)
+    if joints:
+        for k, s in enumerate(modes, 1):
+            yield "    ", (f"{k}: {values.named(a.joints, s.q)}",)
 
 
 def _points(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
@@ -230,7 +249,14 @@ def _points(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
         yield "", (alarm(unbroken(kind)), title)
         for p in here:
             end = "  (end of the range)" if p.range_end else ""
-            yield "  ", (f"{values.named(a.inputs, p.inputs, 10)}  {p.mode}{end}",)
+            if len(a.inputs) <= _FEW_INPUTS:
+                yield "  ", (f"{values.named(a.inputs, p.inputs, 10)}  {p.mode}{end}",)
+                continue
+            k = a.inputs.index(p.moving) if p.moving else None
+            names, where = (a.inputs, p.inputs) if k is None else ((p.moving,), p.inputs[k : k + 1])
+            at = ", ".join(f"{x + 0.0:.6g}" for x in p.position.round(12))
+            shown = values.named(names, where, 10)
+            yield "  ", (f"{shown}  {p.mode}{end}; output at {unbroken(f'({at})')} m",)
 
 
 def _forms(a: MechanismAnalysis, values: _Values, page: Page) -> Iterator[Line]:

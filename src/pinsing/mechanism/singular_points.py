@@ -22,6 +22,7 @@ from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.mechanism.closure import Loops, ranks
+from pinsing.mechanism.likeness import likeness, same
 from pinsing.mechanism.modes import mode_of
 from pinsing.mechanism.motion import _motions
 from pinsing.mechanism.trace import STEP, Trace
@@ -30,6 +31,7 @@ from pinsing.serialization import JsonResult
 
 KINDS = ("type 1", "type 2", "constraint")
 _WORTH = 0.3
+_GROWTH = 1.3
 _STEPS = 40
 _SAME = 1e-6
 
@@ -118,22 +120,35 @@ def find_singular(
     found: list[SingularPoint] = []
     for t in traces:
         index = mechanism.actuated[t.moving]
-        held = [j for j in mechanism.actuated if j != index]
         for kind, k in _candidates(t, index):
-            point = refine_point(mechanism, t.q[k], kind, held, rtol)
+            point = refine_point(mechanism, t.q[k], kind, t.held, rtol)
             away = np.abs(mechanism.space.wrap(point.q - t.q[k])).max()
             if point.converged and away <= 6 * STEP:
                 _add(mechanism, found, point)
-    return tuple(sorted(found, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
+    once = _of_one_mode(mechanism, found)
+    return tuple(sorted(once, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
+
+
+def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[SingularPoint]:
+    """Points within the limits; of those that differ in flipped passive joints only, the first."""
+    out: list[SingularPoint] = []
+    marks: list[Array] = []
+    for point in found:
+        if mechanism.space.outside(point.q, _SAME).any():
+            continue
+        mark = likeness(mechanism, point.q)
+        if not any(same(mark, other) for other in marks):
+            out.append(point)
+            marks.append(mark)
+    return out
 
 
 def turning_points(mechanism: Mechanism, t: Trace) -> tuple[SingularPoint, ...]:
     """Where the moving input turns back along a curve: type 2, the ends of its range."""
     index = mechanism.actuated[t.moving]
-    held = [j for j in mechanism.actuated if j != index]
     found: list[SingularPoint] = []
     for k in _turns(t, index):
-        point = refine_point(mechanism, t.q[k], "type 2", held)
+        point = refine_point(mechanism, t.q[k], "type 2", t.held)
         if point.converged and np.abs(mechanism.space.wrap(point.q - t.q[k])).max() <= 6 * STEP:
             _add(mechanism, found, point)
     return tuple(found)
@@ -166,6 +181,10 @@ def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
         if not t.closed:
             left[0] = right[-1] = np.inf
         low = (ratio <= left) & (ratio <= right) & (ratio < _WORTH)
+        # Beside a zero the measure grows by its own size within a step; not so a flat minimum.
+        if not t.closed:
+            left[0], right[-1] = ratio[2], ratio[-3]
+        low &= np.maximum(left, right) >= _GROWTH * ratio
         if low.all():
             continue
         out += [(kind, int(k)) for k in np.flatnonzero(low)]

@@ -16,6 +16,7 @@ from pinsing.errors import PinsingError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.mechanism.closure import CLOSED, Loops, ranks
 from pinsing.mechanism.motion import Motions, _motions
+from pinsing.robot.joint_space import SLACK
 from pinsing.robot.load_mechanism import Mechanism
 
 STEP = 0.04
@@ -40,6 +41,8 @@ class Trace:
         Measures of the constraint, type 2 and type 1 singularities.
     closed : bool
         Whether the curve came back to its start.
+    held : tuple of int
+        Joints that keep their values along it: the other inputs.
     """
 
     moving: int
@@ -49,6 +52,7 @@ class Trace:
     input_ratio: Array
     output_ratio: Array
     closed: bool
+    held: tuple[int, ...] = ()
 
     def passes(self, mechanism: Mechanism, q: Array, tol: float = STEP) -> bool:
         """Whether the curve runs through q (n,), whole turns aside."""
@@ -64,7 +68,7 @@ class Trace:
 def trace(mechanism: Mechanism, start: Array, moving: int, step: float = STEP) -> Trace:
     """Follow the curve through a closed configuration ``start`` (n,), one input moving.
 
-    The curve ends where it closes, or at a limit of the moving input (continuous joints and
+    The curve ends where it closes, or where a joint meets its limit (continuous joints and
     those of a full turn have none); then it is followed to the other side as well.
 
     Raises
@@ -74,7 +78,7 @@ def trace(mechanism: Mechanism, start: Array, moving: int, step: float = STEP) -
     """
     path = _Curve(mechanism, moving, step)
     try:
-        q = path.correct(start)
+        q = path.correct(mechanism.space.fold(start))
     except _LostError:
         raise PinsingError(
             f"{mechanism.name}: no curve begins here: the loops do not close at the start"
@@ -94,6 +98,7 @@ def trace(mechanism: Mechanism, start: Array, moving: int, step: float = STEP) -
         input_ratio=np.array([m.input_ratio for m in measured]),
         output_ratio=np.array([m.output_ratio for m in measured]),
         closed=closed,
+        held=path.held_joints,
     )
 
 
@@ -103,13 +108,12 @@ class _Curve:
         self.loops = Loops(mechanism)
         self.rank = ranks(mechanism).constraint
         self.index = mechanism.actuated[moving]
-        held = [j for k, j in enumerate(mechanism.actuated) if k != moving]
-        self.held = np.eye(mechanism.n)[held]
+        self.held_joints = tuple(j for k, j in enumerate(mechanism.actuated) if k != moving)
+        self.held = np.eye(mechanism.n)[list(self.held_joints)]
         self.units = self.loops.column_scale
-        turns = not mechanism.prismatic[self.index]
-        low, high = float(mechanism.lower[self.index]), float(mechanism.upper[self.index])
-        bounded = not (turns and high - low >= 2 * np.pi - 1e-9)
-        self.low, self.high = (low, high) if bounded else (-np.inf, np.inf)
+        whole = ~mechanism.prismatic & (mechanism.upper - mechanism.lower >= 2 * np.pi - 1e-9)
+        self.low = np.where(whole, -np.inf, mechanism.lower) - SLACK
+        self.high = np.where(whole, np.inf, mechanism.upper) + SLACK
 
     def tangent(self, q: Array, along: Array | None) -> Array:
         G = self.loops.scaled(q)[1]
@@ -158,7 +162,10 @@ class _Curve:
             if travelled > 2 * self.step and self._back(start, out[0][1], q, t, step):
                 out.append((self._same_turns(start, new), out[0][1]))
                 return out, True
-            if not self.low <= new[self.index] <= self.high:
+            if not self._inside(new):
+                end = self._last_inside(q, t, step)
+                if np.abs((end - q) / self.units).max() > SLACK:
+                    out.append((end, self.tangent(end, t)))
                 return out, False
             q, t = new, turn
             out.append((q, t))
@@ -167,6 +174,24 @@ class _Curve:
             f"{self.mechanism.name}: a curve of closed configurations is still open after "
             f"{_MOST} steps: use a larger step"
         )
+
+    def _inside(self, q: Array) -> bool:
+        return bool(((q >= self.low) & (q <= self.high)).all())
+
+    def _last_inside(self, q: Array, t: Array, step: float) -> Array:
+        """Where the curve meets the limit that a step from q would cross."""
+        good, short, long = q, 0.0, step
+        while long - short > SLACK / 4:
+            middle = (short + long) / 2
+            try:
+                new = self.correct(q + middle * t * self.units, t)
+            except _LostError:
+                break
+            if self._inside(new):
+                good, short = new, middle
+            else:
+                long = middle
+        return good
 
     def _back(self, start: Array, first: Array, q: Array, t: Array, step: float) -> bool:
         """Whether the step from q leads over the start, in the same direction."""

@@ -9,8 +9,8 @@ from pinsing.errors import OptionError
 from pinsing.mechanism.analysis import analyze_mechanism
 from pinsing.mechanism.drive import drive
 from pinsing.mechanism.motion import mechanism_at
-from pinsing.mechanism.result import MechanismAnalysis
 from pinsing.mechanism.problems import assemblies
+from pinsing.mechanism.result import MechanismAnalysis
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.links import Links, read_links
 from pinsing.view.mechanism.groups import Group, groups

@@ -1,0 +1,286 @@
+"""Modes that count, the direct and the inverse problem, limits kept."""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from mechanisms import URDF, shipped
+
+import pinsing
+from pinsing.cli import main
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.mechanism import (
+    analyze_mechanism,
+    assembly_modes,
+    curves,
+    find_singular,
+    home,
+    mechanism_at,
+    ranks,
+    residual,
+    working_modes,
+)
+from pinsing.mechanism.batch import BatchLoops
+from pinsing.mechanism.closure import Loops
+from pinsing.mechanism.feasible import intervals
+from pinsing.mechanism.likeness import likeness, same
+from pinsing.mechanism.problems import Modes
+from pinsing.mechanism.structure import structure
+
+SHELF = {
+    # joints, closure equations written and independent, degrees of freedom
+    "gough_stewart": (21, 15, 15, 6),
+    "stewart_6_3": (21, 15, 15, 6),
+    "griffis_duffy": (21, 15, 15, 6),
+    "rps3": (9, 6, 6, 3),
+    "planar_3rpr": (7, 6, 4, 3),
+    "planar_3rrr": (7, 6, 4, 3),
+    "delta": (18, 15, 15, 3),
+    "agile_eye": (7, 6, 4, 3),
+    "rssr": (4, 3, 3, 1),
+    "bennett": (4, 6, 3, 1),
+}
+BASE = np.radians([-10, 10, 110, 130, 230, 250])
+PLATFORM = np.radians([-50, 50, 70, 170, 190, 290])
+
+
+def polar(radius, angles):
+    return np.stack([radius * np.cos(angles), radius * np.sin(angles), 0 * angles], axis=1)
+
+
+@pytest.fixture(scope="module")
+def platform():
+    return shipped("gough_stewart")
+
+
+@pytest.fixture(scope="module")
+def without_limits(platform):
+    return assembly_modes(platform.without_limits(), starts=120)
+
+
+@pytest.mark.parametrize("name", SHELF)
+def test_mobility_of_the_shelf(name):
+    mechanism = shipped(name)
+    joints, rows, rank, mobility = SHELF[name]
+    found = ranks(mechanism)
+    assert (mechanism.n, mechanism.rows) == (joints, rows)
+    assert (found.constraint, found.mobility, found.output) == (rank, mobility, mobility)
+    assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-11
+
+
+def test_one_length_of_the_bennett_linkage_changed_and_it_cannot_move():
+    mechanism = shipped("bennett")
+    model = mechanism.model.copy()
+    place = model.jointPlacements[2]
+    place.translation = place.translation * 1.01
+    model.jointPlacements[2] = place
+    with pytest.raises(pinsing.PinsingError, match=r"close nowhere|leave no motion"):
+        ranks(replace(mechanism, model=model))
+
+
+@pytest.mark.parametrize("name", ["gough_stewart", "delta", "agile_eye", "planar_3rrr"])
+def test_batches_equal_pinocchio(name, rng):
+    mechanism = shipped(name)
+    one, many = Loops(mechanism), BatchLoops(mechanism)
+    Q = mechanism.space.sample(20, rng)
+    errors, jacobians = many.closure(Q)
+    _, _, outputs = many.output(Q)
+    for q, e, J, out in zip(Q, errors, jacobians, outputs, strict=True):
+        error, G = one.scaled(q)
+        sign = 1 if np.abs(error - e).max() < np.abs(error + e).max() else -1
+        np.testing.assert_allclose(error, sign * e, atol=1e-12)
+        np.testing.assert_allclose(G, sign * J, atol=1e-12)
+        np.testing.assert_allclose(one.output_scaled(q), out[list(mechanism.task.rows)], atol=1e-12)
+
+
+def test_a_batch_closes_a_weld_as_pinocchio_does(rng):
+    mechanism = shipped("bennett")
+    _, jacobians = BatchLoops(mechanism).closure(home(mechanism)[None])
+    G = Loops(mechanism).scaled(home(mechanism))[1]
+    np.testing.assert_allclose(np.abs(jacobians[0]), np.abs(G), atol=1e-9)
+
+
+def test_legs_balls_and_universal_joints_are_seen(platform):
+    built = structure(platform)
+    assert len(built.legs) == 6
+    named = [tuple(platform.joints[j] for j in c.joints) for c in built.centres]
+    assert ("s1x", "s1y", "s1z") in named
+    assert named.count(("u3x", "u3y")) == 1
+    delta = shipped("delta")
+    assert len(structure(delta).legs) == 3
+    # The ball's first axis passes through the universal joint as well; it belongs to the ball.
+    assert ("s1x", "s1y", "s1z") in [
+        tuple(delta.joints[j] for j in c.joints) for c in structure(delta).centres
+    ]
+
+
+def test_assembly_modes_of_the_platform_have_the_legs_asked_for(platform, without_limits):
+    """Leg lengths from the pose of the output alone, by subtraction of points."""
+    asked = home(platform)[list(platform.actuated)]
+    base, top = polar(1.0, BASE), polar(0.6, PLATFORM)
+    poses = []
+    for s in without_limits.modes:
+        at, R = np.array(s.pose.position), s.pose.se3.rotation
+        lengths = np.linalg.norm(at + top @ R.T - base, axis=1)
+        np.testing.assert_allclose(lengths, asked, atol=1e-9)
+        poses.append(np.concatenate([at, R.ravel()]))
+    assert len(poses) >= 8
+    for a, b in itertools.combinations(poses, 2):
+        assert np.abs(a - b).max() > 1e-3
+    # Two ways for each of six universal joints, and two for the ball of the first leg.
+    assert {s.ways for s in without_limits.modes} == {128}
+    assert "from 120 starts" in without_limits.statement
+    assert not without_limits.complete
+
+
+def test_limits_leave_modes_out_and_say_so(platform):
+    found = assembly_modes(platform, starts=150)
+    assert 1 <= len(found.modes) < 8
+    assert found.beyond >= 1
+    assert "beyond the joint limits" in found.statement
+    for s in found.modes:
+        assert not platform.space.outside(s.q).any()
+        assert s.ways == 1
+        assert np.abs(residual(platform, s.q)).max() < 1e-10
+    assert Modes.from_json(found.to_json()).statement == found.statement
+
+
+def test_working_modes_of_the_platform(platform):
+    pose = np.array([0.05, -0.02, 1.05, 0.1, -0.05, 0.2])
+    found = working_modes(platform, pose, starts=20)
+    assert len(found.modes) == 1
+    np.testing.assert_allclose(found.modes[0].pose.position, pose[:3], atol=1e-9)
+    np.testing.assert_allclose(found.modes[0].pose.angles, pose[3:], atol=1e-9)
+    both = working_modes(platform.without_limits(), pose, starts=20)
+    # A leg may reach with a negative length.
+    assert len(both.modes) == 64
+    values = np.array([s.inputs for s in both.modes])
+    np.testing.assert_allclose(np.abs(values), np.abs(values[:1]).repeat(64, axis=0), atol=1e-9)
+
+
+def test_flipped_joints_are_the_same_mode(platform):
+    q = home(platform)
+    flipped = q.copy()
+    k = platform.joints.index("u2x")
+    flipped[k] += np.pi
+    flipped[k + 1] = np.pi - q[k + 1]
+    assert np.abs(residual(platform, flipped)).max() < 1e-12
+    assert same(likeness(platform, q), likeness(platform, flipped))
+    a, b = mechanism_at(platform, q), mechanism_at(platform, flipped)
+    assert a.input_ratio == pytest.approx(b.input_ratio, abs=1e-12)
+    elbow = shipped("planar_3rrr")
+    one, *others = (s.q for s in working_modes(elbow, starts=40).modes)
+    assert not any(same(likeness(elbow, one), likeness(elbow, x)) for x in others)
+
+
+def test_working_modes_of_a_3rrr_bend_each_elbow_both_ways():
+    mechanism = shipped("planar_3rrr")
+    found = working_modes(mechanism, starts=60)
+    assert len(found.modes) == 8
+    assert len({s.mode.split("elbows ")[1] for s in found.modes}) == 8
+
+
+def test_architecture_singular_platforms_have_a_curve_of_poses():
+    found = assembly_modes(shipped("griffis_duffy").without_limits(), starts=60)
+    assert found.loose > 8
+    assert "points of a curve of poses" in found.statement
+    assert not found.complete
+
+
+def test_ranges_have_a_length_and_end_at_limits(platform):
+    mechanism = shipped("planar_3rpr")
+    short = mechanism.upper.copy()
+    short[mechanism.joints.index("p2")] = 0.6
+    tight = replace(mechanism, upper=short)
+    inputs = home(tight)[list(tight.actuated)]
+    found = intervals(tight, curves(tight, inputs, 1), 1)
+    assert found
+    assert all(i.upper > i.lower for i in found)
+    assert max(i.upper for i in found) == pytest.approx(0.6, abs=1e-7)
+    # Passive joints end a range too: here the first leg may not turn far.
+    narrow = tight.upper.copy()
+    low = tight.lower.copy()
+    k = tight.joints.index("r1")
+    low[k], narrow[k] = inputs[0] * 0 + home(tight)[k] - 0.02, home(tight)[k] + 0.02
+    held = replace(tight, lower=low, upper=narrow)
+    for t in curves(held, inputs, 1):
+        assert (t.q[:, k] <= narrow[k] + 1e-7).all()
+        assert (t.q[:, k] >= low[k] - 1e-7).all()
+        assert max(abs(t.q[0, k] - home(tight)[k]), abs(t.q[-1, k] - home(tight)[k])) > 0.019
+
+
+@pytest.mark.slow
+def test_more_actuators_than_freedoms_are_analysed_as_such():
+    mechanism = shipped("five_bar").with_actuated(["q1", "q2", "b1"])
+    assert ranks(mechanism).mobility == 2
+    found = analyze_mechanism(mechanism)
+    assert any("redundantly actuated: 3 actuators for 2" in note for note in found.notes)
+    assert found.state.kind == "regular"
+    # With b1 held as well the end cannot give way where the rods are in line.
+    assert not [p for p in found.points if p.kind == "type 2"]
+    plain = shipped("five_bar")
+    assert [
+        p for p in find_singular(plain, curves(plain, [np.pi / 3] * 2, 1)) if p.kind == "type 2"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("pose", "message"),
+    [
+        ([1.0, 2.0], "a pose of platform_center has 6 numbers"),
+        (np.eye(3), "got an array"),
+        (np.zeros((4, 4)), "is no pose"),
+        ([0, 0, 1, 0, 0, 0, 0], "quaternion of the pose is zero"),
+        ([0, 0, np.nan, 0, 0, 0], "not finite"),
+    ],
+)
+def test_wrong_poses_are_said(platform, pose, message):
+    with pytest.raises(ConfigurationError, match=message):
+        working_modes(platform, pose)
+
+
+def test_wrong_questions_are_said(platform):
+    with pytest.raises(ConfigurationError, match="p1 = 9 is outside its limits"):
+        assembly_modes(platform, [9.0] * 6)
+    with pytest.raises(OptionError, match="starts must be 1 or more"):
+        assembly_modes(platform, starts=0)
+    crank = replace(shipped("five_bar"), task=shipped("four_bar").task)
+    with pytest.raises(OptionError, match="a pose leaves the others open"):
+        working_modes(crank)
+
+
+@pytest.mark.slow
+def test_the_platform_is_analysed_once_over(platform):
+    found = analyze_mechanism(platform)
+    assert found.mobility == 6
+    for name, ranges in found.ranges.items():
+        assert ranges, name
+        assert all(i.upper - i.lower > 1e-3 and i.lower >= 0.3 - 1e-9 for i in ranges)
+    marks = [likeness(platform, p.q) for p in found.points]
+    assert not any(same(a, b) for a, b in itertools.combinations(marks, 2))
+    assert not any(platform.space.outside(p.q, 1e-6).any() for p in found.points)
+    text = str(found)
+    assert "u1x" not in text
+    assert "s1z" in found.to_json() or "s1z" in found.joints
+
+
+def test_all_joints_on_request_only(capsys):
+    def run(*args):
+        with pytest.raises(SystemExit) as ended:
+            main(args)
+        return ended.value.code, capsys.readouterr()
+
+    given = ["analyze", str(URDF / "rps3.urdf"), "--loops", str(URDF / "rps3.loops.yaml")]
+    code, said = run(*given)
+    assert code == 0
+    assert "pitch" in said.out
+    assert "s1y =" not in said.out
+    code, said = run(*given, "--all-joints", "--ignore-limits")
+    assert code == 0
+    assert "s1y =" in said.out
+    code, said = run("analyze", "planar3r", "--all-joints")
+    assert code == 2
+    assert "goes with --loops" in said.err
