@@ -186,7 +186,7 @@ def test_working_modes_of_a_3rrr_bend_each_elbow_both_ways():
 def test_architecture_singular_platforms_have_a_curve_of_poses():
     found = assembly_modes(shipped("griffis_duffy").without_limits(), starts=60)
     assert found.loose > 8
-    assert "points of a curve of poses" in found.statement
+    assert "points of curves of poses" in found.statement
     assert not found.complete
 
 

@@ -8,6 +8,8 @@ from pinsing.mechanism.loci import Locus, LoopForms, loop_forms
 from pinsing.mechanism.modes import home, mode_of
 from pinsing.mechanism.motion import MechanismState, input_output, leg_form, mechanism_at, motions
 from pinsing.mechanism.pose import Pose
+from pinsing.mechanism.pose_equation import PoseEquation
+from pinsing.mechanism.pose_loci import PoseForms, PoseLocus, pose_forms
 from pinsing.mechanism.problems import Modes, assemblies, assembly_modes, working_modes
 from pinsing.mechanism.result import MechanismAnalysis
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
@@ -23,6 +25,9 @@ __all__ = [
     "MechanismState",
     "Modes",
     "Pose",
+    "PoseEquation",
+    "PoseForms",
+    "PoseLocus",
     "SingularPoint",
     "Solution",
     "Stretch",
@@ -44,6 +49,7 @@ __all__ = [
     "mode_of",
     "motions",
     "output_jacobian",
+    "pose_forms",
     "ranks",
     "refine",
     "residual",

@@ -17,6 +17,7 @@ from pinsing.mechanism.loci import LoopForms, loop_forms
 from pinsing.mechanism.loci_roots import roots
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.motion import mechanism_at, motions
+from pinsing.mechanism.pose_loci import PoseForms, locus_distance, pose_forms
 from pinsing.mechanism.problems import Modes, assembly_modes, working_modes
 from pinsing.mechanism.result import Check, MechanismAnalysis
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
@@ -25,6 +26,7 @@ from pinsing.mechanism.trace import Trace
 from pinsing.robot.load_mechanism import Mechanism
 
 _AGREE = 1e-9
+_ON = 1e-7
 
 
 @checked
@@ -77,14 +79,18 @@ def analyze_mechanism(
     if inputs is not None:
         q = direct.modes[0].q
     notes = [*mechanism.notes, *_notes(mechanism, generic, q)]
+    poses = pose_forms(mechanism)
+    fixed = poses is None or not poses.architecture
     moved = _independent(mechanism, generic, q)
     ranges: dict[str, tuple[Interval, ...]] = {}
     points: list[SingularPoint] = []
-    for k, name in enumerate(moved.inputs):
+    for k, name in enumerate(moved.inputs if fixed else ()):
         found = curves(moved, q[list(moved.actuated)] if moved is not mechanism else asked, k)
         ranges[name] = intervals(moved, found, k)
         points += find_singular(mechanism, _measured(mechanism, moved, found))
     forms = loop_forms(mechanism)
+    if not fixed:
+        notes.append("every pose is of type 2: ranges and points along the inputs are left out")
     inverse = _inverse(mechanism, generic, q)
     return MechanismAnalysis(
         name=mechanism.name,
@@ -107,7 +113,11 @@ def analyze_mechanism(
         ranges=ranges,
         points=tuple(points),
         forms=forms,
-        checks=tuple(_checks(mechanism, asked, tuple(points), forms)),
+        pose_forms=poses,
+        checks=(
+            *_checks(mechanism, asked, tuple(points), forms),
+            *_pose_checks(mechanism, poses, tuple(points)),
+        ),
         notes=tuple(notes),
     )
 
@@ -202,6 +212,21 @@ def _checks(
     if missed:
         words = f"the sweep missed {len(missed)} of {count} roots: {', '.join(missed)}"
     return [*out, Check(words, not missed)]
+
+
+def _pose_checks(
+    mechanism: Mechanism, forms: PoseForms | None, points: tuple[SingularPoint, ...]
+) -> list[Check]:
+    """The numbers against the loci over the pose, at each point of the sweep."""
+    if forms is None or not forms.loci:
+        return []
+    worst = max((float(locus_distance(mechanism, forms, p.q)) for p in points), default=0.0)
+    regular = locus_distance(mechanism, forms, home(mechanism))
+    words = (
+        f"each of the {len(points)} points of the sweep lies on a locus over the pose (largest "
+        f"relative value {worst:.1e}; {regular:.1e} at home)"
+    )
+    return [Check(words, worst <= _ON)]
 
 
 def _feasible(mechanism: Mechanism, inputs: Array) -> bool:

@@ -279,9 +279,10 @@ def _sought(
     complete = bound is not None and len(poses) >= bound and not spare
     words = _words(problem, len(modes), starts, [hits[k] for k in kept], beyond, bound, complete)
     if spare:
-        words += (
-            f"; at {len(spare) + 1} of the poses found the output moves with the inputs held: "
-            "they are points of a curve of poses, of which one is given"
+        words = (
+            f"the inputs do not fix the pose: at {len(spare) + 1} of {len(poses)} poses found from "
+            f"{starts} starts the output moves with the inputs held. They are points of curves of "
+            "poses, of which one is given"
         )
     if cut:
         words += f"; the list ends after {_MOST}"

@@ -12,6 +12,7 @@ from pinsing.joint_text import typed
 from pinsing.mechanism.feasible import Interval
 from pinsing.mechanism.loci import LoopForms
 from pinsing.mechanism.motion import MechanismState
+from pinsing.mechanism.pose_loci import PoseForms
 from pinsing.mechanism.pose_table import pose_table
 from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.mechanism.solve import Solution
@@ -85,6 +86,8 @@ class MechanismAnalysis(JsonResult):
         Singular points along the curves of each input, the others held.
     forms : LoopForms or None
         The loci as equations, where the algebra is at hand.
+    pose_forms : PoseForms or None
+        The loci as equations in the pose of the output, where each leg passes one force.
     checks : tuple of Check
         Sweep against closed forms.
     notes : tuple of str
@@ -113,6 +116,7 @@ class MechanismAnalysis(JsonResult):
     ranges: dict[str, tuple[Interval, ...]]
     points: tuple[SingularPoint, ...]
     forms: LoopForms | None
+    pose_forms: PoseForms | None
     checks: tuple[Check, ...]
     notes: tuple[str, ...]
 
@@ -213,7 +217,8 @@ def _configurations(a: MechanismAnalysis, values: _Values, joints: bool) -> Iter
     if a.working:
         yield "  ", (f"inverse problem, for the pose there: {a.inverse}",)
         yield from _modes(a, a.working, values, joints)
-    yield "  ", ("the loops close, the other inputs held, for",)
+    if a.ranges:
+        yield "  ", ("the loops close, the other inputs held, for",)
     for name, found in a.ranges.items():
         ends = " or ".join(values.interval(name, i) for i in found)
         yield "    ", (f"{name} in {ends or 'nothing'}",)
@@ -262,7 +267,16 @@ def _points(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
 def _forms(a: MechanismAnalysis, values: _Values, page: Page) -> Iterator[Line]:
     yield "", ()
     if a.forms is None:
-        yield "", ("Closed forms: none (no planar dyad closes the loops); the points are numeric.",)
+        if a.pose_forms is None:
+            yield (
+                "",
+                (
+                    "Closed forms: none (neither a planar dyad closes the loops nor does each leg "
+                    "pass one force); the points are numeric.",
+                ),
+            )
+        else:
+            yield from _pose_forms(a.pose_forms)
         return
     whole = good("complete") if a.forms.complete else caution("NOT complete")
     yield "", ("Closed forms of the singular loci over the inputs, in m², ", whole, ":")
@@ -275,6 +289,23 @@ def _forms(a: MechanismAnalysis, values: _Values, page: Page) -> Iterator[Line]:
             q = values.pasted(a.inputs, locus.witness.inputs, page.width - 9)
             yield "    ", (f"e.g. {q}",)
     for note in a.forms.notes:
+        yield "  ", (note,)
+
+
+def _pose_forms(forms: PoseForms) -> Iterator[Line]:
+    whole = good("complete") if forms.complete else caution("NOT complete")
+    yield "", ("Closed forms of the singular loci over the pose of the output, ", whole, ":")
+    if forms.architecture:
+        yield "  ", (alarm(forms.architecture),)
+    for locus in forms.loci:
+        none = "" if locus.real else " (no real points found)"
+        yield "  ", (f"{locus.kind}: {locus.words}{none}",)
+        yield "    ", (formula(str(locus.equation)),)
+    for family in forms.everywhere:
+        yield "  ", (f"{family}",)
+    for locus in forms.level:
+        yield "  ", (f"{locus.kind}, {locus.words}: ", formula(str(locus.equation)))
+    for note in forms.notes:
         yield "  ", (note,)
 
 

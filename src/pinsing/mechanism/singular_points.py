@@ -34,6 +34,8 @@ _WORTH = 0.3
 _GROWTH = 1.3
 _STEPS = 40
 _SAME = 1e-6
+_MEETING = 1e-6
+_NEAR = 5e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +139,17 @@ def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[Singu
         if mechanism.space.outside(point.q, _SAME).any():
             continue
         mark = likeness(mechanism, point.q)
-        if not any(same(mark, other) for other in marks):
+        for k, (other, seen) in enumerate(zip(marks, out, strict=True)):
+            # Where two of a kind meet, Newton ends with half the digits.
+            close = point.kind == seen.kind and bool(
+                np.abs(point.inputs - seen.inputs).max() <= _MEETING
+                and np.abs(mark - other).max() <= _NEAR
+            )
+            if same(mark, other) or close:
+                if point.ratio < seen.ratio:
+                    out[k], marks[k] = point, mark
+                break
+        else:
             out.append(point)
             marks.append(mark)
     return out

@@ -86,7 +86,7 @@ export function aheadOf(data, q, stretches) {
   return best;
 }
 
-// Modes [{ name, q, here }]: all ways to close the loops at these inputs (`assemblies`), and all ways to
+// Modes [{ name, q, here }]: all ways within the limits to close the loops at these inputs (`assemblies`), and to
 // reach this output (`working`), those of one name numbered; the present one is among them.
 export function modesAt(data, q) {
   return { assemblies: named(data, q, assembliesAt(data, q)), working: data.dyad ? named(data, q, workingModes(data, q)) : [] };
@@ -98,6 +98,7 @@ function assembliesAt(data, q) {
   else for (const other of randomClosed(data, STARTS, 811, passiveOf(data), q)) {
     if (found.every((x) => gapOf(data, x, other) > DISTINCT)) found.push(other);
   }
+  found = found.filter((x) => withinLimits(data, x));
   const order = found.map((x) => [modeOrder(data, x), x.map((v) => Math.round(v * 1e6))].flat());
   const before = (a, b) => { const k = order[a].findIndex((v, i) => v !== order[b][i]); return k < 0 ? 0 : order[a][k] - order[b][k]; };
   return found.map((_, i) => i).sort(before).map((i) => found[i]);
@@ -115,12 +116,15 @@ function named(data, q, found) {
   });
 }
 
+function withinLimits(data, q) {
+  return data.joints.every(({ lower, upper }, j) => q[j] >= (lower ?? -Infinity) - 1e-9 && q[j] <= (upper ?? Infinity) + 1e-9);
+}
+
 // How well a pose is away from all singularities: its smallest measure; 0 where it is outside limits.
 export function healthOf(data, q) {
   if (worst(closure(data, q).residual) > CLOSED) return 0;
-  const inside = data.joints.every(({ lower, upper }, j) => q[j] >= (lower ?? -Infinity) - 1e-9 && q[j] <= (upper ?? Infinity) + 1e-9);
   const { one, two, constraint } = motions(data, q);
-  return inside ? Math.min(one, two, constraint) : 0;
+  return withinLimits(data, q) ? Math.min(one, two, constraint) : 0;
 }
 
 // The pose { q, measure } whose smallest measure is largest, of many at random.

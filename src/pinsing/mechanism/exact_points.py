@@ -1,0 +1,89 @@
+"""Points of a mechanism as exact numbers, so that three-fold symmetry about z survives.
+
+Where points are turned into each other by a third of a turn, coordinates have square roots of 3.
+With y in units of the root of 3 such a turn is rational: (x, Y) -> (-x/2 - 3Y/2, x/2 - Y/2). One
+point of each orbit is rounded, the others follow exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from pinsing._types import Array
+
+_SAME = 1e-9
+_DECIMALS = 12
+
+Vector = tuple[Fraction, Fraction, Fraction]
+
+
+@dataclass(frozen=True)
+class ExactPoints:
+    """Vectors (x, y / sqrt(square), z), exact.
+
+    Attributes
+    ----------
+    square : int
+        1 or 3: y is in units of its square root.
+    vectors : tuple of tuple of three Fraction
+        In the order given.
+    off : float
+        By how much a coordinate was changed at most, metres.
+    """
+
+    square: int
+    vectors: tuple[Vector, ...]
+    off: float
+
+
+def exact_points(points: Sequence[Array]) -> ExactPoints:
+    """Exact vectors near the given ones, each (3,)."""
+    found = [_snapped(points, square) for square in (1, 3)]
+    # As many exact turns as possible; without any, plain coordinates.
+    (plain, few), (turned, many) = found
+    return turned if many > few else plain
+
+
+def _snapped(points: Sequence[Array], square: int) -> tuple[ExactPoints, int]:
+    unit = float(np.sqrt(square))
+    out: list[Vector] = []
+    related, off = 0, 0.0
+    for p in points:
+        images = (v for old in out for v in (old, *_images(old, square)))
+        image = next((v for v in images if _near(v, p, unit)), None)
+        if image is not None:
+            related += 1
+        else:
+            # Decimals, so that points that differ by a sign stay so.
+            x, y, z = (
+                Fraction(repr(round(float(v), _DECIMALS))) for v in (p[0], p[1] / unit, p[2])
+            )
+            image = (x, y, z)
+        out.append(image)
+        off = max(off, float(np.abs(_float(image, unit) - p).max()))
+    return ExactPoints(square, tuple(out), off), related
+
+
+def _images(v: Vector, square: int) -> list[Vector]:
+    """The vector turned about z by the angles that are rational here, and mirrored."""
+    x, y, z = v
+    out = [(-x, -y, z), (x, -y, z), (-x, y, z)]
+    if square == 3:
+        for _ in range(2):
+            x, y = -x / 2 - 3 * y / 2, x / 2 - y / 2
+            out += [(x, y, z), (-x, -y, z)]
+    else:
+        out += [(-y, x, z), (y, -x, z)]
+    return [w for w in out if w != v]
+
+
+def _float(v: Vector, unit: float) -> Array:
+    return np.array([float(v[0]), float(v[1]) * unit, float(v[2])])
+
+
+def _near(v: Vector, p: Array, unit: float) -> bool:
+    return bool(np.abs(_float(v, unit) - p).max() <= _SAME)

@@ -1,0 +1,382 @@
+"""Singular loci over the pose of the output, in closed form, where each leg passes one force.
+
+Type 2 (and constraint): the forces that the legs pass on with the actuators locked are dependent.
+Their Plücker coordinates are polynomials in the pose; the determinant of six of them (three in the
+plane) is the equation, exactly. After Merlet, "Singular configurations of parallel manipulators and
+Grassmann geometry" (1989), and St-Onge and Gosselin, "Singularity analysis and representation of
+the general Gough-Stewart platform" (2000), who give its degree: three in the position.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing._types import Array
+from pinsing.mechanism.every_position import PoseFamily, every_position
+from pinsing.mechanism.likeness import output_pose
+from pinsing.mechanism.modes import home
+from pinsing.mechanism.pose import pose_of
+from pinsing.mechanism.pose_equation import PoseEquation, planar_equation, pose_equation
+from pinsing.mechanism.pose_ring import PoseRing, cross, determinant
+from pinsing.mechanism.rods import Rod, Rods, rods
+from pinsing.robot.mechanism import Mechanism
+from pinsing.serialization import JsonResult
+
+_TRIES = 400
+_POSES = 6
+_DEPENDENT = 1e-9
+_SEED = 2718
+
+
+@dataclass(frozen=True, eq=False)
+class PoseLocus:
+    """One irreducible locus.
+
+    Attributes
+    ----------
+    kind : str
+        ``type 1``, ``type 2``, ``constraint`` or ``type 2 or constraint``.
+    words : str
+        What the lines of the legs do there.
+    equation : PoseEquation
+        Zero exactly there, on poses that the mechanism has with the inputs that they need.
+    real : bool
+        Whether the equation changes its sign over real poses; otherwise it is zero at isolated
+        or no real ones, as far as was looked.
+    """
+
+    kind: str
+    words: str
+    equation: PoseEquation
+    real: bool
+
+    def __str__(self) -> str:
+        none = "" if self.real else " [no real points found]"
+        return f"{self.kind}, {self.words}: {self.equation}{none}"
+
+
+@dataclass(frozen=True, eq=False)
+class PoseForms(JsonResult):
+    """All singular loci of a mechanism over the pose of its output.
+
+    Attributes
+    ----------
+    variables : tuple of str
+        In which the equations are.
+    architecture : str
+        Why every pose is singular; empty where not.
+    loci : tuple of PoseLocus
+        Irreducible over the rationals (or those with the root of 3).
+    everywhere : tuple of PoseFamily
+        Orientations at which every position is singular; parts of the loci, said by themselves.
+    level : tuple of PoseLocus
+        The type 2 loci with the output turned as at home, where that is not turned at all.
+    complete : bool
+        Whether every singular pose is on one of the loci.
+    notes : tuple of str
+        What was assumed, and what else must hold.
+    """
+
+    schema: ClassVar[str] = "pinsing/pose-forms/1"
+
+    variables: tuple[str, ...]
+    architecture: str
+    loci: tuple[PoseLocus, ...]
+    everywhere: tuple[PoseFamily, ...]
+    level: tuple[PoseLocus, ...]
+    complete: bool
+    notes: tuple[str, ...]
+
+    def __str__(self) -> str:
+        lines = [self.architecture] if self.architecture else []
+        lines += [str(x) for x in (*self.loci, *self.everywhere)]
+        return "\n".join([*lines, *self.notes])
+
+
+def pose_forms(mechanism: Mechanism) -> PoseForms | None:
+    """Closed forms over the pose; None where a leg passes more, or other things, than one force.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From ``load_mechanism``.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> from pinsing.mechanism import pose_forms
+    >>> print(pose_forms(pinsing.load_mechanism("gough_stewart")).everywhere[0])
+    turned by ±90° about z: singular at every position
+    """
+    found = rods(mechanism)
+    if found is None:
+        return None
+    return mechanism.once("pose_forms", lambda: _forms(mechanism, found))
+
+
+def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
+    """The least of the equations' values at q (n,), each over the size of its terms there."""
+    at = variables_at(mechanism, forms, q)
+    return min(_relative(locus.equation, at) for locus in forms.loci)
+
+
+def variables_at(mechanism: Mechanism, forms: PoseForms, q: Array) -> dict[str, float]:
+    """Values of the variables of equations at a configuration q (n,)."""
+    pose = pose_of(output_pose(mechanism, q))
+    out = dict(zip("xyz", pose.position, strict=True))
+    out |= {f"e{k}": e for k, e in enumerate(pose.quaternion)}
+    out["cos φ"], out["sin φ"] = float(np.cos(pose.angles[2])), float(np.sin(pose.angles[2]))
+    for name, value in zip(mechanism.joints, q.tolist(), strict=True):
+        out[name] = value
+        out[f"cos {name}"], out[f"sin {name}"] = float(np.cos(value)), float(np.sin(value))
+    return out
+
+
+def _relative(equation: PoseEquation, at: dict[str, float]) -> float:
+    x = np.array([at[n] for n in equation.names])
+    size = float(np.abs(np.prod(x**equation.powers, axis=1) * equation.values).sum())
+    return abs(float(equation(x))) / size if size > 0 else 0.0
+
+
+def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
+    cranks = sum(rod.moved for rod in found.rods)
+    level = cranks > 0 and not found.planar
+    notes: list[str] = []
+    if level:
+        upright = np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max() < 1e-9
+        if not upright or set(mechanism.task.rows) != {0, 1, 2}:
+            return PoseForms(
+                (), "", (), (), (), False,
+                ("no closed form: with cranks in space the equation is found for an output that "
+                 "is never turned only",),
+            )  # fmt: skip
+        notes.append(
+            "the output keeps the axes of the base (its translational mode); modes in which it is "
+            "turned are not in these equations"
+        )
+    ring = PoseRing(found, level)
+    if ring.off > 1e-12:
+        notes.append(f"coordinates were made exact, by at most {ring.off:.1e} m")
+    together = _together(ring)
+    notes += list(_needs(ring))
+    if together != 0 and _always(found):
+        notes.append(
+            "the coordinates of the file make the lines dependent to 1e-9 of their size, at every "
+            "pose tried; that is taken for what is meant"
+        )
+        together = ring.number(0)
+    if together == 0:
+        words = _architecture(found)
+        alone = tuple(_type1(ring))
+        return PoseForms(ring.names, words, alone, (), (), True, tuple(notes))
+    loci = [*_split(ring, together), *_type1(ring)]
+    families = every_position(ring, together)
+    return PoseForms(
+        ring.names, "", tuple(loci), families, tuple(_at_home(mechanism, ring, together)), True,
+        tuple(notes),
+    )  # fmt: skip
+
+
+def _together(ring: PoseRing) -> Any:
+    """The determinant of all forces; zero as a polynomial where every pose is singular."""
+    lines = [ring.line(rod) for rod in ring.rods.rods]
+    lines += [ring.hinge_line(rod) for rod in ring.rods.rods if rod.hinge is not None]
+    return ring.without_norm(determinant(lines, ring.number(1)))
+
+
+def _pairs(ring: PoseRing) -> list[tuple[Rod, Rod]]:
+    """Rods that share a crank, two by two."""
+    out = []
+    for joint in ring.drivers:
+        mine = [r for r in ring.rods.rods if r.joint == joint]
+        if len(mine) != 2:
+            return []
+        out.append((mine[0], mine[1]))
+    return out
+
+
+def _split(ring: PoseRing, together: Any) -> Iterator[PoseLocus]:
+    """Factors of the determinant with what each means."""
+    hinged = any(rod.hinge is not None for rod in ring.rods.rods)
+    names = _rod_names(ring.rods.rods)
+    kind = "type 2 or constraint" if hinged else "type 2"
+    if ring.rods.planar:
+        words = f"{names} meet in one point or are parallel"
+    elif hinged:
+        words = (
+            f"{names} and the forces along the hinges through the same points belong to one linear "
+            "complex"
+        )
+    else:
+        words = "the six leg lines belong to one linear complex"
+    parallel = _parallelograms(ring)
+    for factor, _ in together.factor()[1]:
+        if parallel is not None and divmod(parallel[0], factor)[1] == 0:
+            yield _locus(
+                ring, "type 2", factor,
+                "the rods are parallel to a plane, or two pairs of them to each other",
+            )  # fmt: skip
+        elif parallel is not None and divmod(parallel[1], factor)[1] == 0:
+            yield _locus(
+                ring, "constraint", factor,
+                "the normals of the three parallelograms are parallel to a plane: the output can "
+                "turn",
+            )  # fmt: skip
+        else:
+            yield _locus(ring, kind, factor, words)
+
+
+def _parallelograms(ring: PoseRing) -> tuple[Any, Any] | None:
+    """With the output level and two rods a crank: determinants of directions and of normals."""
+    pairs = _pairs(ring) if ring.level else []
+    if len(pairs) != 3:
+        return None
+    directions, normals = [], []
+    for one, two in pairs:
+        d, other = ring.direction(one), ring.direction(two)
+        if any(a != b for a, b in zip(d, other, strict=True)):
+            return None
+        apart = [b - a for a, b in zip(ring.outer(one), ring.outer(two), strict=True)]
+        directions.append(d)
+        normals.append(cross(apart, d))
+    one_ = ring.number(1)
+    return determinant(directions, one_), determinant(normals, one_)
+
+
+def _type1(ring: PoseRing) -> Iterator[PoseLocus]:
+    seen: list[Any] = []
+    for k, rod in enumerate(ring.rods.rods, 1):
+        if not rod.moved:
+            continue
+        name = ring.rods.mechanism.joints[rod.joint]
+        slides = ring.rods.mechanism.prismatic[rod.joint]
+        if slides:
+            words = f"rod {k} is across the slide {name}"
+        elif ring.rods.planar:
+            words = f"crank {name} and its rod are in line"
+        else:
+            words = f"the rods of crank {name} are in line with it, or meet its axis"
+        for factor, _ in ring.without_norm(ring.moment_arm(rod)).factor()[1]:
+            if factor not in seen:
+                seen.append(factor)
+                yield _locus(ring, "type 1", factor, words)
+
+
+def _locus(ring: PoseRing, kind: str, factor: Any, words: str) -> PoseLocus:
+    found = _equation(ring, factor)
+    return PoseLocus(kind, words, found, _real(found))
+
+
+def _equation(ring: PoseRing, factor: Any) -> PoseEquation:
+    if ring.rods.planar:
+        half = (ring.names.index("e0"), ring.names.index("e3"))
+        return planar_equation(factor, ring.names, ring.odd, ring.square, half)
+    return pose_equation(factor, ring.names, ring.odd, ring.square)
+
+
+def _real(found: PoseEquation) -> bool:
+    x = np.random.default_rng(_SEED).normal(size=(_TRIES, len(found.names)))
+    x *= np.random.default_rng(_SEED + 1).choice([0.1, 1.0, 3.0], size=(_TRIES, 1))
+    for k, name in enumerate(found.names[:-1]):
+        # A cosine and its sine are of one angle.
+        if name.startswith("cos ") and found.names[k + 1] == f"sin {name[4:]}":
+            angle = np.random.default_rng(_SEED + 2 + k).uniform(-np.pi, np.pi, _TRIES)
+            x[:, k], x[:, k + 1] = np.cos(angle), np.sin(angle)
+    values = found(x)
+    return bool((values > 0).any() and (values < 0).any())
+
+
+def _needs(ring: PoseRing) -> Iterator[str]:
+    mechanism = ring.rods.mechanism
+    legs = [rod for rod in ring.rods.rods if rod.slides]
+    if legs:
+        reach = mechanism.lower[[rod.joint for rod in legs]] > 0
+        away = ", which the limits exclude" if reach.all() else ""
+        yield f"type 1: where a leg has no length{away}; nowhere else"
+    if any(rod.moved for rod in ring.rods.rods):
+        yield (
+            "the equations are in the pose and the inputs together: a pose and inputs that close "
+            "the loops are singular if and only if one of them is zero"
+        )
+        if ring.rods.planar and not mechanism.prismatic[list(ring.drivers)].any():
+            yield (
+                "the pose alone: eliminating the three inputs by their closure (each quadratic) "
+                "multiplies eight working modes, to degree 42 in x and y at a given angle (Bonev "
+                "and Gosselin 2001); not done"
+            )
+    if any(rod.hinge is not None for rod in ring.rods.rods):
+        yield (
+            "poses of this mechanism keep the outer end of each leg in the plane across its hinge; "
+            "such a pose is singular if and only if the equation holds"
+        )
+    yield "exact over the rationals at each step; certificates cover arms only"
+
+
+def _rod_names(found: Sequence[Rod]) -> str:
+    numbers = [str(k) for k in range(1, len(found) + 1)]
+    return f"the lines of legs {', '.join(numbers[:-1])} and {numbers[-1]}"
+
+
+def _architecture(found: Rods) -> str:
+    inner = np.array([r.inner for r in found.rods])
+    outer = np.array([r.outer for r in found.rods])
+    why = "the leg lines are dependent whatever the pose"
+    if not any(r.moved for r in found.rods) and _similar(inner, outer):
+        shape = "triangles" if len(inner) == 3 else "hexagons"
+        why = f"platform and base {shape} are similar"
+    return f"architecture singularity: {why}: singular at every pose"
+
+
+def _always(found: Rods) -> bool:
+    """Whether the lines are dependent, to the rounding of a file, at random poses and inputs."""
+    rng = np.random.default_rng(_SEED)
+    size = 0.0
+    for _ in range(_POSES):
+        e = rng.normal(size=4) * ((1, 0, 0, 1) if found.planar else 1)
+        R = pin.Quaternion(*(e / np.linalg.norm(e))).matrix()
+        at = rng.normal(size=3) * ((1, 1, 0) if found.planar else 1)
+        lines = []
+        for rod in found.rods:
+            B, value = at + R @ rod.outer, rng.normal()
+            turning = not found.mechanism.prismatic[rod.joint]
+            c, s = (np.cos(value), np.sin(value)) if turning else (value, 0.0)
+            C = rod.inner + c * rod.first + s * rod.second
+            lines.append(np.concatenate([B - C, np.cross(C, B)]))
+            if rod.hinge is not None:
+                lines.append(np.concatenate([rod.hinge, np.cross(B, rod.hinge)]))
+        rows = np.array(lines)[:, [0, 1, 5]] if found.planar else np.array(lines)
+        sigma = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], compute_uv=False)
+        size = max(size, float(sigma[-1] / sigma[0]))
+    return size <= _DEPENDENT
+
+
+def _similar(inner: Array, outer: Array) -> bool:
+    """Whether the outer points are the inner ones moved, turned and scaled."""
+    a, b = inner - inner.mean(axis=0), outer - outer.mean(axis=0)
+    U, sigma, Vt = np.linalg.svd(a.T @ b)
+    size = float(sigma.sum() / (a**2).sum())
+    return bool(np.abs(size * a @ (U @ Vt) - b).max() <= 1e-9 * max(1.0, float(np.abs(b).max())))
+
+
+def _at_home(mechanism: Mechanism, ring: PoseRing, together: Any) -> Iterator[PoseLocus]:
+    """The locus where the output is turned as at home, if that is not at all."""
+    if ring.level or any(rod.moved for rod in ring.rods.rods):
+        return
+    if np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max() > 1e-9:
+        return
+    gens = ring.context.names()
+    values = {
+        gens[k]: int(n == "e0") for k, n in enumerate(ring.names) if n[0] == "e" and n[1:].isdigit()
+    }
+    there = together.subs(values)
+    if there == 0:
+        return
+    for factor, _ in there.factor()[1]:
+        if not factor.is_constant():
+            found = pose_equation(factor, ring.names, ring.odd, ring.square)
+            yield PoseLocus("type 2", "with the output turned as at home", found, _real(found))

@@ -1,0 +1,276 @@
+"""Singular loci over the pose in closed form, against geometry written here without pinsing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mechanisms import from_model, planar_tree, shipped
+
+from pinsing.mechanism import PoseForms, mechanism_at, pose_forms, working_modes
+from pinsing.mechanism.closure import Loops, random_closed
+from pinsing.mechanism.pose_loci import variables_at
+from pinsing.robot.load_mechanism import Loop, Mechanism
+
+
+def rotation(e):
+    """Of a unit quaternion, by its own formula."""
+    w, v = e[0], np.array(e[1:])
+    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return np.eye(3) + 2 * w * K + 2 * K @ K
+
+
+def pluecker(a, b):
+    """Line through two points: direction and moment about the origin."""
+    return np.concatenate([b - a, np.cross(a, b)])
+
+
+def hexapod(base, platform) -> Mechanism:
+    """A 6-UPS as a model: joints in the order u1, v1, p1, s, t, w, u2, v2, p2, ..."""
+    model = pin.Model()
+    model.name = "hexapod"
+    loops = []
+    for k, a in enumerate(base):
+        parent, place = 0, pin.SE3(np.eye(3), np.array(a, dtype=float))
+        kinds = [pin.JointModelRX(), pin.JointModelRY(), pin.JointModelPZ()]
+        if k == 0:
+            kinds += [pin.JointModelRX(), pin.JointModelRY(), pin.JointModelRZ()]
+        for i, kind in enumerate(kinds):
+            parent = model.addJoint(parent, kind, place, f"j{k}{i}")
+            place = pin.SE3.Identity()
+        if k:
+            model.addFrame(pin.Frame(f"e{k}", parent, 0, place, pin.FrameType.OP_FRAME))
+            loops.append(Loop(f"e{k}", f"b{k}", "3d"))
+        else:
+            top = parent
+    for k, b in enumerate([np.zeros(3), *platform[1:]]):
+        at = np.array(b, dtype=float) - platform[0]
+        name = f"b{k}" if k else "top"
+        model.addFrame(pin.Frame(name, top, 0, pin.SE3(np.eye(3), at), pin.FrameType.OP_FRAME))
+    made = from_model(model, loops, [f"j{k}2" for k in range(6)], "top", "pose")
+    slides = np.array([n.endswith("2") for n in made.joints])
+    return replace(made, prismatic=slides, home=np.where(slides, 1.0, 0.1))
+
+
+def equation_values(forms, rows):
+    """Product of all type 2 (and constraint) loci at rows of variables."""
+    out = np.ones(len(rows))
+    for locus in forms.loci:
+        if locus.kind != "type 1":
+            out *= [locus.equation([row[n] for n in locus.equation.names]) for row in rows]
+    return out
+
+
+def poses(count, rng):
+    out = []
+    for _ in range(count):
+        e = rng.normal(size=4)
+        out.append((rng.uniform(-1, 1, 3), e / np.linalg.norm(e)))
+    return out
+
+
+def named(at, e):
+    return {**dict(zip("xyz", at, strict=True)), **{f"e{k}": v for k, v in enumerate(e)}}
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_random_stewart_platforms_are_singular_where_their_lines_are_dependent(seed):
+    rng = np.random.default_rng(seed)
+    base = np.round(rng.uniform(-1, 1, (6, 3)), 3)
+    platform = np.round(rng.uniform(-0.6, 0.6, (6, 3)), 3)
+    if seed % 2:
+        base[:, 2] = platform[:, 2] = 0
+    forms = pose_forms(hexapod(base, platform))
+    assert forms.complete
+    assert not forms.architecture
+    rows, lines = [], []
+    for at, e in poses(12, rng):
+        rows.append(named(at, e))
+        ends = at + platform @ rotation(e).T
+        lines.append(np.linalg.det([pluecker(a, b) for a, b in zip(base, ends, strict=True)]))
+    # One polynomial is the other times a constant.
+    ratio = np.array(lines) / equation_values(forms, rows)
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
+    (locus,) = forms.loci
+    assert locus.equation.degree(("x", "y", "z")) == 3
+    assert "linear complex" in locus.words
+
+
+def test_fichters_turn_by_90_degrees_is_found_by_itself(rng):
+    for name in ("gough_stewart", "stewart_6_3"):
+        forms = pose_forms(shipped(name))
+        words = [str(f) for f in forms.everywhere]
+        assert "turned by ±90° about z: singular at every position" in words
+        for angle, singular in ((90, True), (-90, True), (89, False), (30, False)):
+            half = np.radians(angle) / 2
+            e = (np.cos(half), 0, 0, np.sin(half))
+            rows = [named(at, e) for at in rng.uniform(-1, 1, (5, 3))]
+            values = np.abs(equation_values(forms, rows))
+            assert (values < 1e-12).all() == singular
+    # Level, only the plane of the base is singular.
+    assert [str(x.equation) for x in pose_forms(shipped("gough_stewart")).level] == ["z = 0"]
+
+
+def test_the_platform_itself_is_singular_there():
+    """By Pinocchio's Jacobians, at a pose that the family names."""
+    mechanism = shipped("gough_stewart").without_limits()
+    found = working_modes(mechanism, [0.1, -0.2, 0.9, 0, 0, np.pi / 2], starts=8)
+    assert found.modes
+    assert mechanism_at(mechanism, found.modes[0].q).kind == "type 2"
+    beside = working_modes(mechanism, [0.1, -0.2, 0.9, 0, 0, np.pi / 2 - 0.1], starts=8)
+    assert mechanism_at(mechanism, beside.modes[0].q).kind == "regular"
+
+
+def test_architecture_singularities_are_named():
+    angles = np.radians([-10, 10, 110, 130, 230, 250])
+    base = np.stack([np.cos(angles), np.sin(angles), 0 * angles], axis=1)
+    forms = pose_forms(hexapod(base, 0.6 * base))
+    assert "platform and base hexagons are similar: singular at every pose" in forms.architecture
+    forms = pose_forms(shipped("griffis_duffy"))
+    assert forms.architecture.startswith("architecture singularity: the leg lines are dependent")
+    assert not forms.loci
+    assert not pose_forms(shipped("gough_stewart")).architecture
+
+
+def test_hunts_pose_of_the_6_3():
+    """Two base points in the platform's plane: all six legs cut one edge of the platform."""
+    forms = pose_forms(shipped("stewart_6_3"))
+    a, b = (np.array([np.cos(t), np.sin(t), 0]) for t in np.radians([220, 260]))
+    along, tilt = (b - a) / np.linalg.norm(b - a), 0.7
+    for tilt in (0.4, 0.9):
+        # Turned about the line through both points: the plane of the platform holds it.
+        turn = pin.AngleAxis(tilt, along)
+        at = a + turn.matrix() @ np.array([0.3, 0.9, 0.0])
+        q = pin.Quaternion(turn.matrix())
+        value = equation_values(forms, [named(at, (q.w, q.x, q.y, q.z))])
+        assert abs(value[0]) < 1e-12
+        off = at + 0.05 * turn.matrix() @ np.array([0.0, 0.0, 1.0])
+        assert abs(equation_values(forms, [named(off, (q.w, q.x, q.y, q.z))])[0]) > 1e-5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_random_3rrr_are_singular_where_rods_meet_or_cranks_are_stretched(seed):
+    rng = np.random.default_rng(seed)
+    pivots = np.round(rng.uniform(-1, 1, (3, 2)), 3)
+    corners = np.round(rng.uniform(-0.3, 0.3, (3, 2)), 3)
+    cranks, bars = np.round(rng.uniform(0.4, 0.8, (2, 3)), 3)
+    chains = {
+        "one": (tuple(pivots[0]), [("a1", cranks[0]), ("b1", bars[0]), ("c1", 0.0)]),
+        "two": (tuple(pivots[1]), [("a2", cranks[1]), ("b2", bars[1])]),
+        "three": (tuple(pivots[2]), [("a3", cranks[2]), ("b3", bars[2])]),
+    }
+    model = planar_tree(chains)
+    top = model.getJointId("c1")
+    for k in (1, 2):
+        place = pin.SE3(np.eye(3), np.array([*(corners[k] - corners[0]), 0.0]))
+        model.addFrame(pin.Frame(f"v{k}", top, 0, place, pin.FrameType.OP_FRAME))
+    mechanism = from_model(
+        model,
+        [Loop("two_end", "v1", "3d"), Loop("three_end", "v2", "planar")],
+        ["a1", "a2", "a3"],
+        "one_end",
+        "vx,vy,wz",
+    )
+    forms = pose_forms(mechanism)
+    kinds = [x.kind for x in forms.loci]
+    assert kinds.count("type 1") == 3
+    rows, dets, arms = [], [], []
+    for q in random_closed(mechanism, 10, rng)[:6]:
+        at = variables_at(mechanism, forms, q)
+        rows.append(at)
+        turn = np.array([[at["cos φ"], -at["sin φ"]], [at["sin φ"], at["cos φ"]]])
+        lines = []
+        for k, name in enumerate(("a1", "a2", "a3")):
+            along = np.array([at[f"cos {name}"], at[f"sin {name}"]])
+            C = pivots[k] + cranks[k] * along
+            B = np.array([at["x"], at["y"]]) + turn @ (corners[k] - corners[0])
+            d = B - C
+            lines.append([*d, C[0] * d[1] - C[1] * d[0]])
+            arms.append(along[0] * d[1] - along[1] * d[0])
+            assert np.linalg.norm(d) == pytest.approx(bars[k])
+        dets.append(np.linalg.det(lines))
+    ratio = np.array(dets) / equation_values(forms, rows)
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
+    stretched = [x for x in forms.loci if x.kind == "type 1"]
+    for k, row in enumerate(rows):
+        for i, locus in enumerate(stretched):
+            value = float(locus.equation([row[n] for n in locus.equation.names]))
+            first = float(stretched[i].equation([rows[0][n] for n in locus.equation.names]))
+            assert value * arms[i] == pytest.approx(first * arms[3 * k + i], abs=1e-9)
+
+
+def test_3rpr_is_singular_where_its_lines_meet(rng):
+    forms = pose_forms(shipped("planar_3rpr"))
+    base = np.array([[0, 0], [1.5, 0], [0.6, 1.2]])
+    platform = np.array([[-0.25, -0.2], [0.35, -0.2], [0, 0.3]])
+    rows, dets = [], []
+    for x, y, angle in rng.uniform(-2, 2, (8, 3)):
+        c, s = np.cos(angle), np.sin(angle)
+        ends = np.array([x, y]) + platform @ np.array([[c, s], [-s, c]])
+        d = ends - base
+        moment = base[:, 0] * d[:, 1] - base[:, 1] * d[:, 0]
+        dets.append(np.linalg.det(np.column_stack([d, moment])))
+        rows.append({"x": x, "y": y, "cos φ": c, "sin φ": s})
+    ratio = np.array(dets) / equation_values(forms, rows)
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
+    assert "meet in one point or are parallel" in forms.loci[0].words
+
+
+def test_loci_of_the_delta(rng):
+    mechanism = shipped("delta")
+    forms = pose_forms(mechanism)
+    kinds = [x.kind for x in forms.loci]
+    assert sorted(kinds) == ["constraint", "type 1", "type 1", "type 1", "type 2"]
+    base, crank, top, apart = 0.2, 0.24, 0.05, 0.1
+    two = next(x for x in forms.loci if x.kind == "type 2")
+    turning = next(x for x in forms.loci if x.kind == "constraint")
+    values = []
+    for _ in range(6):
+        at, angles = rng.uniform(-0.5, 0.5, 3), rng.uniform(-2, 2, 3)
+        row = dict(zip("xyz", at, strict=True))
+        directions, normals = [], []
+        for k, (turn, a) in enumerate(zip(np.radians([0, 120, 240]), angles, strict=True), 1):
+            out = np.array([np.cos(turn), np.sin(turn), 0])
+            across = np.array([-np.sin(turn), np.cos(turn), 0])
+            elbow = base * out + crank * (np.cos(a) * out + np.sin(a) * np.array([0, 0, 1]))
+            d = at + top * out - elbow
+            directions.append(d)
+            normals.append(np.cross(apart * across, d))
+            row |= {f"cos a{k}": np.cos(a), f"sin a{k}": np.sin(a)}
+            tangent = -np.sin(a) * out + np.cos(a) * np.array([0, 0, 1])
+            locus = next(x for x in forms.loci if x.kind == "type 1" and f" a{k} " in x.words)
+            value = float(locus.equation([row.get(n, 0.0) for n in locus.equation.names]))
+            values.append((k, value / (d @ tangent)))
+        for locus, expected in ((two, directions), (turning, normals)):
+            value = float(locus.equation([row[n] for n in locus.equation.names]))
+            values.append((locus.kind, value / np.linalg.det(expected)))
+    for key in (1, 2, 3, "type 2", "constraint"):
+        ratio = np.array([v for k, v in values if k == key])
+        np.testing.assert_allclose(ratio, ratio[0], rtol=1e-8)
+
+
+def test_loci_agree_with_the_measures_of_3rps(rng):
+    """Zero exactly where the Jacobians of Pinocchio lose rank."""
+    mechanism = shipped("rps3")
+    forms = pose_forms(mechanism)
+    for q in random_closed(mechanism, 6, rng):
+        at = variables_at(mechanism, forms, q)
+        value = abs(equation_values(forms, [at])[0])
+        assert (value > 1e-9) == (mechanism_at(mechanism, q).kind == "regular")
+        loops = Loops(mechanism)
+        assert np.abs(loops.scaled(q)[0]).max() < 1e-10
+
+
+def test_what_passes_more_than_a_force_has_no_such_form():
+    for name in ("agile_eye", "bennett", "rssr"):
+        assert pose_forms(shipped(name)) is None
+
+
+def test_forms_survive_json():
+    forms = pose_forms(shipped("gough_stewart"))
+    again = PoseForms.from_json(forms.to_json())
+    assert str(again) == str(forms)
+    assert "sqrt(3)" not in forms.level[0].equation.coefficients
+    np.testing.assert_array_equal(again.loci[0].equation.powers, forms.loci[0].equation.powers)
