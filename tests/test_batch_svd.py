@@ -65,10 +65,10 @@ def test_graded_values_to_rounding_of_the_largest(isa: str) -> None:
 def test_matrices_that_do_not_converge_go_to_lapack(isa: str) -> None:
     A = np.random.default_rng(4).standard_normal((500, 6, 7))
     out = np.empty((500, 6))
-    unfinished = engine._kernel.svdvals(A, out, isa, 1, 3)
+    unfinished = engine._kernel.svdvals(A, out, isa, 1, 3, False)
     assert 400 < unfinished <= 500
     assert np.isnan(out).all(axis=1).sum() == unfinished == np.isnan(out).any(axis=1).sum()
-    S = engine.svdvals(A, isa=isa, max_sweeps=3)
+    S = engine.svdvals(A, isa=isa, max_sweeps=3, by_roots=False)
     assert close(S, lapack(A))
 
 
@@ -76,7 +76,7 @@ def test_ordinary_matrices_converge_in_the_kernel(isa: str) -> None:
     # Else the fallback would hide a kernel that never converges.
     for name, A, _ in matrices(6, 7, 200):
         out = np.empty((len(A), 6))
-        unfinished = engine._kernel.svdvals(A, out, isa, 1, engine._MAX_SWEEPS)
+        unfinished = engine._kernel.svdvals(A, out, isa, 1, engine._MAX_SWEEPS, False)
         assert unfinished <= (4 if name in ("sparse", "integers", "wild") else 0), name
 
 

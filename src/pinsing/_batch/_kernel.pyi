@@ -80,4 +80,5 @@ def svdvals(
     isa: str,
     threads: int,
     max_sweeps: int,
+    by_roots: bool = True,
 ) -> int: ...

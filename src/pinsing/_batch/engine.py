@@ -178,6 +178,7 @@ def svdvals(
     threads: int | None = None,
     isa: str | None = None,
     max_sweeps: int = _MAX_SWEEPS,
+    by_roots: bool = True,
 ) -> Floats:
     """Singular values of many small matrices.
 
@@ -189,6 +190,8 @@ def svdvals(
         As for :func:`jacobians`.
     max_sweeps : int
         Iterations for one value after which a matrix is left to LAPACK.
+    by_roots : bool
+        All values at once first, and dqds where they do not settle; else dqds alone.
 
     Returns
     -------
@@ -212,7 +215,7 @@ def svdvals(
             raise ValueError("J holds a value that is not finite")
         return np.asarray(np.linalg.svd(A, compute_uv=False), dtype=np.float64)
     out = np.empty((len(A), rank))
-    if _kernel.svdvals(A, out, isa, threads, max_sweeps):
+    if _kernel.svdvals(A, out, isa, threads, max_sweeps, by_roots):
         left = np.isnan(out[:, 0])
         out[left] = np.linalg.svd(A[left], compute_uv=False)
     return out

@@ -3,21 +3,30 @@
 // q[n] -> J[6 * n], row r of joint i at J[r * n + i]: translation rows first, of the tip point, in
 // the axes of the base (LOCAL_WORLD_ALIGNED): z x (tip - origin) over z for a revolute joint, z
 // over zero for a prismatic one.
-static void jacobian_block(const Chain& chain, const V* q, V* J) {
+//
+// Free: in the axes of the first joint's frame instead, moving along with it if it turns; singular
+// values of all six rows are the same, and the first joint's value and placement are of no effect.
+template <bool Free>
+static __attribute__((noinline)) void jacobian_block(const Chain& chain, const V* q, V* J) {
     const int n = chain.n;
     V R[9], p[3];
-    for (int k = 0; k < 9; k++) R[k] = broadcast(chain.R[k]);
-    for (int k = 0; k < 3; k++) p[k] = broadcast(chain.t[k]);
+    for (int k = 0; k < 9; k++) R[k] = broadcast(Free ? (k % 4 == 0 ? 1.0 : 0.0) : chain.R[k]);
+    for (int k = 0; k < 3; k++) p[k] = broadcast(Free ? 0.0 : chain.t[k]);
     for (int i = 0; i < n; i++) {
         if (i > 0) {
             const double* C = chain.R + 9 * i;
             const double* t = chain.t + 3 * i;
+            // Zeros of t, and turns about x, are common: one test serves the block.
+            const bool about_x = C[0] == 1.0 && C[1] == 0.0 && C[2] == 0.0 && C[3] == 0.0 &&
+                                 C[6] == 0.0;
+            for (int k = 0; k < 3; k++)
+                if (t[k] != 0.0)
+                    for (int r = 0; r < 3; r++) p[r] += R[3 * r + k] * t[k];
             for (int r = 0; r < 3; r++) {
                 V x = R[3 * r], y = R[3 * r + 1], z = R[3 * r + 2];
-                p[r] += x * t[0] + y * t[1] + z * t[2];
-                R[3 * r] = x * C[0] + y * C[3] + z * C[6];
-                R[3 * r + 1] = x * C[1] + y * C[4] + z * C[7];
-                R[3 * r + 2] = x * C[2] + y * C[5] + z * C[8];
+                if (!about_x) R[3 * r] = x * C[0] + y * C[3] + z * C[6];
+                R[3 * r + 1] = (about_x ? y * C[4] : x * C[1] + y * C[4]) + z * C[7];
+                R[3 * r + 2] = (about_x ? y * C[5] : x * C[2] + y * C[5]) + z * C[8];
             }
         }
         for (int r = 0; r < 3; r++) {
@@ -26,7 +35,7 @@ static void jacobian_block(const Chain& chain, const V* q, V* J) {
         }
         if (chain.prismatic[i]) {
             for (int r = 0; r < 3; r++) p[r] += R[3 * r + 2] * q[i];
-        } else {
+        } else if (!Free || i > 0) {
             V s, c;
             sincos(q[i], s, c);
             for (int r = 0; r < 3; r++) {

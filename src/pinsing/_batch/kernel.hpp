@@ -47,9 +47,9 @@ struct Kernel {
     // Q (N, n) -> S (N, min(m, n)), descending; min(m, n) <= kMaxRank, max(m, n) <= kMaxColumns
     Outcome (*singular_values)(const Chain&, const Task&, const double* Q, std::int64_t N,
                                double* S, int max_sweeps, double* scratch);
-    // A (N, m, n) -> S (N, min(m, n)), descending; same bounds
+    // A (N, m, n) -> S (N, min(m, n)), descending; same bounds. By roots first, or by dqds alone.
     Outcome (*svdvals)(const double* A, int m, int n, std::int64_t N, double* S, int max_sweeps,
-                       double* scratch);
+                       bool by_roots, double* scratch);
     // Doubles of scratch that the next one needs.
     std::size_t (*condition_scratch)(const Conditions&);
     // X (N, n) -> least lower and upper bounds over the families (N,), the family of the lower one

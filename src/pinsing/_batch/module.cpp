@@ -137,7 +137,8 @@ std::int64_t singular_values(const In& R, const In& t, const InFlags& prismatic,
     return outcome.unfinished;
 }
 
-std::int64_t svdvals(const In& A, Out out, const std::string& isa, int threads, int max_sweeps) {
+std::int64_t svdvals(const In& A, Out out, const std::string& isa, int threads, int max_sweeps,
+                     bool by_roots) {
     const Kernel& kernel = kernel_named(isa);
     require(A.ndim() == 3, "the matrices must have shape (N, m, n)");
     const std::size_t m = A.shape(1), n = A.shape(2), rank = std::min(m, n);
@@ -153,7 +154,7 @@ std::int64_t svdvals(const In& A, Out out, const std::string& isa, int threads, 
                       return kernel.svdvals(from + first * static_cast<std::int64_t>(m * n),
                                             static_cast<int>(m), static_cast<int>(n), count,
                                             to + first * static_cast<std::int64_t>(rank),
-                                            max_sweeps, scratch);
+                                            max_sweeps, by_roots, scratch);
                   });
     refuse_not_finite(outcome, "the matrix");
     return outcome.unfinished;
@@ -181,6 +182,6 @@ NB_MODULE(_kernel, m) {
           "prismatic"_a.noconvert(), "rows"_a, "factors"_a, "Q"_a.noconvert(), "out"_a.noconvert(),
           "isa"_a, "threads"_a, "max_sweeps"_a);
     m.def("svdvals", &svdvals, "A"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a,
-          "max_sweeps"_a);
+          "max_sweeps"_a, "by_roots"_a = true);
     pinsing::add_conditions(m);
 }

@@ -1,5 +1,6 @@
-// A block of configurations, one in each lane: two machine vectors side by side, because the
-// recurrences of the kernel are latency-bound and two independent ones fill the pipeline.
+// A block of configurations, one in each lane: two machine vectors side by side, because most
+// recurrences of the kernel are latency-bound and two independent ones fill the pipeline. What has
+// independent ones enough, and needs the registers, works on one machine vector at a time.
 //
 // Included inside the namespace of one instruction set. Every operation acts on each lane alone and
 // in the same way, so a result depends neither on its lane nor on its neighbours.
@@ -12,36 +13,51 @@ constexpr int kHalf = 4;
 #else
 constexpr int kHalf = 2;
 #endif
-constexpr int kLanes = 2 * kHalf;
 
 typedef double Half __attribute__((vector_size(8 * kHalf)));
 typedef std::int64_t HalfBits __attribute__((vector_size(8 * kHalf)));
 
-struct V {
-    Half a, b;
+// One machine vector, and two of them side by side.
+struct One {
+    Half v;
 };
-struct Bits {
-    HalfBits a, b;
+struct OneBits {
+    HalfBits v;
 };
+template <class T>
+struct Pair {
+    T a, b;
+};
+using V = Pair<One>;
+using Bits = Pair<OneBits>;
+constexpr int kLanes = 2 * kHalf;
 
-PINSING_INLINE V broadcast(double x) { return V{x - Half{}, x - Half{}}; }
-PINSING_INLINE Bits bits(V x) { return Bits{(HalfBits)x.a, (HalfBits)x.b}; }
-PINSING_INLINE V value(Bits x) { return V{(Half)x.a, (Half)x.b}; }
+PINSING_INLINE One spread(double x) { return One{x - Half{}}; }
+PINSING_INLINE V broadcast(double x) { return V{spread(x), spread(x)}; }
+PINSING_INLINE OneBits bits(One x) { return OneBits{(HalfBits)x.v}; }
+PINSING_INLINE One value(OneBits x) { return One{(Half)x.v}; }
+PINSING_INLINE Bits bits(V x) { return Bits{bits(x.a), bits(x.b)}; }
+PINSING_INLINE V value(Bits x) { return V{value(x.a), value(x.b)}; }
 
-#define PINSING_ARITHMETIC(op)                                                     \
-    PINSING_INLINE V operator op(V x, V y) { return V{x.a op y.a, x.b op y.b}; }   \
-    PINSING_INLINE V operator op(V x, double y) { return V{x.a op y, x.b op y}; }  \
+#define PINSING_ARITHMETIC(op)                                                           \
+    PINSING_INLINE One operator op(One x, One y) { return One{x.v op y.v}; }             \
+    PINSING_INLINE One operator op(One x, double y) { return One{x.v op y}; }            \
+    PINSING_INLINE One operator op(double x, One y) { return One{x op y.v}; }            \
+    PINSING_INLINE V operator op(V x, V y) { return V{x.a op y.a, x.b op y.b}; }         \
+    PINSING_INLINE V operator op(V x, double y) { return V{x.a op y, x.b op y}; }        \
     PINSING_INLINE V operator op(double x, V y) { return V{x op y.a, x op y.b}; }
 PINSING_ARITHMETIC(+)
 PINSING_ARITHMETIC(-)
 PINSING_ARITHMETIC(*)
 PINSING_ARITHMETIC(/)
 #undef PINSING_ARITHMETIC
-PINSING_INLINE V& operator+=(V& x, V y) { return x = x + y; }
-PINSING_INLINE V& operator-=(V& x, V y) { return x = x - y; }
-PINSING_INLINE V& operator*=(V& x, V y) { return x = x * y; }
+template <class T> PINSING_INLINE T& operator+=(T& x, T y) { return x = x + y; }
+template <class T> PINSING_INLINE T& operator-=(T& x, T y) { return x = x - y; }
+template <class T> PINSING_INLINE T& operator*=(T& x, T y) { return x = x * y; }
 
-#define PINSING_BITWISE(op)                                                                 \
+#define PINSING_BITWISE(op)                                                                \
+    PINSING_INLINE OneBits operator op(OneBits x, OneBits y) { return OneBits{x.v op y.v}; } \
+    PINSING_INLINE OneBits operator op(OneBits x, std::int64_t y) { return OneBits{x.v op y}; } \
     PINSING_INLINE Bits operator op(Bits x, Bits y) { return Bits{x.a op y.a, x.b op y.b}; } \
     PINSING_INLINE Bits operator op(Bits x, std::int64_t y) { return Bits{x.a op y, x.b op y}; }
 PINSING_BITWISE(&)
@@ -49,54 +65,75 @@ PINSING_BITWISE(|)
 PINSING_BITWISE(^)
 PINSING_BITWISE(+)
 PINSING_BITWISE(<<)
+PINSING_BITWISE(>>)
 #undef PINSING_BITWISE
+PINSING_INLINE OneBits operator-(std::int64_t x, OneBits y) { return OneBits{x - y.v}; }
 PINSING_INLINE Bits operator-(std::int64_t x, Bits y) { return Bits{x - y.a, x - y.b}; }
 
 // Masks: one bit a lane in AVX-512's mask registers, a lane full of ones elsewhere.
 #if defined(__AVX512F__)
-struct Mask {
-    __mmask8 a, b;
+struct OneMask {
+    __mmask8 v;
 };
-#define PINSING_COMPARE(op, code)                                                      \
-    PINSING_INLINE Mask operator op(V x, V y) {                                        \
-        return Mask{_mm512_cmp_pd_mask((__m512d)x.a, (__m512d)y.a, code),              \
-                    _mm512_cmp_pd_mask((__m512d)x.b, (__m512d)y.b, code)};             \
-    }                                                                                  \
-    PINSING_INLINE Mask operator op(V x, double y) { return x op broadcast(y); }
+#define PINSING_COMPARE(op, code)                                                        \
+    PINSING_INLINE OneMask operator op(One x, One y) {                                   \
+        return OneMask{_mm512_cmp_pd_mask((__m512d)x.v, (__m512d)y.v, code)};            \
+    }
 PINSING_COMPARE(<, _CMP_LT_OQ)
 PINSING_COMPARE(<=, _CMP_LE_OQ)
 PINSING_COMPARE(>, _CMP_GT_OQ)
 #undef PINSING_COMPARE
-PINSING_INLINE Mask operator&(Mask x, Mask y) {
-    return Mask{(__mmask8)(x.a & y.a), (__mmask8)(x.b & y.b)};
+PINSING_INLINE OneMask operator&(OneMask x, OneMask y) { return OneMask{(__mmask8)(x.v & y.v)}; }
+PINSING_INLINE OneMask operator|(OneMask x, OneMask y) { return OneMask{(__mmask8)(x.v | y.v)}; }
+PINSING_INLINE OneMask operator~(OneMask x) { return OneMask{(__mmask8)~x.v}; }
+PINSING_INLINE OneMask never() { return OneMask{0}; }
+PINSING_INLINE bool any(OneMask m) { return m.v != 0; }
+PINSING_INLINE bool lane(OneMask m, int i) { return ((m.v >> i) & 1) != 0; }
+PINSING_INLINE OneMask odd(OneBits k) {
+    return OneMask{_mm512_test_epi64_mask((__m512i)k.v, _mm512_set1_epi64(1))};
 }
-PINSING_INLINE Mask operator|(Mask x, Mask y) {
-    return Mask{(__mmask8)(x.a | y.a), (__mmask8)(x.b | y.b)};
-}
-PINSING_INLINE Mask operator~(Mask x) { return Mask{(__mmask8)~x.a, (__mmask8)~x.b}; }
-PINSING_INLINE Mask none() { return Mask{0, 0}; }
-PINSING_INLINE bool any(Mask m) { return (m.a | m.b) != 0; }
-PINSING_INLINE bool lane(Mask m, int i) {
-    return ((i < kHalf ? m.a >> i : m.b >> (i - kHalf)) & 1) != 0;
-}
-PINSING_INLINE Mask odd(Bits k) {
-    const __m512i one = _mm512_set1_epi64(1);
-    return Mask{_mm512_test_epi64_mask((__m512i)k.a, one),
-                _mm512_test_epi64_mask((__m512i)k.b, one)};
-}
-PINSING_INLINE V select(Mask m, V x, V y) {
-    return V{(Half)_mm512_mask_blend_pd(m.a, (__m512d)y.a, (__m512d)x.a),
-             (Half)_mm512_mask_blend_pd(m.b, (__m512d)y.b, (__m512d)x.b)};
+PINSING_INLINE One select(OneMask m, One x, One y) {
+    return One{(Half)_mm512_mask_blend_pd(m.v, (__m512d)y.v, (__m512d)x.v)};
 }
 #else
-struct Mask {
-    HalfBits a, b;
+struct OneMask {
+    HalfBits v;
 };
-#define PINSING_COMPARE(op)                                                                \
-    PINSING_INLINE Mask operator op(V x, V y) {                                            \
-        return Mask{(HalfBits)(x.a op y.a), (HalfBits)(x.b op y.b)};                       \
-    }                                                                                      \
-    PINSING_INLINE Mask operator op(V x, double y) { return x op broadcast(y); }
+#define PINSING_COMPARE(op) \
+    PINSING_INLINE OneMask operator op(One x, One y) { return OneMask{(HalfBits)(x.v op y.v)}; }
+PINSING_COMPARE(<)
+PINSING_COMPARE(<=)
+PINSING_COMPARE(>)
+#undef PINSING_COMPARE
+PINSING_INLINE OneMask operator&(OneMask x, OneMask y) { return OneMask{x.v & y.v}; }
+PINSING_INLINE OneMask operator|(OneMask x, OneMask y) { return OneMask{x.v | y.v}; }
+PINSING_INLINE OneMask operator~(OneMask x) { return OneMask{~x.v}; }
+PINSING_INLINE OneMask never() { return OneMask{HalfBits{}}; }
+PINSING_INLINE bool any(OneMask m) {
+#if defined(__AVX2__)
+    return _mm256_movemask_pd((__m256d)m.v) != 0;
+#else
+    std::int64_t all = 0;
+    for (int i = 0; i < kHalf; i++) all |= m.v[i];
+    return all != 0;
+#endif
+}
+PINSING_INLINE bool lane(OneMask m, int i) { return m.v[i] != 0; }
+PINSING_INLINE OneMask odd(OneBits k) { return OneMask{-(k.v & 1)}; }
+PINSING_INLINE One select(OneMask m, One x, One y) {
+#if defined(__AVX2__)
+    return One{(Half)_mm256_blendv_pd((__m256d)y.v, (__m256d)x.v, (__m256d)m.v)};
+#else
+    return One{m.v ? x.v : y.v};
+#endif
+}
+#endif
+using Mask = Pair<OneMask>;
+
+#define PINSING_COMPARE(op)                                                               \
+    PINSING_INLINE OneMask operator op(One x, double y) { return x op spread(y); }        \
+    PINSING_INLINE Mask operator op(V x, V y) { return Mask{x.a op y.a, x.b op y.b}; }    \
+    PINSING_INLINE Mask operator op(V x, double y) { return Mask{x.a op y, x.b op y}; }
 PINSING_COMPARE(<)
 PINSING_COMPARE(<=)
 PINSING_COMPARE(>)
@@ -104,61 +141,54 @@ PINSING_COMPARE(>)
 PINSING_INLINE Mask operator&(Mask x, Mask y) { return Mask{x.a & y.a, x.b & y.b}; }
 PINSING_INLINE Mask operator|(Mask x, Mask y) { return Mask{x.a | y.a, x.b | y.b}; }
 PINSING_INLINE Mask operator~(Mask x) { return Mask{~x.a, ~x.b}; }
-PINSING_INLINE Mask none() { return Mask{HalfBits{}, HalfBits{}}; }
-PINSING_INLINE bool any(Mask m) {
-    HalfBits either = m.a | m.b;
-    std::int64_t all = 0;
-    for (int i = 0; i < kHalf; i++) all |= either[i];
-    return all != 0;
-}
-PINSING_INLINE bool lane(Mask m, int i) { return (i < kHalf ? m.a[i] : m.b[i - kHalf]) != 0; }
-PINSING_INLINE Mask odd(Bits k) { return Mask{-(k.a & 1), -(k.b & 1)}; }
-PINSING_INLINE V select(Mask m, V x, V y) {
-    return V{m.a ? x.a : y.a, m.b ? x.b : y.b};
-}
-#endif
+PINSING_INLINE Mask none() { return Mask{never(), never()}; }
+PINSING_INLINE bool any(Mask m) { return any(m.a | m.b); }
+PINSING_INLINE bool lane(Mask m, int i) { return i < kHalf ? lane(m.a, i) : lane(m.b, i - kHalf); }
+PINSING_INLINE Mask odd(Bits k) { return Mask{odd(k.a), odd(k.b)}; }
+PINSING_INLINE V select(Mask m, V x, V y) { return V{select(m.a, x.a, y.a), select(m.b, x.b, y.b)}; }
 
-PINSING_INLINE Half half_sqrt(Half x) {
+PINSING_INLINE One vsqrt(One x) {
 #if defined(__AVX512F__)
-    return (Half)_mm512_sqrt_pd((__m512d)x);
+    return One{(Half)_mm512_sqrt_pd((__m512d)x.v)};
 #elif defined(__AVX2__)
-    return (Half)_mm256_sqrt_pd((__m256d)x);
+    return One{(Half)_mm256_sqrt_pd((__m256d)x.v)};
 #elif defined(__SSE2__)
-    return (Half)_mm_sqrt_pd((__m128d)x);
+    return One{(Half)_mm_sqrt_pd((__m128d)x.v)};
 #else
-    for (int i = 0; i < kHalf; i++) x[i] = __builtin_sqrt(x[i]);
+    for (int i = 0; i < kHalf; i++) x.v[i] = __builtin_sqrt(x.v[i]);
     return x;
 #endif
 }
-PINSING_INLINE V vsqrt(V x) { return V{half_sqrt(x.a), half_sqrt(x.b)}; }
-
-PINSING_INLINE Half half_min(Half x, Half y) {
+PINSING_INLINE One vmin(One x, One y) {
 #if defined(__AVX512F__)
-    return (Half)_mm512_min_pd((__m512d)x, (__m512d)y);
+    return One{(Half)_mm512_min_pd((__m512d)x.v, (__m512d)y.v)};
 #elif defined(__AVX2__)
-    return (Half)_mm256_min_pd((__m256d)x, (__m256d)y);
+    return One{(Half)_mm256_min_pd((__m256d)x.v, (__m256d)y.v)};
 #elif defined(__SSE2__)
-    return (Half)_mm_min_pd((__m128d)x, (__m128d)y);
+    return One{(Half)_mm_min_pd((__m128d)x.v, (__m128d)y.v)};
 #else
-    return x < y ? x : y;
+    return One{x.v < y.v ? x.v : y.v};
 #endif
 }
-PINSING_INLINE Half half_max(Half x, Half y) {
+PINSING_INLINE One vmax(One x, One y) {
 #if defined(__AVX512F__)
-    return (Half)_mm512_max_pd((__m512d)x, (__m512d)y);
+    return One{(Half)_mm512_max_pd((__m512d)x.v, (__m512d)y.v)};
 #elif defined(__AVX2__)
-    return (Half)_mm256_max_pd((__m256d)x, (__m256d)y);
+    return One{(Half)_mm256_max_pd((__m256d)x.v, (__m256d)y.v)};
 #elif defined(__SSE2__)
-    return (Half)_mm_max_pd((__m128d)x, (__m128d)y);
+    return One{(Half)_mm_max_pd((__m128d)x.v, (__m128d)y.v)};
 #else
-    return x > y ? x : y;
+    return One{x.v > y.v ? x.v : y.v};
 #endif
 }
-PINSING_INLINE V vmin(V x, V y) { return V{half_min(x.a, y.a), half_min(x.b, y.b)}; }
-PINSING_INLINE V vmax(V x, V y) { return V{half_max(x.a, y.a), half_max(x.b, y.b)}; }
+PINSING_INLINE One vmax(One x, double y) { return vmax(x, spread(y)); }
+PINSING_INLINE V vsqrt(V x) { return V{vsqrt(x.a), vsqrt(x.b)}; }
+PINSING_INLINE V vmin(V x, V y) { return V{vmin(x.a, y.a), vmin(x.b, y.b)}; }
+PINSING_INLINE V vmax(V x, V y) { return V{vmax(x.a, y.a), vmax(x.b, y.b)}; }
 PINSING_INLINE V vmax(V x, double y) { return vmax(x, broadcast(y)); }
 PINSING_INLINE V vmin(V x, double y) { return vmin(x, broadcast(y)); }
 
+PINSING_INLINE One vabs(One x) { return value(bits(x) & INT64_MAX); }
 PINSING_INLINE V vabs(V x) { return value(bits(x) & INT64_MAX); }
 PINSING_INLINE V copysign(V magnitude, V sign) {
     return value(bits(vabs(magnitude)) | (bits(sign) & INT64_MIN));

@@ -36,7 +36,7 @@ PINSING_INLINE void sincos(V x, V& sine, V& cosine) {
 
     Mask swap = odd(quadrant);
     sine = value(bits(select(swap, c, s)) ^ ((quadrant & 2) << 62));
-    cosine = value(bits(select(swap, s, c)) ^ (((quadrant + 1) & 2) << 62));
+    cosine = value(bits(select(swap, s, c)) ^ (((quadrant + INT64_C(1)) & 2) << 62));
 
     Mask large = vabs(x) > kReducible;
     if (__builtin_expect(any(large), 0)) {

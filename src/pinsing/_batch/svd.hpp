@@ -1,4 +1,5 @@
-// Singular values of a block of matrices: Householder bidiagonalisation, then dqds.
+// Singular values of a block of matrices: Householder bidiagonalisation, then the eigenvalues of the
+// bidiagonal matrix's square by dqds, or all at once (roots.hpp) with dqds where these do not settle.
 //
 // A block holds one k x l matrix (k <= l) in each lane, entry (i, j) at A[i * l + j]. Values are
 // accurate to 5e-15 of the largest one of their matrix, small ones included, as LAPACK's are.
@@ -27,10 +28,11 @@ PINSING_INLINE V normalise(V* A, int count) {
 // Turns x0 into the first entry of the Householder vector v = x + sign(x0) |x| e0, with `square` =
 // |x|^2, and returns 2 / |v|^2; 0 for x = 0.
 PINSING_INLINE V reflector(V& x0, V square) {
-    V norm = vsqrt(square);
-    V factor = 1.0 / (square + norm * vabs(x0));
+    Mask some = square > kZeroSquare;
+    V norm = select(some, positive_root(square), broadcast(0.0));
+    V factor = reciprocal(square + norm * vabs(x0));
     x0 += copysign(norm, x0);
-    return select(square > kZeroSquare, factor, broadcast(0.0));
+    return select(some, factor, broadcast(0.0));
 }
 
 // A -> squares of the diagonal q[k] and of the superdiagonal e[k - 1] of a bidiagonal matrix with
@@ -164,7 +166,7 @@ static __attribute__((noinline)) void dqds(V* q, V* e, V* S, int max_sweeps) {
             for (int k = 0; k < m; k++) {
                 low = vmin(low, d);
                 Q[k] = d + e[k];
-                V t = q[k + 1] / Q[k];
+                V t = quotient(q[k + 1], Q[k]);
                 E[k] = e[k] * t;
                 widest = vmax(widest, E[k]);
                 d = d * t - shift;
@@ -209,7 +211,8 @@ static __attribute__((noinline)) void dqds(V* q, V* e, V* S, int max_sweeps) {
             // 2 sqrt(x y) <= a x + y / a. The constants only set the pace.
             V room = low - d;
             V least = vmin(low, d);
-            V bound = d - 1.5 * (d * E[m - 1] / vmax(room, kZeroSquare));
+            V pace = rough_reciprocal(vmax(room, kZeroSquare));
+            V bound = d - 1.5 * (d * E[m - 1] * pace);
             V next = select((room > 0.0) & (bound > 0.5 * d), bound * 0.999999999, 0.5 * least);
             V certain = vmax(0.97 * least - 33.4 * widest, 0.99999 * least - 1.0e5 * widest);
             next = vmax(next, certain);
@@ -254,51 +257,4 @@ static __attribute__((noinline)) void dqds(V* q, V* e, V* S, int max_sweeps) {
         }
     }
     for (int k = 0; k < K; k++) S[k] = select(sound, S[k], broadcast(__builtin_nan("")));
-}
-
-using Bidiagonalise = void (*)(V*, int, V*, V*);
-using Dqds = void (*)(V*, V*, V*, int);
-
-struct Svd {
-    int rank, columns;
-    Bidiagonalise bidiagonalise;
-    Dqds dqds;
-
-    // A (rank x columns, destroyed) -> S[rank]
-    void operator()(V* A, V* S, int max_sweeps) const {
-        V q[kMaxRank], e[kMaxRank];
-        V power = normalise(A, rank * columns);
-        bidiagonalise(A, columns, q, e);
-        dqds(q, e, S, max_sweeps);
-        for (int k = 0; k < rank; k++) S[k] *= power;
-    }
-};
-
-// Matrices of up to eight columns, most arms', have code of their own.
-template <int K>
-static Svd svd_of_rank(int columns) {
-    Bidiagonalise b = &bidiagonalise<K, 0>;
-    if constexpr (K >= 3) {
-        switch (columns) {
-            case 3: if constexpr (K <= 3) b = &bidiagonalise<K, 3>; break;
-            case 4: if constexpr (K <= 4) b = &bidiagonalise<K, 4>; break;
-            case 5: if constexpr (K <= 5) b = &bidiagonalise<K, 5>; break;
-            case 6: b = &bidiagonalise<K, 6>; break;
-            case 7: b = &bidiagonalise<K, 7>; break;
-            case 8: b = &bidiagonalise<K, 8>; break;
-            default: break;
-        }
-    }
-    return Svd{K, columns, b, &dqds<K>};
-}
-
-static Svd svd_of(int rank, int columns) {
-    switch (rank) {
-        case 1: return svd_of_rank<1>(columns);
-        case 2: return svd_of_rank<2>(columns);
-        case 3: return svd_of_rank<3>(columns);
-        case 4: return svd_of_rank<4>(columns);
-        case 5: return svd_of_rank<5>(columns);
-        default: return svd_of_rank<6>(columns);
-    }
 }

@@ -9,9 +9,11 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
+from functools import cached_property
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +22,8 @@ from pinsing._types import Array
 from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.geometry.surd import Exact, exact_of, exact_text, parts_of
+
+T = TypeVar("T")
 
 _NOTHING = 1e-15
 """Coefficients this small, relative to the sum of all, are rounding, and are not written out."""
@@ -69,13 +73,13 @@ class Equation:
         if self.exact and len(self.exact) != len(self.cos):
             raise ValueError("there are more, or less, exact coefficients than terms")
 
-    @property
+    @cached_property
     def involved(self) -> tuple[int, ...]:
         """Indices of the joints that occur."""
         used = (self.frequencies != 0).any(axis=0) | (self.powers != 0).any(axis=0)
         return tuple(int(j) for j in np.flatnonzero(used))
 
-    @property
+    @cached_property
     def size(self) -> float:
         """Sum of the coefficients' magnitudes: what a residual is relative to."""
         return float(np.hypot(self.cos, self.sin).sum())
@@ -117,6 +121,27 @@ class Equation:
         if not self.powers.any():
             return phase, np.ones_like(phase)
         return phase, np.prod(q[..., None, :] ** self.powers, axis=-1)
+
+    def once(self, name: str, compute: Callable[[], T]) -> T:
+        """Compute what depends on the equation alone the first time; later take what was kept.
+
+        Parameters
+        ----------
+        name : str
+            What it is kept under.
+        compute : callable
+            Called without arguments, the first time.
+        """
+        if name not in self._known:
+            self._known[name] = compute()
+        return cast("T", self._known[name])
+
+    @cached_property
+    def _known(self) -> dict[str, object]:
+        return {}
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {k: v for k, v in self.__dict__.items() if k != "_known"}
 
     def scaled(self, factor: float) -> Equation:
         """The same equation with all coefficients multiplied."""

@@ -8,6 +8,7 @@ and w^k stands for the frequency k - d/2. Nothing is rounded, and nothing droppe
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
@@ -39,14 +40,16 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
     halves: tuple[dict[Any, Any], dict[Any, Any]] = ({}, {})  # real and imaginary coefficients
     seconds = [ring.variables(j)[1] for j in range(n) if not ring.prismatic[j]]
     some: tuple[int, ...] = ()
-    for m, c in poly.to_dict().items():
+    terms = poly.to_dict()
+    scale = math.lcm(*(int(c.q) for c in terms.values()))  # sums of whole numbers are cheap
+    for m, c in terms.items():
         some = m
         turns = sum(int(m[v]) for v in seconds) % 4
-        halves[turns % 2][m] = c if _SIGNS[turns] > 0 else -c
+        halves[turns % 2][m] = c * (scale * _SIGNS[turns])
     degree = [
         0 if ring.prismatic[j] else sum(int(some[v]) for v in ring.variables(j)) for j in range(n)
     ]
-    gathered: dict[Key, list[list[Fraction]]] = {}
+    gathered: dict[Key, list[list[int]]] = {}
     for imaginary, half in enumerate(halves):
         if not half:
             continue
@@ -56,12 +59,10 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
             square = 1
             for d, e in zip(getattr(ring, "roots", ()), m[n:], strict=True):
                 square *= d if e else 1
-            _add(
-                m, imaginary, square, Fraction(int(c.p), int(c.q)), ring, degree, quarters, gathered
-            )
+            _add(m, imaginary, square, int(c.p), ring, degree, quarters, gathered)
     out = {}
     for key, (real, imag) in gathered.items():
-        pair = surd(*real), -surd(*imag)
+        pair = surd(*map(Fraction, real)), -surd(*map(Fraction, imag))
         if any(pair):  # a Surd is never zero
             out[key] = pair
     return out
@@ -71,16 +72,17 @@ def _add(
     m: Sequence[int],
     imaginary: int,
     square: int,
-    c: Fraction,
+    c: int,
     ring: Ring,
     degree: Sequence[int],
     quarters: Sequence[int],
-    gathered: dict[Key, list[list[Fraction]]],
+    gathered: dict[Key, list[list[int]]],
 ) -> None:
     """Add Re(c i^imaginary w^m) to the sums of what is known of its frequency."""
+    prismatic = ring.prismatic
     joints = range(len(degree))
-    frequency = tuple(0 if ring.prismatic[j] else 2 * int(m[j]) - degree[j] for j in joints)
-    power = tuple(int(m[j]) if ring.prismatic[j] else 0 for j in joints)
+    frequency = tuple([0 if prismatic[j] else 2 * int(m[j]) - degree[j] for j in joints])
+    power = tuple([int(m[j]) if prismatic[j] else 0 for j in joints])
     parts = [(c, imaginary)]
     eighths = sum(k * q for k, q in zip(frequency, quarters, strict=True))
     if eighths % 2:  # so it is for all terms: times exp(i pi/4), up to sqrt 2
@@ -88,7 +90,7 @@ def _add(
     lead = next((k for k in frequency if k), 0)
     if lead < 0:
         frequency = tuple(-k for k in frequency)
-    sums = gathered.setdefault((frequency, power), [[Fraction(0)] * 4, [Fraction(0)] * 4])
+    sums = gathered.setdefault((frequency, power), [[0] * 4, [0] * 4])
     for value, turn in parts:
         quarter = (turn + eighths // 2) % 4
         value = -value if quarter >= 2 else value

@@ -8,6 +8,7 @@ smaller matrix whose rank drops exactly where the Jacobian's does.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -200,10 +201,12 @@ def _cross(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> list[Poly]:
 
 def _primitive(line: list[Poly], ring: Ring) -> list[Poly]:
     """Divide a row or column by the x^2 + y^2 that all its entries share."""
-    if all(x == 0 for x in line):
+    degrees = [x.degrees() for x in line if x != 0]
+    if not degrees:
         return line
-    for w in ring.w:
-        if w is None:
+    for j, w in enumerate(ring.w):
+        # Only what has both squares can be a multiple.
+        if w is None or any(d[v] < 2 for v in ring.variables(j) for d in degrees):
             continue
         while True:
             parts = [divmod(x, w) for x in line]
@@ -215,9 +218,13 @@ def _primitive(line: list[Poly], ring: Ring) -> list[Poly]:
 
 def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
     """Drop rows that are combinations of others with constant factors: no rank is lost."""
+    doubtful = _sharing(matrix, ring)
     basis: list[tuple[_Place, dict[_Place, Exact]]] = []
     kept = []
-    for row in matrix:
+    for i, row in enumerate(matrix):
+        if i not in doubtful:
+            kept.append(row)
+            continue
         vector: dict[_Place, Exact] = {
             (j, m): c for j, x in enumerate(row) for m, c in ring.terms(x).items()
         }
@@ -231,6 +238,23 @@ def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
             basis.append((next(iter(vector)), vector))
             kept.append(row)
     return kept
+
+
+def _sharing(matrix: Matrix, ring: Ring) -> set[int]:
+    """Rows that may be combinations of others: all of their monomials occur in others of these.
+
+    A row with one that no other has is in no combination of zero.
+    """
+    places = {
+        i: {(j, m) for j, x in enumerate(row) if x != 0 for m in ring.monomials(x)}
+        for i, row in enumerate(matrix)
+    }
+    while True:
+        counts = Counter(place for own in places.values() for place in own)
+        left = {i: own for i, own in places.items() if all(counts[place] > 1 for place in own)}
+        if len(left) == len(places):
+            return set(left)
+        places = left
 
 
 def reduce_matrix(

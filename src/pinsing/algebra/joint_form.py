@@ -163,6 +163,10 @@ def joint_form(
     exact : bool
         With exact coefficients; None if they are not known.
     """
+    return equation.once(f"joint form {joint} {exact}", lambda: _joint_form(equation, joint, exact))
+
+
+def _joint_form(equation: Equation, joint: int | None, exact: bool) -> JointForm | None:
     if joint is None:
         found = [(j, _kind(equation, j)) for j in equation.involved]
         every = [j for j, kind in found if kind in ("opposite", "half")]

@@ -28,7 +28,15 @@ __all__ = [
 
 def image(poly: Poly, ring: Ring, prime: int) -> Any:
     """A polynomial modulo a prime, in the joints' variables."""
-    terms = {m: residue(c, prime) for m, c in ring.terms(poly).items()}
+    if ring.rational:
+        inverse: dict[Any, int] = {}
+        terms = {}
+        for m, c in poly.to_dict().items():
+            if c.q not in inverse:
+                inverse[c.q] = pow(int(c.q), -1, prime)
+            terms[m] = int(c.p) * inverse[c.q] % prime
+    else:
+        terms = {m: residue(c, prime) for m, c in ring.terms(poly).items()}
     names = tuple(ring.context.names()[: ring.nvars])
     return modular_context(names, prime).from_dict({m: c for m, c in terms.items() if c})
 

@@ -10,6 +10,7 @@ import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -96,7 +97,7 @@ def expressions(
     rough = list(zip(equation.cos.tolist(), equation.sin.tolist(), strict=True))
     numbers: list[tuple[Number, Number]] = rough
     if equation.exact:  # so that what cancels does so
-        numbers = [(exact_of(c), exact_of(s)) for c, s in equation.exact]
+        numbers = [(_plain(c), _plain(s)) for c, s in equation.exact]
     elif exact:
         return None
     largest = equation.size
@@ -121,13 +122,25 @@ def expressions(
     for product, number in table.items():
         mine = [(f, k) for j, f, k in product if j == joint]
         key = mine[0] if mine else ("one", 0)
-        shown = number if factor is None else float(number) * factor
+        shown = _shown(number) if factor is None else float(number) * factor
         best.setdefault(key, {})[tuple(x for x in product if x[0] != joint)] = shown
     shift = tuple(float(s) for s in equation.shift)
     return {
         key: Expression(tuple((c, p) for p, c in part.items()), equation.joints, shift)
         for key, part in best.items()
     }
+
+
+def _plain(text: str) -> Number:
+    """The exact number of a text, whole ones as ints: their sums and products are cheap."""
+    number = exact_of(text)
+    whole = isinstance(number, Fraction) and number.denominator == 1
+    return number.numerator if isinstance(number, Fraction) and whole else number
+
+
+def _shown(number: Number) -> Number:
+    """The number as an Exact, if it is not a float."""
+    return Fraction(number) if isinstance(number, int) else number
 
 
 def _factor(rough: Sequence[tuple[float, float]], exact: Sequence[tuple[Number, Number]]) -> float:

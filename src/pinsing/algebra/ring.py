@@ -11,7 +11,7 @@ A prismatic joint has one variable, its value in metres.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
@@ -52,12 +52,17 @@ class Ring:
         Index of each joint's first variable.
     w : tuple of Poly or None
         x^2 + y^2 of each revolute joint.
+    known : dict
+        Factors of the polynomials, as text, that were asked for before.
     """
 
     context: Any
     prismatic: tuple[bool, ...]
     start: tuple[int, ...]
     w: tuple[Poly | None, ...]
+    known: dict[str, list[Poly]] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     @property
     def one(self) -> Poly:
@@ -104,6 +109,10 @@ class Ring:
     def terms(self, poly: Poly) -> dict[Monomial, Exact]:
         """Exponents of the joints' variables, and coefficients."""
         return {tuple(int(e) for e in m): fraction(c) for m, c in poly.to_dict().items()}
+
+    def monomials(self, poly: Poly) -> list[Monomial]:
+        """Exponents of the joints' variables in each term; some perhaps several times."""
+        return list(poly.monoms())
 
     def packed(self, poly: Poly) -> Packed:
         """The polynomial as plain integers, for another process."""
@@ -160,7 +169,14 @@ class Ring:
         return poly
 
     def factors(self, poly: Poly) -> list[Poly]:
-        """Irreducible factors over Q, without multiplicity and without any x^2 + y^2."""
+        """Irreducible factors, without multiplicity and without any x^2 + y^2."""
+        key = str(poly)
+        if key not in self.known:
+            self.known[key] = self._factors(poly)
+        return list(self.known[key])
+
+    def _factors(self, poly: Poly) -> list[Poly]:
+        """Over Q."""
         _, found = poly.factor()
         return [f for f, _ in found if not any(w is not None and f == w for w in self.w)]
 

@@ -92,6 +92,10 @@ class SurdRing(Ring):
             parts[SQUARES.index(square)] = fraction(c)
         return {m: surd(*parts) for m, parts in gathered.items()}
 
+    def monomials(self, poly: Poly) -> list[Monomial]:
+        """Exponents of the joints' variables in each term; some perhaps several times."""
+        return [m[: self.nvars] for m in poly.monoms()]
+
     def _poly(self, terms: Mapping[Monomial, Exact | int]) -> Poly:
         """The polynomial of these terms."""
         found: dict[Monomial, Any] = {}
@@ -162,8 +166,8 @@ class SurdRing(Ring):
                 return found
         raise BudgetExceeded("a polynomial with square roots in it has too long coefficients")
 
-    def factors(self, poly: Poly) -> list[Poly]:
-        """Irreducible factors, without multiplicity and without any x^2 + y^2."""
+    def _factors(self, poly: Poly) -> list[Poly]:
+        """Over the field of the roots."""
         found: list[Poly] = []
         for f in self._factor(self.monic(self.strip(poly)), len(self.roots)):
             if f not in found and not any(w is not None and f == w for w in self.w):

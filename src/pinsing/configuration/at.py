@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ from pinsing.arguments import checked
 from pinsing.configuration.axis_dependence import (
     DEPENDENCE_RTOL,
     AxisDependence,
-    axis_dependences,
+    dependences_of,
     landmarks,
 )
 from pinsing.configuration.lost_motion import EXACT_TOL, LostMotion, Tool, lost_motions
@@ -36,6 +37,7 @@ from pinsing.kinematics.own_scale import own_scale, random_turns
 from pinsing.kinematics.verdict import (
     NEAR_RTOL,
     SINGULAR_RTOL,
+    Status,
     check_tolerances,
     generic_rank,
     rank_of,
@@ -86,30 +88,12 @@ def at(
     """
     check_tolerances(rtol, near_rtol)
     q = arm.check_one(q)
-    J = frame_jacobian(arm, q)
-    Js = scale_rows(arm, J)
     r = generic_rank(arm)
+    loss = loss_at(arm, q, rtol, near_rtol)
+    J, status, ratio = loss.J, loss.status, loss.ratio
+    Js = scale_rows(arm, J)
     scale = own_scale(arm)
-    U, sigma, Vt = np.linalg.svd(scale.apply(arm, J))
-    ratio = float(ratio_of(arm, sigma))
-    status = status_of(ratio, rtol, near_rtol)
-    # Nearly lost is what is not better than sigma_r, give or take a factor.
-    zero = {SINGULAR: rtol, NEAR_SINGULAR: min(3 * ratio, near_rtol), REGULAR: rtol}[status]
-    rank = rank_of(arm, sigma, zero)
-    place = tip_placement(arm, q)
-    position, rotation = np.array(place.translation), np.array(place.rotation)
-    lost: tuple[LostMotion, ...] = ()
-    always_missing = 0
-    dependences: tuple[AxisDependence, ...] = ()
-    if status != REGULAR:
-        never = never_produced(arm)
-        missing = _in_all_rows(arm, _without(U[:, rank:], never))
-        always_missing = len(arm.task.rows) - r - never.shape[1]
-        hardly = status == NEAR_SINGULAR
-        tool = Tool(position, rotation, _size(J), landmarks(arm, J, position))
-        tol = max(EXACT_TOL, min(3 * ratio, 0.05)) if hardly else EXACT_TOL
-        lost = lost_motions(missing, J, scale.length, arm.length_scale, tool, tol, hardly)
-        dependences = axis_dependences(arm, q, zero if hardly else max(DEPENDENCE_RTOL, rtol))
+    position, rotation = loss.tool.position, loss.tool.rotation
     outside = tuple(np.array(arm.joints)[arm.space.outside(q)].tolist())
     return State(
         arm=summarize(arm),
@@ -120,7 +104,7 @@ def at(
         tip_rotation=rotation,
         J=J,
         sigma=measures.singular_values(Js),
-        rank=rank_of(arm, sigma, rtol),
+        rank=loss.rank,
         generic_rank=r,
         sigma_ratio=ratio,
         rtol=rtol,
@@ -131,12 +115,80 @@ def at(
         determinant=float(measures.determinant(Js)),
         translational=_ellipsoid(J[:3], position, "m/s"),
         rotational=_ellipsoid(J[3:], position, "rad/s"),
-        lost=lost,
-        always_missing=always_missing,
-        self_motions=_self_motions(scale.columns[:, None] * Vt[rank:].T, arm.prismatic),
+        lost=loss.lost,
+        always_missing=loss.always_missing,
+        self_motions=_self_motions(scale.columns[:, None] * loss.still, arm.prismatic),
         always_idle=arm.n - r,
-        dependences=dependences,
+        dependences=loss.dependences,
         notes=tuple(_notes(arm, q, r, ratio, rtol)),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Loss:
+    """What is lost at a configuration, and why: the part of a State that a family needs.
+
+    Attributes
+    ----------
+    J : (6, n) array
+        Frame Jacobian, metres and radians.
+    sigma : (k,) array
+        Singular values of the task Jacobian at the arm's own scale.
+    ratio : float
+        sigma_r / sigma_1 of these.
+    status : str
+        As of a State.
+    rank : int
+        Number of them that are not zero.
+    still : (n, d) array
+        Orthonormal joint velocities, at the own scale, that give none of the others.
+    tool : Tool
+        The tip.
+    lost, always_missing, dependences
+        As of a State.
+    """
+
+    J: Array
+    sigma: Array
+    ratio: float
+    status: Status
+    rank: int
+    still: Array
+    tool: Tool
+    lost: tuple[LostMotion, ...] = ()
+    always_missing: int = 0
+    dependences: tuple[AxisDependence, ...] = ()
+
+
+def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = NEAR_RTOL) -> Loss:
+    """What is lost at q (n,), which is in order, and why; arguments as of ``at``."""
+    J = frame_jacobian(arm, q)
+    scale = own_scale(arm)
+    U, sigma, Vt = np.linalg.svd(scale.apply(arm, J))
+    ratio = float(ratio_of(arm, sigma))
+    status = status_of(ratio, rtol, near_rtol)
+    # Nearly lost is what is not better than sigma_r, give or take a factor.
+    zero = {SINGULAR: rtol, NEAR_SINGULAR: min(3 * ratio, near_rtol), REGULAR: rtol}[status]
+    rank = rank_of(arm, sigma, zero)
+    place = tip_placement(arm, q)
+    position, rotation = np.array(place.translation), np.array(place.rotation)
+    tool = Tool(position, rotation, _size(J), {})
+    found = Loss(J, sigma, ratio, status, rank_of(arm, sigma, rtol), Vt[rank:].T, tool)
+    if status == REGULAR:
+        return found
+    never = never_produced(arm)
+    missing = _in_all_rows(arm, _without(U[:, rank:], never))
+    hardly = status == NEAR_SINGULAR
+    tool = replace(tool, landmarks=landmarks(arm, J, position))
+    tol = max(EXACT_TOL, min(3 * ratio, 0.05)) if hardly else EXACT_TOL
+    return replace(
+        found,
+        tool=tool,
+        lost=lost_motions(missing, J, scale.length, arm.length_scale, tool, tol, hardly),
+        always_missing=len(arm.task.rows) - generic_rank(arm) - never.shape[1],
+        dependences=dependences_of(
+            arm, J, position, zero if hardly else max(DEPENDENCE_RTOL, rtol)
+        ),
     )
 
 
@@ -153,6 +205,10 @@ def _size(J: Array) -> float:
 
 def never_produced(arm: Arm) -> Array:
     """Orthonormal task directions (m, k) that the arm can produce at no configuration."""
+    return arm.once("never_produced", lambda: _never_produced(arm))
+
+
+def _never_produced(arm: Arm) -> Array:
     exact = nominal(arm).arm
     J = frame_jacobians(exact, random_turns(exact, 6, _SEED))
     U, sigma, _ = np.linalg.svd(np.concatenate(list(own_scale(exact).apply(exact, J)), axis=1))

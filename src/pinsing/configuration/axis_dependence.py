@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import chain, combinations
@@ -101,10 +102,15 @@ def axis_dependences(
         If q has the wrong length or is not finite.
     """
     J = frame_jacobian(arm, q)
+    return dependences_of(arm, J, np.array(placement_of(arm, q).translation), rtol)
+
+
+def dependences_of(arm: Arm, J: Array, tip: Array, rtol: float) -> tuple[AxisDependence, ...]:
+    """`axis_dependences` at a frame Jacobian (6, n) with the tip (3,), metres."""
     columns = _Columns(arm, J, rtol)
     if columns.lost <= 0:
         return ()
-    words = _Words(arm, J, np.array(placement_of(arm, q).translation), columns, rtol)
+    words = _Words(arm, J, tip, columns, rtol)
     return tuple(
         AxisDependence(tuple(arm.joints[i] for i in ids), ids, words.reason(ids))
         for ids in columns.causes()
@@ -143,12 +149,20 @@ def arm_centres(arm: Arm) -> tuple[Centre, ...]:
     """Sets of three turning axes in a row that meet in one point at every configuration."""
     if arm.coupling is not None:
         return ()
-    samples = [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
-    return find_centres(samples)
+    return arm.once("arm_centres", lambda: _arm_centres(arm))
 
 
 def moving_columns(arm: Arm) -> tuple[int, ...]:
     """Joints (indices) that move the task at some configuration."""
+    return arm.once("moving_columns", lambda: _moving_columns(arm))
+
+
+def _arm_centres(arm: Arm) -> tuple[Centre, ...]:
+    samples = [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
+    return find_centres(samples)
+
+
+def _moving_columns(arm: Arm) -> tuple[int, ...]:
     general = np.linalg.norm(_generic_task(arm), axis=1).max(axis=0)
     return tuple(int(i) for i in np.flatnonzero(general > SINGULAR_RTOL * general.max()))
 
@@ -156,7 +170,9 @@ def moving_columns(arm: Arm) -> tuple[int, ...]:
 def _generic_task(arm: Arm) -> Array:
     """Task Jacobians (k, m, n) of the nominal geometry at random configurations, without units."""
     exact = nominal(arm).arm
-    return own_scale(exact).apply(exact, _generic_jacobians(exact))
+    return arm.once(
+        "generic_task", lambda: own_scale(exact).apply(exact, _generic_jacobians(exact))
+    )
 
 
 class _Columns:
@@ -173,7 +189,7 @@ class _Columns:
 
     def ranks(self, sets: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
         """Ranks at the configuration of sets (N, k) of columns."""
-        stack = np.moveaxis(self.J[:, sets], 1, 0)  # (N, m, k)
+        stack = self.J[:, sets].transpose(1, 0, 2)  # (N, m, k)
         sigma = np.linalg.svd(stack, compute_uv=False)
         return np.asarray((sigma > self.zero).sum(axis=-1))
 
@@ -224,12 +240,18 @@ class _Columns:
         for size in range(1, len(ids) + 1):
             if comb(len(ids), size) > _MANY:
                 break
-            sets = np.array(list(combinations(ids, size)))
+            sets = np.array(ids)[_combinations(len(ids), size)]
             for k in np.flatnonzero(size - self.ranks(sets) >= nullity):
                 yield tuple(int(i) for i in sets[k])
         else:
             return
         yield tuple(ids)
+
+
+@functools.cache
+def _combinations(n: int, size: int) -> npt.NDArray[np.intp]:
+    """Sets (N, size) of that many out of n, as indices."""
+    return np.array(list(combinations(range(n), size)), dtype=np.intp)
 
 
 class _Words:
@@ -306,4 +328,6 @@ def _merged(parts: Sequence[tuple[int, ...]]) -> list[tuple[int, ...]]:
 
 def _generic_jacobians(arm: Arm) -> Array:
     """Frame Jacobians (k, 6, n) at random configurations, whole circles."""
-    return frame_jacobians(arm, random_turns(arm, _SAMPLES, _SEED))
+    return arm.once(
+        "generic_jacobians", lambda: frame_jacobians(arm, random_turns(arm, _SAMPLES, _SEED))
+    )

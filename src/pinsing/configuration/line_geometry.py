@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.configuration.vectors import cross, length
 
 STRUCTURE_TOL = 2e-5
 """Radians, and share of the arm's size: parallel or meeting within what files round angles to."""
@@ -57,7 +58,7 @@ class JointAxes:
     def parallel(self, ids: Sequence[int], tol: float) -> bool:
         """Whether all these axes have one direction, up to sign."""
         first = self.direction[ids[0]]
-        return all(np.linalg.norm(np.cross(first, self.direction[i])) <= tol for i in ids[1:])
+        return all(length(cross(first, self.direction[i])) <= tol for i in ids[1:])
 
     def perpendicular(self, i: int, direction: Array, tol: float) -> bool:
         """Whether axis i is perpendicular to a unit direction (3,)."""
@@ -65,7 +66,7 @@ class JointAxes:
 
     def distance(self, i: int, point: Array) -> float:
         """Distance of a point (3,) from turning axis i, metres."""
-        return float(np.linalg.norm(np.cross(self.direction[i], point - self.point[i])))
+        return length(cross(self.direction[i], point - self.point[i]))
 
     def meeting_point(self, ids: Sequence[int], tol: float) -> Array | None:
         """Return the point (3,) that all these turning axes pass through, if there is one."""
@@ -91,7 +92,7 @@ class JointAxes:
         """Velocity (3,) of a point (3,) carried by joint i at unit speed, base axes."""
         if self.prismatic[i]:
             return np.asarray(self.direction[i])
-        return np.asarray(np.cross(self.direction[i], point - self.point[i]))
+        return cross(self.direction[i], point - self.point[i])
 
     def velocity_rank(self, ids: Sequence[int], point: Array, tol: float) -> int:
         """Dimension of the velocities that these joints give to a point (3,)."""
@@ -265,8 +266,8 @@ def _centre_words(
         other = next(i for i in rest if i not in pair)
         if not turning or not axes.parallel(pair, tol) or axes.parallel((other, pair[0]), tol):
             continue
-        normal = np.cross(axes.direction[other], axes.direction[pair[0]])
-        off = (point - axes.point[other]) @ normal / np.linalg.norm(normal)
+        normal = cross(axes.direction[other], axes.direction[pair[0]])
+        off = (point - axes.point[other]) @ normal / length(normal)
         if abs(off) <= tol * axes.size:
             plane = f"the plane through axis {numbers((other,))} parallel to axes {numbers(pair)}"
             return f"{name} lies {nearly}in {plane}"
@@ -286,23 +287,23 @@ def one_line(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) -> 
     if found is None:
         return None
     force, moment = found
-    strength = float(np.linalg.norm(force))
+    strength = length(force)
     if strength <= tol:
         turning = [i for i in ids if not axes.prismatic[i]]
         return f"axes {numbers(turning)} are {nearly}parallel to one plane"
     if abs(force @ moment) > tol * strength**2:
         return None
     direction = force / strength
-    point = axes.tip + np.cross(force, moment) / strength**2 * axes.size
+    point = axes.tip + cross(force, moment) / strength**2 * axes.size
     met, along, across = [], [], []
     for i in ids:
-        normal = np.cross(axes.direction[i], direction)
-        length = float(np.linalg.norm(normal))
+        normal = cross(axes.direction[i], direction)
+        sine = length(normal)
         if axes.prismatic[i]:
             across.append(i)
-        elif length <= tol:
+        elif sine <= tol:
             along.append(i)
-        elif abs((axes.point[i] - point) @ normal) <= 10 * tol * axes.size * length:
+        elif abs((axes.point[i] - point) @ normal) <= 10 * tol * axes.size * sine:
             met.append(i)
         else:
             return None
@@ -322,7 +323,7 @@ def one_complex(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str) 
     if found is None:
         return None
     force, moment = found
-    strength = float(np.linalg.norm(force))
+    strength = length(force)
     if strength <= tol:
         return None
     pitch = float(force @ moment) / strength**2 * axes.size

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.configuration.vectors import cross, length
 
 ALIGNED = math.radians(0.1)
 """Radians; a direction this close to an axis of the tool or the base goes by that axis."""
@@ -208,8 +209,8 @@ class _Words:
             kind, direction, point, pitch = "rotation", moment, tool.position, math.inf
         else:
             pitch = float(force @ moment)
-            lever = np.cross(force, moment)
-            through_tip = np.linalg.norm(lever) <= self.tol * tool.size
+            lever = cross(force, moment)
+            through_tip = length(lever) <= self.tol * tool.size
             point = tool.position if through_tip else tool.position + lever
             direction = force
             if abs(pitch) > self.tol * tool.size:
@@ -252,7 +253,7 @@ class _Words:
         on_it = [
             name
             for name, place in tool.landmarks.items()
-            if np.linalg.norm(np.cross(direction, place - point)) <= 10 * self.tol * tool.size
+            if length(cross(direction, place - point)) <= 10 * self.tol * tool.size
         ]
         if len(on_it) > 1:
             return "through " + " and ".join(on_it[:2])

@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.configuration.at import at
-from pinsing.configuration.state import State
+from pinsing.configuration.at import Loss, loss_at
 from pinsing.families.example import readable
 from pinsing.families.family import Family
 from pinsing.families.kinds import kinds_of
@@ -121,7 +120,7 @@ def _described(
     branch = next((b for b in draft.branches if _on(draft, b, points[0])), draft.branches[0])
     strictly = bool(len(inside)) and reachability is Reachability.INSIDE
     generic = readable(draft, branch, points[0], exact, within_limits=strictly)
-    state = at(exact, generic, rtol=1e-8)
+    loss = loss_at(exact, generic, rtol=1e-8)
     raw = None
     if not geometry.exact:
         raw = float(maker.ratios(points, arm).max())
@@ -132,20 +131,20 @@ def _described(
         reachability=reachability,
         witness=generic if len(inside) else None,
         generic=generic,
-        rank=state.rank,
-        lost=(*(str(x) for x in state.lost), *_everywhere(state)),
+        rank=loss.rank,
+        lost=(*(str(x) for x in loss.lost), *_everywhere(loss)),
         kind=kinds[0].kind if len(kinds) == 1 else "varies",
         kinds=kinds,
-        reason="; ".join(str(d) for d in state.dependences),
+        reason="; ".join(str(d) for d in loss.dependences),
         raw_ratio=raw,
     )
 
 
-def _everywhere(state: State) -> list[str]:
+def _everywhere(loss: Loss) -> list[str]:
     """A remark where some of the motions lost at a point are lost at every other as well."""
-    if state.always_missing == 0 or not state.lost:
+    if loss.always_missing == 0 or not loss.lost:
         return []
-    return [f"{state.always_missing} of these {len(state.lost)} is missing at every configuration"]
+    return [f"{loss.always_missing} of these {len(loss.lost)} is missing at every configuration"]
 
 
 def _on(family: Family, branch: Branch, q: Array) -> bool:

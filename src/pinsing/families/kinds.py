@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.configuration.second_order import second_order_many
+from pinsing.configuration.second_order import kinds_many
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch, KindPart
 from pinsing.families.statement import statement
@@ -19,8 +19,6 @@ from pinsing.robot.arm import Arm
 if TYPE_CHECKING:
     from pinsing.families.pieces import PieceMaker
 
-_FIRST = 6
-"""Points that are looked at where they all agree."""
 _SHORT = 60
 """Characters that a condition may have to be named as the place of a kind."""
 
@@ -32,11 +30,7 @@ def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tupl
     as q3 = 0 and q3 = 180 degrees, the parts are named by these; else they are shares of the
     points.
     """
-    found = [s.kind for s in second_order_many(arm, points[:_FIRST])]
-    if len(set(found)) > 1 or len(family.branches) > 2:  # each branch, or shares: more points
-        rest = points[_FIRST:]
-        found += [s.kind for s in second_order_many(arm, rest)] if len(rest) else []
-    points = points[: len(found)]
+    found = kinds_many(arm, points)
     counts = Counter(found)
     total = len(found)
     if len(counts) == 1:

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
+from pinsing.families.drawn import draw, orders
 
 _ON = 1e-13
 """A residual this small, relative to the sum of an equation's coefficients, is zero."""
@@ -28,6 +29,9 @@ _SHARE = 0.2
 """Of the terms of a long system, in the equations that are solved first."""
 ROUNDS = 12
 """Batches of random starts before a search gives up."""
+_DRAWS = 6
+"""Batches of points in closed form before random starts are brought to the set instead."""
+_FEWEST = 8
 
 
 class System:
@@ -126,8 +130,12 @@ def project(
             break
         A = system.gradients(q[left]) * free
         # All but on the set, what is left of f is rounding: not to be divided by small slopes.
-        rcond = np.where(np.abs(f).max(axis=-1) < _NEARLY, _STEEP, _FLAT)
-        step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=rcond), f)
+        if len(equations) == 1:
+            square = np.einsum("nij,nij->n", A, A)[:, None]
+            step = np.where(square > 0, -f * A[:, 0] / np.where(square > 0, square, 1.0), 0.0)
+        else:
+            rcond = np.where(np.abs(f).max(axis=-1) < _NEARLY, _STEEP, _FLAT)
+            step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=rcond), f)
         step = np.where(free, step, 0.0)  # rounding moved the others a little
         size = np.linalg.norm(step, axis=-1, keepdims=True)
         q[left] += step * np.minimum(1.0, 0.7 / np.maximum(size, 1e-300))
@@ -146,6 +154,9 @@ def search(
 ) -> Array:
     """Points of the zero set inside a box: (k, n) with k up to ``count``.
 
+    In closed form where the equations can be solved one after the other; where that finds too few,
+    as in a small box, random starts are projected.
+
     Parameters
     ----------
     lower, upper : (n,) arrays
@@ -155,29 +166,48 @@ def search(
     """
     found: list[Array] = []
     missing = count
+    ways = orders(equations, free)
+    for attempt in range(_DRAWS if ways else 0):
+        way = ways[attempt % len(ways)]
+        q = draw(way, lower, upper, free, fixed, max(_FEWEST, 4 * missing), rng)
+        q, ok = project(equations, q, free, iterations=3)  # most are there: rounding alone
+        inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
+        found.append(q[ok & inside][:missing])
+        missing -= len(found[-1])
+        if missing <= 0:
+            return np.concatenate(found)
     short = _shortest(equations)
     for _ in range(rounds):
-        batch = max(32, 2 * missing)
-        q = rng.uniform(lower, upper, (batch, len(lower)))
+        q = rng.uniform(lower, upper, (max(32, 2 * missing), len(lower)))
         q = np.where(free, q, fixed)
-        if short:
-            q, _ = project(short, q, free, iterations=20)
-        q, ok = project(equations, q, free, iterations=30)
-        for _ in range(12):  # back into the box, and onto the set again
-            inside = ((q >= lower - 1e-12) & (q <= upper + 1e-12) | ~free).all(axis=-1)
-            out = np.flatnonzero(ok & ~inside)
-            if not len(out):
-                break
-            clipped = np.where(free, np.clip(q[out], lower, upper), q[out])
-            q[out], ok[out] = project(equations, clipped, free, iterations=30)
-        inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
-        good = q[ok & inside]
-        if len(good):
-            found.append(good[:missing])
-            missing -= len(found[-1])
+        found.append(_from_random(equations, short, q, lower, upper, free)[:missing])
+        missing -= len(found[-1])
         if missing <= 0:
             break
     return np.concatenate(found) if found else np.zeros((0, len(lower)))
+
+
+def _from_random(
+    equations: Sequence[Equation],
+    short: Sequence[Equation],
+    q: Array,
+    lower: Array,
+    upper: Array,
+    free: npt.NDArray[np.bool_],
+) -> Array:
+    """Those of the points q (N, n) that projections bring onto the zero set within the box."""
+    if short:
+        q, _ = project(short, q, free, iterations=20)
+    q, ok = project(equations, q, free, iterations=30)
+    for _ in range(12):  # back into the box, and onto the set again
+        inside = ((q >= lower - 1e-12) & (q <= upper + 1e-12) | ~free).all(axis=-1)
+        out = np.flatnonzero(ok & ~inside)
+        if not len(out):
+            break
+        clipped = np.where(free, np.clip(q[out], lower, upper), q[out])
+        q[out], ok[out] = project(equations, clipped, free, iterations=30)
+    inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
+    return np.asarray(q[ok & inside])
 
 
 def _shortest(equations: Sequence[Equation]) -> list[Equation]:

@@ -1,0 +1,132 @@
+"""Singular values by roots, all at once: beside those of dqds, and independent of neighbours."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pytest
+from batch_cases import PANDA, UR5, flat, lapack, matrices, random_chain, robot, with_values
+
+from pinsing._batch import engine
+from pinsing._batch.chain import FlatChain
+
+if not engine.available():
+    if os.environ.get("PINSING_REQUIRE_ENGINE"):
+        raise RuntimeError(engine.unavailable_reason())
+    pytest.skip(f"{engine.unavailable_reason()}", allow_module_level=True)
+
+pytestmark = pytest.mark.parametrize("isa", engine.isa_names())
+
+FROM_DQDS = 3e-15
+FROM_LAPACK = 5e-15
+
+
+def off(S: np.ndarray, expected: np.ndarray) -> float:
+    """Largest difference relative to the largest value of each matrix."""
+    scale = np.maximum(expected[:, :1], 1e-320)
+    return float((np.abs(S / scale - expected / scale)).max())
+
+
+def hard(m: int, n: int, N: int) -> np.ndarray:
+    """Matrices of all kinds, mixed: regular ones beside clusters, deficient and extreme ones."""
+    rng = np.random.default_rng(7)
+    A = np.concatenate([A[:N] for _, A, _ in matrices(m, n, N)])
+    return np.asarray(A[rng.permutation(len(A))])
+
+
+@pytest.mark.parametrize(("m", "n"), [(6, 7), (6, 6), (6, 5), (4, 6), (6, 12)])
+def test_roots_are_the_values_of_dqds(isa: str, m: int, n: int) -> None:
+    for name, A, _ in matrices(m, n, 150):
+        expected = engine.svdvals(A, isa=isa, by_roots=False)
+        S = engine.svdvals(A, isa=isa)
+        assert off(S, expected) <= FROM_DQDS, name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("m", "n"), [(6, 7), (6, 6)])
+def test_roots_are_the_values_of_dqds_at_length(isa: str, m: int, n: int) -> None:
+    total = 0
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        s = 10 ** rng.uniform(-17, 0, (40_000, 6))
+        s[::2, 1:3] = s[::2, :1] * (1 + 10 ** rng.uniform(-16, 0, (20_000, 2)))
+        for A in (with_values(rng, s, m, n), rng.standard_normal((40_000, m, n))):
+            S = engine.svdvals(A, isa=isa)
+            assert off(S, engine.svdvals(A, isa=isa, by_roots=False)) <= FROM_DQDS
+            total += len(A)
+    assert total == 320_000
+
+
+def test_most_matrices_are_settled_by_roots(isa: str) -> None:
+    # Else dqds would hide that roots are never sure of themselves: last digits differ somewhere.
+    A = np.random.default_rng(3).standard_normal((2000, 6, 7))
+    differ = (engine.svdvals(A, isa=isa) != engine.svdvals(A, isa=isa, by_roots=False)).any(axis=1)
+    assert differ.mean() > 0.8
+
+
+def test_values_near_zero_are_seen_by_the_determinant(isa: str) -> None:
+    # The sum of eigenvalues does not see a smallest one of 1e-12 of the largest.
+    rng = np.random.default_rng(11)
+    s = np.concatenate([rng.uniform(0.5, 1, (3000, 5)), 10 ** rng.uniform(-9, -3, (3000, 1))], 1)
+    A = with_values(rng, s, 6, 7)
+    expected = -np.sort(-s, axis=1)
+    assert np.abs(engine.svdvals(A, isa=isa) - expected).max() <= FROM_LAPACK
+
+
+def test_a_value_depends_on_its_matrix_alone(isa: str) -> None:
+    A = hard(6, 7, 40)
+    together = engine.svdvals(A, isa=isa, threads=1)
+    assert (engine.svdvals(A, isa=isa, threads=3) == together).all()
+    order = np.random.default_rng(1).permutation(len(A))
+    assert (engine.svdvals(A[order], isa=isa, threads=1) == together[order]).all()
+    for first, last in ((0, 1), (1, 4), (4, 13), (13, 200)):
+        assert (engine.svdvals(A[first:last], isa=isa) == together[first:last]).all()
+    one = A[17]  # beside clusters of equal values only, which go to dqds
+    beside = np.concatenate([one[None], np.tile(np.eye(6, 7), (31, 1, 1))])
+    assert (engine.svdvals(beside, isa=isa)[0] == together[17]).all()
+
+
+@pytest.mark.parametrize("path", [UR5, PANDA])
+@pytest.mark.parametrize("length_scale", [1.0, 0.3, 1e-3, 1e-9, 1e9])
+def test_a_scaled_chain_has_the_values_of_scaled_rows(
+    isa: str, path: tuple[str, str, tuple[str, ...]], length_scale: float
+) -> None:
+    chain = flat(robot(path[0], path[2]), path[1])
+    Q = np.random.default_rng(5).uniform(-3, 3, (600, chain.n))
+    Q[::3, -2] = 0.0  # singular wrists
+    J = engine.jacobians(chain, Q, isa=isa)
+    J[:, :3] /= length_scale
+    S = engine.singular_values(chain, Q, length_scale=length_scale, isa=isa)
+    assert off(S, lapack(J)) <= FROM_LAPACK
+
+
+def test_turning_the_first_joint_or_the_base_changes_nothing(isa: str) -> None:
+    chain = random_chain(7, "revolute", 4)
+    rng = np.random.default_rng(6)
+    Q = rng.uniform(-3, 3, (200, 7))
+    S = engine.singular_values(chain, Q, isa=isa)
+    Q[:, 0] = rng.uniform(-3, 3, 200)
+    assert (engine.singular_values(chain, Q, isa=isa) == S).all()
+    R, t = chain.R.copy(), chain.t.copy()
+    R[0], t[0] = np.eye(3), 1e6
+    moved = FlatChain(R, t, chain.prismatic)
+    assert (engine.singular_values(moved, Q, isa=isa) == S).all()
+
+
+def test_sliding_joints_and_chosen_rows_have_the_values_of_their_jacobian(isa: str) -> None:
+    rng = np.random.default_rng(8)
+    for kind, rows in (("mixed", range(6)), ("revolute", (3, 4, 5, 0, 1, 2)), ("mixed", (0, 2, 5))):
+        chain = random_chain(7, kind, 9)
+        Q = rng.uniform(-2, 2, (300, 7))
+        J = engine.jacobians(chain, Q, isa=isa)[:, list(rows)]
+        assert off(engine.singular_values(chain, Q, rows=list(rows), isa=isa), lapack(J)) <= 5e-15
+
+
+def test_an_arm_in_huge_units_is_scaled_first(isa: str) -> None:
+    plain = random_chain(6, "revolute", 12)
+    Q = np.random.default_rng(13).uniform(-3, 3, (100, 6))
+    for size in (1e3, 1e5, 1e150):
+        chain = FlatChain(plain.R, plain.t * size, plain.prismatic)
+        J = engine.jacobians(chain, Q, isa=isa)
+        assert off(engine.singular_values(chain, Q, isa=isa), lapack(J)) <= FROM_LAPACK
