@@ -368,7 +368,7 @@ def test_the_page_says_the_pitch_of_the_pose_shown(folder: Path) -> None:
     arm = form.geometry.arm
     (family,) = form.families
     entries = family_entries(arm, form.families, 1)
-    Q = family.sample(4, np.random.default_rng(5))
+    Q = family.sample(4, np.random.default_rng(6))  # no pitch within rounding of a line's, zero
     data = engine_data(arm, entries, sizes(arm))
     shown = run(
         "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", {"data": data, "Q": Q.tolist()}

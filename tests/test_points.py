@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -50,7 +52,7 @@ def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
     # All but the cosine of one joint cancels.
     small = e.scaled(1.0)
     assert small.unit == small.size
-    noisy = type(e)(**{**vars(e), "accuracy": 1e-11})
+    noisy = replace(e, accuracy=1e-11)
     assert noisy.unit == pytest.approx(1e3 * e.size)
 
 

@@ -183,6 +183,7 @@ class _Columns:
         self.generic = _generic_task(arm)
         self.zero = zero_of(arm, singular_values(self.J), rtol)
         self.used = moving_columns(arm)
+        self._rank: dict[tuple[int, ...], int] = {(): 0}
         r = generic_rank(arm)
         self.spare = len(self.used) - r
         self.lost = r - self.rank(self.used)
@@ -194,7 +195,10 @@ class _Columns:
         return np.asarray((sigma > self.zero).sum(axis=-1))
 
     def rank(self, ids: Sequence[int]) -> int:
-        return int(self.ranks(np.array([ids]))[0]) if ids else 0
+        key = tuple(ids)
+        if key not in self._rank:
+            self._rank[key] = int(self.ranks(np.array([ids]))[0])
+        return self._rank[key]
 
     def nullity(self, ids: Sequence[int]) -> int:
         return len(ids) - self.rank(ids)

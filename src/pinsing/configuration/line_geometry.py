@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.configuration.vectors import cross, length
+from pinsing.configuration.vectors import cross, cross_rows, length
 
 STRUCTURE_TOL = 2e-5
 """Radians, and share of the arm's size: parallel or meeting within what files round angles to."""
@@ -51,7 +51,7 @@ class JointAxes:
         """Axes from a frame Jacobian (6, n): columns (z x (tip - p), z), or (z, 0)."""
         v, w = J[:3].T, J[3:].T
         direction = np.where(prismatic[:, None], v, w)
-        arms = np.where(prismatic[:, None], 0.0, np.cross(v, w))  # from the axis to the tip
+        arms = np.where(prismatic[:, None], 0.0, cross_rows(v, w))  # from the axis to the tip
         size = float(np.linalg.norm(arms, axis=1).max(initial=0.0)) or 1.0
         return cls(direction, tip - arms, prismatic, tip, size)
 

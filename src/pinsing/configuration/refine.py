@@ -232,9 +232,14 @@ def walk(
 
 def describe(arm: Arm, q: npt.ArrayLike) -> SingularConfiguration:
     """All that is known of the configuration q (n,) as it is, without moving it."""
-    q = arm.check_one(q).reshape(1, arm.n)
-    here = RankDrops(q, *measure(arm, q), np.zeros(1, int), np.ones(1, bool))
-    return _describe(arm, here)[0]
+    return describe_many(arm, arm.check_one(q)[None])[0]
+
+
+def describe_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SingularConfiguration, ...]:
+    """The same of each row of Q (N, n)."""
+    Q = arm.check_many(Q)
+    here = RankDrops(Q, *measure(arm, Q), np.zeros(len(Q), int), np.ones(len(Q), bool))
+    return _describe(arm, here)
 
 
 def _describe(arm: Arm, drops: RankDrops) -> tuple[SingularConfiguration, ...]:

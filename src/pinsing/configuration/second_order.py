@@ -122,11 +122,12 @@ def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
     return tuple(_examine(arm, *row) for row in zip(Q, J, H, at_scale, sigma, strict=True))
 
 
-def kinds_many(arm: Arm, Q: npt.ArrayLike) -> list[Kind]:
+def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind | None]:
     """The ``kind`` of ``second_order`` for each row of Q (N, n), and nothing else.
 
     One lost direction alone needs no search for a definite combination: what is clearly definite
-    or indefinite there is decided for all rows at once, and the rest one by one.
+    or indefinite there is decided for all rows at once. The others are decided one by one, where
+    they are among the first ``most`` rows; None for those beyond.
     """
     Q = np.atleast_2d(arm.check(Q))
     J, H = own_jacobians_and_derivatives(arm, Q)
@@ -138,11 +139,11 @@ def kinds_many(arm: Arm, Q: npt.ArrayLike) -> list[Kind]:
         clear = _clear_kinds(U[once, :, -1], Vt[once, r - 1 :], H[once])
         for i, kind in zip(once, clear, strict=True):
             found[i] = kind
-    rest = [i for i, kind in enumerate(found) if kind is None]
+    rest = [i for i, kind in enumerate(found[:most]) if kind is None]
     if rest:
         for i, one in zip(rest, second_order_many(arm, Q[rest]), strict=True):
             found[i] = one.kind
-    return [kind if kind is not None else _UNDECIDED for kind in found]
+    return found
 
 
 def _clear_kinds(lost: Array, still: Array, H: Array) -> list[Kind | None]:
@@ -151,13 +152,19 @@ def _clear_kinds(lost: Array, still: Array, H: Array) -> list[Kind | None]:
     Q = still @ B @ still.transpose(0, 2, 1)
     Q = (Q + Q.transpose(0, 2, 1)) / 2
     tol = _ZERO * np.abs(H).max(axis=(1, 2, 3), initial=0.0)
-    some = np.abs(Q).max(axis=(1, 2), initial=0.0) > tol
     values = np.linalg.eigvalsh(Q)
     best = np.maximum(values[:, 0], -values[:, -1])
-    return [
-        None if not s or abs(b) <= t else "boundary" if b > t else "interior"
-        for s, b, t in zip(some, best, tol, strict=True)
-    ]
+    flat = np.abs(Q).max(axis=(1, 2), initial=0.0) <= tol
+    reached = np.linalg.norm(B @ still.transpose(0, 2, 1), axis=(1, 2)) > tol
+    found: list[Kind | None] = []
+    for i in range(len(Q)):
+        if flat[i]:
+            found.append("interior" if reached[i] else _UNDECIDED)
+        elif abs(best[i]) > tol[i]:
+            found.append("boundary" if best[i] > 0 else "interior")
+        else:
+            found.append(None)
+    return found
 
 
 def _examine(

@@ -19,6 +19,8 @@ from pinsing.robot.arm import Arm
 if TYPE_CHECKING:
     from pinsing.families.pieces import PieceMaker
 
+_FIRST = 6
+"""Points that are looked into where that takes longer, and they all agree."""
 _SHORT = 60
 """Characters that a condition may have to be named as the place of a kind."""
 
@@ -30,7 +32,13 @@ def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tupl
     as q3 = 0 and q3 = 180 degrees, the parts are named by these; else they are shares of the
     points.
     """
-    found = kinds_many(arm, points)
+    kinds = kinds_many(arm, points, _FIRST)
+    rest = [i for i, kind in enumerate(kinds) if kind is None]
+    if rest and (len(set(kinds)) > 2 or len(family.branches) > 2):  # each branch, or shares: all
+        for i, kind in zip(rest, kinds_many(arm, points[rest]), strict=True):
+            kinds[i] = kind
+    points = points[[kind is not None for kind in kinds]]
+    found = [kind for kind in kinds if kind is not None]
     counts = Counter(found)
     total = len(found)
     if len(counts) == 1:

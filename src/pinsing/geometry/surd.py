@@ -15,6 +15,7 @@ _PRODUCT = {
     for j, b in enumerate(SQUARES)
 }
 """sqrt(a) sqrt(b) = gcd(a, b) sqrt(a b / gcd(a, b)^2), by position among SQUARES."""
+_ZERO = Fraction(0)
 _BITS = 512
 _ROOTS = tuple(Fraction(math.isqrt(s << (2 * _BITS)), 1 << _BITS) for s in SQUARES)
 
@@ -94,8 +95,7 @@ def parts_of(value: Exact | int) -> tuple[Fraction, Fraction, Fraction, Fraction
     """Coefficients of 1, sqrt(2), sqrt(3), sqrt(6)."""
     if isinstance(value, Surd):
         return value.parts
-    zero = Fraction(0)
-    return Fraction(value), zero, zero, zero
+    return value if isinstance(value, Fraction) else Fraction(value), _ZERO, _ZERO, _ZERO
 
 
 def cosine(steps: int) -> Exact:
@@ -127,8 +127,10 @@ _ROOT = re.compile(r"(?P<sign>[-+]?)\s*(?P<number>\d+(?:/\d+)?)(?:\s*sqrt\((?P<r
 
 def exact_text(value: Exact) -> str:
     """``3/4``, or ``1/2 - 3 sqrt(2)``: read again by ``exact_of``."""
+    if not isinstance(value, Surd):
+        return str(value)
     said = ""
-    for square, part in zip(SQUARES, parts_of(value), strict=True):
+    for square, part in zip(SQUARES, value.parts, strict=True):
         if part:
             sign = ("-" if part < 0 else "") if not said else (" - " if part < 0 else " + ")
             root = "" if square == 1 else f" sqrt({square})"

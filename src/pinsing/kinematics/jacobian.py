@@ -226,13 +226,18 @@ def jacobian_derivative(J: npt.ArrayLike) -> Array:
     """
     J = np.asarray(J, dtype=float)
     n = J.shape[-1]
-    v, w = np.swapaxes(J[..., :3, :], -1, -2), np.swapaxes(J[..., 3:, :], -1, -2)
+    v, w = J[..., :3, :], J[..., 3:, :]
     later = np.arange(n)[:, None] >= np.arange(n)[None, :]  # [i, j]: j <= i
-    w_j_v_i = np.cross(w[..., None, :, :], v[..., :, None, :])
-    w_i_v_j = np.cross(w[..., :, None, :], v[..., None, :, :])
-    dv = np.where(later[..., None], w_j_v_i, w_i_v_j)
-    dw = np.where(later[..., None], np.cross(w[..., None, :, :], w[..., :, None, :]), 0.0)
-    return np.moveaxis(np.concatenate([dv, dw], axis=-1), -1, -3)
+    dv = np.where(later, _each_cross(w, v), -_each_cross(v, w))
+    dw = np.where(later, _each_cross(w, w), 0.0)
+    return np.concatenate([dv, dw], axis=-3)
+
+
+def _each_cross(a: Array, b: Array) -> Array:
+    """Products a_j x b_i (..., 3, n, n), entry [:, i, j], of columns of a and b (..., 3, n)."""
+    ax, ay, az = (a[..., k, None, :] for k in range(3))
+    bx, by, bz = (b[..., k, :, None] for k in range(3))
+    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-3)
 
 
 def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:

@@ -103,7 +103,7 @@ class Arm(Memory):
         """Number of free joints."""
         return len(self.joints)
 
-    @property
+    @cached_property
     def tip_id(self) -> int:
         """Index of the tip frame in ``model.frames``."""
         return frame_index(self.model, self.tip)

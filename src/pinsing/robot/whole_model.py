@@ -71,8 +71,9 @@ class WholeModel:
                 f"{called} needs {n} values for {', '.join(self.joints)}{also}; got {got}",
                 lengths=(n,) if whole == n else (n, whole),
             )
-        bad = np.argwhere(~np.isfinite(q))
-        if len(bad):
+        finite = np.isfinite(q)
+        if not finite.all():
+            bad = np.argwhere(~finite)
             value, i = float(q[tuple(bad[0])]), int(bad[0][-1])
             joint = self.joints[i] if q.shape[-1] == n else None
             which = f"entry {i} of the whole model" if joint is None else f"joint {joint!r}"

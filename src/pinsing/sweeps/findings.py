@@ -19,7 +19,7 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked, whole_number
 from pinsing.configuration.rank_drop import approach
-from pinsing.configuration.refine import SingularConfiguration, describe, walk
+from pinsing.configuration.refine import SingularConfiguration, describe, describe_many, walk
 from pinsing.errors import OptionError
 from pinsing.geometry.nominal import ANGLE_TOL, nominal
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, ratios
@@ -313,7 +313,7 @@ def on_condition(
 
 def _representative(exact: Arm, Q: Array) -> SingularConfiguration:
     """The first of Q (P, n) that loses one rank only and is boundary or interior, if any."""
-    described = [describe(exact, q) for q in Q[:_CANDIDATES]]
+    described = describe_many(exact, Q[:_CANDIDATES])
     simple = [c for c in described if c.rank == c.generic_rank - 1]
     decided = [c for c in simple if c.kind != "undecided"]
     return (decided or simple or described)[0]

@@ -1,0 +1,103 @@
+"""Points of families in closed form: all joints drawn but as many as there are equations."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from pinsing.algebra.equation import Equation
+from pinsing.families import closed_form
+from pinsing.families.drawn import draw, orders
+from pinsing.families.zero_set import project, residuals, search
+from pinsing.robot.load import load
+
+
+def equation(*terms: tuple[tuple[int, ...], tuple[int, ...], float, float]) -> Equation:
+    """Of (frequencies, powers, cos, sin) in each term."""
+    n = len(terms[0][0])
+    return Equation(
+        joints=tuple(f"q{i + 1}" for i in range(n)),
+        frequencies=np.array([t[0] for t in terms]),
+        powers=np.array([t[1] for t in terms]),
+        cos=np.array([t[2] for t in terms]),
+        sin=np.array([t[3] for t in terms]),
+        shift=np.linspace(-0.3, 0.4, n),
+    )
+
+
+ONCE = equation(((2, 0, 0), (0, 0, 0), 0.5, 0.2), ((0, 2, 2), (0, 0, 0), 0.3, -0.4))
+HALF = equation(((1, 1, 0), (0, 0, 0), 1.0, 0.3), ((1, -1, 0), (0, 0, 0), 0.2, 0.9))
+LENGTH = equation(((0, 2, 0), (1, 0, 0), 1.0, 0.3), ((0, 2, 2), (0, 0, 0), 0.7, 0.0))
+TWICE = equation(((4, 0, 0), (0, 0, 0), 1.0, 0.0), ((2, 0, 0), (0, 0, 0), 0.0, 0.5))
+FREE = np.ones(3, dtype=bool)
+ZERO = np.zeros(3)
+
+
+@pytest.mark.parametrize("e", [ONCE, HALF, LENGTH])
+@pytest.mark.parametrize("width", [2.0, 3.2, 20.0])
+def test_points_are_on_the_set_and_in_the_box(e: Equation, width: float) -> None:
+    e = Equation(
+        e.joints, e.frequencies, e.powers, e.cos, e.sin, np.where(e.powers.any(0), 0, e.shift)
+    )
+    lower, upper = np.full(3, -width), np.full(3, width)
+    for order in orders([e], FREE):
+        q = draw(order, lower, upper, FREE, ZERO, 4000, np.random.default_rng(1))
+        assert len(q) > 50
+        assert np.abs(residuals([e], q)).max() < 2e-13
+        assert ((q >= lower - 1e-9) & (q <= upper + 1e-9)).all()
+        solved = order[0].joint
+        assert np.ptp(q[:, solved]) > 0.5
+
+
+def test_a_joint_that_enters_twice_is_not_solved_for() -> None:
+    assert orders([TWICE], FREE) == []
+    assert {o[0].joint for o in orders([ONCE], FREE)} == {0, 1, 2}
+    held = np.array([True, False, True])
+    assert all(o[0].joint != 1 for o in orders([ONCE], held))
+    assert orders([], FREE) == []
+
+
+def test_two_equations_are_solved_one_after_the_other() -> None:
+    found = orders([ONCE, HALF], FREE)
+    assert found
+    for order in found:
+        q = draw(
+            order, np.full(3, -3.0), np.full(3, 3.0), FREE, ZERO, 3000, np.random.default_rng(2)
+        )
+        assert len(q) > 100
+        assert np.abs(residuals([ONCE, HALF], q)).max() < 1e-14
+    both = equation(((2, 2, 2), (0, 0, 0), 0.5, 0.2), ((0, 0, 0), (0, 0, 0), 0.1, 0.0))
+    assert orders([both, ONCE], FREE) == []  # each joint of the one is in the other
+
+
+def test_joints_that_are_held_stay() -> None:
+    free = np.array([True, True, False])
+    fixed = np.array([0.0, 0.0, 1.25])
+    (order, *_) = orders([ONCE], free)
+    q = draw(order, np.full(3, -3.0), np.full(3, 3.0), free, fixed, 500, np.random.default_rng(3))
+    assert (q[:, 2] == 1.25).all()
+
+
+def test_what_has_few_values_is_found_by_projection_all_the_same() -> None:
+    # 0.5 cos q1 + ... = 0 only where all three are within 0.02 of one point.
+    narrow = equation(((2, 0, 0), (0, 0, 0), 1.0, 0.0), ((0, 0, 0), (0, 0, 0), -0.99999, 0.0))
+    lower, upper = np.array([0.2, -3, -3]), np.array([0.4, 3, 3])
+    rng = np.random.default_rng(4)
+    q = search([narrow], lower, upper, FREE, ZERO, 6, rng)
+    assert len(q) == 6  # q1 + shift = 0.00447: within the box, or at its copy
+    assert np.abs(residuals([narrow], q)).max() < 1e-12
+
+
+@pytest.mark.parametrize("name", ["ur5", "panda", "stanford", "surgical7"])
+def test_points_of_families_are_singular_and_spread(name: str) -> None:
+    form = closed_form(load(name))
+    for family in form.families:
+        q = family.points(40, np.random.default_rng(5))
+        assert len(q) == 40
+        for b in family.branches:
+            if len(b.equations) == 1:
+                there = q[np.abs(b.equations[0](q)) < 1e-9]
+                moved, ok = project(b.equations, there, np.ones(family.n, dtype=bool))
+                assert ok.all()
+                assert np.abs(moved - there).max(initial=0.0) < 1e-9
+        assert np.ptp(q, axis=0).max() > 1
