@@ -22,7 +22,7 @@ from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 
 _SEED = 20
-_WITNESSES = 12
+_WITNESSES = 32
 _LENGTH_TOL = 1e-6
 """Metres by which a family may lie beyond the limit of a prismatic joint and be at it."""
 _SAME = 1e-9

@@ -33,7 +33,6 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
 
 _SEED = 20
-_WITNESSES = 6
 _FOR_SEARCH = 0.9
 """Share of the time that there is for finding components; describing them needs some too."""
 _TO_DESCRIBE = 0.1
