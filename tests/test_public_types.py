@@ -189,6 +189,10 @@ CALLS = {
     ),
     "singular_values": Call(lambda: pinsing.singular_values, with_arm(Q=[Q])),
     "aspects": Call(lambda: pinsing.aspects, lambda: {"forms": form()}),
+    "aspect_changes": Call(lambda: pinsing.aspect_changes, lambda: {"forms": form(), "Q": [Q, Q]}),
+    "line_postures": Call(
+        lambda: pinsing.line_postures, lambda: {"arm": planar(), "q0": Q, "pose": [0.1, 0.1, 0]}
+    ),
     "Aspects.of": Call(lambda: pinsing.aspects(form()).of, lambda: {"q": Q}),
     "Aspects.text": Call(lambda: pinsing.aspects(form()).text),
     "connect": Call(lambda: pinsing.connect, lambda: {"forms": form(), "qa": Q, "qb": Q}),

@@ -38,6 +38,8 @@ if TYPE_CHECKING:
     from pinsing.postures.connection import Connection, connect
     from pinsing.postures.cuspidal import Cuspidality, cuspidality
     from pinsing.postures.inverse import InverseSolutions, inverse
+    from pinsing.postures.lines import line_postures
+    from pinsing.postures.motions import aspect_changes
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
     from pinsing.proximity.crossings import Crossing, Crossings, crossings
     from pinsing.proximity.guard import export_guard
@@ -94,6 +96,7 @@ _HOME = {
     "analyze": "pinsing.analysis.analyze",
     "analyze_mechanism": "pinsing.mechanism",
     "assembly_modes": "pinsing.mechanism",
+    "aspect_changes": "pinsing.postures.motions",
     "aspects": "pinsing.postures.aspects",
     "at": "pinsing.configuration.at",
     "check_line": "pinsing.proximity.line",
@@ -111,6 +114,7 @@ _HOME = {
     "inverse": "pinsing.postures.inverse",
     "inverse_velocity": "pinsing.kinematics.inverse_velocity",
     "is_clear": "pinsing.proximity.clearance",
+    "line_postures": "pinsing.postures.lines",
     "load": "pinsing.robot.load",
     "load_mechanism": "pinsing.robot.load_mechanism",
     "nominal": "pinsing.geometry.nominal",
@@ -164,6 +168,7 @@ __all__ = [
     "Viewer",
     "analyze",
     "analyze_mechanism",
+    "aspect_changes",
     "aspects",
     "assembly_modes",
     "at",
@@ -182,6 +187,7 @@ __all__ = [
     "inverse",
     "inverse_velocity",
     "is_clear",
+    "line_postures",
     "load",
     "load_mechanism",
     "nominal",

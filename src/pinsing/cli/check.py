@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -131,6 +132,11 @@ def check_command(
             tip_speed=tip_speed,
             progress=progress,
         )
+    if any(c.kind == "crossing" for c in check.crossings):
+        from pinsing.postures.motions import aspect_changes
+
+        found = aspect_changes(form, read.Q, read.t)
+        check = replace(check, aspect_changes=found)
     if plot is not None:
         from pinsing.plot.clearance import clearance_along
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -19,6 +20,7 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import emit, emit_json
 from pinsing.errors import OptionError
+from pinsing.joint_text import typed
 
 if TYPE_CHECKING:
     from pinsing.proximity.line import LineCheck
@@ -70,9 +72,15 @@ def line_command(
     if deg:
         pose[3:] = [math.radians(x) for x in pose[3:]]
     arm = request.load()
+    from pinsing.families import closed_form
+    from pinsing.postures.lines import line_postures
     from pinsing.proximity.line import check_line
 
-    line = check_line(arm, joint_vector(arm, q, "--q", deg), pose, speed)
+    start = joint_vector(arm, q, "--q", deg)
+    form = closed_form(arm)
+    line = check_line(arm, start, pose, speed, forms=form)
+    if line.outcome != "reached":
+        line = replace(line, postures=line_postures(arm, start, pose, forms=form))
     if not emit_json(line, json_target):
         emit(_text(line, deg))
     met = line.outcome == "singular" or bool(line.crossings)
@@ -122,5 +130,27 @@ def _text(line: LineCheck, deg: bool) -> str:
         out.append(
             f"  {o.joint}: {worst} (limit {o.limit:.4g}) from {o.s:.6g} to {o.s_end:.6g} m{allowed}"
         )
+    out += _postures(line, deg)
     out += [f"note: {n}" for n in line.notes]
     return "\n".join(out)
+
+
+def _postures(line: LineCheck, deg: bool) -> list[str]:
+    """Which other postures of the start would do."""
+    if not line.postures:
+        return []
+    good = [p for p in line.postures if p.outcome == "reached" and p.within_limits]
+    count = len(line.postures)
+    if not good:
+        far = max(line.postures, key=lambda p: p.s_end)
+        return [
+            f"None of {count} other posture{'s' * (count != 1)} of the start follows the line to "
+            f"its end within the joint limits; the farthest gets {far.s_end:.6g} m."
+        ]
+    out = [f"Another posture is needed; of {count} others of the start, {len(good)} would do:"]
+    for p in good:
+        near = f"{math.degrees(p.clearance):.3g}\u00b0"
+        called = f"{', '.join(p.names)}; " if p.names else ""
+        out.append(f"  {called}stays {near} away from every family")
+        out.append(f"    {typed(p.q, line.arm.prismatic, deg, digits=6)}")
+    return out

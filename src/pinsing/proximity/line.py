@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -59,6 +59,34 @@ class Overspeed:
 
 
 @dataclass(frozen=True, eq=False)
+class LinePosture:
+    """Another inverse solution of the pose at which a line starts, and how far it gets.
+
+    Attributes
+    ----------
+    q : (n,) array
+        The configuration at the start.
+    names : tuple of str
+        Words of the field for it, where it has some.
+    outcome : str
+        As of `LineCheck`.
+    s_end : float
+        How far the line can be followed.
+    within_limits : bool
+        Whether all joints are within their limits wherever the line was followed.
+    clearance : float
+        No family is nearer to the tracked configurations joined by straight joint motions.
+    """
+
+    q: Array
+    names: tuple[str, ...]
+    outcome: str
+    s_end: float
+    within_limits: bool
+    clearance: float
+
+
+@dataclass(frozen=True, eq=False)
 class LineCheck(JsonResult):
     """What a straight line of the tip meets.
 
@@ -102,6 +130,9 @@ class LineCheck(JsonResult):
         Tracked configurations.
     notes : tuple of str
         What was assumed.
+    postures : tuple of LinePosture
+        Other inverse solutions of the pose at the start, those that get farthest first, as
+        `pinsing line` has them from `line_postures` where the line ends early; else empty.
     """
 
     schema: ClassVar[str] = "pinsing/line_check/1"
@@ -123,6 +154,7 @@ class LineCheck(JsonResult):
     s: Array
     q: Array
     notes: tuple[str, ...]
+    postures: tuple[LinePosture, ...] = field(default=(), metadata={"optional": True})
 
 
 @checked

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -29,6 +29,30 @@ NEAR = np.radians(5.0)
 TIP_SPEED = 1.0
 
 _CHUNK = 20_000
+
+
+@dataclass(frozen=True, eq=False)
+class AspectChange:
+    """A place at which a motion leaves one aspect for another.
+
+    Attributes
+    ----------
+    t : float
+        Time, or the number of the sample.
+    families : tuple of str
+        What it meets there.
+    before, after : int or None
+        Numbers of the aspects, as `Aspects` has them; None where it could not be told.
+    names_before, names_after : tuple of str
+        Words of the field for both postures, where it has some.
+    """
+
+    t: float
+    families: tuple[str, ...]
+    before: int | None
+    after: int | None
+    names_before: tuple[str, ...]
+    names_after: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +98,9 @@ class TrajectoryCheck(JsonResult):
         Whether the closed form is complete: else other singular configurations may be met.
     notes : tuple of str
         What was assumed, and what could not be judged.
+    aspect_changes : tuple of AspectChange
+        Where the motion changes its aspect, as `pinsing check` has them from `aspect_changes`;
+        empty where that was not asked.
     """
 
     schema: ClassVar[str] = "pinsing/trajectory_check/1"
@@ -97,6 +124,7 @@ class TrajectoryCheck(JsonResult):
     outside: tuple[Excess, ...]
     complete: bool
     notes: tuple[str, ...]
+    aspect_changes: tuple[AspectChange, ...] = field(default=(), metadata={"optional": True})
 
     @property
     def clearance(self) -> float:

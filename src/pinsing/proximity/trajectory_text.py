@@ -27,11 +27,18 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             q = ", ".join(_joint(check, j, float(x), degrees) for j, x in enumerate(c.q))
             lines.append(f"  t = {c.t:.6g}{until}: {c.kind} {c.family}, q = {q}")
         lines += _more(len(check.crossings), check.cut)
+    if check.aspect_changes:
+        lines.append("changes of aspect:")
+        for a in check.aspect_changes[:_LISTED]:
+            before, after = _called(a.before, a.names_before), _called(a.after, a.names_after)
+            where = ", ".join(a.families)
+            lines.append(f"  t = {a.t:.6g} ({where}): from {before} to {after}")
+        lines += _more(len(check.aspect_changes), False)
     lines.append("nearest approach to each family:")
-    for a in check.approaches:
+    for near in check.approaches:
         lines.append(
-            f"  {a.family}: {_angle(a.upper)} at t = {a.t:.6g}, "
-            f"nowhere below {_angle(a.lower)} (proven)"
+            f"  {near.family}: {_angle(near.upper)} at t = {near.t:.6g}, "
+            f"nowhere below {_angle(near.lower)} (proven)"
         )
     if check.stretches:
         lines.append(f"within {_angle(check.near)}:")
@@ -51,6 +58,10 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             lines += [f"  {_excess(e)}" for e in found[:_LISTED]]
             lines += _more(len(found), False)
     return "\n".join([*lines, *(f"note: {n}" for n in check.notes)])
+
+
+def _called(number: int | None, names: tuple[str, ...]) -> str:
+    return f"{number}" + (f" ({', '.join(names)})" if names else "")
 
 
 def _angle(x: float) -> str:

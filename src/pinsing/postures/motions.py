@@ -1,0 +1,112 @@
+"""aspect_changes: where a motion leaves one aspect for another."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.arguments import checked
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families import ClosedForm
+from pinsing.postures.aspects import Aspects, aspects
+from pinsing.postures.names import posture_names
+from pinsing.proximity.crossings import crossings_of
+from pinsing.proximity.motion import check_times, motion_of
+from pinsing.proximity.trajectory import AspectChange
+from pinsing.proximity.watched import Forms
+
+_TOGETHER = 1e-9
+"""Share of the motion within which two meetings are one."""
+
+
+@checked
+def aspect_changes(
+    forms: Forms,
+    Q: npt.ArrayLike,
+    t: npt.ArrayLike | None = None,
+    *,
+    of: Aspects | None = None,
+) -> tuple[AspectChange, ...]:
+    """Find where a motion changes its aspect.
+
+    It meets families that separate at places none of which is missing (`crossings`); of the
+    configurations halfway between these the aspect is looked up.
+
+    Parameters
+    ----------
+    forms : ClosedForm or sequence of ClosedForm
+        Of the arm.
+    Q : (N, n) array_like
+        Samples, radians and metres; joints move linearly between them.
+    t : (N,) array_like, optional
+        Seconds, ascending; without them t counts samples from 0.
+    of : Aspects, optional
+        Aspects of the arm, if at hand; by default those within the limits where the motion is
+        within them, else those of joints that turn endlessly.
+
+    Returns
+    -------
+    tuple of AspectChange
+        In the order of time; a family that is met without another aspect behind it is left out.
+
+    Raises
+    ------
+    ConfigurationError
+        If Q has the wrong shape, a value that is not finite, or leaves the limits of ``of``.
+    OptionError
+        If forms are none, or of different arms, or times do not ascend.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> form = pinsing.closed_form(pinsing.load("scara"))
+    >>> change, = pinsing.aspect_changes(form, [[0, -1, 0, 0], [0, 1, 0, 0]])
+    >>> change.t, change.before, change.after
+    (0.5, 1, 2)
+    """
+    arm = forms.arm if isinstance(forms, ClosedForm) else forms[0].arm
+    samples = np.asarray(Q, dtype=float)
+    if samples.ndim != 2 or samples.shape[1] != arm.n or not len(samples):
+        raise ConfigurationError(
+            f"a trajectory has shape (N, {arm.n}), one column a joint; got {samples.shape}"
+        )
+    times = check_times(t, len(samples))
+    if len(samples) == 1:
+        return ()
+    if of is None:
+        inside = (samples >= arm.lower - 1e-9) & (samples <= arm.upper + 1e-9)
+        of = aspects(forms, bool(inside.all()))
+    chosen = of._map
+    if chosen is None:
+        raise OptionError("aspects that were read from JSON cannot be asked: make them again")
+    met = crossings_of(chosen.cutting, motion_of(chosen.cutting, samples, times))
+    span = max(float(times[-1] - times[0]), 1e-300)
+    groups: list[tuple[float, float, set[str]]] = []
+    for event in sorted(met, key=lambda e: e.t):
+        if groups and event.t - groups[-1][1] <= _TOGETHER * span:
+            start, end, names = groups[-1]
+            groups[-1] = (start, max(end, event.t_end), names | {event.family})
+        else:
+            groups.append((event.t, event.t_end, {event.family}))
+    ends = [float(times[0]), *(x for g in groups for x in g[:2]), float(times[-1])]
+    between = []
+    for a, b in zip(ends[::2], ends[1::2], strict=True):
+        q = _at(times, samples, (a + b) / 2)
+        number = of.of(q) if b > a else None
+        between.append((q, number))
+    geometry = forms.geometry if isinstance(forms, ClosedForm) else forms[0].geometry
+    words: list[tuple[str, ...]] = [() for _ in between]
+    if geometry is not None:
+        words = posture_names(geometry, np.array([q for q, _ in between]))
+    return tuple(
+        AspectChange(g[0], tuple(sorted(g[2])), a[1], b[1], u, v)
+        for g, a, b, u, v in zip(
+            groups, between[:-1], between[1:], words[:-1], words[1:], strict=True
+        )
+        if a[1] is not None and b[1] is not None and a[1] != b[1]
+    )
+
+
+def _at(times: Array, Q: Array, t: float) -> Array:
+    return np.array([np.interp(t, times, Q[:, j]) for j in range(Q.shape[1])])

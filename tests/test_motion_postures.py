@@ -1,0 +1,106 @@
+"""Changes of aspect on the way, and other postures for a straight line of the tip."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.errors import ConfigurationError
+
+
+@pytest.fixture(scope="module")
+def puma():
+    arm = pinsing.load("puma560")
+    return arm, pinsing.closed_form(arm)
+
+
+def test_changes_are_where_the_signs_of_det_change(puma):
+    """An oracle of its own: the sign of det J along random motions, and number of aspects."""
+    arm, form = puma
+    found = pinsing.aspects(form)
+    rng = np.random.default_rng(1)
+    seen = 0
+    for _ in range(6):
+        Q = arm.space.sample(4, rng)
+        changes = pinsing.aspect_changes(form, Q, of=found)
+        t = np.linspace(0, 3, 1201)
+        fine = np.array([np.interp(t, range(4), Q[:, j]) for j in range(6)]).T
+        sign = np.sign(np.linalg.det(pinsing.task_jacobians(arm, fine)))
+        flips = t[1:][sign[1:] != sign[:-1]]
+        assert len(flips) <= len(changes)
+        for at in flips:
+            assert min(abs(c.t - at) for c in changes) < 3 / 1200 + 1e-6
+        at, number = 0.0, found.of(Q[0])
+        for c in changes:
+            assert c.before == number
+            assert c.t >= at
+            assert c.before != c.after
+            assert c.names_before != c.names_after or c.before is None
+            at, number = c.t, c.after
+        assert number == found.of(Q[-1])
+        seen += len(changes)
+    assert seen > 5
+
+
+def test_a_motion_back_and_forth_and_one_that_stays(puma):
+    _, form = puma
+    a, b = [0, 0.3, 0.2, 0, 0.8, 0], [0, 0.3, 0.2, 0, -0.4, 0]
+    there, back = pinsing.aspect_changes(form, [a, b, a], [0, 1, 2])
+    assert (there.before, there.after) == (back.after, back.before)
+    assert there.t == pytest.approx(2 / 3)
+    assert back.t == pytest.approx(4 / 3)
+    assert there.names_before[-1] == "wrist no-flip"
+    assert there.names_after[-1] == "wrist flip"
+    assert pinsing.aspect_changes(form, [a, [1, 0.3, 0.2, 0, 0.7, 0]]) == ()
+    assert pinsing.aspect_changes(form, [a]) == ()
+    with pytest.raises(ConfigurationError, match="shape"):
+        pinsing.aspect_changes(form, a)
+
+
+def test_check_says_it(tmp_path):
+    path = tmp_path / "way.csv"
+    path.write_text("0,0.3,0.2,0,0.8,0\n0,0.3,0.2,0,-0.4,0\n")
+    run = CliRunner().invoke(command, ["check", "puma560", str(path)])
+    assert "changes of aspect:" in run.output
+    assert "wrist no-flip" in run.output
+    run = CliRunner().invoke(command, ["check", "puma560", str(path), "--json", "-"])
+    (change,) = json.loads(run.stdout)["aspect_changes"]
+    assert change["t"] == pytest.approx(2 / 3)
+
+
+# The elbow of this posture of UR5 is stretched on the way; those with the wrist turned get there.
+START, GOAL = [-2.6, -1.65, 0.95, 0.52, -2.55, -0.42], [-0.22, -0.19, 0.8]
+
+
+def test_a_line_that_needs_another_posture():
+    arm = pinsing.load("ur5")
+    form = pinsing.closed_form(arm)
+    assert pinsing.check_line(arm, START, GOAL, forms=form).outcome == "singular"
+    others = pinsing.line_postures(arm, START, GOAL, forms=form)
+    assert [p.outcome for p in others] == ["reached"] * 4 + ["singular"] * 3
+    best = others[0]
+    line = pinsing.check_line(arm, best.q, GOAL, forms=form)
+    assert line.outcome == "reached"
+    assert np.abs(line.q[-1] - line.q_end).max() == 0
+    upper = pinsing.clearance(form, line.q).upper
+    assert 0 < best.clearance <= upper.min()
+    assert len({p.names for p in others}) == 7
+
+
+@pytest.mark.slow
+def test_line_lists_them():
+    arguments = ["line", "ur5", f"--q={','.join(map(str, START))}"]
+    arguments += [f"--to={','.join(map(str, GOAL))}"]
+    run = CliRunner().invoke(command, arguments)
+    assert run.exit_code == 0
+    assert "Another posture is needed; of 7 others of the start, 4 would do:" in run.output
+
+
+def test_a_line_that_no_posture_follows_says_so():
+    run = CliRunner().invoke(command, ["line", "scara", "--q=0,1,0,0", "--to=5,0,0.1"])
+    assert "None of 1 other posture of the start follows the line to its end" in run.output
