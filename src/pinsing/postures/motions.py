@@ -62,7 +62,7 @@ def aspect_changes(
     >>> import pinsing
     >>> form = pinsing.closed_form(pinsing.load("scara"))
     >>> change, = pinsing.aspect_changes(form, [[0, -1, 0, 0], [0, 1, 0, 0]])
-    >>> change.t, change.before, change.after
+    >>> round(change.t, 9), change.before, change.after
     (0.5, 1, 2)
     """
     arm = forms.arm if isinstance(forms, ClosedForm) else forms[0].arm
