@@ -9,10 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.analysis.random_search import ON_FAMILY_TOL, random_search
 from pinsing.analysis.result import Analysis, FamilyCheck, RandomSearch
 from pinsing.analysis.stages import Stages
 from pinsing.arguments import MAX_SEED, checked, whole_number
-from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import walk
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
@@ -28,11 +28,6 @@ from pinsing.sweeps.planning import planned_sweep
 from pinsing.sweeps.run import run_sweep
 from pinsing.sweeps.special_values import SPECIAL_ANGLES, Special
 
-ON_FAMILY_TOL = 1e-5
-"""Distance in joint space (radians; metres over the length scale) that counts as on a family."""
-_VALLEY = 1e-2
-"""How far from a zero of sigma_r it may be below the tolerance."""
-
 _RAW_ANGLE_TOL = 1e-10
 _FAMILY_SAMPLES = 60
 _ROUNDING = 1e-6
@@ -40,7 +35,6 @@ _ROUNDING = 1e-6
 SECONDS = 60.0
 """Time that an analysis may take."""
 _ALGEBRA = 1 / 3
-_BATCH = 100
 
 
 @checked
@@ -130,7 +124,7 @@ def analyze(
     )
     search = stages.run(
         "random search",
-        lambda: _random_search(exact, forms, random_starts, seed, stages),
+        lambda: random_search(exact, forms, random_starts, seed, stages),
         RandomSearch(0, 0, 0, ()),
     )
     unchecked: tuple[FamilyCheck, ...] = ()
@@ -165,37 +159,6 @@ def analyze(
 def _owner(forms: ClosedForm, finding: Finding) -> str:
     family = forms.family_of(finding.configuration.q, ON_FAMILY_TOL)
     return "" if family is None else family.name
-
-
-def _random_search(
-    exact: Arm, forms: ClosedForm, starts: int, seed: int, stages: Stages
-) -> RandomSearch:
-    if starts == 0:
-        return RandomSearch(0, 0, 0, ())
-    rng = np.random.default_rng(seed)
-    begin = exact.space.sample(starts, rng)
-    reached = []
-    for k in range(0, starts, _BATCH):
-        if k and stages.over:
-            starts = k
-            break
-        ends = walk(exact, begin[k : k + _BATCH])
-        reached.append(ends.q[ends.ratio <= SINGULAR_RTOL])
-    found = np.concatenate(reached)
-    on = np.zeros(len(found), dtype=bool)
-    for family in forms.families:
-        if on.all():
-            break
-        on[~on] = family.contains(found[~on], ON_FAMILY_TOL)
-    off = found[~on]
-    if len(off):
-        # In a flat valley sigma_r is below the tolerance some way off already: the nearest true
-        # zero decides.
-        ends = approach(exact, off)
-        close = ends.singular & (np.abs(ends.q - off).max(axis=1) <= _VALLEY)
-        close &= np.array([forms.family_of(q, ON_FAMILY_TOL) is not None for q in ends.q])
-        off = off[~close]
-    return RandomSearch(starts, len(found), len(found) - len(off), tuple(off))
 
 
 def _check_families(

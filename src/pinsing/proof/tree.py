@@ -101,7 +101,7 @@ class Tree:
         self._until = time.monotonic() + seconds
         self._budget = Budget(seconds)
         self.families = [certificate.forms(f) for f in certificate.data["families"]]
-        self._places: dict[object, Place | NotFound | None] = {}
+        self._places: dict[tuple[Any, ...], Place | NotFound | None] = {}
         self._factors: dict[str, list[tuple[Poly, int]]] = {}
         self._algebra = self._ring_to_factor_in(seconds)
 
@@ -154,7 +154,8 @@ class Tree:
         place = self.place_of(forms, points)
         if self.ring.empty(place.relations):
             return None
-        key = (points, *map(form_text, place.forms))
+        texts = [form_text(f) for f in place.forms]
+        key = (points, *texts)
         if key in self._places:
             known = self._places[key]
             if known is None:
@@ -162,6 +163,9 @@ class Tree:
             if isinstance(known, NotFound):
                 raise known
             return known
+        wider = self._closed_around({*texts}, points)
+        if wider is not None:
+            return wider
         self._places[key] = None
         try:
             self._check_time()
@@ -173,6 +177,17 @@ class Tree:
             raise failure from None
         self._places[key] = place
         return place
+
+    def _closed_around(self, forms: set[str], points: bool) -> Place | None:
+        """A place that is closed and has some of these forms only: it holds this one."""
+        return next(
+            (
+                place
+                for key, place in self._places.items()
+                if isinstance(place, Place) and place.points == points and forms.issuperset(key[1:])
+            ),
+            None,
+        )
 
     def _close(self, place: Place) -> None:
         relations = place.relations
@@ -318,6 +333,7 @@ class Tree:
         """Polynomials that vanish on all components of a place, the simplest first."""
         values, relations = place.values, place.relations
         minors = list(self._minors(place))
+        alone, minors = minors, [*minors, *self._without_a_turn(place, minors)]
         toward = {form_text(self.tidy(p)) for family in self.families for p in family}
         minors.sort(key=lambda m: self._effort(self.factors(m.form), toward))
         easy = [m for m in minors if self._effort(self.factors(m.form), toward)[0] == 0]
@@ -325,7 +341,7 @@ class Tree:
         whole = self.certificate.bound - len(values)
         if relations and whole <= len(relations):
             if not place.points and self.ring.codimension_at_least(whole, relations):
-                yield from self._at_points(place, minors)
+                yield from self._at_points(place, alone)
             short = sum(map(len, relations)) <= _SHORT
             if 1 < len(relations) <= _MANY + 1 and short:
                 yield from self._remainders(place)
@@ -346,9 +362,30 @@ class Tree:
                     source = {"minor": [list(rows), list(columns)]}
                     yield Split([(self.ring.one, source)], self.ring.stripped(poly)[0])
 
+    def _without_a_turn(self, place: Place, minors: list[Split]) -> Iterator[Split]:
+        """Of minors g cos a and g sin a, of the same columns, the sum that is g but for units.
+
+        Where some axes are parallel, rows of what the other joints do turn with the frame.
+        """
+        ring, minor = self.ring, self.certificate.at(place.values)
+        for first, second in itertools.combinations(minors, 2):
+            f, g = first.form, second.form
+            ((_, a),), ((_, b),) = first.sum, second.sum
+            if a["minor"][1] != b["minor"][1] or ring.squares or len(f) * len(g) > _LONG:
+                continue
+            common = f.gcd(g)
+            p, q = divmod(f, common)[0], divmod(g, common)[0]
+            (ones,) = ring.stripped(p * p + q * q)
+            if ring.joints(p) and not ring.joints(ones):
+                u, v = (
+                    divmod(minor(*map(tuple, source["minor"])), form)[0]
+                    for source, form in ((a, f), (b, g))
+                )
+                yield Split([(p * v, a), (q * u, b)], common)
+
     def _effort(self, factors: list[tuple[Poly, int]], toward: set[str]) -> tuple[int, int]:
         long = [len(f) for f, _ in factors if not self._fixes(f) and form_text(f) not in toward]
-        return max(long, default=0), len(factors)
+        return sum(long), len(factors)
 
     def _fixes(self, f: Poly) -> bool:
         joints = self.ring.joints(f)
