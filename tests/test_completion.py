@@ -123,3 +123,18 @@ def test_other_shells_get_their_script_and_what_they_ask(shell):
     said = ask(_PINSING_COMPLETE=f"{shell}_complete", COMP_WORDS=words[0], COMP_CWORD=words[1])
     assert "puma560" in said
     assert "Unimation PUMA 560" in said
+
+
+def test_fish_takes_values_with_commas_whole(tmp_path):
+    program = tmp_path / "pinsing"
+    program.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m pinsing "$@"\n')
+    program.chmod(0o755)
+    env = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    ask = {**env, "_PINSING_COMPLETE": "fish_source"}
+    source = subprocess.run([program], capture_output=True, text=True, env=ask).stdout
+    assert source.count('(string split --max 1 "," $completion)') == 1
+    if shutil.which("fish") is None:
+        return
+    script = source + '\ncomplete -C "pinsing info ur5 --joints elbow_joint,wrist_1"'
+    done = subprocess.run(["fish", "-c", script], capture_output=True, text=True, env=env)
+    assert done.stdout.split("\t")[0] == "elbow_joint,wrist_1_joint"

@@ -33,6 +33,7 @@ def mutants(fuzz: ModuleType) -> SimpleNamespace:
     return SimpleNamespace(**{k: v for k, v in found.items() if k[0] != "_"})
 
 
+@pytest.mark.slow
 def test_broken_files_end_in_a_result_or_in_one_clear_line(fuzz):
     share = {"urdf": 70, "xacro": 25, "dh": 40, "loops": 45}
     cases = [(kind, 70_000 + i) for kind, count in share.items() for i in range(count)]
@@ -48,13 +49,23 @@ def test_broken_files_end_in_a_result_or_in_one_clear_line(fuzz):
 @pytest.mark.parametrize(
     ("kind", "count"),
     [
-        ("expression", 1000),
-        ("result", 120),
-        ("certificate", 120),
-        ("message", 120),
-        ("table", 60),
-        ("run", 25),
-        ("mesh", 2),
+        ("expression", 300),
+        ("result", 40),
+        ("certificate", 40),
+        ("message", 40),
+        ("table", 20),
+        *(
+            pytest.param(*case, marks=pytest.mark.slow)
+            for case in (
+                ("expression", 1000),
+                ("result", 120),
+                ("certificate", 120),
+                ("message", 120),
+                ("table", 60),
+                ("run", 25),
+                ("mesh", 2),
+            )
+        ),
     ],
 )
 def test_other_broken_input_ends_so_too(fuzz, kind, count):
@@ -76,6 +87,7 @@ def test_an_expression_with_another_value_is_noticed(fuzz, monkeypatch):
     assert any("Python says" in said for outcome, said, _ in outcomes if outcome == "unclear")
 
 
+@pytest.mark.slow
 def test_a_run_that_believes_its_folder_is_noticed(fuzz, monkeypatch, tmp_path):
     """Chunks that are not judged: some forged one comes through, or ends in a traceback."""
     from pinsing.runs import run_folder

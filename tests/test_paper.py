@@ -169,6 +169,7 @@ def test_no_reading_without_offsets_gives_the_printed_values():
     assert plain.third == pytest.approx(0.061141, abs=1e-6)
 
 
+@pytest.mark.slow
 def test_the_search_finds_a_value_that_a_reading_does_give():
     """What it reports as absent it would have found."""
     known = readings.search(0.066929, 0.021200, offsets=False)

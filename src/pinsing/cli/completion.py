@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
-from click.shell_completion import CompletionItem
+from click.shell_completion import CompletionItem, FishComplete, add_completion_class
 
 if TYPE_CHECKING:
     from pinsing.description.urdf import Description
@@ -35,6 +35,15 @@ _PLAIN = re.compile(r"[\w./:+@%-]+")
 
 _FAMILY_SECONDS = 2.0
 """Time for the algebra: longer than that nobody waits for Tab."""
+
+
+@add_completion_class
+class WholeValues(FishComplete):
+    """What fish runs; click's own script cuts a value such as ``joint_a,joint_b`` at its comma."""
+
+    source_template = FishComplete.source_template.replace(
+        'string split ","', 'string split --max 1 ","'
+    )
 
 
 def _quiet(complete: Completer) -> Completer:
