@@ -196,6 +196,18 @@ def test_a_bad_address_is_one_line_at_once(address: str) -> None:
     assert "no address such as tcp://HOST:PORT" in errors[0]
 
 
+@pytest.mark.parametrize("address", ["tls://127.0.0.1:1", "ucxx://127.0.0.1:1", "a..b:1"])
+def test_an_address_that_cannot_be_reached_leaves_no_client_behind(
+    address: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A client that is half made says so 20 s later, in a traceback on stderr."""
+    made: list[Any] = []
+    monkeypatch.setattr(distributed, "Client", lambda *given, **_: made.append(given))
+    with pytest.raises(WorkerError, match="no dask scheduler at "), dask_cluster(address, 1.0):
+        pass
+    assert not made
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import errno
+import importlib
 import json
 import os
 import random
@@ -12,8 +13,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 import arms
 import numpy as np
@@ -28,6 +30,7 @@ from pinsing.maps import plan_map, sigma_map
 from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
 from pinsing.runs.chunk_file import Record, pack
+from pinsing.runs.inbox import ctrl_c_afterwards
 from pinsing.runs.run_folder import RunFolder, open_run, recorded
 from pinsing.sweeps.npz import load_npz
 from pinsing.sweeps.planning import plan_sweep
@@ -480,6 +483,67 @@ def test_ctrl_c_in_the_middle_of_a_write_raises_nothing_there(
         assert not run_sweep(arm, plan, chunk=1, threads=1, out=out).complete
     assert whole
     assert len(list((out / "chunks").iterdir())) == len(whole)
+
+
+def _ctrl_c_before(function: Callable[..., Any]) -> Callable[..., Any]:
+    def interrupted(*args: Any, **kwargs: Any) -> Any:
+        signal.raise_signal(signal.SIGINT)
+        return function(*args, **kwargs)
+
+    return interrupted
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("run", "pinsing.sweeps.run.pack_sweep"),
+        ("run", "pinsing.sweeps.findings.singular_configurations"),
+        ("curves.npz", "pinsing.sweeps.npz.save_npz"),
+        ("curves.npz", "pinsing.sweeps.findings.singular_configurations"),
+    ],
+)
+def test_ctrl_c_after_the_last_chunk_of_a_sweep(
+    name: str, place: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All that was swept is kept and told; the findings, which come after, are left out."""
+    home, _, function = place.rpartition(".")
+    module = importlib.import_module(home)
+    monkeypatch.setattr(module, function, _ctrl_c_before(getattr(module, function)))
+    words = ["sweep", "planar3r", "--levels", "1", "--samples", "21", "--threads", "1"]
+    out = tmp_path / name
+    done = run(*words, "--out", str(out))
+    assert done.exit_code == 130
+    assert "there are no findings" in done.stdout
+    assert "pinsing: stopped" in done.stderr
+    kept = load_npz(out if out.is_file() else out / "sweep.npz")
+    assert isinstance(kept, SweepResult)
+    assert kept.complete
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_ctrl_c_when_a_map_is_complete_takes_nothing_away(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    module = importlib.import_module("pinsing.maps.run")
+    monkeypatch.setattr(module, "result_of", _ctrl_c_before(module.result_of))
+    words = ["map", "planar3r", "--count", "4096", "--threads", "1"]
+    done = run(*words, "--out", str(tmp_path / "run"))
+    assert done.exit_code == 0
+    assert "map of planar3r" in done.stdout
+    assert (tmp_path / "run" / "result.json").exists()
+
+
+def test_a_run_hears_of_ctrl_c_that_came_before_it() -> None:
+    arm = arms.textbook("stanford")
+    plan = plan_sweep(arm, samples=21, levels=1)
+    result = None
+    with pytest.raises(KeyboardInterrupt), ctrl_c_afterwards():
+        signal.raise_signal(signal.SIGINT)
+        result = run_sweep(arm, plan, threads=1)
+    assert result is not None
+    assert not result.complete
+    with ctrl_c_afterwards():
+        assert run_sweep(arm, plan, threads=1).complete
 
 
 def test_sweep_on_any_engine_and_threads() -> None:

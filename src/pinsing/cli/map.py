@@ -129,13 +129,16 @@ def map_command(
     if pairs:
         chosen["ranges"] = {n: _in_radians(arm, n, low, high, deg) for n, low, high in pairs}
     from pinsing.maps import sigma_map
+    from pinsing.runs.inbox import ctrl_c_afterwards
 
+    result = None
     try:
-        with place.options() as where, run_progress() as progress:
+        with place.options() as where, run_progress() as progress, ctrl_c_afterwards():
             result = sigma_map(arm, sampling, **chosen, **where, progress=progress, tell=say)
-    except KeyboardInterrupt:
-        say_stopped(out)
-        return STOPPED
+    except KeyboardInterrupt:  # what is complete is told, however late that came
+        if result is None:
+            say_stopped(out)
+            return STOPPED
     if not emit_json(result, json_target):
         emit(result.text(Page.of(), deg))
     if not result.complete:

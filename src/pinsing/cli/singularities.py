@@ -238,6 +238,7 @@ def sweep_command(
     if keep and out is None:
         raise OptionError("--keep needs a folder to keep the curves in: give --out DIR")
     from pinsing.geometry.nominal import nominal
+    from pinsing.runs.inbox import ctrl_c_afterwards
     from pinsing.serialization import encode
     from pinsing.sweeps.findings import singular_configurations
     from pinsing.sweeps.npz import CURVES, save_npz
@@ -251,26 +252,27 @@ def sweep_command(
     say(f"{plan.n_curves} curves, {plan.n_jacobians} Jacobians")
     if out is not None and folder is None:  # a file is asked for its curves
         check_keep(plan, keep is not False, False)
+    result = None
+    findings: tuple[Finding, ...] = ()
+    told = False
     try:
-        with place.options() as where, run_progress() as progress:
+        with place.options() as where, run_progress() as progress, ctrl_c_afterwards():
             result = run_sweep(
                 swept, plan, progress, keep=keep, chunk=chunk, out=folder, tell=say, **where
             )
-    except KeyboardInterrupt:
-        say_stopped(folder)
-        return STOPPED
-    if out is not None and folder is None:
-        say(f"wrote {save_npz(result, out)}")
-    elif folder is not None and result.complete:
-        say(f"wrote {folder / CURVES}")
-        if keep and not result.kept:
-            say(f"the curves are in {folder}: read them with pinsing.sweeps.npz.kept_curves")
-    findings: tuple[Finding, ...] = ()
-    told = True
-    try:
+            written = save_npz(result, out) if out is not None and folder is None else None
+        if written is not None:
+            say(f"wrote {written}")
+        if folder is not None and result.complete:
+            say(f"wrote {folder / CURVES}")
+            if keep and not result.kept:
+                say(f"the curves are in {folder}: read them with pinsing.sweeps.npz.kept_curves")
         findings = singular_configurations(swept, result, geometry=tests)
+        told = True
     except KeyboardInterrupt:  # what was swept is an answer without them
-        told = False
+        if result is None:
+            say_stopped(folder)
+            return STOPPED
         note = "stopped before the dips were refined and generalised: there are no findings"
         result = replace(result, notes=(*result.notes, note))
     if json_target is None or not emit_json_data(

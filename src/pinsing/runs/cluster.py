@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import asyncio
 import contextlib
 import importlib
 import importlib.metadata
 import re
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from typing import Any
 
 from pinsing._version import __version__
@@ -47,6 +48,9 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
             f"no dask scheduler at {address[:100]}: that is no address such as tcp://HOST:PORT"
         )
     try:
+        # A client that cannot connect is sometimes left half made, and ends 20 s later, loudly.
+        with ThreadPoolExecutor(1) as aside:
+            aside.submit(asyncio.run, _knock(distributed, address, timeout)).result()
         client = distributed.Client(address, timeout=timeout, set_as_default=False)
     except Exception as error:  # of whatever part of the network, down to its certificates
         raise WorkerError(f"no dask scheduler at {address}: {_first_line(error)}") from None
@@ -77,6 +81,13 @@ def call_there(version: str, fn: Callable[..., Any], *args: Any, **kwargs: Any) 
     if version != __version__:
         raise WorkerError(_other_version("a dask worker", __version__, version))
     return fn(*args, **kwargs)
+
+
+async def _knock(distributed: Any, address: str, timeout: float) -> None:
+    """Connect to a scheduler, and leave."""
+    how = distributed.Security().get_connection_args("client")
+    link = await distributed.comm.connect(address, timeout=timeout, **how)
+    await link.close()
 
 
 def _workers(distributed: Any, client: Any, address: str, timeout: float) -> int:

@@ -148,6 +148,7 @@ def finished_chunks(
                     if len(pending) >= limit:
                         break
             elif inbox.asked > 1 or not _begun(pending):
+                inbox.heeded = True
                 raise KeyboardInterrupt
             done = inbox.next()
             if done is None or done not in pending:
@@ -171,6 +172,7 @@ def _kept(
     kept = folder.kept()
     for index in kept:
         if inbox.asked:
+            inbox.heeded = True
             raise KeyboardInterrupt
         try:
             record = folder.read(index, functools.partial(job.check, index), job.room(index))

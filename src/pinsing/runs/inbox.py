@@ -21,6 +21,7 @@ _STOPPED = 130
 _AT_ONCE = b"\npinsing: ended at once; what is in a folder is kept\n"
 
 _ends_process = False
+_outer: Inbox | None = None
 
 
 class Inbox:
@@ -31,10 +32,13 @@ class Inbox:
     asked : int
         How often Ctrl-C was pressed: once, to stop when what has begun is done and kept; twice,
         without waiting for it.
+    heeded : bool
+        Whether the run has stopped for that; one that was about to end has not.
     """
 
     def __init__(self) -> None:
         self.asked = 0
+        self.heeded = False
         # Its ``put`` may be called from a signal handler, whatever it interrupts.
         self._queue: SimpleQueue[Future[Any] | None] = SimpleQueue()
 
@@ -56,10 +60,12 @@ class Inbox:
 def ctrl_c_to(inbox: Inbox) -> Iterator[None]:
     """Have Ctrl-C speak to ``inbox`` as long as the block lasts; the third one raises again.
 
-    Nothing is changed outside of the main thread, which alone hears of Ctrl-C, nor where the
+    Blocks may be nested: an inner inbox is told of what the outer one has heard, and the outer one
+    of what came too late to stop the inner run. Nothing is changed outside of the main thread, which alone hears of Ctrl-C, nor where the
     program has put it off (as ``nohup`` does) or handles it outside of Python.
     """
-    before = signal.getsignal(signal.SIGINT)
+    global _outer
+    before, outer = signal.getsignal(signal.SIGINT), _outer
     if threading.current_thread() is not threading.main_thread() or not callable(before):
         yield
         return
@@ -74,10 +80,35 @@ def ctrl_c_to(inbox: Inbox) -> Iterator[None]:
             before(number, frame)
 
     signal.signal(signal.SIGINT, heard)
+    _outer = inbox
     try:
+        # Only now, when nothing can be heard by the outer one alone.
+        for _ in range(0 if outer is None else outer.asked):
+            inbox.stop()
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+        _outer = outer
+        if outer is not None and inbox.asked and not (inbox.heeded or outer.asked):
+            outer.stop()
+
+
+@contextlib.contextmanager
+def ctrl_c_afterwards() -> Iterator[None]:
+    """Put Ctrl-C off to the end of the block: what is computed and written there is kept.
+
+    A run within the block stops for it as ever.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        At the end, if Ctrl-C was pressed and no run has stopped for it.
+    """
+    inbox = Inbox()
+    with ctrl_c_to(inbox):
+        yield
+    if inbox.asked:
+        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager
