@@ -183,6 +183,15 @@ def test_text_that_is_no_robot(text, line, expected):
         assert caught.value.line == line
 
 
+@pytest.mark.parametrize("path", ["a/" * 3000, "a/\0b", "a/\x1b[2J\nb"])
+def test_a_path_that_cannot_be_is_one_short_line(path):
+    with pytest.raises(RobotFileError, match="no such file") as caught:
+        pinsing.load(path)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 300
+    assert caught.value.path == Path(path)
+
+
 def test_text_reads_no_meshes_of_the_working_folder(tmp_path, monkeypatch):
     """Text from a stranger has no folder: what lies where the user stands is not its own."""
     (tmp_path / "a.stl").write_bytes(b"solid a\nendsolid a\n")

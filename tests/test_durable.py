@@ -536,12 +536,16 @@ def test_ctrl_c_when_a_map_is_complete_takes_nothing_away(
 def test_a_run_hears_of_ctrl_c_that_came_before_it() -> None:
     arm = arms.textbook("stanford")
     plan = plan_sweep(arm, samples=21, levels=1)
-    result = None
-    with pytest.raises(KeyboardInterrupt), ctrl_c_afterwards():
+    results = []
+
+    @ctrl_c_afterwards()
+    def interrupted() -> None:
         signal.raise_signal(signal.SIGINT)
-        result = run_sweep(arm, plan, threads=1)
-    assert result is not None
-    assert not result.complete
+        results.append(run_sweep(arm, plan, threads=1))
+
+    with pytest.raises(KeyboardInterrupt):
+        interrupted()
+    assert [result.complete for result in results] == [False]
     with ctrl_c_afterwards():
         assert run_sweep(arm, plan, threads=1).complete
 

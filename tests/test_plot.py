@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -491,6 +494,37 @@ def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> 
     assert first.read_bytes().startswith(heads[suffix])
     assert first.stat().st_size > 3000
     assert first.read_bytes() == second.read_bytes()
+
+
+def test_a_figure_is_closed_whether_or_not_it_could_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else matplotlib warns of the twenty-first on stderr."""
+    from pinsing.cli.check import check_command
+
+    plt.close("all")
+    (tmp_path / "path.csv").write_text("0,0.5,0.7\n0.2,0.6,0.9\n")
+    words = ["planar3r", str(tmp_path / "path.csv"), "--plot", str(tmp_path / "a.png")]
+    assert CliRunner().invoke(check_command, words).exit_code == 0
+    assert not plt.get_fignums()
+
+    def full(*_: object) -> None:
+        raise OutputError("no space")
+
+    monkeypatch.setattr("pinsing.cli.figure.write_bytes", full)
+    assert isinstance(CliRunner().invoke(check_command, words).exception, OutputError)
+    assert not plt.get_fignums()
+
+
+@pytest.mark.slow
+def test_a_command_draws_whatever_backend_the_environment_names(tmp_path: Path) -> None:
+    out = tmp_path / "a.png"
+    run = [sys.executable, "-m", "pinsing", "plot", "ellipsoids", "planar3r", "--q", "0,1,0"]
+    done = subprocess.run(
+        [*run, "-o", str(out)], env={**os.environ, "MPLBACKEND": "junk"}, capture_output=True
+    )
+    assert done.returncode == 0, done.stderr
+    assert out.read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import logging
 import os
 import signal
 import socket
@@ -17,6 +19,7 @@ from typing import Any
 
 import pytest
 
+from pinsing.view.door import Listener
 from pinsing.view.messages import LONGEST, BadMessage, read_message
 from pinsing.view.server import Server
 
@@ -269,6 +272,80 @@ def test_more_tabs_than_anyone_opens_are_refused(server: Server, monkeypatch: An
     assert upgrade(server, f"/{token(server)}/live") == 503
     for tab in tabs:
         tab.link.close()
+
+
+def what_comes(link: socket.socket) -> bytes:
+    """The first letters of an answer, or none."""
+    try:
+        return link.recv(10)
+    except ConnectionError:
+        return b""
+
+
+@pytest.mark.parametrize(
+    "request_text",
+    [
+        "GET / HTTP/1.1\r\nHost: 127.0.0.1:" + "9" * 5000 + "\r\n\r\n",
+        "GET /%ff/live HTTP/1.1\r\nHost: 127.0.0.1:1\r\n\r\n",
+        "POST /x/ HTTP/1.1\r\nHost: 127.0.0.1:1\r\nContent-Type: multipart/form-data; boundary=x"
+        "\r\nContent-Length: 4\r\n\r\n--x\r",
+        "\x16\x03\x01\x02\r\n\r\n",
+    ],
+    ids=["long port", "no text", "no form", "TLS"],
+)
+def test_what_is_no_request_leaves_no_line_in_the_log(
+    request_text: str, server: Server, caplog: pytest.LogCaptureFixture
+) -> None:
+    with socket.create_connection(("127.0.0.1", server.port), timeout=5) as link:
+        link.sendall(request_text.encode("latin-1"))
+        assert what_comes(link) in (b"", b"HTTP/1.1 4")
+    assert raw(server, f"/{token(server)}/")[0] == 200
+    assert not [r for r in caplog.records if r.levelno >= logging.WARNING]
+
+
+def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None:
+    monkeypatch.setattr("pinsing.view.door._MOST_LINKS", 5)
+    server = Server(Stage(), b"scene")
+    held = []
+    for _ in range(8):
+        held.append(socket.create_connection(("127.0.0.1", server.port), timeout=5))
+    assert [what_comes(link) for link in held[5:]] == [b""] * 3
+    for link in held:
+        link.close()
+    until = time.monotonic() + 10
+    while server._http is None or server._http._held:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    tabs = [Tab(server) for _ in range(7)]  # pages are counted by themselves
+    assert raw(server, f"/{token(server)}/")[0] == 200
+    for tab in tabs:
+        tab.link.close()
+    server.close()
+    assert not caplog.records
+
+
+def test_a_process_out_of_files_says_nothing_and_takes_up_again(monkeypatch: Any) -> None:
+    taken: list[bool] = []
+    accept = socket.socket.accept
+
+    def refused(self: socket.socket) -> Any:
+        taken.append(True)
+        if len(taken) < 4:
+            raise OSError(errno.EMFILE, "Too many open files")
+        return accept(self)
+
+    listener = Listener()
+    monkeypatch.setattr(socket.socket, "accept", refused)
+    for _ in range(3):
+        with pytest.raises(BlockingIOError):
+            listener.accept()
+    listener.bind(("127.0.0.1", 0))
+    listener.listen()
+    with socket.create_connection(listener.getsockname(), timeout=5) as link:
+        there, address = listener.accept()
+        assert address == link.getsockname()
+        there.close()
+    listener.close()
 
 
 # The command --------------------------------------------------------------------------

@@ -186,6 +186,8 @@ def test_errors_are_those_of_python(text):
         "[].append(1)",
         "data.update(a=1)",
         "data.pop('a')",
+        r"'\udc00'",
+        r"'\ud83d' + '\ude00'",
     ],
 )
 def test_what_is_refused(text):

@@ -96,6 +96,7 @@ BAD_XACRO = {
     "condition": ('<xacro:if value="maybe"/>', "not a boolean expression", 2),
     "memory": ("<link name=\"${'a' * 10**11}\"/>", "too much memory", 2),
     "malformed": ("<xacro:if>", "mismatched tag", 3),
+    "half a character": (r"""<link name="${'\ud800'}"/>""", "half of a character", 2),
     "lambda": (
         '<link name="${(lambda: ().__class__.__base__.__subclasses__())()}"/>',
         "calling a Lambda is not accepted when evaluating expression '(lambda: ().__class__",

@@ -11,11 +11,17 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-_LONGEST_NAME = 100
+_LONGEST_NAME, _LONGEST_PATH = 100, 1000
 
 
 def _cut(name: str) -> str:
     return name if len(name) <= _LONGEST_NAME else name[: _LONGEST_NAME - 3] + "..."
+
+
+def _shown(path: str) -> str:
+    """A path within one line of a terminal: its end, if it is longer than any that exist."""
+    path = path if len(path) <= _LONGEST_PATH else "..." + path[-_LONGEST_NAME:]
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in path)
 
 
 class PinsingError(Exception):
@@ -49,7 +55,8 @@ class RobotFileError(PinsingError, ValueError):
     ) -> None:
         self.path = None if path is None else Path(path)
         self.line = line
-        where = "" if path is None else f"{path}:{line}: " if line is not None else f"{path}: "
+        place = "" if path is None else _shown(str(path))
+        where = "" if path is None else f"{place}:{line}: " if line is not None else f"{place}: "
         super().__init__(where + problem)
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from pinsing.cli.figure import check_figure, save_figure
+from pinsing.cli.figure import check_figure, off_screen, save_figure
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import OutputFile, emit, emit_json, say
 from pinsing.cli.running import run_progress
@@ -138,6 +138,7 @@ def check_command(
         found = aspect_changes(form, read.Q, read.t)
         check = replace(check, aspect_changes=found)
     if plot is not None:
+        off_screen()
         from pinsing.plot.clearance import clearance_along
 
         axes: Any = clearance_along(form, read.Q, read.t, families=families or None)

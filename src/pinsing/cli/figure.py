@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -15,6 +16,14 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 FORMATS = (".png", ".svg", ".pdf")
+
+
+def off_screen() -> None:
+    """Have figures drawn into files only, whatever windows the environment asks for."""
+    os.environ["MPLBACKEND"] = "agg"  # it is read, and may be refused, when matplotlib comes in
+    import matplotlib
+
+    matplotlib.use("agg")
 
 
 def check_figure(out: str | Path) -> Path:
@@ -31,7 +40,7 @@ def check_figure(out: str | Path) -> Path:
 
 
 def save_figure(figure: Figure, out: Path, **options: Any) -> None:
-    """Write a figure; the same one gives the same bytes.
+    """Write a figure and close it, written or not; the same one gives the same bytes.
 
     Raises
     ------
@@ -39,6 +48,7 @@ def save_figure(figure: Figure, out: Path, **options: Any) -> None:
         If the file cannot be written.
     """
     import matplotlib
+    from matplotlib import pyplot as plt
 
     # No date, and numbered marks.
     stamp = {".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
@@ -49,7 +59,10 @@ def save_figure(figure: Figure, out: Path, **options: Any) -> None:
         warnings.catch_warnings(record=True) as heard,
     ):
         warnings.simplefilter("always")
-        figure.savefig(picture, format=out.suffix[1:].lower(), metadata=metadata, **options)
+        try:
+            figure.savefig(picture, format=out.suffix[1:].lower(), metadata=metadata, **options)
+        finally:
+            plt.close(figure)
     write_bytes(out, picture.getvalue())
     # A robot may have a name in any script; matplotlib complains of each letter.
     missing = [w for w in heard if "missing from" in str(w.message)]

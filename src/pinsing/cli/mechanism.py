@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pinsing.cli.figure import check_figure, save_figure
+from pinsing.cli.figure import check_figure, off_screen, save_figure
 from pinsing.cli.options import parse_numbers
 from pinsing.cli.output import STDOUT, emit, emit_json, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
@@ -108,9 +108,7 @@ def plot_loops(
     path = check_figure(out)
     mechanism = read(loops, options)
     inputs = _inputs(mechanism, configurations, deg)
-    import matplotlib
-
-    matplotlib.use("agg")
+    off_screen()
     import matplotlib.pyplot as plt
 
     from pinsing.mechanism import assemblies, curves, find_singular
@@ -137,7 +135,6 @@ def plot_loops(
         raise OptionError(f"there is no {kind} plot of mechanisms: use map, curves or ellipsoids")
     figure.tight_layout()
     save_figure(figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
-    plt.close(figure)
 
 
 def view_loops(

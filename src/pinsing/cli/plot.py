@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinsing.cli import completion
-from pinsing.cli.figure import check_figure, save_figure
+from pinsing.cli.figure import check_figure, off_screen, save_figure
 from pinsing.cli.mechanism import loops_option, plot_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import OutputFile
@@ -122,9 +122,7 @@ def plot_command(
     if kind != "along" and len(configurations) > 1:
         raise OptionError(f"{kind} takes one --q")
     arm = request.load()
-    import matplotlib
-
-    matplotlib.use("agg")
+    off_screen()
     vectors = [joint_vector(arm, text, "--q", deg) for text in configurations]
     held = dict(_fixed(arm, text, deg) for text in fixed)
     if kind == "locus":

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli import completion
+from pinsing.cli.figure import off_screen
 from pinsing.cli.mechanism import loops_option, read
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, say
@@ -169,6 +170,7 @@ def _write(
 ) -> None:
     from pinsing.report.write import write_report
 
+    off_screen()
     where = "none" if html is None else page  # nothing is interactive on paper
     say("computing families, pictures and the model" if where != "none" else "computing")
     write_report(robot, html, forms=forms, poses=poses, page=where, skeleton=skeleton, pdf=pdf)  # type: ignore[arg-type]

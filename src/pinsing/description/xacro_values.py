@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Any
 
 LONGEST_TEXT = 1_000_000
+_HALVES = re.compile("[\ud800-\udfff]")
 MOST_ITEMS = 100_000
 LARGEST_INTEGER_BITS = 8192
 _MOST_DIGITS = 2000
@@ -55,6 +56,8 @@ def bounded(value: Any) -> Any:
     elif isinstance(value, (str, bytes)):
         if len(value) > LONGEST_TEXT:
             raise Refused(f"a text of more than {LONGEST_TEXT} characters is not accepted")
+        if isinstance(value, str) and _HALVES.search(value):
+            raise Refused("half of a character (a surrogate) is not accepted")
     elif isinstance(value, (list, tuple, dict, set, frozenset, range)) and len(value) > MOST_ITEMS:
         raise Refused(f"more than {MOST_ITEMS} items are not accepted")
     return value

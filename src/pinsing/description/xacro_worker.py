@@ -77,6 +77,7 @@ def expand(parent: Parent) -> dict[str, Any]:
         with contextlib.redirect_stderr(noise), contextlib.redirect_stdout(noise):
             document = xacro.process_file(request["path"], mappings=arguments)
             text = document.toprettyxml(indent="  ")
+            text.encode()
     except Exception as error:  # a file may bring about any
         return explain(error, xacro, places)
     warnings = [w[9:] for w in noise.getvalue().splitlines() if w.startswith("warning: ")]

@@ -61,8 +61,9 @@ def ctrl_c_to(inbox: Inbox) -> Iterator[None]:
     """Have Ctrl-C speak to ``inbox`` as long as the block lasts; the third one raises again.
 
     Blocks may be nested: an inner inbox is told of what the outer one has heard, and the outer one
-    of what came too late to stop the inner run. Nothing is changed outside of the main thread, which alone hears of Ctrl-C, nor where the
-    program has put it off (as ``nohup`` does) or handles it outside of Python.
+    of what came too late to stop the inner run. Nothing is changed outside of the main thread,
+    which alone hears of Ctrl-C, nor where the program has put it off (as ``nohup`` does) or
+    handles it outside of Python.
     """
     global _outer
     before, outer = signal.getsignal(signal.SIGINT), _outer

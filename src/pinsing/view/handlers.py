@@ -99,6 +99,11 @@ class Part(RequestHandler):  # type: ignore[misc,unused-ignore]
         self.set_header("Referrer-Policy", "no-referrer")
         self.set_header("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'")
 
+    def log_exception(self, *error: Any) -> None:
+        """Say nothing of a request that is refused: anyone may send one."""
+        if not isinstance(error[1], HTTPError):
+            super().log_exception(*error)
+
     def get(self, _token: str, name: str) -> None:
         """Send the file."""
         if name not in self.site.texts:
@@ -134,6 +139,11 @@ class Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
             raise HTTPError(403)
         if len(self.site.clients) >= MOST_PAGES:
             raise HTTPError(503)
+
+    def log_exception(self, *error: Any) -> None:
+        """Say nothing of a request that is refused: anyone may send one."""
+        if not isinstance(error[1], HTTPError):
+            super().log_exception(*error)
 
     def check_origin(self, origin: str) -> bool:
         """Whether a page is ours: `prepare` has judged that."""

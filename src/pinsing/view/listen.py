@@ -8,6 +8,7 @@ import os
 import socket
 
 from pinsing.errors import OptionError
+from pinsing.view.door import Listener
 
 FIRST_PORT = 7000
 _TRIED_PORTS = 100
@@ -62,7 +63,7 @@ def _listen(host: str, port: int) -> list[socket.socket]:
         for family, kind, protocol, _, address in dict.fromkeys(found):
             if sockets and port == 0:  # the one that the system chose
                 address = (address[0], sockets[0].getsockname()[1], *address[2:])
-            here = socket.socket(family, kind, protocol)
+            here = Listener(family, kind, protocol)
             sockets.append(here)
             if os.name != "nt":
                 here.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -72,7 +73,7 @@ def _listen(host: str, port: int) -> list[socket.socket]:
             here.bind(address)
             here.listen(128)
     except OSError:
-        for here in sockets:
-            here.close()
+        for made in sockets:
+            made.close()
         raise
     return sockets

@@ -15,9 +15,9 @@ import threading
 from typing import Any
 from urllib.parse import urlsplit
 
-from tornado.httpserver import HTTPServer
 from tornado.web import Application
 
+from pinsing.view.door import Door
 from pinsing.view.handlers import Live, Nothing, Part, Served, Site
 from pinsing.view.listen import bind, is_address, is_loopback
 from pinsing.view.messages import LONGEST
@@ -62,7 +62,7 @@ class Server:
         }
         self._site = Site(stage, _texts(stage, scene), policies, self._is_ours)
         self._loop = asyncio.new_event_loop()
-        self._http: HTTPServer | None = None
+        self._http: Door | None = None
         self._app = Application(
             [
                 (r"/([^/]+)/live", Live, {"site": self._site}),
@@ -114,8 +114,8 @@ class Server:
 
     def _run(self, ready: threading.Event) -> None:
         asyncio.set_event_loop(self._loop)
-        self._http = HTTPServer(
-            self._app, max_body_size=LONGEST, max_header_size=LONGEST, idle_connection_timeout=60
+        self._http = Door(
+            self._app, max_body_size=LONGEST, max_header_size=LONGEST, idle_connection_timeout=10
         )
         self._http.add_sockets(self._sockets)
         self._loop.call_soon(ready.set)
