@@ -736,6 +736,31 @@ def test_a_plain_side_car_without_home_works(tmp_path):
     assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-10
 
 
+def test_files_of_example_parallel_robots_are_read_whole(tmp_path):
+    """No output is named there, and joints of the URDF stand for balls and universal joints."""
+    plain = GOOD.replace("output: {frame: P, rows: [vx, vy]}\n", "joint_name: []\njoint_type: []\n")
+    mechanism = load_mechanism(URDF / "five_bar.urdf", write(tmp_path, plain))
+    assert mechanism.output == "P"
+    assert any("names no output: taken is P" in note for note in mechanism.notes)
+    assert ranks(mechanism).mobility == 2
+    # The coupler of the RSSR on a ball: it may spin about its own line besides.
+    text = """closed_loop: [[coupler_end, rocker_end]]
+type: ['3D']
+name_mot: ['crank', 'ball_x_Z']
+joint_name: ['ball_x', 'ball_y']
+joint_type: ['SPHERICAL', 'FIXED']
+"""
+    ball = load_mechanism(URDF / "rssr.urdf", write(tmp_path, text))
+    assert ball.joints == ("crank", "ball_x_X", "ball_x_Y", "ball_x_Z", "rocker")
+    assert ranks(ball).mobility == 2
+    universal = text.replace("SPHERICAL", "UJOINT_XY").replace(", 'ball_x_Z'", "")
+    cardan = load_mechanism(URDF / "rssr.urdf", write(tmp_path, universal))
+    assert ranks(cardan).mobility == 1
+    plain = load_mechanism(URDF / "rssr.urdf")
+    q = np.array([0.3, 0.2, -0.4, 0.7])
+    np.testing.assert_allclose(residual(cardan, q), residual(plain, q), atol=1e-12)
+
+
 def test_kinds_are_read_in_either_case(tmp_path):
     path = write(tmp_path, GOOD.replace("3d", "3D"))
     assert load_mechanism(URDF / "five_bar.urdf", path).loops[0].kind == "3d"
@@ -756,7 +781,10 @@ def test_kinds_are_read_in_either_case(tmp_path):
         (("[vx, vy]", "[vx, xx]"), 4, "unknown value 'xx'"),
         (("[vx, vy]", "[vx, vx]"), 4, "names a row twice"),
         (("name_mot", "name_motor"), 3, "unknown key 'name_motor': did you mean 'name_mot'"),
-        (("output: {frame: P, rows: [vx, vy]}\n", ""), 1, "missing key 'output'"),
+        (("type:", "joint_name: [b1]\ntype:"), 2, "missing key 'joint_type'"),
+        (("type:", "joint_name: [b9]\njoint_type: [FIXED]\ntype:"), 2, "unknown joint 'b9'"),
+        (("type:", "joint_name: [b1]\njoint_type: [BALL]\ntype:"), 3, "unknown value 'BALL'"),
+        (("type:", "joint_name: [b1]\njoint_type: []\ntype:"), 3, "1 joints need 1 types"),
     ],
 )
 def test_side_car_errors_name_the_file_and_the_line(tmp_path, change, line, message):

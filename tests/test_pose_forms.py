@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import matplotlib as mpl
 import numpy as np
 import pinocchio as pin
 import pytest
-from mechanisms import from_model, planar_tree, shipped
+from mechanisms import URDF, from_model, planar_tree, shipped
 
+from pinsing.cli import main
+from pinsing.cli.mechanism import plot_loops
+from pinsing.errors import OptionError
 from pinsing.mechanism import PoseForms, mechanism_at, pose_forms, working_modes
 from pinsing.mechanism.closure import Loops, random_closed
 from pinsing.mechanism.pose_loci import variables_at
+from pinsing.plot.mechanism import TYPE_2
+from pinsing.plot.pose_map import pose_map
 from pinsing.robot.load_mechanism import Loop, Mechanism
+
+mpl.use("agg")
+import matplotlib.pyplot as plt
 
 
 def rotation(e):
@@ -274,3 +283,64 @@ def test_forms_survive_json():
     assert str(again) == str(forms)
     assert "sqrt(3)" not in forms.level[0].equation.coefficients
     np.testing.assert_array_equal(again.loci[0].equation.powers, forms.loci[0].equation.powers)
+
+
+def test_families_of_a_mechanism_at_the_command_line(capsys):
+    def run(name, *more):
+        given = [str(URDF / f"{name}.urdf"), "--loops", str(URDF / f"{name}.loops.yaml"), *more]
+        with pytest.raises(SystemExit) as ended:
+            main(["families", *given])
+        return ended.value.code, capsys.readouterr()
+
+    code, said = run("gough_stewart", "--fail-if-singular")
+    assert code == 1
+    assert "turned by ±90° about z" in said.out
+    code, said = run("planar_3rpr", "--exact")
+    assert "x^2" in said.out
+    code, said = run("planar_3rpr", "--json", "-")
+    assert PoseForms.from_json(said.out).complete
+    code, said = run("five_bar")
+    assert "B1, P, B2 in line" in said.out
+    code, said = run("bennett")
+    assert code == 0
+    assert "no closed form" in said.err
+    assert run("planar_3rpr", "--prove")[0] == 2
+
+
+def contour(ax, color):
+    """Points of the lines of a colour."""
+    found = []
+    for c in ax.collections:
+        edge = c.get_edgecolor()
+        if len(edge) and np.allclose(edge[0][:3], mpl.colors.to_rgb(color)):
+            found += [p.vertices for p in c.get_paths() if len(p.vertices)]
+    return np.concatenate(found)
+
+
+def test_slices_over_the_pose_show_the_loci():
+    ax = pose_map(shipped("gough_stewart"), ("x", "yaw"), samples=61)
+    lines = contour(ax, TYPE_2)
+    np.testing.assert_allclose(np.abs(lines[:, 1]), 90, atol=1e-6)
+    assert set(np.sign(lines[:, 1])) == {-1, 1}
+    ax = pose_map(shipped("planar_3rpr"), ("x", "y"), samples=81)
+    forms = pose_forms(shipped("planar_3rpr"))
+    angle = np.radians(10)
+    rows = [
+        {"x": x, "y": y, "cos φ": np.cos(angle), "sin φ": np.sin(angle)}
+        for x, y in contour(ax, TYPE_2)
+    ]
+    assert np.abs(equation_values(forms, rows)).max() < 0.01
+    plt.close("all")
+
+
+def test_what_cannot_be_sliced_is_said(tmp_path):
+    with pytest.raises(OptionError, match="goes over two of x, y, yaw; got x, z"):
+        pose_map(shipped("planar_3rpr"), ("x", "z"))
+    with pytest.raises(OptionError, match="needs legs that pass one force"):
+        pose_map(shipped("bennett"))
+    out = tmp_path / "map.png"
+    robot = {"robot": str(URDF / "delta.urdf")}
+    plot_loops(URDF / "delta.loops.yaml", kind="map", out=out, over="x,y", dpi=50, **robot)
+    assert out.stat().st_size > 5_000
+    with pytest.raises(OptionError, match="--over goes with plot map"):
+        plot_loops(URDF / "delta.loops.yaml", kind="curves", out=out, over="x,y", **robot)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from pinsing.cli.mechanism import families_loops, loops_option
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, fail_option, json_option
 from pinsing.cli.output import OutputFile, emit, emit_json, say
 from pinsing.cli.singularities import algebra_options
@@ -24,6 +25,7 @@ _REDRAW_SECONDS = 0.1
 
 
 @click.command("families", short_help="All families as equations.")
+@loops_option(families_loops)
 @arm_options
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
 @click.option(

@@ -91,6 +91,41 @@ def analyze_loops(
     return int(fail_if_singular and bool(analysis.points))
 
 
+def families_loops(
+    loops: Path,
+    json_target: str | Path | None = None,
+    fail_if_singular: bool = False,
+    deg: bool = False,
+    exact: bool = False,
+    latex: bool = False,
+    prove: bool | None = None,
+    certificate: Path | None = None,
+    **options: Any,
+) -> int:
+    """``families --loops``: the loci of a mechanism as equations, over its inputs or its pose."""
+    from pinsing.mechanism import loop_forms, pose_forms
+    from pinsing.mechanism.result import forms_text
+
+    if latex or prove is not None or certificate is not None:
+        raise OptionError(
+            "--latex, --prove and --certificate do not go with --loops: mechanisms have their "
+            "equations as text, and no certificates"
+        )
+    mechanism = read(loops, options)
+    forms = loop_forms(mechanism)
+    found = pose_forms(mechanism) if forms is None else forms
+    if found is None:
+        say(
+            f"{mechanism.name}: no closed form: neither a planar dyad closes the loops nor does "
+            "each leg pass one force; analyze --loops finds singular points by numbers"
+        )
+        return 0
+    if not emit_json(found, json_target):
+        emit(forms_text(mechanism.inputs, found, Page.of(), deg, exact))
+    architecture = getattr(found, "architecture", "")
+    return int(fail_if_singular and bool(found.loci or architecture))
+
+
 def plot_loops(
     loops: Path,
     kind: str,
@@ -98,12 +133,14 @@ def plot_loops(
     configurations: Sequence[str] = (),
     dpi: int = 200,
     deg: bool = False,
+    over: str | None = None,
     **options: Any,
 ) -> None:
     """``plot --loops``: the map over the inputs, measures along them, or the linkage itself.
 
-    ``map`` shows both assembly modes, ``curves`` each input in turn, ``ellipsoids`` the linkage
-    with its velocity ellipse in every assembly mode.
+    ``map --over x,y`` is a slice through the loci over two coordinates of the output's pose;
+    without ``--over`` ``map`` shows both assembly modes of a 5R. ``curves`` shows each input in
+    turn, ``ellipsoids`` the linkage with its velocity ellipse in every assembly mode.
     """
     path = check_figure(out)
     mechanism = read(loops, options)
@@ -112,9 +149,19 @@ def plot_loops(
     import matplotlib.pyplot as plt
 
     from pinsing.mechanism import assemblies, curves, find_singular
+    from pinsing.mechanism.dyad import planar_dyad
+    from pinsing.mechanism.rods import rods
     from pinsing.plot.mechanism import draw_linkage, input_map, map_legend, measure_curves
 
-    if kind == "map":
+    if over is not None and kind != "map":
+        raise OptionError("--over goes with plot map --loops: --over x,y")
+    if kind == "map" and (over is not None or (planar_dyad(mechanism) is None and rods(mechanism))):
+        from pinsing.plot.pose_map import pose_map
+
+        names = [n.strip() for n in (over or "x,y").split(",")]
+        figure, ax = plt.subplots(figsize=(6.4, 5.6))
+        pose_map(mechanism, names, ax, degrees=deg)
+    elif kind == "map":
         figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))
         for ax, sign in zip(axes, "+-", strict=True):
             input_map(mechanism, sign, ax, degrees=deg)

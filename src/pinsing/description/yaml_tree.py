@@ -156,6 +156,11 @@ class YamlNode:
             raise self.error("missing key " + ", ".join(repr(key) for key in missing) + ": add it")
         return values
 
+    @property
+    def empty_list(self) -> bool:
+        """Whether this is a list without entries."""
+        return isinstance(self.node, yaml.SequenceNode) and not self.node.value
+
     def keys(self) -> tuple[str, ...]:
         """Return the keys of a mapping as written, without judging them; empty otherwise."""
         if not isinstance(self.node, yaml.MappingNode):

@@ -50,22 +50,26 @@ def exact_points(points: Sequence[Array]) -> ExactPoints:
 
 def _snapped(points: Sequence[Array], square: int) -> tuple[ExactPoints, int]:
     unit = float(np.sqrt(square))
-    out: list[Vector] = []
-    related, off = 0, 0.0
-    for p in points:
-        images = (v for old in out for v in (old, *_images(old, square)))
-        image = next((v for v in images if _near(v, p, unit)), None)
-        if image is not None:
-            related += 1
-        else:
-            # Decimals, so that points that differ by a sign stay so.
-            x, y, z = (
-                Fraction(repr(round(float(v), _DECIMALS))) for v in (p[0], p[1] / unit, p[2])
-            )
-            image = (x, y, z)
-        out.append(image)
-        off = max(off, float(np.abs(_float(image, unit) - p).max()))
-    return ExactPoints(square, tuple(out), off), related
+    # Decimals, so that points that differ by a sign stay so; round ones first, the others follow.
+    plain = [
+        tuple(Fraction(repr(round(float(v), _DECIMALS))) for v in (p[0], p[1] / unit, p[2]))
+        for p in points
+    ]
+    order = sorted(range(len(points)), key=lambda k: max(v.denominator for v in plain[k]))
+    found: dict[int, Vector] = {}
+    related = 0
+    for k in order:
+        images = (v for old in found.values() for v in (old, *_images(old, square)))
+        image = next((v for v in images if _near(v, points[k], unit)), None)
+        related += image is not None
+        x, y, z = plain[k]
+        found[k] = (x, y, z) if image is None else image
+    out = tuple(found[k] for k in range(len(points)))
+    off = max(
+        (float(np.abs(_float(v, unit) - p).max()) for v, p in zip(out, points, strict=True)),
+        default=0.0,
+    )
+    return ExactPoints(square, out, off), related
 
 
 def _images(v: Vector, square: int) -> list[Vector]:

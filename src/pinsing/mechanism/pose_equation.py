@@ -54,6 +54,14 @@ class PoseEquation:
         """Variables that occur."""
         return tuple(n for n, p in zip(self.names, self.powers.T, strict=True) if p.any())
 
+    def exact(self) -> str:
+        """The whole equation with its exact coefficients."""
+        terms = [
+            " ".join([f"({c})", *_factors(self.names, powers)])
+            for c, powers in zip(self.coefficients, self.powers.tolist(), strict=True)
+        ]
+        return " + ".join(terms) + " = 0"
+
     def __str__(self) -> str:
         if len(self.values) > _SHORT:
             where = self.degree(("x", "y", "z"))
@@ -65,16 +73,20 @@ class PoseEquation:
             )
         text = ""
         for value, powers in zip(self.values.tolist(), self.powers.tolist(), strict=True):
-            factors = [
-                n if p == 1 else f"({n})^{p}" if " " in n else f"{n}^{p}"
-                for n, p in zip(self.names, powers, strict=True)
-                if p
-            ]
+            factors = _factors(self.names, powers)
             size = f"{abs(value):.6g}"
             body = " ".join(([] if size == "1" and factors else [size]) + factors)
             sign = "-" if value < 0 else "+"
             text += f" {sign} {body}" if text else (f"-{body}" if value < 0 else body)
         return f"{text} = 0"
+
+
+def _factors(names: tuple[str, ...], powers: list[int]) -> list[str]:
+    return [
+        n if p == 1 else f"({n})^{p}" if " " in n else f"{n}^{p}"
+        for n, p in zip(names, powers, strict=True)
+        if p
+    ]
 
 
 def pose_equation(

@@ -106,6 +106,11 @@ def pose_forms(mechanism: Mechanism) -> PoseForms | None:
     mechanism : Mechanism
         From ``load_mechanism``.
 
+    Returns
+    -------
+    PoseForms or None
+        With ``str()``: the equations in words.
+
     Examples
     --------
     >>> import pinsing

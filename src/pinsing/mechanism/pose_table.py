@@ -16,6 +16,7 @@ def pose_table(
     more: Sequence[Sequence[str]],
     titles: Sequence[str],
     degrees: bool = False,
+    width: int = 100,
 ) -> list[str]:
     """Lines of a table with a number, the coordinates that are not zero throughout, and more.
 
@@ -29,7 +30,25 @@ def pose_table(
         Their titles.
     degrees : bool
         Angles in degrees.
+    width : int
+        Columns there are: numbers have fewer digits where they must, and lines that are still
+        too long may be broken.
     """
+    for digits in (5, 4, 3):
+        lines = _lines(poses, more, titles, degrees, digits)
+        if max(map(len, lines), default=0) <= width:
+            # Spaces that do not break keep a row on its line.
+            return [line.replace(" ", "\u00a0") for line in lines]
+    return lines
+
+
+def _lines(
+    poses: Sequence[Pose],
+    more: Sequence[Sequence[str]],
+    titles: Sequence[str],
+    degrees: bool,
+    digits: int,
+) -> list[str]:
     if not poses:
         return []
     values = [(*p.position, *p.angles) for p in poses]
@@ -38,16 +57,16 @@ def pose_table(
     rows = [["", *(_NAMES[k] for k in shown), *titles]]
     for i, (row, extra) in enumerate(zip(values, more, strict=True), 1):
         cells = [row[k] * (unit if k > 2 else 1.0) for k in shown]
-        rows.append([str(i), *(_number(v) for v in cells), *extra])
+        rows.append([str(i), *(_number(v, digits) for v in cells), *extra])
     count = len(shown) + 1
     widths = [max(len(r[c]) for r in rows) for c in range(len(rows[0]))]
     lines = []
     for r in rows:
         cells_ = [r[c].rjust(widths[c]) if c <= count else r[c] for c in range(len(r))]
-        # A space that does not break keeps a row on its line.
-        lines.append("  ".join(cells_).rstrip().replace(" ", "\u00a0"))
+        lines.append("  ".join(cells_).rstrip())
     return lines
 
 
-def _number(value: float) -> str:
-    return f"{0.0 if abs(value) <= _ROUND else value:.5f}"
+def _number(value: float, digits: int) -> str:
+    text = f"{value:.{digits}f}"
+    return text.removeprefix("-") if float(text) == 0 else text

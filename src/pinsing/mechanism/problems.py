@@ -108,7 +108,12 @@ def assembly_modes(
     Returns
     -------
     Modes
-        Empty where the loops do not close.
+        None in it where the loops do not close.
+
+    Raises
+    ------
+    ConfigurationError
+        If an input is beyond its limits.
 
     Examples
     --------

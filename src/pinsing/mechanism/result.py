@@ -148,8 +148,40 @@ def analysis_text(
     """
     joints = len(a.joints) <= _FEW if joints is None else joints
     values = _Values(degrees, frozenset(sliding))
-    lines = [*_head(a, values), *_configurations(a, values, joints), *_points(a, values)]
+    lines = [*_head(a, values), *_configurations(a, values, joints, page), *_points(a, values)]
     lines += [*_forms(a, values, page), *_checks(a)]
+    return "\n".join(
+        page.paragraph(*spans, first=indent, rest=indent + "  ") for indent, spans in lines
+    )
+
+
+def forms_text(
+    inputs: Sequence[str],
+    forms: LoopForms | PoseForms,
+    page: Page = PLAIN,
+    degrees: bool = False,
+    exact: bool = False,
+) -> str:
+    """The loci of a mechanism alone, as text.
+
+    Parameters
+    ----------
+    inputs : sequence of str
+        Names of the actuated joints.
+    forms : LoopForms or PoseForms
+        What to print.
+    page : Page
+        What it is fitted to.
+    degrees : bool
+        Angles in degrees.
+    exact : bool
+        Whole equations over the pose with exact coefficients, however long.
+    """
+    lines = (
+        _pose_forms(forms, exact)
+        if isinstance(forms, PoseForms)
+        else _loop_forms(inputs, forms, _Values(degrees, frozenset()), page)
+    )
     return "\n".join(
         page.paragraph(*spans, first=indent, rest=indent + "  ") for indent, spans in lines
     )
@@ -211,12 +243,14 @@ def _head(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
     )
 
 
-def _configurations(a: MechanismAnalysis, values: _Values, joints: bool) -> Iterator[Line]:
+def _configurations(
+    a: MechanismAnalysis, values: _Values, joints: bool, page: Page
+) -> Iterator[Line]:
     yield "  ", (f"direct problem, at these inputs: {a.direct}",)
-    yield from _modes(a, a.assemblies, values, joints)
+    yield from _modes(a, a.assemblies, values, joints, page)
     if a.working:
         yield "  ", (f"inverse problem, for the pose there: {a.inverse}",)
-        yield from _modes(a, a.working, values, joints)
+        yield from _modes(a, a.working, values, joints, page)
     if a.ranges:
         yield "  ", ("the loops close, the other inputs held, for",)
     for name, found in a.ranges.items():
@@ -225,7 +259,7 @@ def _configurations(a: MechanismAnalysis, values: _Values, joints: bool) -> Iter
 
 
 def _modes(
-    a: MechanismAnalysis, modes: Sequence[Solution], values: _Values, joints: bool
+    a: MechanismAnalysis, modes: Sequence[Solution], values: _Values, joints: bool, page: Page
 ) -> Iterator[Line]:
     """A table: the pose of the output first."""
     rows = [s.pose for s in modes if s.pose is not None]
@@ -235,6 +269,7 @@ def _modes(
         [(str(s.ways), s.mode) for s in modes[:count]],
         ("ways", "mode"),
         values.degrees,
+        page.width - 4,
     ):
         yield "    ", (line,)
     if count < len(modes):
@@ -278,21 +313,27 @@ def _forms(a: MechanismAnalysis, values: _Values, page: Page) -> Iterator[Line]:
         else:
             yield from _pose_forms(a.pose_forms)
         return
-    whole = good("complete") if a.forms.complete else caution("NOT complete")
+    yield from _loop_forms(a.inputs, a.forms, values, page)
+
+
+def _loop_forms(
+    inputs: Sequence[str], forms: LoopForms, values: _Values, page: Page
+) -> Iterator[Line]:
+    whole = good("complete") if forms.complete else caution("NOT complete")
     yield "", ("Closed forms of the singular loci over the inputs, in m², ", whole, ":")
-    for locus in a.forms.loci:
+    for locus in forms.loci:
         extra = " (isolated points)" if locus.points_only else ""
         extra += "" if locus.witness else " (no configuration found that closes the loops)"
         yield "  ", (f"{locus.kind}: {locus.words}{extra}",)
         yield "    ", (formula(str(locus.equation)),)
         if locus.witness:
-            q = values.pasted(a.inputs, locus.witness.inputs, page.width - 9)
+            q = values.pasted(inputs, locus.witness.inputs, page.width - 9)
             yield "    ", (f"e.g. {q}",)
-    for note in a.forms.notes:
+    for note in forms.notes:
         yield "  ", (note,)
 
 
-def _pose_forms(forms: PoseForms) -> Iterator[Line]:
+def _pose_forms(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
     whole = good("complete") if forms.complete else caution("NOT complete")
     yield "", ("Closed forms of the singular loci over the pose of the output, ", whole, ":")
     if forms.architecture:
@@ -300,7 +341,8 @@ def _pose_forms(forms: PoseForms) -> Iterator[Line]:
     for locus in forms.loci:
         none = "" if locus.real else " (no real points found)"
         yield "  ", (f"{locus.kind}: {locus.words}{none}",)
-        yield "    ", (formula(str(locus.equation)),)
+        written = locus.equation.exact() if exact else str(locus.equation)
+        yield "    ", (formula(written),)
     for family in forms.everywhere:
         yield "  ", (f"{family}",)
     for locus in forms.level:

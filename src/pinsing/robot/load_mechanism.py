@@ -2,7 +2,8 @@
 
 The side-car is YAML in the style of gepetto/example-parallel-robots: ``closed_loop`` (pairs of
 frames that coincide), ``type`` (how they do) and ``name_mot`` (the actuated joints); to which
-pinsing adds ``output`` (whose motion counts) and ``home`` (where to start closing the loops).
+pinsing adds ``output`` (whose motion counts) and ``home`` (where to start closing the loops). Its
+``joint_name`` and ``joint_type`` (SPHERICAL, UJOINT_XY, ..., FIXED) make other joints of some.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from pinsing.description.yaml_tree import YamlNode, compose, suggestion
 from pinsing.errors import JointError, OptionError, PinsingError
 from pinsing.robot.given import HasModel, given_file, given_model
 from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.loop_joints import replaced_joints
 from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
 from pinsing.robot.source import Source
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
@@ -74,13 +76,17 @@ def load_mechanism(
         if source.path is None:
             raise OptionError("a loop file is needed: give the path of a .loops.yaml file")
         loops = source.path.with_name(source.path.name.partition(".")[0] + ".loops.yaml")
-    lower, upper, prismatic = _limits(model)
-    joints = tuple(model.names)[1:]
     path = Path(loops)
     keys = compose(path).mapping(
-        ("closed_loop", "type", "name_mot", "output"), ("home", "name", "source")
+        ("closed_loop", "type", "name_mot"),
+        ("output", "home", "name", "source", "joint_name", "joint_type"),
     )
-    output = keys["output"].mapping(("frame", "rows"))
+    if "joint_name" in keys or "joint_type" in keys:
+        model = replaced_joints(model, keys)
+    lower, upper, prismatic = _limits(model)
+    joints = tuple(model.names)[1:]
+    frame, rows, said = _output(keys, model)
+    notes = (*notes, *said)
     return Mechanism(
         name=keys["name"].text() if "name" in keys else name,
         model=model,
@@ -90,14 +96,28 @@ def load_mechanism(
         upper=upper,
         actuated=_actuated(keys["name_mot"], joints),
         loops=_loops(keys["closed_loop"], keys["type"], model),
-        output=_frame(output["frame"], model),
-        task=_rows(output["rows"]),
+        output=frame,
+        task=rows,
         length_scale=float(length_scale),
         home=_home(keys.get("home"), joints),
         notes=notes,
         source=source,
         loop_file=path,
     )
+
+
+def _output(keys: dict[str, YamlNode], model: pin.Model) -> tuple[str, Task, tuple[str, ...]]:
+    """Frame and rows of the output; files made for other programs name none."""
+    if "output" in keys:
+        output = keys["output"].mapping(("frame", "rows"))
+        return _frame(output["frame"], model), _rows(output["rows"]), ()
+    first = keys["closed_loop"].items("loop")[0].items("frame", 2)[0]
+    name = _frame(first, model)
+    note = (
+        f"the loop file names no output: taken is {name}, the first frame of the first loop, with "
+        "all six rows; add output: {frame: NAME, rows: [vx, vy, ...]}"
+    )
+    return name, parse_task("pose"), (note,)
 
 
 def _tree(

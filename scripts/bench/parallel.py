@@ -1,0 +1,207 @@
+"""Analyse the shelf of parallel mechanisms and set known results beside what was computed.
+
+python scripts/bench/parallel.py [NAME ...]
+python scripts/bench/parallel.py --write docs/parallel.md
+"""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+import pinsing
+from pinsing.mechanism import home, loop_forms, mechanism_at, pose_forms, ranks
+from pinsing.mechanism.result import forms_text
+from pinsing.robot.mechanism import Mechanism
+
+URDF = Path(__file__).resolve().parents[2] / "urdf"
+SHELF = (
+    "five_bar",
+    "four_bar",
+    "planar_3rrr",
+    "planar_3rpr",
+    "gough_stewart",
+    "stewart_6_3",
+    "griffis_duffy",
+    "delta",
+    "rps3",
+    "agile_eye",
+    "bennett",
+    "rssr",
+)
+TOP = """# Parallel mechanisms
+
+Made by `scripts/bench/parallel.py`. Each mechanism is a spanning tree with a loop file in `urdf/`;
+those with a table (`NAME.mechanism.yaml`, `bennett.dh.yaml`) are made from it by
+`scripts/generate_urdf.py`. `pinsing analyze urdf/NAME.urdf --loops urdf/NAME.loops.yaml` prints
+more.
+
+- A **mode** is a configuration up to flipped balls and universal joints; *ways* says how many such
+  flips there are. Modes were sought from 400 random starts; the joint limits are those of the file.
+- Equations are over the pose of the output where each leg passes one force: x, y, z in metres and
+  a unit quaternion e0, e1, e2, e3 (scalar first); in the plane x, y, cos φ, sin φ; with inputs
+  where a crank moves the inner end of a rod. "complete": every singular pose is on one of them,
+  each step exact over the rationals. There are no certificates for mechanisms.
+- Not here: equations for the spherical 3-RRR and in the joint angles of space mechanisms.
+
+| mechanism | joints | closure equations, independent of written | degrees of freedom | actuated |
+|---|---|---|---|---|
+"""
+Known = Callable[[Mechanism], Iterator[tuple[str, str]]]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", default=list(SHELF))
+    parser.add_argument("--write", type=Path, metavar="FILE.md")
+    options = parser.parse_args()
+    rows, parts = [], []
+    for name in options.names or SHELF:
+        mechanism = pinsing.load_mechanism(URDF / f"{name}.urdf")
+        found = ranks(mechanism)
+        rows.append(
+            f"| [{name}](#{name}) | {mechanism.n} | {found.constraint} of {mechanism.rows} | "
+            f"{found.mobility} | {len(mechanism.actuated)} |\n"
+        )
+        parts.append(part(mechanism, name))
+    text = TOP + "".join(rows) + "\n" + "\n".join(parts)
+    if options.write is None:
+        print(text)
+    else:
+        options.write.write_text(text, encoding="utf-8")
+
+
+def part(mechanism: Mechanism, name: str) -> str:
+    began = time.process_time()
+    lines = [f"## {name}", "", source(name), ""]
+    at = mechanism_at(mechanism, home(mechanism))
+    lines.append(f"At home: {at.kind}.")
+    lines.append("")
+    for title, which in (("within the limits", mechanism), ("without", mechanism.without_limits())):
+        direct = pinsing.assembly_modes(which)
+        inverse = pinsing.working_modes(which)
+        lines.append(f"- {title}: {direct.statement}; {inverse.statement}.{ways(direct)}")
+    lines.append("")
+    loops = loop_forms(mechanism)
+    forms = pose_forms(mechanism) if loops is None else loops
+    if forms is None:
+        lines += ["No closed form: the legs pass more than one force each.", ""]
+    else:
+        lines += ["```", forms_text(mechanism.inputs, forms), "```", ""]
+    known = KNOWN.get(name)
+    if known is not None:
+        lines += ["| known | computed |", "|---|---|"]
+        lines += [f"| {claim} | {computed} |" for claim, computed in known(mechanism)]
+        lines.append("")
+    print(f"{name}: {time.process_time() - began:.1f} s of processor time")
+    return "\n".join(lines)
+
+
+def ways(found: pinsing.Modes) -> str:
+    counts = sorted({s.ways for s in found.modes})
+    if not counts or counts == [1]:
+        return ""
+    return f" Ways to assemble each mode: {', '.join(map(str, counts))}."
+
+
+def source(name: str) -> str:
+    for suffix in (".mechanism.yaml", ".loops.yaml"):
+        path = URDF / f"{name}{suffix}"
+        if path.is_file():
+            return str(yaml.safe_load(path.read_text(encoding="utf-8")).get("source", "")).strip()
+    return ""
+
+
+def ratio(mechanism: Mechanism, pose: list[float]) -> str:
+    """Type 2 measure at a pose, limits left aside."""
+    found = pinsing.working_modes(mechanism.without_limits(), pose, starts=12)
+    if not found.modes:
+        return "not reached"
+    at = mechanism_at(mechanism, found.modes[0].q)
+    return f"{at.kind}, measure {at.input_ratio:.1e}"
+
+
+def of_stewart(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    words = [str(x) for x in pose_forms(mechanism).everywhere]
+    yield (
+        "turned by ±90° about the vertical it is singular at every position (Fichter 1986)",
+        "; ".join(words),
+    )
+    yield (
+        "the same by Pinocchio at (0.1, -0.2, 0.9) m",
+        ratio(mechanism, [0.1, -0.2, 0.9, 0, 0, np.pi / 2]),
+    )
+    yield "beside it, at 80°", ratio(mechanism, [0.1, -0.2, 0.9, 0, 0, np.radians(80)])
+    locus = pose_forms(mechanism).loci[0].equation
+    yield (
+        "the locus is of degree 3 in the position (St-Onge and Gosselin 2000)",
+        f"degree {locus.degree(('x', 'y', 'z'))}, {len(locus.values)} terms",
+    )
+    yield (
+        "at most 40 assembly modes (Raghavan 1991, Lazard 1992)",
+        str(len(pinsing.assembly_modes(mechanism.without_limits()).modes)) + " found",
+    )
+
+
+def of_griffis_duffy(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    yield (
+        "singular at every pose, with self-motions (Husty and Karger 2000)",
+        pose_forms(mechanism).architecture,
+    )
+
+
+def of_3rpr(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    locus = pose_forms(mechanism).loci[0]
+    yield (
+        "type 2: the three leg lines meet in a point or are parallel; a conic at each angle",
+        f"{locus.words}; degree {locus.equation.degree(('x', 'y'))} in x and y",
+    )
+    found = pinsing.assembly_modes(mechanism)
+    yield "at most 6 assembly modes (Gosselin and Sefrioui 1991)", f"{len(found.modes)} found"
+
+
+def of_delta(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    for locus in pose_forms(mechanism).loci[:2]:
+        yield (
+            "type 2: rods parallel to a plane, or two pairs parallel"
+            if locus.kind == "type 2"
+            else "constraint: the parallelograms no longer hold the orientation",
+            f"{locus.kind}: {locus.words}",
+        )
+
+
+def of_bennett(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    yield "one degree of freedom, by Grübler's count -2", str(ranks(mechanism).mobility)
+    alpha1, alpha2 = np.radians([30, 90])
+    factor = np.sin((alpha2 + alpha1) / 2) / np.sin((alpha2 - alpha1) / 2)
+    q = home(mechanism)
+    yield (
+        f"tan(q1/2) tan(q2/2) = sin((α2 + α1)/2) / sin((α2 - α1)/2) = {factor:.6f}",
+        f"{np.tan(q[0] / 2) * np.tan(q[1] / 2):.6f} at home",
+    )
+
+
+def of_agile_eye(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    found = pinsing.assembly_modes(mechanism)
+    yield "8 assembly modes (Gosselin, Sefrioui and Richard 1994)", f"{len(found.modes)} found"
+    found = pinsing.working_modes(mechanism)
+    yield "8 working modes", f"{len(found.modes)} found"
+
+
+KNOWN: dict[str, Known] = {
+    "gough_stewart": of_stewart,
+    "stewart_6_3": of_stewart,
+    "griffis_duffy": of_griffis_duffy,
+    "planar_3rpr": of_3rpr,
+    "delta": of_delta,
+    "bennett": of_bennett,
+    "agile_eye": of_agile_eye,
+}
+
+if __name__ == "__main__":
+    main()
