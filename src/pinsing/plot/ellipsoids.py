@@ -26,7 +26,7 @@ from pinsing.plot.skeleton import (
     show_whole,
     skeleton,
 )
-from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, new_axes, plain
+from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, legend_of_all, new_axes, plain
 from pinsing.robot.arm import Arm
 
 KINDS = ("translational", "rotational")
@@ -122,11 +122,13 @@ def ellipsoids(
             _alone(each, state, name, found[name])
         else:
             _at_tip(each, state, name, found[name], arm, normals)
-        if ax is None or each is not every[0] or len(kinds) == 1:
+        if len(kinds) == 1:
             legend_below(each, 1, at=(0.5, -0.1))
     if ax is not None and len(kinds) > 1:
         ax.set_title(f"velocity ellipsoids, {motions} motions", fontsize=SMALL)
         legend_below(ax, 1, at=(0.5, -0.1))
+    if ax is None and len(kinds) > 1:
+        legend_of_all(every)
     if ax is None:
         every[0].figure.suptitle(f"{plain(state.arm.name)}: {state.status}", fontsize=SMALL + 1)
     return every[0]

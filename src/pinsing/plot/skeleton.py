@@ -90,7 +90,7 @@ def draw_skeleton(ax: Any, bones: Skeleton, hot: tuple[int, ...] = ()) -> None:
 
 
 def draw_lost(ax: Any, state: State, size: float, center: Array) -> None:
-    """Draw each lost motion once, with its words in the legend.
+    """Draw each lost motion once, with its words in the legend; one far away is in words only.
 
     A translation or a motion along a line is a line with arrows at both ends, a rotation has a
     circle about it, a screw both.
@@ -98,6 +98,8 @@ def draw_lost(ax: Any, state: State, size: float, center: Array) -> None:
     for lost in state.lost:
         through = center + (lost.point - state.tip_position)
         if np.linalg.norm(through - center) > _GREATEST_OFF * size:
+            words = "\n".join(textwrap.wrap(f"{lost.words} (outside the picture)", 62))
+            ax.plot([], [], [], color=LOST, linestyle="--", linewidth=1.5, label=words)
             continue
         words = "\n".join(textwrap.wrap(lost.words, 62))
         ends = 0.5 * size * np.array([-1.0, 1.0])[:, None] * lost.direction + through
@@ -145,7 +147,7 @@ def show_whole(ax: Any, points: Array) -> None:
     middle = (low + high) / 2
     for letter, m in zip("xyz", middle, strict=True):
         getattr(ax, f"set_{letter}lim")(m - half, m + half)
-    ax.set_box_aspect((1, 1, 1))
+    ax.set_box_aspect((1, 1, 1), zoom=0.9)
     ax.tick_params(labelsize=SMALL - 1.5, pad=-1)
     ax.locator_params(nbins=4)
 

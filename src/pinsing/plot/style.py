@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any
 
@@ -129,6 +130,24 @@ def legend_below(
             loc="upper left" if left else "upper center",
             bbox_to_anchor=at,
             ncols=min(columns, len(handles)),
+            fontsize=SMALL - 1,
+            frameon=False,
+            handlelength=2.4,
+        )
+
+
+def legend_of_all(every: Sequence[Axes], columns: int = 2) -> None:
+    """One legend under several axes of a figure; what several have stands in it once."""
+    found: dict[str, Any] = {}
+    for ax in every:
+        for handle, label in zip(*ax.get_legend_handles_labels(), strict=True):
+            found.setdefault(label, handle)
+    if found:
+        every[0].figure.legend(
+            list(found.values()),
+            list(found),
+            loc="outside lower center",
+            ncols=min(columns, len(found)),
             fontsize=SMALL - 1,
             frameon=False,
             handlelength=2.4,

@@ -10,6 +10,7 @@ from pinsing._version import __version__
 from pinsing.families import ClosedForm
 from pinsing.proof.produce import text_of
 from pinsing.report import arm_sections as part
+from pinsing.report import verdict_sections as verdict
 from pinsing.report.closing import computed, data, model, result
 from pinsing.report.content import Content, Made, gather
 from pinsing.report.document import document
@@ -56,8 +57,8 @@ def arm_report(
         part.assumed(content),
         part.maps(content),
         part.families(content),
-        part.special(content),
-        part.proof(content, written),
+        verdict.special(content),
+        verdict.proof(content, written),
         model(shown if page else None, beside),
     ]
     made = Made.since(started)
@@ -94,6 +95,7 @@ def _data(content: Content, made: Made) -> dict[str, object]:
         "robot": result(content.info),
         "families": result(content.forms),
         "certificate": content.forms.certificate,
+        "clearest": None if content.clearest is None else result(content.clearest),
         "special": [
             {
                 "name": s.name,

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pinsing._types import Array
 from pinsing.algebra.equation import latex_symbol
 from pinsing.configuration.state import State
 from pinsing.families import Family
@@ -17,7 +16,6 @@ from pinsing.report.content import Content, Special
 from pinsing.report.markup import (
     badge,
     bullets,
-    download,
     figure,
     name,
     paragraph,
@@ -29,7 +27,6 @@ from pinsing.report.markup import (
 from pinsing.report.markup import math as formula
 from pinsing.report.pictures import map_picture, map_planes, pose_picture
 from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary
 
 Section = tuple[str, str, str]
 
@@ -111,10 +108,11 @@ def summary(c: Content) -> Section:
 
 
 def _one_verdict(s: Special) -> str:
-    return f"{text('At')} {name(s.name)} {text('the arm is')} {_status(s.state)}."
+    return f"{text('At')} {name(s.name)} {text('the arm is')} {status_badge(s.state)}."
 
 
-def _status(state: State) -> str:
+def status_badge(state: State) -> str:
+    """The verdict of a configuration, coloured."""
     return badge(state.status, _TONE[state.status])
 
 
@@ -163,6 +161,12 @@ def robot(c: Content) -> Section:
     )
 
 
+def _value(limit: float, slides: bool) -> str:
+    if not np.isfinite(limit):
+        return "none"
+    return f"{limit:.6g} m" if slides else f"{math.degrees(limit):.6g}°"
+
+
 def assumed(c: Content) -> Section:
     """What the answer stands on besides the file."""
     rows = [text(note) for note in c.info.arm.notes]
@@ -205,6 +209,8 @@ def maps(c: Content) -> Section:
         pictures = [
             paragraph(text("No family shows on a map over two joints with the others held."))
         ]
+    if len(pictures) > 1:
+        pictures = ['<div class="maps">', *pictures, "</div>"]
     return section("map", "Map of two joints", *pictures)
 
 
@@ -237,9 +243,9 @@ def _family(
         ("joints involved", ", ".join(name(j) for j in family.joints)),
     ]
     if family.reason:
-        facts.append(("why", text(_sentence(family.reason))))
+        facts.append(("why", text(sentence(family.reason))))
     if family.lost:
-        facts.append(("what is lost", bullets(text(_sentence(x)) for x in family.lost)))
+        facts.append(("what is lost", bullets(text(sentence(x)) for x in family.lost)))
     facts += [("limit", text(met)) for met in family.limits_met]
     yield terms(facts)
     if pose is None:
@@ -256,7 +262,7 @@ def _family(
         alt = (
             f"The arm at that configuration, drawn as lines between its joints, with the velocity "
             f"ellipsoids at its tip. "
-            f"{_sentence('; '.join(m.words for m in state.lost) or 'nothing is lost')}"
+            f"{sentence('; '.join(m.words for m in state.lost) or 'nothing is lost')}"
         )
         caption = text(
             "The arm there, and how fast its tip moves at unit joint speed: an ellipsoid is flat "
@@ -294,136 +300,9 @@ def _extent(dimension: int) -> str:
     return f"{free} free on it"
 
 
-def _sentence(words: str) -> str:
+def sentence(words: str) -> str:
+    """Words with a capital first letter and a full stop."""
     return words[:1].upper() + words[1:] + ("" if words.endswith(".") else ".")
-
-
-def special(c: Content) -> Section:
-    """Verdicts at zero, mid-range and named configurations."""
-    rows = []
-    for s in c.special:
-        near = "none"
-        if s.near is not None and np.isfinite(s.near.upper):
-            near = _distance(float(s.near.lower), float(s.near.upper), str(s.near.nearest))
-        outside = f"{_status(s.state)}"
-        if s.state.outside:
-            outside += (
-                f"<br>{text('outside the limits of')} {', '.join(map(name, s.state.outside))}"
-            )
-        lost = "<br>".join(text(_sentence(m.words)) for m in s.state.lost)
-        rows.append(
-            (
-                name(s.name),
-                name(values(s.state.q, c.info.arm)),
-                outside,
-                text(f"{s.state.sigma_ratio:.2g}" if s.state.sigma_ratio > 1e-15 else "0"),
-                text(near),
-                lost or text("nothing"),
-            )
-        )
-    header = ("", "joints (deg, m)", "verdict", "σ_min/σ_max", "nearest family", "lost there")
-    named = [s.name for s in c.special if not s.name.startswith(("zero", "mid-range", "given"))]
-    none = "" if named else "The description names no home configuration."
-    return section(
-        "special",
-        "Special configurations",
-        table("Verdicts", header, rows, (3,)),
-        _instead(c),
-        paragraph(
-            text(
-                "σ_min and σ_max are singular values of the Jacobian. The distance of the nearest "
-                "family is Euclidean over the joints, whatever the limits; at least the first "
-                "number is proven where two stand."
-            ),
-            text(none),
-            kind="sub",
-        ),
-    )
-
-
-def _instead(c: Content) -> str:
-    """What to take in place of usual poses that are singular."""
-    arm = c.info.arm
-    said = [p.text(arm.source, arm.prismatic, True) for p in c.info.singular_poses]
-    head = paragraph(text("What to take instead:")) if said else ""
-    return head + bullets(text(_sentence(line)) for line in said)
-
-
-def _distance(lower: float, upper: float, family: str) -> str:
-    low, high = math.degrees(lower), math.degrees(upper)
-    if high <= 1e-6:
-        return f"on {family}"
-    if high - low <= 0.02 * high:
-        return f"{high:.3g}° from {family}"
-    return f"{low:.3g}° to {high:.3g}° from {family}"
-
-
-def values(q: Array, arm: ArmSummary) -> str:
-    """Joint values in degrees and metres."""
-    return ", ".join(
-        f"{v:.4g} m" if slides else f"{math.degrees(v) + 0.0:.4g}°"
-        for v, slides in zip(q, arm.prismatic, strict=True)
-    )
-
-
-def _value(limit: float, slides: bool) -> str:
-    if not np.isfinite(limit):
-        return "none"
-    return f"{limit:.6g} m" if slides else f"{math.degrees(limit):.6g}°"
-
-
-def proof(c: Content, certificate: str | None) -> Section:
-    """How sure it is that no family is missing."""
-    forms = c.forms
-    said = badge(forms.word, {"proven": "good", "not complete": "caution"}.get(forms.word, ""))
-    parts = []
-    if forms.proof is not None and forms.proof.accepted and certificate is not None:
-        parts.append(
-            paragraph(
-                said,
-                text(
-                    "A certificate was found and accepted by a checker that rebuilds the Jacobian "
-                    "by itself and shares no code with the search: every configuration at which "
-                    "the rank drops lies on one of the families above. It took "
-                    f"{1e3 * forms.proof.check_seconds:.0f} ms to check."
-                ),
-            )
-        )
-        parts.append(
-            paragraph(
-                download("Save the certificate", "certificate.json", certificate),
-                text(f"({len(certificate) / 1e3:.1f} kB); check it with"),
-                name("pinsing verify certificate.json"),
-                text("or with the checker alone, pinsing/proof/checker.py."),
-            )
-        )
-    elif forms.complete:
-        reason = forms.proof.reason if forms.proof is not None else "none was looked for"
-        parts.append(
-            paragraph(
-                said,
-                text(
-                    "The search ended and nothing is known to be missing, but steps of it were "
-                    f"decided at random points of finite fields. There is no certificate: {reason}."
-                ),
-            )
-        )
-    else:
-        parts.append(paragraph(said, text("What is missing:")))
-        parts.append(bullets(text(gap) for gap in forms.gaps))
-    rounded = [f for f in forms.families if f.raw_ratio is not None]
-    if rounded:
-        rows = [(name(f.name), text(f"{f.raw_ratio:.1e}")) for f in rounded]
-        parts.append(
-            paragraph(
-                text(
-                    "The numbers of the file are rounded. On the geometry as it stands there, the "
-                    "σ_min/σ_max on each family is no larger than:"
-                )
-            )
-        )
-        parts.append(table("σ_min/σ_max on the file's own numbers", ("", "at most"), rows, (1,)))
-    return section("proof", "How sure this is", *parts)
 
 
 def words() -> Section:

@@ -20,14 +20,17 @@ from pinsing.configuration.at import at
 from pinsing.configuration.state import State
 from pinsing.errors import PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
+from pinsing.families.telling_poses import telling_poses
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.proximity.clearance import Clearance, clearance
+from pinsing.proximity.suggestion import Suggestion, suggest
 from pinsing.report.info import ArmInfo, describe
 from pinsing.robot.arm import Arm
 
 _LIBRARIES = ("numpy", "pin", "python-flint", "matplotlib", "meshcat")
 _CLEARANCE_SECONDS = 1.0
+_SUGGEST_SECONDS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,9 +100,12 @@ class Content:
     forms : ClosedForm
         Its families, with what became of the search for a certificate.
     poses : tuple of (Arm, State) or None
-        For each family the generic configuration, on the geometry on which it is singular.
+        For each family a configuration that shows it well, on the geometry on which it is
+        singular; the first one of its page where the limits allow any.
     special : tuple of Special
         Configurations with verdicts.
+    clearest : Suggestion or None
+        The configuration of largest clearance that was found; None without families.
     """
 
     arm: Arm
@@ -107,6 +113,7 @@ class Content:
     forms: ClosedForm
     poses: tuple[tuple[Arm, State] | None, ...]
     special: tuple[Special, ...]
+    clearest: Suggestion | None
 
 
 def gather(
@@ -124,15 +131,17 @@ def gather(
         More configurations to judge.
     """
     forms = closed_form(arm, prove=None) if forms is None else forms
+    clearest = _clearest(arm, forms)
+    asked = {**special_poses(arm), **(poses or {})}
+    if clearest is not None:
+        asked["clearest found"] = clearest.q
     return Content(
         arm=arm,
         info=describe(arm),
         forms=forms,
-        poses=tuple(_pose(arm, f) for f in forms.families),
-        special=tuple(
-            Special(name, at(arm, q), _near(forms, q))
-            for name, q in {**special_poses(arm), **(poses or {})}.items()
-        ),
+        poses=tuple(_pose(arm, f, forms.families) for f in forms.families),
+        special=tuple(Special(name, at(arm, q), _near(forms, q)) for name, q in asked.items()),
+        clearest=clearest,
     )
 
 
@@ -151,13 +160,25 @@ def special_poses(arm: Arm) -> dict[str, Array]:
     return found
 
 
-def _pose(arm: Arm, family: Family) -> tuple[Arm, State] | None:
-    """The family's generic configuration, on the nominal geometry if the file's is rounded."""
-    if family.generic is None:
+def _clearest(arm: Arm, forms: ClosedForm) -> Suggestion | None:
+    """Where to go: far from all families, if there are any that a configuration can be on."""
+    if not any(f.real for f in forms.families):
+        return None
+    with contextlib.suppress(PinsingError):  # nothing clear within the limits
+        return suggest(arm, forms=forms, seconds=_SUGGEST_SECONDS)
+    return None
+
+
+def _pose(arm: Arm, family: Family, families: tuple[Family, ...]) -> tuple[Arm, State] | None:
+    """A telling configuration of a family, on the nominal geometry if the file's is rounded."""
+    others = [f for f in families if f is not family and f.real]
+    chosen = telling_poses(arm, family, 1, others) if family.real else ()
+    q = chosen[0] if chosen else family.generic
+    if q is None:
         return None
     rounded = family.raw_ratio is not None and family.raw_ratio > SINGULAR_RTOL
     shown = nominal(arm).arm if rounded else arm
-    return shown, at(shown, family.generic)
+    return shown, at(shown, q)
 
 
 def _near(forms: ClosedForm, q: Array) -> Clearance | None:

@@ -46,6 +46,7 @@ tbody th { font-weight: 600; }
 figure { margin: 1rem 0; }
 figure img { max-width: 100%; height: auto; display: block; }
 figure.map { max-width: 34rem; }
+.maps { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; }
 figcaption { color: var(--soft); font-size: .92rem; }
 dl { margin: .6rem 0; }
 dl > div { display: grid; grid-template-columns: 11rem 1fr; gap: .8rem; padding: .2rem 0;
@@ -60,7 +61,7 @@ summary { cursor: pointer; font-weight: 600; padding: .4rem 0; }
 footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
 @media (max-width: 40rem) {
   nav ol { columns: 1; }
-  dl > div { grid-template-columns: 1fr; gap: 0; }
+  dl > div, .maps { grid-template-columns: 1fr; gap: 0; }
   iframe { height: 90vh; }
 }
 @page { size: A4; margin: 16mm 15mm 18mm; }

@@ -10,14 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.families import Branch, joint_symbols
+from pinsing.families import Branch, Family, joint_symbols
 from pinsing.families.paths import FamilyLike
-from pinsing.kinematics.jacobian import tip_placement
-from pinsing.kinematics.verdict import own_shares
+from pinsing.families.telling_poses import telling_poses
 from pinsing.robot.arm import Arm
 
-_SEED = 4
-_SAMPLES = 80
 _LONGEST = 72
 
 
@@ -40,7 +37,8 @@ class Entry:
     prismatic : (n,) array of bool
         Which joints slide.
     kind, reason : str
-        boundary, interior or undecided; which axes line up. Empty where not known.
+        boundary, interior or undecided, of each piece where they differ; which axes line up.
+        Empty where not known.
     codimension : int or None
         Number of independent conditions.
     lost : tuple of str
@@ -100,9 +98,10 @@ def _value(value: float, slides: bool) -> str:
 def family_entries(arm: Arm, families: Iterable[FamilyLike], poses: int = 3) -> tuple[Entry, ...]:
     """List families of an arm, with up to ``poses`` telling configurations of each."""
     symbols = joint_symbols(arm)
-    out = []
+    families, out = tuple(families), []
     for family in families:
-        chosen = choose_poses(arm, family, poses)
+        others = [f for f in families if f is not family and isinstance(f, Family) and f.real]
+        chosen = telling_poses(arm, family, poses, others)
         reachable = getattr(family, "is_reachable", None)
         out.append(
             Entry(
@@ -112,7 +111,7 @@ def family_entries(arm: Arm, families: Iterable[FamilyLike], poses: int = 3) -> 
                 moved=tuple(i for i, name in enumerate(arm.joints) if name in family.joints),
                 symbols=symbols,
                 prismatic=arm.prismatic,
-                kind=str(getattr(family, "kind", "") or ""),
+                kind=_kind(family),
                 reason=str(getattr(family, "reason", "") or ""),
                 codimension=getattr(family, "codimension", None),
                 lost=tuple(getattr(family, "lost", ())),
@@ -137,36 +136,8 @@ def pose_entries(arm: Arm, configurations: Iterable[npt.ArrayLike]) -> tuple[Ent
     return tuple(out)
 
 
-def choose_poses(arm: Arm, family: FamilyLike, count: int) -> tuple[Array, ...]:
-    """Configurations of a family that show it well.
-
-    They are away from other singularities, above the floor, not twisted up, and unlike
-    each other; the same ones at every call.
-    """
-    rng = np.random.default_rng(_SEED)
-    Q = family.sample(_SAMPLES, rng)
-    witness = getattr(family, "witness", None)
-    if not len(Q):
-        return () if witness is None else (np.array(witness, dtype=float),)
-    share = own_shares(arm, Q)
-    # The singular value that should survive at a generic point of the family.
-    drop = max(1, int(np.median((share <= 1e-7).sum(axis=1))))
-    healthy = share[:, -1 - drop] if share.shape[1] > drop else 1.0
-    lower, upper = arm.span
-    middle, half = (lower + upper) / 2, np.maximum((upper - lower) / 2, 1e-9)
-    twisted = np.abs((Q - middle) / half).mean(axis=1)
-    score = np.minimum(healthy / 0.1, 1.0) + 0.7 * _above_floor(arm, Q) - 0.8 * twisted
-    chosen = [int(np.argmax(score))]
-    reach = np.where(arm.prismatic, half, np.pi)
-    for _ in range(min(count, len(Q)) - 1):
-        gap = np.min([np.linalg.norm((Q - Q[c]) / reach, axis=1) for c in chosen], axis=0)
-        gap[chosen] = -np.inf
-        chosen.append(int(np.argmax(score + 1.2 * np.minimum(gap, 1.0))))
-    return tuple(Q[c] for c in chosen)
-
-
-def _above_floor(arm: Arm, Q: Array) -> Array:
-    """1 where the tip is above the base, 0 where far below it; (N,)."""
-    z = np.array([tip_placement(arm, q).translation[2] for q in Q])
-    spread = float(np.ptp(z)) or 1.0
-    return np.clip((z + 0.1 * spread) / (0.2 * spread), 0.0, 1.0)
+def _kind(family: FamilyLike) -> str:
+    if isinstance(family, Family) and family.kind == "varies":
+        return "; ".join(str(part) for part in family.kinds)
+    kind = str(getattr(family, "kind", "") or "")
+    return "boundary or interior: undecided" if kind == "undecided" else kind

@@ -11,9 +11,10 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.families import Branch, JointValue, joint_symbols
+from pinsing.families.telling_poses import telling_poses
 from pinsing.robot.arm import Arm
 from pinsing.sweeps.finding import Finding
-from pinsing.view.entries import Entry, choose_poses
+from pinsing.view.entries import Entry
 
 
 class _Nearest(NamedTuple):
@@ -81,7 +82,7 @@ def finding_entries(arm: Arm, findings: Iterable[Finding]) -> tuple[Entry, ...]:
         name, text = f"S{number}", str(finding.condition)
         condition = finding.condition
         family = FixedJoints(name, text, arm, condition.fixed) if condition.minimal else None
-        poses = () if family is None else choose_poses(arm, family, 3)
+        poses = () if family is None else telling_poses(arm, family, 3)
         if not poses and finding.reachable:
             poses = (np.array(finding.configuration.q),)
         out.append(

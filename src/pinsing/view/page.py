@@ -40,6 +40,7 @@ ENGINE = (
 """Modules of the engine, each after those that it imports."""
 
 SCRIPTS = (
+    "labels.js",
     "scene.js",
     "panel.js",
     "locus.js",

@@ -138,7 +138,11 @@ class Stage:
 
     @cached_property
     def mode(self) -> str:
-        """Pure motions, where they have volume at regular configurations of a pose task."""
+        """Pure motions of a pose task, where those of regular configurations fill a plane or more.
+
+        They go flat, or to a line, where a motion is lost; those of an arm of three or four
+        joints are lines or points everywhere.
+        """
         if self.arm.task.name != "pose":
             return "all"
         from pinsing.kinematics.jacobian import frame_jacobians
@@ -147,7 +151,7 @@ class Stage:
         rng = np.random.default_rng(0)
         lower, upper = self.arm.span
         for J in frame_jacobians(self.arm, rng.uniform(lower, upper, (4, self.arm.n))):
-            if all(e.radii[2] > SINGULAR_RTOL * max(e.radii[0], 1e-9) for e in pure_ellipsoids(J)):
+            if all(e.radii[1] > SINGULAR_RTOL * max(e.radii[0], 1e-9) for e in pure_ellipsoids(J)):
                 return "pure"
         return "all"
 

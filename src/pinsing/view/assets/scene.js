@@ -34,9 +34,9 @@ class SceneView {
     V.camera.far = 100 * settings.reach;
     this.touched = false;
     V.controls.addEventListener("start", () => { this.touched = true; });
-    this.label = document.getElementById("label-lost");
+    this.labels = new Labels(element);
     const render = V.render.bind(V);
-    V.render = () => { render(); this.placeLabel(); };
+    V.render = () => { render(); this.labels.place(V.camera); };
   }
 
   // Commands as meshcat's own page takes them, each after its length.
@@ -53,22 +53,43 @@ class SceneView {
       if (Array.isArray(o.material)) o.material = o.material.map((m) => (Array.isArray(m) ? m[0] : m));
       for (const m of [o.material].flat()) if (o.isMesh && m) this.lift(m);
     });
+    this.seenThrough();
     this.lights();
     this.paint();
+  }
+
+  // Outlines of the ellipsoids show faintly through the arm; what is marked shines by itself.
+  seenThrough() {
+    const lines = [];
+    this.node("ellipsoid").traverse((o) => { if (o.isLine) lines.push(o); });
+    for (const o of lines) {
+      const ghost = o.clone(false);
+      ghost.material = o.material.clone();
+      Object.assign(ghost.material, { depthFunc: MeshCat.THREE.GreaterDepth, depthWrite: false, transparent: true, opacity: 0.45 });
+      ghost.renderOrder = 1;
+      o.parent.add(ghost);
+    }
+    const shine = (o) => o.traverse(({ material: m }) => { if (m?.emissive) m.emissive.copy(m.color).multiplyScalar(0.35); });
+    for (const part of ["ellipsoid", "lost", "free"]) shine(this.node(part));
+    this.settings.jointOf.forEach((_, j) => shine(this.node(`arm/${j + 1}/hot`)));
   }
 
   // A black robot would be a black silhouette: dark paint is lifted until its shape shows.
   lift(material) {
     if (!material.color || material.map) return;
-    const { r, g, b } = material.color, dark = 0.16 - (0.3 * r + 0.59 * g + 0.11 * b);
+    const { r, g, b } = material.color, dark = 0.2 - (0.3 * r + 0.59 * g + 0.11 * b);
     if (dark > 0) material.color.setRGB(r + dark, g + dark, b + dark * 1.15);
   }
 
-  // Meshcat's lights fade ten metres away and stand at 1.5 m: move them out with large robots.
+  // Meshcat's lights fade ten metres away and stand at 1.5 m: move them out with large robots. Their
+  // sum turns a white robot into a white silhouette: less of each keeps its shape.
   lights() {
-    const far = Math.max(1, this.settings.reach);
+    const far = Math.max(1, this.settings.reach), lamp = (name) => this.viewer.scene_tree.find(["Lights", name, "<object>"]).object;
+    lamp("AmbientLight").intensity = 0.46;
+    lamp("FillLight").intensity = 0.22;
     for (const [name, x] of [["PointLightNegativeX", 1.5], ["PointLightPositiveX", -1.5]]) {
-      const light = this.viewer.scene_tree.find(["Lights", name, "<object>"]).object;
+      const light = lamp(name);
+      light.intensity = 0.3;
       light.position.set(x * far, x * far, 2 * far);
       light.distance = 0;
     }
@@ -103,8 +124,11 @@ class SceneView {
       this.node(`ellipsoid/${kind}`).visible = seen;
       if (seen) this.place(`ellipsoid/${kind}`, frame.tip, e.turn, e.drawn);
     }
-    this.showLost(this.symbols(frame));
-    if (frame.free) this.showFree(frame);
+    const lost = this.showLost(this.symbols(frame)), free = frame.free ? this.showFree(frame) : [];
+    this.labels.set([...lost, ...free]);
+    // The legend has what is drawn.
+    const drawn = { lost: lost.length > 0, hot: free.length > 0 || (s.axis && frame.hot.length > 0) };
+    for (const [name, seen] of Object.entries(drawn)) document.querySelector(`#legend .key.${name}`).hidden = !seen;
     this.node("floor").visible = s.floor;
     this.viewer.set_dirty();
   }
@@ -128,38 +152,38 @@ class SceneView {
   }
 
   showLost(symbols) {
-    this.lostAt = null;
+    const marks = [];
     for (let k = 0; k < this.settings.lines; k++) {
       const m = symbols[k];
       for (const part of ["arrow", "ring", "line"]) this.node(`lost/${k}/${part}`).visible = Boolean(m && m[part]);
       if (!m) continue;
       this.place(`lost/${k}`, m.at, m.turn);
-      if (this.lostAt) continue;
-      const up = new MeshCat.THREE.Vector3(0, 0, (m.arrow ? 0.27 : 0.18) * this.settings.reach);
-      up.applyQuaternion(new MeshCat.THREE.Quaternion(...m.turn));
+      const ends = [1, -1].map((way) => this.end(m, (m.arrow ? 0.27 : 0.18) * way));
       // The label stands at the end that is away from the arm.
-      const ends = [1, -1].map((way) => [m.at[0] + way * up.x, m.at[1] + way * up.y, m.at[2] + way * up.z]);
       const near = (end) => Math.min(...this.frame.links.map((l) => Math.hypot(end[0] - l[0], end[1] - l[1], end[2] - l[2])));
-      this.lostAt = m.arrow && near(ends[1]) > near(ends[0]) + 1e-6 ? ends[1] : ends[0];
-      this.label.textContent = m.label;
+      marks.push({ at: m.arrow && near(ends[1]) > near(ends[0]) + 1e-6 ? ends[1] : ends[0], text: m.label });
     }
+    return marks;
+  }
+
+  // The point at a share of the reach along the z of what is at `at` with a turn.
+  end({ at, turn }, share) {
+    const v = new MeshCat.THREE.Vector3(0, 0, share * this.settings.reach).applyQuaternion(new MeshCat.THREE.Quaternion(...turn));
+    return [at[0] + v.x, at[1] + v.y, at[2] + v.z];
   }
 
   // Motions of a mechanism that its actuators do not hold.
   showFree(frame) {
-    if (!this.lostAt) this.label.textContent = "not held";
-    this.label.classList.toggle("free", !this.lostAt);
+    const marks = [];
     for (const [kind, length] of [["translation", 0.27], ["rotation", 0.18]]) {
       const arrow = frame.free[kind];
       const seen = this.options.lost && arrow !== null;
       this.node(`free/${kind}`).visible = seen;
       if (!seen) continue;
       this.place(`free/${kind}`, arrow.at, arrow.turn);
-      if (this.lostAt) continue;
-      const end = new MeshCat.THREE.Vector3(0, 0, length * this.settings.reach);
-      end.applyQuaternion(new MeshCat.THREE.Quaternion(...arrow.turn));
-      this.lostAt = [arrow.at[0] + end.x, arrow.at[1] + end.y, arrow.at[2] + end.z];
+      marks.push({ at: this.end(arrow, length), text: "not held", free: true });
     }
+    return marks;
   }
 
   set(option, value) {
@@ -288,47 +312,28 @@ class SceneView {
     this.viewer.render();
     const source = this.viewer.renderer.domElement, ratio = source.width / this.element.clientWidth;
     const canvas = document.createElement("canvas");
-    Object.assign(canvas, { width: source.width, height: source.height });
+    // On a narrow screen the legend stands above the view, and so it does in the picture.
+    const here = this.element.getBoundingClientRect(), legend = document.getElementById("legend");
+    const above = Math.max(0, here.top - legend.getBoundingClientRect().top);
+    Object.assign(canvas, { width: source.width, height: source.height + Math.ceil(above * ratio) });
     const pen = canvas.getContext("2d");
-    pen.drawImage(source, 0, 0);
+    pen.fillStyle = getComputedStyle(document.body).backgroundColor;
+    pen.fillRect(0, 0, canvas.width, canvas.height);
     pen.scale(ratio, ratio);
-    pen.font = "14px system-ui, sans-serif";
+    pen.translate(0, above);
+    pen.drawImage(source, 0, 0, this.element.clientWidth, source.height / ratio);
+    pen.font = `${getComputedStyle(legend).fontSize} system-ui, sans-serif`;
     pen.textBaseline = "middle";
-    const here = this.element.getBoundingClientRect();
     for (const key of document.querySelectorAll("#legend .key")) {
       const box = key.getBoundingClientRect();
       if (!box.height) continue;
       pen.fillStyle = getComputedStyle(key, "::before").backgroundColor;
       pen.fillRect(box.left - here.left, box.top - here.top + box.height / 2 - 5, 11, 11);
-      pen.fillStyle = "#1c2430";
+      pen.fillStyle = getComputedStyle(key).color;
       pen.fillText(key.textContent, box.left - here.left + 18, box.top - here.top + box.height / 2);
     }
-    if (!this.label.hidden) {
-      const box = this.label.getBoundingClientRect();
-      pen.fillStyle = getComputedStyle(this.label).backgroundColor;
-      pen.fillRect(box.left - here.left, box.top - here.top, box.width, box.height);
-      pen.fillStyle = "#ffffff";
-      pen.fillText(this.label.textContent, box.left - here.left + 6, box.top - here.top + box.height / 2);
-    }
+    pen.font = "600 12px system-ui, sans-serif";
+    this.labels.draw(pen);
     return canvas.toDataURL("image/png");
-  }
-
-  placeLabel() {
-    if (!this.lostAt) { this.label.hidden = true; return; }
-    const [x, y, z] = this.lostAt;
-    const p = new MeshCat.THREE.Vector3(x, z, -y).project(this.viewer.camera);
-    this.label.hidden = p.z > 1;
-    // Inside the view, and beside the legend.
-    const { offsetWidth: wide, offsetHeight: high } = this.label, legend = document.getElementById("legend");
-    let left = ((p.x + 1) / 2) * this.element.clientWidth, top = ((1 - p.y) / 2) * this.element.clientHeight;
-    left = Math.min(Math.max(left, 4), this.element.clientWidth - wide - 14);
-    top = Math.min(Math.max(top, high), this.element.clientHeight - high);
-    const right = legend.offsetLeft + legend.offsetWidth, below = legend.offsetTop + legend.offsetHeight;
-    if (left < right && top - high / 2 < below) {
-      if (right + wide + 14 < this.element.clientWidth && right - left < below - top + high) left = right;
-      else top = below + high / 2 + 4;
-    }
-    this.label.style.left = `${left}px`;
-    this.label.style.top = `${top}px`;
   }
 }

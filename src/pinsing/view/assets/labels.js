@@ -1,0 +1,68 @@
+// Labels of what is drawn, as text over the view: inside it, beside the legend and beside each other.
+"use strict";
+
+const GAP = 8; // px between a point and its label
+
+class Labels {
+  constructor(element) {
+    this.element = element;
+    this.nodes = [document.getElementById("label-lost")];
+    this.marks = [];
+  }
+
+  // Marks: { at: point of the base, text, free: whether it is something not held }.
+  set(marks) {
+    this.marks = marks;
+    while (this.nodes.length < marks.length) {
+      const node = document.createElement("div");
+      node.className = "label";
+      this.nodes.at(-1).after(node);
+      this.nodes.push(node);
+    }
+    this.nodes.forEach((node, k) => {
+      node.hidden = k >= marks.length;
+      if (node.hidden) return;
+      node.textContent = marks[k].text;
+      node.classList.toggle("free", Boolean(marks[k].free));
+    });
+  }
+
+  place(camera) {
+    const { clientWidth: wide, clientHeight: high } = this.element, here = this.element.getBoundingClientRect();
+    const legend = document.getElementById("legend").getBoundingClientRect();
+    const taken = [{ left: legend.left - here.left, right: legend.right - here.left, top: legend.top - here.top, bottom: legend.bottom - here.top }];
+    this.marks.forEach(({ at: [x, y, z] }, k) => {
+      const node = this.nodes[k], p = new MeshCat.THREE.Vector3(x, z, -y).project(camera);
+      node.hidden = p.z > 1;
+      if (node.hidden) return;
+      const { offsetWidth: w, offsetHeight: h } = node;
+      const px = ((p.x + 1) / 2) * wide, py = ((1 - p.y) / 2) * high;
+      const inside = (left, top) => ({ left: Math.min(Math.max(left, 4), Math.max(4, wide - w - 4)), top: Math.min(Math.max(top, 4), Math.max(4, high - h - 4)) });
+      // Beside its point on one side or the other, above or below it, then wherever there is room.
+      const places = [[px + GAP, py - h / 2], [px - GAP - w, py - h / 2], [px - w / 2, py - h - GAP], [px - w / 2, py + GAP]];
+      for (const box of taken) places.push([px + GAP, box.bottom + 4], [box.right + 4, py - h / 2]);
+      const costs = places.map(([left, top], n) => {
+        const spot = inside(left, top), right = spot.left + w, bottom = spot.top + h;
+        const over = taken.some((b) => spot.left < b.right && right > b.left && spot.top < b.bottom && bottom > b.top);
+        const hides = px > spot.left && px < right && py > spot.top && py < bottom;
+        return { spot, cost: Math.hypot(spot.left - left, spot.top - top) + 20 * n + (over ? 1e6 : 0) + (hides ? 300 : 0) };
+      });
+      const { spot } = costs.reduce((a, b) => (b.cost < a.cost ? b : a));
+      taken.push({ left: spot.left, right: spot.left + w, top: spot.top, bottom: spot.top + h });
+      node.style.left = `${this.element.offsetLeft + spot.left}px`;
+      node.style.top = `${this.element.offsetTop + spot.top}px`;
+    });
+  }
+
+  // Drawn with a pen of the 2D canvas whose origin is that of the view.
+  draw(pen) {
+    const here = this.element.getBoundingClientRect();
+    for (const node of this.nodes.filter((n) => !n.hidden)) {
+      const box = node.getBoundingClientRect(), look = getComputedStyle(node);
+      pen.fillStyle = look.backgroundColor;
+      pen.fillRect(box.left - here.left, box.top - here.top, box.width, box.height);
+      pen.fillStyle = look.color;
+      pen.fillText(node.textContent, box.left - here.left + 6, box.top - here.top + box.height / 2);
+    }
+  }
+}
