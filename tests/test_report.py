@@ -161,7 +161,8 @@ def test_verdicts_are_those_of_at() -> None:
     html, page = arm_report(arm, form, given, False, None, True)
     assert page is None
     states = {s["name"]: s for s in inside(html)["special"]}
-    assert set(states) == {"zero, which is mid-range", "bent"}
+    assert set(states) == {"zero, which is mid-range", "bent", "clearest found"}
+    assert states["clearest found"]["clearance"]["lower"] > 0.4
     assert states["bent"]["state"]["status"] == pinsing.at(arm, given["bent"]).status == "regular"
     near = float(pinsing.clearance(form, given["bent"], certify=True).upper)
     assert states["bent"]["clearance"]["upper"] == pytest.approx(near, abs=1e-6)

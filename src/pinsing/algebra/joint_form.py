@@ -185,6 +185,11 @@ def _joint_form(equation: Equation, joint: int | None, exact: bool) -> JointForm
     )
 
 
+def enters_once(equation: Equation, joint: int) -> bool:
+    """Whether an equation of several joints can be solved for this one."""
+    return len(equation.involved) > 1 and bool(_kind(equation, joint))
+
+
 def _kind(equation: Equation, joint: int) -> str:
     """How a joint enters, if it does so once."""
     frequencies = {int(f) for f in equation.frequencies[:, joint]}

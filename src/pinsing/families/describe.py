@@ -9,6 +9,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.configuration.at import Loss, loss_at
+from pinsing.families.at_once import at_once
 from pinsing.families.example import readable
 from pinsing.families.family import Family
 from pinsing.families.kinds import kinds_of
@@ -127,6 +128,7 @@ def _described(
     kinds = kinds_of(draft, points, exact, maker)
     return replace(
         draft,
+        at_once=() if (said := at_once(branch, generic, maker.symbols)) is None else (said,),
         codimension=_codimension(branch, generic, draft.codimension),
         reachability=reachability,
         witness=generic if len(inside) else None,

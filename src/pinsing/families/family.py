@@ -16,6 +16,7 @@ from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families.at_once import AtOnce
 from pinsing.families.html import families_table, family_row
 from pinsing.families.nearness import Distance, near, nearest
 from pinsing.families.parts import Branch, KindPart
@@ -86,6 +87,9 @@ class Family(JsonResult):
         The same in exact polynomials of the half-angles; not written to JSON.
     solved : tuple of SolvedFor
         Its long equations, each solved for a joint that enters once.
+    at_once : tuple of AtOnce
+        Of several long equations that hold at once: which joints can be chosen, and how the
+        others follow; empty where there are none.
     """
 
     schema: ClassVar[str] = "pinsing/family/1"
@@ -116,6 +120,7 @@ class Family(JsonResult):
     limits_met: tuple[str, ...] = ()
     components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
     solved: tuple[SolvedFor, ...] = field(default=(), metadata={"optional": True})
+    at_once: tuple[AtOnce, ...] = field(default=(), metadata={"optional": True})
 
     def __getstate__(self) -> dict[str, Any]:
         # Exact polynomials live in a ring of this process: like JSON, pickles go without them.

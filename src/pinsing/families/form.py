@@ -16,7 +16,7 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
 from pinsing.families.family import Family, html_row
 from pinsing.families.html import families_table
-from pinsing.families.solved_for import long_form
+from pinsing.families.solved_for import LONG, long_form
 from pinsing.geometry.nominal import Nominal
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
@@ -253,10 +253,12 @@ def families_text(
             lines += [page.paragraph(text, first="      ") for text in _meaning(family)]
             lines += _example(family, forms, page, degrees)
     long = [f.name for f in forms.families if " terms]" in f.text]
-    if long:
+    if long and not exact:
         lines.append(
             page.paragraph(
-                f"f(...) of {', '.join(long)}: `pinsing families --latex` writes it out", first="  "
+                f"the equations of {', '.join(long)}: `pinsing families --exact` writes them out, "
+                "--json FILE has them as numbers",
+                first="  ",
             )
         )
     named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]
@@ -329,11 +331,12 @@ def _random_steps(forms: ClosedForm) -> str:
 
 def _written_out(family: Family) -> tuple[str, ...]:
     """What long equations are, solved for a joint, line by line."""
-    return tuple(
+    alone = tuple(
         line
         for one in family.solved
         for line in (one.solution, *(f"{a} = {b}" for a, b in one.where))
     )
+    return (*alone, *(line for one in family.at_once for line in one.lines()))
 
 
 def exactly(family: Family, latex: bool = False) -> tuple[str, ...]:
@@ -355,7 +358,11 @@ def exactly(family: Family, latex: bool = False) -> tuple[str, ...]:
             lines += [one.solution, *(f"{a} = {b}" for a, b in parts)]
             lines += [] if one.exact else ["(its coefficients are known as decimals only)"]
     short = [e for e in family.equations if not family.solved or long_form(e) is None]
-    lines += [text for e in short if (text := e.exact_text(latex))]
+    for e in short:
+        # Of a long one that no name stands for decimals are better than nothing.
+        brief = len(e.cos) <= LONG
+        text = e.exact_text(latex) or ("" if brief else e.latex() if latex else e.text())
+        lines += [text] if text else []
     return tuple(dict.fromkeys(lines))
 
 

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinsing.algebra.equation import Equation, format_angle, latex_symbol
+from pinsing.families.at_once import listed, long_ones
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import Piece
 from pinsing.families.solved_for import LONG, long_form
@@ -58,7 +59,7 @@ def statement(
     """The condition of a family in one line."""
     groups: dict[tuple[str, ...], list[Branch]] = {}
     for b in branches:
-        key = tuple(_write(e, latex, len(b.equations) == 1) for e in b.equations)
+        key = _written(b.equations, latex)
         groups.setdefault(key, []).append(b)
     parts = []
     for texts, members in groups.items():
@@ -71,6 +72,22 @@ def statement(
 
 def _and(conditions: list[str], latex: bool) -> str:
     return (r",\ " if latex else " and ").join(conditions)
+
+
+def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
+    """Equations that hold at once: the short ones, and of several long ones how many."""
+    long = long_ones(equations)
+    if len(long) < 2:
+        return tuple(_write(e, latex, len(equations) == 1) for e in equations)
+    names = [long[0].joints[j] for j in sorted({j for e in long for j in e.involved})]
+    sizes = sorted(len(e.cos) for e in long)
+    size = f"{sizes[0]} to {sizes[-1]}" if sizes[0] < sizes[-1] else f"{sizes[0]}"
+    if latex:
+        symbols = ", ".join(map(latex_symbol, names))
+        said = rf"{len(long)}\ \text{{equations at once in}}\ {symbols}"
+    else:
+        said = f"{len(long)} equations at once in {listed(names)} [{size} terms]"
+    return (*(_write(e, latex, False) for e in equations if len(e.cos) <= LONG), said)
 
 
 def _write(equation: Equation, latex: bool, alone: bool) -> str:

@@ -274,6 +274,9 @@ def _family(
 
 def _equation(family: Family) -> str:
     """The condition typeset; a long one line by line, with what follows for a joint."""
+    if family.at_once:
+        said = [text(sentence(line)) for one in family.at_once for line in one.lines()]
+        return f'<div class="equation">{formula(family.latex)}{bullets(said)}</div>'
     if not family.solved:
         return f'<div class="equation">{formula(family.latex)}</div>'
     lines = []

@@ -186,7 +186,12 @@ def check_place(entry: object, pose: object, counts: Sequence[int]) -> None:
 
 def _solved(entry: Entry) -> list[dict[str, Any]]:
     """Long equations, each as one for a joint: texts."""
-    return [
+    together = [
+        {"condition": line, "solution": "", "where": [], "exact": []}
+        for one in getattr(entry.family, "at_once", ())
+        for line in one.lines()
+    ]
+    return together + [
         {
             "condition": one.condition,
             "solution": one.solution,

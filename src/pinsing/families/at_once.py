@@ -1,0 +1,187 @@
+"""Several long equations that hold at once, as a person uses them.
+
+Written out they fill pages and tell nobody anything. What one can use: how many motions stay, which
+joints can be chosen, and how the others follow from them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation
+from pinsing.algebra.joint_form import enters_once, joint_form
+from pinsing.families.parts import Branch
+from pinsing.families.solved_for import LONG
+from pinsing.families.zero_set import gradients
+
+_INDEPENDENT = 1e-7
+_EQUATIONS = 6
+_LOOKED_AT = 2000
+"""Choices of joints that are tried, at most."""
+
+
+@dataclass(frozen=True)
+class AtOnce:
+    """Equations of a family that hold at once, near the configuration that stands with it.
+
+    Attributes
+    ----------
+    terms : tuple of int
+        Number of terms of each equation.
+    chosen : tuple of str
+        Symbols of joints that can be chosen there, each by itself.
+    follow : tuple of str
+        Symbols of the joints that then follow.
+    steps : tuple of str
+        How they follow one after the other, where each enters an equation once; empty where only
+        solving all equations together tells.
+    left : int
+        Equations that the steps do not use: they say which of the values hold.
+    """
+
+    terms: tuple[int, ...]
+    chosen: tuple[str, ...]
+    follow: tuple[str, ...]
+    steps: tuple[str, ...]
+    left: int
+
+    def lines(self) -> tuple[str, ...]:
+        """Sentences for people."""
+        return tuple(self._said())
+
+    def _said(self) -> Iterator[str]:
+        verb = "follows" if len(self.follow) == 1 else "follow"
+        can = f"{listed(self.chosen)} can be chosen" if self.chosen else "no joint can be chosen"
+        yield f"near the configuration shown {can}; {listed(self.follow)} {verb}"
+        yield from self.steps
+        if not self.steps:
+            yield (
+                "by solving the equations together: `Family.distance(q).q` gives the nearest "
+                "solution, `Family.sample` gives many"
+            )
+        elif self.left:
+            more = (
+                "the other equation says"
+                if self.left == 1
+                else (f"the other {self.left} equations say")
+            )
+            yield f"{more} which of these values hold"
+
+
+def listed(names: Sequence[str]) -> str:
+    """``q1, q2 and q3``."""
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
+
+
+def long_ones(equations: Sequence[Equation]) -> list[Equation]:
+    """The long equations of a system of several; none where it has one equation."""
+    long = [e for e in equations if len(e.cos) > LONG]
+    return long if len(equations) > 1 else []
+
+
+def at_once(branch: Branch, q: Array, symbols: Sequence[str]) -> AtOnce | None:
+    """How the equations of a branch can be used near one of its configurations.
+
+    Parameters
+    ----------
+    branch : Branch
+        The branch.
+    q : (n,) array
+        A generic configuration of it, radians and metres.
+    symbols : sequence of str
+        Of the joints.
+
+    Returns
+    -------
+    AtOnce or None
+        None where no long equation is one of several, or gradients at q do not tell.
+    """
+    equations = branch.equations
+    if not long_ones(equations):
+        return None
+    slopes = gradients(equations, q[None])[0]
+    sizes = np.linalg.svd(slopes, compute_uv=False)
+    rank = int((sizes > _INDEPENDENT * max(float(sizes[0]), 1e-300)).sum())
+    fixed = {v.joint for v in branch.values}
+    moving = [j for j in sorted({j for e in equations for j in e.involved}) if j not in fixed]
+    if not 0 < rank <= len(moving):
+        return None
+    found = _in_turn(equations, slopes, rank) or _together(slopes, rank, moving)
+    if found is None:
+        return None
+    follow, steps = found
+    chosen = [j for j in range(len(q)) if j not in follow and j not in fixed]
+    return AtOnce(
+        terms=tuple(len(e.cos) for e in equations),
+        chosen=tuple(symbols[j] for j in chosen),
+        follow=tuple(symbols[j] for j in follow),
+        steps=steps,
+        left=len(equations) - len(steps) if steps else 0,
+    )
+
+
+def _regular(slopes: Array, follow: Sequence[int], rank: int) -> bool:
+    sizes = np.linalg.svd(slopes[:, list(follow)], compute_uv=False)
+    return bool(sizes[rank - 1] > 1e3 * _INDEPENDENT * max(float(sizes[0]), 1e-300))
+
+
+def _in_turn(
+    equations: Sequence[Equation], slopes: Array, rank: int
+) -> tuple[tuple[int, ...], tuple[str, ...]] | None:
+    """Joints that follow one after the other, each from an equation that it enters once."""
+    rows = sorted(
+        zip(equations, slopes, strict=True), key=lambda r: (len(r[0].involved), len(r[0].cos))
+    )
+    once = [(e, s, [j for j in e.involved if enters_once(e, j)]) for e, s in rows[:_EQUATIONS]]
+    tried = 0
+    for some in combinations(once, rank):
+        for follow in _choices([joints for _, _, joints in some]):
+            tried += 1
+            if tried > _LOOKED_AT:
+                return None
+            # An equation may use joints that follow from those before it, and no later one.
+            later = [set(follow[k + 1 :]) for k in range(rank)]
+            if any(set(e.involved) & later[k] for k, (e, _, _) in enumerate(some)):
+                continue
+            if not _regular(np.array([s for _, s, _ in some]), follow, rank):
+                continue
+            forms = [joint_form(e, j) for (e, _, _), j in zip(some, follow, strict=True)]
+            if None not in forms:
+                return follow, tuple(
+                    f"{f.condition()} [{len(f.equation.cos)} terms]: {f.solution()}"
+                    for f in forms
+                    if f is not None
+                )
+    return None
+
+
+def _choices(options: Sequence[Sequence[int]]) -> Iterator[tuple[int, ...]]:
+    """One of each, all different."""
+    if not options:
+        yield ()
+        return
+    for first in options[0]:
+        for rest in _choices(options[1:]):
+            if first not in rest:
+                yield (first, *rest)
+
+
+def _together(
+    slopes: Array, rank: int, moving: Sequence[int]
+) -> tuple[tuple[int, ...], tuple[str, ...]] | None:
+    """Joints that follow from all equations: those whose columns are the most independent."""
+    left, follow = slopes[:, list(moving)].copy(), list[int]()
+    for _ in range(rank):
+        k = int(np.argmax(np.linalg.norm(left, axis=0)))
+        size = float(np.linalg.norm(left[:, k]))
+        if size == 0.0:
+            return None
+        unit = left[:, k] / size
+        left = left - np.outer(unit, unit @ left)
+        follow.append(moving[k])
+    return (tuple(sorted(follow)), ()) if _regular(slopes, follow, rank) else None

@@ -1,0 +1,133 @@
+"""Several long equations that hold at once: which joints can be chosen, how the others follow."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.algebra.equation import Equation
+from pinsing.algebra.joint_form import joint_form
+from pinsing.families.at_once import AtOnce, at_once
+from pinsing.families.parts import Branch
+from pinsing.families.statement import statement
+
+SYMBOLS = ("q1", "q2", "q3", "q4", "q5")
+
+
+def long_equation(
+    seed: int, once: int | None, others: tuple[int, ...], zero: np.ndarray
+) -> Equation:
+    """A random equation of 16 terms through a point; ``once`` enters once, the others twice."""
+    rng = np.random.default_rng(seed)
+    frequencies = np.zeros((16, 5), dtype=np.int64)
+    frequencies[:, others] = rng.choice([-4, -2, 0, 2, 4], (16, len(others)))
+    if once is not None:
+        frequencies[:, once] = rng.choice([-2, 0, 2], 16)
+        frequencies[1, once] = 2
+    frequencies[2, others[0]], frequencies[3, others[-1]] = 4, 4
+    frequencies[0] = 0
+    cos, sin = rng.normal(size=(2, 16))
+    cos[0], sin[0] = 0.0, 0.0
+    powers = np.zeros_like(frequencies)
+    e = Equation(SYMBOLS, frequencies, powers, cos, sin, np.zeros(5))
+    cos[0] = -float(e(zero))
+    return Equation(SYMBOLS, frequencies, powers, cos, sin, np.zeros(5))
+
+
+@pytest.fixture
+def zero() -> np.ndarray:
+    return np.random.default_rng(8).uniform(-1, 1, 5)
+
+
+def test_joints_follow_one_after_the_other(zero: np.ndarray) -> None:
+    first, second = long_equation(1, 1, (2, 3), zero), long_equation(6, 2, (3,), zero)
+    found = at_once(Branch((), (first, second)), zero, SYMBOLS)
+    assert found is not None
+    # q3 of q4 first, then q2 of both; q1 and q5 matter to none.
+    assert found.follow == ("q3", "q2")
+    assert found.chosen == ("q1", "q4", "q5")
+    assert found.left == 0
+    assert [s.split(" [")[0] for s in found.steps] == ["R cos(q3 - φ) = c", "R cos(q2 - φ) = c"]
+    # What is said holds: with q4 elsewhere the steps, in their order, give a common solution.
+    q = zero.copy()
+    q[3] += 0.02
+    for e, joint in ((second, 2), (first, 1)):
+        form = joint_form(e, joint)
+        assert form is not None
+        values = form.solve(q)
+        q[joint] = values[np.argmin(np.abs(values - zero[joint]))]
+    np.testing.assert_allclose([float(first(q)), float(second(q))], 0, atol=1e-9)
+    assert np.abs(q - zero).max() < 0.5
+
+
+def test_more_equations_than_conditions_choose_among_the_values(zero: np.ndarray) -> None:
+    first, second = long_equation(1, 1, (2, 3), zero), long_equation(6, 2, (3,), zero)
+    third = Equation(
+        SYMBOLS,
+        np.concatenate([first.frequencies, second.frequencies]),
+        np.concatenate([first.powers, second.powers]),
+        np.concatenate([first.cos, 0.5 * second.cos]),
+        np.concatenate([first.sin, 0.5 * second.sin]),
+        np.zeros(5),
+    )
+    found = at_once(Branch((), (first, second, third)), zero, SYMBOLS)
+    assert found is not None
+    assert (found.follow, found.left) == (("q3", "q2"), 1)
+    assert found.lines()[-1] == "the other equation says which of these values hold"
+
+
+def test_where_no_joint_enters_once_only_solving_tells(zero: np.ndarray) -> None:
+    # Each joint of both enters with its double angle.
+    pair = tuple(long_equation(k, None, (1, 2, 3), zero) for k in (5, 6))
+    found = at_once(Branch((), pair), zero, SYMBOLS)
+    assert found is not None
+    assert found.steps == ()
+    assert len(found.follow) == 2
+    assert "by solving the equations together" in found.lines()[1]
+
+
+def test_one_equation_or_short_ones_are_stated_otherwise(zero: np.ndarray) -> None:
+    alone = long_equation(1, 1, (2, 3), zero)
+    assert at_once(Branch((), (alone,)), zero, SYMBOLS) is None
+    assert at_once(Branch((), ()), zero, SYMBOLS) is None
+
+
+def test_pages_of_polynomials_are_one_line(zero: np.ndarray) -> None:
+    pair = (long_equation(1, 1, (2, 3), zero), long_equation(6, 2, (3,), zero))
+    for latex in (False, True):
+        said = statement([Branch((), pair)], (), SYMBOLS, [False] * 5, latex)
+        assert len(said) < 70
+    assert statement([Branch((), pair)], (), SYMBOLS, [False] * 5) == (
+        "2 equations at once in q2, q3 and q4 [16 terms]"
+    )
+
+
+@pytest.mark.slow
+def test_an_arm_with_such_a_family_is_stated_so_in_text_json_and_on_the_page() -> None:
+    from pinsing.families.form import families_text
+    from pinsing.view.ellipsoids import sizes
+    from pinsing.view.entries import family_entries
+    from pinsing.view.links import Links
+    from pinsing.view.stage import Stage
+
+    arm = pinsing.load("tiago_pro", tip="arm_left_tool_link")
+    forms = pinsing.closed_form(arm, seconds=30)
+    family = next(f for f in forms.families if f.at_once)
+    (said,) = family.at_once
+    assert len(said.follow) + len({v for b in family.branches for v in b.values}) >= 3
+    assert said.steps
+    text = families_text(forms)
+    assert "at once in" in text
+    assert "can be chosen" in text
+    assert "terms] and f(" not in text
+    again = pinsing.ClosedForm.from_dict(json.loads(json.dumps(forms.to_dict())))
+    assert next(f for f in again.families if f.name == family.name).at_once == (
+        AtOnce(said.terms, said.chosen, said.follow, said.steps, said.left),
+    )
+    entries = family_entries(arm, forms.families, 1)
+    page = Stage(arm, entries, Links(None), sizes(arm), True).page(live=False)
+    shown = next(e for e in page["entries"] if e["name"] == family.name)
+    assert [s["condition"] for s in shown["solved"]][: len(said.lines())] == list(said.lines())
