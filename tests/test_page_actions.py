@@ -165,6 +165,15 @@ def look_at_parts(page: Any) -> None:
     until(page, "#key-translation", "whatever the rotation")
 
 
+def see_where_the_tip_gets_to(page: Any) -> None:
+    page.locator("#show-cloud").check()
+    page.wait_for_function("() => document.body.dataset.cloud === 'drawn'")
+    parts = "() => window.pinsing.view.drawnCloud.map((p) => p.geometry.attributes.position.count)"
+    assert sum(page.evaluate(parts)) == 6000
+    page.locator("#show-cloud").uncheck()
+    assert page.evaluate("() => window.pinsing.view.drawnCloud.length") == 0
+
+
 ACTIONS = [
     step_through,
     click_a_family,
@@ -179,6 +188,7 @@ ACTIONS = [
     save_a_picture,
     open_a_path,
     look_at_parts,
+    see_where_the_tip_gets_to,
 ]
 
 

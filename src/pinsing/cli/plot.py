@@ -176,7 +176,7 @@ def _draw(
         way = np.stack([np.interp(part, place, column) for column in stations.T], axis=1)
         from pinsing.families import closed_form
 
-        return plot.sigma_along(arm, way, forms=closed_form(arm))
+        return plot.sigma_along(arm, way, forms=closed_form(arm), degrees=deg)
     if kind == "workspace":
         return plot.workspace(arm, measure=measure)
     from pinsing.sweeps.findings import singular_configurations

@@ -11,7 +11,7 @@ from pinsing.arguments import checked, real_numbers
 from pinsing.errors import ConfigurationError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure
-from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes, plain
+from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes, plain, unit
 from pinsing.proximity.crossings import crossings
 from pinsing.robot.arm import Arm
 
@@ -27,6 +27,7 @@ def sigma_along(
     times: npt.ArrayLike | None = None,
     forms: ClosedForm | None = None,
     near_rtol: float = NEAR_RTOL,
+    degrees: bool = False,
 ) -> Axes:
     """Draw the singular values along a trajectory, on a logarithmic scale.
 
@@ -46,6 +47,8 @@ def sigma_along(
         ``crossings`` has proven it, also between the configurations.
     near_rtol : float
         sigma_r / sigma_1 at or below which the ground is shaded as near-singular.
+    degrees : bool
+        The length of the path in degrees.
 
     Returns
     -------
@@ -79,6 +82,8 @@ def sigma_along(
         or (np.diff(t) < (1e-300 if times is not None else 0)).any()
     ):
         raise ConfigurationError(f"times must be {len(Q)} increasing numbers")
+    if times is None and degrees:
+        t = np.degrees(t)
     sigma, ratio = measure(arm, Q)
     drawn = np.maximum(sigma, _LOWEST)  # a logarithm has no zero
     ax = new_axes() if ax is None else ax
@@ -108,7 +113,8 @@ def sigma_along(
     ax.set_yscale("log")
     ax.set_xlim(t[0], t[-1])
     ax.set_xlabel(
-        "path length in joint space [rad]" if times is None else "time [s]", fontsize=SMALL
+        f"path length in joint space [{unit(False, degrees)}]" if times is None else "time [s]",
+        fontsize=SMALL,
     )
     ax.set_ylabel("singular values", fontsize=SMALL)
     ax.tick_params(labelsize=SMALL)

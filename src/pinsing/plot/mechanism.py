@@ -149,12 +149,12 @@ def measure_curves(
                 if not slides:
                     at += 2 * np.pi * np.round((value.mean() - at) / (2 * np.pi))
                 color = TYPE_1 if p.kind == "type 1" else TYPE_2
-                ax.plot(in_unit(at), 0, "o", color=color, ms=5)
+                ax.plot(in_unit(at), 0, "o", color=color, ms=5, clip_on=False, zorder=3)
         ax.set_xlabel(f"{plain(mechanism.inputs[t.moving])} [{unit(slides, degrees)}]")
     ax.plot([], [], color=TYPE_1, label="type 1 measure")
     ax.plot([], [], color=TYPE_2, label="type 2 measure")
     ax.set_ylim(bottom=0)
-    ax.legend(fontsize=8)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.16), ncols=2, fontsize=8)
     return ax
 
 

@@ -23,6 +23,7 @@ ENGINE = (
     "arm",
     "paths",
     "clearance",
+    "cloud",
     "trajectory",
     "meet",
     "locus",

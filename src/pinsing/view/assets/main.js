@@ -51,10 +51,24 @@ class App {
       radio.checked = radio.value === this.view.options.mode;
       radio.addEventListener("change", () => this.mode(radio.value));
     }
+    $("show-cloud").addEventListener("change", () => this.cloud($("show-cloud").checked));
     $("nearest-pose").addEventListener("click", () => this.nearest());
     $("clearest-pose").addEventListener("click", () => this.clearest());
     document.addEventListener("keydown", (event) => this.key(event));
     window.addEventListener("hashchange", () => this.readAddress());
+  }
+
+  // Where the tip gets to, drawn while it is computed.
+  async cloud(wanted) {
+    const turn = this.clouds = (this.clouds ?? 0) + 1;
+    this.view.cloud(null);
+    if (!wanted) return;
+    for (const points of this.source.cloud()) {
+      this.view.cloud(points);
+      await nextTask();
+      if (turn !== this.clouds) return;
+    }
+    document.body.dataset.cloud = "drawn";
   }
 
   mode(value) {

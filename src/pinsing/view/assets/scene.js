@@ -289,11 +289,38 @@ class SceneView {
     return new Raycaster(from, side, 0, 10 * this.settings.reach).intersectObjects(meshes, false).length === 0;
   }
 
-  // The way of the tip: red where a family is near, green where it is far (three degrees, thirty).
+  // The way of the tip, coloured by clearance.
   trail(points) {
-    const { BufferGeometry, Float32BufferAttribute, LineBasicMaterial, Line } = MeshCat.THREE;
-    if (this.drawnTrail) this.drawnTrail.parent.remove(this.drawnTrail);
-    const places = [], colors = [];
+    const { LineBasicMaterial, Line } = MeshCat.THREE;
+    this.remove(this.drawnTrail);
+    this.drawnTrail = new Line(this.coloured(points), new LineBasicMaterial({ vertexColors: true }));
+    this.add(this.drawnTrail);
+  }
+
+  // Points coloured by clearance, added to those that are there; null takes them away.
+  cloud(points) {
+    const { PointsMaterial, Points } = MeshCat.THREE;
+    if (!points) { for (const part of this.drawnCloud ?? []) this.remove(part); this.drawnCloud = []; this.viewer.set_dirty(); return; }
+    const dots = new Points(this.coloured(points), new PointsMaterial({ vertexColors: true, size: 0.011 * this.settings.reach, transparent: true, opacity: 0.7 }));
+    (this.drawnCloud ??= []).push(dots);
+    this.add(dots);
+  }
+
+  add(thing) {
+    this.viewer.scene_tree.find(["pinsing"]).object.add(thing);
+    this.viewer.set_dirty();
+  }
+
+  remove(thing) {
+    if (!thing) return;
+    thing.parent.remove(thing);
+    thing.geometry.dispose();
+    thing.material.dispose();
+  }
+
+  // Red where a family is near, green where it is far (three degrees, thirty).
+  coloured(points) {
+    const { BufferGeometry, Float32BufferAttribute } = MeshCat.THREE, places = [], colors = [];
     for (const { at, clearance } of points) {
       places.push(...at);
       const t = Math.min(1, Math.max(0, Math.log10(Math.max(clearance, 1e-6) / 0.052)));
@@ -302,9 +329,7 @@ class SceneView {
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new Float32BufferAttribute(places, 3));
     geometry.setAttribute("color", new Float32BufferAttribute(colors, 3));
-    this.drawnTrail = new Line(geometry, new LineBasicMaterial({ vertexColors: true }));
-    this.viewer.scene_tree.find(["pinsing"]).object.add(this.drawnTrail);
-    this.viewer.set_dirty();
+    return geometry;
   }
 
   // The canvas with its legend and label, as a data address of a PNG.

@@ -47,6 +47,8 @@ class EngineSource {
     return found ? { q: found.q, on: found.on } : null;
   }
 
+  cloud() { return Engine.cloud(this.page.engine); }
+
   clearest() {
     const { q, lower } = Engine.clearestPose(this.page.engine);
     return { q, words: lower < 1e-9 ? "no pose clear of all families was found"
