@@ -400,7 +400,7 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
         return np.asarray(close.any(axis=1))
 
     best, score = 1.0, 0.0
-    for c in np.unique(np.round(found, 14))[::-1]:
+    for c in sorted(set(np.round(found, 14).tolist()), reverse=True):  # np.unique takes an import
         for length in known:
             factor = length / c
             scaled = found * factor

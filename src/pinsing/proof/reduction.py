@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from pinsing.geometry.surd import Exact, surd
-from pinsing.proof.checker import Certificate, flipped
+from pinsing.proof.checker import Certificate, Matrix, flipped
 from pinsing.proof.skeleton import number_text
 
 _POSITION = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (1, 1): 3}
@@ -15,14 +15,13 @@ _POSITION = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (1, 1): 3}
 
 def without_dependent_lines(data: Mapping[str, Any]) -> dict[str, Any]:
     """The certificate with its dependent rows and columns stated."""
-    rows = _stated(Certificate({**data, "rank": 1}), by_row=True)
-    data = {**data, "dependent_rows": rows}
-    columns = _stated(Certificate({**data, "rank": 1}), by_row=False)
-    return {**data, "dependent_columns": columns}
+    whole = Certificate({**data, "rank": 1, "dependent_rows": {}, "dependent_columns": {}})
+    rows = _stated(whole, whole.matrix)
+    columns = _stated(whole, flipped(whole.independent(whole.matrix, rows)))
+    return {**data, "dependent_rows": rows, "dependent_columns": columns}
 
 
-def _stated(certificate: Certificate, by_row: bool) -> dict[str, dict[str, str]]:
-    lines = certificate.matrix if by_row else flipped(certificate.matrix)
+def _stated(certificate: Certificate, lines: Matrix) -> dict[str, dict[str, str]]:
     vectors = [_vector(certificate, line) for line in lines]
     return {
         str(i): {str(k): number_text(c) for k, c in terms.items()}
