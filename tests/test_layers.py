@@ -293,6 +293,23 @@ def test_what_an_import_pulls_in(code, heavy):
     assert set(run.stdout.split()).isdisjoint(heavy.split())
 
 
+def test_a_cold_closed_form_pulls_in_no_masked_arrays_urllib_or_meshes():
+    """NumPy imports the first by itself in some functions: 25 ms of a start of half a second."""
+    script = (
+        "import sys, pinsing; f = pinsing.closed_form(pinsing.load('ur5')); "
+        "str(f); print(*sorted(sys.modules))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
+    )
+    heavy = "numpy.ma urllib.request yaml ssl pinocchio.visualize pinsing.view pinsing.plot"
+    assert set(run.stdout.split()).isdisjoint(heavy.split())
+
+
 def test_every_public_name_exists():
     assert sorted(pinsing.__all__) == sorted(set(pinsing.__all__))
     for name in pinsing.__all__:

@@ -97,6 +97,45 @@ class _Chain:
             [[one if a == b else zero for b in range(3)] for a in range(3)], [zero] * 3, one
         )
 
+    def screw(self, j: int, middle: int) -> list[Poly]:
+        """Screw of joint j, (v, w), in the frame of joint ``middle`` before its motion.
+
+        Up to a factor that no real angle makes zero. Carried step by step: that is two vectors
+        to turn, where a pose has three columns and a position.
+        """
+        slides = self.geometry.prismatic[j]
+        axis = [self.ring.zero, self.ring.zero, self.ring.one]
+        none = [self.ring.zero] * 3
+        v, w = (axis, none) if slides else (none, axis)
+        for k in range(j - 1, middle - 1, -1):
+            v, w = self.carried(v, w, self.placed(k + 1), self.moved(k))
+        for k in range(j, middle):
+            if k > j:
+                v, w = self.carried_on(v, w, self.moved(k))
+            v, w = self.carried_on(v, w, self.placed(k + 1))
+        return v + w
+
+    def carried(self, v: list[Poly], w: list[Poly], *poses: Pose) -> tuple[list[Poly], list[Poly]]:
+        """A screw seen from before poses that follow it on the chain, the nearest first."""
+        for pose in poses:
+            v, w = ([_dot(row, x, self.ring) for row in pose.R] for x in (v, w))
+            v = self._shifted(v, pose.p, w, 1)
+        return v, w
+
+    def carried_on(self, v: list[Poly], w: list[Poly], pose: Pose) -> tuple[list[Poly], list[Poly]]:
+        """A screw seen from behind a pose that goes before it."""
+        columns = list(zip(*pose.R, strict=True))
+        v = self._shifted(v, pose.p, w, -1)
+        turned = [[_dot(column, x, self.ring) for column in columns] for x in (v, w)]
+        return turned[0], turned[1]
+
+    def _shifted(self, v: list[Poly], p: list[Poly], w: list[Poly], sign: int) -> list[Poly]:
+        """V + p x w, or v - p x w: motions here turn or shift, so that p is over one."""
+        if all(x == 0 for x in p) or all(x == 0 for x in w):
+            return v
+        turned = _cross(p, w, self.ring)
+        return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]
+
     def joint_frames(self, middle: int, with_base: bool) -> tuple[list[Pose], Pose | None, Pose]:
         """Frames of all joints, the base if asked for, and the tip, from joint ``middle``."""
         frames: list[Pose] = [self.identity()] * self.n
@@ -148,6 +187,13 @@ def jacobian_matrix(
         If ``time`` is given, and over.
     """
     chain = _Chain(geometry, ring)
+    if task.name == "pose" and len({drive.leader for drive in chain.drives}) == chain.n:
+        screws: dict[int, list[Poly]] = {}
+        for j, drive in enumerate(chain.drives):
+            if time is not None:
+                time.check()
+            screws[drive.leader] = _primitive(chain.screw(j, chain.n // 2), ring)
+        return [list(row) for row in zip(*(screws[a] for a in sorted(screws)), strict=True)]
     frames, base, tip = chain.joint_frames(chain.n // 2, _in_base(task))
     at_tip = task.name != "pose" and any(r < 3 for r in task.rows)
     zero = ring.zero
