@@ -19,6 +19,19 @@ from pinsing.errors import PinsingError
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
 
+MORE = {
+    "UR3": {"robot": "ur3"},
+    "UR3, joints limited": {"robot": "ur3_limited"},
+    "UR5, joints limited": {"robot": "ur5_limited"},
+    "UR10, joints limited": {"robot": "ur10_limited"},
+    "SO-100": {"robot": "so100"},
+    "KUKA iiwa 14, joint 3 locked": {
+        "robot": "iiwa14",
+        "joints": ["q1", "q2", "q4", "q5", "q6", "q7"],
+    },
+}
+"""Arms that the table of closed forms does not list."""
+
 HEAD = """name: {name}
 convention: standard
 units: {{angle: deg, length: m}}
@@ -72,7 +85,7 @@ TABLES = {
 def arms(names: list[str]) -> dict[str, Arm]:
     """The arms of the table by name."""
     out = {}
-    for name, words in ARMS.items():
+    for name, words in {**ARMS, **MORE}.items():
         if not names or name in names:
             options = {k: v for k, v in words.items() if k != "robot"}
             out[name] = pinsing.load(words["robot"], **options)
@@ -134,7 +147,9 @@ def main() -> None:
         "closed form at hand.",
         "A count is one number where the lower and the upper bound agree: proven, of the families "
         "as they are. *Families* says whether these are all: proven by a certificate, or found "
-        "complete. Cuspidal is asked without limits, of arms with as many joints as conditions.",
+        "complete. Cuspidal is asked without limits, of arms with as many joints as conditions, at "
+        f"{options.poses} random poses; *not cuspidal* is proven by signs that tell all inverse "
+        "solutions of a pose apart (`pinsing.postures.ladder`), which the poses did not refute.",
         "",
         "| arm | joints | families | aspects on circles | ms | within limits | ms | cuspidal |",
         "| --- | ---: | --- | ---: | ---: | ---: | ---: | --- |",

@@ -181,7 +181,7 @@ def cuspidality(
     found = aspects(form, limits=False)
     rng = np.random.default_rng(seed)
     notes = [n for n in found.notes if "complete" in n or "certificate" in n]
-    most, tried = 0, 0
+    most, tried, crowded = 0, 0, ""
     for k, q in enumerate(arm.space.sample(poses, rng, True)):
         pose = tip_placement(arm, q).homogeneous
         known = inverse(arm, pose, seed=seed)
@@ -207,11 +207,18 @@ def cuspidality(
                         k + 1,
                         notes,
                     )
-        ladder = ladder_of(nominal(arm))
+        if found.proven and nominal(arm).exact and known.certified > found.lower:
+            crowded = (
+                f"a pose has {known.certified} regular inverse solutions, each proven to exist, "
+                f"and there are {found.lower} aspects: two of them share one"
+            )
+    nan = float("nan")
+    if crowded:
+        return _answer(arm, found, CUSPIDAL, crowded, None, nan, nan, most, poses, notes)
+    ladder = ladder_of(nominal(arm))
     if ladder is not None:
         if not nominal(arm).exact:
             notes.append("this is about the nominal geometry, as the closed form is")
-        nan = float("nan")
         return _answer(arm, found, NOT_CUSPIDAL, ladder.reason, None, nan, nan, most, poses, notes)
     if tried:
         reason = f"{tried} pairs of solutions share an aspect, and no way was found"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
@@ -14,8 +14,11 @@ import pinocchio as pin
 from pinsing._types import Array, Bool, Ints
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.geometry.nominal import nominal
 from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import generic_rank, ratios
+from pinsing.postures.kantorovich import radii
+from pinsing.postures.ladder import ladder_of
 from pinsing.postures.newton import Solver
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
@@ -49,6 +52,9 @@ class InverseSolution:
         How many starts led here.
     error : float
         What is left of the pose, radians and metres over the length scale.
+    radius : float
+        A true solution of the pose, regular and the only one, is proven to be within this distance
+        of q in joint space (`pinsing.postures.kantorovich`); infinite where that is not proven.
     """
 
     q: Array
@@ -57,6 +63,7 @@ class InverseSolution:
     within_limits: bool
     met: int
     error: float
+    radius: float = field(default=math.inf, metadata={"optional": True})
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +117,21 @@ class InverseSolutions(JsonResult):
 
     def __getitem__(self, index: int) -> InverseSolution:
         return self.solutions[index]
+
+    @property
+    def certified(self) -> int:
+        """How many different regular solutions are proven to exist: there are no fewer."""
+        turns = ~self.arm.prismatic
+        kept: list[InverseSolution] = []
+        for s in self.solutions:
+            apart = math.isfinite(s.radius)
+            for k in kept:
+                gap = s.q - k.q
+                gap[turns] = np.remainder(gap[turns] + math.pi, 2 * math.pi) - math.pi
+                apart &= bool(np.linalg.norm(gap) > s.radius + k.radius)
+            if apart:
+                kept.append(s)
+        return len(kept)
 
     @property
     def q(self) -> Array:
@@ -234,8 +256,13 @@ def inverse(
             break
         if found.settled():
             break
-    solutions = _judged(arm, found)
+    solutions = _judged(arm, found, solver)
     notes = []
+    ladder = ladder_of(nominal(arm)) if len(free) == arm.n else None
+    count = sum(s.regular for s in solutions)
+    full = ladder is not None and count == ladder.most
+    if ladder is not None and full:
+        notes.append(f"there are no more regular ones: {ladder.kind}, at most {ladder.most}")
     curves = sum(not s.regular for s in solutions)
     if curves > 1:
         notes.append(
@@ -248,7 +275,7 @@ def inverse(
         fixed={arm.joints[j]: float(held[j]) for j in np.flatnonzero(~np.isnan(held))},
         solutions=solutions,
         starts=made,
-        doubt=_doubt(solutions, made),
+        doubt="" if full else _doubt(solutions, made),
         notes=tuple(notes),
     )
 
@@ -337,13 +364,14 @@ class _Found:
         return bool((np.array(self.hits)[regular] >= _ENOUGH).all())
 
 
-def _judged(arm: Arm, found: _Found) -> tuple[InverseSolution, ...]:
+def _judged(arm: Arm, found: _Found, solver: Solver) -> tuple[InverseSolution, ...]:
     if not found.q:
         return ()
     Q = arm.fold(np.array(found.q))
     measure = ratios(arm, Q)
     regular: Bool = np.greater(measure, _REGULAR)
     outside: Bool = np.asarray(arm.space.outside(Q).any(axis=1))
+    sure = radii(solver, Q)
     order = np.lexsort((-measure, outside))
     out, singular = [], 0
     for k in order:
@@ -358,6 +386,7 @@ def _judged(arm: Arm, found: _Found) -> tuple[InverseSolution, ...]:
                 within_limits=not bool(outside[k]),
                 met=found.hits[k],
                 error=found.left[k],
+                radius=float(sure[k]) if regular[k] else math.inf,
             )
         )
     return tuple(out)

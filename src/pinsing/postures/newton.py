@@ -55,7 +55,7 @@ class Solver:
         """Where starts Q (N, n) lead: those that reach the pose (K, n), and what is left (K,)."""
         Q = Q.copy()
         damping = np.full(len(Q), 1e-2)
-        error, J = self._linear(Q)
+        error, J = self.linear(Q)
         cost = (error**2).sum(axis=1)
         alive = np.ones(len(Q), dtype=bool)
         k = len(self.free)
@@ -70,7 +70,7 @@ class Solver:
             step *= np.minimum(1.0, _STEP / np.maximum(long, 1e-300))[:, None]
             trial = Q[live].copy()
             trial[:, self.free] += step / self.weight
-            new_error, new_J = self._linear(trial)
+            new_error, new_J = self.linear(trial)
             new_cost = (new_error**2).sum(axis=1)
             better = new_cost < cost[live]
             rows = live[better]
@@ -86,7 +86,7 @@ class Solver:
         good = left < _CLOSE
         return Q[good], left[good]
 
-    def _linear(self, Q: Array) -> tuple[Array, Array]:
+    def linear(self, Q: Array) -> tuple[Array, Array]:
         """What is left of the pose (N, m), and its derivatives by the weighted free joints."""
         N, n = Q.shape
         C, t = self.chain.R, self.chain.t
