@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pinsing.families import Family
     from pinsing.robot.arm import Arm
 
-KINDS = ("curves", "map", "locus", "ellipsoids", "along", "workspace")
+KINDS = ("curves", "map", "locus", "ellipsoids", "along", "workspace", "aspects")
 _STEPS = 400
 
 
@@ -40,7 +40,7 @@ _STEPS = 400
     "--over",
     metavar="A,B",
     shell_complete=completion.joints,
-    help="map, locus: the two joints. curves: those that move.",
+    help="map, locus, aspects: the two joints. curves: those that move.",
 )
 @click.option(
     "--fixed",
@@ -62,7 +62,7 @@ _STEPS = 400
     shell_complete=completion.joint_value,
     help="locus: values of a third joint, a curve for each.",
 )
-@click.option("--ignore-limits", is_flag=True, help="curves, map, locus: whole circles.")
+@click.option("--ignore-limits", is_flag=True, help="curves, map, locus, aspects: whole circles.")
 @click.option(
     "--motions",
     type=click.Choice(("pure", "all")),
@@ -102,6 +102,7 @@ def plot_command(
     ellipsoids  velocity ellipsoids at a configuration
     along       singular values on straight joint motions between configurations, families marked
     workspace   the best sigma_min (or clearance) found at each place of the tip, in slices
+    aspects     the aspects in colours over two joints
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
     """  # noqa: D301
@@ -109,8 +110,9 @@ def plot_command(
     for text in configurations:
         parse_numbers(text, "--q", deg)
     joints = None if over is None else [name.strip() for name in over.split(",")]
-    if kind == "map" and (joints is None or len(joints) != 2):
-        raise OptionError("a map needs its two joints, such as --over q2,q3")
+    if kind in ("map", "aspects") and (joints is None or len(joints) != 2):
+        what = "a map needs its" if kind == "map" else "aspects need their"
+        raise OptionError(f"{what} two joints, such as --over q2,q3")
     if families and kind not in ("map", "locus"):
         raise OptionError(f"--family is for map and locus, not for {kind}")
     if each is not None and kind != "locus":
@@ -161,6 +163,11 @@ def _draw(
             measure=measure,
             ignore_limits=ignore_limits,
             degrees=deg,
+        )
+    if kind == "aspects":
+        assert joints is not None
+        return plot.aspect_plane(
+            arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits, degrees=deg
         )
     if kind == "ellipsoids":
         from pinsing.configuration.at import at

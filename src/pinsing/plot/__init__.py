@@ -5,6 +5,7 @@ it makes a figure that is readable at one column's width.
 """
 
 from pinsing.plot.along import sigma_along
+from pinsing.plot.aspect_plane import aspect_plane
 from pinsing.plot.curves import sigma_curves
 from pinsing.plot.ellipsoids import ellipsoids
 from pinsing.plot.locus import locus
@@ -15,6 +16,7 @@ sigma_map = sigma_plane
 """As `sigma_plane`: the name that it had before, which is that of `pinsing.sigma_map` too."""
 
 __all__ = [
+    "aspect_plane",
     "ellipsoids",
     "locus",
     "sigma_along",

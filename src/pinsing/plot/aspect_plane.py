@@ -1,0 +1,201 @@
+"""Aspects in colours over two joints."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+
+from pinsing._types import Array, Ints
+from pinsing.arguments import checked, whole_number
+from pinsing.errors import OptionError
+from pinsing.families import ClosedForm
+from pinsing.families import closed_form as closed_form_of
+from pinsing.plot.plane import held_title, regular_configuration
+from pinsing.plot.style import SMALL, joint_label, legend_below, new_axes, ticks
+from pinsing.postures.aspects import Aspects
+from pinsing.postures.aspects import aspects as aspects_of
+from pinsing.robot.arm import Arm
+
+SAMPLES = 241
+_MOST_SAMPLES = 2000
+_COLOURS = (
+    "#4E79A7", "#F28E2B", "#76B7B2", "#E15759", "#59A14F", "#EDC948", "#B07AA1", "#9C755F",
+    "#A0CBE8", "#FFBE7D", "#86BCB6", "#FF9D9A", "#8CD17D", "#F1CE63", "#D4A6C8", "#D7B5A6",
+)  # fmt: skip
+_NAMED = 12
+
+
+@checked
+def aspect_plane(
+    arm: Arm,
+    joint_a: str,
+    joint_b: str,
+    ax: Axes | None = None,
+    *,
+    q: npt.ArrayLike | None = None,
+    forms: ClosedForm | None = None,
+    samples: int = SAMPLES,
+    ignore_limits: bool = False,
+    degrees: bool = False,
+) -> Axes:
+    """Draw the aspects over two joints, the others at ``q``.
+
+    Two regions of one colour are of one aspect: they are joined by way of other joints.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    joint_a, joint_b : str
+        Names of the joints along x and y.
+    ax : Axes, optional
+        Where to draw.
+    q : (n,) array_like
+        Values of the other joints, radians and metres; by default a regular configuration
+        within the limits.
+    forms : ClosedForm, optional
+        Of the arm, if at hand.
+    samples : int
+        Points to each side.
+    ignore_limits : bool
+        Joints that turn endlessly instead of ending at limits.
+    degrees : bool
+        Label angles in degrees; the axes are in radians all the same.
+
+    Returns
+    -------
+    Axes
+        The regions are its first collection; the legend has the aspects' numbers, and their names
+        where the field has some.
+
+    Raises
+    ------
+    UnknownNameError
+        If a joint does not exist.
+    OptionError
+        If both joints are the same.
+    ConfigurationError
+        If q has the wrong length, is not finite, or is outside limits that count.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> from pinsing import plot
+    >>> axes = plot.aspect_plane(pinsing.load("scara"), "q1", "q2", samples=41)
+    >>> len(axes.get_legend().get_texts())
+    2
+    """
+    a, b = arm.space.index(joint_a), arm.space.index(joint_b)
+    if a == b:
+        raise OptionError("a map needs two different joints")
+    whole_number(samples, "samples", 2, _MOST_SAMPLES)
+    form = closed_form_of(arm) if forms is None else forms
+    found = aspects_of(form, not ignore_limits)
+    base = regular_configuration(arm) if q is None else arm.check_one(q)
+    lower, upper = arm.space.range(ignore_limits)
+    x, y = (np.linspace(lower[j], upper[j], samples) for j in (a, b))
+    Q = np.tile(base, (samples, samples, 1))
+    Q[..., a], Q[..., b] = x[None, :], y[:, None]
+    numbers = _numbers(found, Q)
+    ax = new_axes(3.6) if ax is None else ax
+    seen = np.unique(numbers[numbers > 0])
+    shown = np.searchsorted(seen, numbers).astype(float)
+    shown[numbers <= 0] = np.nan
+    colours = [_COLOURS[k % len(_COLOURS)] for k in range(max(len(seen), 1))]
+    ax.pcolormesh(
+        x, y, shown, cmap=ListedColormap(colours), vmin=-0.5, vmax=len(colours) - 0.5,
+        shading="nearest", rasterized=True,
+    )  # fmt: skip
+    edge = (np.diff(numbers, axis=0, append=numbers[-1:]) != 0) | (
+        np.diff(numbers, axis=1, append=numbers[:, -1:]) != 0
+    )
+    line = np.where(edge, 1.0, np.nan)
+    ax.pcolormesh(x, y, line, cmap=ListedColormap(["#222222"]), shading="nearest", rasterized=True)
+    for axis, j in ((ax.xaxis, a), (ax.yaxis, b)):
+        ticks(axis, lower[j], upper[j], bool(arm.prismatic[j]), degrees)
+    ax.set_xlabel(joint_label(a, bool(arm.prismatic[a]), degrees), fontsize=SMALL + 1)
+    ax.set_ylabel(joint_label(b, bool(arm.prismatic[b]), degrees), fontsize=SMALL + 1)
+    ax.set_title(held_title(arm, base, (a, b), degrees), fontsize=SMALL - 1)
+    for k, number in enumerate(seen[:_NAMED]):
+        names = found[number - 1].names if number <= len(found) else ()
+        said = f"aspect {number}" + (f": {', '.join(names)}" if names else "")
+        ax.plot([], [], "s", color=colours[k], label=said)
+    legend_below(ax, 1, at=(-0.17, -0.17), left=True)
+    return ax
+
+
+def _numbers(found: Aspects, Q: Array) -> Ints:
+    """Number of the aspect at each point of a grid (M, N, n); 0 where it could not be told.
+
+    Points that touch and have the same signs, between the same joint values, are of one aspect:
+    it is asked once, at the point of such a region that is farthest from its edge.
+    """
+    chosen = found._map
+    assert chosen is not None
+    label = _regions(_keys(found, Q))
+    depth = _depth(label)
+    numbers = np.zeros(label.shape, dtype=np.int64)
+    order = np.lexsort((-depth.ravel(), label.ravel()))
+    _, first = np.unique(label.ravel()[order], return_index=True)
+    for at in order[first]:
+        q = Q.reshape(-1, Q.shape[-1])[at]
+        number = found.of(q)
+        numbers[label == label.ravel()[at]] = 0 if number is None else number
+    return numbers
+
+
+def _keys(found: Aspects, Q: Array) -> Ints:
+    """Which arcs and signs each point has, as one number."""
+    chosen = found._map
+    assert chosen is not None
+    key = np.zeros(Q.shape[:-1], dtype=np.int64)
+    for part in chosen.partition.parts:
+        for place, j in enumerate(part.joints):
+            arcs = part.arcs[place]
+            value = Q[..., j]
+            if chosen.partition.endless[j] and not arcs[0].circle:
+                low = arcs[0].low
+                value = low + np.mod(value - low, 2 * math.pi)
+            key = key * (len(arcs) + 1) + np.searchsorted([a.high for a in arcs[:-1]], value)
+        for surface in part.surfaces:
+            key = key * 2 + (surface.equation(Q) > 0)
+    return key
+
+
+def _regions(key: Ints) -> Ints:
+    """Label of the connected set of equal keys at each point of a grid."""
+    label = np.arange(key.size).reshape(key.shape)
+    while True:
+        new = label.copy()
+        for axis in (0, 1):
+            same = np.diff(key, axis=axis) == 0
+            one, two = (np.moveaxis(new, axis, 0)[s] for s in (slice(None, -1), slice(1, None)))
+            least = np.where(np.moveaxis(same, axis, 0), np.minimum(one, two), -1)
+            for side in (one, two):
+                side[...] = np.where(least >= 0, least, side)
+        new = new.ravel()[new]  # a label is a point: that point's own label is at least as good
+        if np.array_equal(new, label):
+            return label
+        label = new
+
+
+def _depth(label: Ints) -> Ints:
+    """Steps from each point to another label or the edge of the grid, up to 12."""
+    depth = np.zeros(label.shape, dtype=np.int64)
+    inside = np.ones(label.shape, dtype=bool)
+    inside[[0, -1]] = inside[:, [0, -1]] = False
+    for axis in (0, 1):
+        for step in (-1, 1):
+            inside &= np.roll(label, step, axis) == label
+    for _ in range(12):
+        depth += inside
+        kept = inside.copy()
+        for axis in (0, 1):
+            for step in (-1, 1):
+                kept &= np.roll(inside, step, axis)
+        inside = kept
+    return depth
