@@ -1,30 +1,35 @@
 #!/usr/bin/env python
-"""Analyse every chain of every robot in example-robot-data, and write the table.
+"""Prove the closed form of every chain of every robot in example-robot-data; write the table.
 
 Each chain runs in a process of its own that is killed when its time is over. Results are appended
 to a file of JSON lines as they come, and chains that are in it are not run again: stop and start
-at will. The table is made of that file.
+at will. A chain of the same exact geometry as one that is proven already is not run again either:
+the same certificate holds for it, names aside. The table is made of that file.
+
+With --analyse each chain is analysed as well: samples, sweep and random starts are held against
+the closed form in Pinocchio.
 """
 
 from __future__ import annotations
 
 import argparse
+import hashlib
 import json
 import os
 import resource
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
-SECONDS = 60.0
-ANALYSIS_SECONDS = 30.0
-PROOF_SECONDS = 20.0
+SECONDS = 160.0
+SEARCH_SECONDS = 40.0
+PROOF_SECONDS = 100.0
 MEMORY = 4 * 2**30
 
 
@@ -79,54 +84,76 @@ def jobs() -> tuple[list[Job], dict[str, str]]:
     return found, without
 
 
-def run(job: Job) -> dict[str, Any]:
-    """Analyse one chain, in this process, and look for a certificate."""
+def run(job: Job, proven: Collection[str], analyse: bool) -> dict[str, Any]:
+    """Prove one chain, in this process, unless its geometry is among those that are proven."""
     import pinsing
     from pinsing.description.catalog import data_folder
     from pinsing.families import prove
+    from pinsing.proof.checker import verify
+    from pinsing.proof.produce import text_of
 
     folder = data_folder()
     assert folder is not None
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     try:
         arm = pinsing.load(folder / job.file, tip=job.tip, base=job.base)
-        result = pinsing.analyze(arm, seconds=ANALYSIS_SECONDS)
+        about = {"outcome": "done", "joints": arm.n, "geometry": identity(arm)}
+        if about["geometry"] in proven and not analyse:
+            return about
+        result = pinsing.analyze(arm, seconds=SEARCH_SECONDS) if analyse else None
+        found = pinsing.closed_form(arm, seconds=SEARCH_SECONDS) if result is None else None
     except pinsing.PinsingError as error:
         return {"outcome": "refused", "reason": str(error).replace(f"{folder}/", "")}
-    found = result.closed_form
+    found = result.closed_form if result is not None else found
     if found.word != "proven":
         found = prove(found, PROOF_SECONDS)
     proof = found.proof
-    return {
-        "outcome": "done",
-        "joints": arm.n,
+    about |= {
         "rank": found.generic_rank,
         "families": len(found.families),
-        "reachable": sum(f.is_reachable is True for f in found.families),
         "texts": [f.text for f in found.families],
         "word": found.word,
         "gaps": list(found.gaps),
         "unproven": "" if proof is None else proof.reason,
         "bytes": 0 if proof is None else proof.size,
         "find_seconds": 0.0 if proof is None else round(proof.seconds, 3),
-        "check_seconds": 0.0 if proof is None else round(proof.check_seconds, 4),
         "algebra_seconds": round(found.seconds, 3),
-        "agree": result.agree,
-        "problems": list(result.problems),
-        "findings": len(result.findings),
-        "worst": max((c.nominal_ratio for c in result.checks), default=0.0),
-        "unsampled": [c.family for c in result.checks if c.samples == 0],
-        "missing": list(result.missing),
-        "random": [result.random_search.singular, result.random_search.on_family],
-        "coupled": arm.coupling is not None,
-        "seconds": round(result.seconds, 2),
+        "load": round(os.getloadavg()[0], 1),
     }
+    if found.word == "proven":
+        text, started = text_of(found.certificate), time.process_time()
+        verify(text)
+        about["check_seconds"] = round(time.process_time() - started, 4)
+    if result is not None:
+        about |= {
+            "agree": result.agree,
+            "problems": list(result.problems),
+            "findings": len(result.findings),
+            "worst": max((c.nominal_ratio for c in result.checks), default=0.0),
+            "missing": list(result.missing),
+            "random": [result.random_search.singular, result.random_search.on_family],
+        }
+    return about
 
 
-def run_apart(job: Job, seconds: float) -> dict[str, Any]:
-    """Analyse one chain in a process of its own, and tell how it ended."""
+def identity(arm: Any) -> str:
+    """What two chains share for which the same certificate holds: all it states, names aside."""
+    from pinsing.geometry.nominal import nominal
+    from pinsing.proof.skeleton import roots_in, skeleton
+
+    geometry = nominal(arm)
+    stated = skeleton(geometry, 1, roots_in(geometry))
+    kinds = [joint["kind"] for joint in stated["joints"]]
+    parts = [stated["chain"], stated["tip"], stated["rows"], kinds]
+    return hashlib.sha256(json.dumps(parts).encode()).hexdigest()[:16]
+
+
+def run_apart(
+    job: Job, seconds: float, proven: Mapping[str, dict[str, Any]], analyse: bool
+) -> dict[str, Any]:
+    """Prove one chain in a process of its own, and tell how it ended."""
     started = time.monotonic()
-    command = [sys.executable, __file__, "--one", json.dumps(asdict(job))]
+    command = [sys.executable, __file__, "--one", json.dumps([asdict(job), [*proven], analyse])]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     try:
         child = subprocess.run(
@@ -141,20 +168,41 @@ def run_apart(job: Job, seconds: float) -> dict[str, Any]:
     if child.returncode != 0:
         said = child.stderr.decode(errors="replace").strip().splitlines() or ["nothing said"]
         return {"outcome": "crashed", "reason": f"exit code {child.returncode}: {said[-1]}"}
-    return {**json.loads(child.stdout), "wall": round(time.monotonic() - started, 2)}
+    answer = json.loads(child.stdout)
+    if answer["outcome"] == "done" and "word" not in answer:
+        answer = {**answer, **alike(proven[answer["geometry"]])}
+    return {**answer, "wall": round(time.monotonic() - started, 2)}
 
 
-def survey(store: Path, seconds: float, workers: int, only: str, again: str, step: int = 1) -> None:
+def alike(entry: dict[str, Any]) -> dict[str, Any]:
+    """What a chain has in common with one of the same geometry."""
+    same = ("rank", "families", "word", "gaps", "unproven", "bytes", "check_seconds")
+    return {"same_as": entry["key"], **{k: entry[k] for k in same}}
+
+
+def survey(
+    store: Path,
+    seconds: float,
+    workers: int,
+    only: str,
+    again: str,
+    step: int = 1,
+    analyse: bool = False,
+) -> None:
     """Run what is not in the store yet, and again what ended badly where that is asked for."""
-    done = {entry["key"] for entry in read(store) if not AGAIN[again](entry)}
+    known = read(store)
+    done = {entry["key"] for entry in known if not AGAIN[again](entry)}
+    proven = {e["geometry"]: e for e in known if e.get("word") == "proven" and not e.get("same_as")}
     chains, _ = jobs()
     todo = [job for job in chains[::step] if job.key not in done and only in job.key]
     print(f"{len(chains)} chains, {len(todo)} to do")
     with ThreadPoolExecutor(workers) as pool, store.open("a", encoding="utf-8") as stream:
-        for number, (job, answer) in enumerate(
-            zip(todo, pool.map(lambda j: run_apart(j, seconds), todo), strict=True), 1
-        ):
-            stream.write(json.dumps({"key": job.key, **asdict(job), **answer}) + "\n")
+        answers = pool.map(lambda job: run_apart(job, seconds, proven, analyse), todo)
+        for number, (job, answer) in enumerate(zip(todo, answers, strict=True), 1):
+            entry = {"key": job.key, **asdict(job), **answer}
+            if entry.get("word") == "proven" and "same_as" not in entry:
+                proven[entry["geometry"]] = entry
+            stream.write(json.dumps(entry) + "\n")
             stream.flush()
             print(f"{number}/{len(todo)} {job.key}: {_short(answer)}", flush=True)
 
@@ -172,12 +220,12 @@ def _short(answer: dict[str, Any]) -> str:
         return f"{answer['outcome']}: {answer['reason']}"
     state = answer["word"]
     if state == "proven":
-        state += f", {answer['bytes']} bytes in {answer['find_seconds']} s, "
-        state += f"checked in {answer['check_seconds']} s"
+        state += f", {answer['bytes']} bytes, checked in {answer['check_seconds']} s"
     else:
         state += ": " + "; ".join([*answer["gaps"], answer["unproven"]])
-    agree = "agree" if answer["agree"] else "; ".join(answer["problems"])
-    return f"{answer['families']} families, {state}, {agree}, {answer['wall']} s"
+    if "agree" in answer:
+        state += ", agree" if answer["agree"] else ", " + "; ".join(answer["problems"])
+    return f"{answer['families']} families, {state}, {answer['wall']} s"
 
 
 def main(argv: Iterable[str] | None = None) -> int:
@@ -190,6 +238,7 @@ def main(argv: Iterable[str] | None = None) -> int:
     parser.add_argument("--sample", type=int, help="every so many-th chain only")
     parser.add_argument("--only", default="", help="chains whose file, tip or base has this text")
     parser.add_argument("--again", choices=AGAIN, default="none", help="what to run once more")
+    parser.add_argument("--analyse", action="store_true", help="hold it against Pinocchio, too")
     parser.add_argument("--report", type=Path, help="write the table there, and run nothing")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     arguments = parser.parse_args(None if argv is None else list(argv))
@@ -202,11 +251,12 @@ def main(argv: Iterable[str] | None = None) -> int:
         entries = sorted(
             (e for e in read(arguments.store) if e["key"] in order), key=lambda e: order[e["key"]]
         )
-        text = report(entries, without, (arguments.seconds, ANALYSIS_SECONDS, PROOF_SECONDS))
+        text = report(entries, without, (arguments.seconds, SEARCH_SECONDS, PROOF_SECONDS))
         arguments.report.write_text(text, encoding="utf-8")
         return 0
     if arguments.one:
-        json.dump(run(Job(**json.loads(arguments.one))), sys.stdout)
+        job, proven, analyse = json.loads(arguments.one)
+        json.dump(run(Job(**job), proven, analyse), sys.stdout)
         return 0
     arguments.store.parent.mkdir(parents=True, exist_ok=True)
     survey(
@@ -216,6 +266,7 @@ def main(argv: Iterable[str] | None = None) -> int:
         arguments.only,
         arguments.again,
         arguments.sample or 1,
+        arguments.analyse,
     )
     return 0
 

@@ -10,17 +10,16 @@ from typing import Any
 HEAD = """# Survey: every chain of every robot in example-robot-data
 
 Made by `scripts/survey.py` with pinsing {pinsing}, example-robot-data {data}, Pinocchio {pin}; each
-chain in a process of its own, {whole:g} s at most on one core, of which {analysis:g} s for the
-analysis and {proof:g} s for a certificate. Chains of 2 to 9 joints that end in a leaf or a tool
+chain in a process of its own, {whole:g} s at most on the clock, of which {search:g} s for the
+search and {proof:g} s for a certificate. Chains of 2 to 9 joints that end in a leaf or a tool
 frame, from the root and from the last branching before the end (from every branching, where the
 whole is longer). The task is the pose.
 
-- **families**: families of singular configurations, and how many of them the joint limits let
-  through.
-- **word**: *proven* (a certificate that the independent checker accepts; its size, and how long
-  the check took), *probable* (the search ended, no certificate was found), *not complete*.
-- **agree**: every sample of every family is singular in Pinocchio, and, where complete, everything
-  that the sweep and the search from 300 random starts found lies on a family.
+- **families**: families of singular configurations, whether joint limits let them through or not.
+- **word**: *proven* (a certificate that the independent checker accepts; its size, and the
+  processor time of the check), *probable* (the search ended, no certificate was found), *not
+  complete*, *not tried*.
+- "as ..." is a chain of the same exact geometry as the named one, whose certificate holds for it.
 
 """
 
@@ -42,7 +41,7 @@ def report(
         data=version("example-robot-data"),
         pin=version("pin"),
         whole=seconds[0],
-        analysis=seconds[1],
+        search=seconds[1],
         proof=seconds[2],
     )
     return text + "\n".join([*_numbers(entries), "", *_reasons(entries, without), *_table(entries)])
@@ -51,19 +50,23 @@ def report(
 def _numbers(entries: list[dict[str, Any]]) -> list[str]:
     done = [e for e in entries if e["outcome"] == "done"]
     outcome = Counter(e["outcome"] for e in entries)
-    times = sorted(e["wall"] for e in done)
-    return [
+    alike = [e for e in done if e.get("same_as")]
+    loads = sorted(e["load"] for e in done if "load" in e)
+    lines = [
         f"{len(entries)} chains of {len({e['file'] for e in entries})} files: "
-        f"{len(done)} analysed, {outcome['refused']} refused with a reason, "
-        f"{outcome['killed']} out of time, "
-        f"{outcome['crashed']} crashed.",
-        f"Of those analysed, {sum(e['agree'] for e in done)} agree; "
-        f"{sum(e['families'] for e in done)} families, the "
-        f"largest sigma_r / sigma_1 on any sample of them {max(e['worst'] for e in done):.0e}. "
-        f"Median time {times[len(times) // 2]:.1f} s, slowest {times[-1]:.1f} s.",
-        "",
-        *_words(done),
+        f"{len(done)} searched, {len(alike)} of them by a chain of the same geometry; "
+        f"{outcome['refused']} refused with a reason, {outcome['killed']} out of time, "
+        f"{outcome['crashed']} crashed, {outcome['not tried']} not tried."
     ]
+    if loads:
+        lines[0] += f" Load of the machine meanwhile: {loads[0]:g} to {loads[-1]:g}."
+    held = [e for e in done if "agree" in e]
+    if held:
+        lines.append(
+            f"Held against Pinocchio: {len(held)}, of which {sum(e['agree'] for e in held)} agree; "
+            f"the largest sigma_r / sigma_1 on any sample {max(e['worst'] for e in held):.0e}."
+        )
+    return [*lines, "", *_words(done)]
 
 
 def _words(done: list[dict[str, Any]]) -> list[str]:
@@ -109,7 +112,7 @@ def _reasons(entries: list[dict[str, Any]], without: dict[str, str]) -> list[str
         if e["outcome"] in ("killed", "crashed"):
             name = f"`{e['file']}` {e['tip']} from {e['base'] or 'root'}"
             lines.append(f"- {name}: {e['outcome']}, {_plain(e['reason'], e['file'])}")
-    contrary = [e for e in entries if e["outcome"] == "done" and not e["agree"]]
+    contrary = [e for e in entries if not e.get("agree", True)]
     if contrary:
         lines += ["", "Do not agree:", ""]
         lines += [
@@ -137,8 +140,8 @@ def _table(entries: list[dict[str, Any]]) -> list[str]:
         lines += [
             f"### {file.removesuffix('.urdf').replace('_description/', ': ', 1)}",
             "",
-            "| tip | base | joints | families (within limits) | word | kB, check ms | agree | s |",
-            "|---|---|---:|---:|---|---|---|---:|",
+            "| tip | base | joints | families | word | kB | check, ms |",
+            "|---|---|---:|---:|---|---:|---:|",
         ]
         lines += [_row(e) for e in found]
         lines.append("")
@@ -148,14 +151,13 @@ def _table(entries: list[dict[str, Any]]) -> list[str]:
 def _row(e: dict[str, Any]) -> str:
     ends = f"| {e['tip']} | {e['base'] or 'root'} |"
     if e["outcome"] != "done":
-        return f"{ends} | {e['outcome']}: {_plain(e['reason'], e['file'])} | | | | |"
-    proven = e["word"] == "proven"
-    cost = f"{e['bytes'] / 1e3:.1f}, {1e3 * e['check_seconds']:.0f}" if proven else ""
-    agree = "yes" if e["agree"] else "**NO**"
-    return (
-        f"{ends} {e['joints']} | {e['families']} ({e['reachable']}) | {e['word']} | {cost} | "
-        f"{agree} | {e['wall']:.1f} |"
-    )
+        said = f"{e['outcome']}: {_plain(e['reason'], e['file'])}"
+        return f"{ends} {e.get('joints', '')} | | {said} | | |"
+    word = e["word"]
+    if e.get("same_as"):
+        return f"{ends} {e['joints']} | {e['families']} | {word}, as {e['same_as']} | | |"
+    cost = f"{e['bytes'] / 1e3:.1f} | {1e3 * e['check_seconds']:.0f}" if e["bytes"] else "|"
+    return f"{ends} {e['joints']} | {e['families']} | {word} | {cost} |"
 
 
 def _plain(reason: str, file: str) -> str:
