@@ -781,6 +781,7 @@ def test_kinds_are_read_in_either_case(tmp_path):
         (("[vx, vy]", "[vx, xx]"), 4, "unknown value 'xx'"),
         (("[vx, vy]", "[vx, vx]"), 4, "names a row twice"),
         (("name_mot", "name_motor"), 3, "unknown key 'name_motor': did you mean 'name_mot'"),
+        (("frame: P", "frame: base_link"), 4, "'base_link' is fixed to the base"),
         (("type:", "joint_name: [b1]\ntype:"), 2, "missing key 'joint_type'"),
         (("type:", "joint_name: [b9]\njoint_type: [FIXED]\ntype:"), 2, "unknown joint 'b9'"),
         (("type:", "joint_name: [b1]\njoint_type: [BALL]\ntype:"), 3, "unknown value 'BALL'"),
@@ -794,6 +795,18 @@ def test_side_car_errors_name_the_file_and_the_line(tmp_path, change, line, mess
     assert caught.value.path == path
     assert caught.value.line == line
     assert message in str(caught.value)
+
+
+def test_an_output_beside_the_loops_is_said(tmp_path):
+    text = (URDF / "five_bar.urdf").read_text()
+    beside = """<link name="flag"/>
+  <joint name="mast" type="continuous"><parent link="base_link"/><child link="flag"/>
+    <axis xyz="0 0 1"/></joint>
+</robot>"""
+    urdf = tmp_path / "flag.urdf"
+    urdf.write_text(text.replace("</robot>", beside))
+    with pytest.raises(RobotFileError, match="the output 'flag' is on no loop"):
+        load_mechanism(urdf, write(tmp_path, GOOD.replace("frame: P", "frame: flag")))
 
 
 def test_wrong_number_of_actuators_is_said(tmp_path):

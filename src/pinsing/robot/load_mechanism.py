@@ -86,6 +86,8 @@ def load_mechanism(
     lower, upper, prismatic = _limits(model)
     joints = tuple(model.names)[1:]
     frame, rows, said = _output(keys, model)
+    closed = _loops(keys["closed_loop"], keys["type"], model)
+    _check_on_loop(model, frame, closed, keys.get("output", keys["closed_loop"]))
     notes = (*notes, *said)
     return Mechanism(
         name=keys["name"].text() if "name" in keys else name,
@@ -95,7 +97,7 @@ def load_mechanism(
         lower=lower,
         upper=upper,
         actuated=_actuated(keys["name_mot"], joints),
-        loops=_loops(keys["closed_loop"], keys["type"], model),
+        loops=closed,
         output=frame,
         task=rows,
         length_scale=float(length_scale),
@@ -118,6 +120,26 @@ def _output(keys: dict[str, YamlNode], model: pin.Model) -> tuple[str, Task, tup
         "all six rows; add output: {frame: NAME, rows: [vx, vy, ...]}"
     )
     return name, parse_task("pose"), (note,)
+
+
+def _check_on_loop(model: pin.Model, output: str, loops: tuple[Loop, ...], node: YamlNode) -> None:
+    """Raise unless a joint of some loop carries the output."""
+
+    def path(frame: str) -> set[int]:
+        joint, found = int(model.frames[frame_index(model, frame)].parentJoint), set()
+        while joint:
+            found.add(joint)
+            joint = int(model.parents[joint])
+        return found
+
+    carried = path(output)
+    if not carried:
+        raise node.error(f"the output {output!r} is fixed to the base: name a frame that moves")
+    if not any(carried & (path(x.frame_a) ^ path(x.frame_b)) for x in loops):
+        raise node.error(
+            f"the output {output!r} is on no loop: no joint that the loops hold carries it; name a "
+            "frame of a link between two ends of a loop"
+        )
 
 
 def _tree(
