@@ -85,13 +85,13 @@ def _about(axis: Sequence[float], angle: float) -> Vector:
 
 
 def _xyz(rotation: Vector) -> tuple[float, float, float]:
-    """Angles of turns about x, then y, then z, of the moved frame."""
-    b = math.asin(float(np.clip(rotation[0, 2], -1, 1)))
-    return (
-        math.atan2(-rotation[1, 2], rotation[2, 2]),
-        b,
-        math.atan2(-rotation[0, 1], rotation[0, 0]),
-    )
+    """Angles of turns about x, then y, then z, of the moved frame; of two ways the shorter."""
+    R = np.where(np.abs(rotation) < 1e-12, 0.0, rotation)
+    b = math.asin(float(np.clip(R[0, 2], -1, 1)))
+    a, c = math.atan2(-R[1, 2], R[2, 2]), math.atan2(-R[0, 1], R[0, 0])
+    other = (a - math.copysign(math.pi, a), math.copysign(math.pi, b) - b,
+             c - math.copysign(math.pi, c))  # fmt: skip
+    return min((a, b, c), other, key=lambda x: abs(x[0]) + abs(x[2]))
 
 
 def _outline(link, points: Sequence[Vector], radius: float, color: str) -> None:
@@ -229,7 +229,7 @@ def _delta(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
         out, down = platform - base, height
         far = math.hypot(out, down)
         bend = math.acos((crank**2 + far**2 - rod**2) / (2 * crank * far))
-        value = math.atan2(-down, out) - bend
+        value = math.atan2(-down, out) + bend
         # Positive turns of the crank raise it: about the axis radial x z.
         axis = np.cross(radial, Z)
         arm = tree.add(f"a{k}", kind, "base_link", f"crank{k}", pivot, axis, turn, value)

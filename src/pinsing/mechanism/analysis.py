@@ -17,6 +17,7 @@ from pinsing.mechanism.loci import LoopForms, loop_forms
 from pinsing.mechanism.loci_roots import roots
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.motion import mechanism_at, motions
+from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_loci import PoseForms, locus_distance, pose_forms
 from pinsing.mechanism.problems import Modes, assembly_modes, working_modes
 from pinsing.mechanism.result import Check, MechanismAnalysis
@@ -220,7 +221,14 @@ def _pose_checks(
     """The numbers against the loci over the pose, at each point of the sweep."""
     if forms is None or not forms.loci:
         return []
-    worst = max((float(locus_distance(mechanism, forms, p.q)) for p in points), default=0.0)
+    if "z" in forms.variables and "e0" not in forms.variables:
+        # The equations are of the mode in which the output is not turned.
+        points = tuple(
+            p for p in points if pose_of(output_pose(mechanism, p.q)).quaternion[0] > 1 - _AGREE
+        )
+    if not points:
+        return []
+    worst = max(float(locus_distance(mechanism, forms, p.q)) for p in points)
     regular = locus_distance(mechanism, forms, home(mechanism))
     words = (
         f"each of the {len(points)} points of the sweep lies on a locus over the pose (largest "

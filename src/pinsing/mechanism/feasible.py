@@ -12,6 +12,7 @@ from pinsing._types import Array
 from pinsing.mechanism.batch import BatchLoops, newton
 from pinsing.mechanism.closure import ranks
 from pinsing.mechanism.likeness import likeness, same
+from pinsing.mechanism.modes import home
 from pinsing.mechanism.singular_points import turning_points
 from pinsing.mechanism.trace import Trace, trace
 from pinsing.robot.load_mechanism import Mechanism
@@ -81,6 +82,8 @@ def curves(
     low, high = mechanism.space.span
     begin = np.repeat(start[None], starts, axis=0)
     begin[:, free] = rng.uniform(low, high, begin.shape)[:, free]
+    # Home first: what is known to close is not left to chance.
+    begin[0, free] = home(mechanism)[free]
     found, error = newton(BatchLoops(mechanism), begin, free)
     closed = distinct(mechanism, list(found[error <= _CLOSED]))
     return cover(mechanism, closed, moving)
