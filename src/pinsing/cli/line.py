@@ -20,7 +20,6 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import emit, emit_json
 from pinsing.errors import OptionError
-from pinsing.joint_text import typed
 
 if TYPE_CHECKING:
     from pinsing.proximity.line import LineCheck
@@ -137,6 +136,8 @@ def _text(line: LineCheck, deg: bool) -> str:
 
 def _postures(line: LineCheck, deg: bool) -> list[str]:
     """Which other postures of the start would do."""
+    from pinsing.joint_text import typed  # NumPy: not for what only asks for help
+
     if not line.postures:
         return []
     good = [p for p in line.postures if p.outcome == "reached" and p.within_limits]
