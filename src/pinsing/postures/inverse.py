@@ -260,6 +260,7 @@ def inverse(
     notes = []
     ladder = ladder_of(nominal(arm)) if len(free) == arm.n else None
     count = sum(s.regular for s in solutions)
+    odd = _odd(arm, np.array([s.regular for s in solutions], dtype=bool))
     full = ladder is not None and count == ladder.most
     if ladder is not None and full:
         notes.append(f"there are no more regular ones: {ladder.kind}, at most {ladder.most}")
@@ -275,13 +276,25 @@ def inverse(
         fixed={arm.joints[j]: float(held[j]) for j in np.flatnonzero(~np.isnan(held))},
         solutions=solutions,
         starts=made,
-        doubt="" if full else _doubt(solutions, made),
+        doubt="" if full else _doubt(solutions, made, odd),
         notes=tuple(notes),
     )
 
 
-def _doubt(solutions: tuple[InverseSolution, ...], made: int) -> str:
+def _odd(arm: Arm, regular: Bool) -> bool:
+    """Whether regular solutions are odd in number where that cannot be.
+
+    Where all joints turn and do not end, joint space is compact and poses are not: the map has
+    degree zero, and as many regular solutions have a positive determinant as a negative one.
+    """
+    whole = arm.n == len(arm.task.rows) and not arm.prismatic.any()
+    return whole and bool(regular.all()) and int(regular.sum()) % 2 == 1
+
+
+def _doubt(solutions: tuple[InverseSolution, ...], made: int, odd: bool) -> str:
     rare = [s.met for s in solutions if s.regular and s.met < _ENOUGH]
+    if odd:
+        return "their number is odd, and where all joints turn it is even: one was missed"
     if not rare:
         return ""
     return (
@@ -361,6 +374,8 @@ class _Found:
         if not self.q:
             return False
         regular = ratios(self.arm, np.array(self.q)) > _REGULAR
+        if _odd(self.arm, regular):
+            return False
         return bool((np.array(self.hits)[regular] >= _ENOUGH).all())
 
 
