@@ -252,7 +252,10 @@ def _configurations(
         yield "  ", (f"inverse problem, for the pose there: {a.inverse}",)
         yield from _modes(a, a.working, values, joints, page)
     if a.ranges:
-        yield "  ", ("the loops close, the other inputs held, for",)
+        yield (
+            "  ",
+            ("the loops close, the other inputs held, at least for (curves from random starts)",),
+        )
     for name, found in a.ranges.items():
         ends = " or ".join(values.interval(name, i) for i in found)
         yield "    ", (f"{name} in {ends or 'nothing'}",)
