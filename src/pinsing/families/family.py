@@ -60,7 +60,8 @@ class Family(JsonResult):
     limits_met : tuple of str
         Limits that the family lies a little beyond, with both numbers.
     witness : (n,) array or None
-        A configuration of the family inside the joint limits.
+        A configuration of the family inside the joint limits, wider by ``limit_tolerance`` where
+        the family is at them.
     generic : (n,) array or None
         A generic configuration of it; the witness where there is one.
     rank : int or None
@@ -212,7 +213,8 @@ class Family(JsonResult):
         seconds : float
             Time for the search.
         within_limits : bool
-            Whether only configurations within the joint limits count; then revolute
+            Whether only configurations within the joint limits count, wider by
+            ``limit_tolerance`` where the family is only at them; then revolute
             differences are not wrapped, and joints that do not matter to the family but are
             outside their limits count as well. The answer is infinite where there are none.
         weights : (n,) array_like, optional
@@ -284,7 +286,9 @@ class Family(JsonResult):
 
     @checked
     def sample(self, n: int, rng: np.random.Generator) -> Array:
-        """Configurations of the family inside the joint limits.
+        """Configurations of the family inside the joint limits, to rounding (1e-9).
+
+        Where the family is only at the joint limit, limits are wider by ``limit_tolerance``.
 
         Parameters
         ----------
