@@ -26,6 +26,16 @@ settings.load_profile("pinsing")
 # What a test reads it reads itself, and nothing of it stays on the user's disk.
 os.environ["PINSING_CACHE"] = ""
 
+# Each test file is compiled with its assertions rewritten: 5 s of all, kept for the next run and
+# for other workers, also where the environment forbids that. While tests run, it has its way.
+_WRITES_NOTHING = sys.dont_write_bytecode
+sys.dont_write_bytecode = False
+
+
+def pytest_collection_finish() -> None:
+    sys.dont_write_bytecode = _WRITES_NOTHING
+
+
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 

@@ -113,6 +113,36 @@ def viewer():
 
 
 @functools.cache
+def aspects():
+    return pinsing.aspects(form())
+
+
+@functools.cache
+def connection():
+    return pinsing.connect(form(), Q, Q)
+
+
+@functools.cache
+def solutions():
+    return pinsing.inverse(planar(), Q)
+
+
+@functools.cache
+def changes():
+    return pinsing.posture_changes(planar(), Q)
+
+
+@functools.cache
+def cuspidality():
+    return pinsing.cuspidality(planar(), poses=1)
+
+
+@functools.cache
+def suggestion():
+    return pinsing.suggest(arm(), seconds=0.3)
+
+
+@functools.cache
 def page():
     """A viewer whose page is quickly written."""
     return pinsing.Viewer(arm(), families=(), skeleton=True)
@@ -193,18 +223,18 @@ CALLS = {
     "line_postures": Call(
         lambda: pinsing.line_postures, lambda: {"arm": planar(), "q0": Q, "pose": [0.1, 0.1, 0]}
     ),
-    "Aspects.of": Call(lambda: pinsing.aspects(form()).of, lambda: {"q": Q}),
-    "Aspects.text": Call(lambda: pinsing.aspects(form()).text),
+    "Aspects.of": Call(lambda: aspects().of, lambda: {"q": Q}),
+    "Aspects.text": Call(lambda: aspects().text),
     "connect": Call(lambda: pinsing.connect, lambda: {"forms": form(), "qa": Q, "qb": Q}),
-    "Connection.text": Call(lambda: pinsing.connect(form(), Q, Q).text),
+    "Connection.text": Call(lambda: connection().text),
     "inverse": Call(lambda: pinsing.inverse, lambda: {"arm": planar(), "pose": Q}),
-    "InverseSolutions.text": Call(lambda: pinsing.inverse(planar(), Q).text),
+    "InverseSolutions.text": Call(lambda: solutions().text),
     "posture_changes": Call(lambda: pinsing.posture_changes, lambda: {"arm": planar(), "q": Q}),
-    "PostureChanges.text": Call(lambda: pinsing.posture_changes(planar(), Q).text),
+    "PostureChanges.text": Call(lambda: changes().text),
     "cuspidality": Call(lambda: pinsing.cuspidality, lambda: {"arm": planar(), "poses": 1}),
-    "Cuspidality.text": Call(lambda: pinsing.cuspidality(planar(), poses=1).text),
+    "Cuspidality.text": Call(lambda: cuspidality().text),
     "suggest": Call(lambda: pinsing.suggest, with_arm(seconds=0.3)),
-    "Suggestion.text": Call(lambda: pinsing.suggest(arm(), seconds=0.3).text),
+    "Suggestion.text": Call(lambda: suggestion().text),
     "sweep": Call(lambda: pinsing.sweep, with_arm(levels=1, samples=5)),
     "task_jacobian": Call(lambda: pinsing.task_jacobian, with_arm(q=Q)),
     "task_jacobians": Call(lambda: pinsing.task_jacobians, with_arm(Q=[Q])),
@@ -265,14 +295,15 @@ CALLS = {
     ),
     "plot.locus": Call(
         lambda: pinsing.plot.locus,
-        with_arm(
-            family=pinsing.closed_form(arm()).families[0],
-            joint_a="q1",
-            joint_b="q2",
-            third="q3",
-            values=[0.0, 1.0],
-            samples=5,
-        ),
+        lambda: {
+            "arm": arm(),
+            "family": form().families[0],
+            "joint_a": "q1",
+            "joint_b": "q2",
+            "third": "q3",
+            "values": [0.0, 1.0],
+            "samples": 5,
+        },
     ),
     "plot.sigma_along": Call(
         lambda: pinsing.plot.sigma_along, with_arm(trajectory=[Q, (0.2, 0.5, 0.7)])

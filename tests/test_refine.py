@@ -87,9 +87,9 @@ def test_hundreds_are_refined_well_under_a_second(rng):
     arm = arms.textbook("iiwa14")
     Q = rng.uniform(-2, 2, (300, 7))
     refine_many(arm, Q[:2])
-    began = time.perf_counter()
+    began = time.process_time()  # whatever else runs beside
     found = refine_many(arm, Q)
-    assert time.perf_counter() - began < 3.0  # 0.2 s on an idle core
+    assert time.process_time() - began < 3.0  # 0.2 s on an idle core
     assert all(c.singular for c in found)
 
 

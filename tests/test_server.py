@@ -170,10 +170,10 @@ BAD = {
 
 @pytest.mark.parametrize("case", BAD)
 def test_a_bad_message_is_refused_quickly(case: str) -> None:
-    start = time.monotonic()
+    start = time.process_time()  # whatever else runs beside
     with pytest.raises(BadMessage):
         read_message(BAD[case])
-    assert time.monotonic() - start < 0.5
+    assert time.process_time() - start < 0.5
 
 
 def test_a_good_message_is_read() -> None:

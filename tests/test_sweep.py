@@ -267,9 +267,9 @@ def test_progress_and_interruption():
 def test_levels_one_and_two_of_a_ur5_take_no_time():
     arm = arms.ur5()
     plan_sweep(arm)
-    began = time.perf_counter()
+    began = time.process_time()  # whatever else runs beside
     result = sweep(arm)
-    assert time.perf_counter() - began < 3.0  # 0.15 s on an idle core
+    assert time.process_time() - began < 3.0  # 0.15 s on an idle core
     assert result.plan.n_jacobians > 20_000
 
 
