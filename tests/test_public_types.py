@@ -290,6 +290,10 @@ CALLS = {
     "SweepPlan.moving": Call(lambda: swept().plan.moving, lambda: {"fixed": (0,)}),
     "SweepResult.curve": Call(lambda: swept().curve, lambda: {"fixed": None, "moving": "q2"}),
     "SweepResult.set_text": Call(lambda: swept().set_text, lambda: {"fixed": {"q2": 0.0}}),
+    "plot.aspect_plane": Call(
+        lambda: pinsing.plot.aspect_plane,
+        lambda: {"arm": arm(), "joint_a": "q2", "joint_b": "q3", "forms": form(), "samples": 5},
+    ),
     "plot.ellipsoids": Call(
         lambda: pinsing.plot.ellipsoids, lambda: {"state": pinsing.at(arm(), Q)}
     ),

@@ -65,6 +65,8 @@ def aspect_changes(
     >>> round(change.t, 9), change.before, change.after
     (0.5, 1, 2)
     """
+    if not isinstance(forms, ClosedForm) and not len(forms):
+        raise OptionError("forms must be a ClosedForm, or several of one arm: see closed_form")
     arm = forms.arm if isinstance(forms, ClosedForm) else forms[0].arm
     samples = np.asarray(Q, dtype=float)
     if samples.ndim != 2 or samples.shape[1] != arm.n or not len(samples):
