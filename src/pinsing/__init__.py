@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from pinsing.postures.changes import PostureChanges, posture_changes
     from pinsing.postures.connection import Connection, connect
     from pinsing.postures.cuspidal import Cuspidality, cuspidality
-    from pinsing.postures.inverse import InverseSolutions, inverse
+    from pinsing.postures.inverse import inverse
+    from pinsing.postures.inverse_solutions import InverseSolutions
     from pinsing.postures.lines import line_postures
     from pinsing.postures.motions import aspect_changes
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
@@ -73,7 +74,7 @@ _HOME = {
     "Cuspidality": "pinsing.postures.cuspidal",
     "Family": "pinsing.families",
     "Finding": "pinsing.sweeps.finding",
-    "InverseSolutions": "pinsing.postures.inverse",
+    "InverseSolutions": "pinsing.postures.inverse_solutions",
     "InverseVelocity": "pinsing.kinematics.inverse_velocity",
     "LineCheck": "pinsing.proximity.line",
     "MapPlan": "pinsing.maps",

@@ -18,7 +18,8 @@ from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.aspects import aspects
 from pinsing.postures.connection import DIFFERENT, SAME, Connection, connect
-from pinsing.postures.inverse import InverseSolution, inverse
+from pinsing.postures.inverse import inverse
+from pinsing.postures.inverse_solutions import InverseSolution
 from pinsing.postures.names import posture_names
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm

@@ -86,6 +86,10 @@ class Solver:
         good = left < _CLOSE
         return Q[good], left[good]
 
+    def signs(self, Q: Array) -> Array:
+        """Signs (N,) of the determinant at configurations (N, n), of a square task."""
+        return np.asarray(np.sign(np.linalg.det(self.linear(Q)[1])))
+
     def linear(self, Q: Array) -> tuple[Array, Array]:
         """What is left of the pose (N, m), and its derivatives by the weighted free joints."""
         N, n = Q.shape
@@ -103,12 +107,12 @@ class Solver:
             p = p + R @ t[j + 1]
             R = R @ C[j + 1]
         J = np.zeros((N, 6, n))
-        for j in range(n):
-            if self.chain.prismatic[j]:
-                J[:, :3, j] = z[j]
-            else:
-                J[:, :3, j] = np.cross(z[j], p - o[j])
-                J[:, 3:, j] = z[j]
+        # By components: np.cross costs more than all else here.
+        (a, b, c), (d, e, f) = np.moveaxis(z, 2, 0), np.moveaxis(p - o, 2, 0)
+        moved = np.stack([b * f - c * e, c * d - a * f, a * e - b * d], axis=2)
+        slides = np.asarray(self.chain.prismatic, dtype=bool)[:, None, None]
+        J[:, :3] = np.where(slides, z, moved).transpose(1, 2, 0)
+        J[:, 3:] = np.where(slides, 0.0, z).transpose(1, 2, 0)
         error = np.zeros((N, 6))
         error[:, :3] = (self.position - p) / self.scale
         if self.rotation is not None:

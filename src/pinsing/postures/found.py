@@ -1,0 +1,128 @@
+"""Solutions of a pose that were found so far, and what speaks against that these are all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from pinsing._types import Array, Bool
+from pinsing.kinematics.verdict import ratios
+from pinsing.postures.inverse_solutions import InverseSolution
+from pinsing.postures.kantorovich import POSE, radii
+from pinsing.postures.newton import Solver
+from pinsing.robot.arm import Arm
+
+ENOUGH = 5
+"""A solution that was met so often has a share of the starts that is not small."""
+
+_APART = 1e-4
+_MOST = 4096
+_ROUNDS = 4
+_SINGULAR_LISTED = 32
+_REGULAR = 1e-6
+"""sigma_r / sigma_1 above which a solution is regular: of a singular one half the digits hold."""
+
+
+class Found:
+    """Solutions so far, each with how often it was met.
+
+    Parameters
+    ----------
+    solver : Solver
+        Of the pose.
+    arm : Arm
+        The arm.
+    """
+
+    def __init__(self, solver: Solver, arm: Arm) -> None:
+        self.solver, self.arm = solver, arm
+        self.q: list[Array] = []
+        self.left: list[float] = []
+        self.hits: list[int] = []
+        self._followed = 0
+
+    def add(self, Q: Array, left: Array) -> None:
+        """Sort reached configurations into those known and new ones."""
+        Q = self.arm.space.wrap(Q)
+        for q, e in zip(Q, left, strict=True):
+            if self.q:
+                gap = np.abs(self.arm.space.wrap(np.array(self.q) - q)).max(axis=1)
+                k = int(np.argmin(gap))
+                if gap[k] < _APART:
+                    self.hits[k] += 1
+                    if e < self.left[k]:
+                        self.q[k], self.left[k] = q, float(e)
+                    continue
+            if len(self.q) < _MOST:
+                self.q.append(q)
+                self.left.append(float(e))
+                self.hits.append(1)
+
+    def follow(self, images: Callable[[Array], Array]) -> None:
+        """Start from images of each solution that is new since the last time, and of theirs."""
+        for _ in range(_ROUNDS):
+            new = np.array(self.q[self._followed :])
+            self._followed = len(self.q)
+            # Singular solutions lie on curves, of which there is no end.
+            new = new[ratios(self.arm, new) > _REGULAR] if len(new) else new
+            if not len(new):
+                return
+            self.add(*self.solver.solve(images(new)))
+
+    @property
+    def regular(self) -> Bool:
+        """Which of them are regular, (K,)."""
+        if not self.q:
+            return np.zeros(0, dtype=bool)
+        return np.greater(ratios(self.arm, np.array(self.q)), _REGULAR)
+
+    @property
+    def lacking(self) -> int:
+        """How many solutions with a positive determinant lack, negative: with a negative one.
+
+        Where all free joints turn and do not end, joint space is compact and poses are not: the
+        map has degree zero, and as many regular solutions have a positive determinant as a
+        negative one. Zero where that says nothing.
+        """
+        rows = tuple(int(r) for r in self.solver.rows)
+        square = len(rows) == len(self.solver.free) and (rows == POSE or max(rows) < 3)
+        if not self.q or not square or self.arm.prismatic[self.solver.free].any():
+            return 0
+        if not self.regular.all():
+            return 0
+        return -round(float(self.solver.signs(np.array(self.q)).sum()))
+
+    def settled(self) -> bool:
+        """Whether every regular solution was met several times, and none is known to lack."""
+        if not self.q or self.lacking:
+            return False
+        return bool((np.array(self.hits)[self.regular] >= ENOUGH).all())
+
+    def judged(self) -> tuple[InverseSolution, ...]:
+        """Those within the limits first, best conditioned first; not all singular ones."""
+        if not self.q:
+            return ()
+        Q = self.arm.fold(np.array(self.q))
+        measure = ratios(self.arm, Q)
+        regular: Bool = np.greater(measure, _REGULAR)
+        outside: Bool = np.asarray(self.arm.space.outside(Q).any(axis=1))
+        sure = radii(self.solver, Q)
+        out, singular = [], 0
+        for k in np.lexsort((-measure, outside)):
+            singular += not regular[k]
+            if not regular[k] and singular > _SINGULAR_LISTED:
+                continue
+            out.append(
+                InverseSolution(
+                    q=Q[k],
+                    regular=bool(regular[k]),
+                    sigma_ratio=float(measure[k]),
+                    within_limits=not bool(outside[k]),
+                    met=self.hits[k],
+                    error=self.left[k],
+                    radius=float(sure[k]) if regular[k] else math.inf,
+                )
+            )
+        return tuple(out)
