@@ -17,6 +17,7 @@ from pinsing.postures.bound_on_boxes import Terms
 from pinsing.postures.boxes import Ground
 from pinsing.postures.divided import Divided
 from pinsing.postures.partition import partition
+from pinsing.postures.regular_way import one_sheet, regular_way
 from pinsing.postures.subdivision import subdivide
 from pinsing.postures.wheel import Wheel
 from pinsing.proximity.watched import watch
@@ -433,6 +434,51 @@ class TestCuspidality:
         found = pinsing.cuspidality(arm_of("so101"), forms=form_of("so101"), poses=2)
         assert found.answer == "no evidence"
         assert not found.proven
+
+    def test_an_arm_of_five_joints_says_what_its_answer_rests_on(self):
+        """SO-100 reaches over its own base: over the top no rank is lost, the elbow stays."""
+        arm = arm_of("so100")
+        found = pinsing.cuspidality(arm, forms=form_of("so100"), poses=3)
+        assert found.answer == "cuspidal"
+        path = found.witness.path
+        first, last = (tip_placement(arm, q).homogeneous for q in (path[0], path[-1]))
+        assert np.abs(first - last).max() < 1e-9
+        assert np.abs(arm.space.wrap(path[-1] - path[0])).max() > 1
+        for a, b in pairwise(path):
+            fine = a + np.linspace(0, 1, 2000)[:, None] * (b - a)
+            sizes = np.linalg.svd(pinsing.task_jacobians(arm, fine), compute_uv=False)
+            assert sizes.shape[1] == 5
+            assert sizes[:, 4].min() > 1e-5
+        said = " ".join(found.notes)
+        assert "with 5 joints regular means rank 5" in said
+        assert "rests on numbers" in said
+        assert "from the Jacobian of the arm itself" in said
+        assert "no certificate" not in said
+
+    def test_a_way_is_regular_only_where_no_family_is_met(self):
+        """Of codimension one, and of two: the second does not separate, and is met all the same."""
+        arm = arm_of("ur5")
+        q = np.array([0.1, -1.0, 1.2, 0.3, 0.9, 0.2])
+        elbow, wrist = q.copy(), q.copy()
+        elbow[2], wrist[4] = 0.8, -0.9
+        assert regular_way(arm, np.array([q, elbow]))
+        assert not regular_way(arm, np.array([q, wrist]))
+        assert not regular_way(arm, np.array([q, elbow, wrist]))
+        low = pinsing.nominal(arm_of("so100")).arm
+        family = next(f for f in form_of("so100").families if f.codimension == 2)
+        middle = family.sample(1, np.random.default_rng(0))[0]
+        aside = np.array([0.3, 0.2, 0.1, -0.2, 0.4])
+        way = np.array([middle - aside, middle + aside])
+        assert not regular_way(low, way)
+        assert regular_way(low, np.array([middle + 0.5 * aside, middle + aside]))
+
+    def test_two_sheets_of_poses_that_cross_are_no_posture_change(self):
+        """The tip of an arm of five joints leaves one way from one configuration."""
+        arm = arm_of("so101")
+        a, b = arm.space.sample(2, np.random.default_rng(0), True)
+        assert one_sheet(arm, a, a)
+        assert not one_sheet(arm, a, b)
+        assert one_sheet(arm_of("ur5"), np.full(6, 0.3), np.full(6, 0.8))
 
     def test_a_redundant_arm_is_refused(self):
         with pytest.raises(OptionError, match="as many"):

@@ -142,7 +142,8 @@ def main() -> None:
     lines = [
         "# Aspects and cuspidality",
         "",
-        "Made by `python scripts/bench/postures.py --write docs/postures.md`; Python "
+        f"Made by `python scripts/bench/postures.py --poses {options.poses} --write "
+        "docs/postures.md`; Python "
         f"{platform.python_version()}, {platform.machine()}; milliseconds of processor time, the "
         "closed form at hand.",
         "A count is one number where the lower and the upper bound agree: proven, of the families "

@@ -21,6 +21,7 @@ from pinsing.postures.aspects import Aspects, aspects
 from pinsing.postures.connection import SAME, Connection, connect
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import ladder_of
+from pinsing.postures.regular_way import one_sheet, regular_way
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
@@ -31,7 +32,17 @@ POSES = 60
 CUSPIDAL, NOT_CUSPIDAL, NO_EVIDENCE = "cuspidal", "not cuspidal", "no evidence"
 
 _SAME_POSE = 1e-9
+_APART = 1e-3
 _FINE = 400
+
+
+_WITNESS = (
+    "two inverse solutions of one pose are joined by a way on which no configuration is singular"
+)
+_RANK = (
+    "the rank on all of the way is proven from the Jacobian of the arm itself, with a bound of how "
+    "fast it changes; no closed form is needed for that"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,8 +148,11 @@ def cuspidality(
     (`pinsing.postures.ladder`), or where no point has more than two solutions.
     Poses are those of random configurations; of each
     all inverse solutions are found and told apart by their aspects. Where two share one, a way
-    that meets no family is found and proven; that is a witness. Where a pose has more regular
-    solutions than there are aspects, two must share one; that is a reason without a way.
+    is found and proven to be regular throughout (`pinsing.postures.regular_way`); that is a
+    witness. With fewer joints than a pose has conditions regular means that the rank is the number
+    of joints; the tip must then be able to leave in the same directions from both ends. Where a
+    pose has more regular solutions than there are aspects, two must share one; that is a reason
+    without a way.
 
     Parameters
     ----------
@@ -193,19 +207,10 @@ def cuspidality(
             way = connect(form, regular[a].q, regular[b].q, limits=False, of=found)
             if way.answer == SAME and way.path is not None:
                 error, least = _checked(arm, way.path)
-                if error <= _SAME_POSE and form.complete:
+                if error <= _SAME_POSE and _stands(arm, way.path):
+                    said = [_RANK] if arm.n == len(arm.task.rows) else [_RANK, _few(arm, error)]
                     return _answer(
-                        arm,
-                        found,
-                        CUSPIDAL,
-                        "two inverse solutions of one pose are joined by a "
-                        "way on which no configuration is singular",
-                        way,
-                        error,
-                        least,
-                        most,
-                        k + 1,
-                        notes,
+                        arm, found, CUSPIDAL, _WITNESS, way, error, least, most, k + 1, said
                     )
         if found.proven and nominal(arm).exact and known.certified > found.lower:
             crowded = (
@@ -238,6 +243,21 @@ def _pairs(places: list[int | None]) -> list[tuple[int, int]]:
         for b in range(a + 1, len(places))
         if places[a] is not None and places[a] == places[b]
     ]
+
+
+def _stands(arm: Arm, path: Array) -> bool:
+    """Whether the ends of a way are two solutions, and no configuration on it is singular."""
+    apart = float(np.abs(arm.space.wrap(path[-1] - path[0])).max())
+    return apart > _APART and one_sheet(arm, path[0], path[-1]) and regular_way(arm, path)
+
+
+def _few(arm: Arm, error: float) -> str:
+    return (
+        f"with {arm.n} joints regular means rank {arm.n}, and the tip has only the poses that "
+        f"these reach; it can leave in the same {arm.n} directions from both ends, so this is no "
+        "chance crossing of two sheets of poses; that the ends have one pose rests on numbers: "
+        f"they differ by {error:.1e}, and no step could take away a difference in other directions"
+    )
 
 
 def _checked(arm: Arm, path: Array) -> tuple[float, float]:

@@ -19,6 +19,9 @@ ENOUGH = 5
 
 _APART = 1e-4
 _MOST = 4096
+_NEAR = 0.1
+_QUICK = 30
+"""Steps from an image: it is near a solution, or of no use."""
 _ROUNDS = 4
 _SINGULAR_LISTED = 32
 _REGULAR = 1e-6
@@ -69,7 +72,11 @@ class Found:
             new = new[ratios(self.arm, new) > _REGULAR] if len(new) else new
             if not len(new):
                 return
-            self.add(*self.solver.solve(images(new)))
+            start = images(new)
+            gap = self.arm.space.wrap(start[:, None] - np.array(self.q))
+            start = start[np.abs(gap).max(axis=2).min(axis=1) > _NEAR] if len(start) else start
+            if len(start):
+                self.add(*self.solver.solve(start, _QUICK))
 
     @property
     def regular(self) -> Bool:

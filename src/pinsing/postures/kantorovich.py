@@ -53,6 +53,14 @@ def radii(solver: Solver, Q: Array) -> Array:
     return out
 
 
+def bend(solver: Solver, Q: Array) -> Array:
+    """Bound (K,) of the second derivatives of the pose by weighted joints.
+
+    It holds near Q (K, n), and wherever joints turn; slides by less than 0.1 m more.
+    """
+    return _bend(solver, _reach(solver, Q))
+
+
 def _reach(solver: Solver, Q: Array) -> Array:
     """How far the tip can be from each joint, (K, n)."""
     step = np.linalg.norm(solver.chain.t, axis=1)[1:]
@@ -68,7 +76,7 @@ def _bend(solver: Solver, reach: Array) -> Array:
     outer = np.maximum.outer(np.arange(n), np.arange(n))
     both = turns[:, None] & turns[None, :]
     one = turns[:, None] ^ turns[None, :]
-    spin = 1.0 if len(solver.rows) == len(POSE) else 0.0
+    spin = 1.0 if max(solver.rows) >= len(POSITION) else 0.0
     size = np.where(both, np.hypot(far[:, outer], spin), np.where(one, 1 / solver.scale, 0.0))
     weight = np.outer(solver.weight, solver.weight)
     return np.asarray(np.linalg.norm(size / weight, axis=(1, 2)))

@@ -51,7 +51,7 @@ class Solver:
         weight = np.where(arm.prismatic, 1 / scale, 1.0)[free]
         return cls(chain, position, rotation, np.array(arm.task.rows), free, scale, weight)
 
-    def solve(self, Q: Array) -> tuple[Array, Array]:
+    def solve(self, Q: Array, steps: int = _ITERATIONS) -> tuple[Array, Array]:
         """Where starts Q (N, n) lead: those that reach the pose (K, n), and what is left (K,)."""
         Q = Q.copy()
         damping = np.full(len(Q), 1e-2)
@@ -59,7 +59,7 @@ class Solver:
         cost = (error**2).sum(axis=1)
         alive = np.ones(len(Q), dtype=bool)
         k = len(self.free)
-        for _ in range(_ITERATIONS):
+        for _ in range(steps):
             live = np.flatnonzero(alive)
             if not len(live):
                 break
