@@ -21,8 +21,9 @@ from pinsing.postures.joint_map import Map, make_map
 from pinsing.postures.names import posture_names
 from pinsing.postures.partition import Part
 from pinsing.postures.piece import Piece
+from pinsing.postures.same_families import require_same_families
 from pinsing.proximity.clearance import quick
-from pinsing.proximity.watched import Forms
+from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm_summary import ArmSummary
 from pinsing.serialization import JsonResult
 
@@ -173,10 +174,14 @@ class Aspects(JsonResult):
         >>> len({found.of(aspect.q) for aspect in found})
         16
         """
+        chosen = self._asked()
+        place = chosen.place(chosen.check(q))
+        return None if place is None else chosen.number(place)
+
+    def _asked(self) -> Map:
         if self._map is None:
             raise OptionError("aspects that were read from JSON cannot be asked: make them again")
-        place = self._map.place(self._map.check(q))
-        return None if place is None else self._map.number(place)
+        return self._map
 
     @checked
     def text(self, degrees: bool = False) -> str:
@@ -285,6 +290,19 @@ def aspects(forms: Forms, limits: bool = True, *, seconds: float = SECONDS) -> A
         seconds=time.monotonic() - begin,
         _map=chosen,
     )
+
+
+def map_of(found: Aspects, forms: Forms) -> Map:
+    """The pieces of joint space that aspects stand on, if they are those of these forms.
+
+    Raises
+    ------
+    OptionError
+        If they were read from JSON, or are of another arm.
+    """
+    chosen = found._asked()
+    require_same_families(watch(forms), chosen.watched)
+    return chosen
 
 
 def _named_aspects(found: list[Aspect], form: ClosedForm) -> Iterator[Aspect]:

@@ -28,6 +28,9 @@ from pinsing.serialization import JsonResult
 
 SECONDS = 60.0
 
+_ITSELF = 1e-4
+"""Joint distance up to which two solutions are one, as in `inverse`."""
+
 
 @dataclass(frozen=True, eq=False)
 class PostureChange:
@@ -201,11 +204,12 @@ def posture_changes(
     held, notes = _held(arm, here, fixed, form)
     found = aspects(form, limits)
     start = found.of(here)
-    known = inverse(arm, tip_placement(arm, here).homogeneous, fixed=held)
+    known = inverse(arm, tip_placement(arm, here).homogeneous, fixed=held, near=here)
     until = time.monotonic() + seconds
-    others = []
+    others, itself = [], False
     for s in known:
-        if abs(arm.space.wrap(s.q - here)).max() < 1e-6:
+        if float(abs(arm.space.wrap(s.q - here)).max()) < _ITSELF:
+            itself = True
             continue
         usable = s.regular and start is not None and (s.within_limits or not limits)
         way = None
@@ -215,6 +219,11 @@ def posture_changes(
         number = None if way is None else way.aspects[1]
         names = posture_names(nominal(arm), s.q[None])[0] if s.regular else ()
         others.append(PostureChange(s, number, way, names))
+    elsewhere = [j for j, x in held.items() if x != here[arm.joints.index(j)]]
+    if elsewhere:
+        notes.append(f"{', '.join(elsewhere)} held elsewhere than in q: all solutions are others")
+    elif not itself:
+        notes.append("the configuration given was not found among the solutions: others may lack")
     order = {SAME: 0, "undecided": 1, DIFFERENT: 2}
     others.sort(key=lambda o: 3 if o.connection is None else order[o.connection.answer])
     return PostureChanges(

@@ -16,7 +16,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.joint_text import typed
-from pinsing.postures.aspects import Aspects, aspects
+from pinsing.postures.aspects import Aspects, aspects, map_of
 from pinsing.postures.joint_map import Map
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.watched import Forms
@@ -149,7 +149,8 @@ def connect(
     ConfigurationError
         If a configuration has the wrong length, is not finite, or is outside the limits.
     OptionError
-        If forms are none, or of different arms, or an option makes no sense.
+        If forms are none, or of different arms, or an option makes no sense; if ``of`` are the
+        aspects of another arm.
 
     Examples
     --------
@@ -167,27 +168,28 @@ def connect(
             + ("of " if found.within_limits else "not of ")
             + "the space within the limits; limits says otherwise"
         )
-    chosen = found._map
-    if chosen is None:
-        raise OptionError("aspects that were read from JSON cannot be asked: make them again")
+    chosen = map_of(found, forms)
     start, end = chosen.check(qa), chosen.check(qb)
     places = [chosen.place(q) for q in (start, end)]
     numbers = [None if p is None else chosen.number(p) for p in places]
     notes = [n for n in found.notes if "certificate" in n or "complete" in n]
     answer, path = UNDECIDED, None
-    singular = [not chosen.clear(np.stack([q, q])) for q in (start, end)]
+    singular = [chosen.singular(q) for q in (start, end)]
     if any(singular):
-        which = " and ".join(
-            w for w, s in zip(("the first", "the second"), singular, strict=True) if s
-        )
+        which = _which(singular)
         notes.append(f"{which} configuration is on a family that separates: it is in no aspect")
-    elif places[0] is not None and places[1] is not None:
+    elif places[0] is None or places[1] is None:
+        which = _which([p is None for p in places])
+        notes.append(f"the aspect of {which} configuration could not be told: a boundary is near")
+    else:
         if _apart(chosen, places[0], places[1]):
             answer = DIFFERENT
         else:
             until = time.monotonic() + seconds
             path = _way(chosen, places[0], start, end, until)
             answer = UNDECIDED if path is None else SAME
+            if path is None:
+                notes.append("a way within the aspect was looked for and not found")
     clearance = length = float("nan")
     if path is not None:
         clearance = _least(chosen, path)
@@ -204,6 +206,10 @@ def connect(
         within_limits=limits,
         notes=tuple(notes),
     )
+
+
+def _which(ends: list[bool]) -> str:
+    return " and ".join(w for w, s in zip(("the first", "the second"), ends, strict=True) if s)
 
 
 def _apart(chosen: Map, a: tuple[tuple[int, int], ...], b: tuple[tuple[int, int], ...]) -> bool:

@@ -37,10 +37,12 @@ class Found:
         Of the pose.
     arm : Arm
         The arm.
+    held : (n,) array
+        Values of joints that are held; NaN for those that are free.
     """
 
-    def __init__(self, solver: Solver, arm: Arm) -> None:
-        self.solver, self.arm = solver, arm
+    def __init__(self, solver: Solver, arm: Arm, held: Array) -> None:
+        self.solver, self.arm, self.held = solver, arm, held
         self.q: list[Array] = []
         self.left: list[float] = []
         self.hits: list[int] = []
@@ -111,10 +113,12 @@ class Found:
         """Those within the limits first, best conditioned first; not all singular ones."""
         if not self.q:
             return ()
-        Q = self.arm.fold(np.array(self.q))
-        measure = ratios(self.arm, Q)
+        arm, held = self.arm, self.held
+        Q = np.where(np.isnan(held), arm.fold(np.array(self.q)), held)
+        measure = ratios(arm, Q)
         regular: Bool = np.greater(measure, _REGULAR)
-        outside: Bool = np.asarray(self.arm.space.outside(Q).any(axis=1))
+        outside: Bool = np.asarray(arm.space.outside(Q).any(axis=1))
+        outside |= bool(np.any((held < arm.lower) | (held > arm.upper)))
         sure = radii(self.solver, Q)
         out, singular = [], 0
         for k in np.lexsort((-measure, outside)):

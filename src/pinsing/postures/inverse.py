@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
@@ -18,6 +18,7 @@ from pinsing.postures.found import ENOUGH, Found
 from pinsing.postures.inverse_solutions import InverseSolution, InverseSolutions
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.newton import Solver
+from pinsing.postures.stalled import Stalled
 from pinsing.postures.starts import drawn, mirrored
 from pinsing.postures.stepwise import steps_of
 from pinsing.robot.arm import Arm
@@ -25,6 +26,9 @@ from pinsing.robot.arm_summary import summarize
 
 STARTS = 256
 MOST_STARTS = 4096
+
+_FAR = 1e12
+"""Length scales beyond which a pose is not solved step by step: squares lose all digits."""
 
 _CHECK = 8
 """Share of the random starts that check solutions found step by step: one in so many."""
@@ -38,6 +42,7 @@ def inverse(
     fixed: Mapping[str, float] | None = None,
     starts: int = STARTS,
     seed: int = 0,
+    near: npt.ArrayLike | None = None,
 ) -> InverseSolutions:
     """Find all inverse solutions of a pose.
 
@@ -65,6 +70,8 @@ def inverse(
         Random starts to begin with; an eighth of them where steps gave all solutions.
     seed : int
         Of the starts.
+    near : (n,) or (N, n) array_like, optional
+        Configurations to start from as well: one that reaches the pose is among the solutions.
 
     Returns
     -------
@@ -74,7 +81,7 @@ def inverse(
     Raises
     ------
     ConfigurationError
-        If the pose makes no sense.
+        If the pose makes no sense, or a joint is held, or a start of ``near`` is, at no number.
     OptionError
         If joints and conditions do not agree in number: the message says how many to hold.
     UnknownNameError
@@ -103,10 +110,11 @@ def inverse(
         )
     solver = Solver.of(arm, position, rotation, held, free)
     rng = np.random.default_rng(seed)
-    found = Found(solver, arm)
+    found, stalled = Found(solver, arm, held), Stalled(arm.space)
     geometry = nominal(arm)
     alone = len(free) == arm.n
-    steps = steps_of(geometry, position, rotation) if alone else None
+    far = np.abs(position).max() > _FAR * arm.length_scale
+    steps = steps_of(geometry, position, rotation) if alone and not far else None
     first = starts
     known = -1
     if steps is not None:
@@ -114,10 +122,14 @@ def inverse(
         solved = int((np.linalg.norm(solver.linear(steps.Q)[0], axis=1) < steps.near).sum())
         if steps.clear and solved == len(found.q) and found.regular.all():
             known, first = len(found.q), max(1, starts // _CHECK)
+    if near is not None:
+        own = np.atleast_2d(arm.check(near))
+        found.add(*solver.solve(np.where(np.isnan(held), own, held), stalled=stalled))
     made, most = 0, max(starts, min(MOST_STARTS, 16 * starts))
     count = first
     while made < most:
-        found.add(*solver.solve(drawn(arm, held, count, rng, solver, found.lacking)))
+        Q = drawn(arm, held, count, rng, solver, found.lacking)
+        found.add(*solver.solve(Q, stalled=stalled))
         made += count
         if len(found.q) == known:
             break
@@ -126,7 +138,7 @@ def inverse(
             break
         count = min(max(made, starts - made), most - made)
     solutions = found.judged()
-    notes = []
+    notes = list(_beyond(arm, held))
     ladder = ladder_of(geometry) if alone else None
     regular = sum(s.regular for s in solutions)
     full = ladder is not None and regular == ladder.most
@@ -144,7 +156,10 @@ def inverse(
         fixed={arm.joints[j]: float(held[j]) for j in np.flatnonzero(~np.isnan(held))},
         solutions=solutions,
         starts=made,
-        doubt="" if sure else _doubt(solutions, made, found.lacking),
+        doubt=""
+        if sure
+        else _doubt(solutions, made, found.lacking)
+        or stalled.doubt(np.array([s.q for s in solutions])),
         notes=tuple(notes),
     )
 
@@ -197,3 +212,12 @@ def _held(arm: Arm, fixed: Mapping[str, float]) -> Array:
             raise ConfigurationError(f"joint {name!r} is held at {number}", joint=name)
         held[arm.joints.index(name)] = number
     return held
+
+
+def _beyond(arm: Arm, held: Array) -> Iterator[str]:
+    """Say which joints are held outside their limits."""
+    for j in np.flatnonzero((held < arm.lower) | (held > arm.upper)):
+        yield (
+            f"{arm.joints[j]} is held at {held[j]:.6g}, outside its limits "
+            f"{arm.lower[j]:.6g} to {arm.upper[j]:.6g}: so is every solution"
+        )

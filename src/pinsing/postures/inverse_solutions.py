@@ -140,7 +140,7 @@ class InverseSolutions(JsonResult):
         count = len(self.solutions)
         if not count:
             head = f"no inverse solution was found from {self.starts} starts"
-            lines = [f"{head}: the pose seems out of reach"]
+            lines = [head if self.doubt else f"{head}: the pose seems out of reach"]
         else:
             inside = sum(s.within_limits for s in self.solutions)
             lines = [

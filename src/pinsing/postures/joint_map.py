@@ -15,9 +15,13 @@ from pinsing.errors import ConfigurationError
 from pinsing.postures.partition import Arc, Part, Partition, partition
 from pinsing.postures.piece import Clear, Piece
 from pinsing.postures.pieces import make_piece
+from pinsing.proximity.clearance import quick
 from pinsing.proximity.crossings import crossings_of
 from pinsing.proximity.motion import motion_of
 from pinsing.proximity.watched import Forms, Watched, watch
+
+_ON = 1e-9
+"""Distance, radians, within which a configuration is on a family: files round their limits."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +75,14 @@ class Map:
             return True
         return len(crossings_of(self.cutting, motion_of(self.cutting, Q, None))) == 0
 
+    def singular(self, q: Array) -> bool:
+        """Whether a configuration is on a family that separates, within 1e-9 rad."""
+        if not self.cutting.families:
+            return False
+        if not self.clear(np.stack([q, q])):
+            return True
+        return float(quick(self.cutting, q[None]).upper[0]) <= _ON
+
     def clear_in(self, part: Part, q: Array) -> Clear:
         """The same for the joints of a part, with the others as in q."""
         columns = list(part.joints)
@@ -84,7 +96,7 @@ class Map:
 
     def place(self, q: Array) -> tuple[tuple[int, int], ...] | None:
         """Box and component of each part; None on what separates, or where it cannot be told."""
-        if self.clear(np.stack([q, q])) is False:
+        if self.singular(q):
             return None
         out = []
         for part, pieces in zip(self.partition.parts, self.pieces, strict=True):

@@ -9,7 +9,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
-from pinsing.postures.aspects import Aspects, aspects
+from pinsing.postures.aspects import Aspects, aspects, map_of
 from pinsing.postures.names import posture_names
 from pinsing.proximity.crossings import crossings_of
 from pinsing.proximity.motion import check_times, motion_of
@@ -55,7 +55,8 @@ def aspect_changes(
     ConfigurationError
         If Q has the wrong shape, a value that is not finite, or leaves the limits of ``of``.
     OptionError
-        If forms are none, or of different arms, or times do not ascend.
+        If forms are none, or of different arms, or times do not ascend; if ``of``
+        are the aspects of another arm.
 
     Examples
     --------
@@ -79,9 +80,7 @@ def aspect_changes(
     if of is None:
         inside = (samples >= arm.lower - 1e-9) & (samples <= arm.upper + 1e-9)
         of = aspects(forms, bool(inside.all()))
-    chosen = of._map
-    if chosen is None:
-        raise OptionError("aspects that were read from JSON cannot be asked: make them again")
+    chosen = map_of(of, forms)
     met = crossings_of(chosen.cutting, motion_of(chosen.cutting, samples, times))
     span = max(float(times[-1] - times[0]), 1e-300)
     groups: list[tuple[float, float, set[str]]] = []

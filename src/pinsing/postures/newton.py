@@ -10,11 +10,14 @@ from pinsing._batch.chain import FlatChain
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError
 from pinsing.geometry.chain import flatten
+from pinsing.postures.stalled import Stalled
 from pinsing.robot.arm import Arm
 
 _ITERATIONS = 60
 _STEP = 0.7
 _CLOSE = 1e-11
+_FLOOR = 1e-13
+_TINY = 1e-300
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,21 +54,32 @@ class Solver:
         weight = np.where(arm.prismatic, 1 / scale, 1.0)[free]
         return cls(chain, position, rotation, np.array(arm.task.rows), free, scale, weight)
 
-    def solve(self, Q: Array, steps: int = _ITERATIONS) -> tuple[Array, Array]:
-        """Where starts Q (N, n) lead: those that reach the pose (K, n), and what is left (K,)."""
-        Q = Q.copy()
+    def solve(
+        self, Q: Array, steps: int = _ITERATIONS, stalled: Stalled | None = None
+    ) -> tuple[Array, Array]:
+        """Where starts Q (N, n) lead: those that reach the pose (K, n), and what is left (K,).
+
+        Those that do not are told to ``stalled``. A pose too far away for its squares to be
+        numbers is reached by none.
+        """
+        with np.errstate(over="ignore", invalid="ignore"):
+            Q, left = self._descend(Q.copy(), steps)
+        good = left < _CLOSE
+        if stalled is not None:
+            stalled.add(Q[~good], left[~good])
+        return Q[good], left[good]
+
+    def _descend(self, Q: Array, steps: int) -> tuple[Array, Array]:
         damping = np.full(len(Q), 1e-2)
         error, J = self.linear(Q)
         cost = (error**2).sum(axis=1)
-        alive = np.ones(len(Q), dtype=bool)
-        k = len(self.free)
+        alive = np.isfinite(cost)
         for _ in range(steps):
             live = np.flatnonzero(alive)
             if not len(live):
                 break
             e, A = error[live], J[live]
-            gram = A.transpose(0, 2, 1) @ A + damping[live][:, None, None] * np.eye(k)
-            step = np.linalg.solve(gram, (A.transpose(0, 2, 1) @ e[..., None]))[..., 0]
+            step = _damped(A, e, damping[live])
             long = np.abs(step).max(axis=1)
             step *= np.minimum(1.0, _STEP / np.maximum(long, 1e-300))[:, None]
             trial = Q[live].copy()
@@ -82,9 +96,7 @@ class Solver:
             )
             done = (cost[live] < 1e-28) | (damping[live] > 10.0) | (~better & (cost[live] < 1e-22))
             alive[live[done]] = False
-        left = np.sqrt(cost)
-        good = left < _CLOSE
-        return Q[good], left[good]
+        return Q, np.sqrt(cost)
 
     def signs(self, Q: Array) -> Array:
         """Signs (N,) of the determinant at configurations (N, n), of a square task."""
@@ -120,6 +132,29 @@ class Solver:
         J[:, :3] /= self.scale
         rows = self.rows
         return error[:, rows], (J[:, rows][:, :, self.free]) / self.weight
+
+
+def _damped(J: Array, e: Array, damping: Array) -> Array:
+    """Steps (N, k) that solve (J'J + damping) step = J'e, for J (N, m, k) and e (N, m).
+
+    J'J is known to rounding of its trace. With less damping than that it may have no inverse
+    where J is singular: there J is taken apart itself.
+    """
+    transposed = J.transpose(0, 2, 1)
+    step = (transposed @ e[..., None])[..., 0]
+    gram = transposed @ J
+    little = damping <= _FLOOR * np.trace(gram, axis1=1, axis2=2)
+    much = np.flatnonzero(~little)
+    if len(much):
+        added = gram[much] + damping[much][:, None, None] * np.eye(J.shape[2])
+        step[much] = np.linalg.solve(added, step[much][..., None])[..., 0]
+    rest = np.flatnonzero(little)
+    if len(rest):
+        u, s, v = np.linalg.svd(J[rest], full_matrices=False)
+        along = (u.transpose(0, 2, 1) @ e[rest][..., None])[..., 0]
+        along *= s / np.maximum(s * s + damping[rest][:, None], _TINY)
+        step[rest] = (v.transpose(0, 2, 1) @ along[..., None])[..., 0]
+    return step
 
 
 def _log(R: Array) -> Array:

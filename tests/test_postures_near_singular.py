@@ -1,0 +1,174 @@
+"""Postures next to singular configurations, of nearly singular arms, and what was asked wrongly."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.postures.inverse import inverse
+from pinsing.postures.newton import Solver
+
+# The upper arm and the forearm of PUMA 560 are of almost one length: its elbow folded, the wrist
+# is half a millimetre from the axis of joint 2, and the pose tells little about two joints.
+FOLDED = np.pi / 2 + np.arctan2(0.0203, 0.4318)
+
+CRX = """
+  - {alpha: -90, a: 0, d: 0.245, theta: 0}
+  - {alpha: 0, a: 0.71, d: 0, theta: -90}
+  - {alpha: -90, a: 0, d: 0, theta: 0}
+  - {alpha: 90, a: 0, d: 0.54, theta: 0}
+  - {alpha: -90, a: 0, d: -0.15, theta: 0}
+  - {alpha: 0, a: 0, d: 0.16, theta: 0}
+"""
+
+
+@functools.cache
+def arm_of(name):
+    return pinsing.load(name)
+
+
+@functools.cache
+def form_of(name):
+    return pinsing.closed_form(arm_of(name))
+
+
+@functools.cache
+def aspects_of(name):
+    return pinsing.aspects(form_of(name))
+
+
+def table(tmp_path, rows):
+    rows = rows.replace("}", ", type: revolute, limits: [-180, 180]}")
+    head = "name: made\nconvention: standard\nunits: {angle: deg, length: m}\nrows:"
+    path = tmp_path / "made.dh.yaml"
+    path.write_text(head + rows)
+    return pinsing.load(dh_to_urdf(read_dh(path)))
+
+
+def pose_of(arm, q):
+    return tip_placement(arm, np.array(q)).homogeneous
+
+
+def nearest(arm, found, q):
+    return min(np.abs(arm.space.wrap(s.q - np.array(q))).max() for s in found)
+
+
+class TestInverseNextToTheWristSingularity:
+    @pytest.mark.parametrize("q5", [1e-7, 3e-8, 1e-8, 1e-9, 0.0])
+    def test_it_is_found_and_flagged(self, q5):
+        arm = arm_of("puma560")
+        q = [0.3, 0.4, -0.5, 0.2, q5, 0.1]
+        found = pinsing.inverse(arm, pose_of(arm, q))
+        assert sum(s.regular for s in found) == 6
+        straight = [s for s in found if abs(s.q[4]) < 1e-6]
+        assert straight
+        assert not any(s.regular for s in straight)
+        if q5 > 1e-8:
+            assert nearest(arm, found, q) < 1e-6
+
+    def test_an_offset_wrist(self, tmp_path):
+        arm = table(tmp_path, CRX)
+        for q5 in (1e-8, 1e-10):
+            q = [0.2, -3.0877, np.pi / 2 - q5, 2.7542, q5, -1.7508]
+            assert nearest(arm, pinsing.inverse(arm, pose_of(arm, q)), q) < 1e-4
+
+    def test_a_start_without_a_derivative_leaves_the_others_alone(self):
+        """All joints at zero: three axes of UR5 are in a plane, and J has lost its rank."""
+        arm = arm_of("ur5")
+        pose = pose_of(arm, [0.3, -1.0, 1.2, 0.4, 0.9, 0.2])
+        solver = Solver.of(arm, pose[:3, 3], pose[:3, :3], np.full(6, np.nan), np.arange(6))
+        Q = np.array([[0.0] * 6, [0.29, -1.01, 1.21, 0.41, 0.91, 0.21]])
+        reached, left = solver.solve(Q)
+        assert len(reached) >= 1
+        assert (left < 1e-11).all()
+
+
+class TestInverseThatStalls:
+    @pytest.mark.parametrize("e", [3e-3, 1e-3, 1e-4])
+    def test_reachable_is_not_called_out_of_reach(self, e):
+        arm = arm_of("puma560")
+        q = [0.3, 0.4, FOLDED + e, 0.2, 0.5, 0.1]
+        found = pinsing.inverse(arm, pose_of(arm, q))
+        assert len(found) or ("stalled" in found.doubt and "out of reach" not in str(found))
+        again = pinsing.inverse(arm, pose_of(arm, q), near=q)
+        assert nearest(arm, again, q) < 1e-6
+
+    def test_postures_finds_its_own(self):
+        arm = arm_of("puma560")
+        q = [0.3, 0.4, FOLDED + 1e-3, 0.2, 0.5, 0.1]
+        found = pinsing.posture_changes(arm, q, forms=form_of("puma560"), limits=False)
+        assert not any("not found among" in n for n in found.notes)
+        assert all(np.abs(arm.space.wrap(o.solution.q - q)).max() >= 1e-4 for o in found.others)
+
+    def test_what_is_far_out_of_reach_is_no_doubt(self):
+        for pose in ([5.0, 0, 0, 0, 0, 0], [2.0, 0, 0]):
+            found = pinsing.inverse(arm_of("ur5"), pose)
+            assert found.doubt == ""
+            assert "out of reach" in str(found)
+
+    def test_huge_poses_overflow_nothing(self):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            for pose in ([1e300] * 6, [1e308, -1e308, 0, 1e300, 0, 0], [1e160, 0, 0, 0, 0, 0]):
+                assert len(pinsing.inverse(arm_of("puma560"), pose)) == 0
+            assert len(pinsing.inverse(arm_of("stanford"), [1e300] * 6)) == 0
+
+    def test_near_is_checked(self):
+        arm = arm_of("ur5")
+        with pytest.raises(ConfigurationError):
+            pinsing.inverse(arm, [0.3, 0.2, 0.4, 3, 0.2, 0.1], near=[1.0, 2.0])
+
+
+def test_a_joint_held_outside_its_limits_stays_there_and_is_flagged():
+    arm = arm_of("iiwa14")
+    q = np.array([0.1, 0.5, 0.3, -1, 0.2, 0.7, 0.4])
+    pose = pose_of(arm, q)
+    found = inverse(arm, pose, fixed={arm.joints[2]: 0.3 + 4 * np.pi})
+    assert len(found) == 8
+    assert all(s.q[2] == 0.3 + 4 * np.pi for s in found)
+    assert not any(s.within_limits for s in found)
+    assert any("outside its limits" in n for n in found.notes)
+    inside = inverse(arm, pose, fixed={arm.joints[2]: 0.3})
+    assert any(s.within_limits for s in inside)
+    assert not any("outside its limits" in n for n in inside.notes)
+
+
+class TestAspectsOfAnotherArm:
+    def test_they_are_refused(self, tmp_path):
+        ur5 = form_of("ur5")
+        with pytest.raises(OptionError, match="another arm"):
+            pinsing.connect(form_of("puma560"), [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
+        with pytest.raises(OptionError, match="another arm"):
+            pinsing.aspect_changes(form_of("puma560"), [[0.1] * 6, [0.2] * 6], of=aspects_of("ur5"))
+        again = pinsing.closed_form(arm_of("ur5"))
+        assert again is not ur5
+        way = pinsing.connect(again, [0.1] * 6, [0.2] * 6, of=aspects_of("ur5"))
+        assert way.answer == "same"
+
+    def test_joints_of_the_same_names_and_other_lengths(self, tmp_path):
+        one = pinsing.closed_form(table(tmp_path, CRX))
+        other = pinsing.closed_form(table(tmp_path, CRX.replace("-0.15", "-0.12")))
+        found = pinsing.aspects(one, limits=False)
+        q = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]
+        with pytest.raises(OptionError, match="what is singular differs"):
+            pinsing.connect(other, q, q, limits=False, of=found)
+
+
+def test_an_end_on_a_limit_that_is_singular_is_said_to_be():
+    """UR5's limits are at +-3.14159265359 and 6.28318530718, files being files."""
+    a = [4.07, 0.588, 1.838, -1.181, 5.963, 1.321]
+    for b in (
+        [4.46, 0.277, 3.14159265359, -1.2, 6.0, 0.67],
+        [4.46, 0.3, 2, -1.2, 6.28318530718, 1],
+    ):
+        way = pinsing.connect(form_of("ur5"), a, b, of=aspects_of("ur5"))
+        assert way.answer == "undecided"
+        assert way.aspects[1] is None
+        assert any("the second configuration is on a family" in n for n in way.notes)
