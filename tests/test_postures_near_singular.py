@@ -27,6 +27,14 @@ CRX = """
   - {alpha: -90, a: 0, d: -0.15, theta: 0}
   - {alpha: 0, a: 0, d: 0.16, theta: 0}
 """
+PUMA_LIKE = """
+  - {alpha: -90, a: 0, d: 0, theta: 0}
+  - {alpha: 0, a: 1, d: 0.2, theta: 0}
+  - {alpha: -90, a: 0.02, d: 0, theta: 0}
+  - {alpha: 90, a: 0, d: 1, theta: 0}
+  - {alpha: -90, a: 1.0e-9, d: 0, theta: 0}
+  - {alpha: 0, a: 0, d: 0, theta: 0}
+"""
 
 
 @functools.cache
@@ -172,3 +180,26 @@ def test_an_end_on_a_limit_that_is_singular_is_said_to_be():
         assert way.answer == "undecided"
         assert way.aspects[1] is None
         assert any("the second configuration is on a family" in n for n in way.notes)
+
+
+class TestWhatCuspidalStandsOn:
+    def test_a_way_that_is_proven_needs_no_certificate(self, tmp_path):
+        found = pinsing.cuspidality(table(tmp_path, CRX), poses=4)
+        assert found.answer == "cuspidal"
+        assert found.proven
+        assert not any("certificate" in n for n in found.notes)
+        assert not any("practically singular" in n for n in found.notes)
+
+    def test_nor_does_an_arm_that_is_not(self):
+        found = pinsing.cuspidality(arm_of("ur5"), forms=form_of("ur5"), poses=1)
+        assert found.answer == "not cuspidal"
+        assert not any("certificate" in n for n in found.notes)
+
+    @pytest.mark.slow
+    def test_an_arm_that_rounding_made_cuspidal(self, tmp_path):
+        found = pinsing.cuspidality(table(tmp_path, PUMA_LIKE), poses=5)
+        assert found.answer == "cuspidal"
+        assert found.proven
+        assert found.least_ratio < 1e-5
+        (said,) = [n for n in found.notes if "practically singular" in n]
+        assert "not cuspidal" in said

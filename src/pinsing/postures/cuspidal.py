@@ -19,6 +19,7 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.postures.aspects import Aspects, aspects
 from pinsing.postures.connection import SAME, Connection, connect
+from pinsing.postures.grounds import PRACTICAL, certified, nearly
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.regular_way import one_sheet, regular_way
@@ -39,6 +40,11 @@ _FINE = 400
 _WITNESS = (
     "two inverse solutions of one pose are joined by a way on which no configuration is singular"
 )
+_CLEAR = "two inverse solutions of one pose are joined by a way that meets no family that separates"
+_THIN = (
+    "the way is so near to singular configurations that a bound of how fast the Jacobian changes "
+    "does not clear it; the equations of the closed form do"
+)
 _RANK = (
     "the rank on all of the way is proven from the Jacobian of the arm itself, with a bound of how "
     "fast it changes; no closed form is needed for that"
@@ -54,10 +60,11 @@ class Cuspidality(JsonResult):
     arm : ArmSummary
         The arm.
     answer : str
-        "cuspidal": proven, by ``witness``. "not cuspidal": proven, by ``reason``.
+        "cuspidal": by ``witness``, or by ``reason``. "not cuspidal": proven, by ``reason``.
         "no evidence": nothing was found at ``poses`` poses.
     proven : bool
-        Whether the answer is.
+        Whether the answer is: a witness by its Jacobian alone, or by the certificate of a closed
+        form that is complete.
     reason : str
         Why.
     witness : Connection or None
@@ -115,7 +122,7 @@ class Cuspidality(JsonResult):
         not cuspidal, proven: three axes of the wrist meet
         """
         if self.answer == CUSPIDAL:
-            lines = ["cuspidal, proven: " + self.reason]
+            lines = [f"cuspidal, {'' if self.proven else 'not '}proven: {self.reason}"]
         elif self.answer == NOT_CUSPIDAL:
             lines = ["not cuspidal, proven: " + self.reason]
         else:
@@ -198,7 +205,7 @@ def cuspidality(
     most, tried, crowded = 0, 0, ""
     for k, q in enumerate(arm.space.sample(poses, rng, True)):
         pose = tip_placement(arm, q).homogeneous
-        known = inverse(arm, pose, seed=seed)
+        known = inverse(arm, pose, seed=seed, near=q)
         regular = [s for s in known if s.regular]
         most = max(most, len(regular))
         places = [found.of(s.q) for s in regular]
@@ -209,8 +216,16 @@ def cuspidality(
                 error, least = _checked(arm, way.path)
                 if error <= _SAME_POSE and _stands(arm, way.path):
                     said = [_RANK] if arm.n == len(arm.task.rows) else [_RANK, _few(arm, error)]
+                    said += nearly(arm, least)
                     return _answer(
                         arm, found, CUSPIDAL, _WITNESS, way, error, least, most, k + 1, said
+                    )
+                if error <= _SAME_POSE and least < PRACTICAL and _ends(arm, way.path):
+                    # Too thin for the bound: the families stand for it, by their certificate.
+                    sure = certified(arm, form)
+                    said = [_THIN, *(notes if not sure else []), *nearly(arm, least)]
+                    return _answer(
+                        arm, found, CUSPIDAL, _CLEAR, way, error, least, most, k + 1, said, sure
                     )
         if found.proven and nominal(arm).exact and known.certified > found.lower:
             crowded = (
@@ -219,12 +234,14 @@ def cuspidality(
             )
     nan = float("nan")
     if crowded:
-        return _answer(arm, found, CUSPIDAL, crowded, None, nan, nan, most, poses, notes)
+        sure = certified(arm, form)
+        said = [] if sure else notes
+        return _answer(arm, found, CUSPIDAL, crowded, None, nan, nan, most, poses, said, sure)
     ladder = ladder_of(nominal(arm))
     if ladder is not None:
-        if not nominal(arm).exact:
-            notes.append("this is about the nominal geometry, as the closed form is")
-        return _answer(arm, found, NOT_CUSPIDAL, ladder.reason, None, nan, nan, most, poses, notes)
+        # This stands on the chain alone, and not on the closed form.
+        said = [] if nominal(arm).exact else ["this is about the nominal geometry"]
+        return _answer(arm, found, NOT_CUSPIDAL, ladder.reason, None, nan, nan, most, poses, said)
     if tried:
         reason = f"{tried} pairs of solutions share an aspect, and no way was found"
     elif found.proven:
@@ -247,8 +264,12 @@ def _pairs(places: list[int | None]) -> list[tuple[int, int]]:
 
 def _stands(arm: Arm, path: Array) -> bool:
     """Whether the ends of a way are two solutions, and no configuration on it is singular."""
+    return _ends(arm, path) and regular_way(arm, path)
+
+
+def _ends(arm: Arm, path: Array) -> bool:
     apart = float(np.abs(arm.space.wrap(path[-1] - path[0])).max())
-    return apart > _APART and one_sheet(arm, path[0], path[-1]) and regular_way(arm, path)
+    return apart > _APART and one_sheet(arm, path[0], path[-1])
 
 
 def _few(arm: Arm, error: float) -> str:
@@ -281,11 +302,12 @@ def _answer(
     most: int,
     poses: int,
     notes: list[str],
+    proven: bool = True,
 ) -> Cuspidality:
     return Cuspidality(
         arm=summarize(arm),
         answer=answer,
-        proven=answer != NO_EVIDENCE,
+        proven=proven and answer != NO_EVIDENCE,
         reason=reason,
         witness=witness,
         pose_error=error,
