@@ -130,8 +130,9 @@ class TestInverseThatStalls:
 
     def test_near_is_checked(self):
         arm = arm_of("ur5")
-        with pytest.raises(ConfigurationError):
-            pinsing.inverse(arm, [0.3, 0.2, 0.4, 3, 0.2, 0.1], near=[1.0, 2.0])
+        for near in ([1.0, 2.0], np.zeros((2, 2, 6)), [np.nan] * 6):
+            with pytest.raises(ConfigurationError):
+                pinsing.inverse(arm, [0.3, 0.2, 0.4, 3, 0.2, 0.1], near=near)
 
 
 def test_a_joint_held_outside_its_limits_stays_there_and_is_flagged():

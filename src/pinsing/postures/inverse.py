@@ -123,7 +123,7 @@ def inverse(
         if steps.clear and solved == len(found.q) and found.regular.all():
             known, first = len(found.q), max(1, starts // _CHECK)
     if near is not None:
-        own = np.atleast_2d(arm.check(near))
+        own = arm.check_many(near, "near")
         found.add(*solver.solve(np.where(np.isnan(held), own, held), stalled=stalled))
     made, most = 0, max(starts, min(MOST_STARTS, 16 * starts))
     count = first

@@ -51,5 +51,5 @@ class Stalled:
         count = f"{len(Q)} start{'s' * (len(Q) != 1)}"
         return (
             f"{count} came within {left.min():.1g} of the pose and stalled, as happens next to "
-            "singular configurations: it may be reached there"
+            "singular configurations: there may be a solution there"
         )
