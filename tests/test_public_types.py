@@ -33,6 +33,12 @@ class Unfit:
         return "Unfit()"
 
 
+def holding_itself() -> list[Any]:
+    loop: list[Any] = [0.0]
+    loop += [loop, loop]
+    return loop
+
+
 # Never right, wherever they are given.
 NEVER = {
     "object": Unfit(),
@@ -45,6 +51,12 @@ NEVER = {
     "masked": np.ma.masked_array(np.zeros(3), [0, 1, 0]),
     "masked in a list": [np.ma.masked, 0.0, 0.0],
     "set": {Unfit()},
+    "span of time": np.timedelta64(1, "s"),
+    "spans of time": [np.timedelta64(1, "s")] * 3,
+    "list of itself": holding_itself(),
+    "more than a float": 10**400,
+    "more than can be printed": 10**5000,
+    "numbers too large": [10**400] * 3,
 }
 # Right in some places; a call that takes them ends well.
 ODD = {
@@ -69,6 +81,14 @@ ODD = {
     "mapping": {"q1": "x"},
     "float32": np.zeros(3, dtype=np.float32),
     "ints": [0, 1, 2],
+    "largest": [1e308] * 3,
+    "half a character": "\ud800",
+    "half characters": ["\ud800"],
+}
+# Used up by one call; those that are never right but empty ones may be.
+ONCE: dict[str, Callable[[], Any]] = {
+    "generator": lambda: (x for x in ("q1", "q2")),
+    "empty generator": lambda: iter(()),
 }
 
 
@@ -395,6 +415,7 @@ def wrong(name: str, parameter: str, value: Any) -> PinsingError | None:
     if raised is not None:
         assert "\n" not in str(raised)
         assert len(str(raised)) < 500
+        str(raised).encode()
     return raised
 
 
@@ -414,6 +435,8 @@ def test_what_may_fit_is_taken_or_refused(name, parameter):
     for value in ODD.values():
         if value is not default:
             wrong(name, parameter, value)
+    for make in ONCE.values():
+        wrong(name, parameter, make())
     plt.close("all")
 
 
@@ -448,8 +471,12 @@ def test_the_name_given_is_the_name_to_load():
         pinsing.at("<robot>\n</robot>", [0])
 
 
-@pytest.mark.parametrize("value", [*NEVER.values(), None, 3, "{}", [], {}], ids=repr)
-def test_json_of_anything_else(value):
+JSON_ELSE = {**NEVER, "None": None, "number": 3, "braces": "{}", "list": [], "dict": {}}
+
+
+@pytest.mark.parametrize("what", JSON_ELSE)
+def test_json_of_anything_else(what):
+    value = JSON_ELSE[what]
     with pytest.raises(PinsingError):
         pinsing.State.from_json(value)
     with pytest.raises(PinsingError):

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import os
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -399,12 +401,36 @@ def test_what_strangers_wrote(tmp_path):
         "extra.csv": (f"{names},extra\n0,1,2,foo\n", "extra"),
         "comma.csv": (f"{names.replace(',', ';')}\n0,5;1,5;2\n", "decimal comma"),
         "bytes.npy": ("no array at all", "no NPY file"),
+        "word.csv": (f"{names}\n\n0,1,2\n# so\n0,x,2\n", r"word.csv:5: column 2: 'x' is no number"),
+        "bare.csv": ("0,1,2\n0,1,0x1\n", r"bare.csv:2: column 3: '0x1' is no number"),
+        "times.csv": (f"t,{names},time\n0,1,2,3,4\n", "'t' and 'time' are both times"),
+        "again.csv": (f"{names},q1\n0,1,2,3\n", "'q1' is there twice"),
     }
     for name, (text, said) in cases.items():
         path = tmp_path / name
         path.write_text(text)
         with pytest.raises(ConfigurationError, match=said):
             read_trajectory(path, arm)
+    for code in ("utf-16", "utf-16-le"):
+        path.write_bytes(f"{names}\n0,1,2\n".encode(code))
+        with pytest.raises(ConfigurationError, match="UTF-16"):
+            read_trajectory(path, arm)
+    np.save(tmp_path / "longer.npy", np.full((2, 3), np.finfo(np.longdouble).max))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read_trajectory(tmp_path / "longer.npy", arm)
+
+
+def test_a_pipe_is_read_only_where_the_shell_has_made_it(tmp_path):
+    arm = arm_of("planar3r")
+    os.mkfifo(tmp_path / "pipe")
+    with pytest.raises(ConfigurationError, match="is a pipe"):
+        read_trajectory(tmp_path / "pipe", arm)
+    out, into = os.pipe()
+    os.write(into, b"0,1,2\n0,1,2\n")
+    os.close(into)
+    assert read_trajectory(Path(f"/dev/fd/{out}"), arm).Q.shape == (2, 3)
+    os.close(out)
 
 
 def test_an_event_ends_with_the_motion():

@@ -1,6 +1,6 @@
 """``python -m pinsing``."""
 
-from pinsing.cli import main
+from pinsing.cli import program
 
 if __name__ == "__main__":
-    main()
+    program()

@@ -15,7 +15,7 @@ import os
 import sys
 import types
 import typing
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, NamedTuple, TypeVar
 
@@ -31,6 +31,8 @@ MAX_SEED = 2**64 - 1
 
 _LONGEST = 40
 _NUMBERS = "numbers"
+_DEEPEST = 64  # lists in lists: arrays of NumPy have no more axes
+_MOST_BITS = 1024  # whole numbers beyond it are no floats either
 
 
 class _ArrayLike:
@@ -44,6 +46,7 @@ class _Kind:
     expected: str
     fits: Callable[[Any], bool]
     hint: str = ""
+    once: bool = False  # whether a generator will do
 
 
 class _Parameter(NamedTuple):
@@ -82,6 +85,12 @@ def checked(function: F) -> F:
             else:
                 continue
             for value in given:
+                if kind.once and isinstance(value, Iterator):
+                    value = tuple(value)  # looked at here, and there for the function still
+                    if position is not None and position < len(args):
+                        args = (*args[:position], value, *args[position + 1 :])
+                    else:
+                        kwargs[name] = value
                 if not kind.fits(value):
                     raise _refusal(name, kind, value)
         return function(*args, **kwargs)
@@ -105,11 +114,8 @@ def real_numbers(values: npt.ArrayLike, name: str) -> Array:
         If they are text, complex, masked, dates, ragged, or anything else that is no number.
     """
     if not _are_numbers(values):
-        raise ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(values)}")
-    try:
-        return np.array(values, dtype=float)
-    except OverflowError:
-        raise ConfigurationError(f"{name} holds a number too large for a float") from None
+        raise _no_numbers(name, values)
+    return np.array(values, dtype=float)
 
 
 def whole_number(value: int, name: str, least: int, most: int) -> int:
@@ -121,7 +127,7 @@ def whole_number(value: int, name: str, least: int, most: int) -> int:
         If it is not.
     """
     if not least <= value <= most:
-        raise OptionError(f"{name} must lie between {least:,} and {most:,}, got {_cut(str(value))}")
+        raise OptionError(f"{name} must lie between {least:,} and {most:,}, got {shown(value)}")
     return int(value)
 
 
@@ -129,6 +135,8 @@ def shown(value: Any) -> str:
     """Return in a few words what a value is, whatever it is."""
     if _is_masked(value):
         return "a masked value" if value.ndim == 0 else "a masked array"
+    if isinstance(value, int) and value.bit_length() > _MOST_BITS:
+        return f"one too large ({value.bit_length():,} bits)"
     if value is None or isinstance(value, bool | int | float | complex | np.number):
         return _cut(f"{value}")
     if isinstance(value, bytes | bytearray):
@@ -145,7 +153,7 @@ def shown(value: Any) -> str:
 
 def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | ArgumentError:
     if kind.expected == _NUMBERS:
-        return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}")
+        return _no_numbers(name, value)
     if isinstance(value, Mapping | list | tuple) and _holds_nan(value):
         return ConfigurationError(f"{name} holds a value that is not finite")
     hint = kind.hint
@@ -156,13 +164,23 @@ def _refusal(name: str, kind: _Kind, value: Any) -> ConfigurationError | Argumen
     return ArgumentError(name, kind.expected, shown(value), hint)
 
 
-def _holds_nan(value: Any) -> bool:
-    """Whether NaN stands somewhere in lists, tuples and dicts."""
-    if isinstance(value, Mapping):
-        return any(map(_holds_nan, value.values()))
-    if isinstance(value, list | tuple):
-        return any(map(_holds_nan, value))
-    return isinstance(value, float | np.floating) and math.isnan(value)
+def _no_numbers(name: str, value: Any) -> ConfigurationError:
+    """What is wrong with a value that `_are_numbers` does not take."""
+    if _reals(value) is not None:
+        return ConfigurationError(f"{name} holds a number too large for a float")
+    return ConfigurationError(f"{name} must be {_NUMBERS}, got {shown(value)}")
+
+
+def _holds_nan(value: Any, above: tuple[int, ...] = ()) -> bool:
+    """Whether NaN stands somewhere in lists, tuples and dicts; not where they hold themselves."""
+    if not isinstance(value, Mapping | list | tuple):
+        return isinstance(value, float | np.floating) and math.isnan(value)
+    if id(value) in above or len(above) > _DEEPEST:
+        return False
+    here = (*above, id(value))
+    return any(
+        _holds_nan(v, here) for v in (value.values() if isinstance(value, Mapping) else value)
+    )
 
 
 def _load_call(robot: str | bytes) -> str:
@@ -214,7 +232,7 @@ def _kind_of(hint: Any) -> _Kind | None:
         every, size = _sequence(_kind_of(args[0])), len(args)
         return _Kind(f"{size} values", lambda v: every.fits(v) and len(v) == size)
     if origin in (Sequence, Iterable, list, tuple):
-        return _sequence(_kind_of(args[0]) if args else None)
+        return _sequence(_kind_of(args[0]) if args else None, once=origin is Iterable)
     if origin is Mapping:
         return _mapping(_kind_of(args[0]), _kind_of(args[1]))
     if origin is Callable or hint is Callable:
@@ -238,11 +256,13 @@ def _union(kinds: list[_Kind | None]) -> _Kind | None:
     some = [k for k in kinds if k is not None]
     said = list(dict.fromkeys(k.expected for k in some if k.expected != "None"))
     hint = next((k.hint for k in some if k.hint), "")
-    return _Kind(" or ".join(said), lambda v: any(k.fits(v) for k in some), hint)
+    return _Kind(
+        " or ".join(said), lambda v: any(k.fits(v) for k in some), hint, any(k.once for k in some)
+    )
 
 
-def _sequence(item: _Kind | None) -> _Kind:
-    """Items are looked at where that does not use them up."""
+def _sequence(item: _Kind | None, once: bool = False) -> _Kind:
+    """Items are looked at one by one; ``once`` tells whether a generator will do."""
     text = item is not None and item.expected == "text"
 
     def fits(value: Any) -> bool:
@@ -252,9 +272,11 @@ def _sequence(item: _Kind | None) -> _Kind:
             return False
         if isinstance(value, np.ndarray) and (text or not _are_numbers(value) or not value.ndim):
             return False
-        return item is None or not isinstance(value, Collection) or all(map(item.fits, value))
+        if not isinstance(value, Collection):  # a generator, which is empty the second time
+            return False
+        return item is None or all(map(item.fits, value))
 
-    return _Kind("names" if text else "a sequence of values", fits)
+    return _Kind("names" if text else "a sequence of values", fits, once=once)
 
 
 def _mapping(key: _Kind | None, item: _Kind | None) -> _Kind:
@@ -268,7 +290,7 @@ def _mapping(key: _Kind | None, item: _Kind | None) -> _Kind:
 
 
 def _is_number(value: Any) -> bool:
-    if not isinstance(value, int | float | np.integer | np.floating) or isinstance(value, bool):
+    if not _is_real(value):
         return False
     try:
         return not math.isnan(float(value))  # NaN is no number
@@ -276,8 +298,19 @@ def _is_number(value: Any) -> bool:
         return False
 
 
+def _is_real(value: Any) -> bool:
+    # A span of time counts as an integer in NumPy, and True as one in Python.
+    return isinstance(value, int | float | np.integer | np.floating) and not isinstance(
+        value, bool | np.timedelta64
+    )
+
+
 def _is_count(value: Any) -> bool:
-    return isinstance(value, int | np.integer) and not isinstance(value, bool)
+    return (
+        isinstance(value, int | np.integer)
+        and _is_real(value)
+        and int(value).bit_length() <= _MOST_BITS
+    )
 
 
 def _is_mask(value: Any) -> bool:
@@ -290,30 +323,41 @@ def _is_mask(value: Any) -> bool:
 
 
 def _are_numbers(value: Any) -> bool:
-    """Whether NumPy would make real numbers of a value without losing anything."""
-    if isinstance(value, str | bytes | bytearray | Mapping | type(None)):
+    """Whether NumPy would make floats of a value without losing anything."""
+    array = _reals(value)
+    if array is None:
         return False
-    if isinstance(value, np.ndarray):
-        array = value
-    else:
-        if _holds_masked(value):
-            return False
+    if array.dtype.kind == "O":  # integers of any size
         try:
-            array = np.asarray(value)
-        except (TypeError, ValueError, OverflowError):
+            array.astype(float)
+        except OverflowError:
             return False
-    if _is_masked(value):
-        return False
+    return True
+
+
+def _reals(value: Any) -> npt.NDArray[Any] | None:
+    """Return an array of real numbers of whatever size, None if a value is none."""
+    if isinstance(value, str | bytes | bytearray | Mapping | type(None)):
+        return None
+    if _is_masked(value) or _holds_what_does_not_fit(value):
+        return None
+    try:
+        array = np.asarray(value)
+    except (TypeError, ValueError, OverflowError):
+        return None
     if array.dtype.kind == "O":
-        return array.size > 0 and all(
-            isinstance(x, int | float | np.integer | np.floating) and not isinstance(x, bool)
-            for x in array.flat
-        )
-    return array.dtype.kind in "iuf"
+        return array if array.size > 0 and all(map(_is_real, array.flat)) else None
+    return array if array.dtype.kind in "iuf" else None
 
 
-def _holds_masked(value: Any) -> bool:
-    return isinstance(value, list | tuple) and any(_is_masked(v) or _holds_masked(v) for v in value)
+def _holds_what_does_not_fit(value: Any, above: tuple[int, ...] = ()) -> bool:
+    """Whether lists hold a masked value, or themselves, or each other without end."""
+    if not isinstance(value, list | tuple):
+        return False
+    if id(value) in above or len(above) > _DEEPEST:
+        return True
+    here = (*above, id(value))
+    return any(_is_masked(v) or _holds_what_does_not_fit(v, here) for v in value)
 
 
 def _is_masked(value: Any) -> bool:

@@ -11,7 +11,7 @@ import errno
 import os
 from pathlib import Path
 
-from pinsing.errors import OutputError
+from pinsing.errors import OutputError, shown_path
 
 TEMPORARY = ".part"
 """End of the name of a file that is being written; it begins with a dot."""
@@ -36,23 +36,35 @@ def check_writable(path: str | os.PathLike[str], *, inputs: tuple[str | Path, ..
         If its folder does not exist or cannot be written to, it is a folder, or an input.
     """
     path = Path(path)
+    shown = shown_path(path)
     try:
         folder = path.parent
         if not str(path) or "\0" in str(path):
             raise OutputError("the name of the output file is empty or has a null character")
+        if not _is_name(path):
+            raise OutputError("the name of the output file holds half a character")
         if not folder.is_dir():
-            raise OutputError(f"cannot write {path}: there is no folder {folder}; create it first")
+            raise OutputError(
+                f"cannot write {shown}: there is no folder {shown_path(folder)}; create it first"
+            )
         if path.is_dir():
-            raise OutputError(f"cannot write {path}: it is a folder; give the name of a file")
+            raise OutputError(f"cannot write {shown}: it is a folder; give the name of a file")
         blocked = path if _special(path) else _target(path).parent
+        if not blocked.exists():
+            raise OutputError(
+                f"cannot write {shown}: it is a link into {shown_path(blocked)}, and "
+                "there is no such folder"
+            )
         if not os.access(blocked, os.W_OK):
-            raise OutputError(f"cannot write {path}: no permission to write to {blocked}")
+            raise OutputError(
+                f"cannot write {shown}: no permission to write to {shown_path(blocked)}"
+            )
         if any(Path(p).exists() and path.exists() and path.samefile(p) for p in inputs):
-            raise OutputError(f"cannot write {path}: it is the input; give another name")
+            raise OutputError(f"cannot write {shown}: it is the input; give another name")
     except OutputError:
         raise
     except OSError as error:
-        raise OutputError(f"cannot write {path}: {why(error)}") from None
+        raise OutputError(f"cannot write {shown}: {why(error)}") from None
     return path
 
 
@@ -78,7 +90,7 @@ def write_bytes(path: str | os.PathLike[str], data: bytes) -> None:
         else:
             replace_file(_target(path), data)
     except (OSError, ValueError) as error:
-        raise OutputError(f"cannot write {path}: {why(error)}") from None
+        raise OutputError(f"cannot write {shown_path(path)}: {why(error)}") from None
 
 
 def write_text(path: str | os.PathLike[str], text: str) -> None:
@@ -106,7 +118,7 @@ def replace_file(target: Path, data: bytes) -> None:
     try:
         # The system takes away what new files of this process may not have.
         flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-        handle = os.open(temporary, flags, 0o666)
+        handle = _made(temporary, flags)
         try:
             _write_all(handle, data)
             mode = _mode(target)
@@ -154,6 +166,24 @@ def why(error: Exception) -> str:
     return str(getattr(error, "strerror", None) or error)
 
 
+def _made(temporary: Path, flags: int) -> int:
+    """Handle of a new file."""
+    try:
+        return os.open(temporary, flags, 0o666)
+    except FileNotFoundError as error:
+        if temporary.parent.is_dir():  # as /proc, which root may write to
+            raise OSError(error.errno, "its folder takes no new files") from None
+        raise
+
+
+def _is_name(path: Path) -> bool:
+    try:
+        os.fsencode(path)
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def _write_all(handle: int, data: bytes) -> None:
     rest = memoryview(data)
     while rest:
@@ -162,6 +192,11 @@ def _write_all(handle: int, data: bytes) -> None:
 
 def _target(path: Path) -> Path:
     """Return the file that a symbolic link stands for: it is replaced, not the link."""
+    try:
+        os.stat(path)
+    except OSError as error:
+        if error.errno == errno.ELOOP:
+            raise OSError(error.errno, "it is a link that leads to itself") from None
     return Path(os.path.realpath(path))
 
 

@@ -11,21 +11,35 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-_LONGEST_NAME, _LONGEST_PATH = 100, 1000
+_LONGEST_NAME, _LONGEST_PATH, _LONGEST_MESSAGE = 100, 1000, 4000
 
 
 def _cut(name: str) -> str:
     return name if len(name) <= _LONGEST_NAME else name[: _LONGEST_NAME - 3] + "..."
 
 
-def _shown(path: str) -> str:
+def shown_path(path: object) -> str:
     """A path within one line of a terminal: its end, if it is longer than any that exist."""
+    path = str(path)
     path = path if len(path) <= _LONGEST_PATH else "..." + path[-_LONGEST_NAME:]
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in path)
 
 
+def _one_line(message: str) -> str:
+    """A message in one line that any terminal and file can hold, whatever a parser had to say."""
+    if len(message) > _LONGEST_MESSAGE:
+        message = message[: _LONGEST_MESSAGE - _LONGEST_NAME] + "..." + message[-_LONGEST_NAME:]
+    if message.isprintable():
+        return message
+    line = " ".join(part.strip() for part in message.splitlines() if part.strip())
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in line)
+
+
 class PinsingError(Exception):
-    """Base of every error that pinsing raises on purpose."""
+    """Base of every error that pinsing raises on purpose; its message is one line."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(_one_line(message))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # With message and data, whatever the constructor takes: workers send errors home.
@@ -55,7 +69,7 @@ class RobotFileError(PinsingError, ValueError):
     ) -> None:
         self.path = None if path is None else Path(path)
         self.line = line
-        place = "" if path is None else _shown(str(path))
+        place = "" if path is None else shown_path(path)
         where = "" if path is None else f"{place}:{line}: " if line is not None else f"{place}: "
         super().__init__(where + problem)
 

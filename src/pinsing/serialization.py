@@ -116,7 +116,8 @@ class JsonResult:
         except (TypeError, ValueError, OverflowError, RecursionError, PinsingError) as error:
             raise ResultError(f"damaged {cls.schema} data: {_short(error)}") from None
         try:  # rows too few, or numbers of what there is not: found here and not later
-            str(made)
+            with np.errstate(over="raise", invalid="raise"):
+                str(made)
         except _UNFIT as error:
             raise ResultError(
                 f"damaged {cls.schema} data: its parts do not fit together ({_short(error)})"
@@ -198,6 +199,8 @@ def encode(value: Any) -> Any:
 
 def _decode(kind: Any, value: Any) -> Any:
     origin, args = typing.get_origin(kind), typing.get_args(kind)
+    if isinstance(value, str):
+        _whole(value)
     if dataclasses.is_dataclass(kind) and isinstance(kind, type):
         hints = typing.get_type_hints(kind)
         data = _expect(dict, value)
@@ -234,6 +237,14 @@ def _decode(kind: Any, value: Any) -> Any:
     return value
 
 
+def _whole(text: str) -> None:
+    """Refuse half a character, which JSON can name but no file can hold."""
+    try:
+        text.encode()
+    except UnicodeEncodeError:
+        raise ValueError(f"{text!a:.80} holds half a character") from None
+
+
 def _expect(kind: type, value: Any) -> Any:
     if not isinstance(value, kind) or (kind is int and isinstance(value, bool)):
         raise TypeError(f"found {type(value).__name__} where {kind.__name__} belongs")
@@ -242,6 +253,7 @@ def _expect(kind: type, value: Any) -> Any:
 
 def _key(kind: Any, key: str) -> Any:
     """Keys are text in JSON, whatever they were."""
+    _whole(key)
     return kind(key) if kind in (int, float) else key
 
 

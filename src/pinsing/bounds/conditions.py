@@ -20,6 +20,7 @@ from pinsing.errors import OptionError
 NORMS = ("euclidean", "max")
 
 _EPS = 2.3e-16
+_HEAVIEST = 1e30  # squares and powers of weights have to be floats
 
 
 class Fixed(Protocol):
@@ -165,6 +166,11 @@ class Conditions:
         weight = np.array(weight, dtype=float)
         if not (np.isfinite(weight) & (weight > 0)).all():
             raise OptionError(f"weights must be positive numbers, got {weight.tolist()}")
+        if not ((weight >= 1 / _HEAVIEST) & (weight <= _HEAVIEST)).all():
+            raise OptionError(
+                f"weights must lie between {1 / _HEAVIEST:g} and {_HEAVIEST:g}, "
+                f"got {weight.tolist()}"
+            )
         if norm not in NORMS:
             raise OptionError(f"norm must be one of {', '.join(NORMS)}, got {norm!r}")
         rows = _Rows(weight, norm == "max")

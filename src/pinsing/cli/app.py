@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 import click
 
 from pinsing._version import __version__
+from pinsing.atomic_write import why
 from pinsing.cli.at import at_command
 from pinsing.cli.check import check_command
 from pinsing.cli.export import export_command
@@ -30,7 +31,7 @@ from pinsing.cli.singularities import analyze_command, sweep_command
 from pinsing.cli.streams import READER_GONE, StdoutError, give_up_stdout, guard_streams
 from pinsing.cli.suggest import suggest_command
 from pinsing.cli.view import view_command
-from pinsing.errors import PinsingError, UnknownNameError
+from pinsing.errors import PinsingError, UnknownNameError, shown_path
 
 BAD_INPUT = 2
 
@@ -62,6 +63,9 @@ class PinsingGroup(click.Group):
             raise
         except PinsingError as error:
             complain(str(error))
+        except OSError as error:  # no room, no handles, no processes: nothing of ours to mend
+            where = f" ({shown_path(error.filename)})" if error.filename else ""
+            complain(f"the system refuses: {why(error)}{where}")
         except (KeyboardInterrupt, click.Abort):
             say("stopped")
             return STOPPED

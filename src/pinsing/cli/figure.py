@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import logging
 import os
 import warnings
 from pathlib import Path
@@ -10,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from pinsing.atomic_write import write_bytes
 from pinsing.cli.output import STDOUT, say
-from pinsing.errors import OutputError
+from pinsing.errors import OutputError, shown_path
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -21,9 +22,25 @@ FORMATS = (".png", ".svg", ".pdf")
 def off_screen() -> None:
     """Have figures drawn into files only, whatever windows the environment asks for."""
     os.environ["MPLBACKEND"] = "agg"  # it is read, and may be refused, when matplotlib comes in
+    _leave_out_what_is_no_file()
+    # Where it keeps its fonts is of no interest to who wants a figure.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     import matplotlib
 
     matplotlib.use("agg")
+
+
+def _leave_out_what_is_no_file() -> None:
+    """Have matplotlib read no settings out of a device or pipe, which may have no end."""
+    named = os.environ.get("MATPLOTLIBRC")
+    if not named:
+        return
+    for path in (named, os.path.join(named, "matplotlibrc")):
+        if os.path.exists(path) and not os.path.isdir(path):
+            if not os.path.isfile(path):
+                del os.environ["MATPLOTLIBRC"]
+                say(f"note: MATPLOTLIBRC is ignored: {shown_path(path)} is no file")
+            return
 
 
 def check_figure(out: str | Path) -> Path:

@@ -13,7 +13,7 @@ import click
 from click.shell_completion import CompletionItem
 
 from pinsing.atomic_write import check_writable, write_text
-from pinsing.prose import Page, is_terminal, safe, shows_colour
+from pinsing.prose import Page, is_terminal, safe, shows_colour, visible
 
 if TYPE_CHECKING:
     from pinsing.serialization import JsonResult
@@ -36,7 +36,7 @@ def emit(text: str) -> None:
 
 def say(text: str) -> None:
     """Print a message that is no result."""
-    _tell(f"pinsing: {text}")
+    _tell(f"pinsing: {visible(text)}")
 
 
 def complain(text: str) -> None:

@@ -23,10 +23,12 @@ from typing import Any
 
 import yaml
 
+from pinsing.atomic_write import why, write_text
 from pinsing.description.dh_table import BASE, FLANGE, TIP, DHRow, DHTable, read_dh
 from pinsing.description.own_folder import urdf_folder
 from pinsing.description.placement import Placement, Vector, cos_sin, pointing, screw
 from pinsing.description.xacro import expand_xacro
+from pinsing.errors import OutputError
 
 __all__ = ["DHRow", "DHTable", "dh_to_urdf", "joint_placements", "read_dh", "urdf_folder"]
 
@@ -74,17 +76,26 @@ def dh_to_urdf(table: DHTable) -> str:
     ------
     RobotFileError
         If the xacro is not installed.
+    OutputError
+        If no temporary file can be written.
     """
     # xacro reads tables from files only, and only from folders that it is given.
-    with tempfile.TemporaryDirectory() as folder:
+    with _folder() as folder:
         numbers = Path(folder, "arm.yaml")
-        numbers.write_text(yaml.safe_dump(_arm(table)), encoding="utf-8")
+        write_text(numbers, yaml.safe_dump(_arm(table)))
         made = expand_xacro(
             urdf_folder() / "dh_arm.xacro", {"arm": folder}, {"arm": str(numbers)}
         ).xml
     head, start, robot = made.partition("\n<robot ")
     declaration = head.split("\n", 1)[0]  # after it come comments of xacro, which hold the path
     return f"{declaration}\n{_banner(table)}{start}{robot.rstrip()}\n"
+
+
+def _folder() -> tempfile.TemporaryDirectory[str]:
+    try:
+        return tempfile.TemporaryDirectory(prefix="pinsing-")
+    except OSError as error:
+        raise OutputError(f"cannot make a folder for temporary files: {why(error)}") from None
 
 
 def _banner(table: DHTable) -> str:

@@ -275,7 +275,7 @@ class Family(JsonResult):
         """
         if weights is None and norm == "euclidean":
             return self._conditions
-        weight = 1.0 / self.space.metric if weights is None else np.array(weights, dtype=float)
+        weight = 1.0 / self.space.metric if weights is None else real_numbers(weights, "weights")
         if weight.shape != (self.n,):
             raise OptionError(f"weights needs {self.n} numbers, got shape {weight.shape}")
         return Conditions.of([self.branches], self.prismatic, weight, norm)

@@ -95,7 +95,7 @@ def analyze_mechanism(
     inverse = _inverse(mechanism, generic, q)
     return MechanismAnalysis(
         name=mechanism.name,
-        source=mechanism.source.label,
+        source=mechanism.source.label.encode("utf-8", "backslashreplace").decode(),
         loop_file="" if mechanism.loop_file is None else str(mechanism.loop_file),
         joints=mechanism.joints,
         inputs=mechanism.inputs,

@@ -7,12 +7,12 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.pose import read_pose
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.postures.found import ENOUGH, Found
 from pinsing.postures.inverse_solutions import InverseSolution, InverseSolutions
@@ -181,25 +181,10 @@ def _doubt(solutions: tuple[InverseSolution, ...], made: int, lacking: int) -> s
 
 
 def _target(arm: Arm, pose: npt.ArrayLike) -> tuple[Array, Array | None]:
-    given = np.array(pose, dtype=float)
-    if not np.isfinite(given).all():
-        raise ConfigurationError("the pose has a value that is not finite")
-    turns = any(r >= 3 for r in arm.task.rows)
-    if given.shape == (3,):
-        return given, np.eye(3) if turns else None
-    if given.shape == (6,):
-        return given[:3], np.array(pin.rpy.rpyToMatrix(*given[3:])) if turns else None
-    if given.shape == (4, 4):
-        R = given[:3, :3]
-        proper = np.abs(R @ R.T - np.eye(3)).max() < 1e-6 and np.linalg.det(R) > 0
-        if proper and np.allclose(given[3], [0, 0, 0, 1]):
-            u, _, v = np.linalg.svd(R)
-            return given[:3, 3], u @ v if turns else None
-        raise ConfigurationError("the 4 x 4 matrix is not a rotation and a translation")
-    raise ConfigurationError(
-        "one pose is 3 numbers (x, y, z), 6 (and roll, pitch, yaw) or a 4 x 4 matrix; "
-        f"got shape {given.shape}"
-    )
+    position, rotation = read_pose(pose)
+    if not any(r >= 3 for r in arm.task.rows):
+        return position, None
+    return position, np.eye(3) if rotation is None else rotation
 
 
 def _held(arm: Arm, fixed: Mapping[str, float]) -> Array:

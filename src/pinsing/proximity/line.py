@@ -7,12 +7,12 @@ from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch, closed_form
+from pinsing.kinematics.pose import read_pose
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.line_tracking import Line, Tracked, landing, span, track
@@ -219,7 +219,7 @@ def check_line(
         forms = closed_form(arm)
     require_forms_of(forms, arm)
     watched = watch(forms)
-    line = Line.to(arm, q, _target(pose))
+    line = Line.to(arm, q, read_pose(pose))
     if line.length < 1e-9:
         raise ConfigurationError("the line has no length: the tip is at the target already")
     if float(ratios(arm, q[None])[0]) <= SINGULAR_RTOL:
@@ -257,28 +257,6 @@ def check_line(
         s=s,
         q=tracked.q,
         notes=_notes(arm, line, tracked, outcome, watched.complete),
-    )
-
-
-def _target(pose: npt.ArrayLike) -> tuple[Array, Array | None]:
-    """Position, and rotation if one is given."""
-    given = np.array(pose, dtype=float)
-    if not np.isfinite(given).all():
-        raise ConfigurationError("the pose has a value that is not finite")
-    if given.shape == (3,):
-        return given, None
-    if given.shape == (6,):
-        return given[:3], np.array(pin.rpy.rpyToMatrix(*given[3:]))
-    if given.shape == (4, 4):
-        R = given[:3, :3]
-        proper = np.abs(R @ R.T - np.eye(3)).max() < 1e-6 and np.linalg.det(R) > 0
-        if proper and np.allclose(given[3], [0, 0, 0, 1]):
-            u, _, v = np.linalg.svd(R)
-            return given[:3, 3], u @ v
-        raise ConfigurationError("the 4 x 4 matrix is not a rotation and a translation")
-    raise ConfigurationError(
-        f"a pose is 3 numbers (x, y, z), 6 (and roll, pitch, yaw) or a 4 x 4 matrix; "
-        f"got shape {given.shape}"
     )
 
 

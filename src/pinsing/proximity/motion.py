@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Ints
+from pinsing.arguments import real_numbers
 from pinsing.bounds.zeros import place
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.proximity.watched import Watched
@@ -107,6 +108,8 @@ def check_times(t: npt.ArrayLike | None, count: int) -> Array:
         times = np.array(t, dtype=float)
     except (TypeError, ValueError) as error:
         raise OptionError(f"t is not an array of numbers: {error}") from None
+    except OverflowError:
+        raise OptionError("t holds a number too large for a float") from None
     if times.shape != (count,):
         raise OptionError(f"t needs {count} times, one a sample; got shape {times.shape}")
     wrong = np.flatnonzero(~np.isfinite(times))
@@ -123,7 +126,7 @@ def check_times(t: npt.ArrayLike | None, count: int) -> Array:
 
 
 def _polynomial(watched: Watched, motion: Any) -> Motion:
-    c, x = np.array(motion.c, dtype=float), np.array(motion.x, dtype=float)
+    c, x = real_numbers(motion.c, "c of the motion"), real_numbers(motion.x, "x of the motion")
     if c.ndim != 3 or x.ndim != 1 or c.shape[1:] != (len(x) - 1, watched.n) or not c.size:
         raise ConfigurationError(
             f"a piecewise polynomial has coefficients c of shape (k, m, {watched.n}) and m + 1 "

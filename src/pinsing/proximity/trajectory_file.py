@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 import re
 import tokenize
 from collections.abc import Sequence
@@ -19,8 +20,10 @@ from pinsing.robot.arm import Arm
 from pinsing.runs.chunk_file import DamagedError, read_arrays, read_bounded
 
 _TIME = re.compile(r"(?i)(t|time|times|timestamp|seconds|secs?)(\s*[\[(_]?\s*s(ec(onds)?)?[\])]?)?")
+_HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up
 _ROWS = 100_000
 _LARGEST = 4 << 30  # bytes
+_CELL = re.compile(r"could not convert string ('.*') to float64 at row (\d+), column (\d+)\.")
 _SAMPLES = ("q", "Q", "positions", "position", "samples")
 _TIMES = ("t", "time", "times")
 
@@ -69,6 +72,8 @@ def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFi
         kind = path.suffix.lower()
         if path.is_char_device() or path.is_block_device():
             raise ConfigurationError(f"{path}: is a device: give a file")
+        if path.is_fifo() and not os.fspath(path).startswith(_HANDED):
+            raise ConfigurationError(f"{path}: is a pipe, which nobody may write to: give a file")
         if kind == ".npy":
             found = _npy(path, arm)
         elif kind == ".npz":
@@ -106,11 +111,14 @@ def _columns(path: Path, arm: Arm, array: npt.NDArray[Any]) -> TrajectoryFile:
         )
     if array.shape[1] == arm.n:
         notes = ("columns are the joints, base to tip; no times",)
-        return TrajectoryFile(np.asarray(array, dtype=float), None, notes)
+        return TrajectoryFile(_floats(array), None, notes)
     notes = ("the first column is time, the others the joints, base to tip",)
-    return TrajectoryFile(
-        np.asarray(array[:, 1:], dtype=float), np.asarray(array[:, 0], dtype=float), notes
-    )
+    return TrajectoryFile(_floats(array[:, 1:]), _floats(array[:, 0]), notes)
+
+
+def _floats(array: npt.NDArray[Any]) -> Array:
+    with np.errstate(all="ignore"):  # what longer floats hold may be infinite, which is told later
+        return np.asarray(array, dtype=float)
 
 
 def _npy(path: Path, arm: Arm) -> TrajectoryFile:
@@ -149,10 +157,15 @@ def _npz(path: Path, arm: Arm) -> TrajectoryFile:
 
 def _text(path: Path, arm: Arm) -> TrajectoryFile:
     # Marks of byte order come from spreadsheets.
-    with path.open(encoding="utf-8-sig", errors="replace") as file:
+    with (
+        path.open("rb") as raw,
+        io.TextIOWrapper(raw, encoding="utf-8-sig", errors="replace") as file,
+    ):
+        if b"\0" in raw.peek(4)[:4] or raw.peek(2)[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            raise ConfigurationError(f"{path}: is no UTF-8 but UTF-16 or binary: save it as UTF-8")
         number, line = 1, ""
-        for number, raw in enumerate(file, 1):  # noqa: B007
-            line = raw.strip()
+        for number, words_of_it in enumerate(file, 1):  # noqa: B007
+            line = words_of_it.strip()
             if line and not line.startswith("#"):
                 break
             line = ""
@@ -187,6 +200,12 @@ def _rows(path: Path, file: io.TextIOBase, separator: str | None, width: int, fi
             table = np.loadtxt(file, delimiter=separator, max_rows=_ROWS, ndmin=2, comments="#")
         except ValueError as error:
             words = " ".join(str(error).split())
+            cell = _CELL.fullmatch(words)
+            if cell and separator is not None and not re.fullmatch(r"'-?\d*,\d+'", cell[1]):
+                line = _line_of(path, first, int(cell[2]))
+                raise ConfigurationError(
+                    f"{path}:{line}: column {cell[3]}: {cell[1]:.80} is no number"
+                ) from None
             if separator != "," and re.search(r"'-?\d*,\d", words):
                 words = "a number has a decimal comma: write points"
             raise ConfigurationError(f"{path}: after line {first}: {words:.200}") from None
@@ -195,6 +214,19 @@ def _rows(path: Path, file: io.TextIOBase, separator: str | None, width: int, fi
             f"{path}: {width} columns at first, {table.shape[1]} from line {first} on"
         )
     return np.asarray(table, dtype=float).reshape(-1, width)
+
+
+def _line_of(path: Path, first: int, row: int) -> int:
+    """Line of the ``row``-th sample from line ``first`` on; lines may be empty or comments."""
+    if not path.is_file():  # it cannot be read again
+        return first + row
+    with path.open("rb") as file:
+        for number, line in enumerate(file, 1):
+            if number >= first and line.split(b"#")[0].strip():
+                if row == 0:
+                    return number
+                row -= 1
+    return first
 
 
 def _order(path: Path, arm: Arm, words: Sequence[str]) -> tuple[list[int], int | None]:
@@ -208,7 +240,10 @@ def _order(path: Path, arm: Arm, words: Sequence[str]) -> tuple[list[int], int |
         )
     twice = [w for w in words if list(words).count(w) > 1]
     if twice or len(time) > 1:
-        name = twice[0] if twice else words[time[1]]
+        if not twice:
+            pair = f"{words[time[0]]!r:.80} and {words[time[1]]!r:.80}"
+            raise ConfigurationError(f"{path}: columns {pair} are both times")
+        name = twice[0]
         raise ConfigurationError(f"{path}: column {name!r:.80} is there twice")
     missing = [j for j in arm.joints if j not in words]
     if missing:

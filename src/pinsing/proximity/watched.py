@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
+from pinsing.arguments import real_numbers
 from pinsing.bounds.conditions import Conditions
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
@@ -90,6 +91,8 @@ class Watched:
             array = np.array(Q, dtype=float)
         except (TypeError, ValueError) as error:
             raise ConfigurationError(f"Q is not an array of numbers: {error}") from None
+        except OverflowError:
+            raise ConfigurationError("Q holds a number too large for a float") from None
         if array.ndim == 0 or array.shape[-1] != self.n:
             raise ConfigurationError(
                 f"a configuration has {self.n} values ({', '.join(self.joints)}), "
@@ -165,7 +168,7 @@ def watch(
     scale = first.arm.length_scale
     weight = np.where(prismatic, 1 / scale, 1.0)
     if weights is not None:
-        weight = np.array(weights, dtype=float)
+        weight = real_numbers(weights, "weights")
         if weight.shape != prismatic.shape:
             raise OptionError(f"weights needs {len(prismatic)} numbers, got shape {weight.shape}")
     chosen = Watched(

@@ -53,7 +53,8 @@ def summarize(arm: Arm) -> ArmSummary:
     """Plain data of ``arm``."""
     return ArmSummary(
         name=arm.name,
-        source=arm.source.label,
+        # A name that is no UTF-8 has no place in JSON.
+        source=arm.source.label.encode("utf-8", "backslashreplace").decode(),
         tip=arm.tip,
         base=arm.base,
         task=arm.task.name,

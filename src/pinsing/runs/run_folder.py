@@ -234,8 +234,11 @@ def _locked(root: Path) -> int:
     """Handle of the lock of a folder, which is made if it is not there; locked."""
     try:
         if not root.is_dir():
+            if root.is_symlink() and not root.exists():
+                raise OutputError(f"cannot use {root}: it is a link to what is not there")
             if root.exists():
-                raise OutputError(f"cannot use {root}: it is a file; give a folder")
+                kind = "a file" if root.is_file() else "a device or pipe"
+                raise OutputError(f"cannot use {root}: it is {kind}; give a folder")
             os.mkdir(root)
             sync_folder(root.parent)
         elif not (root / _PLAN).exists() and _foreign(root):
