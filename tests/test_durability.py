@@ -55,6 +55,20 @@ def test_every_command_that_writes_is_here(tools: Any) -> None:
     assert tools["commands"].uncovered(command) == []
 
 
+def test_what_is_said_to_be_refused_for_mechanisms_is(tools: Any, tmp_path: Path) -> None:
+    from click.testing import CliRunner
+
+    from pinsing.cli.app import command
+
+    urdf = Path(__file__).parent.parent / "urdf"
+    files = [str(urdf / "five_bar.urdf"), "--loops", str(urdf / "five_bar.loops.yaml")]
+    for words, _ in tools["commands"].REFUSED:
+        name, option = words.split()
+        done = CliRunner().invoke(command, [name, *files, option, str(tmp_path / "out")])
+        assert done.exit_code == 2
+        assert not list(tmp_path.iterdir())
+
+
 def test_an_option_that_is_not_here_is_noticed(tools: Any) -> None:
     import click
 

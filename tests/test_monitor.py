@@ -121,9 +121,12 @@ def test_trend_is_that_of_the_distance(name: str) -> None:
     for q, v in zip(Q, V, strict=True):
         verdict = monitor.update(q, v)
         seen.add(verdict.trend)
-        if not 1e-3 < verdict.lower < 0.5 or verdict.upper - verdict.lower > 0.02:
+        if not 1e-3 < verdict.lower < 0.5:
             continue
         family = next(f for f in form.families if f.name == verdict.family)
+        # `upper` may be of another family; first order holds where the family's own gap is small.
+        if family.distance(q, gap=1e-9).upper - verdict.lower > 0.02:
+            continue
         h = 1e-4
         before, after = (family.distance(q + s * h * v, gap=1e-9).upper for s in (-1, 1))
         rate = (after - before) / (2 * h)

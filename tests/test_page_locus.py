@@ -14,7 +14,7 @@ CURVE = """(m, {data, entry, q}) => {
   const held = q.slice();
   for (const v of branch.values) held[v.joint] = v.value;
   const [i, j] = branch.involved.slice(-2);
-  const lines = m.locus(branch.equation, held, i, j, [-2, 2], [-1.5, 2.5]);
+  const lines = m.locus(branch.equation, held, i, j, [-3.1, 3.1], [-3, 3.1]);
   return { i, j, held, lines, involved: branch.involved };
 }"""
 
@@ -43,9 +43,9 @@ def test_every_end_of_the_curve_is_singular(robot: str, name: str) -> None:
         assert abs(float(equation(at))) < 1e-4 * size
     # Nothing is missed: along rows between the grid's, each change of sign has an end near it.
     ends = np.array([p for line in found["lines"] for p in line])
-    for v in np.linspace(-1.4, 2.4, 7):
-        row = np.repeat(np.array(found["held"])[None], 400, axis=0)
-        row[:, found["i"]] = across = np.linspace(-1.95, 1.95, 400)
+    for v in np.linspace(-2.9, 2.9, 7):
+        row = np.repeat(np.array(found["held"])[None], 600, axis=0)
+        row[:, found["i"]] = across = np.linspace(-3.05, 3.05, 600)
         row[:, found["j"]] = v
         f = np.array([float(equation(x)) for x in row])
         for k in np.flatnonzero(np.sign(f[:-1]) != np.sign(f[1:])):

@@ -110,13 +110,6 @@ def pose_forms(mechanism: Mechanism) -> PoseForms | None:
     -------
     PoseForms or None
         With ``str()``: the equations in words.
-
-    Examples
-    --------
-    >>> import pinsing
-    >>> from pinsing.mechanism import pose_forms
-    >>> print(pose_forms(pinsing.load_mechanism("gough_stewart")).everywhere[0])
-    turned by ±90° about z: singular at every position
     """
     found = rods(mechanism)
     if found is None:
