@@ -27,6 +27,9 @@ _SINGULAR_LISTED = 32
 _REGULAR = 1e-6
 """sigma_r / sigma_1 above which a solution is regular: of a singular one half the digits hold."""
 
+_SIGNED = 1e-6
+"""And above which its sign is no noise: at a fold all within 3e-6 leave less than Newton does."""
+
 
 class Found:
     """Solutions so far, each with how often it was met.
@@ -45,25 +48,40 @@ class Found:
         self.solver, self.arm, self.held = solver, arm, held
         self.q: list[Array] = []
         self.left: list[float] = []
+        self.sign: list[float] = []
         self.hits: list[int] = []
         self._followed = 0
 
     def add(self, Q: Array, left: Array) -> None:
-        """Sort reached configurations into those known and new ones."""
+        """Sort reached configurations into those known and new ones.
+
+        Two that are close are one, unless both are regular and their determinants differ in sign:
+        near a singularity solutions come in such pairs.
+        """
+        if not len(Q):
+            return
         Q = self.arm.space.wrap(Q)
-        for q, e in zip(Q, left, strict=True):
+        for q, e, sign in zip(Q, left, self._signs(Q), strict=True):
             if self.q:
                 gap = np.abs(self.arm.space.wrap(np.array(self.q) - q)).max(axis=1)
+                gap[np.array(self.sign) * sign < 0] = np.inf
                 k = int(np.argmin(gap))
                 if gap[k] < _APART:
                     self.hits[k] += 1
                     if e < self.left[k]:
-                        self.q[k], self.left[k] = q, float(e)
+                        self.q[k], self.left[k], self.sign[k] = q, float(e), float(sign)
                     continue
             if len(self.q) < _MOST:
                 self.q.append(q)
                 self.left.append(float(e))
+                self.sign.append(float(sign))
                 self.hits.append(1)
+
+    def _signs(self, Q: Array) -> Array:
+        """Signs of the determinant, (N,); zero where there is none, or it is noise."""
+        if len(self.solver.rows) != len(self.solver.free):
+            return np.zeros(len(Q))
+        return np.where(ratios(self.arm, Q) > _SIGNED, self.solver.signs(Q), 0.0)
 
     def follow(self, images: Callable[[Array], Array]) -> None:
         """Start from images of each solution that is new since the last time, and of theirs."""
@@ -99,9 +117,9 @@ class Found:
         square = len(rows) == len(self.solver.free) and (rows == POSE or max(rows) < 3)
         if not self.q or not square or self.arm.prismatic[self.solver.free].any():
             return 0
-        if not self.regular.all():
+        if not all(self.sign):
             return 0
-        return -round(float(self.solver.signs(np.array(self.q)).sum()))
+        return -round(sum(self.sign))
 
     def settled(self) -> bool:
         """Whether every regular solution was met several times, and none is known to lack."""
