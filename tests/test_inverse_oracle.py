@@ -168,6 +168,23 @@ def test_against_a_closed_formula_at_500_poses(made, rows, formula, mean):
     assert certified == total if rows is UR5 else certified > 0.99 * total
 
 
+@pytest.mark.parametrize(("rows", "formula", "mean"), CLOSED, ids=["ur5", "puma"])
+def test_pairs_next_to_a_singularity_are_told_apart(made, rows, formula, mean):
+    """Stretched elbows but for 1e-4 and less: two solutions that near, of opposite signs."""
+    arm = made(rows)
+    stretched = 0.0 if rows is UR5 else -np.arctan2(0.4318, 0.0203)
+    least = []
+    for q in arm.space.sample(8, np.random.default_rng(9), True):
+        q[2] = stretched + 4e-5
+        T = placed(rows, q)
+        found, theirs = pinsing.inverse(arm, T), np.array(formula(T))
+        gaps = [np.abs(arm.space.wrap(found.q - s)).max(axis=1).min() for s in theirs]
+        assert found.doubt or max(gaps) < 1e-5
+        turn = arm.space.wrap(found.q[:, None] - found.q)
+        least.append(np.abs(turn).max(axis=2)[~np.eye(len(found), dtype=bool)].min())
+    assert min(least) < 2e-4
+
+
 def against_more_starts(arm, count, seed):
     """Four times as many starts, of another seed, find no more where there is no doubt."""
     counts = []

@@ -27,9 +27,6 @@ _SINGULAR_LISTED = 32
 _REGULAR = 1e-6
 """sigma_r / sigma_1 above which a solution is regular: of a singular one half the digits hold."""
 
-_SIGNED = 1e-6
-"""And above which its sign is no noise: at a fold all within 3e-6 leave less than Newton does."""
-
 
 class Found:
     """Solutions so far, each with how often it was met.
@@ -81,7 +78,7 @@ class Found:
         """Signs of the determinant, (N,); zero where there is none, or it is noise."""
         if len(self.solver.rows) != len(self.solver.free):
             return np.zeros(len(Q))
-        return np.where(ratios(self.arm, Q) > _SIGNED, self.solver.signs(Q), 0.0)
+        return np.where(ratios(self.arm, Q) > _REGULAR, self.solver.signs(Q), 0.0)
 
     def follow(self, images: Callable[[Array], Array]) -> None:
         """Start from images of each solution that is new since the last time, and of theirs."""
