@@ -57,6 +57,11 @@ def test_a_map_into_what_is_no_folder(tmp_path):
     for name, why in (("link", "not there"), ("pipe", "pipe"), ("file", "it is a file")):
         with pytest.raises(OutputError, match=why):
             pinsing.sigma_map(arm, count=8, out=tmp_path / name)
+    for bad in ("\ud800", "x" * 10**6, "a/" * 10**5):
+        with pytest.raises(OutputError) as raised:
+            pinsing.sigma_map(arm, count=8, out=bad)
+        assert str(raised.value).isprintable()
+        assert len(str(raised.value)) < 500
 
 
 def test_no_room_for_what_a_dh_table_needs_in_between(tmp_path, monkeypatch):

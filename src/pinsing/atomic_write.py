@@ -163,6 +163,8 @@ def is_temporary(name: str) -> bool:
 
 def why(error: Exception) -> str:
     """What the system says of a failure, without numbers and paths."""
+    if isinstance(error, UnicodeEncodeError):
+        return "the name holds half a character"
     return str(getattr(error, "strerror", None) or error)
 
 

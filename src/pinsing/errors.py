@@ -7,11 +7,13 @@ The command line prints it and ends with exit code 2.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
 _LONGEST_NAME, _LONGEST_PATH, _LONGEST_MESSAGE = 100, 1000, 4000
+_LONG_WORD = re.compile(rf"\S{{{_LONGEST_PATH},}}")
 
 
 def _cut(name: str) -> str:
@@ -27,6 +29,8 @@ def shown_path(path: object) -> str:
 
 def _one_line(message: str) -> str:
     """A message in one line that any terminal and file can hold, whatever a parser had to say."""
+    if len(message) > _LONGEST_PATH:
+        message = _LONG_WORD.sub(lambda word: "..." + word[0][-_LONGEST_NAME:], message)
     if len(message) > _LONGEST_MESSAGE:
         message = message[: _LONGEST_MESSAGE - _LONGEST_NAME] + "..." + message[-_LONGEST_NAME:]
     if message.isprintable():

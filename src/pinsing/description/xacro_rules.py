@@ -21,6 +21,8 @@ from pinsing.description.xacro_values import FUNCTIONS, MATH, Function, Refused
 from pinsing.description.yaml_depth import Loader
 
 _MOST_YAML_VALUES = 200_000
+_LONGEST_NUMBER = 400  # letters
+_NUMBER_TAGS = frozenset({"tag:yaml.org,2002:int", "tag:yaml.org,2002:float"})
 
 
 class Arguments(dict[str, str]):
@@ -210,7 +212,7 @@ class Rules:
         text = self.read(filename)
         self.xacro.filestack.append(filename)
         try:
-            loader = Loader(text)
+            loader = _Placed(text, filename)
             node = loader.get_single_node()
             if node is None:
                 return None
@@ -221,11 +223,31 @@ class Rules:
             line = None if mark is None else mark.line + 1
             raise RefusedAt(f"not valid YAML: {error.problem or error}", filename, line) from None
         except yaml.YAMLError as error:
-            raise RefusedAt(f"not valid YAML: {error}", filename) from None
+            reason = getattr(error, "reason", error)
+            raise RefusedAt(f"not valid YAML: {reason}", filename) from None
         self.xacro.filestack.pop()
         self.xacro.all_includes.append(filename)
         self.tables[filename] = self.kinds.listed.wrap(value)
         return self.tables[filename]
+
+
+class _Placed(Loader):
+    """Tells the file and the line of a value that cannot be made of what stands there."""
+
+    def __init__(self, text: str, file: str) -> None:
+        self._file = file
+        super().__init__(text)
+
+    def construct_object(self, node: yaml.Node, deep: bool = False) -> Any:
+        """Make one value."""
+        try:
+            return super().construct_object(node, deep)
+        except (yaml.YAMLError, RefusedAt):
+            raise
+        except Exception as error:
+            written = f"{node.value!r:.60}: " if isinstance(node, yaml.ScalarNode) else ""
+            line = node.start_mark.line + 1
+            raise RefusedAt(f"{written}{error}", self._file, line) from None
 
 
 def _count(root: yaml.Node, file: str) -> None:
@@ -240,6 +262,8 @@ def _count(root: yaml.Node, file: str) -> None:
         if known:
             return known
         sizes[id(node)] = None
+        if node.tag in _NUMBER_TAGS and len(node.value) > _LONGEST_NUMBER:
+            raise RefusedAt(f"a number of {len(node.value):,} characters is too long", file, line)
         parts: list[yaml.Node] = []
         if isinstance(node, yaml.SequenceNode):
             parts = node.value
