@@ -11,6 +11,7 @@ or loads a bool that is none ends the run with a report. Exit code 77: it cannot
 from __future__ import annotations
 
 import argparse
+import importlib.util
 import os
 import platform
 import shutil
@@ -82,6 +83,16 @@ def _library(name: str) -> str:
     return subprocess.run(words, capture_output=True, text=True, check=True).stdout.strip()
 
 
+def _fingerprint(batch: Path) -> str:
+    """What the build writes into the kernel: a kernel without it is taken for an old one."""
+    spec = importlib.util.spec_from_file_location("built_from", batch / "built_from.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return str(module.fingerprint(batch))
+
+
 def build(folder: Path, isas: list[str], jobs: int) -> Path:
     """Compile the kernel; the path of the module."""
     import nanobind
@@ -95,6 +106,7 @@ def build(folder: Path, isas: list[str], jobs: int) -> Path:
         *(f"-DPINSING_HAVE_{i.upper()}=1" for i in isas),
     ]
     batch = ROOT / "src/pinsing/_batch"
+    common.append(f'-DPINSING_SOURCES="{_fingerprint(batch)}"')
     sources = [
         (path, ISA.get(path.stem.removeprefix("kernel_"), ()))
         for path in sorted(batch.glob("*.cpp"))

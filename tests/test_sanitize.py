@@ -27,6 +27,7 @@ def test_the_kernel_under_two_sanitizers(monkeypatch: pytest.MonkeyPatch) -> Non
             "-m",
             "not slow",
             "tests/test_batch.py",
+            "tests/test_batch_roots.py",
         ],
         capture_output=True,
         text=True,

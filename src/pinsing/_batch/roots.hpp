@@ -86,7 +86,7 @@ PINSING_INLINE void guesses(const One* c, One* x) {
             One square = u[k] * u[k];
             One sum = square - 2.0 * (u[k - 1] * u[k + 1]);
             PINSING_UNROLL
-            for (int j = 2; k - j >= 0 && k + j <= K; j++) {
+            for (int j = 2; j <= (2 * k < K ? k : K - k); j++) {
                 One both = 2.0 * (u[k - j] * u[k + j]);
                 sum = j % 2 ? sum - both : sum + both;
             }

@@ -16,6 +16,7 @@ constexpr int kHalf = 2;
 
 typedef double Half __attribute__((vector_size(8 * kHalf)));
 typedef std::int64_t HalfBits __attribute__((vector_size(8 * kHalf)));
+typedef std::uint64_t HalfWords __attribute__((vector_size(8 * kHalf)));
 
 // One machine vector, and two of them side by side.
 struct One {
@@ -63,11 +64,21 @@ template <class T> PINSING_INLINE T& operator*=(T& x, T y) { return x = x * y; }
 PINSING_BITWISE(&)
 PINSING_BITWISE(|)
 PINSING_BITWISE(^)
-PINSING_BITWISE(+)
 PINSING_BITWISE(<<)
 PINSING_BITWISE(>>)
 #undef PINSING_BITWISE
-PINSING_INLINE OneBits operator-(std::int64_t x, OneBits y) { return OneBits{x - y.v}; }
+// Sums of bits wrap around: of signed numbers that would be undefined.
+PINSING_INLINE OneBits operator+(OneBits x, OneBits y) {
+    return OneBits{(HalfBits)((HalfWords)x.v + (HalfWords)y.v)};
+}
+PINSING_INLINE OneBits operator+(OneBits x, std::int64_t y) {
+    return OneBits{(HalfBits)((HalfWords)x.v + (std::uint64_t)y)};
+}
+PINSING_INLINE Bits operator+(Bits x, Bits y) { return Bits{x.a + y.a, x.b + y.b}; }
+PINSING_INLINE Bits operator+(Bits x, std::int64_t y) { return Bits{x.a + y, x.b + y}; }
+PINSING_INLINE OneBits operator-(std::int64_t x, OneBits y) {
+    return OneBits{(HalfBits)((std::uint64_t)x - (HalfWords)y.v)};
+}
 PINSING_INLINE Bits operator-(std::int64_t x, Bits y) { return Bits{x - y.a, x - y.b}; }
 
 // Masks: one bit a lane in AVX-512's mask registers, a lane full of ones elsewhere.
