@@ -48,8 +48,8 @@ sys.modules["pinsing._batch._kernel"] = module
 spec.loader.exec_module(module)
 
 
-def pytest_report_header():
-    return "kernel: " + module.__file__ + ", " + ", ".join(module.isa_names())
+def pytest_terminal_summary(terminalreporter):
+    terminalreporter.write_line("kernel: " + ", ".join(module.isa_names()))
 
 
 def pytest_sessionfinish():

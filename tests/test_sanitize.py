@@ -36,4 +36,4 @@ def test_the_kernel_under_two_sanitizers(monkeypatch: pytest.MonkeyPatch) -> Non
     )
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     assert " passed" in done.stdout
-    assert "avx2" in done.stdout or "kernel: " in done.stdout
+    assert "kernel: " in done.stdout
