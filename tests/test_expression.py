@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 from singular_sets import RIGHT, Array, Joint, arm_of, build, closed
 
-from pinsing.algebra.equation import equation, format_angle
+from pinsing.algebra.equation import equation
+from pinsing.algebra.equation_text import format_angle
 from pinsing.algebra.ring import Poly, Ring, make_ring
 from pinsing.families import Equation, closed_form
 from pinsing.families.certain import certainly_empty, never_zero

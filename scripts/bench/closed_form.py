@@ -34,7 +34,8 @@ from pathlib import Path
 from queue import Empty
 from typing import Any, NamedTuple
 
-from pinsing.algebra.jacobian_matrix import independent_rows, jacobian_matrix
+from pinsing.algebra.jacobian_matrix import jacobian_matrix
+from pinsing.algebra.matrix import independent_rows
 from pinsing.algebra.ring import make_ring
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.geometry.nominal import Nominal, nominal

@@ -1,48 +1,27 @@
-"""From a polynomial matrix to the components of the set where its rank drops.
+"""From a polynomial matrix to the components of the set where its rank drops, within a time.
 
-Every component of the complex set {rank M < r} of a rows x columns matrix has codimension
-at most (rows - r + 1)(columns - r + 1) (Eagon and Northcott, 1962). So the search branches
-on factors of the minors, puts joint values in as soon as a factor fixes one, and leaves a
-branch whose codimension has passed the bound: whatever is left there lies on a component
-of larger dimension, which another branch finds.
-
-Where several equations are left that fix no joint, generic points of their common zeros say
-whether these are singular. If they are, they are a component; if not, a minor that vanishes
-on none of them is one equation more. Such sets are small and take long: they come last, those
-with the fewest equations first.
+The search itself is in ``search``. Here it may go on in a child process, is stopped when time is
+over, and what it decided at random points is asked again modulo a second prime.
 """
 
 from __future__ import annotations
 
-import functools
-import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
-
-import numpy as np
 
 from pinsing.algebra.apart import Apart
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Backing, Component, Found
-from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
-from pinsing.algebra.jacobian_matrix import Matrix, reduce_matrix
-from pinsing.algebra.minors import Minors, cost
+from pinsing.algebra.components import Component, Found
+from pinsing.algebra.matrix import Matrix, reduce_matrix
 from pinsing.algebra.place import Place, bound
 from pinsing.algebra.prime_field import WORD_PRIME
-from pinsing.algebra.ring import Packed, Poly, Ring, Value
-from pinsing.algebra.second_prime import FIRST_SEED, Question, RandomSteps, ask_again
-from pinsing.algebra.zeros import Undecided
+from pinsing.algebra.ring import Packed, Ring, Value
+from pinsing.algebra.search import Search
+from pinsing.algebra.second_prime import FIRST_SEED, RandomSteps, ask_again
 
-_SHORTEST = 5
-"""Equations of a long system among which fewer that say the same are looked for."""
 _TO_ASK = 0.1
 """Share of the time for asking the second prime, however long the search took."""
-_RESULTANT_TERMS = 2_000
-"""Largest product of term counts for which a symbolic resultant is tried."""
 
-
-Relations = tuple[Poly, ...]
 PackedComponent = tuple[Mapping[int, Value], list[Packed], bool, int]
 
 
@@ -65,13 +44,9 @@ class Decomposition:
         self.time = time
         self._apart = Apart(time, time.left + _TO_ASK * time.seconds)
         self._found = Found(ring, lambda c: self._apart.tell(_packed(c, ring)))
-        self.gaps: list[str] = []
+        self._search = Search(ring, time, self._found)
+        self.gaps = self._search.gaps
         self.stopped = False
-        self._rng = np.random.default_rng(FIRST_SEED)
-        self._residues = Residues(ring)
-        self._seen: set[object] = set()
-        self.asked: list[Question] = []
-        self._later: list[tuple[int, Callable[[], None]]] = []
         self.bound = 1
         self.components: list[Component] = []
         self.second = RandomSteps(0, (), ())
@@ -83,48 +58,29 @@ class Decomposition:
 
     def _ended(self, matrix: Matrix | Callable[[], Matrix], rank: int) -> Any:
         """Itself after the search; what can be pickled of it, in a child."""
-        depth = 0
+        search = self._search
         try:
             given = matrix() if callable(matrix) else matrix
             rows, reduced = reduce_matrix(given, rank, self.ring, self.time)
             self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
-            self._confirm(rows, reduced, rank)
-            self._search(Place({}, rows, reduced, self.bound))
-            while self._later:
-                first = min(range(len(self._later)), key=lambda i: self._later[i][0])
-                depth, run = self._later.pop(first)
-                run()
+            everywhere = Place({}, rows, reduced, self.bound)
+            search.confirm(everywhere, rank)
+            search.run(everywhere)
         except BudgetExceeded as reason:
             self.stopped = True
             self.gaps.append(
-                f"{reason} among sets inside {depth} simultaneous equations or more"
-                if depth
+                f"{reason} among sets inside {search.depth} simultaneous equations or more"
+                if search.depth
                 else str(reason)
             )
         self.components = self._found.irredundant(self.time)
         time = self.time.at_least(_TO_ASK)
-        self.second = ask_again(self.asked, self.components, self.ring, time)
+        self.second = ask_again(search.asked, self.components, self.ring, time)
         self.gaps += self.second.gaps
         if not self._apart.child:
             return self
         packed = [_packed(c, self.ring) for c in self.components]
         return packed, self.gaps, self.stopped, self.second, self.bound
-
-    def _confirm(self, rows: Matrix, reduced: int, rank: int) -> None:
-        """Say so unless ``rank`` is the generic rank of the matrix, exactly.
-
-        One point modulo a prime shows that it is no less; that all larger minors are zero
-        polynomials, that it is no more.
-        """
-        short = min(len(rows), len(rows[0])) if rows else 0
-        less = reduced > 0 and (
-            short < reduced or not self._regular(Place({}, rows, reduced, self.bound))
-        )
-        more = short > max(reduced, 0) and any(
-            True for _ in Minors(rows, max(reduced, 0) + 1, self.ring, self.time)
-        )
-        if reduced < 0 or less or more:
-            self.gaps.append(f"the generic rank is not {rank}, as points chosen at random said")
 
     def _take(self, found: Any) -> None:
         """What the child found."""
@@ -143,308 +99,6 @@ class Decomposition:
                 self.components.append(c)
         self.stopped = True
         self.gaps.append(reason)
-        self.second = RandomSteps(len(self.asked) + 1, (WORD_PRIME,), (FIRST_SEED,), (reason,))
-
-    # Branches -----------------------------------------------------------------------
-
-    def _search(self, place: Place) -> None:
-        """All components at a place."""
-        values = place.values
-        key = frozenset(values.items())
-        if key in self._seen or self._found.covers(values):
-            return
-        self._seen.add(key)
-        reduced = self._reduced(place)
-        if reduced is None:
-            return
-        if reduced.room == 0 and self._regular(reduced):  # nothing else of this codimension
-            return
-        minors = self._minors(reduced)
-        common = self._common_factor(minors)
-        if common is None:
-            self._found.add(values, (), True)
-            return
-        if reduced.room == 0:
-            return
-        shared = self._factors(common)
-        for f in shared:
-            self._hypersurface(f, values)
-        if reduced.room < 2:
-            return
-        for f in minors.simplest_cofactor(common):
-            if f in shared:
-                continue
-            fixed = self.ring.joint_value(f)
-            if fixed is not None:
-                self._search(self._at(reduced, dict([fixed])))
-            else:
-                self._relation(f, reduced, minors)
-
-    def _relation(self, p: Poly, place: Place, minors: Minors) -> None:
-        """Components inside p = 0."""
-        key = (frozenset(place.values.items()), str(p))
-        if key in self._seen or self._found.covers(place.values, (p,)):
-            return
-        self._seen.add(key)
-        others = []
-        for minor in minors:
-            if not self.ring.divides(p, minor):
-                factors = self._factors(minor)
-                if not factors:
-                    return
-                others.append(factors)
-                if len(others) >= 6:
-                    break
-        if not others:
-            self._found.add(place.values, (p,), True)
-            return
-        if place.room < 2:
-            return
-        for g in min(others, key=cost):
-            self._and((p,), g, place, minors)
-
-    def _and(self, relations: Relations, g: Poly, place: Place, minors: Minors) -> None:
-        """Components inside some equations and one more."""
-        fixed = self.ring.joint_value(g)
-        if fixed is not None:
-            self._within(relations, self._at(place, dict([fixed])), dict([fixed]))
-        else:
-            self._system((*relations, g), place, minors)
-
-    def _within(self, relations: Relations, place: Place, new: Mapping[int, Value]) -> None:
-        """Go on at a place with all factors of what equations become at its ``new`` values."""
-        became = [self.ring.strip(self.ring.substitute(p, new)) for p in relations]
-        factors = [self._factors(p) for p in became if p != 0]
-        for combination in itertools.product(*factors):
-            distinct = tuple({str(h): h for h in combination}.values())
-            fixed = next(((h, f) for h in distinct if (f := self.ring.joint_value(h))), None)
-            if fixed is not None:
-                left = tuple(h for h in distinct if h is not fixed[0])
-                at = dict([fixed[1]])
-                self._within(left, self._at(place, at), at)
-            elif not distinct:
-                self._search(place)
-            elif (reduced := self._reduced(place)) is not None:
-                minors = self._minors(reduced)
-                independent = self._independent(distinct, place.values)
-                if len(independent) == 1:
-                    self._relation(independent[0], reduced, minors)
-                else:
-                    self._system(independent, reduced, minors)
-
-    def _independent(self, relations: Relations, values: Mapping[int, Value]) -> Relations:
-        """Some of the relations, of which each cuts the common zeros of those before it.
-
-        At values of joints several relations may have more common zeros than their number says:
-        then one that lets some part of them stand is left out, and more is searched.
-        """
-        ordered = sorted(relations, key=len)
-        kept = ordered[:2]  # irreducible, none a multiple of the other
-        for g in ordered[2:]:
-            try:
-                cuts = not any(s.is_zero(g) for s in self._points(kept, values))
-            except Undecided:
-                cuts = True  # then the system is not decided either, and that is said
-            if cuts:
-                kept.append(g)
-        return tuple(kept)
-
-    def _system(self, relations: Relations, place: Place, minors: Minors) -> None:
-        """Components inside the common zeros of two equations or more.
-
-        Those that are such common zeros themselves are stated by as few joints as can be found.
-        Where none is, one more minor cuts the rest down by one dimension.
-        """
-        key = (frozenset(place.values.items()), frozenset(map(str, relations)))
-        if key in self._seen or place.room < len(relations):
-            return
-        self._seen.add(key)
-        if len(relations) > 2:  # what is larger, and found at less cost, first
-            run = functools.partial(self._common_zeros, relations, place, minors)
-            self._later.append((len(relations), run))
-        else:
-            self._common_zeros(relations, place, minors)
-
-    def _common_zeros(self, relations: Relations, place: Place, minors: Minors) -> None:
-        """See ``_system``."""
-        self.time.check()
-        try:
-            points = list(self._points(relations, place.values))
-        except Undecided:
-            self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
-            return
-        codimension = len(place.values) + len(relations)
-        singular = [s for s in points if s.rank(place.matrix) < place.rank]
-        self.asked.append(Question(relations, place.values, place.matrix, place.rank))
-        if singular:
-            if len(relations) == 2:
-                self._eliminate(*relations, place, singular)
-            missed = [s for s in singular if not self._found.holds(s)]
-            if missed:
-                known = [s for s in points if s not in missed]
-                state = functools.partial(self._statement, relations, minors=minors)
-                backing = Backing(missed, known, state)
-                if known:
-                    stated = self._shortened(state(missed, known), len(relations), place)
-                else:
-                    stated = relations
-                self._found.add(place.values, stated, False, codimension, backing)
-        if len(singular) == len(points) or place.room == len(relations):
-            return
-        if singular:
-            self.gaps.append(
-                f"sets of codimension {codimension + 1} or more inside the regular part of "
-                f"{len(relations)} equations were not searched"
-            )
-            return
-        cutting = minors.cutting(points)
-        if cutting is None:
-            self.gaps.append(
-                f"no single minor cut all of the common zeros of {len(relations)} equations"
-            )
-            return
-        for g in cutting:
-            self._and(relations, g, place, minors)
-
-    def _eliminate(self, p: Poly, g: Poly, place: Place, singular: list[SlicePoint]) -> None:
-        """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
-        shared = self._common_joints(p, g)
-        if not shared or len(p) * len(g) > _RESULTANT_TERMS:
-            return
-        resultant = self.ring.strip(self._resultant(p, g, shared[0]))
-        for h in self._factors(resultant):
-            fixed = self.ring.joint_value(h)
-            if fixed is not None:
-                at = dict([fixed])
-                common = self.ring.gcd(self.ring.substitute(p, at), self.ring.substitute(g, at))
-                there = self._at(place, at)
-                for e in self._factors(self.ring.strip(common)):
-                    self._within((e,), there, {})
-            elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
-                for other in sorted((p, g), key=len):
-                    points = list(self._points((h, other), place.values))
-                    if not points or not all(s.rank(place.matrix) < place.rank for s in points):
-                        continue
-                    if all(s.transversal((h, other)) for s in points):
-                        backing = Backing(points, [])
-                        self._found.add(place.values, (h, other), False, backing=backing)
-                        break
-
-    def _regular(self, place: Place) -> bool:
-        """Whether some configuration of a place is regular, shown by one modulo a prime."""
-        return any(
-            self._residues.generic_rank(place.matrix, self._rng) >= place.rank for _ in range(2)
+        self.second = RandomSteps(
+            len(self._search.asked) + 1, (WORD_PRIME,), (FIRST_SEED,), (reason,)
         )
-
-    def _points(
-        self, relations: Sequence[Poly], values: Mapping[int, Value]
-    ) -> Iterator[SlicePoint]:
-        """Generic points of the common zeros of some equations."""
-        return slice_points(relations, self._residues, self._rng, values, self.time.check)
-
-    def _shortened(self, relations: Relations, count: int, place: Place) -> Relations:
-        """As few equations as the codimension, if some say the same.
-
-        Common zeros of so many equations have no parts of lower dimension: where generic points
-        of all parts are singular, and new, all is.
-        """
-        for few in itertools.combinations(relations[:_SHORTEST], count):
-            if self._states(few, place):
-                return few
-        return relations
-
-    def _states(self, relations: Relations, place: Place) -> bool:
-        """Whether all common zeros are singular, and none is on a component that is known."""
-        found = False
-        try:
-            for s in self._points(relations, place.values):
-                self.time.check()
-                if s.rank(place.matrix) >= place.rank or self._found.holds(s):
-                    return False
-                found = True
-        except Undecided:
-            return False
-        return found
-
-    def _statement(
-        self,
-        relations: Relations,
-        singular: list[SlicePoint],
-        others: list[SlicePoint],
-        minors: Minors,
-    ) -> tuple[Poly, ...]:
-        """Equations of the singular part of the common zeros of some equations.
-
-        One factor of every minor, that all of the singular part shares, and of the rest as
-        little as can be: where these vanish all minors do, so that not even a part of lower
-        dimension is stated that is regular.
-        """
-        stated = list(relations)
-        for minor in minors:
-            self.time.check()
-            if any(self.ring.divides(r, minor) for r in stated):
-                continue
-            whole = [f for f in self._factors(minor) if all(s.is_zero(f) for s in singular)]
-            if len(whole) > 1:
-                whole.sort(key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
-            stated.append(whole[0] if whole else minor)
-        return tuple(sorted(stated, key=len))
-
-    # Pieces -------------------------------------------------------------------------
-
-    def _factors(self, poly: Poly) -> list[Poly]:
-        self.time.check_factor(len(poly))
-        return self.ring.factors(poly)
-
-    def _hypersurface(self, f: Poly, values: Mapping[int, Value]) -> None:
-        fixed = self.ring.joint_value(f)
-        if fixed is None:
-            self._found.add(values, (f,), True)
-        else:
-            self._found.add({**values, fixed[0]: fixed[1]}, (), True)
-
-    def _common_factor(self, minors: Minors) -> Poly | None:
-        """Greatest common divisor of all minors; None if all of them are zero."""
-        common = None
-        for minor in minors:
-            self.time.check_factor(len(minor))
-            common = minor if common is None else self.ring.gcd(common, minor)
-            if self.ring.is_constant(common):
-                break
-        return common
-
-    def _common_joints(self, p: Poly, g: Poly) -> list[int]:
-        shared = set(self.ring.joints_of(p)) & set(self.ring.joints_of(g))
-
-        def degree(j: int) -> int:
-            v = self.ring.variables(j)[-1]
-            return int(p.degrees()[v]) * int(g.degrees()[v])
-
-        return sorted(shared, key=degree)
-
-    def _resultant(self, p: Poly, g: Poly, joint: int) -> Poly:
-        """Resultant of two forms in the variables of one joint."""
-        variables = self.ring.variables(joint)
-        if len(variables) == 2:
-            put = {self.ring.context.names()[variables[0]]: 1}
-            p, g = p.subs(put), g.subs(put)
-        return self.ring.resultant(p, g, variables[-1])
-
-    def _at(self, place: Place, new: Mapping[int, Value]) -> Place:
-        """The place with some more joints at values."""
-        matrix = [[self.ring.substitute(x, new) for x in row] for row in place.matrix]
-        return replace(place, values={**place.values, **new}, matrix=matrix)
-
-    def _reduced(self, place: Place) -> Place | None:
-        """The place with a smaller matrix, unless all of it is singular (noted), or none."""
-        matrix, rank = reduce_matrix(place.matrix, place.rank, self.ring, self.time)
-        if rank <= 0:
-            return None
-        if not matrix or min(len(matrix), len(matrix[0])) < rank:
-            self._found.add(place.values, (), True)
-            return None
-        limit = min(place.limit, len(place.values) + bound(matrix, rank))
-        return Place(place.values, matrix, rank, limit)
-
-    def _minors(self, place: Place) -> Minors:
-        return Minors(place.matrix, place.rank, self.ring, self.time)

@@ -8,7 +8,6 @@ show as sums of angles.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -19,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.algebra.equation_text import LATEX, PLAIN, Style, exact_sum, signed_sum
 from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.geometry.surd import Exact, exact_of, exact_text, parts_of
@@ -152,13 +152,13 @@ class Equation:
 
     def text(self) -> str:
         """One line, such as ``0.4318 cos q2 + 0.0203 cos(q2+q3) - 0.4318 sin(q2+q3) = 0``."""
-        condition = self._angle_sum(_PLAIN)
-        return condition if condition else f"{_join(self._pieces(_PLAIN))} = 0"
+        condition = self._angle_sum(PLAIN)
+        return condition if condition else f"{signed_sum(self._pieces(PLAIN))} = 0"
 
     def latex(self) -> str:
         """The same line in LaTeX."""
-        condition = self._angle_sum(_LATEX)
-        return condition if condition else f"{_join(self._pieces(_LATEX))} = 0"
+        condition = self._angle_sum(LATEX)
+        return condition if condition else f"{signed_sum(self._pieces(LATEX))} = 0"
 
     def exact_text(self, latex: bool = False) -> str:
         """The same line with exact coefficients, or nothing where they are not known.
@@ -168,7 +168,7 @@ class Equation:
         latex : bool
             As LaTeX.
         """
-        style = _LATEX if latex else _PLAIN
+        style = LATEX if latex else PLAIN
         if not self.exact or self._angle_sum(style):
             return ""
         numbers = [(exact_of(c), exact_of(s)) for c, s in self.exact]
@@ -178,12 +178,12 @@ class Equation:
                 number = numbers[t][value]
                 if float(number):
                     pieces.append((number, body))
-        return f"{_exact_sum(pieces, latex)} = 0"
+        return f"{exact_sum(pieces, latex)} = 0"
 
     def __str__(self) -> str:
         return self.text()
 
-    def _angle_sum(self, style: _Style) -> str | None:
+    def _angle_sum(self, style: Style) -> str | None:
         """A half-angle equation with a single frequency says what a sum of angles is."""
         if len(self.cos) != 1 or not self.half_angle or self.powers.any():
             return None
@@ -193,7 +193,7 @@ class Equation:
         names = self._angle(2 * self.frequencies[0], style, shift=False)
         return f"{names.strip('()')} = {style.angle(angle)} {style.modulo}"
 
-    def _pieces(self, style: _Style) -> list[tuple[float, str]]:
+    def _pieces(self, style: Style) -> list[tuple[float, str]]:
         """Signed coefficients and what they multiply, a good order for reading."""
         pieces = []
         for t in sorted(range(len(self.cos)), key=self._reading_order):
@@ -208,7 +208,7 @@ class Equation:
         """Terms without any angle."""
         return frozenset(np.flatnonzero(~self.frequencies.any(axis=1)).tolist())
 
-    def _bodies(self, t: int, style: _Style) -> list[tuple[int, str]]:
+    def _bodies(self, t: int, style: Style) -> list[tuple[int, str]]:
         """What the cosine (0) and the sine (1) of a term multiply."""
         power = " ".join(
             style.power(self.joints[j], int(self.powers[t, j]))
@@ -228,7 +228,7 @@ class Equation:
         first = tuple(int(x) for x in -np.abs(self.frequencies[t]))
         return (int(len(used) == 0), len(used), first)
 
-    def _angle(self, frequency: Array, style: _Style, shift: bool = True) -> str:
+    def _angle(self, frequency: Array, style: Style, shift: bool = True) -> str:
         """``q2``, ``(q2+q3)``, ``(2 q4 - q5 + 12 deg)``, or nothing for the constant term."""
         parts: list[tuple[float, str]] = []
         for j in np.flatnonzero(frequency):
@@ -238,7 +238,7 @@ class Equation:
         halves = any(k != int(k) for k, _ in parts)
         if halves:
             parts = [(2 * k, s) for k, s in parts]
-        text = _join(parts, tight=True)
+        text = signed_sum(parts, tight=True)
         offset = math.remainder(float(frequency @ self.shift) / (1 if halves else 2), 2 * math.pi)
         if shift and abs(offset) > 1e-12:
             text += f" {'+' if offset > 0 else '-'} {style.small_angle(abs(offset))}"
@@ -247,72 +247,6 @@ class Equation:
             inner = text if single else f"({text})"
             return f"({inner}/2)"
         return text if single else f"({text})"
-
-
-@dataclass(frozen=True)
-class _Style:
-    cos: str
-    sin: str
-    latex: bool
-
-    @property
-    def modulo(self) -> str:
-        return r"\pmod{360^\circ}" if self.latex else "(mod 360°)"
-
-    def joint(self, name: str) -> str:
-        return latex_symbol(name) if self.latex else name
-
-    def power(self, name: str, exponent: int) -> str:
-        if exponent == 1:
-            return self.joint(name)
-        return f"{self.joint(name)}^{{{exponent}}}" if self.latex else f"{name}^{exponent}"
-
-    def angle(self, radians: float) -> str:
-        return format_angle(radians, self.latex)
-
-    def small_angle(self, radians: float) -> str:
-        """Like ``angle``, but never zero."""
-        if round(math.degrees(radians), 4) != 0:
-            return self.angle(radians)
-        return f"{math.degrees(radians):.2g}" + (r"^\circ" if self.latex else "°")
-
-
-_PLAIN = _Style("cos", "sin", False)
-_LATEX = _Style(r"\cos ", r"\sin ", True)
-
-
-def latex_symbol(symbol: str) -> str:
-    """``q_{12}`` for q12."""
-    head = symbol.rstrip("0123456789")
-    digits = symbol[len(head) :]
-    return f"{head}_{{{digits}}}" if digits else head
-
-
-def format_angle(radians: float, latex: bool = False) -> str:
-    """Degrees with as many digits as tell anything: ``90°``, ``-11.537°``."""
-    degrees = math.degrees(radians)
-    shown = round(degrees, 4)
-    text = f"{shown:.10g}" if shown != 0 else "0"
-    return text + (r"^\circ" if latex else "°")
-
-
-def _join(pieces: Sequence[tuple[float, str]], tight: bool = False) -> str:
-    """Sum of signed pieces, a coefficient of one left out."""
-    out = ""
-    for k, (coefficient, body) in enumerate(pieces):
-        sign = "-" if coefficient < 0 else "+"
-        size = f"{abs(coefficient):.6g}"
-        if not body:
-            term = size
-        elif size == "1":
-            term = body
-        else:
-            term = f"{size} {body}"
-        if k == 0:
-            out = f"-{term}" if sign == "-" else term
-        else:
-            out += f"{sign}{term}" if tight else f" {sign} {term}"
-    return out or "0"
 
 
 def _whole(pairs: Sequence[tuple[Exact, Exact]]) -> tuple[tuple[str, str], ...]:
@@ -325,22 +259,6 @@ def _whole(pairs: Sequence[tuple[Exact, Exact]]) -> tuple[tuple[str, str], ...]:
 
 def _negated(number: str) -> str:
     return exact_text(-exact_of(number))
-
-
-def _exact_sum(pieces: Sequence[tuple[Exact, str]], latex: bool) -> str:
-    """Sum of pieces with exact numbers; sums with roots stand in brackets."""
-    out = ""
-    for number, body in pieces:
-        parts = [p for p in parts_of(number) if p]
-        negative = len(parts) == 1 and parts[0] < 0
-        size = exact_text(-number if negative else number)
-        if latex:
-            size = re.sub(r"sqrt\((\d)\)", r"\\sqrt{\1}", size)
-        size = f"({size})" if len(parts) > 1 else size
-        shown = body if size == "1" and body else f"{size} {body}".strip()
-        out += ("-" if negative else "") if not out else (" - " if negative else " + ")
-        out += shown
-    return out or "0"
 
 
 def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Equation:
@@ -377,7 +295,7 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
         shift=shift,
         exact=_whole(list(terms.values())),
     )
-    first = out._pieces(_PLAIN)[0][0]
+    first = out._pieces(PLAIN)[0][0]
     return out.scaled(-1.0) if first < 0 else out
 
 

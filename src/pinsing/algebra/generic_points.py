@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 from flint import nmod_mat
 
-from pinsing.algebra.jacobian_matrix import Matrix
+from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.prime_field import (
     WORD_PRIME,
     image,

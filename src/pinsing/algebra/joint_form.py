@@ -13,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.algebra.equation import Equation, format_angle, latex_symbol
+from pinsing.algebra.equation import Equation
+from pinsing.algebra.equation_text import format_angle, latex_symbol
 from pinsing.algebra.product_form import Expression, expressions
 
 ONCE = frozenset({0, 2, -2})

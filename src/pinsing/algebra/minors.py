@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import SlicePoint
-from pinsing.algebra.jacobian_matrix import Matrix, determinant
+from pinsing.algebra.matrix import Matrix, determinant
 from pinsing.algebra.ring import Poly, Ring
 
 _LOOKED_AT = 12

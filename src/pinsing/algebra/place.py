@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 
-from pinsing.algebra.jacobian_matrix import Matrix
+from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Value
 
 

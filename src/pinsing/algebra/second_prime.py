@@ -16,7 +16,7 @@ import numpy as np
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, on_any
 from pinsing.algebra.generic_points import Residues, slice_points
-from pinsing.algebra.jacobian_matrix import Matrix
+from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.prime_field import SECOND_PRIME, WORD_PRIME
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.zeros import Undecided

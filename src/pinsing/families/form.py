@@ -15,8 +15,8 @@ from pinsing.algebra.second_prime import RandomSteps
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
 from pinsing.families.family import Family, html_row
+from pinsing.families.family_text import exactly, meaning, written_out
 from pinsing.families.html import families_table
-from pinsing.families.solved_for import LONG, long_form
 from pinsing.geometry.nominal import Nominal
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
@@ -248,9 +248,9 @@ def families_text(
     for family in forms.families:
         lines.append(page.paragraph(formula(family.text), first=f"  {family.name}  "))
         if not brief:
-            written = exactly(family) if exact else _written_out(family)
+            written = exactly(family) if exact else written_out(family)
             lines += [page.paragraph(formula(w), first="      ", rest=" " * 10) for w in written]
-            lines += [page.paragraph(text, first="      ") for text in _meaning(family)]
+            lines += [page.paragraph(text, first="      ") for text in meaning(family)]
             lines += _example(family, forms, page, degrees)
     long = [f.name for f in forms.families if " terms]" in f.text]
     if long and not exact:
@@ -327,60 +327,6 @@ def _random_steps(forms: ClosedForm) -> str:
         f"where one is wrong with a chance below {CHANCE:.0e} unless a prime divides what must not "
         "vanish"
     )
-
-
-def _written_out(family: Family) -> tuple[str, ...]:
-    """What long equations are, solved for a joint, line by line."""
-    alone = tuple(
-        line
-        for one in family.solved
-        for line in (one.solution, *(f"{a} = {b}" for a, b in one.where))
-    )
-    return (*alone, *(line for one in family.at_once for line in one.lines()))
-
-
-def exactly(family: Family, latex: bool = False) -> tuple[str, ...]:
-    """The equations of a family with exact coefficients, line by line.
-
-    Parameters
-    ----------
-    family : Family
-        The family.
-    latex : bool
-        As LaTeX, one line an equation.
-    """
-    lines: list[str] = []
-    for one in family.solved:
-        if latex:
-            lines += [one.exact_latex] if one.exact_latex else []
-        else:
-            parts = one.exact or one.where
-            lines += [one.solution, *(f"{a} = {b}" for a, b in parts)]
-            lines += [] if one.exact else ["(its coefficients are known as decimals only)"]
-    short = [e for e in family.equations if not family.solved or long_form(e) is None]
-    for e in short:
-        # Of a long one that no name stands for decimals are better than nothing.
-        brief = len(e.cos) <= LONG
-        text = e.exact_text(latex) or ("" if brief else e.latex() if latex else e.text())
-        lines += [text] if text else []
-    return tuple(dict.fromkeys(lines))
-
-
-def _meaning(family: Family) -> Iterator[str]:
-    n = family.n
-    if not family.real:
-        yield "no real point found"
-        return
-    if family.kind == "varies":
-        kind = "; ".join(str(part) for part in family.kinds) + ", "
-    else:
-        kind = f"{family.kind}, " if family.kind != "undecided" else ""
-    size = f"codimension {family.codimension} of {n}"
-    proof = "" if family.proof == "algebra" else ", checked at generic points"
-    yield f"{kind}{family.reachability.words}; {size}{proof}"
-    yield from family.limits_met
-    if family.reason:
-        yield family.reason
 
 
 def _example(family: Family, forms: ClosedForm, page: Page, degrees: bool) -> Iterator[str]:

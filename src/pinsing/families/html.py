@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from pinsing.algebra.equation import latex_symbol
+from pinsing.algebra.equation_text import latex_symbol
 from pinsing.measures import Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
 

@@ -10,7 +10,8 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.jacobian_matrix import Matrix, constants, jacobian_matrix
+from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
+from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Ring
 from pinsing.algebra.second_prime import RandomSteps

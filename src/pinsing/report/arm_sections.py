@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from pinsing.algebra.equation import latex_symbol
+from pinsing.algebra.equation_text import latex_symbol
 from pinsing.configuration.state import State
 from pinsing.families import Family
 from pinsing.joint_text import typed

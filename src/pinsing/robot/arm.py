@@ -256,12 +256,7 @@ class Arm(Memory):
         (7,)
         """
         array = real_numbers(full_q, "full_q")
-        whole = int(self.source.full_model.nq)
-        if array.ndim == 0 or array.shape[-1] != whole:
-            raise ConfigurationError(
-                f"full_q needs the whole model's {whole} values, got shape {array.shape}",
-                lengths=(whole,),
-            )
+        self._whole.require_length(array, "full_q")
         return self.check(array, "full_q")
 
     def full_q(self, q: npt.ArrayLike, others: npt.ArrayLike | None = None) -> Array:
@@ -293,11 +288,7 @@ class Arm(Memory):
         [0.0, 0.0, 0.0, -2.0, 0.0, 2.0, 0.0, 0.0, 0.0]
         """
         rest = self.source.reference if others is None else real_numbers(others, "others")
-        whole = int(self.source.full_model.nq)
-        if rest.shape != (whole,) or not np.isfinite(rest).all():
-            raise ConfigurationError(
-                f"others needs {whole} finite values, got shape {rest.shape}", lengths=(whole,)
-            )
+        self._whole.require_one(rest, "others")
         return self._whole.full_q(self.check(q), rest)
 
     @checked

@@ -8,15 +8,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pinocchio as pin
 
-from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ChainError, JointError, UnknownNameError
 from pinsing.robot.arm import Arm
+from pinsing.robot.chain_limits import chain_limits, locked_at
 from pinsing.robot.given import HasModel, given_file, given_model
-from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
 from pinsing.robot.reduced_model import lock_joints, reroot
 from pinsing.robot.source import Source
@@ -280,7 +278,7 @@ def _build(
     if whole.description is not None:
         whole.description.require_usable(model.names[j] for j in kept)
     lock = [j for j in range(1, model.njoints) if j not in kept]
-    reference = _reference(model, whole.mimics)
+    reference = locked_at(model, whole.mimics)
     off_path = [j for j in lock if j not in path]
     if off_path:
         are = "joint outside the chain is" if len(off_path) == 1 else "joints outside the chain are"
@@ -295,7 +293,7 @@ def _build(
         coupling = couple(names, independent, leaders)
         told = [f"{n} = {m:g} * {leader} + {o:g}" for n, (leader, m, o) in leaders.items()]
         notes += (f"mimic joints of the chain follow: {'; '.join(told)}",)
-    lower, upper, prismatic, said = _limits(reduced)
+    lower, upper, prismatic, said = chain_limits(reduced)
     notes += tuple(said)
     if coupling is not None:
         lower, upper = coupled_limits(lower, upper, coupling, names, independent)
@@ -333,63 +331,6 @@ def root_name(model: pin.Model) -> str:
         if at_origin and frame.type == pin.FrameType.BODY:
             return str(frame.name)
     return "universe"
-
-
-def _reference(model: pin.Model, mimics: Mapping[str, Follow]) -> Array:
-    """Where joints are locked: neutral, moved inside the limits; followers where they belong."""
-    q = pin.neutral(model)
-    for joint in model.joints[1:]:
-        if joint.nq == 1:
-            i = joint.idx_q
-            low, high = model.lowerPositionLimit[i], model.upperPositionLimit[i]
-            if low <= high:
-                q[i] = float(np.clip(q[i], low, high))
-    for name in mimics:
-        leader, multiplier, shift = leader_of(name, mimics)
-        here = model.joints[model.getJointId(name)]
-        there = model.joints[model.getJointId(leader)]
-        angle = q[there.idx_q]
-        if there.nq == 2:
-            angle = np.arctan2(q[there.idx_q + 1], q[there.idx_q])
-        value = multiplier * angle + shift
-        q[here.idx_q : here.idx_q + here.nq] = (
-            value if here.nq == 1 else (np.cos(value), np.sin(value))
-        )
-    return np.array(q)
-
-
-def _limits(model: pin.Model) -> tuple[Array, Array, np.ndarray, list[str]]:
-    """Limits of each joint of a chain, which ones slide, and notes."""
-    lower, upper, prismatic, notes = [], [], [], []
-    for index in range(1, model.njoints):
-        joint, name = model.joints[index], model.names[index]
-        axis, slides = joint_axis(joint, name)
-        if not np.isfinite(axis).all() or abs(np.linalg.norm(axis) - 1) > 1e-6:
-            raise JointError(name, f"its axis {axis.tolist()} is not a direction")
-        if not np.isfinite(model.jointPlacements[index].homogeneous).all():
-            raise JointError(name, "its placement is not finite")
-        low, high = -np.inf, np.inf
-        if joint.nq == 1:
-            low = float(model.lowerPositionLimit[joint.idx_q])
-            high = float(model.upperPositionLimit[joint.idx_q])
-            if np.isnan(low) or np.isnan(high):
-                raise JointError(name, "its limits are not numbers; set lower and upper")
-            if low > high:
-                raise JointError(
-                    name,
-                    f"lower limit {low:g} is above upper limit {high:g}",
-                    limits=(low, high),
-                )
-            if abs(low) > 1e300 or abs(high) > 1e300:  # Pinocchio's way of saying "no limit"
-                low = -np.inf if abs(low) > 1e300 else low
-                high = np.inf if abs(high) > 1e300 else high
-                notes.append(f"joint {name} has no limits")
-            if low == high:
-                notes.append(f"WARNING: joint {name} cannot move: both its limits are {low:g}")
-        lower.append(low)
-        upper.append(high)
-        prismatic.append(slides)
-    return np.array(lower), np.array(upper), np.array(prismatic, dtype=bool), notes
 
 
 def _known(kind: str, name: str, known: list[str]) -> str:

@@ -84,6 +84,23 @@ class WholeModel:
             )
         return q if q.shape[-1] == n else self.q_of(q)
 
+    def require_length(self, q: Array, called: str) -> None:
+        """Raise a ConfigurationError unless ``q`` is (..., nq)."""
+        whole = int(self.source.full_model.nq)
+        if q.ndim == 0 or q.shape[-1] != whole:
+            raise ConfigurationError(
+                f"{called} needs the whole model's {whole} values, got shape {q.shape}",
+                lengths=(whole,),
+            )
+
+    def require_one(self, q: Array, called: str) -> None:
+        """Raise a ConfigurationError unless ``q`` is (nq,) and finite."""
+        whole = int(self.source.full_model.nq)
+        if q.shape != (whole,) or not np.isfinite(q).all():
+            raise ConfigurationError(
+                f"{called} needs {whole} finite values, got shape {q.shape}", lengths=(whole,)
+            )
+
     def q_of(self, full_q: Array) -> Array:
         """Joint vectors (..., n) of the arm out of configurations (..., nq) of the whole model.
 

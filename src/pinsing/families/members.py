@@ -1,0 +1,314 @@
+"""Which configurations belong to a family: tests, distances, samples."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.arguments import checked, real_numbers, whole_number
+from pinsing.bounds.conditions import Conditions
+from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families.nearness import Distance, near, nearest
+from pinsing.families.parts import Branch
+from pinsing.families.points import spread
+from pinsing.families.zero_set import ROUNDS
+from pinsing.measures import Reachability
+from pinsing.robot.joint_space import JointSpace
+
+_MOST_POINTS = 10_000_000
+
+
+class Members:
+    """The set of configurations that a family is, made of its branches.
+
+    Attributes
+    ----------
+    name, branches, reachability, limit_tolerance, lower, upper, prismatic, length_scale
+        As ``Family`` has them.
+    """
+
+    name: str
+    branches: tuple[Branch, ...]
+    reachability: Reachability
+    limit_tolerance: Array | None
+    lower: Array
+    upper: Array
+    prismatic: npt.NDArray[np.bool_]
+    length_scale: float
+
+    @property
+    def n(self) -> int:
+        """Number of joints of the arm."""
+        return len(self.lower)
+
+    @cached_property
+    def space(self) -> JointSpace:
+        """Its joints alone, by number: limits, metric, values at random."""
+        names = tuple(f"q{i + 1}" for i in range(self.n))
+        return JointSpace(names, self.prismatic, self.lower, self.upper, self.length_scale)
+
+    @checked
+    def contains(self, q: npt.ArrayLike, tol: float = 1e-6) -> npt.NDArray[np.bool_]:
+        """Tell for q (..., n) whether a point of the family is within ``tol`` of it.
+
+        Revolute joints count modulo whole turns; limits are not considered.
+
+        Parameters
+        ----------
+        q : (..., n) array_like
+            Radians and metres.
+        tol : float
+            Distance in joint space (radians; metres over the length scale).
+
+        Returns
+        -------
+        (...) array of bool
+            True where the family is that near.
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length or is not finite.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> wrist = pinsing.closed_form(pinsing.load("stanford")).families[2]  # q5 = 0, 180°
+        >>> wrist.contains([[0, 1, 0.3, 1, 0, 0], [0, 1, 0.3, 1, 0.1, 0]])
+        array([ True, False])
+        """
+        q = self._check(q)
+        found = near(self.branches, self.space, q.reshape(-1, self.n), tol)
+        return found.reshape(q.shape[:-1])
+
+    @checked
+    def distance(
+        self,
+        q: npt.ArrayLike,
+        *,
+        gap: float = GAP,
+        seconds: float = SECONDS,
+        within_limits: bool = False,
+        weights: npt.ArrayLike | None = None,
+        norm: str = "euclidean",
+    ) -> Distance:
+        """Distance from q (n,) to the family, with a proven lower bound, and the nearest point.
+
+        Exact for families of joint values. Where equations are involved, boxes of
+        configurations are ruled out by Taylor's theorem until the bounds are within ``gap``, or
+        the time is over: then what was reached is returned.
+
+        Parameters
+        ----------
+        q : (n,) array_like
+            Radians and metres.
+        gap : float
+            Largest ``upper - lower`` at which the search ends by itself.
+        seconds : float
+            Time for the search.
+        within_limits : bool
+            Whether only configurations within the joint limits count, wider by
+            ``limit_tolerance`` where the family is only at them; then revolute
+            differences are not wrapped, and joints that do not matter to the family but are
+            outside their limits count as well. The answer is infinite where there are none.
+        weights : (n,) array_like, optional
+            What joint differences are multiplied by, instead of 1 for revolute joints and
+            1 / length scale for prismatic ones.
+        norm : str
+            "euclidean", or "max" for the largest weighted difference of a joint.
+
+        Returns
+        -------
+        Distance
+            ``lower`` and ``upper`` bounds, and the nearest point ``q`` (n,).
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length or is not finite, or no real point is known at all.
+        OptionError
+            If an option makes no sense.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> wrist = pinsing.closed_form(pinsing.load("stanford")).families[2]  # q5 = 0, 180°
+        >>> wrist.distance([0, 1, 0.3, 1, 0.25, 0]).value
+        0.25
+        """
+        q = self._check(q)
+        if q.ndim != 1:
+            raise ConfigurationError(f"distance takes one configuration, got shape {q.shape}")
+        options = SearchOptions(gap, seconds, within_limits)
+        exact = all(not b.equations for b in self.branches)
+        found = nearest(self.conditions(weights, norm), q, self.limits, options, exact)
+        if found is None:
+            raise ConfigurationError(f"family {self.name}: no real point was found on it")
+        return found
+
+    @checked
+    def conditions(
+        self, weights: npt.ArrayLike | None = None, norm: str = "euclidean"
+    ) -> Conditions:
+        """What holds on the family, as flat arrays that bounds are computed with.
+
+        Parameters
+        ----------
+        weights, norm
+            As in ``distance``.
+
+        Returns
+        -------
+        Conditions
+            Flat arrays of this family alone.
+
+        Raises
+        ------
+        OptionError
+            If an option makes no sense.
+        """
+        if weights is None and norm == "euclidean":
+            return self._conditions
+        weight = 1.0 / self.space.metric if weights is None else real_numbers(weights, "weights")
+        if weight.shape != (self.n,):
+            raise OptionError(f"weights needs {self.n} numbers, got shape {weight.shape}")
+        return Conditions.of([self.branches], self.prismatic, weight, norm)
+
+    @cached_property
+    def _conditions(self) -> Conditions:
+        return Conditions.of([self.branches], self.prismatic, 1.0 / self.space.metric)
+
+    @checked
+    def sample(self, n: int, rng: np.random.Generator) -> Array:
+        """Configurations of the family inside the joint limits, to rounding (1e-9).
+
+        Where the family is only at the joint limit, limits are wider by ``limit_tolerance``.
+
+        Parameters
+        ----------
+        n : int
+            How many.
+        rng : np.random.Generator
+            Where they are drawn from.
+
+        Returns
+        -------
+        (k, n) array
+            k is ``n``, or less (down to 0) where ``n`` were not found; ``reachability``
+            says whether that there are none is proven.
+
+        Raises
+        ------
+        OptionError
+            If ``n`` is negative.
+
+        Examples
+        --------
+        >>> import numpy as np, pinsing
+        >>> family = pinsing.closed_form(pinsing.load("stanford")).families[0]
+        >>> Q = family.sample(5, np.random.default_rng(0))
+        >>> Q.shape, bool(family.contains(Q).all())
+        ((5, 6), True)
+        """
+        return self.points(n, rng, within_limits=True)
+
+    @checked
+    def points(
+        self,
+        n: int,
+        rng: np.random.Generator,
+        within_limits: bool = False,
+        rounds: int = ROUNDS,
+    ) -> Array:
+        """Configurations of the family, over whole circles unless ``within_limits``.
+
+        Parameters
+        ----------
+        n : int
+            How many.
+        rng : np.random.Generator
+            Where they are drawn from.
+        within_limits : bool
+            Whether only configurations within the joint limits count, as in ``sample``.
+        rounds : int
+            Number of batches of random starts after which a branch is given up.
+
+        Returns
+        -------
+        (k, n) array
+            k is ``n``, or less (down to 0) where ``n`` were not found. Sliding joints leave their
+            limits where no point is found otherwise.
+
+        Raises
+        ------
+        OptionError
+            If ``n`` is negative.
+
+        Examples
+        --------
+        >>> import numpy as np, pinsing
+        >>> family = pinsing.closed_form(pinsing.load("ur5")).families[2]
+        >>> Q = family.points(5, np.random.default_rng(0))
+        >>> bool(abs(family.equations[0](Q)).max() < 1e-9)
+        True
+        """
+        whole_number(n, "n", 0, _MOST_POINTS)
+        if n == 0 or (within_limits and self.reachability is Reachability.OUTSIDE):
+            return np.zeros((0, self.n))
+        lower, upper = self.box(within_limits)
+        box = (lower, upper) if within_limits else None
+        usable = [(b, v) for b in self.branches for v in b.held(self.space, box)]
+        for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
+            far = np.where(self.prismatic, widen * self.length_scale, 0.0)
+            found = spread(usable, lower - far, upper + far, n, rng, rounds)
+            if len(found) or within_limits or not self.prismatic.any():
+                break
+        return found
+
+    @checked
+    def box(self, within_limits: bool) -> tuple[Array, Array]:
+        """Range of each joint that points are drawn from: the limits, or whole circles.
+
+        Where a limit is infinite, a whole turn (or two length scales) from the other one.
+
+        Parameters
+        ----------
+        within_limits : bool
+            The limits, instead of whole circles.
+
+        Returns
+        -------
+        (n,) array, (n,) array
+            Lower and upper ends, radians and metres.
+        """
+        lower, upper = self.space.range(not within_limits)
+        if within_limits and self.limit_tolerance is not None:
+            return lower - self.limit_tolerance, upper + self.limit_tolerance
+        return lower, upper
+
+    @property
+    def limits(self) -> tuple[Array, Array]:
+        """Limits (n,) that count for this family: those of the joints, perhaps a little wider.
+
+        Wider by ``limit_tolerance`` where the family is "at the joint limit"; infinite for
+        continuous joints.
+        """
+        if self.limit_tolerance is None:
+            return self.lower, self.upper
+        return self.lower - self.limit_tolerance, self.upper + self.limit_tolerance
+
+    def _check(self, q: npt.ArrayLike) -> Array:
+        array = real_numbers(q, "q")
+        if array.ndim == 0 or array.shape[-1] != self.n:
+            raise ConfigurationError(
+                f"q needs {self.n} values, got shape {array.shape}; arm.q_of(q) takes them out of "
+                "a whole model's configuration",
+                lengths=(self.n,),
+            )
+        if not np.isfinite(array).all():
+            raise ConfigurationError("q has a value that is not finite")
+        return array
