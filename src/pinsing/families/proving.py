@@ -13,8 +13,8 @@ from pinsing.algebra.mimic import NotFollowed
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.form import ClosedForm, Proof
 from pinsing.proof.checker import Rejected, verify
+from pinsing.proof.place import NotFound
 from pinsing.proof.produce import Stated, certificate, text_of
-from pinsing.proof.tree import NotFound
 
 SHORT = 1.0
 """Seconds that a proof may take where nobody asked for one."""

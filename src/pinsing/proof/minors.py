@@ -7,8 +7,8 @@ from collections.abc import Callable
 from typing import Any
 
 from pinsing.proof.checker import Certificate, Poly
+from pinsing.proof.place import Place
 from pinsing.proof.skeleton import form_text
-from pinsing.proof.tree import Place
 
 Sum = list[list[Any]]
 """Terms: a polynomial as text, and the number of the form of a family that it is times."""

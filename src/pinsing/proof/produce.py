@@ -11,10 +11,12 @@ from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring, Value
 from pinsing.geometry.nominal import Nominal
 from pinsing.proof.checker import Certificate, Rejected, verify
+from pinsing.proof.forms import Forms
 from pinsing.proof.minors import sums_to_minors
+from pinsing.proof.place import NotFound, Place
 from pinsing.proof.reduction import without_dependent_lines
 from pinsing.proof.skeleton import form_of, form_text, number_text, roots_in, skeleton
-from pinsing.proof.tree import NotFound, Place, Tree
+from pinsing.proof.tree import Tree
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,7 @@ def certificate(
     try:
         data = without_dependent_lines(data)
         draft = Certificate(data)
-        polynomials, tidy = _Table(), Tree(draft, seconds)
+        polynomials, tidy = _Table(), Forms(draft, seconds)
         for s in stated:
             forms = [*_linear(draft, s.component.values)]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in s.component.relations]

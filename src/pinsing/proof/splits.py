@@ -1,0 +1,210 @@
+"""What a place of a proof can be split by: minors, remainders, resultants, sums."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+
+from pinsing.algebra.ring import Poly
+from pinsing.proof.forms import Forms
+from pinsing.proof.place import Place, Split
+from pinsing.proof.skeleton import form_text
+
+_MANY = 3
+"""Relations beyond which no more are made of them."""
+_SHORT = 200
+"""Terms of all relations beyond which they are not divided by each other."""
+_LONG = 2000
+"""Product of terms beyond which two relations are not combined."""
+_CHOICES = 16
+"""Points of free joints that a minor is looked at."""
+
+
+class Splits:
+    """Finds them, the simplest first.
+
+    Parameters
+    ----------
+    forms : Forms
+        How they are written.
+    families : sequence of list of Poly
+        What is to be shown: factors of these cost nothing.
+    tick : callable
+        Called at every step; raises where time is over.
+    """
+
+    def __init__(
+        self, forms: Forms, families: Sequence[list[Poly]], tick: Callable[[], None]
+    ) -> None:
+        self.forms, self.families, self._tick = forms, families, tick
+        self.certificate, self.ring = forms.certificate, forms.ring
+
+    def of(self, place: Place) -> Iterator[Split]:
+        """Polynomials that vanish on all components of a place, the simplest first."""
+        values, relations = place.values, place.relations
+        minors = list(self._minors(place))
+        alone, minors = minors, [*minors, *self._without_a_turn(place, minors)]
+        toward = {form_text(self.forms.tidy(p)) for family in self.families for p in family}
+        minors.sort(key=lambda m: self._effort(self.forms.factors(m.form), toward))
+        easy = [m for m in minors if self._effort(self.forms.factors(m.form), toward)[0] == 0]
+        yield from easy
+        whole = self.certificate.bound - len(values)
+        if relations and whole <= len(relations):
+            if not place.points and self.ring.codimension_at_least(whole, relations):
+                yield from self._at_points(place, alone)
+            short = sum(map(len, relations)) <= _SHORT
+            if 1 < len(relations) <= _MANY + 1 and short:
+                yield from self._remainders(place)
+                yield from self._toward_families(place)
+            if len(relations) <= _MANY:
+                yield from self._resultants(place)
+                yield from self._sums(place)
+        yield from (m for m in minors if m not in easy)
+
+    def _minors(self, place: Place) -> Iterator[Split]:
+        sides, size = self.certificate.sides, self.certificate.rank
+        minor = self.certificate.at(place.values)
+        for rows in itertools.combinations(range(sides[0]), size):
+            for columns in itertools.combinations(range(sides[1]), size):
+                self._tick()
+                poly = minor(rows, columns)
+                if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
+                    source = {"minor": [list(rows), list(columns)]}
+                    yield Split([(self.ring.one, source)], self.ring.stripped(poly)[0])
+
+    def _without_a_turn(self, place: Place, minors: list[Split]) -> Iterator[Split]:
+        """Of minors g cos a and g sin a, of the same columns, the sum that is g but for units.
+
+        Where some axes are parallel, rows of what the other joints do turn with the frame.
+        """
+        ring, minor = self.ring, self.certificate.at(place.values)
+        for first, second in itertools.combinations(minors, 2):
+            f, g = first.form, second.form
+            ((_, a),), ((_, b),) = first.sum, second.sum
+            if a["minor"][1] != b["minor"][1] or ring.squares or len(f) * len(g) > _LONG:
+                continue
+            common = f.gcd(g)
+            p, q = divmod(f, common)[0], divmod(g, common)[0]
+            (ones,) = ring.stripped(p * p + q * q)
+            if ring.joints(p) and not ring.joints(ones):
+                u, v = (
+                    divmod(minor(*map(tuple, source["minor"])), form)[0]
+                    for source, form in ((a, f), (b, g))
+                )
+                yield Split([(p * v, a), (q * u, b)], common)
+
+    def _effort(self, factors: list[tuple[Poly, int]], toward: set[str]) -> tuple[int, int]:
+        long = [
+            len(f) for f, _ in factors if not self.forms.fixes(f) and form_text(f) not in toward
+        ]
+        return sum(long), len(factors)
+
+    def _at_points(self, place: Place, minors: list[Split]) -> Iterator[Split]:
+        """Minors with joints that occur in no relation at points: a component has all of these."""
+        bound = {j for p in place.relations for j in self.ring.joints(p)}
+        found: dict[str, Split] = {}
+        for split in minors:
+            free = [j for j in self.ring.joints(split.form) if j not in bound]
+            ((_, source),) = split.sum
+            choices = itertools.product(range(4), repeat=len(free)) if free else ()
+            for choice in itertools.islice(choices, _CHOICES):
+                self._tick()
+                at = [
+                    self.forms.linear(j, self._point(k)) for j, k in zip(free, choice, strict=True)
+                ]
+                poly = self.ring.put(split.form, self.ring.where(at)[0])
+                if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
+                    (poly,) = self.ring.stripped(poly)
+                    found.setdefault(
+                        form_text(self.forms.tidy(poly)),
+                        Split([(self.ring.one, {**source, "at": at})], poly),
+                    )
+        for split in sorted(found.values(), key=lambda s: len(s.form)):
+            if not self.ring.vanishes(split.form, place.relations):
+                yield split
+
+    def _point(self, k: int) -> tuple[Poly, Poly]:
+        zero, one = self.ring.zero, self.ring.one
+        return ((one, zero), (zero, one), (one, one), (one, -one))[k]
+
+    def _resultants(self, place: Place) -> Iterator[Split]:
+        ring, first = self.ring, len(place.values)
+        for (a, p), (b, g) in itertools.combinations(enumerate(place.relations), 2):
+            if len(p) * len(g) > _LONG:
+                continue
+            for j in set(ring.joints(p)) & set(ring.joints(g)):
+                (poly,) = ring.stripped(ring.resultant(p, g, j))
+                if poly != 0:
+                    yield Split([(ring.one, {"resultant": [first + a, first + b, j]})], poly)
+
+    def _remainders(self, place: Place) -> Iterator[Split]:
+        """A relation less a multiple of a shorter one, if that is shorter or a product."""
+        ring, first = self.ring, len(place.values)
+        for b, p in enumerate(place.relations):
+            for a, r in enumerate(place.relations[:b]):
+                quotient, rest = divmod(p, r)
+                (rest,) = ring.stripped(ring.reduced(rest))
+                if rest != 0 and quotient != 0 and self.forms.is_simpler(rest, p):
+                    yield Split([(ring.one, first + b), (ring.reduced(-quotient), first + a)], rest)
+
+    def _toward_families(self, place: Place) -> Iterator[Split]:
+        """A relation that is, but for a multiple of another one, that of a family times others."""
+        ring, relations = self.ring, place.relations
+        wanted = {
+            str(f): f
+            for family in self.families
+            for p in family
+            for f in ring.stripped(ring.put(p, place.values))
+            if f != 0 and ring.joints(f) and not ring.vanishes(f, relations)
+        }
+        for f in wanted.values():
+            for a, p in enumerate(relations):
+                for j in set(ring.joints(p)) & set(ring.joints(f)):
+                    if len(p) * len(f) <= _LONG and ring.degree(p, j) >= ring.degree(f, j):
+                        yield from self._as_sum(*self._divided(p, f, j), a, place)
+
+    def _as_sum(
+        self, times: Poly, product: Poly, rest: Poly, a: int, place: Place
+    ) -> Iterator[Split]:
+        if product == 0:
+            return
+        first = len(place.values)
+        for b, g in enumerate(place.relations):
+            if b == a or not self.ring.divides(g, rest):
+                continue
+            more = -self.ring.reduced(divmod(rest, g)[0])
+            if self.ring.reduced(more * g + rest) == 0:
+                terms = [(times, first + a)] + ([(more, first + b)] if more != 0 else [])
+                yield Split(terms, self.ring.stripped(product)[0])
+            return
+
+    def _divided(self, p: Poly, f: Poly, j: int) -> tuple[Poly, Poly, Poly]:
+        """Division of forms by y of a joint: times p = product + rest, product a multiple of f."""
+        y, low, lead = self.ring.pairs[j][1], self.ring.degree(f, j), self.ring.top(f, j)
+        times, product, rest = self.ring.one, self.ring.zero, p
+        if lead == 0:
+            return times, product, rest
+        for power in range(self.ring.degree(p, j), low - 1, -1):
+            terms = {m: c for m, c in rest.to_dict().items() if m[2 * j + 1] == power}
+            if not terms:
+                continue
+            more = divmod(self.ring.context.from_dict(terms), y**low)[0] * f
+            times = self.ring.reduced(times * lead)
+            product = self.ring.reduced(product * lead + more)
+            rest = self.ring.reduced(rest * lead - more)
+        return times, product, rest
+
+    def _sums(self, place: Place) -> Iterator[Split]:
+        """Two relations times polynomials, so that the highest powers of some y cancel."""
+        ring, first = self.ring, len(place.values)
+        for (a, p), (b, g) in itertools.permutations(enumerate(place.relations), 2):
+            if len(p) * len(g) > _LONG:
+                continue
+            for j in set(ring.joints(p)) & set(ring.joints(g)):
+                more, tops = ring.degree(p, j) - ring.degree(g, j), (ring.top(p, j), ring.top(g, j))
+                if more < 0 or not all(tops):
+                    continue
+                factors = tops[1], -tops[0] * ring.pairs[j][1] ** more
+                (poly,) = ring.stripped(ring.reduced(p * factors[0] + g * factors[1]))
+                if poly != 0 and not any(ring.divides(q, poly) for q in place.relations):
+                    yield Split([(factors[0], first + a), (factors[1], first + b)], poly)
