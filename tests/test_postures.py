@@ -18,6 +18,7 @@ from pinsing.postures.boxes import Ground
 from pinsing.postures.divided import Divided
 from pinsing.postures.partition import partition
 from pinsing.postures.regular_way import one_sheet, regular_way
+from pinsing.postures.sectioned import Sectioned
 from pinsing.postures.subdivision import subdivide
 from pinsing.postures.wheel import Wheel
 from pinsing.proximity.watched import watch
@@ -499,6 +500,6 @@ def test_posture_changes(tmp_path):
 
 
 def test_pieces_are_of_the_kind_that_is_cheapest():
-    found = aspects_of("ur5")
-    kinds = {type(p) for pieces in found._map.pieces for p in pieces}
-    assert Divided in kinds
+    for name, kind in (("ur5", Sectioned), ("irb1400", Divided)):
+        found = aspects_of(name)
+        assert kind in {type(p) for pieces in found._map.pieces for p in pieces}

@@ -176,7 +176,7 @@ def _regions(key: Ints) -> Ints:
             one, two = (np.moveaxis(new, axis, 0)[s] for s in (slice(None, -1), slice(1, None)))
             least = np.where(np.moveaxis(same, axis, 0), np.minimum(one, two), -1)
             for side in (one, two):
-                side[...] = np.where(least >= 0, least, side)
+                side[...] = np.where(least >= 0, np.minimum(least, side), side)
         new = new.ravel()[new]  # a label is a point: that point's own label is at least as good
         if np.array_equal(new, label):
             return label

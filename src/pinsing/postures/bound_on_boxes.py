@@ -117,6 +117,21 @@ class Terms:
         error = (top * along * (reach + rounding)).sum(axis=1)
         return np.einsum("nd,nd->n", gradient, v), error
 
+    def curvature(self, x: Array) -> Array:
+        """Second derivatives (N, d, d) at x (N, d), of an equation without slides."""
+        wave = -self.size * np.cos(x @ self.rate.T + self.phase)
+        return np.asarray(np.einsum("nt,ti,tj->nij", wave, self.rate, self.rate, optimize=True))
+
+    def bend(self, x: Array, h: Array, v: Array) -> tuple[Array, Array]:
+        """Second derivative along v in the middle of boxes, and by how much it differs, (N,).
+
+        All arguments (N, d); of an equation without slides.
+        """
+        wave = -self.size * np.cos(x @ self.rate.T + self.phase)
+        twice = (v @ self.rate.T) ** 2
+        change = h @ np.abs(self.rate).T + self.slack * _grown(x)[:, None]
+        return (wave * twice).sum(axis=1), (self.size * twice * change).sum(axis=1)
+
     def steps(self, x: Array, free: Array) -> Array:
         """Directions (N, d) in which every term grows by itself, as far as these go together.
 

@@ -62,6 +62,13 @@ class Ground:
         width = (self.high - self.low) / (self.first * 2.0 ** level[:, None])
         return self.low + (index + 0.5) * width, width / 2
 
+    def sides(self, level: Ints, index: Ints) -> Array:
+        """Which limits boxes touch, (N, d): 1 the lower, -1 the upper, NaN both, else 0."""
+        count = self.first * 2 ** level[:, None]
+        side = np.where(~self.circle & (index == 0), 1.0, 0.0)
+        side -= np.where(~self.circle & (index == count - 1), 1.0, 0.0)
+        return np.where(~self.circle & (count == 1), np.nan, side)
+
 
 @dataclass(frozen=True, eq=False)
 class Leaves:
@@ -123,3 +130,19 @@ class Leaves:
     def take(self, which: Bool) -> Leaves:
         """Some of them."""
         return Leaves(self.level[which], self.index[which], self.sign[which], self.regular[which])
+
+    def halves(self, which: Bool) -> tuple[Ints, Ints]:
+        """Levels and places of what some of the boxes are halved into along every joint."""
+        d = self.index.shape[1]
+        corner = np.stack(np.meshgrid(*([np.arange(2)] * d), indexing="ij"), axis=-1).reshape(-1, d)
+        index = (2 * self.index[which][:, None, :] + corner).reshape(-1, d)
+        return np.repeat(self.level[which] + 1, 2**d), index
+
+    def with_more(self, more: Leaves) -> Leaves:
+        """These and others."""
+        return Leaves(
+            np.concatenate([self.level, more.level]),
+            np.concatenate([self.index, more.index]),
+            np.concatenate([self.sign, more.sign]),
+            np.concatenate([self.regular, more.regular]),
+        )

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from pinsing._types import Array, Bool, Ints
+from pinsing.postures.hubs import row_between, tree_to_hubs
 from pinsing.postures.partition import Arc, Part
 from pinsing.postures.piece import Clear, toward
 from pinsing.postures.subdivision import Components
@@ -40,7 +41,8 @@ class Divided:
         return self.found.closed
 
     @cached_property
-    def _middles(self) -> tuple[Array, Array]:
+    def middles(self) -> tuple[Array, Array]:
+        """Middles and half widths (N, d) of the boxes."""
         leaves = self.found.leaves
         return self.found.ground.boxes(leaves.level, leaves.index)
 
@@ -58,7 +60,7 @@ class Divided:
         """Middles (K, d) of the largest boxes of a component."""
         rows = np.flatnonzero(self.found.label == component)
         size = self.found.leaves.level[rows]
-        x = self._middles[0]
+        x = self.middles[0]
         value = np.min([np.abs(t(x[rows])) / t.size.sum() for t in self.found.ground.terms], axis=0)
         return np.asarray(x[rows[np.lexsort((-value, size))[:256]]])
 
@@ -68,14 +70,14 @@ class Divided:
 
     def locate(self, x: Array, clear: Clear) -> int | None:
         """By the box that it is in; from an uncertain box by a way to a certain one."""
-        box = self._box_of(x)
+        box = self.box_of(x)
         if self.found.label[box] >= 0:
             return int(self.found.label[box])
         here = np.array([int(np.sign(t(self._inside(x)))) for t in self.found.ground.terms])
         alike = [c for c in range(self.upper) if (np.abs(self._signs[c] - here) < 2).all()]
         if self.found.proven and len(alike) == 1:
             return alike[0]
-        way = self._to_certain(x, clear)
+        way = self.to_certain(x, clear)
         return None if way is None else int(self.found.label[way[0]])
 
     def _inside(self, x: Array) -> Array:
@@ -83,7 +85,8 @@ class Divided:
         low, circle = self.found.ground.low, self.found.ground.circle
         return np.where(circle, low + np.mod(x - low, 2 * math.pi), x)
 
-    def _box_of(self, x: Array) -> int:
+    def box_of(self, x: Array) -> int:
+        """Which box a point (d,) is in."""
         ground, leaves = self.found.ground, self.found.leaves
         share = (self._inside(x) - ground.low) / (ground.high - ground.low)
         levels = np.arange(int(leaves.level.max()) + 1)
@@ -92,14 +95,14 @@ class Divided:
         hit = leaves.find(levels, index)
         return int(hit[hit >= 0][0])
 
-    def _to_certain(self, x: Array, clear: Clear) -> tuple[int, Array] | None:
+    def to_certain(self, x: Array, clear: Clear) -> tuple[int, Array] | None:
         """A certain box and a way (K, d) from x to a point in it."""
         points = [x]
         terms = self.found.ground.terms
-        middles, half = self._middles
+        middles, half = self.middles
         for _ in range(_ASCENT):
             here = self._inside(points[-1])
-            box = self._box_of(here)
+            box = self.box_of(here)
             if self.found.label[box] >= 0:
                 return box, np.array(points)
             signs = np.array([int(np.sign(t(here))) for t in terms])
@@ -142,7 +145,7 @@ class Divided:
         leaves = self.found.leaves
         good = (self.found.label[every] >= 0) & (leaves.sign[every] == signs).all(axis=1)
         every = every[good]
-        x = self._middles[0]
+        x = self.middles[0]
         away = np.linalg.norm(_toward_all(x[box], x[every], self.found.ground.circle), axis=1)
         return np.asarray(every[np.argsort(away)])
 
@@ -155,79 +158,40 @@ class Divided:
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
         """Through certain boxes, from middle to middle by way of the faces in between."""
-        first_way, last_way = (self._to_certain(p, clear) for p in (a, b))
+        first_way, last_way = (self.to_certain(p, clear) for p in (a, b))
         if first_way is None or last_way is None:
             return None
         (first, start), (last, finish) = first_way, last_way
-        boxes = self._boxes_between(first, last)
+        boxes = row_between(self._tree, first, last)
         if boxes is None:
             return None
-        middles, half = self._middles
         circle = self.found.ground.circle
         points = [*start]
         for k, box in enumerate(boxes):
-            at = toward(points[-1], middles[box], circle)
-            if k:
-                before = boxes[k - 1]
-                small = box if half[box][0] < half[before][0] else before
-                face = toward(points[-1], middles[small], circle)
-                other = toward(face, middles[before if small == box else box], circle)
-                reach = np.abs(other - face) >= half[small] + half[before + box - small] - 1e-12
-                side = np.where(reach, np.sign(other - face) * half[small], 0.0)
-                points.append(face + side)
-                at = toward(points[-1], middles[box], circle)
-            points.append(at)
+            points += self.onward(points[-1], boxes[k - 1] if k else box, box)
         shift = toward(points[-1], finish[-1], circle) - finish[-1]
         points += [p + shift for p in finish[::-1]]
         return np.array(points)
 
-    def _boxes_between(self, first: int, last: int) -> list[int] | None:
-        """A row of certain boxes: to the hub of the component and back, less what is common."""
-        rows = []
-        for box in (first, last):
-            row = [box]
-            while self._tree[row[-1]] >= 0:
-                row.append(int(self._tree[row[-1]]))
-            rows.append(row)
-        there, back = rows
-        if there[-1] != back[-1]:
-            return None
-        while len(there) > 1 and len(back) > 1 and there[-2] == back[-2]:
-            there.pop()
-            back.pop()
-        return there + back[-2::-1]
+    def onward(self, here: Array, before: int, box: int) -> list[Array]:
+        """Points from within a box to the middle of one that touches it, by way of the face."""
+        middles, half = self.middles
+        circle = self.found.ground.circle
+        points = []
+        if before != box:
+            small = box if half[box][0] < half[before][0] else before
+            face = toward(here, middles[small], circle)
+            other = toward(face, middles[before if small == box else box], circle)
+            reach = np.abs(other - face) >= half[small] + half[before + box - small] - 1e-12
+            points.append(face + np.where(reach, np.sign(other - face) * half[small], 0.0))
+            here = points[-1]
+        return [*points, toward(here, middles[box], circle)]
 
     @cached_property
     def _tree(self) -> Ints:
-        """Of each certain box the next one on the way with the fewest boxes to a hub, (N,).
-
-        Few boxes means large ones, which are clear of what separates. The hub of a component is
-        one of its largest boxes; there, and at uncertain boxes, it is -1.
-        """
-        label, leaves = self.found.label, self.found.leaves
+        """Of each certain box the next one towards a hub: few boxes, so large and clear ones."""
         a, b = self.found.edges[:, self.found.passable]
-        a, b = np.append(a, b), np.append(b, a)
-        order = np.argsort(a, kind="stable")
-        a, b = a[order], b[order]
-        start = np.searchsorted(a, np.arange(len(label) + 1))
-        tree = np.full(len(label), -1, dtype=np.int64)
-        rows = np.lexsort((leaves.level, label))
-        rows = rows[label[rows] >= 0]
-        hubs = rows[np.unique(label[rows], return_index=True)[1]]
-        seen = np.zeros(len(label), dtype=bool)
-        seen[hubs] = True
-        front = hubs
-        while len(front):
-            count = start[front + 1] - start[front]
-            frm = np.repeat(front, count)
-            within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
-            to = b[np.repeat(start[front], count) + within]
-            new = ~seen[to]
-            to, one = np.unique(to[new], return_index=True)
-            tree[to] = frm[new][one]
-            seen[to] = True
-            front = to
-        return tree
+        return tree_to_hubs(self.found.label, self.found.leaves.level, a, b)
 
 
 def _toward_all(a: Array, b: Array, circle: Bool) -> Array:

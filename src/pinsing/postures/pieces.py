@@ -10,6 +10,8 @@ from pinsing.postures.boxes import Ground
 from pinsing.postures.divided import Divided
 from pinsing.postures.partition import Arc, Part
 from pinsing.postures.piece import Piece, Plain
+from pinsing.postures.sectioned import Sectioned
+from pinsing.postures.sections import across, sections
 from pinsing.postures.subdivision import subdivide
 from pinsing.postures.wheel import Wheel, hub_of
 
@@ -34,6 +36,10 @@ def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, until: float) -> 
         hub = hub_of(part, box)
         if hub is not None:
             return Wheel(part, box, hub)
+    hub = across(part, box)
+    if hub is not None:
+        mine = scale[list(part.joints)]
+        return Sectioned(part, box, hub, sections(part, box, hub, mine, until))
     ground = Ground(
         terms=tuple(Terms.of(s.equation, part.joints) for s in part.surfaces),
         low=np.array([a.low for a in box]),

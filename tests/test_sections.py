@@ -1,0 +1,143 @@
+"""Sections across a joint: the same components as boxes find, and as a flood fill."""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from pinsing.algebra.equation import Equation
+from pinsing.postures.boxes import Ground
+from pinsing.postures.growth import growing
+from pinsing.postures.partition import Arc, Part, Surface
+from pinsing.postures.sectioned import Sectioned
+from pinsing.postures.sections import Terms, across, cuts_of, section, sections
+from pinsing.postures.subdivision import subdivide
+
+
+def random_part(rng, d, low, high):
+    """A box and R cos(q1 - phi) with random lengths: q1 once in every term."""
+    rows, sizes = [], rng.normal(size=2 + 2 * d)
+    for k in range(2 + 2 * d):
+        row = np.zeros(d, dtype=np.int64)
+        row[0] = 2
+        if k > 1:
+            row[1 + int(rng.integers(d - 1))] = 2 * rng.integers(-1, 2)
+        rows.append(row)
+    f = np.array(rows)
+    phase = rng.uniform(0, 2 * math.pi, len(f))
+    names = tuple(f"q{j + 1}" for j in range(d))
+    zero = np.zeros(d)
+    e = Equation(names, f, f * 0, sizes * np.cos(phase), sizes * np.sin(phase), zero)
+    arcs = tuple(Arc(j, float(low[j]), float(high[j])) for j in range(d))
+    return Part(tuple(range(d)), tuple((a,) for a in arcs), (Surface("F1", e, True),)), arcs
+
+
+def flood(terms, low, high, n):
+    """Components of equal sign on a grid, joined over faces."""
+    grid = np.stack(
+        np.meshgrid(*(np.linspace(a, b, n) for a, b in zip(low, high, strict=True)), indexing="ij"),
+        axis=-1,
+    )
+    kind = np.sign(terms(grid))
+    label = np.arange(kind.size).reshape(kind.shape)
+    while True:
+        new = label.copy()
+        for axis in range(kind.ndim):
+            one, two = (np.moveaxis(new, axis, 0)[s] for s in (slice(None, -1), slice(1, None)))
+            same = np.moveaxis(np.diff(kind, axis=axis) == 0, axis, 0)
+            least = np.where(same, np.minimum(one, two), -1)
+            for side in (one, two):
+                side[...] = np.where(least >= 0, np.minimum(least, side), side)
+        new = new.ravel()[new]
+        if np.array_equal(new, label):
+            break
+        label = new
+    sizes = np.unique(label, return_counts=True)[1]
+    return sizes
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_the_components_are_those_of_boxes_and_of_a_flood_fill(seed):
+    """Ranges of the hub from less than half a turn to two turns."""
+    rng = np.random.default_rng(seed)
+    low = np.array([-rng.uniform(0.5, 6.2), -rng.uniform(1, 3)])
+    high = np.array([rng.uniform(0.5, 6.2), rng.uniform(1, 3)])
+    part, box = random_part(rng, 2, low, high)
+    hub = across(part, box)
+    assert hub is not None
+    found = sections(part, box, hub, np.ones(2), math.inf)
+    terms = Terms.of(part.surfaces[0].equation, part.joints)
+    whole = subdivide(Ground((terms,), low, high, np.zeros(2, dtype=bool), np.ones(2)), math.inf)
+    assert found.proven
+    assert whole.proven
+    assert found.lower == whole.lower
+    sizes = flood(terms, low, high, 241)
+    # A grid may miss a sliver, or tear one; it holds every piece that is larger.
+    assert (sizes > 40).sum() <= found.lower <= len(sizes)
+
+
+def test_a_component_has_points_of_its_sign_and_ways_between_them():
+    rng = np.random.default_rng(5)
+    low, high = np.array([-4.0, -3.0, -2.0]), np.array([5.0, 3.0, 2.5])
+    part, box = random_part(rng, 3, low, high)
+    hub = across(part, box)
+    found = sections(part, box, hub, np.ones(3), math.inf)
+    assert found.proven
+    piece = Sectioned(part, box, hub, found)
+    terms = Terms.of(part.surfaces[0].equation, part.joints)
+
+    def clear(X):
+        fine = np.concatenate([np.linspace(a, b, 60) for a, b in pairwise(X)])
+        return bool((np.sign(terms(fine)) == np.sign(terms(fine[:1]))).all())
+
+    assert piece.lower > 1
+    for c in range(piece.upper):
+        x = piece.examples(c)
+        assert (np.sign(terms(x)) == piece.signs(c)[0]).all()
+        assert ((low <= x) & (x <= high)).all()
+        for a, b in zip(x[:8], x[::-1][:8], strict=False):
+            assert piece.locate(a, clear) == c
+            way = piece.route(c, a, b, clear)
+            assert way is not None
+            assert clear(way)
+            assert np.array_equal(way[0], a)
+            assert np.allclose(way[-1], b)
+            assert ((low - 1e-9 <= way) & (way <= high + 1e-9)).all()
+
+
+def test_sections_are_nearer_than_half_a_turn_and_hold_the_equation():
+    for width in (0.1, 2.4, math.pi, 6.283, 12.6, 40.0):
+        cuts = cuts_of(Arc(0, -1.0, width - 1.0))
+        assert (cuts[0], cuts[-1]) == (-1.0, width - 1.0)
+        assert (np.diff(cuts) > 0).all()
+        assert np.diff(cuts).max() < 3.0
+    part, _ = random_part(np.random.default_rng(1), 3, -np.ones(3), np.ones(3))
+    terms = Terms.of(part.surfaces[0].equation, part.joints)
+    x = np.random.default_rng(2).uniform(-3, 3, (50, 2))
+    whole = terms(np.insert(x, 0, 0.7, axis=1))
+    assert np.allclose(section(terms, 0, 0.7)(x), whole, atol=1e-12)
+
+
+def test_no_hub_where_a_joint_is_not_in_every_term():
+    e = Equation(
+        ("q1", "q2"), np.array([[2, 0], [0, 2]]), np.zeros((2, 2), dtype=np.int64),
+        np.ones(2), np.zeros(2), np.zeros(2),
+    )  # fmt: skip
+    arcs = (Arc(0, -1.0, 1.0), Arc(1, -1.0, 1.0))
+    part = Part((0, 1), tuple((a,) for a in arcs), (Surface("F1", e, True),))
+    assert across(part, arcs) is None
+
+
+def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
+    """sin q1 sin q2 at its crossing bends both ways; cos q1 cos q2 is largest at 0."""
+    f = np.array([[1.0, -1.0], [1.0, 1.0]])
+    power = np.zeros((2, 2), dtype=np.int64)
+    crossing = Terms(f, power, np.array([0.5, 0.5]), np.array([0.0, math.pi]), 1e-12)
+    hill = Terms(f, power, np.array([0.5, 0.5]), np.zeros(2), 1e-12)
+    x, h = np.zeros((1, 2)), np.full((1, 2), 0.05)
+    side = np.zeros((1, 2))
+    assert growing(crossing, np.ones(2), crossing.on(x, h), x, h, side).all()
+    assert not growing(hill, np.ones(2), hill.on(x, h), x, h, side).any()
+    # Where both joints are at their ends there is no line left to bend along.
+    assert not growing(crossing, np.ones(2), crossing.on(x, h), x, h, side + 1).any()
