@@ -8,11 +8,11 @@ show as sums of angles.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property
-from typing import Any, TypeVar, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,8 +22,7 @@ from pinsing.algebra.equation_text import LATEX, PLAIN, Style, exact_sum, signed
 from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.geometry.surd import Exact, exact_of, exact_text, parts_of
-
-T = TypeVar("T")
+from pinsing.robot.memory import Memory
 
 _NOTHING = 1e-15
 """Coefficients this small, relative to the sum of all, are rounding, and are not written out."""
@@ -33,7 +32,7 @@ _FEW = 16
 
 
 @dataclass(frozen=True, eq=False)
-class Equation:
+class Equation(Memory):
     """A trigonometric polynomial that is zero on a family.
 
     The value at q is the sum over terms t of
@@ -122,26 +121,8 @@ class Equation:
             return phase, np.ones_like(phase)
         return phase, np.prod(q[..., None, :] ** self.powers, axis=-1)
 
-    def once(self, name: str, compute: Callable[[], T]) -> T:
-        """Compute what depends on the equation alone the first time; later take what was kept.
-
-        Parameters
-        ----------
-        name : str
-            What it is kept under.
-        compute : callable
-            Called without arguments, the first time.
-        """
-        if name not in self._known:
-            self._known[name] = compute()
-        return cast("T", self._known[name])
-
-    @cached_property
-    def _known(self) -> dict[str, object]:
-        return {}
-
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k != "_known"}
+        return {**self.__dict__, "known": {}}
 
     def scaled(self, factor: float) -> Equation:
         """The same equation with all coefficients multiplied."""

@@ -30,7 +30,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 WORDS = "pinsing.words"
 """Where a context has the words of the command line."""
 
-_ENGINES = ("auto", "batch", "pinocchio", "baseline", "avx2", "avx512")
 _BAR = 30  # columns
 _REDRAW_SECONDS = 0.1
 _QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on

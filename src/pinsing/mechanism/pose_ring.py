@@ -152,11 +152,6 @@ class PoseRing:
         h = [self.number(v) for v in self._vectors(rod)[4]]
         return [*(N * v for v in h), *cross(self.outer(rod), h)]
 
-    def hinge_closure(self, rod: Rod) -> Poly:
-        """What holds of every pose: B stays in the plane through C across the hinge."""
-        h = self._vectors(rod)[4]
-        return self.dot(self.direction(rod), [self.number(v) for v in h])
-
     def moment_arm(self, rod: Rod) -> Poly:
         """Force along C B in the direction in which the actuator moves C."""
         _, start, first, second, _ = self._vectors(rod)

@@ -14,8 +14,6 @@ from typing import Any
 from pinsing.mathml import mathml
 from pinsing.prose import visible
 
-TONES = ("alarm", "caution", "good")
-
 
 def text(words: str) -> str:
     """Words, escaped; control characters and marks that hide or turn text are shown as such."""

@@ -13,9 +13,9 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers
-from pinsing.errors import ConfigurationError, OptionError
+from pinsing.errors import ConfigurationError
 from pinsing.notebook import one_line
-from pinsing.robot.joint_space import JointSpace, model_q
+from pinsing.robot.joint_space import JointSpace, model_q, require_scale
 from pinsing.robot.memory import Memory
 from pinsing.robot.source import Coupling, Source
 from pinsing.robot.task import Task, parse_task
@@ -76,9 +76,7 @@ class Arm(Memory):
     made_by: ClassVar[str] = 'pinsing.load("ur5")'
 
     def __post_init__(self) -> None:
-        scale = self.length_scale
-        if not (np.isfinite(scale) and scale > 0):
-            raise OptionError(f"length_scale must be a positive number of metres, got {scale!r}")
+        require_scale(self.length_scale)
         self._freeze()
 
     def __setstate__(self, state: dict[str, Any]) -> None:

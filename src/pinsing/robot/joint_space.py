@@ -5,7 +5,7 @@ An arm, a family of its singular configurations and a mechanism each have one.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,7 +14,7 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array, Bool
-from pinsing.errors import UnknownNameError
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 
 SLACK = 1e-9
 """Radians or metres; a value this far beyond a limit is still inside."""
@@ -120,6 +120,50 @@ class JointSpace:
     def sample(self, count: int, rng: np.random.Generator, ignore_limits: bool = False) -> Array:
         """Random joint vectors (count, n) in `range`."""
         return rng.uniform(*self.range(ignore_limits), (count, self.n))
+
+
+def require_values(values: Array, names: Sequence[str], called: str, whole: int = 0) -> None:
+    """Raise unless ``values`` (..., n) are finite numbers, one a joint.
+
+    Parameters
+    ----------
+    values : (..., n) array
+        Radians and metres.
+    names : sequence of str
+        The joints.
+    called : str
+        What messages call the values.
+    whole : int
+        Another length that is allowed: that of a whole model's configuration.
+
+    Raises
+    ------
+    ConfigurationError
+        With the lengths that would do, or the joint and its value.
+    """
+    n = len(names)
+    if values.ndim == 0 or values.shape[-1] not in (n, whole or n):
+        got = "a single number" if values.ndim == 0 else f"{values.shape[-1]}"
+        lengths = (n,) if whole in (0, n) else (n, whole)
+        also = "" if len(lengths) == 1 else f", or the whole model's {whole}"
+        raise ConfigurationError(
+            f"{called} needs {n} values for {', '.join(names)}{also}; got {got}", lengths=lengths
+        )
+    finite = np.isfinite(values)
+    if not finite.all():
+        bad = np.argwhere(~finite)[0]
+        value, i = float(values[tuple(bad)]), int(bad[-1])
+        joint = names[i] if values.shape[-1] == n else None
+        which = f"entry {i} of the whole model" if joint is None else f"joint {joint!r}"
+        raise ConfigurationError(
+            f"{called} of {which} is {value}; every value must be finite", joint=joint, value=value
+        )
+
+
+def require_scale(length_scale: float) -> None:
+    """Raise an OptionError unless a length scale is a positive number."""
+    if not (np.isfinite(length_scale) and length_scale > 0):
+        raise OptionError(f"length_scale must be a positive number of metres, got {length_scale!r}")
 
 
 def model_q(model: pin.Model, values: Array) -> Array:

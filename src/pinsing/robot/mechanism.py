@@ -13,9 +13,8 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers
-from pinsing.errors import ConfigurationError, OptionError
 from pinsing.notebook import one_line
-from pinsing.robot.joint_space import JointSpace, model_q
+from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values
 from pinsing.robot.memory import Memory
 from pinsing.robot.source import Source
 from pinsing.robot.task import Task
@@ -109,9 +108,7 @@ class Mechanism(Memory):
     made_by: ClassVar[str] = 'pinsing.load_mechanism("five_bar.urdf")'
 
     def __post_init__(self) -> None:
-        scale = self.length_scale
-        if not (np.isfinite(scale) and scale > 0):
-            raise OptionError(f"length_scale must be a positive number of metres, got {scale!r}")
+        require_scale(self.length_scale)
         for array in (self.lower, self.upper, self.prismatic, self.home):
             array.setflags(write=False)
 
@@ -290,11 +287,5 @@ class Mechanism(Memory):
 
 def _numbers(values: npt.ArrayLike, names: tuple[str, ...], what: str) -> Array:
     array = real_numbers(values, what)
-    if array.ndim == 0 or array.shape[-1] != len(names):
-        got = "a single number" if array.ndim == 0 else f"{array.shape[-1]}"
-        raise ConfigurationError(
-            f"{what} needs {len(names)} values for {', '.join(names)}; got {got}"
-        )
-    if not np.isfinite(array).all():
-        raise ConfigurationError(f"{what} holds a value that is not finite")
+    require_values(array, names, what)
     return array

@@ -19,7 +19,9 @@ class Memory:
         By name; no part of what `dataclasses.replace` copies.
     """
 
-    known: dict[str, Any] = field(default_factory=dict, init=False, repr=False)
+    known: dict[str, Any] = field(
+        default_factory=dict, init=False, repr=False, metadata={"json": False}
+    )
 
     def once(self, name: str, compute: Callable[[], T]) -> T:
         """Compute what depends on the fields alone the first time; later take it from `known`.

@@ -13,6 +13,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
+from pinsing.robot.joint_space import require_values
 from pinsing.robot.source import Coupling, Source
 from pinsing.robot.tip import frame_index, joint_path
 
@@ -63,26 +64,8 @@ class WholeModel:
             If the last axis has neither of these lengths, or a number is not finite; else as
             ``q_of``.
         """
-        n, whole = len(self.joints), int(self.source.full_model.nq)
-        if q.ndim == 0 or q.shape[-1] not in (n, whole):
-            got = "a single number" if q.ndim == 0 else f"{q.shape[-1]}"
-            also = "" if whole == n else f", or the whole model's {whole}"
-            raise ConfigurationError(
-                f"{called} needs {n} values for {', '.join(self.joints)}{also}; got {got}",
-                lengths=(n,) if whole == n else (n, whole),
-            )
-        finite = np.isfinite(q)
-        if not finite.all():
-            bad = np.argwhere(~finite)
-            value, i = float(q[tuple(bad[0])]), int(bad[0][-1])
-            joint = self.joints[i] if q.shape[-1] == n else None
-            which = f"entry {i} of the whole model" if joint is None else f"joint {joint!r}"
-            raise ConfigurationError(
-                f"{called} of {which} is {value}; every value must be finite",
-                joint=joint,
-                value=value,
-            )
-        return q if q.shape[-1] == n else self.q_of(q)
+        require_values(q, self.joints, called, int(self.source.full_model.nq))
+        return q if q.shape[-1] == len(self.joints) else self.q_of(q)
 
     def require_length(self, q: Array, called: str) -> None:
         """Raise a ConfigurationError unless ``q`` is (..., nq)."""
