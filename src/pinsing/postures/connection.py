@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +16,7 @@ from pinsing.errors import OptionError
 from pinsing.joint_text import typed
 from pinsing.postures.aspects import Aspects, aspects, map_of
 from pinsing.postures.joint_map import Map
-from pinsing.proximity.clearance import quick
+from pinsing.postures.way_clearance import least, lowest, raised, shortened
 from pinsing.proximity.watched import Forms
 from pinsing.robot.arm_summary import ArmSummary
 from pinsing.serialization import JsonResult
@@ -27,8 +25,6 @@ SECONDS = 5.0
 """Time for a way, beside that for the aspects."""
 
 SAME, DIFFERENT, UNDECIDED = "same", "different", "undecided"
-
-_FINE = 24
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,6 +170,7 @@ def connect(
     numbers = [None if p is None else chosen.number(p) for p in places]
     notes = [n for n in found.notes if "certificate" in n or "complete" in n]
     answer, path = UNDECIDED, None
+    until = time.monotonic() + seconds
     singular = [chosen.singular(q) for q in (start, end)]
     if any(singular):
         which = _which(singular)
@@ -185,14 +182,14 @@ def connect(
         if _apart(chosen, places[0], places[1]):
             answer = DIFFERENT
         else:
-            until = time.monotonic() + seconds
             path = _way(chosen, places[0], start, end, until)
             answer = UNDECIDED if path is None else SAME
             if path is None:
                 notes.append("a way within the aspect was looked for and not found")
     clearance = length = float("nan")
     if path is not None:
-        clearance = _least(chosen, path)
+        path = raised(chosen, path, until)
+        clearance = least(chosen, path)
         length = float(chosen.watched.length(np.diff(path, axis=0)).sum())
     return Connection(
         arm=found.arm,
@@ -252,80 +249,16 @@ def _way(
         route = piece.route(component, a, b, clear)
         if route is None:
             return None
-        route = _shortened(route, clear, partial(_room, chosen, columns, here), until)
+        route = shortened(route, clear, partial(_room, chosen, columns, here), until)
         for x in route[1:]:
             q = rows[-1].copy()
             q[columns] = here[columns] + (x - a)
             rows.append(q)
-    path = _shortened(np.array(rows), chosen.clear, partial(_lowest, chosen), until)
+    path = shortened(np.array(rows), chosen.clear, partial(lowest, chosen), until)
     return path if chosen.clear(path) else None
 
 
 def _room(chosen: Map, columns: list[int], here: Array, X: Array) -> float:
     Q = np.repeat(here[None], len(X), axis=0)
     Q[:, columns] = X
-    return _lowest(chosen, Q)
-
-
-def _lowest(chosen: Map, Q: Array) -> float:
-    """Least lower bound of the clearance at some points of a polyline."""
-    share = np.linspace(0, 1, _FINE)
-    fine = np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(Q)])
-    return float(quick(chosen.cutting, fine).lower.min())
-
-
-def _shortened(
-    Q: Array, clear: Callable[[Array], bool], room: Callable[[Array], float], until: float
-) -> Array:
-    """Leave waypoints out where the straight line instead is clear, and not much nearer."""
-    kept = [0]
-    last = len(Q) - 1
-    while kept[-1] < last:
-        i = kept[-1]
-        best, step = i + 1, 2
-        while i + step <= last + step // 2 and time.monotonic() < until:
-            j = min(i + step, last)
-            line = Q[[i, j]]
-            if clear(line) and room(line) >= min(0.7 * room(Q[i : j + 1]), 0.3):
-                best = j
-                if j == last:
-                    break
-                step *= 2
-            else:
-                break
-        kept.append(best)
-    return Q[kept]
-
-
-def _least(chosen: Map, path: Array) -> float:
-    """A proven lower bound of the clearance of all of a polyline.
-
-    Distance changes no faster than the configuration moves: on a piece of half-length h it is no
-    less than in its middle less h.
-    """
-    pieces = list(pairwise(path))
-    if not chosen.cutting.families:
-        return float("inf")
-    low, high = 0.0, float("inf")
-    begin = np.array([a for a, _ in pieces])
-    end = np.array([b for _, b in pieces])
-    out = []
-    for _ in range(14):
-        middle = (begin + end) / 2
-        half = chosen.watched.length(end - begin) / 2
-        at = quick(chosen.cutting, middle).lower
-        high = min(high, float(at.min()))
-        bound = at - half
-        fine = bound >= 0.9 * high
-        out.append(bound[fine])
-        begin, end, middle = begin[~fine], end[~fine], middle[~fine]
-        if not len(begin):
-            break
-        begin, end = np.concatenate([begin, middle]), np.concatenate([middle, end])
-        if len(begin) > 200_000:
-            break
-    if len(begin):
-        middle = (begin + end) / 2
-        out.append(quick(chosen.cutting, middle).lower - chosen.watched.length(end - begin) / 2)
-    low = min((float(x.min()) for x in out if len(x)), default=high)
-    return max(low, 0.0)
+    return lowest(chosen, Q)
