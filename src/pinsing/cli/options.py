@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
+from click.core import ParameterSource
 
 from pinsing.cli import completion
 from pinsing.cli.output import OutputFile, ParamType, say
@@ -40,6 +41,7 @@ class RobotRequest:
     length_scale: float
     packages: dict[str, str]
     xacro_args: dict[str, str]
+    tool_axis: str | None = None
 
     def load(self, quiet: bool = False) -> Arm:
         """Load the arm, and tell on stderr what was assumed."""
@@ -54,6 +56,7 @@ class RobotRequest:
             length_scale=self.length_scale,
             packages=self.packages,
             xacro_args=self.xacro_args,
+            tool_axis=self.tool_axis,
         )
         if not quiet:
             for note in arm.notes:
@@ -111,7 +114,13 @@ def arm_options(command: F) -> F:
         default="pose",
         show_default=True,
         shell_complete=completion.tasks,
-        help="pose, position, orientation, or rows such as vx,vy,wz.",
+        help="pose, position, orientation, tool-axis, or rows such as vx,vy,wz or vx@tip,wy@tip.",
+    )
+    @click.option(
+        "--tool-axis",
+        type=click.Choice(["x", "y", "z"]),
+        help="Axis of the tip that may turn freely: task tool-axis (drilling, welding); z if that "
+        "is named alone.",
     )
     @click.option(
         "--length-scale",
@@ -142,6 +151,7 @@ def arm_options(command: F) -> F:
         base: str | None,
         joints: str | None,
         task: str,
+        tool_axis: str | None,
         length_scale: float,
         packages: tuple[tuple[str, str], ...],
         xacro_args: tuple[tuple[str, str], ...],
@@ -155,8 +165,19 @@ def arm_options(command: F) -> F:
         for value in rest.values():
             if isinstance(value, Path) and _same_file(value, robot):
                 raise OutputError(f"cannot write {value}: it is the robot itself")
+        asked = click.get_current_context().get_parameter_source("task")
+        if tool_axis is not None and asked is ParameterSource.DEFAULT:
+            task = TOOL_AXIS
         request = RobotRequest(
-            robot, tip, base, names, task, length_scale, dict(packages), dict(xacro_args)
+            robot,
+            tip,
+            base,
+            names,
+            task,
+            length_scale,
+            dict(packages),
+            dict(xacro_args),
+            tool_axis,
         )
         return command(request, **rest)
 

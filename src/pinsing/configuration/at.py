@@ -34,6 +34,7 @@ from pinsing.kinematics.jacobian import (
     tip_placement,
 )
 from pinsing.kinematics.own_scale import own_scale, random_turns
+from pinsing.kinematics.task_rows import in_base
 from pinsing.kinematics.verdict import (
     NEAR_RTOL,
     SINGULAR_RTOL,
@@ -91,7 +92,7 @@ def at(
     r = generic_rank(arm)
     loss = loss_at(arm, q, rtol, near_rtol)
     J, status, ratio = loss.J, loss.status, loss.ratio
-    Js = scale_rows(arm, J)
+    Js = scale_rows(arm, J, q)
     scale = own_scale(arm)
     position, rotation = loss.tool.position, loss.tool.rotation
     outside = tuple(np.array(arm.joints)[arm.space.outside(q)].tolist())
@@ -164,7 +165,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     """What is lost at q (n,), which is in order, and why; arguments as of ``at``."""
     J = frame_jacobian(arm, q)
     scale = own_scale(arm)
-    U, sigma, Vt = np.linalg.svd(scale.apply(arm, J))
+    U, sigma, Vt = np.linalg.svd(scale.apply(arm, J, q))
     ratio = float(ratio_of(arm, sigma))
     status = status_of(ratio, rtol, near_rtol)
     # Nearly lost is what is not better than sigma_r, give or take a factor.
@@ -177,7 +178,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     if status == REGULAR:
         return found
     never = never_produced(arm)
-    missing = _in_all_rows(arm, _without(U[:, rank:], never))
+    missing = _in_all_rows(arm, _without(U[:, rank:], never), q)
     hardly = status == NEAR_SINGULAR
     tool = replace(tool, landmarks=landmarks(arm, J, position))
     tol = max(EXACT_TOL, min(3 * ratio, 0.05)) if hardly else EXACT_TOL
@@ -187,7 +188,7 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
         lost=lost_motions(missing, J, scale.length, arm.length_scale, tool, tol, hardly),
         always_missing=len(arm.task.rows) - generic_rank(arm) - never.shape[1],
         dependences=dependences_of(
-            arm, J, position, zero if hardly else max(DEPENDENCE_RTOL, rtol)
+            arm, J, q, position, zero if hardly else max(DEPENDENCE_RTOL, rtol)
         ),
     )
 
@@ -210,8 +211,9 @@ def never_produced(arm: Arm) -> Array:
 
 def _never_produced(arm: Arm) -> Array:
     exact = nominal(arm).arm
-    J = frame_jacobians(exact, random_turns(exact, 6, _SEED))
-    U, sigma, _ = np.linalg.svd(np.concatenate(list(own_scale(exact).apply(exact, J)), axis=1))
+    Q = random_turns(exact, 6, _SEED)
+    J = own_scale(exact).apply(exact, frame_jacobians(exact, Q), Q)
+    U, sigma, _ = np.linalg.svd(np.concatenate(list(J), axis=1))
     return np.asarray(U[:, int((sigma > SINGULAR_RTOL * sigma[0]).sum()) :])
 
 
@@ -222,11 +224,12 @@ def _without(U: Array, other: Array) -> Array:
     return np.asarray(left[:, sigma > 0.5])
 
 
-def _in_all_rows(arm: Arm, U: Array) -> Array:
-    """Task directions (m, d) as directions (6, d), zero in the rows that the task leaves out."""
-    out = np.zeros((6, U.shape[1]))
-    out[list(arm.task.rows)] = U
-    return out
+def _in_all_rows(arm: Arm, U: Array, q: Array) -> Array:
+    """Task directions (m, d) as directions (6, d) in base axes, none of what the task leaves out."""
+    out = in_base(arm, U, q)
+    tip = arm.task.tip_rows
+    # Rows in the axes of both need not be perpendicular.
+    return out if all(tip) or not any(tip) else np.asarray(np.linalg.qr(out)[0])
 
 
 def _self_motions(V: Array, prismatic: npt.NDArray[np.bool_]) -> tuple[SelfMotion, ...]:

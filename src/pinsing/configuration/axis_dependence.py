@@ -101,13 +101,16 @@ def axis_dependences(
     ConfigurationError
         If q has the wrong length or is not finite.
     """
+    q = arm.check_one(q)
     J = frame_jacobian(arm, q)
-    return dependences_of(arm, J, np.array(placement_of(arm, q).translation), rtol)
+    return dependences_of(arm, J, q, np.array(placement_of(arm, q).translation), rtol)
 
 
-def dependences_of(arm: Arm, J: Array, tip: Array, rtol: float) -> tuple[AxisDependence, ...]:
-    """`axis_dependences` at a frame Jacobian (6, n) with the tip (3,), metres."""
-    columns = _Columns(arm, J, rtol)
+def dependences_of(
+    arm: Arm, J: Array, q: Array, tip: Array, rtol: float
+) -> tuple[AxisDependence, ...]:
+    """`axis_dependences` at q (n,), with its frame Jacobian (6, n) and the tip (3,), metres."""
+    columns = _Columns(arm, J, q, rtol)
     if columns.lost <= 0:
         return ()
     words = _Words(arm, J, tip, columns, rtol)
@@ -170,16 +173,17 @@ def _moving_columns(arm: Arm) -> tuple[int, ...]:
 def _generic_task(arm: Arm) -> Array:
     """Task Jacobians (k, m, n) of the nominal geometry at random configurations, without units."""
     exact = nominal(arm).arm
+    Q = random_turns(exact, _SAMPLES, _SEED)
     return arm.once(
-        "generic_task", lambda: own_scale(exact).apply(exact, _generic_jacobians(exact))
+        "generic_task", lambda: own_scale(exact).apply(exact, _generic_jacobians(exact), Q)
     )
 
 
 class _Columns:
     """Ranks of sets of columns of one task Jacobian, here and in general."""
 
-    def __init__(self, arm: Arm, J: Array, rtol: float) -> None:
-        self.J = own_scale(arm).apply(arm, J)
+    def __init__(self, arm: Arm, J: Array, q: Array, rtol: float) -> None:
+        self.J = own_scale(arm).apply(arm, J, q)
         self.generic = _generic_task(arm)
         self.zero = zero_of(arm, singular_values(self.J), rtol)
         self.used = moving_columns(arm)

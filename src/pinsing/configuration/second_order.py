@@ -15,7 +15,6 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
@@ -28,6 +27,7 @@ from pinsing.kinematics.jacobian import (
     tip_placement,
 )
 from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.task_rows import task_rows, turn_left
 from pinsing.kinematics.verdict import generic_rank, rank_of, ratio_of
 from pinsing.robot.arm import Arm
 
@@ -117,7 +117,7 @@ def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
     Q = np.atleast_2d(arm.check(Q))
     J, H = own_jacobians_and_derivatives(arm, Q)
     # What is printed of it is at the length scale of the arm, and by its own joint speeds.
-    at_scale = scale_rows(arm, frame_jacobians(arm, Q))
+    at_scale = scale_rows(arm, frame_jacobians(arm, Q), Q)
     sigma = singular_values(arm, Q)
     return tuple(_examine(arm, *row) for row in zip(Q, J, H, at_scale, sigma, strict=True))
 
@@ -238,8 +238,8 @@ def _range_nearby(arm: Arm, q: Array, left: Array, rank: int, r: int) -> Array:
     scale = own_scale(arm)
     move = np.random.default_rng(_SEED).standard_normal(arm.n)
     move *= _NEARBY / np.linalg.norm(move)
-    there = frame_jacobian(arm, q + move * scale.columns)
-    U, _, _ = np.linalg.svd(scale.apply(arm, there))
+    beside = q + move * scale.columns
+    U, _, _ = np.linalg.svd(scale.apply(arm, frame_jacobian(arm, beside), beside))
     W, _, _ = np.linalg.svd(left.T @ U[:, rank:r], full_matrices=False)
     return np.asarray(W)
 
@@ -289,14 +289,15 @@ def _critical_along(arm: Arm, q: Array, u: Array, kernel: Array) -> bool:
 
 def _slide(arm: Arm, q: Array, u: Array, start: Array) -> Array | None:
     """Configuration near ``start`` with the tip as at q and J^T u = 0, if there is one."""
-    rows = np.array(arm.task.rows)
     scale = own_scale(arm)
     goal = tip_placement(arm, q)
     now = start.copy()
     for _ in range(20):
         at = tip_placement(arm, now)
-        turn = pin.log3(at.rotation @ goal.rotation.T)
-        error = np.concatenate([at.translation - goal.translation, turn])[rows] * scale.rows
+        R = np.array(at.rotation)
+        turn = -turn_left(arm.task, R[None], np.array(goal.rotation))[0]
+        apart = np.concatenate([at.translation - goal.translation, turn])
+        error = task_rows(arm, apart[:, None], now, R)[:, 0] * scale.rows
         J, H = own_jacobians_and_derivatives(arm, now)
         F = np.concatenate([error, J[0].T @ u])
         if np.abs(F).max() <= 1e-10:

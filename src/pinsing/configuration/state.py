@@ -14,6 +14,7 @@ from pinsing.configuration.axis_dependence import AxisDependence
 from pinsing.configuration.lost_motion import LostMotion, axis_name, vector
 from pinsing.prose import PLAIN, Page, Span, measured, unbroken, verdict
 from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.task import parse_task
 from pinsing.serialization import JsonResult
 
 SINGULAR, NEAR_SINGULAR, REGULAR = "singular", "near-singular", "regular"
@@ -306,8 +307,7 @@ def _determinant_label(state: State) -> str:
 
 
 def _rows(state: State) -> int:
-    named = {"pose": 6, "position": 3, "orientation": 3}
-    return named.get(state.arm.task) or len(state.arm.task.split(","))
+    return len(parse_task(state.arm.task).rows)
 
 
 def _ellipsoid(what: str, ellipsoid: VelocityEllipsoid, rotation: Array) -> Iterator[Line]:

@@ -9,10 +9,10 @@ about 1e-16 for each draw (Schwartz, 1980; Zippel, 1979), and two primes must bo
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
 
 from pinsing.geometry.nominal import Nominal
 from pinsing.geometry.residue import residue
+from pinsing.robot.task import Task
 
 PRIMES = (4611686018427387817, 4611686018427387409)
 """The two largest primes below 2^62 that are 1 modulo 24."""
@@ -21,21 +21,21 @@ SEED = 20231
 Vector = list[int]
 
 
-def exact_generic_rank(geometry: Nominal, rows: Sequence[int]) -> int:
+def exact_generic_rank(geometry: Nominal, task: Task) -> int:
     """Rank of the task rows of the Jacobian at almost every configuration.
 
     Parameters
     ----------
     geometry : Nominal
         A chain in which every joint moves on its own.
-    rows : sequence of int
-        Rows of the frame Jacobian at the tip, in the axes of the base.
+    task : Task
+        Rows of the frame Jacobian at the tip.
     """
     draw = random.Random(SEED)
-    return max(_rank(geometry, rows, prime, draw) for prime in PRIMES)
+    return max(_rank(geometry, task, prime, draw) for prime in PRIMES)
 
 
-def _rank(geometry: Nominal, rows: Sequence[int], p: int, draw: random.Random) -> int:
+def _rank(geometry: Nominal, task: Task, p: int, draw: random.Random) -> int:
     R = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
     o = [0, 0, 0]
     axes: list[tuple[Vector, Vector]] = []
@@ -68,5 +68,11 @@ def _rank(geometry: Nominal, rows: Sequence[int], p: int, draw: random.Random) -
     # With flint, 40 ms to import, only where a rank is asked for that floats cannot show.
     from flint import nmod_mat
 
-    flat = [columns[j][r] % p for r in rows for j in range(len(columns))]
-    return int(nmod_mat(len(rows), len(columns), flat, p).rank())
+    flat = []
+    last = [[residue(x, p) for x in row] for row in geometry.tip_rotation]
+    tip = [[sum(row[k] * last[k][i] for k in range(3)) % p for i in range(3)] for row in R]
+    for r, at_tip in zip(task.rows, task.tip_rows, strict=True):
+        along = [int(r % 3 == k) for k in range(3)] if not at_tip else [row[r % 3] for row in tip]
+        first = r - r % 3
+        flat += [sum(a * c[first + k] for k, a in enumerate(along)) % p for c in columns]
+    return int(nmod_mat(len(task.rows), len(columns), flat, p).rank())

@@ -11,21 +11,25 @@ from pinsing.geometry.chain import Chain
 from pinsing.robot.arm import Arm
 
 
-def jacobian_change(one: Chain, other: Chain, arm: Arm) -> float:
+def jacobian_change(one: Chain, other: Chain, arm: Arm, tip_angle: float = 0.0) -> float:
     """Bound the change of any scaled Jacobian column between two chains of the same joints.
 
     With e_k the angle and d_k the length by which C_k differs, all of joint i's column
     (z x p, z) turns by at most the sum E_i of e_k, k <= i. Seen from the joint, the tip p moves
     by at most D_i: the sum over k > i of d_k plus |t_k| (e_{i+1} + ... + e_{k-1}), the slide
     before C_k counted to its length. The column then changes by at most
-    D_i + E_i reach (over the length scale) and E_i.
+    D_i + E_i reach (over the length scale) and E_i. In the tip's axes it turns, besides, with
+    these: by no more than all angles together.
 
     Parameters
     ----------
     one, other : Chain
         Chains with the same joints.
     arm : Arm
-        For the limits of prismatic joints and the length scale.
+        For the limits of prismatic joints, the length scale, and whether the task is in the
+        tip's axes.
+    tip_angle : float
+        Radians; by how much the tip frame's own orientation differs.
 
     Returns
     -------
@@ -34,7 +38,8 @@ def jacobian_change(one: Chain, other: Chain, arm: Arm) -> float:
     """
     n = one.n
     angle = np.array([rotation_angle(a.T @ b) for a, b in zip(one.R, other.R, strict=True)])
-    angle[n] = 0.0  # the tip's own orientation moves nothing
+    angle[n] = 0.0  # what it turns is the tip frame alone
+    with_tip = float(angle.sum()) + tip_angle if arm.task.at_tip else 0.0
     shift = np.linalg.norm(one.t - other.t, axis=1)
     travel = _travel(arm)
     step = np.linalg.norm(one.t, axis=1) + np.linalg.norm(other.t, axis=1)
@@ -45,12 +50,13 @@ def jacobian_change(one: Chain, other: Chain, arm: Arm) -> float:
     moved, spun = np.zeros(n), np.zeros(n)
     for i in range(n):
         if one.prismatic[i]:
-            moved[i] = turned[i]
+            moved[i] = turned[i] + with_tip
             continue
         # An unlimited slide has an infinite step: no turn before it, no change.
         on_the_way = _product(np.cumsum(angle[i + 1 :]) - angle[i + 1 :], step[i + 1 :])
-        moved[i] = shift[i + 1 :].sum() + on_the_way.sum() + _product(turned[i], beyond[i])
-        spun[i] = turned[i]
+        moved[i] = shift[i + 1 :].sum() + on_the_way.sum()
+        moved[i] += _product(turned[i] + with_tip, beyond[i])
+        spun[i] = turned[i] + with_tip
     if arm.coupling is not None:  # a free joint moves its followers along
         matrix = np.abs(arm.coupling.matrix)
         moved, spun = _product(matrix.T, moved).sum(axis=-1), matrix.T @ spun

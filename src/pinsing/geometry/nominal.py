@@ -50,7 +50,7 @@ class Nominal:
     """Exact geometry of an arm.
 
     The tip placement is C_0 M_0(q_0 + offset_0) C_1 ... C_n up to the orientation of
-    the tip frame itself, which no Jacobian row depends on.
+    the tip frame itself, which only tasks with rows in the tip's axes depend on.
 
     Attributes
     ----------
@@ -61,6 +61,8 @@ class Nominal:
         of Surds; the last is the identity.
     translation : tuple of n + 1 rational triples
         Translation of each C_i, metres.
+    tip_rotation : exact 3x3 matrix
+        Rotation of the tip frame after C_n, where the task has rows in its axes; else the identity.
     prismatic : tuple of bool
         Which joints slide.
     offset : (n,) array
@@ -77,6 +79,7 @@ class Nominal:
     arm: Arm
     rotation: tuple[Matrix, ...]
     translation: tuple[Length3, ...]
+    tip_rotation: Matrix
     prismatic: tuple[bool, ...]
     offset: Array
     snaps: tuple[Snap, ...]
@@ -202,12 +205,13 @@ class _Maker:
             self._rational_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)
         ]
         rotation.append(_identity())
+        exact_tip = self._tip_rotation(tip_turn) if self.arm.task.at_tip else None
         lengths = self._lengths(t)
         # So far R and t are the raw geometry still, only with turned axes: what was snapped
         # is the difference between them and the rational numbers.
         R[n] = np.eye(3)
         turned = Chain(np.array(R), np.array(t), raw.prismatic)
-        return self._finish(turned, rotation, lengths, offset, tip_turn)
+        return self._finish(turned, rotation, lengths, offset, tip_turn, exact_tip)
 
     def _slide_to_common_normals(
         self, R: list[Array], t: list[Array], twist: list[Matrix | None]
@@ -274,6 +278,23 @@ class _Maker:
             (Fraction(0), sin_tilt, cos_tilt),
         )
 
+    def _tip_rotation(self, R: Array) -> Matrix:
+        """Rz(a) Rx(alpha) Rz(b) near R, in exact numbers."""
+        n = self.raw.n
+        quarters = self._signed_permutation(n, R)
+        if quarters is not None:
+            return quarters
+        tilted = self._tilted(R)
+        first = math.atan2(R[0, 2], -R[1, 2]) if tilted else _yaw(R)
+        tilt = math.atan2(math.hypot(R[0, 2], R[1, 2]), R[2, 2])
+        last = math.atan2(R[2, 0], R[2, 1]) if tilted else 0.0
+        (ca, sa), (c, s), (cb, sb) = (self._circle(n, angle) for angle in (first, tilt, last))
+        return (
+            (ca * cb - sa * c * sb, -ca * sb - sa * c * cb, sa * s),
+            (sa * cb + ca * c * sb, -sa * sb + ca * c * cb, -ca * s),
+            (s * sb, s * cb, c),
+        )
+
     def _circle(self, i: int, angle: float) -> tuple[Exact, Exact]:
         """Exact (cos, sin) near ``angle``, rational but at multiples of 15 degrees."""
         fine = round(angle / _FIFTEEN)
@@ -325,11 +346,17 @@ class _Maker:
         lengths: list[Length3],
         offset: Array,
         tip_turn: Array,
+        exact_tip: Matrix | None,
     ) -> Nominal:
         raw, n = self.raw, self.raw.n
         R = [np.array([[float(x) for x in row] for row in m]) for m in rotation]
         t = np.array([[float(x) for x in row] for row in lengths])
-        change = jacobian_change(turned, Chain(np.array(R), t, raw.prismatic), self.arm)
+        tip_angle = 0.0
+        if exact_tip is not None:
+            there = np.array([[float(x) for x in row] for row in exact_tip])
+            tip_angle, tip_turn = rotation_angle(there.T @ tip_turn), there
+        at_zero = Chain(np.array(R), t, raw.prismatic)
+        change = jacobian_change(turned, at_zero, self.arm, tip_angle)
         for i in range(n):
             if offset[i] != 0.0:  # fold the offset back: the arm keeps the user's joint zero
                 turn = _rz(float(offset[i]))
@@ -341,6 +368,7 @@ class _Maker:
             arm=arm,
             rotation=tuple(rotation),
             translation=tuple(lengths),
+            tip_rotation=_identity() if exact_tip is None else exact_tip,
             prismatic=tuple(bool(p) for p in raw.prismatic),
             offset=offset,
             snaps=tuple(s for s in self.snaps if s.size > 0),

@@ -23,6 +23,7 @@ from pinsing.kinematics.engine import (
     pinocchio_jacobians,
 )
 from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.task_rows import task_rows, tip_rotations
 from pinsing.robot.arm import Arm
 
 
@@ -60,8 +61,8 @@ class Batch:
     def sigma(self, Q: Array) -> Array:
         """Singular values (N, min(m, n)) of the task Jacobian at the arm's length scale."""
         arm, chain = self.arm, self._chain()
-        if chain is None or arm.coupling is not None:
-            return self._svd(scale_rows(arm, self.frame_jacobians(Q)))
+        if chain is None or arm.coupling is not None or arm.task.at_tip:
+            return self._svd(scale_rows(arm, self.frame_jacobians(Q), Q, self._tip(Q)))
         return kernel.singular_values(
             chain,
             Q,
@@ -77,8 +78,8 @@ class Batch:
         if scale.of_sigma is not None:
             sigma = self.sigma(Q) if sigma is None else sigma
             return sigma if scale.of_sigma == 1.0 else sigma * scale.of_sigma
-        if chain is None or arm.coupling is not None:
-            return self._svd(scale.apply(arm, self.frame_jacobians(Q)))
+        if chain is None or arm.coupling is not None or arm.task.at_tip:
+            return self._svd(scale.apply(arm, self.frame_jacobians(Q), Q, self._tip(Q)))
         return kernel.singular_values(
             arm.once("own_chain", self._own_chain),  # the arm as it is in its own length
             Q / scale.columns,
@@ -86,6 +87,12 @@ class Batch:
             threads=self.threads,
             isa=self.engine,
         )
+
+    def _tip(self, Q: Array) -> Array | None:
+        """Rotations of the tip on this engine, where the task asks for its axes."""
+        if not self.arm.task.at_tip:
+            return None
+        return tip_rotations(self.arm, Q, self.engine, self.threads)
 
     def _own_chain(self) -> FlatChain:
         chain = self._chain()
@@ -122,8 +129,10 @@ def batch(arm: Arm, engine: str = "auto", threads: int | None = None) -> Batch:
     return Batch(arm, fixed_engine(arm, engine), check_threads(threads))
 
 
-def scale_rows(arm: Arm, J: Array) -> Array:
-    """Task rows (..., m, n) of frame Jacobians J (..., 6, n), translations over length scale."""
-    rows = np.array(arm.task.rows)
-    factor = np.where(rows < 3, 1.0 / arm.length_scale, 1.0)
-    return np.asarray(J[..., rows, :] * factor[:, None])
+def scale_rows(arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
+    """Task rows (..., m, n) of frame Jacobians J (..., 6, n), translations over length scale.
+
+    Q (..., n) is where, and ``R`` the tip's rotation there where it is known.
+    """
+    factor = np.where(np.array(arm.task.rows) < 3, 1.0 / arm.length_scale, 1.0)
+    return np.asarray(task_rows(arm, J, Q, R) * factor[:, None])

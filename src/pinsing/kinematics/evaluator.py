@@ -72,6 +72,8 @@ def fingerprint(arm: Arm) -> str:
     """SHA-256 of every number of the arm that its singular values depend on."""
     chain = flatten(arm)
     parts = [chain.R, chain.t, chain.prismatic, np.array(arm.task.rows), arm.length_scale]
+    if arm.task.at_tip:
+        parts.append(np.array(arm.task.at_tip))
     if arm.coupling is not None:
         parts += [arm.coupling.matrix, arm.coupling.offset]
     digest = hashlib.sha256()

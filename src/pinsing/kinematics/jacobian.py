@@ -16,6 +16,7 @@ from pinsing.arguments import checked
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.batch import scale_rows as scale_rows
 from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.task_rows import each_cross, turned_slopes
 from pinsing.kinematics.verdict import generic_rank as generic_rank
 from pinsing.robot.arm import Arm
 
@@ -117,8 +118,8 @@ def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     Returns
     -------
     (m, n) array
-        The m rows of ``arm.task`` out of ``frame_jacobian``; rows vx, vy, vz divided by
-        ``arm.length_scale``.
+        The m rows of ``arm.task`` out of ``frame_jacobian``, those with ``@tip`` in the tip's
+        axes; rows vx, vy, vz divided by ``arm.length_scale``.
 
     Raises
     ------
@@ -133,7 +134,8 @@ def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     array([[-0.343, -0.343, -0.199],
            [ 0.677,  0.277,  0.014]])
     """
-    return scale_rows(arm, frame_jacobian(arm, q))
+    q = _one(arm, q)
+    return scale_rows(arm, frame_jacobian(arm, q), q)
 
 
 @checked
@@ -164,7 +166,8 @@ def task_jacobians(
     >>> pinsing.task_jacobians(arm, [[0, 0.5, 1], [0, 0.1, 1]]).shape
     (2, 2, 3)
     """
-    return scale_rows(arm, frame_jacobians(arm, Q, engine=engine, threads=threads))
+    Q = _many(arm, Q)
+    return scale_rows(arm, frame_jacobians(arm, Q, engine=engine, threads=threads), Q)
 
 
 @checked
@@ -228,16 +231,9 @@ def jacobian_derivative(J: npt.ArrayLike) -> Array:
     n = J.shape[-1]
     v, w = J[..., :3, :], J[..., 3:, :]
     later = np.arange(n)[:, None] >= np.arange(n)[None, :]  # [i, j]: j <= i
-    dv = np.where(later, _each_cross(w, v), -_each_cross(v, w))
-    dw = np.where(later, _each_cross(w, w), 0.0)
+    dv = np.where(later, each_cross(w, v), -each_cross(v, w))
+    dw = np.where(later, each_cross(w, w), 0.0)
     return np.concatenate([dv, dw], axis=-3)
-
-
-def _each_cross(a: Array, b: Array) -> Array:
-    """Products a_j x b_i (..., 3, n, n), entry [:, i, j], of columns of a and b (..., 3, n)."""
-    ax, ay, az = (a[..., k, None, :] for k in range(3))
-    bx, by, bz = (b[..., k, :, None] for k in range(3))
-    return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-3)
 
 
 def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
@@ -253,18 +249,19 @@ def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]
 
 def task_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
     """Task Jacobians (N, m, n) and their derivatives (N, m, n, n) by the joints at Q (N, n)."""
+    Q = _many(arm, Q)
     J, H = jacobians_and_derivatives(arm, Q)
-    rows = np.array(arm.task.rows)
-    factor = np.where(rows < 3, 1.0 / arm.length_scale, 1.0)
-    return scale_rows(arm, J), H[..., rows, :, :] * factor[:, None, None]
+    factor = np.where(np.array(arm.task.rows) < 3, 1.0 / arm.length_scale, 1.0)
+    return scale_rows(arm, J, Q), turned_slopes(arm, J, H, Q) * factor[:, None, None]
 
 
 def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
     """The same at the arm's own scale (`OwnScale`), without units: by dq / columns as well."""
+    Q = _many(arm, Q)
     J, H = jacobians_and_derivatives(arm, Q)
     scale = own_scale(arm)
-    H = H[..., np.array(arm.task.rows), :, :] * scale.rows[:, None, None]
-    return scale.apply(arm, J), H * scale.columns[:, None] * scale.columns
+    H = turned_slopes(arm, J, H, Q) * scale.rows[:, None, None]
+    return scale.apply(arm, J, Q), H * scale.columns[:, None] * scale.columns
 
 
 def _one(arm: Arm, q: npt.ArrayLike) -> Array:

@@ -16,6 +16,7 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.geometry.chain import flatten
 from pinsing.kinematics.engine import pinocchio_jacobians
+from pinsing.kinematics.task_rows import task_rows
 from pinsing.robot.arm import Arm
 
 _SEED = 20231
@@ -47,9 +48,12 @@ class OwnScale:
     columns: Array
     of_sigma: float | None
 
-    def apply(self, arm: Arm, J: Array) -> Array:
-        """Task rows (..., m, n) of frame Jacobians J (..., 6, n), without units."""
-        return np.asarray(J[..., np.array(arm.task.rows), :] * self.rows[:, None] * self.columns)
+    def apply(self, arm: Arm, J: Array, Q: Array, R: Array | None = None) -> Array:
+        """Task rows (..., m, n) of frame Jacobians J (..., 6, n) at Q (..., n), without units.
+
+        ``R`` is the tip's rotation there, where it is known.
+        """
+        return np.asarray(task_rows(arm, J, Q, R) * self.rows[:, None] * self.columns)
 
 
 def own_scale(arm: Arm) -> OwnScale:

@@ -185,7 +185,7 @@ def _generic_rank(arm: Arm) -> int:
     elif arm.coupling is not None:
         rank = _sampled_rank(geometry.arm)
     else:
-        rank = exact_generic_rank(geometry, arm.task.rows)
+        rank = exact_generic_rank(geometry, arm.task)
     if rank == 0:
         raise OptionError(
             f"task {arm.task}: no joint of {arm.name} moves tip {arm.tip!r} in any of its "
@@ -208,9 +208,10 @@ def _is_full(exact: Arm) -> bool:
 def _sampled_rank(exact: Arm) -> int:
     """The same of an arm with mimic joints, by floats: these may follow by any multiple."""
     # Whole circles, not the limits: a joint that hardly moves still has a generic rank.
-    J = batch(exact).frame_jacobians(random_turns(exact, _RANK_SAMPLES))
+    Q = random_turns(exact, _RANK_SAMPLES)
+    J = batch(exact).frame_jacobians(Q)
     scale = own_scale(exact)
-    sigma = np.linalg.svd(scale.apply(exact, J), compute_uv=False)
+    sigma = np.linalg.svd(scale.apply(exact, J, Q), compute_uv=False)
     largest = max(float(np.abs(J[:, :3]).max()) / scale.length, float(np.abs(J[:, 3:]).max()))
     if sigma.max() <= SINGULAR_RTOL * largest:
         return 0

@@ -7,7 +7,6 @@ from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
-import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, whole_number
@@ -16,6 +15,7 @@ from pinsing.families import ClosedForm, closed_form
 from pinsing.geometry.nominal import nominal
 from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.task_rows import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.postures.aspects import Aspects, aspects
 from pinsing.postures.connection import SAME, Connection, connect
@@ -284,11 +284,14 @@ def _few(arm: Arm, error: float) -> str:
 def _checked(arm: Arm, path: Array) -> tuple[float, float]:
     """How much the poses at the ends differ, and the least sigma_r / sigma_1 on the way."""
     first, last = (tip_placement(arm, q) for q in (path[0], path[-1]))
-    turned = first.rotation @ pin.log3(first.rotation.T @ last.rotation)
-    apart = np.abs(np.concatenate([last.translation - first.translation, turned]))
+    R = np.array(first.rotation)
+    turned = turn_left(arm.task, R[None], np.array(last.rotation))[0]
+    apart = np.abs(
+        picked(arm.task, np.append(last.translation - first.translation, turned)[:, None], R)
+    )
     share = np.linspace(0, 1, max(2, _FINE // len(path)))[:, None]
     fine = np.concatenate([a + share * (b - a) for a, b in pairwise(path)])
-    return float(apart[list(arm.task.rows)].max()), float(ratios(arm, fine).min())
+    return float(apart.max()), float(ratios(arm, fine).min())
 
 
 def _answer(

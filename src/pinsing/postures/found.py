@@ -76,7 +76,7 @@ class Found:
 
     def _signs(self, Q: Array) -> Array:
         """Signs of the determinant, (N,); zero where there is none, or it is noise."""
-        if len(self.solver.rows) != len(self.solver.free):
+        if len(self.solver.task.rows) != len(self.solver.free):
             return np.zeros(len(Q))
         return np.where(ratios(self.arm, Q) > _REGULAR, self.solver.signs(Q), 0.0)
 
@@ -110,7 +110,7 @@ class Found:
         map has degree zero, and as many regular solutions have a positive determinant as a
         negative one. Zero where that says nothing.
         """
-        rows = tuple(int(r) for r in self.solver.rows)
+        rows = self.solver.task.rows
         square = len(rows) == len(self.solver.free) and (rows == POSE or max(rows) < 3)
         if not self.q or not square or self.arm.prismatic[self.solver.free].any():
             return 0

@@ -101,6 +101,11 @@ def inverse(
     held = _held(arm, fixed or {})
     free = np.flatnonzero(np.isnan(held))
     rank = generic_rank(arm)
+    if not arm.task.places:
+        raise OptionError(
+            f"task {arm.task} only says how the tip moves, not where it is: a pose needs all "
+            "rows of a translation or rotation, or base axes, or tool-axis"
+        )
     if len(free) != rank:
         more = len(free) - rank
         need = f"hold {more} more with fixed={{...}}" if more > 0 else "hold fewer"

@@ -34,7 +34,7 @@ def radii(solver: Solver, Q: Array) -> Array:
     Q : (K, n) array
         Computed solutions.
     """
-    rows = tuple(int(r) for r in solver.rows)
+    rows = solver.task.rows
     out = np.full(len(Q), np.inf)
     if not len(Q) or rows not in (POSE, POSITION) or len(rows) != len(solver.free):
         return out
@@ -76,7 +76,14 @@ def _bend(solver: Solver, reach: Array) -> Array:
     outer = np.maximum.outer(np.arange(n), np.arange(n))
     both = turns[:, None] & turns[None, :]
     one = turns[:, None] ^ turns[None, :]
-    spin = 1.0 if max(solver.rows) >= len(POSITION) else 0.0
-    size = np.where(both, np.hypot(far[:, outer], spin), np.where(one, 1 / solver.scale, 0.0))
+    spin = 1.0 if max(solver.task.rows) >= len(POSITION) else 0.0
+    if solver.task.at_tip:
+        # In the tip's axes a column v_i changes by w_i x v_j - w_j x v_i, with joint j behind it.
+        lever = far[:, :, None] + far[:, None, :]
+    else:
+        lever = far[:, outer]
+    size = np.where(both, np.hypot(lever, spin), np.where(one, 1 / solver.scale, 0.0))
+    if solver.task.at_tip and not all(solver.task.at_tip):
+        size *= np.sqrt(2.0)  # some rows of each
     weight = np.outer(solver.weight, solver.weight)
     return np.asarray(np.linalg.norm(size / weight, axis=(1, 2)))

@@ -96,7 +96,7 @@ def ladder_of(geometry: Nominal) -> Ladder | None:
 
 def _ladder(geometry: Nominal) -> Ladder | None:
     rows, n = geometry.arm.task.rows, geometry.arm.n
-    if exact_generic_rank(geometry, rows) != n:
+    if geometry.arm.task.at_tip or exact_generic_rank(geometry, geometry.arm.task) != n:
         return None
     chain = ExactChain.of(geometry)
     if rows == (0, 1, 2) and n == 3:

@@ -10,8 +10,10 @@ from pinsing._batch.chain import FlatChain
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError
 from pinsing.geometry.chain import flatten
+from pinsing.kinematics.task_rows import picked, turn_left
 from pinsing.postures.stalled import Stalled
 from pinsing.robot.arm import Arm
+from pinsing.robot.task import Task
 
 _ITERATIONS = 60
 _STEP = 0.7
@@ -27,7 +29,7 @@ class Solver:
     chain: FlatChain
     position: Array
     rotation: Array | None
-    rows: Ints
+    task: Task
     free: Ints
     scale: float
     weight: Array
@@ -52,7 +54,7 @@ class Solver:
         chain = FlatChain(plain.R, plain.t, plain.prismatic)
         scale = arm.length_scale
         weight = np.where(arm.prismatic, 1 / scale, 1.0)[free]
-        return cls(chain, position, rotation, np.array(arm.task.rows), free, scale, weight)
+        return cls(chain, position, rotation, arm.task, free, scale, weight)
 
     def solve(
         self, Q: Array, steps: int = _ITERATIONS, stalled: Stalled | None = None
@@ -128,10 +130,10 @@ class Solver:
         error = np.zeros((N, 6))
         error[:, :3] = (self.position - p) / self.scale
         if self.rotation is not None:
-            error[:, 3:] = _log(self.rotation @ R.transpose(0, 2, 1))
+            error[:, 3:] = turn_left(self.task, R, self.rotation)
         J[:, :3] /= self.scale
-        rows = self.rows
-        return error[:, rows], (J[:, rows][:, :, self.free]) / self.weight
+        wanted = picked(self.task, error[:, :, None], R)[:, :, 0]
+        return wanted, picked(self.task, J, R)[:, :, self.free] / self.weight
 
 
 def _damped(J: Array, e: Array, damping: Array) -> Array:
@@ -155,18 +157,3 @@ def _damped(J: Array, e: Array, damping: Array) -> Array:
         along *= s / np.maximum(s * s + damping[rest][:, None], _TINY)
         step[rest] = (v.transpose(0, 2, 1) @ along[..., None])[..., 0]
     return step
-
-
-def _log(R: Array) -> Array:
-    """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
-    v = np.stack(
-        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
-    )
-    sine = np.linalg.norm(v, axis=1) / 2
-    angle = np.arctan2(sine, (np.trace(R, axis1=1, axis2=2) - 1) / 2)
-    factor = np.where(sine > 1e-9, angle / np.maximum(2 * sine, 1e-300), 0.5)
-    # At half a turn the axis is lost; any way out will do.
-    half = (sine <= 1e-9) & (angle > 1)
-    out = v * factor[:, None]
-    out[half] = [np.pi, 0.0, 0.0]
-    return np.asarray(out)

@@ -8,9 +8,10 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.errors import ConfigurationError
+from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.kinematics.jacobian import frame_jacobian
+from pinsing.kinematics.task_rows import task_rows, turn_left
 from pinsing.robot.arm import Arm
 
 _LONGEST, _FIRST, _SHORTEST = 0.02, 1e-3, 1e-10
@@ -47,11 +48,26 @@ class Line:
         """The line from the tip at q to a target; what the task leaves out is as at q."""
         here = tip(arm, q)
         position, rotation = target
-        axis = np.zeros(3)
-        if rotation is not None:
-            axis = here.rotation @ pin.log3(here.rotation.T @ rotation)
-        rows = set(arm.task.rows)
+        axis, task = np.zeros(3), arm.task
+        if not task.places:
+            raise OptionError(
+                f"task {task} only says how the tip moves, not where it is: a line needs all "
+                "rows of a translation or rotation, or base axes, or tool-axis"
+            )
         along = position - here.translation
+        if rotation is not None:
+            R = np.array(here.rotation)
+            axis = turn_left(task, R[None], np.asarray(rotation, dtype=float))[0]
+        if task.at_tip:  # it turns about no free axis, and by nothing that is not wanted
+            turns = any(r >= 3 for r in task.rows)
+            moves = any(r < 3 for r in task.rows)
+            return cls(
+                np.array(here.translation),
+                np.array(here.rotation),
+                along if moves else np.zeros(3),
+                axis if turns else np.zeros(3),
+            )
+        rows = set(task.rows)
         along = np.where([r in rows for r in range(3)], along, 0.0)
         axis = np.where([r in rows for r in range(3, 6)], axis, 0.0)
         return cls(np.array(here.translation), np.array(here.rotation), along, axis)
@@ -71,7 +87,11 @@ class Line:
         """What is missing (6,) from the tip at q to the line at s."""
         here = tip(arm, q)
         wanted = pin.exp3(self.axis * s) @ self.turn
-        off = here.rotation @ pin.log3(here.rotation.T @ wanted)
+        R = np.array(here.rotation)
+        if arm.task.at_tip:
+            off = turn_left(arm.task, R[None], wanted)[0]
+        else:
+            off = R @ pin.log3(R.T @ wanted)
         return np.concatenate([self.start + s * self.along - here.translation, off])
 
 
@@ -129,15 +149,14 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
     ConfigurationError
         If the line starts where a tip velocity along it is not possible.
     """
-    rows = list(arm.task.rows)
-    scale = np.where(np.array(rows) < 3, max(arm.length_scale, 1e-9), 1.0)
+    scale = np.where(np.array(arm.task.rows) < 3, max(arm.length_scale, 1e-9), 1.0)
     s, step = 0.0, _FIRST
     S, Q = [s], [q]
     rates: list[Array] = []
     while True:
-        J = frame_jacobian(arm, q)[rows]
-        rate = np.asarray(np.linalg.lstsq(J, line.twist[rows], rcond=1e-12)[0], dtype=float)
-        missed = np.abs((J @ rate - line.twist[rows]) / scale).max()
+        J, twist = _rows(arm, frame_jacobian(arm, q), q), _rows(arm, line.twist, q)
+        rate = np.asarray(np.linalg.lstsq(J, twist, rcond=1e-12)[0], dtype=float)
+        missed = np.abs((J @ rate - twist) / scale).max()
         if missed > 1e-6 * max(1.0, float(np.abs(line.twist).max())):
             if len(S) == 1:
                 raise ConfigurationError(
@@ -152,7 +171,7 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
         step = min(2 * step, _LONGEST / max(fastest, _LONGEST * 20), 1.0 - s)
         found = None
         while step >= _SHORTEST:
-            found = _step(arm, line, rows, scale, q, s + step, step * rate)
+            found = _step(arm, line, scale, q, s + step, step * rate)
             if found is not None:
                 break
             step /= 2
@@ -165,21 +184,26 @@ def track(arm: Arm, line: Line, q: Array) -> Tracked:
     return Tracked(np.array(S), np.array(Q), np.array(rates))
 
 
-def _step(
-    arm: Arm, line: Line, rows: list[int], scale: Array, q: Array, s: float, ahead: Array
-) -> Array | None:
+def _step(arm: Arm, line: Line, scale: Array, q: Array, s: float, ahead: Array) -> Array | None:
     """The configuration at s near q + ahead; None if Newton's method strays from it."""
     x = q + ahead
     allowed = _TURNED * float(np.abs(ahead).max()) + 1e-12
     for _ in range(8):
-        error = line.error(arm, x, s)[rows]
+        error = _rows(arm, line.error(arm, x, s), x)
         if np.abs(error / scale).max() < _ON:
             return x
-        J = frame_jacobian(arm, x)[rows]
+        J = _rows(arm, frame_jacobian(arm, x), x)
         x = x + np.linalg.lstsq(J, error, rcond=1e-12)[0]
         if not np.isfinite(x).all() or np.abs(x - q - ahead).max() > allowed:
             return None
-    return x if np.abs(line.error(arm, x, s)[rows] / scale).max() < 100 * _ON else None
+    return x if np.abs(_rows(arm, line.error(arm, x, s), x) / scale).max() < 100 * _ON else None
+
+
+def _rows(arm: Arm, columns: Array, q: Array) -> Array:
+    """Task rows (m,) or (m, k) of columns (6,) or (6, k) in base axes at q (n,)."""
+    if columns.ndim == 1:
+        return task_rows(arm, columns[:, None], q)[:, 0]
+    return task_rows(arm, columns, q)
 
 
 def landing(arm: Arm, line: Line, branch: Branch, q: Array, s: float) -> tuple[Array, float] | None:
@@ -188,14 +212,13 @@ def landing(arm: Arm, line: Line, branch: Branch, q: Array, s: float) -> tuple[A
     At the end of a line the joints alone turn back (a fold); together with the place on the line
     and the condition of the family they are a regular zero of Newton's method.
     """
-    rows = list(arm.task.rows)
     x, at = q.copy(), s
     for _ in range(30):
-        missing = line.error(arm, x, at)[rows]
+        missing = _rows(arm, line.error(arm, x, at), x)
         values, slopes = _conditions(branch, x, arm)
         residual = np.concatenate([missing, -values])
-        J = frame_jacobian(arm, x)[rows]
-        top = np.column_stack([J, -line.twist[rows]])
+        J = _rows(arm, frame_jacobian(arm, x), x)
+        top = np.column_stack([J, -_rows(arm, line.twist, x)])
         A = np.vstack([top, np.column_stack([slopes, np.zeros(len(values))])])
         if np.abs(residual).max() < 1e-14:
             break

@@ -113,7 +113,11 @@ class Arm(Memory):
 
     @checked
     def with_task(
-        self, task: str | Iterable[str] | Task | None = None, length_scale: float | None = None
+        self,
+        task: str | Iterable[str] | Task | None = None,
+        length_scale: float | None = None,
+        *,
+        tool_axis: str | None = None,
     ) -> Arm:
         """Return the same arm judged by another task or length scale.
 
@@ -123,6 +127,8 @@ class Arm(Memory):
             As in ``load``; the same one if not given.
         length_scale : float, optional
             Metres; the same one if not given.
+        tool_axis : str, optional
+            As in ``load``.
 
         Raises
         ------
@@ -137,7 +143,7 @@ class Arm(Memory):
         """
         return replace(
             self,
-            task=self.task if task is None else parse_task(task),
+            task=parse_task(self.task if task is None else task, tool_axis),
             length_scale=self.length_scale if length_scale is None else float(length_scale),
         )
 

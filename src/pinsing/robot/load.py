@@ -57,6 +57,7 @@ def load(
     packages: Mapping[str, str | Path] | None = None,
     *,
     xacro_args: Mapping[str, str] | None = None,
+    tool_axis: str | None = None,
 ) -> Arm:
     """Take the serial chain from ``base`` to ``tip`` out of a robot and lock the rest.
 
@@ -78,13 +79,19 @@ def load(
     joints : sequence of str, optional
         Joints of the chain to keep free; the others between base and tip are locked.
     task : str, iterable of str or Task
-        ``pose``, ``position``, ``orientation``, or rows such as ``"vx,vy,wz"``.
+        ``pose``, ``position``, ``orientation``, or rows such as ``"vx,vy,wz"``, along the axes
+        of the base; with ``@tip`` along those of the tip, such as ``"vx@tip,wy@tip"``.
+        ``tool-axis``: position, and where the tool points; the turn about its own axis is free,
+        as in drilling, welding and dispensing.
     length_scale : float
         Metres; translation rows are divided by it before singular values are taken.
     packages : mapping of str to path, optional
         Folders of ROS packages by name, for ``package://`` and ``$(find ...)``.
     xacro_args : mapping of str to str, optional
         Arguments of a xacro file.
+    tool_axis : str, optional
+        ``x``, ``y`` or ``z``: the axis of the tip that the task ``tool-axis`` leaves free; z if
+        not given.
 
     Returns
     -------
@@ -106,7 +113,7 @@ def load(
     >>> pinsing.load("ur5", tip="wrist_3_link", task="position").task.rows
     (0, 1, 2)
     """
-    parsed_task = parse_task(task)
+    parsed_task = parse_task(task, tool_axis)
     if isinstance(joints, str):
         joints = (joints,)
     whole = _read(robot, packages, xacro_args)

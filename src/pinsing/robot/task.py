@@ -1,4 +1,4 @@
-"""Tasks: which rows of the 6-row frame Jacobian the arm has to serve."""
+"""Tasks: which rows of the 6-row frame Jacobian the arm has to serve, and in whose axes."""
 
 from __future__ import annotations
 
@@ -8,23 +8,32 @@ from dataclasses import dataclass
 from pinsing.errors import OptionError
 
 ROW_NAMES = ("vx", "vy", "vz", "wx", "wy", "wz")
+AT_TIP = "@tip"
+TOOL_AXIS = "tool-axis"
+TOOL_AXES = ("x", "y", "z")
 _NAMED = {"pose": (0, 1, 2, 3, 4, 5), "position": (0, 1, 2), "orientation": (3, 4, 5)}
+_TRIPLES = ((0, 1, 2), (3, 4, 5))
 
 
 @dataclass(frozen=True)
 class Task:
-    """Rows of the frame Jacobian (LOCAL_WORLD_ALIGNED at the tip, base axes).
+    """Rows of the frame Jacobian at the tip, each in base axes or in the tip's own.
 
     Attributes
     ----------
     name : str
-        ``pose``, ``position``, ``orientation``, or the row names joined by commas.
+        ``pose``, ``position``, ``orientation``, ``tool-axis``, or the row names joined by commas.
     rows : tuple of int
         Indices into (vx, vy, vz, wx, wy, wz), ascending.
+    at_tip : tuple of bool
+        For each row whether it is along the tip's axes (base axes, LOCAL_WORLD_ALIGNED, where
+        not); empty if none is. All of vx, vy, vz, or of wx, wy, wz, say the same in both: they
+        go with the other rows.
     """
 
     name: str
     rows: tuple[int, ...]
+    at_tip: tuple[bool, ...] = ()
 
     @property
     def translation(self) -> tuple[int, ...]:
@@ -32,40 +41,118 @@ class Task:
         return tuple(i for i, r in enumerate(self.rows) if r < 3)
 
     @property
+    def tip_rows(self) -> tuple[bool, ...]:
+        """For each row whether it is along the tip's axes."""
+        return self.at_tip or (False,) * len(self.rows)
+
+    @property
     def row_names(self) -> tuple[str, ...]:
-        """Names of the rows, e.g. ``("vx", "vy", "wz")``."""
-        return tuple(ROW_NAMES[r] for r in self.rows)
+        """Names of the rows, e.g. ``("vx", "vy", "wz")`` or ``("vz", "wx@tip")``."""
+        return tuple(_row_name(r, tip, self.rows) for r, tip in self._marked)
+
+    @property
+    def tool_axis(self) -> int | None:
+        """Which axis of the tip may turn freely: 0, 1, 2 with two rotations at the tip, or None."""
+        free = [r for r in _TRIPLES[1] if r not in self.rows]
+        turns = [tip for r, tip in self._marked if r >= 3]
+        return free[0] - 3 if len(free) == 1 and all(turns) else None
+
+    @property
+    def places(self) -> bool:
+        """Whether its rows say where the tip is, so that a pose can be a goal.
+
+        Rows in the tip's axes turn with it, and in general only say how it moves. All
+        translations, or none, and all rotations, none, or all but one about an axis of the tip
+        say where it is.
+        """
+        partly = [t for t in _TRIPLES if 0 < len(set(t) & set(self.rows)) < 3]
+        tip = [r for r, at in self._marked if at and any(r in t for t in partly)]
+        return not tip or (self.tool_axis is not None and all(r >= 3 for r in tip))
+
+    @property
+    def _marked(self) -> tuple[tuple[int, bool], ...]:
+        return tuple(zip(self.rows, self.tip_rows, strict=True))
 
     def __str__(self) -> str:
         return self.name
 
 
-def parse_task(task: str | Iterable[str] | Task) -> Task:
-    """Turn ``"pose"``, ``"position"``, ``"orientation"``, ``"vx,vy,wz"`` or names into a Task.
+def parse_task(task: str | Iterable[str] | Task, tool_axis: str | None = None) -> Task:
+    """Turn ``"pose"``, ``"tool-axis"``, ``"vx,vy,wz"``, ``"vx@tip,wy@tip"`` or names into a Task.
+
+    Parameters
+    ----------
+    task : str, iterable of str or Task
+        A name, or rows.
+    tool_axis : str, optional
+        ``x``, ``y`` or ``z``: which axis of the tip turns freely in the task ``tool-axis``; z if
+        not given.
 
     Raises
     ------
     OptionError
-        If a row name is unknown or given twice, or none is given.
+        If a row name is unknown or given twice, or none is given, or a tool axis is given for
+        another task.
     """
+    if tool_axis is not None:
+        return _about(task, tool_axis)
     if isinstance(task, Task):
         return task
     if isinstance(task, str):
-        if task in _NAMED:
-            return Task(task, _NAMED[task])
+        name = task.strip()
+        if name in _NAMED:
+            return Task(name, _NAMED[name])
+        if name == TOOL_AXIS:
+            return _tool_axis("z")
+        if name.startswith(f"{TOOL_AXIS}-") and name[len(TOOL_AXIS) + 1 :] in TOOL_AXES:
+            return _tool_axis(name[len(TOOL_AXIS) + 1 :])
         names = [part.strip() for part in task.split(",")]
     else:
-        names = list(task)
-    unknown = [name for name in names if name not in ROW_NAMES]
-    if unknown or not names:
+        names = [str(part).strip() for part in task]
+    plain = [name.removesuffix(AT_TIP).strip() for name in names]
+    if not names or any(name not in ROW_NAMES for name in plain):
         raise OptionError(
-            f"unknown task {task!r}: use pose, position, orientation, "
-            f"or rows out of {', '.join(ROW_NAMES)}, such as vx,vy,wz"
+            f"unknown task {task!r}: use pose, position, orientation, {TOOL_AXIS}, "
+            f"or rows out of {', '.join(ROW_NAMES)}, such as vx,vy,wz, in the tip's axes with "
+            f"{AT_TIP}, such as vx{AT_TIP},wy{AT_TIP}"
         )
-    if len(set(names)) < len(names):
+    if len(set(plain)) < len(plain):
         raise OptionError(f"task {task!r} names a row twice")
-    rows = tuple(sorted(ROW_NAMES.index(name) for name in names))
-    for name, named_rows in _NAMED.items():
-        if rows == named_rows:
+    tip = {ROW_NAMES.index(p): n.endswith(AT_TIP) for n, p in zip(names, plain, strict=True)}
+    return _task(tip)
+
+
+def _about(task: str | Iterable[str] | Task, axis: str) -> Task:
+    if axis not in TOOL_AXES:
+        raise OptionError(f"unknown tool axis {axis!r}: use x, y or z")
+    if (task.name if isinstance(task, Task) else task) != TOOL_AXIS:
+        raise OptionError(f"a tool axis is for task {TOOL_AXIS}, and the task is {task}")
+    return _tool_axis(axis)
+
+
+def _tool_axis(axis: str) -> Task:
+    free = 3 + TOOL_AXES.index(axis)
+    return _task({r: True for r in range(6) if r != free})
+
+
+def _task(tip: dict[int, bool]) -> Task:
+    """Task of the rows that are the keys, at the tip where that is said."""
+    rows = tuple(sorted(tip))
+    partly = [r for t in _TRIPLES if not set(t) <= set(rows) for r in t if r in tip]
+    # Three translations, or rotations, serve the same in any axes: in those of the others.
+    together = any(tip[r] for r in partly) and all(tip[r] for r in partly)
+    flags = tuple(tip[r] if r in partly else together for r in rows)
+    at_tip = flags if any(flags) else ()
+    for name, named in _NAMED.items():
+        if rows == named:
             return Task(name, rows)
-    return Task(",".join(ROW_NAMES[r] for r in rows), rows)
+    task = Task("", rows, at_tip)
+    if len(rows) == 5 and task.tool_axis is not None:
+        axis = TOOL_AXES[task.tool_axis]
+        return Task(TOOL_AXIS if axis == "z" else f"{TOOL_AXIS}-{axis}", rows, at_tip)
+    return Task(",".join(task.row_names), rows, at_tip)
+
+
+def _row_name(row: int, at_tip: bool, rows: tuple[int, ...]) -> str:
+    whole = set(_TRIPLES[row // 3]) <= set(rows)
+    return ROW_NAMES[row] + (AT_TIP if at_tip and not whole else "")

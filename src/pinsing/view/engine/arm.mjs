@@ -8,7 +8,7 @@ import { jacobian, placements, tipOf } from "./chain.mjs";
 import { apart, distance } from "./families.mjs";
 import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
 import { causes, EXACT, lostMotions, meetingPoint } from "./lost.mjs";
-import { ellipsoid, flatDirection, pureEllipsoids, taskRows, verdictOf } from "./measures.mjs";
+import { ellipsoid, flatDirection, inBase, pureEllipsoids, taskRows, verdictOf } from "./measures.mjs";
 import { reasons } from "./reasons.mjs";
 
 const ON = 1e-7; // radians: closer is on the family
@@ -19,8 +19,8 @@ const FLAT = 1e-5; // share of the largest semi-axis at which one counts as flat
 export function measure(data, q) {
   const { task, judge } = data;
   const places = placements(data.chain, q), tip = tipOf(data.chain, places);
-  const J = jacobian(data.chain, places), Js = taskRows(J, task);
-  const at = svd(Js), own = ownScale(data) ? { Js, ...at } : ownTask(data, J);
+  const J = jacobian(data.chain, places), Js = taskRows(J, task, tip.R);
+  const at = svd(Js), own = ownScale(data) ? { Js, ...at } : ownTask(data, J, tip.R);
   return { places, tip, J, sigma: at.sigma, own, ...verdictOf(own.sigma, task.rank, judge) };
 }
 
@@ -59,8 +59,8 @@ export function frameAt(data, q, families = data.families) {
 const ownScale = ({ judge, task }) => judge.length === task.lengthScale && judge.columns.every((c) => c === 1);
 
 // The task Jacobian at the arm's own scale, without units, and its decomposition.
-function ownTask({ judge, task }, J) {
-  const Js = taskRows(J, { ...task, lengthScale: judge.length }).map((row) => row.map((x, i) => x * judge.columns[i]));
+function ownTask({ judge, task }, J, R) {
+  const Js = taskRows(J, { ...task, lengthScale: judge.length }, R).map((row) => row.map((x, i) => x * judge.columns[i]));
   return { Js, ...svd(Js) };
 }
 
@@ -86,7 +86,8 @@ function losses(data, J, missing, { tip, status, ratio }) {
   });
   // What the arm can produce nowhere is not lost here.
   const never = task.never;
-  const rest = rows.map((u) => never.reduce((r, d) => subtract(r, scaled(d, dot(d, u))), u));
+  const rest = rows.map((u) => never.reduce((r, d) => subtract(r, scaled(d, dot(d, u))), u))
+    .map((u) => inBase(u, task, tip.R));
   let basis = [];
   if (rest.length) {
     const { sigma, left } = svd(transpose(rest));
@@ -144,8 +145,8 @@ const short = (v) => (v >= 20 ? v.toFixed(0) : v >= 0.1 ? v.toFixed(1) : String(
 // Where the rounded numbers of the file hide a singularity.
 function notes(data, q, ratio) {
   if (!data.nominal || ratio <= data.judge.rtol) return [];
-  const J = jacobian(data.nominal, placements(data.nominal, q));
-  const there = verdictOf(ownTask(data, J).sigma, data.task.rank, data.judge);
+  const places = placements(data.nominal, q), J = jacobian(data.nominal, places);
+  const there = verdictOf(ownTask(data, J, tipOf(data.nominal, places).R).sigma, data.task.rank, data.judge);
   return there.status === "singular"
     ? [`singular if the rounded numbers of the file are made exact (nominal geometry): ratio ${there.ratio.toExponential(1)} there`]
     : [];

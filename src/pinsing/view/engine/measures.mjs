@@ -2,9 +2,30 @@
 
 import { cross, dot, norm, scaled, svd, transpose } from "./linear.mjs";
 
-// Rows of the task, translations over the length scale.
-export const taskRows = (J, task) =>
-  task.rows.map((r) => (r < 3 ? scaled(J[r], 1 / task.lengthScale) : J[r].slice()));
+// Rows of the task, translations over the length scale; R is the rotation of the tip, whose axes
+// some of the rows may be along (`task.atTip`).
+export const taskRows = (J, task, R) =>
+  task.rows.map((r, i) => {
+    const row = task.atTip?.[i] ? along(J, r, R) : J[r];
+    return r < 3 ? scaled(row, 1 / task.lengthScale) : row.slice();
+  });
+
+// Row r of a frame Jacobian in the axes of the tip.
+function along(J, r, R) {
+  const axis = r % 3, first = r - axis;
+  return J[r].map((_, j) => R[0][axis] * J[first][j] + R[1][axis] * J[first + 1][j] + R[2][axis] * J[first + 2][j]);
+}
+
+// Six-vector in base axes of one whose components are those of the task's rows.
+export function inBase(u, task, R) {
+  const out = new Array(6).fill(0);
+  task.rows.forEach((r, i) => {
+    const axis = r % 3, first = r - axis;
+    if (!task.atTip?.[i]) out[r] += u[r];
+    else for (let k = 0; k < 3; k++) out[first + k] += R[k][axis] * u[r];
+  });
+  return out;
+}
 
 // Singular, near-singular or regular: sigma_r / max(sigma_1, size), as Python's kinematics judges.
 export function verdictOf(sigma, rank, judge) {

@@ -1,7 +1,7 @@
 // Paths to play: into a singular configuration, and along a family.
 
 import { frameAt } from "./arm.mjs";
-import { jacobian, placements } from "./chain.mjs";
+import { jacobian, placements, tipOf } from "./chain.mjs";
 import { apart, distance, freeOf, generator, project } from "./families.mjs";
 import { norm, svd } from "./linear.mjs";
 import { taskRows } from "./measures.mjs";
@@ -15,7 +15,8 @@ const span = (joint, L) => {
 };
 
 function ratioAt(data, q) {
-  const { sigma } = svd(taskRows(jacobian(data.chain, placements(data.chain, q)), data.task));
+  const places = placements(data.chain, q);
+  const { sigma } = svd(taskRows(jacobian(data.chain, places), data.task, tipOf(data.chain, places).R));
   return sigma[data.task.rank - 1] / (sigma[0] || 1);
 }
 
