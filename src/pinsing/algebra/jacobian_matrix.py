@@ -14,9 +14,12 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.matrix import Matrix, primitive
 from pinsing.algebra.mimic import Drive, drives
 from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.row_axes import in_axes, tip_axes, turns_with_first
 from pinsing.geometry.nominal import Nominal
 from pinsing.geometry.surd import Exact
 from pinsing.robot.task import Task
+
+Row = list[Poly]
 
 
 @dataclass(frozen=True)
@@ -131,8 +134,8 @@ class _Chain:
         turned = _cross(p, w, self.ring)
         return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]
 
-    def joint_frames(self, middle: int, with_base: bool) -> tuple[list[Pose], Pose | None, Pose]:
-        """Frames of all joints, the base if asked for, and the tip, from joint ``middle``."""
+    def joint_frames(self, middle: int) -> tuple[list[Pose], Pose, Pose]:
+        """Frames of all joints before they move, joint 1's after, and the tip, from ``middle``."""
         frames: list[Pose] = [self.identity()] * self.n
         here = self.identity()
         for j in range(middle, self.n):
@@ -140,16 +143,35 @@ class _Chain:
             here = self.compose(self.compose(here, self.moved(j)), self.placed(j + 1))
         tip = here
         back = self.identity()
+        moved_first = self.moved(0)
         for j in range(middle - 1, -1, -1):
-            back = self.compose(self.compose(self.moved(j), self.placed(j + 1)), back)
+            behind = self.compose(self.placed(j + 1), back)
+            if j == 0:
+                moved_first = self.inverse(behind)
+            back = self.compose(self.moved(j), behind)
             frames[j] = self.inverse(back)
-        base = self.inverse(self.compose(self.placed(0), back)) if with_base else None
-        return frames, base, tip
+        return frames, moved_first, tip
 
+    def directions(self, frames: list[Pose], first: Pose, tip: Pose, task: Task) -> dict[int, Row]:
+        """For each row that axes matter to, its direction, up to a factor that is never zero."""
+        found: dict[int, Row] = {}
+        number = self.ring.number
+        if rows := in_axes(task, False):
+            before = first if turns_with_first(self.geometry, task) else frames[0]
+            back = [
+                [number(x) for x in row] for row in zip(*self.geometry.rotation[0], strict=True)
+            ]
+            found |= self._columns(_multiply(before.R, back, self.ring), rows)
+        if rows := in_axes(task, True):
+            turn, whole = tip_axes(self.geometry, task)
+            # The last placement does not turn: behind the motion is where the tip is.
+            behind = frames[-1] if whole else tip
+            last = [[number(x) for x in row] for row in turn]
+            found |= self._columns(_multiply(behind.R, last, self.ring), rows)
+        return found
 
-def _in_base(task: Task) -> bool:
-    """Whether the rank of the task rows depends on the axes that they are written in."""
-    return task.name not in ("pose", "position", "orientation")
+    def _columns(self, R: Matrix, rows: Sequence[int]) -> dict[int, Row]:
+        return {r: [line[r % 3] for line in R] for r in rows}
 
 
 def constants(geometry: Nominal, task: Task) -> list[Exact]:
@@ -160,8 +182,10 @@ def constants(geometry: Nominal, task: Task) -> list[Exact]:
     NotFollowed
         If a mimic joint in the chain cannot be written in polynomials.
     """
-    first = 0 if _in_base(task) else 1
+    first = 0 if in_axes(task, False) else 1
     placed = [x for R in geometry.rotation[first:] for row in R for x in row]
+    if in_axes(task, True):
+        placed += [x for row in tip_axes(geometry, task)[0] for x in row]
     return placed + [x for drive in drives(geometry)[0] for x in drive.turn]
 
 
@@ -170,9 +194,9 @@ def jacobian_matrix(
 ) -> Matrix:
     """Task Jacobian as polynomials, up to nonzero row operations and column factors.
 
-    The reference point is moved into the chain only for the full pose, and the axes only
-    for the full pose, position and orientation: elsewhere the rank depends on them. A joint
-    with mimic joints in the chain has the sum of their columns, by the chain rule.
+    The reference point is moved into the chain only for the full pose, and the axes only for all
+    translations or all rotations: elsewhere the rank depends on them. A joint with mimic joints
+    in the chain has the sum of their columns, by the chain rule.
 
     Raises
     ------
@@ -189,7 +213,8 @@ def jacobian_matrix(
                 time.check()
             screws[drive.leader] = primitive(chain.screw(j, chain.n // 2), ring)
         return [list(row) for row in zip(*(screws[a] for a in sorted(screws)), strict=True)]
-    frames, base, tip = chain.joint_frames(chain.n // 2, _in_base(task))
+    frames, first, tip = chain.joint_frames(chain.n // 2)
+    directions = chain.directions(frames, first, tip, task)
     at_tip = task.name != "pose" and any(r < 3 for r in task.rows)
     zero = ring.zero
     by_leader: dict[int, list[tuple[Drive, list[Poly], Poly]]] = {}
@@ -208,13 +233,12 @@ def jacobian_matrix(
                 lever = [-p for p in frame.p]
                 w = [x * frame.d for x in z]
             v = _cross(z, lever, ring)
-        if base is not None:
-            Rt = [list(column) for column in zip(*base.R, strict=True)]
-            v = [_dot(row, v, ring) for row in Rt]
-            w = [_dot(row, w, ring) for row in Rt]
-        six = v + w
-        drive = chain.drives[j]
-        by_leader.setdefault(drive.leader, []).append((drive, [six[r] for r in task.rows], scale))
+        six, drive = v + w, chain.drives[j]
+        rows = [
+            _dot(directions[r], v if r < 3 else w, ring) if r in directions else six[r]
+            for r in task.rows
+        ]
+        by_leader.setdefault(drive.leader, []).append((drive, rows, scale))
     columns = [primitive(_summed(by_leader[a], ring), ring) for a in sorted(by_leader)]
     return [list(row) for row in zip(*columns, strict=True)]
 

@@ -28,6 +28,7 @@ _TASKS = {
     "pose": "all six rows",
     "position": "of the tip point",
     "orientation": "of the tool",
+    "tool-axis": "position, and where the tool points",
     **{row: "a row; several with commas" for row in _ROWS},
 }
 _PLAIN = re.compile(r"[\w./:+@%-]+")
@@ -128,7 +129,7 @@ def tasks(ctx: click.Context, param: click.Parameter, incomplete: str) -> Offere
     """Names of tasks, or rows with commas."""
     names = tuple(_TASKS.items())
     if "," in incomplete:
-        names = names[3:]
+        names = names[4:]
     return _listed(names, incomplete)
 
 
@@ -197,7 +198,8 @@ def _computed(ctx: click.Context) -> Iterator[tuple[str, str | None]]:
         tip=given.get("tip"),
         base=given.get("base"),
         joints=None if chosen is None else tuple(name.strip() for name in chosen.split(",")),
-        task=given.get("task") or "pose",
+        task="tool-axis" if given.get("tool_axis") else given.get("task") or "pose",
+        tool_axis=given.get("tool_axis"),
         packages=dict(given.get("packages") or ()),
         xacro_args=dict(given.get("xacro_args") or ()),
     )

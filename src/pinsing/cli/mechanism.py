@@ -273,6 +273,8 @@ def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     wrong = [f"--{name}" for name in ("tip", "base", "joints") if options.get(name) is not None]
     if options.get("task", "pose") != "pose":
         wrong.append("--task")
+    if options.get("tool_axis") is not None:
+        wrong.append("--tool-axis")
     if wrong:
         raise OptionError(
             f"{' and '.join(wrong)} does not go with --loops: the loop file names the output, "

@@ -167,7 +167,7 @@ def arm_options(command: F) -> F:
                 raise OutputError(f"cannot write {value}: it is the robot itself")
         asked = click.get_current_context().get_parameter_source("task")
         if tool_axis is not None and asked is ParameterSource.DEFAULT:
-            task = TOOL_AXIS
+            task = "tool-axis"
         request = RobotRequest(
             robot,
             tip,

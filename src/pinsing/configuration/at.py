@@ -225,7 +225,7 @@ def _without(U: Array, other: Array) -> Array:
 
 
 def _in_all_rows(arm: Arm, U: Array, q: Array) -> Array:
-    """Task directions (m, d) as directions (6, d) in base axes, none of what the task leaves out."""
+    """Task directions (m, d) as directions (6, d), base axes, none of what the task leaves out."""
     out = in_base(arm, U, q)
     tip = arm.task.tip_rows
     # Rows in the axes of both need not be perpendicular.

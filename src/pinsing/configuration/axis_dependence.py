@@ -31,6 +31,7 @@ from pinsing.kinematics.own_scale import own_scale, random_turns
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
 from pinsing.measures import singular_values
 from pinsing.robot.arm import Arm
+from pinsing.robot.task import TOOL_AXES
 
 DEPENDENCE_RTOL = 10 * SINGULAR_RTOL
 """Part of an arm may be this much less singular than the whole and still be its cause."""
@@ -307,7 +308,13 @@ class _Words:
             return orientation_reason(self.axes, ids, self.tol, self.nearly)
         if self.task == "pose" or self._as_twists(ids):
             return pose_reason(self.axes, ids, self.centres, self.tol, self.nearly)
-        rows = ", ".join(self.arm.task.row_names)
+        task = self.arm.task
+        if len(task.rows) == 5 and task.tool_axis is not None:
+            turn = f"a turn about the tool's own {TOOL_AXES[task.tool_axis]} axis"
+            if len(ids) == 1:
+                return f"all that joint {ids[0] + 1} moves is {self.nearly}{turn}"
+            return f"{dependent(ids, self.nearly)}, but for {turn}"
+        rows = ", ".join(task.row_names)
         if len(ids) == 1:
             return f"joint {ids[0] + 1} moves {self.nearly}none of the rows {rows}"
         return f"{dependent(ids, self.nearly)} in the rows {rows}"

@@ -24,7 +24,7 @@ def tip_rotations(arm: Arm, Q: Array, engine: str = "auto", threads: int | None 
     if engine == PINOCCHIO:
         return _by_pinocchio(arm, Q)
     # Three slides along the tip's axes, behind it: their columns are those axes.
-    chain = arm.once("chain_with_tip_axes", lambda: _with_tip_axes(batch_chain(arm, "batch")))
+    chain = arm.once("chain_with_tip_axes", lambda: _with_tip_axes(arm))
     values = np.concatenate([model_values(arm, Q), np.zeros((len(Q), 3))], axis=1)
     J = kernel.jacobians(chain, values, threads=threads, isa=engine)
     return J[:, :3, -3:]
@@ -138,7 +138,9 @@ def each_cross(a: Array, b: Array) -> Array:
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=-3)
 
 
-def _with_tip_axes(chain: FlatChain) -> FlatChain:
+def _with_tip_axes(arm: Arm) -> FlatChain:
+    chain = batch_chain(arm, "batch")
+    assert chain is not None  # an engine of the kernel was fixed
     cycle = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # its z axis is the x axis before it
     steps = [chain.R[-1] @ cycle, cycle, cycle, np.eye(3)]
     return FlatChain(

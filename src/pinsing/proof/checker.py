@@ -53,7 +53,7 @@ SHAPE: dict[Any, Any] = {
     "joints": [{"name": str, "kind": OneOf(("revolute", "prismatic"))}],
     "square_roots": [int],
     "chain": [{**LINK, "plus": OneOf((str, (str, str)))}],
-    "tip": NUMBERS,
+    "tip": OneOf((NUMBERS, {"translation": NUMBERS, "rotation": (NUMBERS,) * 3})),
     "rows": [int],
     **dict.fromkeys(("axes", "rank"), int),
     "dependent_rows": {str: {str: str}},
@@ -329,16 +329,9 @@ class Certificate:
         ring, eye = self.ring, [[self.ring.one * (i == j) for j in range(3)] for i in range(3)]
         o, one, moves, ends = ring.zero, ring.one, list[Move](), list[int]()
         for link in self.data["chain"]:
-            R = [ring.vector(row) for row in link["rotation"]]
-            products = [
-                ring.reduced(sum(a * b for a, b in zip(R[i], R[j], strict=True)))
-                for i, j in ((0, 0), (0, 1), (1, 1))
-            ]
-            proper = [ring.reduced(a) for a in cross(R[0], R[1])] == R[2]
-            need(products == [1, 0, 1] and proper, "a rotation is none")
             moves += [
                 (eye, ring.vector(link["translation"]), one),
-                (R, [o] * 3, one),
+                (self.turn(link), [o] * 3, one),
             ]
             (x, y), unit = pick(ring.pairs, link["joint"]), pick(ring.unit, link["joint"])
             plus_fits = (type(link["plus"]) is str) == self.slides[link["joint"]]
@@ -355,7 +348,24 @@ class Certificate:
                 c, s = x * x - y * y, 2 * x * y * (1 if times > 0 else -1)
                 moves += [([[c, -s, o], [s, c, o], [o, o, unit]], [o] * 3, unit)] * abs(times)
             ends.append(len(moves))
-        return [*moves, (eye, ring.vector(self.data["tip"]), one)], ends
+        tip = self.data["tip"]
+        if type(tip) is list:
+            return [*moves, (eye, ring.vector(tip), one)], ends
+        # Rows in the axes of the tip, which is one frame more.
+        moves += [(eye, ring.vector(tip["translation"]), one), (self.turn(tip), [o] * 3, one)]
+        return moves, [*ends, len(moves)]
+
+    def turn(self, link: dict[str, Any]) -> Matrix:
+        """Rotation of a link, or of the tip."""
+        ring = self.ring
+        R = [ring.vector(row) for row in link["rotation"]]
+        products = [
+            ring.reduced(sum(a * b for a, b in zip(R[i], R[j], strict=True)))
+            for i, j in ((0, 0), (0, 1), (1, 1))
+        ]
+        proper = [ring.reduced(a) for a in cross(R[0], R[1])] == R[2]
+        need(products == [1, 0, 1] and proper, "a rotation is none")
+        return R
 
     def carried(self, screw: list[Poly], move: Move, back: bool, turn: bool) -> list[Poly]:
         """A screw, and its common denominator, seen from before a move, or after it."""
@@ -372,9 +382,11 @@ class Certificate:
         """Task Jacobian, columns times units, in a frame that leaves its rank the task's."""
         ring, (moves, ends), axes = self.ring, self.moves(), self.data["axes"]
         invariant = self.rows in ([*range(6)], [0, 1, 2], [3, 4, 5])
-        need(len(ends) <= 16 and (invariant or axes == 0), "axes that change the task")
+        at = 0 if type(self.data["tip"]) is list else len(ends)
+        need(invariant or axes == at, "axes that change the task")
+        need(len(self.data["chain"]) <= 16, "more than 16 links")
         frame, columns = pick([0, *ends], axes), [[ring.zero] * 6 + [ring.one] for _ in self.slides]
-        for link, at in zip(self.data["chain"], ends, strict=True):
+        for link, at in zip(self.data["chain"], ends, strict=False):
             screw = [ring.zero] * 6 + [ring.one]
             screw[2 if self.slides[link["joint"]] else 5] = ring.number(link["multiple"])
             for k in range(at, frame if len(self.rows) == 6 else len(moves)):
@@ -576,6 +588,7 @@ def statement(data: dict[str, Any]) -> str:
     """What a certificate that was accepted proves."""
     names = ", ".join(dict.fromkeys(str(f["name"]) for f in data["families"])) or "nothing"
     rows = " ".join(("vx", "vy", "vz", "wx", "wy", "wz")[r] for r in data["rows"])
+    rows += " in the tip's axes" if type(data["tip"]) is dict else ""
     text = f"{data['robot']}, {len(data['joints'])} joints, rows {rows}: "
     text += f"the rank is below {data['rank']} exactly on {names}"
     return "".join(c for c in text[:1000] if c.isprintable())

@@ -15,7 +15,7 @@ from pinsing.proof.forms import Forms
 from pinsing.proof.minors import sums_to_minors
 from pinsing.proof.place import NotFound, Place
 from pinsing.proof.reduction import without_dependent_lines
-from pinsing.proof.skeleton import form_of, form_text, number_text, roots_in, skeleton
+from pinsing.proof.skeleton import NotStated, form_of, form_text, number_text, roots_in, skeleton
 from pinsing.proof.tree import Tree
 
 
@@ -62,7 +62,10 @@ def certificate(
         If there is none, or time was over: with what is missing.
     """
     roots = roots_in(geometry)
-    data = skeleton(geometry, rank, roots)
+    try:
+        data = skeleton(geometry, rank, roots)
+    except NotStated as reason:
+        raise NotFound(str(reason)) from None
     try:
         data = without_dependent_lines(data)
         draft = Certificate(data)

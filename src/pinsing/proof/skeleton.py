@@ -15,6 +15,10 @@ from pinsing.proof.checker import SCHEMA
 _ROOTS = ("", "s2", "s3", "s2s3")
 
 
+class NotStated(Exception):
+    """Certificates have no words for the task."""
+
+
 def number_text(value: Exact | int) -> str:
     """An exact number as certificates write it: ``1/2``, ``-1/4s2 1/4s2s3``."""
     terms = []
@@ -39,6 +43,7 @@ def form_text(form: Poly) -> str:
 def roots_in(geometry: Nominal) -> tuple[int, ...]:
     """What the numbers of a chain have square roots of: 2 or 3, both or none."""
     numbers = [x for R in geometry.rotation for row in R for x in row]
+    numbers += [x for row in geometry.tip_rotation for x in row]
     numbers += [x for drive in drives(geometry)[0] for x in drive.turn]
     used = {k for x in numbers for k, part in enumerate(parts_of(x)) if part}
     return tuple(d for d in (2, 3) if any(SQUARES[k] % d == 0 for k in used))
@@ -47,7 +52,15 @@ def roots_in(geometry: Nominal) -> tuple[int, ...]:
 def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, Any]:
     """A certificate of an arm that states no family, proves nothing and reduces nothing."""
     arm, chain = geometry.arm, _chain(geometry)
-    invariant = list(arm.task.rows) in ([*range(6)], [0, 1, 2], [3, 4, 5])
+    task, links = arm.task, len(chain["chain"])
+    invariant = list(task.rows) in ([*range(6)], [0, 1, 2], [3, 4, 5])
+    axes = links // 2 if invariant else 0
+    if task.at_tip:
+        if not all(task.at_tip):
+            raise NotStated("certificates have all rows in the base's axes or all in the tip's")
+        axes = links + 1
+        turn = [[number_text(x) for x in row] for row in geometry.tip_rotation]
+        chain["tip"] = {"translation": chain["tip"], "rotation": turn}
     return {
         "schema": SCHEMA,
         "robot": arm.name,
@@ -61,7 +74,7 @@ def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, An
         "square_roots": list(roots),
         **chain,
         "rows": list(arm.task.rows),
-        "axes": len(chain["chain"]) // 2 if invariant else 0,
+        "axes": axes,
         "rank": rank,
         "dependent_rows": {},
         "dependent_columns": {},

@@ -28,9 +28,9 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
 
     Keys: ``schema``; ``chain`` (placements of the joints of the model, metres, and how each
     follows q) and ``nominal``, the same of the nominal geometry where that differs; ``task``
-    (rows of the frame Jacobian, which of them are in the tip's axes, length scale, generic rank, joints that ever move it, task
-    directions that are never produced, (k, 6)); ``judge`` (tolerances of the
-    verdict, and the arm's own scale that it is taken at);
+    (rows of the frame Jacobian, which of them are in the tip's axes, length scale, generic rank,
+    joints that ever move it, task directions that are never produced, (k, 6)); ``judge``
+    (tolerances of the verdict, and the arm's own scale that it is taken at);
     ``joints`` (limits, None where infinite); ``families`` (branches: joint values and equations
     as in `Equation`); ``centres`` (joints whose axes always meet, with a name); ``sizes``.
     """

@@ -1,0 +1,283 @@
+"""Rows in the tip's axes, and the task that leaves the turn about the tool's own axis free."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from click.testing import CliRunner
+from node import needs_node, run
+from tiers import tiered
+
+import pinsing
+from pinsing.cli.app import command as app
+from pinsing.errors import OptionError
+from pinsing.kinematics.engine import PINOCCHIO
+from pinsing.kinematics.jacobian import task_jacobians_and_derivatives, tip_placement
+from pinsing.kinematics.task_rows import tip_rotations, turn_left
+from pinsing.proof.checker import Rejected, verify
+from pinsing.robot.task import parse_task
+from pinsing.view.ellipsoids import sizes
+from pinsing.view.engine_data import engine_data
+
+AXES = {"tool-axis": 2, "tool-axis-x": 0, "tool-axis-y": 1}
+
+ELBOW = """<robot name="odd"><link name="base"/><link name="a"/><link name="b"/><link name="c"/>
+  <joint name="one" type="revolute"><parent link="base"/><child link="a"/>
+    <origin xyz="0.1 0 0.2" rpy="0.3 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+  <joint name="two" type="prismatic"><parent link="a"/><child link="b"/>
+    <origin xyz="0.5 0 0"/><axis xyz="0 1 0"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint>
+  <joint name="three" type="revolute"><parent link="b"/><child link="c"/>
+    <origin xyz="0.3 0 0.1"/><axis xyz="0 1 0"/>
+    <limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+  <link name="tool"/><joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
+    <origin xyz="0.2 0.05 0" rpy="0.4 -1.1 0.7"/></joint></robot>"""
+
+
+@pytest.fixture(scope="module")
+def ur5():
+    return pinsing.load("ur5", task="tool-axis")
+
+
+@pytest.fixture(scope="module")
+def form(ur5):
+    return pinsing.closed_form(ur5, prove=True)
+
+
+def local(arm, q):
+    """Pinocchio's Jacobian in the tip's own axes."""
+    data = arm.model.createData()
+    return pin.computeFrameJacobian(arm.model, data, arm.model_q(q), arm.tip_id, pin.LOCAL)
+
+
+@pytest.mark.parametrize(
+    ("given", "name", "rows", "at_tip"),
+    [
+        ("tool-axis", "tool-axis", (0, 1, 2, 3, 4), (True,) * 5),
+        ("tool-axis-z", "tool-axis", (0, 1, 2, 3, 4), (True,) * 5),
+        ("tool-axis-x", "tool-axis-x", (0, 1, 2, 4, 5), (True,) * 5),
+        ("vx,vy,vz,wx@tip,wy@tip", "tool-axis", (0, 1, 2, 3, 4), (True,) * 5),
+        ("wy@tip, vx@tip", "vx@tip,wy@tip", (0, 4), (True, True)),
+        ("vx@tip,vy@tip,vz@tip", "position", (0, 1, 2), ()),
+        ("vz,wx@tip,wy@tip", "vz,wx@tip,wy@tip", (2, 3, 4), (False, True, True)),
+        ("vx@tip,vy@tip,vz@tip,wz", "vx,vy,vz,wz", (0, 1, 2, 5), ()),
+        ("vx,vy,vz,wz@tip", "vx,vy,vz,wz@tip", (0, 1, 2, 5), (True,) * 4),
+    ],
+)
+def test_a_task_has_one_name(given, name, rows, at_tip):
+    task = parse_task(given)
+    assert (task.name, task.rows, task.at_tip) == (name, rows, at_tip)
+    assert parse_task(task.name) == task == parse_task(task.row_names)
+
+
+@pytest.mark.parametrize("bad", ["vx@tool", "vx,vx@tip", "tool-axis-w", "@tip", "", "vx@tip,"])
+def test_what_is_no_task_is_refused_in_one_line(bad):
+    with pytest.raises(OptionError) as refused:
+        parse_task(bad)
+    assert "\n" not in str(refused.value)
+
+
+def test_the_free_axis_is_chosen_by_name():
+    assert parse_task("tool-axis", "x").name == "tool-axis-x"
+    assert pinsing.load("ur5", task="tool-axis", tool_axis="y").task.name == "tool-axis-y"
+    assert pinsing.load("ur5").with_task("tool-axis", tool_axis="x").task.tool_axis == 0
+    with pytest.raises(OptionError, match="for task tool-axis"):
+        pinsing.load("ur5", tool_axis="x")
+    with pytest.raises(OptionError, match="use x, y or z"):
+        pinsing.load("ur5", task="tool-axis", tool_axis="w")
+
+
+@pytest.mark.parametrize("name", ["ur5", "stanford", "odd"])
+def test_rows_at_the_tip_are_pinocchios_local_ones(name, tmp_path, rng):
+    robot = name
+    if name == "odd":
+        robot = tmp_path / "odd.urdf"
+        robot.write_text(ELBOW)
+    arm = pinsing.load(robot, task="vy@tip,wx@tip,wz@tip", length_scale=0.5)
+    for q in arm.space.sample(3, rng):
+        J = local(arm, q)[[1, 3, 5]] / np.array([[0.5], [1], [1]])
+        np.testing.assert_allclose(pinsing.task_jacobian(arm, q), J, atol=1e-12)
+        sigma = np.linalg.svd(J, compute_uv=False)
+        np.testing.assert_allclose(pinsing.at(arm, q).sigma, sigma, atol=1e-12)
+        np.testing.assert_allclose(pinsing.singular_values(arm, [q])[0], sigma, atol=1e-12)
+    assert pinsing.generic_rank(arm) == np.linalg.matrix_rank(J)
+
+
+@pytest.mark.parametrize("task", ["tool-axis-x", "vx@tip,wy@tip", "vz,wx@tip,wy@tip"])
+def test_derivatives_and_engines_agree(task, rng):
+    arm = pinsing.load("puma560", task=task)
+    Q = arm.space.sample(3, rng)
+    _, H = task_jacobians_and_derivatives(arm, Q)
+    step = 1e-6
+    ahead, behind = (
+        np.stack([pinsing.task_jacobians(arm, Q + s * step * e) for e in np.eye(arm.n)], axis=-1)
+        for s in (1, -1)
+    )
+    np.testing.assert_allclose(H, (ahead - behind) / (2 * step), atol=1e-8)
+    by = [pinsing.singular_values(arm, Q, engine=e) for e in ("auto", "baseline", PINOCCHIO)]
+    np.testing.assert_allclose(by[1:], [by[0]] * 2, atol=1e-12)
+    np.testing.assert_allclose(tip_rotations(arm, Q), tip_rotations(arm, Q, PINOCCHIO), atol=1e-12)
+
+
+def with_the_turn(arm, q, axis):
+    """Rank of all six rows with the turn about the tool's axis as one joint more, less one."""
+    J = pinsing.frame_jacobian(arm, q)
+    turn = np.append(np.zeros(3), tip_placement(arm, q).rotation[:, axis])
+    sigma = np.linalg.svd(np.column_stack([J, turn]), compute_uv=False)
+    return int((sigma > 1e-8 * sigma[0]).sum()) - 1
+
+
+@pytest.mark.parametrize("task", AXES)
+@pytest.mark.parametrize("name", tiered(["ur5", "puma560", "kinova", "irb1400"], ("puma560",)))
+def test_the_families_are_where_the_turn_makes_up_for_nothing(name, task, rng):
+    """An oracle without rows in the tip's axes: the whole twists and one more."""
+    arm = pinsing.load(name, task=task)
+    found = pinsing.closed_form(arm)
+    exact = pinsing.nominal(arm).arm
+    assert found.complete
+    for family in found.families:
+        for q in family.sample(3, rng):
+            assert with_the_turn(exact, q, AXES[task]) < 5
+    for q in exact.space.sample(20, rng):
+        assert with_the_turn(exact, q, AXES[task]) == 5
+
+
+def test_it_is_proven_and_a_changed_tip_is_rejected(form):
+    assert form.word == "proven"
+    data = form.certificate
+    said = verify(json.dumps(data))
+    assert said
+    turned = copy.deepcopy(data)
+    turned["tip"]["rotation"] = [["1", "0", "0"], ["0", "0", "-1"], ["0", "1", "0"]]
+    sheared = copy.deepcopy(data)
+    sheared["tip"]["rotation"][0][0] = "2"
+    base = copy.deepcopy(data)
+    base["axes"] = 0
+    for wrong in (turned, sheared, base):
+        with pytest.raises(Rejected):
+            verify(json.dumps(wrong))
+
+
+def test_a_tip_at_odd_angles_has_families_of_its_own(tmp_path, rng):
+    path = tmp_path / "odd.urdf"
+    path.write_text(ELBOW)
+    arm = pinsing.load(path, task="vx@tip,vy@tip,wz@tip")
+    found = pinsing.closed_form(arm)
+    assert found.complete and found.families
+    for family in found.families:
+        for q in family.sample(3, rng):
+            J = local(found.geometry.arm, q)[[0, 1, 5]]
+            assert np.linalg.svd(J, compute_uv=False)[-1] < 1e-9
+    assert found.jacobian_change < 1e-5
+
+
+def test_rows_of_both_axes_have_no_certificate_and_say_so(rng):
+    arm = pinsing.load("scara", task="vz,wx@tip,wz")
+    found = pinsing.closed_form(arm, prove=True)
+    assert found.word != "proven"
+    assert not found.proof.accepted and "all in the tip's" in found.proof.reason
+
+
+def test_what_is_lost_is_a_wrench_without_torque(ur5, form, rng):
+    for family in form.families:
+        state = pinsing.at(ur5, family.sample(1, rng)[0])
+        assert state.status == "singular" and state.lost
+        axis = state.tip_rotation[:, 2]
+        for motion in state.lost:
+            np.testing.assert_allclose(state.J.T @ motion.wrench, 0, atol=1e-8)
+            assert abs(motion.wrench[3:] @ axis) < 1e-9  # the free turn is no loss
+        assert "rows" in str(state) or "tool's own z axis" in str(state) or "axes" in str(state)
+
+
+@needs_node
+@pytest.mark.parametrize("task", ["tool-axis", "vz,wx@tip,wy@tip"])
+def test_the_page_computes_the_same(task, rng):
+    arm = pinsing.load("puma560", task=task)
+    Q = np.concatenate(
+        [arm.space.sample(20, rng), *(f.sample(3, rng) for f in pinsing.closed_form(arm).families)]
+    )
+    found = run(
+        "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))",
+        {"data": engine_data(arm, (), sizes(arm)), "Q": Q.tolist()},
+    )
+    for q, here in zip(Q, found, strict=True):
+        there = pinsing.at(arm, q)
+        np.testing.assert_allclose(here["sigma"], there.sigma, atol=1e-9)
+        assert here["status"] == there.status and here["rank"] == there.rank
+        assert [m["kind"] for m in here["lost"]] == [m.kind for m in there.lost]
+
+
+def test_inverse_solutions_point_the_tool_and_leave_its_turn(rng):
+    arm = pinsing.load("so101", task="tool-axis")
+    q = arm.space.sample(1, rng)[0]
+    goal = tip_placement(arm, q)
+    found = pinsing.inverse(arm, goal.homogeneous)
+    turned = 0.0
+    for solution in found:
+        there = tip_placement(arm, solution.q)
+        np.testing.assert_allclose(there.translation, goal.translation, atol=1e-9)
+        np.testing.assert_allclose(there.rotation[:, 2], goal.rotation[:, 2], atol=1e-9)
+        turned = max(turned, float(np.abs(there.rotation - goal.rotation).max()))
+    assert len(found) > 1 and turned > 0.1
+    assert min(np.abs(arm.space.wrap(s.q - q)).max() for s in found) < 1e-8
+    with pytest.raises(OptionError, match="how the tip moves"):
+        pinsing.inverse(arm.with_task("vx@tip,vy@tip"), goal.homogeneous)
+
+
+def test_a_line_turns_the_tool_the_shortest_way(rng):
+    arm = pinsing.load("ur5", task="tool-axis")
+    q = np.array([0.3, -1.2, 1.4, -0.9, 1.1, 0.2])
+    start = tip_placement(arm, q)
+    goal = start.homogeneous.copy()
+    goal[:3, 3] += [0.05, 0.02, -0.03]
+    goal[:3, :3] = (
+        pin.exp3(np.array([0.1, 0.2, 0.0])) @ start.rotation @ pin.exp3(np.array([0.0, 0.0, 2.0]))
+    )
+    line = pinsing.check_line(arm, q, goal)
+    end = tip_placement(arm, line.q[-1])
+    np.testing.assert_allclose(end.translation, goal[:3, 3], atol=1e-9)
+    np.testing.assert_allclose(end.rotation[:, 2], goal[:3, 2], atol=1e-9)
+    assert np.abs(end.rotation - goal[:3, :3]).max() > 0.5  # its turn was not asked for
+    with pytest.raises(OptionError, match="how the tip moves"):
+        pinsing.check_line(arm.with_task("vx@tip"), q, goal)
+
+
+def test_the_shortest_turn_of_an_axis_also_where_it_points_back():
+    task = parse_task("tool-axis")
+    R = np.array([np.eye(3), np.eye(3), pin.exp3(np.array([0.0, 0.3, 0.0]))])
+    for goal in (np.diag([1.0, -1.0, -1.0]), np.eye(3)):
+        turns = turn_left(task, R, goal)
+        ends = np.array([pin.exp3(t) @ r for t, r in zip(turns, R, strict=True)])
+        np.testing.assert_allclose(ends[:, :, 2], [goal[:, 2]] * 3, atol=1e-12)
+
+
+def test_sweep_map_and_guard_take_it(ur5, form):
+    swept = pinsing.sweep(ur5, levels=1, samples=64, joints=[ur5.joints[2], ur5.joints[4]])
+    straight = min(c.sigma_ratio.min() for c in swept.curves)
+    assert straight < 1e-6  # q3 = 0 and q5 = 0 are on the curves
+    assert pinsing.sigma_map(ur5, count=200, seed=1)
+    text = pinsing.export_guard(ur5, "c", forms=form)
+    assert "tool-axis" in text
+
+
+def test_the_command_line_takes_it(tmp_path: Path):
+    call = CliRunner().invoke
+    for words in (
+        ["--tool-axis", "z"],
+        ["--task", "tool-axis"],
+        ["--task", "tool-axis", "--tool-axis", "z"],
+    ):
+        done = call(app, ["families", "puma560", *words])
+        assert done.exit_code == 0 and "tool's own z" in done.output, done.output
+    done = call(app, ["at", "ur5", "--q", "0,0,0,0,0,0", "--task", "vx@tip,wy@tip"])
+    assert done.exit_code == 0 and "task vx@tip,wy@tip" in done.output
+    done = call(app, ["families", "ur5", "--task", "pose", "--tool-axis", "x"])
+    assert done.exit_code == 2 and "Traceback" not in done.output
+    done = call(app, ["families", "ur5", "--tool-axis", "q"])
+    assert done.exit_code == 2
