@@ -297,7 +297,7 @@ def test_inputs_stay_as_they_are(rng):
     J = kinematics.frame_jacobians(arm, Q)
     J_before = J.copy()
     kinematics.task_jacobians_and_derivatives(arm, Q)
-    kinematics.scale_rows(arm, J)
+    kinematics.scale_rows(arm, J, Q)
     kinematics.jacobian_derivative(J)
     arm.fold(Q)
     arm.within_limits(Q)

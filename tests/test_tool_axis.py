@@ -169,7 +169,8 @@ def test_a_tip_at_odd_angles_has_families_of_its_own(tmp_path, rng):
     path.write_text(ELBOW)
     arm = pinsing.load(path, task="vx@tip,vy@tip,wz@tip")
     found = pinsing.closed_form(arm)
-    assert found.complete and found.families
+    assert found.complete
+    assert found.families
     for family in found.families:
         for q in family.sample(3, rng):
             J = local(found.geometry.arm, q)[[0, 1, 5]]
@@ -181,13 +182,15 @@ def test_rows_of_both_axes_have_no_certificate_and_say_so(rng):
     arm = pinsing.load("scara", task="vz,wx@tip,wz")
     found = pinsing.closed_form(arm, prove=True)
     assert found.word != "proven"
-    assert not found.proof.accepted and "all in the tip's" in found.proof.reason
+    assert not found.proof.accepted
+    assert "all in the tip's" in found.proof.reason
 
 
 def test_what_is_lost_is_a_wrench_without_torque(ur5, form, rng):
     for family in form.families:
         state = pinsing.at(ur5, family.sample(1, rng)[0])
-        assert state.status == "singular" and state.lost
+        assert state.status == "singular"
+        assert state.lost
         axis = state.tip_rotation[:, 2]
         for motion in state.lost:
             np.testing.assert_allclose(state.J.T @ motion.wrench, 0, atol=1e-8)
@@ -209,7 +212,8 @@ def test_the_page_computes_the_same(task, rng):
     for q, here in zip(Q, found, strict=True):
         there = pinsing.at(arm, q)
         np.testing.assert_allclose(here["sigma"], there.sigma, atol=1e-9)
-        assert here["status"] == there.status and here["rank"] == there.rank
+        assert here["status"] == there.status
+        assert here["rank"] == there.rank
         assert [m["kind"] for m in here["lost"]] == [m.kind for m in there.lost]
 
 
@@ -224,7 +228,8 @@ def test_inverse_solutions_point_the_tool_and_leave_its_turn(rng):
         np.testing.assert_allclose(there.translation, goal.translation, atol=1e-9)
         np.testing.assert_allclose(there.rotation[:, 2], goal.rotation[:, 2], atol=1e-9)
         turned = max(turned, float(np.abs(there.rotation - goal.rotation).max()))
-    assert len(found) > 1 and turned > 0.1
+    assert len(found) > 1
+    assert turned > 0.1
     assert min(np.abs(arm.space.wrap(s.q - q)).max() for s in found) < 1e-8
     with pytest.raises(OptionError, match="how the tip moves"):
         pinsing.inverse(arm.with_task("vx@tip,vy@tip"), goal.homogeneous)
@@ -274,10 +279,13 @@ def test_the_command_line_takes_it(tmp_path: Path):
         ["--task", "tool-axis", "--tool-axis", "z"],
     ):
         done = call(app, ["families", "puma560", *words])
-        assert done.exit_code == 0 and "tool's own z" in done.output, done.output
+        assert done.exit_code == 0
+        assert "tool's own z" in done.output
     done = call(app, ["at", "ur5", "--q", "0,0,0,0,0,0", "--task", "vx@tip,wy@tip"])
-    assert done.exit_code == 0 and "task vx@tip,wy@tip" in done.output
+    assert done.exit_code == 0
+    assert "task vx@tip,wy@tip" in done.output
     done = call(app, ["families", "ur5", "--task", "pose", "--tool-axis", "x"])
-    assert done.exit_code == 2 and "Traceback" not in done.output
+    assert done.exit_code == 2
+    assert "Traceback" not in done.output
     done = call(app, ["families", "ur5", "--tool-axis", "q"])
     assert done.exit_code == 2
