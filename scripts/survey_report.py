@@ -138,7 +138,7 @@ def _table(entries: list[dict[str, Any]]) -> list[str]:
         files[e["file"]].append(e)
     for file, found in sorted(files.items()):
         lines += [
-            f"### {file.removesuffix('.urdf').replace('_description/', ': ', 1)}",
+            f"## {file.removesuffix('.urdf').replace('_description/', ': ', 1)}",
             "",
             "| tip | base | joints | families | word | kB | check, ms |",
             "|---|---|---:|---:|---|---:|---:|",

@@ -1,0 +1,102 @@
+"""The site: every block of every page does what it shows, and the pages hold together."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pages import NOT_RUN, ROOT, Reader, blocks, commands, pattern
+from pages import reader as reader
+from tiers import tiered
+
+import pinsing
+from pinsing import plot
+
+DOCS = ROOT / "docs"
+# Reports, written by programs: what they quote is what those ran.
+REPORTS = set(re.findall(r"^(\w+)$", (DOCS / "evidence.md").read_text(), re.MULTILINE))
+PAGES = sorted(
+    str(path.relative_to(DOCS))
+    for path in DOCS.rglob("*.md")
+    if path.parent != DOCS or path.stem not in REPORTS
+)
+RUN = [p for p in PAGES if any(b.kind not in ("text",) for b in blocks((DOCS / p).read_text()))]
+# Less than a second each; the others are in the slow tier.
+QUICK = {
+    "explain/method.md",
+    "how-to/names.md",
+    "how-to/own-model.md",
+    "how-to/singular-pose.md",
+    "how-to/terminal.md",
+    "reference/certificate.md",
+    "reference/exit-codes.md",
+    "reference/json.md",
+}
+
+
+@pytest.mark.parametrize("page", tiered(RUN, QUICK))
+def test_a_page_does_what_it_shows(page: str, reader: Reader):
+    reader.read((DOCS / page).read_text(encoding="utf-8"))
+
+
+def test_reports_are_those_of_the_list():
+    assert {"closed_forms", "survey", "proof", "paper", "speed"} <= REPORTS
+    for name in REPORTS:
+        assert (DOCS / f"{name}.md").exists()
+
+
+def test_every_public_name_is_in_the_reference():
+    text = (DOCS / "reference" / "api.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"auto(?:function|class|exception):: (\w+)", text))
+    assert named == set(pinsing.__all__)
+    members = re.search(r"pinsing\.plot\n   :members: (.*)", text)
+    assert members is not None
+    assert set(members[1].split(", ")) | {"sigma_map"} == set(plot.__all__)
+
+
+def test_what_is_not_run_stands_somewhere():
+    pages = [(DOCS / p).read_text() for p in PAGES] + [(ROOT / "README.md").read_text()]
+    text = "\n".join(pages)
+    assert [words for words in sorted(NOT_RUN) if words not in text] == []
+
+
+def test_a_page_that_lies_is_found(reader: Reader):
+    reader.read("```python\nprint(1 + 1)\n```\n\n```output\n2\n```\n")
+    with pytest.raises(AssertionError):
+        reader.read("```python\nprint(1 + 1)\n```\n\n```output\n3\n```\n")
+    with pytest.raises(AssertionError):
+        reader.read("```console\n$ pinsing list ur5\nno such robot\n```\n")
+    with pytest.raises(AssertionError):
+        reader.read("```console\n$ pinsing families nobody\n```\n")
+    with pytest.raises(AssertionError, match="nobody runs"):
+        reader.read("```sh\nrm -r everything\n```\n")
+    with pytest.raises(AssertionError, match="nobody runs"):
+        reader.read("```perl\nprint 1\n```\n")
+
+
+def test_blocks_are_read_as_they_are_written():
+    page = "a\n\n:::{code-block} yaml\n:caption: f.yaml\n\na: 1\n:::\n"
+    page += "\n   ```python\n   x = 1\n   ```\n"
+    first, second = blocks(page)
+    assert (first.kind, first.file, first.text) == ("yaml", "f.yaml", "a: 1\n")
+    assert (second.kind, second.text) == ("python", "x = 1\n")
+    assert commands("$ a b   # exit code 2\nout\n$ c\n") == [("a b", 2, "out\n"), ("c", 0, "")]
+    assert re.search(pattern("closed forms, 120 ms\n  ...\nend"), "closed forms, 9.5 ms\n x\nend")
+    assert not re.search(pattern("3 families"), "4 families")
+
+
+def test_dead_links_and_foreign_files_are_found(tmp_path: Path):
+    check = [sys.executable, str(ROOT / "scripts/check_site.py"), str(tmp_path)]
+    good = '<h1 id="top">x</h1><a href="#top">y</a><a href="https://e.org">z</a>'
+    (tmp_path / "index.html").write_text(good)
+    assert subprocess.run(check, capture_output=True, timeout=60).returncode == 0
+    (tmp_path / "bad.html").write_text(
+        '<a href="gone.html">x</a><a href="index.html#gone">y</a><img src="https://e.org/x.png">'
+    )
+    (tmp_path / "bad.css").write_text("@import url(//fonts.e.org/a.css);")
+    done = subprocess.run(check, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 1
+    assert len(done.stdout.splitlines()) == 4
