@@ -1,4 +1,4 @@
-"""Every link within the built site leads somewhere, and nothing is fetched from elsewhere: check_site.py build/docs."""
+"""Every link within the built site leads somewhere, and nothing is fetched from elsewhere."""
 
 from __future__ import annotations
 
