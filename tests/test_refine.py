@@ -8,6 +8,9 @@ import arms
 import numpy as np
 import pytest
 
+from pinsing._batch import engine as kernel
+from pinsing._batch import walks as compiled
+from pinsing.configuration import rank_drop
 from pinsing.configuration.rank_drop import approach, constraint_gradient
 from pinsing.configuration.refine import (
     SingularConfiguration,
@@ -212,3 +215,71 @@ def test_wrong_input():
         refine(arm, np.zeros(6), fixed=["q55"])
     with pytest.raises(OptionError, match="fixed"):
         refine(arm, np.zeros(6), fixed=[1, 2])
+
+
+def in_numpy(monkeypatch):
+    monkeypatch.setattr("pinsing.configuration.rank_drop._compiled", lambda *given: None)
+
+
+@pytest.mark.skipif(not kernel.available(), reason="no compiled kernel")
+@pytest.mark.parametrize("name", ARMS)
+def test_compiled_walks_are_those_in_numpy(name, rng, monkeypatch):
+    """Joints held at random, with and without limits: the same ends, and as exact."""
+    arm = ARMS[name]()
+    Q = rng.uniform(-1, 1, (60, arm.n)) * np.where(arm.prismatic, 0.5, np.pi)
+    Q[::2] = np.clip(Q[::2], arm.lower, arm.upper)
+    free = rng.random(Q.shape) < 0.7
+    ends = [approach(arm, Q, free), approach(arm, Q[::2], bounded=True)]
+    in_numpy(monkeypatch)
+    for ours, theirs in zip(
+        ends, [approach(arm, Q, free), approach(arm, Q[::2], bounded=True)], strict=True
+    ):
+        assert (ours.singular == theirs.singular).mean() > 0.95
+        assert (ours.converged == theirs.converged).mean() > 0.95
+        sharp = ours.singular & theirs.singular
+        assert np.median(ours.ratio[sharp]) < 1e-15
+        # Some walks pass a place where rounding alone decides which way they go.
+        assert (np.abs(ours.q - theirs.q).max(axis=1) < 1e-6).mean() > 0.7
+    assert (ends[0].q[~free] == Q[~free]).all()
+    assert (ends[1].q >= arm.lower).all()
+    assert (ends[1].q <= arm.upper).all()
+
+
+@pytest.mark.skipif(not kernel.available(), reason="no compiled kernel")
+def test_a_compiled_walk_does_not_depend_on_the_others(rng):
+    arm = arms.ur5()
+    Q = rng.uniform(-np.pi, np.pi, (5000, 6))
+    free = rng.random(Q.shape) < 0.8
+    whole = approach(arm, Q, free)
+    for rows in ([17], [4999, 3], slice(2040, 2060)):
+        some = approach(arm, Q[rows], free[rows])
+        assert (some.q == whole.q[rows]).all()
+        assert (some.iterations == whole.iterations[rows]).all()
+
+
+@pytest.mark.skipif(not kernel.available(), reason="no compiled kernel")
+def test_compiled_walks_refuse_what_does_not_fit():
+    chain = batch(arms.ur5()).own_chain()
+    ok = {
+        "Q": np.zeros((2, 6)),
+        "free": np.ones((2, 6), bool),
+        "limits": (np.full(6, -1.0), np.ones(6)),
+        "rows": range(6),
+        "rank": 6,
+        "size": 0.0,
+        "rules": rank_drop._RULES,
+        "max_iterations": 3,
+    }
+    compiled.walks(chain, **ok)
+    for wrong in (
+        {"Q": np.zeros((2, 5))},
+        {"Q": np.full((2, 6), np.nan)},
+        {"free": np.ones((1, 6), bool)},
+        {"limits": (np.zeros(5), np.ones(5))},
+        {"rows": [7]},
+        {"rank": 7},
+        {"rank": 1},  # 36 equations
+        {"isa": "abacus"},
+    ):
+        with pytest.raises(ValueError):
+            compiled.walks(chain, **{**ok, **wrong})

@@ -8,6 +8,8 @@ MAX_RANK: int
 MAX_COLUMNS: int
 MAX_JOINTS: int
 CHUNK: int
+WALK_JOINTS: int
+WALK_EQUATIONS: int
 SOURCES: str
 MAX_CONDITION_JOINTS: int
 
@@ -82,3 +84,22 @@ def svdvals(
     max_sweeps: int,
     by_roots: bool = True,
 ) -> int: ...
+def walks(
+    R: NDArray[np.float64],
+    t: NDArray[np.float64],
+    prismatic: NDArray[np.bool_],
+    rows: Sequence[int],
+    rank: int,
+    size: float,
+    lower: NDArray[np.float64],
+    upper: NDArray[np.float64],
+    rules: Sequence[float],
+    Q: NDArray[np.float64],
+    free: NDArray[np.float64],
+    X: NDArray[np.float64],
+    ends: NDArray[np.float64],
+    isa: str,
+    threads: int,
+    max_iterations: int,
+    max_sweeps: int,
+) -> None: ...

@@ -48,6 +48,19 @@ def unavailable_reason() -> str | None:
     return _missing
 
 
+def module() -> Any:
+    """The compiled module itself.
+
+    Raises
+    ------
+    RuntimeError
+        Where it is not available.
+    """
+    if _missing is not None:
+        raise RuntimeError(_missing)
+    return _kernel
+
+
 def isa_names() -> tuple[str, ...]:
     """Names of the instruction sets that this machine can run, best last.
 

@@ -15,6 +15,8 @@ namespace pinsing {
 constexpr int kMaxRank = 6;       // the smaller side of a matrix whose singular values are taken
 constexpr int kMaxColumns = 32;   // its larger side
 constexpr int kMaxJoints = 1024;  // bounds the scratch memory; no arm comes near
+constexpr int kWalkJoints = 16;     // of walks to rank drops
+constexpr int kWalkEquations = 24;  // (m - rank + 1) (n - rank + 1)
 constexpr int kScratchAlign = 64;
 
 // T(q) = C_0 M_0(q_0) C_1 ... M_{n-1}(q_{n-1}) C_n with C_i = [R_i t_i; 0 1], M_i = Rz or Tz.
@@ -30,6 +32,16 @@ struct Task {
     int m;
     int row[6];
     double factor[6];
+};
+
+// How walks to rank drops go: see pinsing/configuration/rank_drop.py for each of the numbers.
+struct Walk {
+    int rank;             // the generic one
+    double size;          // what sigma_1 counts as at least
+    const double* lower;  // (n,) joint limits, perhaps infinite
+    const double* upper;
+    int max_iterations;
+    double floor, good, stationary, no_minimum, longest, most_damping, stretch;
 };
 
 struct Outcome {
@@ -50,6 +62,11 @@ struct Kernel {
     // A (N, m, n) -> S (N, min(m, n)), descending; same bounds. By roots first, or by dqds alone.
     Outcome (*svdvals)(const double* A, int m, int n, std::int64_t N, double* S, int max_sweeps,
                        bool by_roots, double* scratch);
+    // Q, free (N, n) -> X (N, n), where walks end, and ends (N, 2): derivatives taken (-1 where a
+    // singular value did not converge), 1 where the walk came to rest. At most kWalkJoints joints
+    // and kWalkEquations equations; factors of the task are one.
+    Outcome (*walks)(const Chain&, const Task&, const Walk&, const double* Q, const double* free,
+                     std::int64_t N, double* X, double* ends, int max_sweeps);
     // Doubles of scratch that the next one needs.
     std::size_t (*condition_scratch)(const Conditions&);
     // X (N, n) -> least lower and upper bounds over the families (N,), the family of the lower one

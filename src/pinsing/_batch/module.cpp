@@ -160,6 +160,52 @@ std::int64_t svdvals(const In& A, Out out, const std::string& isa, int threads, 
     return outcome.unfinished;
 }
 
+// `rules`: floor, good, stationary, no_minimum, longest, most_damping, stretch of Walk.
+void walks(const In& R, const In& t, const InFlags& prismatic, const std::vector<int>& rows,
+           int rank, double size, const In& lower, const In& upper,
+           const std::vector<double>& rules, const In& Q, const In& free, Out X, Out ends,
+           const std::string& isa, int threads, int max_iterations, int max_sweeps) {
+    const Kernel& kernel = kernel_named(isa);
+    const Chain chain = chain_of(R, t, prismatic);
+    const std::size_t n = static_cast<std::size_t>(chain.n), m = rows.size();
+    require(n <= pinsing::kWalkJoints, "too many joints for compiled walks");
+    require(m >= 1 && m <= 6, "rows must be 1 to 6");
+    require(rank >= 1 && rank <= static_cast<int>(std::min(m, n)), "impossible rank");
+    const std::size_t r = static_cast<std::size_t>(rank);
+    require((m - r + 1) * (n - r + 1) <= pinsing::kWalkEquations, "too many equations");
+    pinsing::Task task{};
+    task.m = static_cast<int>(m);
+    for (std::size_t i = 0; i < m; i++) {
+        require(rows[i] >= 0 && rows[i] < 6, "rows must be in 0..5");
+        task.row[i] = rows[i];
+        task.factor[i] = 1.0;
+    }
+    require(lower.ndim() == 1 && lower.shape(0) == n && upper.ndim() == 1 && upper.shape(0) == n,
+            "limits must have shape (n,)");
+    require(rules.size() == 7, "there are seven rules");
+    require(Q.ndim() == 2 && Q.shape(1) == n, "Q must have shape (N, n)");
+    const std::size_t N = Q.shape(0);
+    require(free.ndim() == 2 && free.shape(0) == N && free.shape(1) == n && X.ndim() == 2 &&
+                X.shape(0) == N && X.shape(1) == n,
+            "free and X must have the shape of Q");
+    require(ends.ndim() == 2 && ends.shape(0) == N && ends.shape(1) == 2,
+            "ends must have shape (N, 2)");
+    const pinsing::Walk walk{rank, size, lower.data(), upper.data(), max_iterations, rules[0],
+                             rules[1], rules[2], rules[3], rules[4], rules[5], rules[6]};
+    const double* from = Q.data();
+    const double* may = free.data();
+    double* to = X.data();
+    double* told = ends.data();
+    const Outcome outcome = share_out(
+        static_cast<std::int64_t>(N), threads, 1,
+        [&](std::int64_t first, std::int64_t count, double*) {
+            const std::int64_t at = first * chain.n;
+            return kernel.walks(chain, task, walk, from + at, may + at, count, to + at,
+                                told + 2 * first, max_sweeps);
+        });
+    refuse_not_finite(outcome, "Q");
+}
+
 std::vector<std::string> isa_names() {
     std::vector<std::string> names;
     for (const Kernel* k : kernels()) names.emplace_back(k->name);
@@ -174,6 +220,8 @@ NB_MODULE(_kernel, m) {
     m.attr("MAX_COLUMNS") = pinsing::kMaxColumns;
     m.attr("MAX_JOINTS") = pinsing::kMaxJoints;
     m.attr("CHUNK") = kChunk;
+    m.attr("WALK_JOINTS") = pinsing::kWalkJoints;
+    m.attr("WALK_EQUATIONS") = pinsing::kWalkEquations;
     m.attr("SOURCES") = PINSING_SOURCES;  // of built_from.py
     m.def("isa_names", &isa_names);
     m.def("jacobians", &jacobians, "R"_a.noconvert(), "t"_a.noconvert(), "prismatic"_a.noconvert(),
@@ -181,6 +229,10 @@ NB_MODULE(_kernel, m) {
     m.def("singular_values", &singular_values, "R"_a.noconvert(), "t"_a.noconvert(),
           "prismatic"_a.noconvert(), "rows"_a, "factors"_a, "Q"_a.noconvert(), "out"_a.noconvert(),
           "isa"_a, "threads"_a, "max_sweeps"_a);
+    m.def("walks", &walks, "R"_a.noconvert(), "t"_a.noconvert(), "prismatic"_a.noconvert(),
+          "rows"_a, "rank"_a, "size"_a, "lower"_a.noconvert(), "upper"_a.noconvert(), "rules"_a,
+          "Q"_a.noconvert(), "free"_a.noconvert(), "X"_a.noconvert(), "ends"_a.noconvert(),
+          "isa"_a, "threads"_a, "max_iterations"_a, "max_sweeps"_a);
     m.def("svdvals", &svdvals, "A"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a,
           "max_sweeps"_a, "by_roots"_a = true);
     pinsing::add_conditions(m);

@@ -25,20 +25,29 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._batch import walks
 from pinsing._types import Array, Bool
 from pinsing.kinematics.batch import batch
+from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
 from pinsing.kinematics.own_scale import own_scale
-from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, measure, ratio_of
+from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, measure, ratio_of, task_size
 from pinsing.robot.arm import Arm
 
-_FLOOR = 4e-16  # sigma_r / sigma_1 that only rounding is left of
-_GOOD = 1e-12  # from here on, a step that does not improve is the end and no reason to damp
-_STATIONARY = 1e-6  # |grad sigma_r|^2 / (sigma_1 sigma_r) that counts as zero
-_NO_MINIMUM = 1e-5  # sigma_r / sigma_1 below which a small slope alone is no reason to stop
-_MAX_STEP = 0.5  # radians, or lengths of the arm
-_MAX_DAMPING = 1e10
-_STRETCH = 2.0  # the step that is exact where sigma_r touches zero with the order two
+_RULES = walks.Rules(
+    floor=4e-16,  # sigma_r / sigma_1 that only rounding is left of
+    good=1e-12,  # from here on, a step that does not improve is the end and no reason to damp
+    stationary=1e-6,  # |grad sigma_r|^2 / (sigma_1 sigma_r) that counts as zero
+    no_minimum=1e-5,  # sigma_r / sigma_1 below which a small slope alone is no reason to stop
+    longest=0.5,  # radians, or lengths of the arm
+    most_damping=1e10,
+    stretch=2.0,  # the step that is exact where sigma_r touches zero with the order two
+)
+
+_NOTHING = 1e-14
+"""Singular value of the equations, over their largest one, that is none."""
+
+_Ends = tuple[Array, npt.NDArray[np.intp], Bool]  # configurations, derivatives taken, stationary
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,11 +111,61 @@ def approach(
     N, n = Q.shape
     mask = np.broadcast_to(True if free is None else np.asarray(free, dtype=bool), (N, n))
     low, high = (arm.lower, arm.upper) if bounded else (np.full(n, -np.inf), np.full(n, np.inf))
+    found = _compiled(arm, Q, mask, (low, high), max_iterations)
+    if found is None:
+        found = _in_numpy(arm, Q, mask, (low, high), max_iterations)
+    Q, iterations, stationary = found
+    sigma, ratio = measure(arm, Q)
+    converged = (ratio <= SINGULAR_RTOL) | stationary
+    return RankDrops(Q, sigma, ratio, iterations, converged)
+
+
+def _compiled(
+    arm: Arm, Q: Array, mask: Bool, limits: tuple[Array, Array], max_iterations: int
+) -> _Ends | None:
+    """The walks in the compiled kernel; None where it does not cover the arm."""
+    on, rank = batch(arm), generic_rank(arm)
+    if (
+        on.engine == PINOCCHIO
+        or arm.coupling is not None
+        or arm.task.at_tip
+        or not walks.covered(arm.n, len(arm.task.rows), rank)
+    ):
+        return None
+    metric = own_scale(arm).columns
+    ends, iterations, stationary = walks.walks(
+        on.own_chain(),
+        Q / metric,
+        mask,
+        (limits[0] / metric, limits[1] / metric),
+        rows=arm.task.rows,
+        rank=rank,
+        size=task_size(arm),
+        rules=_RULES,
+        max_iterations=max_iterations,
+        isa=on.engine,
+    )
+    # Neither by rounding: what is held stays, and limits are kept.
+    ends = np.clip(np.where(mask, ends * metric, Q), *limits)
+    left = iterations < 0
+    if left.any():
+        ends[left], iterations[left], stationary[left] = _in_numpy(
+            arm, Q[left], mask[left], limits, max_iterations
+        )
+    return ends, iterations, stationary
+
+
+def _in_numpy(
+    arm: Arm, Q: Array, mask: Bool, limits: tuple[Array, Array], max_iterations: int
+) -> _Ends:
+    """The same walks step by step, with or without the kernel."""
+    low, high = limits
+    Q = Q.copy()
     sigma = _own_sigma(arm, Q)
-    damping = np.ones(N)
-    iterations = np.zeros(N, dtype=np.intp)
-    stationary = np.zeros(N, dtype=bool)
-    active = np.flatnonzero((ratio_of(arm, sigma) > _FLOOR) & mask.any(axis=1))
+    damping = np.ones(len(Q))
+    iterations = np.zeros(len(Q), dtype=np.intp)
+    stationary = np.zeros(len(Q), dtype=bool)
+    active = np.flatnonzero((ratio_of(arm, sigma) > _RULES.floor) & mask.any(axis=1))
     for _ in range(max_iterations):
         if not len(active):
             break
@@ -119,13 +178,11 @@ def approach(
         damping[active] *= np.where(improved, 0.25, 16.0)
         damping[active] = np.maximum(damping[active], 1.0)
         ratio = ratio_of(arm, sigma[active])
-        stationary[active] = flat | (damping[active] > _MAX_DAMPING)
-        done = (ratio <= _FLOOR) | stationary[active]
-        done |= (ratio <= _GOOD) & ~improved
+        stationary[active] = flat | (damping[active] > _RULES.most_damping)
+        done = (ratio <= _RULES.floor) | stationary[active]
+        done |= (ratio <= _RULES.good) & ~improved
         active = active[~done]
-    sigma, ratio = measure(arm, Q)
-    converged = (ratio <= SINGULAR_RTOL) | stationary
-    return RankDrops(Q, sigma, ratio, iterations, converged)
+    return Q, iterations, stationary
 
 
 def constraint_gradient(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
@@ -162,12 +219,12 @@ def _steps(
         step = _damped(B, last, damping) * metric
     step = np.where(mask, step, 0.0)  # not even by rounding
     size = np.linalg.norm(step / metric, axis=1, keepdims=True)
-    step *= np.minimum(1.0, _MAX_STEP / np.maximum(size, 1e-300))
+    step *= np.minimum(1.0, _RULES.longest / np.maximum(size, 1e-300))
     slope = np.linalg.norm(B[:, 0], axis=1)
     # Where sigma_r only touches zero its slope vanishes too, as the root of sigma_r; a slope
     # that is small even against that root means a minimum above zero.
-    flat = slope**2 <= _STATIONARY * last * sigma[:, 0]
-    flat &= last > _NO_MINIMUM * sigma[:, 0]
+    flat = slope**2 <= _RULES.stationary * last * sigma[:, 0]
+    flat &= last > _RULES.no_minimum * sigma[:, 0]
     return step, np.asarray(flat)
 
 
@@ -176,13 +233,14 @@ def _damped(B: Array, last: Array, damping: Array) -> Array:
     W, s, Zt = np.linalg.svd(B, full_matrices=False)
     shift = (damping * last**2)[:, None] + np.finfo(float).eps ** 2 * s[:, :1] ** 2
     gain = s / (s**2 + shift + np.finfo(float).tiny)
+    gain[s <= _NOTHING * s[:, :1]] = 0.0  # what is made up of rounding alone leads nowhere
     return np.asarray(-np.matmul((gain * W[:, 0, :] * last[:, None])[:, None, :], Zt)[:, 0])
 
 
 def _better_of(arm: Arm, Q: Array, step: Array, low: Array, high: Array) -> tuple[Array, Array]:
     """Of the full and the stretched step, the one that ends at the smaller sigma_r."""
     once = np.clip(Q + step, low, high)
-    twice = np.clip(Q + _STRETCH * step, low, high)
+    twice = np.clip(Q + _RULES.stretch * step, low, high)
     both = _own_sigma(arm, np.concatenate([once, twice]))
     first, second = both[: len(Q)], both[len(Q) :]
     stretch = (second[:, -1] < first[:, -1])[:, None]

@@ -81,7 +81,7 @@ class Batch:
         if chain is None or arm.coupling is not None or arm.task.at_tip:
             return self._svd(scale.apply(arm, self.frame_jacobians(Q), Q, self._tip(Q)))
         return kernel.singular_values(
-            arm.once("own_chain", self._own_chain),  # the arm as it is in its own length
+            self.own_chain(),
             Q / scale.columns,
             rows=arm.task.rows,
             threads=self.threads,
@@ -93,6 +93,10 @@ class Batch:
         if not self.arm.task.at_tip:
             return None
         return tip_rotations(self.arm, Q, self.engine, self.threads)
+
+    def own_chain(self) -> FlatChain:
+        """The kernel's chain of the arm as it is in its own length."""
+        return self.arm.once("own_chain", self._own_chain)
 
     def _own_chain(self) -> FlatChain:
         chain = self._chain()

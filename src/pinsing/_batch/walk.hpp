@@ -1,0 +1,263 @@
+// Walks from configurations to nearby ones where the task Jacobian loses rank, a block at a time.
+//
+// The method, and its reasons, are those of pinsing/configuration/rank_drop.py, which is the same in
+// NumPy: U0^T (J + sum_j dJ/dq_j dq_j) V0 = 0 by damped least-norm steps. Here the spaces U0 and V0
+// come from one-sided Jacobi rotations (Hestenes 1958; de Rijk 1989 for the order of columns), which
+// find small singular vectors as exactly as large ones; the derivative from partial sums of columns.
+//
+// A lane that has arrived is computed on with the others, without effect. A rotation that a lane
+// does not need is the identity to the last bit, so that no lane depends on its neighbours.
+constexpr int kJacobiSweeps = 16;
+constexpr double kParallel = 4.0e-16;  // cosine of an angle between columns that are orthogonal
+constexpr double kNoLength = 1.0e-31;  // square of a column that is nothing but rounding
+constexpr double kNothing = 1.0e-28;   // square of an equation, over the longest one's, that is none
+constexpr double kTiny = 1.0e-12;      // sigma_r / sigma_1 from which J v_r has no direction left
+
+// Turns `count` columns of `length` entries each to orthogonal ones, longest first, and `more`
+// entries behind them along. Column k is at C + k * stride.
+static __attribute__((noinline)) void orthogonalise(V* C, int count, int length, int more,
+                                                    int stride) {
+    for (int sweep = 0; sweep < kJacobiSweeps; sweep++) {
+        V longest = broadcast(0.0);
+        for (int k = 0; k < count; k++) {
+            V square = broadcast(0.0);
+            for (int i = 0; i < length; i++) square += C[k * stride + i] * C[k * stride + i];
+            longest = vmax(longest, square);
+        }
+        const V nothing = longest * kNoLength;
+        Mask turned = none();
+        for (int k = 0; k < count - 1; k++) {
+            for (int l = k + 1; l < count; l++) {
+                V* x = C + k * stride;
+                V* y = C + l * stride;
+                V a = broadcast(0.0), b = a, g = a;
+                for (int i = 0; i < length; i++) {
+                    a += x[i] * x[i];
+                    b += y[i] * y[i];
+                    g += x[i] * y[i];
+                }
+                const Mask swap = a < b;
+                const V low = select(swap, a, b), high = select(swap, b, a);
+                const Mask turn =
+                    (g * g > (high * low) * (kParallel * kParallel)) & (low > nothing);
+                if (!any(swap | turn)) continue;
+                turned = turned | turn;
+                // x' = c x - s y, y' = s x + c y for the longer x and the shorter y.
+                const V z = (low - high) / select(turn, g + g, broadcast(1.0));
+                V t = copysign(1.0 / (vabs(z) + vsqrt(1.0 + z * z)), z);
+                t = select(turn, t, broadcast(0.0));
+                const V c = 1.0 / vsqrt(1.0 + t * t), s = c * t;
+                for (int i = 0; i < length + more; i++) {
+                    const V p = select(swap, y[i], x[i]), r = select(swap, x[i], y[i]);
+                    x[i] = c * p - s * r;
+                    y[i] = s * p + c * r;
+                }
+            }
+        }
+        if (!any(turned)) break;
+    }
+}
+
+// What a walk needs to know. The chain is in the arm's own length: rows need no factors.
+struct WalkTask {
+    const Chain& chain;
+    const Task& task;
+    const Walk& walk;
+    int max_sweeps;
+
+    int n() const { return chain.n; }
+    int m() const { return task.m; }
+    int equations() const { return (m() - walk.rank + 1) * (n() - walk.rank + 1); }
+};
+
+// sigma_1 and sigma_r at q.
+static void ends_of_spectrum(const WalkTask& w, const V* q, V* J, V& first, V& last) {
+    const int n = w.n(), m = w.m();
+    V A[6 * kWalkJoints], S[kMaxRank];
+    jacobian_block<false>(w.chain, q, J);
+    for (int i = 0; i < m; i++) {
+        for (int j = 0; j < n; j++) {
+            const V entry = J[w.task.row[i] * n + j];
+            (m <= n ? A[i * n + j] : A[j * m + i]) = entry;
+        }
+    }
+    const Svd svd = m <= n ? svd_of(m, n, true) : svd_of(n, m, true);
+    svd(A, S, w.max_sweeps);
+    first = S[0];
+    last = S[w.walk.rank - 1];
+}
+
+PINSING_INLINE void cross_into(const V* a, const V* b, V* sum) {
+    sum[0] += a[1] * b[2] - a[2] * b[1];
+    sum[1] += a[2] * b[0] - a[0] * b[2];
+    sum[2] += a[0] * b[1] - a[1] * b[0];
+}
+
+// u^T (dJ v / dq_j) for every joint, with u (6,) and v (n,): columns of later joints turn with joint
+// j, and it is carried by the earlier ones (see jacobian_derivative in kinematics/jacobian.py).
+static void derivative_along(const V* J, int n, const V* u, const V* v, V* out) {
+    V later[6], earlier[3];
+    for (int r = 0; r < 6; r++) later[r] = broadcast(0.0);
+    for (int r = 0; r < 3; r++) earlier[r] = broadcast(0.0);
+    for (int j = 0; j < n; j++)
+        for (int r = 0; r < 3; r++) earlier[r] += v[j] * J[(3 + r) * n + j];
+    for (int j = n - 1; j >= 0; j--) {
+        V turning[3], moving[3];
+        for (int r = 0; r < 6; r++) later[r] += v[j] * J[r * n + j];
+        for (int r = 0; r < 3; r++) {
+            earlier[r] -= v[j] * J[(3 + r) * n + j];
+            turning[r] = moving[r] = broadcast(0.0);
+        }
+        cross_into(later, u, turning);
+        cross_into(later + 3, u + 3, turning);
+        cross_into(u, earlier, moving);
+        V sum = broadcast(0.0);
+        for (int r = 0; r < 3; r++)
+            sum += J[(3 + r) * n + j] * turning[r] + J[r * n + j] * moving[r];
+        out[j] = sum;
+    }
+}
+
+// The equations at the q that J was taken at: n derivatives and the value of each, in rows of n + 1;
+// that of the singular triplet itself first.
+static void equations_at(const WalkTask& w, const V* J, V* B) {
+    const int n = w.n(), m = w.m(), r = w.walk.rank;
+    V columns[kWalkJoints * (6 + kWalkJoints)], rows[6 * (kWalkJoints + 6)];
+    const int column = m + n, row = n + m;
+    for (int j = 0; j < n; j++) {
+        for (int i = 0; i < m; i++) columns[j * column + i] = J[w.task.row[i] * n + j];
+        for (int k = 0; k < n; k++) columns[j * column + m + k] = broadcast(j == k ? 1.0 : 0.0);
+    }
+    for (int i = 0; i < m; i++) {
+        for (int j = 0; j < n; j++) rows[i * row + j] = columns[j * column + i];
+        for (int k = 0; k < m; k++) rows[i * row + n + k] = broadcast(i == k ? 1.0 : 0.0);
+    }
+    orthogonalise(columns, n, m, n, column);
+    // u_r is J v_r / sigma_r, which belongs to v_r where singular values are equal, too.
+    V first = broadcast(0.0), last = first;
+    for (int i = 0; i < m; i++) {
+        first += columns[i] * columns[i];
+        last += columns[(r - 1) * column + i] * columns[(r - 1) * column + i];
+    }
+    const Mask has_direction = last > first * (kTiny * kTiny);
+    const V scale = 1.0 / vsqrt(select(has_direction, last, broadcast(1.0)));
+    if (m > r || any(~has_direction)) orthogonalise(rows, m, n, m, row);
+    V* pair = B;
+    for (int a = r - 1; a < m; a++) {
+        V u[6];
+        for (int k = 0; k < 6; k++) u[k] = broadcast(0.0);
+        for (int i = 0; i < m; i++) {
+            V entry = rows[a * row + n + i];
+            if (a == r - 1)
+                entry = select(has_direction, columns[(r - 1) * column + i] * scale, entry);
+            u[w.task.row[i]] = entry;
+        }
+        for (int b = r - 1; b < n; b++) {
+            const V* v = columns + b * column + m;
+            derivative_along(J, n, u, v, pair);
+            V value = broadcast(0.0);  // columns are J v
+            for (int i = 0; i < m; i++) value += u[w.task.row[i]] * columns[b * column + i];
+            pair[n] = value;
+            pair += n + 1;
+        }
+    }
+}
+
+// The damped least-norm solution of B step = -values. B is destroyed.
+static void solve_damped(V* B, int count, int n, V shift, V* step) {
+    orthogonalise(B, count, n, 1, n + 1);
+    for (int j = 0; j < n; j++) step[j] = broadcast(0.0);
+    V longest = broadcast(0.0);
+    for (int j = 0; j < n; j++) longest += B[j] * B[j];
+    const V least = shift + longest * 4.930380657631324e-32 + 2.2250738585072014e-308;
+    for (int k = 0; k < count; k++) {
+        const V* row = B + k * (n + 1);
+        V square = broadcast(0.0);
+        for (int j = 0; j < n; j++) square += row[j] * row[j];
+        const Mask something = square > longest * kNothing;
+        const V gain = select(something, row[n] / (square + least), broadcast(0.0));
+        for (int j = 0; j < n; j++) step[j] -= gain * row[j];
+    }
+}
+
+// One step at q: its length is bounded, joints at their limits do not leave them. Flat: sigma_r is at
+// a minimum that is not zero.
+static Mask step_at(const WalkTask& w, const V* q, const V* free, const V* J, V first, V last,
+                    V damping, V* step) {
+    const int n = w.n(), count = w.equations();
+    const Walk& o = w.walk;
+    V B[kWalkEquations * (kWalkJoints + 1)], copy[kWalkEquations * (kWalkJoints + 1)];
+    equations_at(w, J, B);
+    for (int k = 0; k < count; k++)
+        for (int j = 0; j < n; j++) B[k * (n + 1) + j] *= free[j];
+    const V shift = damping * last * last;
+    for (int k = 0; k < count * (n + 1); k++) copy[k] = B[k];
+    solve_damped(copy, count, n, shift, step);
+    Mask blocked[kWalkJoints], some = none();
+    const V zero = broadcast(0.0);
+    for (int j = 0; j < n; j++) {
+        blocked[j] = ((q[j] <= o.lower[j]) & (step[j] < zero)) |
+                     ((broadcast(o.upper[j]) <= q[j]) & (step[j] > zero));
+        some = some | blocked[j];
+    }
+    if (any(some)) {
+        for (int k = 0; k < count; k++)
+            for (int j = 0; j < n; j++)
+                B[k * (n + 1) + j] = select(blocked[j], zero, B[k * (n + 1) + j]);
+        for (int k = 0; k < count * (n + 1); k++) copy[k] = B[k];
+        solve_damped(copy, count, n, shift, step);
+    }
+    V size = zero, slope = zero;
+    for (int j = 0; j < n; j++) {
+        step[j] *= free[j];
+        size += step[j] * step[j];
+        slope += B[j] * B[j];
+    }
+    const V shorter = vmin(o.longest / vmax(vsqrt(size), 1e-300), 1.0);
+    for (int j = 0; j < n; j++) step[j] *= shorter;
+    return (slope <= o.stationary * last * first) & (last > o.no_minimum * first);
+}
+
+// Walks of one block: q is moved. Out: derivatives taken, and 1 where a walk came to rest.
+static void walk_block(const WalkTask& w, V* q, const V* free, V& taken, V& rest) {
+    const int n = w.n();
+    const Walk& o = w.walk;
+    V J[6 * kWalkJoints], other[6 * kWalkJoints], trial[2][kWalkJoints], step[kWalkJoints];
+    V first, last, first_at[2], last_at[2];
+    const V zero = broadcast(0.0), one = broadcast(1.0);
+    ends_of_spectrum(w, q, J, first, last);
+    const auto ratio_of = [&](V large, V small) {
+        const V size = vmax(large, o.size);
+        return select(size > zero, small / vmax(size, 1e-300), zero);
+    };
+    V damping = one, movable = zero;
+    taken = rest = zero;
+    for (int j = 0; j < n; j++) movable = vmax(movable, free[j]);
+    Mask active = (ratio_of(first, last) > o.floor) & (movable > zero);
+    for (int k = 0; k < o.max_iterations && any(active); k++) {
+        taken = select(active, taken + one, taken);
+        jacobian_block<false>(w.chain, q, J);
+        const Mask flat = step_at(w, q, free, J, first, last, damping, step);
+        for (int t = 0; t < 2; t++) {
+            const double times = t == 0 ? 1.0 : o.stretch;
+            for (int j = 0; j < n; j++)
+                trial[t][j] = vmin(vmax(q[j] + times * step[j], o.lower[j]), o.upper[j]);
+            ends_of_spectrum(w, trial[t], other, first_at[t], last_at[t]);
+        }
+        const Mask stretch = last_at[1] < last_at[0];
+        const V least = select(stretch, last_at[1], last_at[0]);
+        const Mask improved = (least < last) & active;
+        for (int j = 0; j < n; j++)
+            q[j] = select(improved, select(stretch, trial[1][j], trial[0][j]), q[j]);
+        first = select(improved, select(stretch, first_at[1], first_at[0]), first);
+        last = select(improved, least, last);
+        const V damped = vmax(damping * select(improved, broadcast(0.25), broadcast(16.0)), 1.0);
+        damping = select(active, damped, damping);
+        const V ratio = ratio_of(first, last);
+        const Mask still = flat | (damping > o.most_damping);
+        rest = select(active, select(still, one, zero), rest);
+        active = active & ~((ratio <= o.floor) | still | ((ratio <= o.good) & ~improved));
+    }
+    // Singular values that did not settle are left to who asked.
+    taken = select((first <= kHuge) & (last <= kHuge), taken, broadcast(-1.0));
+}

@@ -1,0 +1,136 @@
+"""Walks to rank drops in the compiled kernel, behind checked NumPy functions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pinsing._batch import engine
+from pinsing._batch.chain import FlatChain
+
+Floats = NDArray[np.float64]
+
+_MAX_SWEEPS = 64  # of dqds for one singular value, as in engine.py
+
+
+@dataclass(frozen=True, eq=False)
+class Rules:
+    """When walks end and how far their steps go: `pinsing.configuration.rank_drop` has the reasons.
+
+    Attributes
+    ----------
+    floor, good : float
+        sigma_r / sigma_1 that only rounding is left of, and from which on a step that does not
+        improve is the end.
+    stationary, no_minimum : float
+        Square of the slope over sigma_1 sigma_r that counts as zero, and sigma_r / sigma_1 below
+        which that is no minimum.
+    longest : float
+        Length of a step.
+    most_damping : float
+        Damping at which a walk is given up.
+    stretch : float
+        Factor of the second step that is tried.
+    """
+
+    floor: float
+    good: float
+    stationary: float
+    no_minimum: float
+    longest: float
+    most_damping: float
+    stretch: float
+
+    def numbers(self) -> list[float]:
+        """In the order of the kernel."""
+        first = [self.floor, self.good, self.stationary, self.no_minimum]
+        return [*first, self.longest, self.most_damping, self.stretch]
+
+
+def covered(n: int, m: int, rank: int) -> bool:
+    """Whether walks of n joints, m rows and a generic rank are compiled."""
+    if not engine.available():
+        return False
+    kernel = engine.module()
+    equations = (m - rank + 1) * (n - rank + 1)
+    return bool(n <= kernel.WALK_JOINTS and equations <= kernel.WALK_EQUATIONS)
+
+
+def walks(
+    chain: FlatChain,
+    Q: ArrayLike,
+    free: NDArray[np.bool_],
+    limits: tuple[Floats, Floats],
+    *,
+    rows: Sequence[int],
+    rank: int,
+    size: float,
+    rules: Rules,
+    max_iterations: int,
+    threads: int | None = None,
+    isa: str | None = None,
+) -> tuple[Floats, NDArray[np.intp], NDArray[np.bool_]]:
+    """Walk from many configurations to nearby ones where the task Jacobian loses rank.
+
+    Parameters
+    ----------
+    chain : FlatChain
+        The chain in the arm's own length, n joints.
+    Q : array_like, shape (N, n)
+        Starts: radians, and lengths of the arm. Never modified.
+    free : ndarray of bool, shape (N, n)
+        Joints that may move.
+    limits : pair of ndarrays, shape (n,)
+        Least and largest joint values, perhaps infinite.
+    rows : sequence of int
+        Rows of the Jacobian that make the task, m different ones of 0..5.
+    rank : int
+        The generic rank.
+    size : float
+        What sigma_1 counts as at least.
+    rules : Rules
+        When walks end.
+    max_iterations : int
+        Bound on the derivatives for one start.
+    threads, isa
+        As for `pinsing._batch.engine.jacobians`.
+
+    Returns
+    -------
+    X : ndarray, shape (N, n)
+        Where walks end.
+    iterations : ndarray of int, shape (N,)
+        Derivatives taken; -1 where singular values did not converge: then X means nothing.
+    stationary : ndarray of bool, shape (N,)
+        Whether the walk came to rest at a minimum that is not zero, or at damping without end.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, values that are not finite, or what is not `covered`.
+    """
+    kernel = engine.module()
+    Q = np.ascontiguousarray(Q, dtype=np.float64)
+    X, ends = np.empty_like(Q), np.empty((len(Q), 2))
+    kernel.walks(
+        chain.R,
+        chain.t,
+        chain.prismatic,
+        [int(row) for row in rows],
+        rank,
+        float(size),
+        *(np.ascontiguousarray(limit, dtype=np.float64) for limit in limits),
+        rules.numbers(),
+        Q,
+        np.ascontiguousarray(free, dtype=np.float64),
+        X,
+        ends,
+        isa or engine.isa_names()[-1],
+        engine.cpu_count() if threads is None else threads,
+        max_iterations,
+        _MAX_SWEEPS,
+    )
+    return X, ends[:, 0].astype(np.intp), ends[:, 1] > 0
