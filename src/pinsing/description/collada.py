@@ -28,7 +28,8 @@ def image_references(path: Path) -> tuple[str, ...]:
         raise ColladaProblem("is too large")
     if b"\0" in data[:400] or b"<!DOCTYPE" in data or b"<!ENTITY" in data:
         raise ColladaProblem("has entities or an odd encoding")
-    if b"init_from" not in data:  # nearly all of them, and some are large
+    end_of_images = data.rfind(b"library_images")
+    if end_of_images < 0 or b"init_from" not in data:  # nearly all of them, and some are large
         return ()
     found: list[str] = []
     depth = library = inside = 0
@@ -56,7 +57,8 @@ def image_references(path: Path) -> tuple[str, ...]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler = text
     try:
-        parser.Parse(data, True)
+        # Behind the last library of images, most often at the top, there are but numbers.
+        parser.Parse(data[: data.find(b">", end_of_images) + 1], False)
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise ColladaProblem("is not well-formed XML") from error
     return tuple(found)

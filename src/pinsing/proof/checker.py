@@ -117,6 +117,7 @@ class Ring:
         self.context = fmpq_mpoly_ctx.get([*names, *(f"s{d}" for d in roots)], Ordering.lex)
         self.names, gens = list(self.context.names()), self.context.gens()
         self.zero, self.one, self.work = self.context.constant(0), self.context.constant(1), 0
+        self.read: dict[str, Poly] = {}
         self.squares = [s * s - d for s, d in zip(gens[len(names) :], roots, strict=True)]
         self.pairs = [(gens[2 * j], gens[2 * j + 1]) for j in range(len(slides))]
         # Zero at no configuration: x of a prismatic joint, x^2 + y^2 of a revolute one.
@@ -124,7 +125,13 @@ class Ring:
         self.unit = [x if slide else x * x + y * y for slide, (x, y) in both]
 
     def parse(self, text: str) -> Poly:
-        """Read a sum of terms, such as ``2x1^2y3 -1/3x1y1y3s2``."""
+        """Read a sum of terms, such as ``2x1^2y3 -1/3x1y1y3s2``; the same text is read once."""
+        if text not in self.read:
+            self.read[text] = self.parsed(text)
+        return self.read[text]
+
+    def parsed(self, text: str) -> Poly:
+        """The same, of a text that was not read before."""
         need(FORM.fullmatch(text) is not None, f"no form: {text[:40]!r}")
         terms: dict[tuple[int, ...], Any] = {}
         for term in text.split(" "):

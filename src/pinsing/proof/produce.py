@@ -14,7 +14,7 @@ from pinsing.proof.checker import Certificate, Rejected, verify
 from pinsing.proof.forms import Forms
 from pinsing.proof.minors import sums_to_minors
 from pinsing.proof.place import NotFound, Place
-from pinsing.proof.reduction import without_dependent_lines
+from pinsing.proof.reduction import Draft, without_dependent_lines
 from pinsing.proof.skeleton import NotStated, form_of, form_text, number_text, roots_in, skeleton
 from pinsing.proof.tree import Tree
 
@@ -67,8 +67,8 @@ def certificate(
     except NotStated as reason:
         raise NotFound(str(reason)) from None
     try:
-        data = without_dependent_lines(data)
-        draft = Certificate(data)
+        data, jacobian = without_dependent_lines(data)
+        draft = Draft(data, jacobian)
         polynomials, tidy = _Table(), Forms(draft, seconds)
         for s in stated:
             forms = [*_linear(draft, s.component.values)]
@@ -84,7 +84,7 @@ def certificate(
                     }
                 )
         data["polynomials"] = polynomials.texts
-        root = Tree(Certificate(data), seconds, progress).root()
+        root = Tree(Draft(data, jacobian), seconds, progress).root()
     except Rejected as reason:
         raise NotFound(str(reason)) from None
     order = _ordered(root)

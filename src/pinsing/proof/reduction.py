@@ -13,12 +13,26 @@ from pinsing.proof.skeleton import number_text
 _POSITION = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (1, 1): 3}
 
 
-def without_dependent_lines(data: Mapping[str, Any]) -> dict[str, Any]:
-    """The certificate with its dependent rows and columns stated."""
-    whole = Certificate({**data, "rank": 1, "dependent_rows": {}, "dependent_columns": {}})
+class Draft(Certificate):
+    """A certificate in the making: the Jacobian of its chain is found once for all drafts."""
+
+    def __init__(self, data: dict[str, Any], jacobian: Matrix | None = None) -> None:
+        self.known_jacobian = jacobian
+        super().__init__(data)
+
+    def jacobian(self) -> Matrix:
+        """As the checker finds it, which does so by itself in the end."""
+        if self.known_jacobian is None:
+            self.known_jacobian = super().jacobian()
+        return self.known_jacobian
+
+
+def without_dependent_lines(data: Mapping[str, Any]) -> tuple[dict[str, Any], Matrix]:
+    """The certificate with its dependent rows and columns stated, and its whole Jacobian."""
+    whole = Draft({**data, "rank": 1, "dependent_rows": {}, "dependent_columns": {}})
     rows = _stated(whole, whole.matrix)
     columns = _stated(whole, flipped(whole.independent(whole.matrix, rows)))
-    return {**data, "dependent_rows": rows, "dependent_columns": columns}
+    return {**data, "dependent_rows": rows, "dependent_columns": columns}, whole.jacobian()
 
 
 def _stated(certificate: Certificate, lines: Matrix) -> dict[str, dict[str, str]]:
