@@ -287,7 +287,7 @@ def test_mimic_joints_have_no_axis_of_their_own():
     )
     found = dependent_axes(arm, [0.3, 0.0])
     assert found is not None
-    assert found.reason == "the axes of joints 1 and 2 are linearly dependent"
+    assert found.reason == "joints 1 and 2 can move together with the tip at rest"
 
 
 def test_dependence_does_not_change_with_the_length_scale():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from tiers import tiered
 
 import pinsing
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
@@ -166,6 +167,18 @@ class TestNames:
         names = posture_names(pinsing.nominal(arm), np.array(found))
         assert len(found) >= 4
         assert len(set(names)) == len(found)
+
+    @pytest.mark.parametrize("name", tiered(["ur5", "puma560", "kinova", "z1"], ("ur5",)))
+    def test_they_change_at_singular_configurations_alone(self, name):
+        """One name for each aspect, wherever in it."""
+        arm = pinsing.load(name)
+        form = pinsing.closed_form(arm)
+        found = pinsing.aspects(form, limits=False)
+        Q = arm.space.sample(200, np.random.default_rng(4), True)
+        pairs = {
+            (found.of(q), said) for q, said in zip(Q, posture_names(form.geometry, Q), strict=True)
+        }
+        assert len({number for number, _ in pairs}) == len({n for _, n in pairs}) == len(pairs) == 8
 
     def test_aspects_have_them_in_text_and_json(self):
         form = pinsing.closed_form(pinsing.load("puma560"))

@@ -145,6 +145,23 @@ class TestPage:
         lines = Page(60).paragraph("\u6a5f\u68b0 " * 40).splitlines()
         assert max(map(columns, lines)) <= 60
 
+    def test_finished_lines_are_wrapped_under_their_beginning(self):
+        text = (
+            "  12  one two three four five\n      --q 1,2,3 and so on and on\n"
+            "SINGULAR: one two three\nshort"
+        )
+        assert Page(28).fitted(text).split("\n") == [
+            "  12  one two three four",
+            "      five",
+            "      --q 1,2,3 and so on and on",
+            "SINGULAR: one two three",
+            "short",
+        ]
+        assert "\n  three" in Page(22).fitted(text)
+        painted = Page(28, colour=True).fitted(text)
+        assert "\x1b[1;31mSINGULAR\x1b[0m: one" in painted
+        assert ANSI.sub("", painted) == Page(28).fitted(text)
+
     def test_fields(self):
         text = Page(60).fields([("a", "x"), ("long", ("y " * 40, caution("z")))])
         assert text.splitlines()[0] == "a     x"
@@ -194,6 +211,7 @@ COMMANDS = [
     ("sweep", "panda", "--levels", "1"),
     ("map", "ur5", "--count", "1000"),
     ("list", "talos"),
+    ("suggest", "scara"),
 ]
 
 

@@ -150,7 +150,7 @@ def _families(arm) -> list[Row]:
             Row(
                 f"Singular configuration {text}",
                 "singular",
-                f"singular (σ ratio {tiny(worst)}), but so is {minimal} ({tiny(less_worst)})",
+                f"singular (σ_min/σ_max {tiny(worst)}), but so is {minimal} ({tiny(less_worst)})",
                 INCOMPLETE if holds and less else DIFFERS,
                 "Not minimal: 300 random values of the other joints.",
             )
@@ -174,7 +174,7 @@ def _families(arm) -> list[Row]:
         Row(
             "q5 = ±π/2 and sin q6 = -1/5; q2 = 0, ±π, q5 = ±π/2 and sin q4 = -1/2",
             "(not found)",
-            f"singular: σ ratio {tiny(ratio)} and {tiny(other)}",
+            f"singular: σ_min/σ_max {tiny(ratio)} and {tiny(other)}",
             INCOMPLETE if max(ratio, other) < SINGULAR_RTOL else DIFFERS,
             "Checked at configurations with the other joints at 0.7 rad.",
         )

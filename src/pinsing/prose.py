@@ -65,6 +65,15 @@ def verdict(status: str, text: str = "") -> Span:
     return {"singular": alarm(text), "near-singular": caution(text)}.get(status, text)
 
 
+_LOUD: dict[str, Span] = {
+    "SINGULAR": alarm("SINGULAR"),
+    "NOT DECIDED": caution("NOT DECIDED"),
+    "NOT complete": caution("NOT complete"),
+}
+_LOUD_WORDS = re.compile(rf"\b({'|'.join(_LOUD)})\b")
+_HEAD = re.compile(r" *(?:\d+  )?")  # an indent, and the number in a list
+
+
 def unbroken(text: str) -> str:
     """A text whose spaces are no places to break a line at."""
     return text.replace(" ", _KEPT)
@@ -206,6 +215,23 @@ class Page:
                     shown = kept
                 words[-1] = (words[-1][0] + shown, words[-1][1] + columns(kept))
         return [word for word in words if word[0]]
+
+    def fitted(self, text: str) -> str:
+        """Finished lines, the long ones wrapped under their beginning, with loud words in colour.
+
+        What is to be pasted, ``--q ...``, stays whole.
+        """
+        lines = []
+        for line in text.split("\n"):
+            head = _HEAD.match(line)
+            first = head[0] if head else ""
+            spans = [_LOUD.get(piece, piece) for piece in _LOUD_WORDS.split(line[len(first) :])]
+            if columns(safe(line)) <= self.width or line.lstrip().startswith("--"):
+                lines.append(first + "".join(map(self.paint, spans)))
+            else:
+                rest = " " * (columns(first) + (0 if first.strip() else 2))
+                lines.append(self.paragraph(*spans, first=first, rest=rest))
+        return "\n".join(lines)
 
     def fields(self, pairs: Iterable[tuple[str, Span | Sequence[Span]]], label: int = 0) -> str:
         """Aligned ``label  text`` lines, long text wrapped under itself.

@@ -12,7 +12,7 @@ import click
 
 from pinsing.cli.figure import check_figure, off_screen, save_figure
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
-from pinsing.cli.output import OutputFile, emit, emit_json, say
+from pinsing.cli.output import OutputFile, emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
 from pinsing.cli.serving import serve
 from pinsing.errors import OptionError
@@ -144,7 +144,7 @@ def check_command(
         axes: Any = clearance_along(form, read.Q, read.t, families=families or None)
         save_figure(axes.figure, plot, bbox_inches="tight")
     if not emit_json(check, json_target):
-        emit(summary(check, deg) + "\n\n" + details(check, deg))
+        emit_lines(summary(check, deg) + "\n\n" + details(check, deg))
     if view or html is not None:
         _show(arm, form.families, read.Q, html, view, no_open)
     return int(fail is not None and not check.clearance > fail)

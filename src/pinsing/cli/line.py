@@ -18,7 +18,7 @@ from pinsing.cli.options import (
     json_option,
     parse_numbers,
 )
-from pinsing.cli.output import emit, emit_json
+from pinsing.cli.output import emit_json, emit_lines
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def line_command(
     if line.outcome != "reached":
         line = replace(line, postures=line_postures(arm, start, pose, forms=form))
     if not emit_json(line, json_target):
-        emit(_text(line, deg))
+        emit_lines(_text(line, deg))
     met = line.outcome == "singular" or bool(line.crossings)
     return int(fail_if_singular and met)
 

@@ -34,6 +34,11 @@ def emit(text: str) -> None:
     print(safe(text, painted=shows_colour(sys.stdout)))
 
 
+def emit_lines(text: str) -> None:
+    """Print a result that is finished text, wrapped to the width of the terminal."""
+    emit(Page.of().fitted(text))
+
+
 def say(text: str) -> None:
     """Print a message that is no result."""
     _tell(f"pinsing: {visible(text)}")

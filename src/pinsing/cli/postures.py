@@ -14,7 +14,7 @@ from pinsing.cli.options import (
     json_option,
     parse_numbers,
 )
-from pinsing.cli.output import emit, emit_json
+from pinsing.cli.output import emit_json, emit_lines
 
 _ignore_limits = click.option(
     "--ignore-limits", is_flag=True, help="Joints turn endlessly instead of ending at limits."
@@ -41,7 +41,7 @@ def aspects_command(
 
     found = aspects(closed_form(arm, prove=True), limits=not ignore_limits)
     if not emit_json(found, json_target):
-        emit(found.text(deg))
+        emit_lines(found.text(deg))
 
 
 @click.command("postures", short_help="The other postures of a pose, and ways to them.")
@@ -81,7 +81,7 @@ def postures_command(
         limits=not ignore_limits,
     )
     if not emit_json(found, json_target):
-        emit(found.text(deg))
+        emit_lines(found.text(deg))
 
 
 @click.command("cuspidal", short_help="Whether the arm changes posture without a singularity.")
@@ -112,4 +112,4 @@ def cuspidal_command(
 
     found = cuspidality(arm, forms=closed_form(arm, prove=True), poses=poses, seed=seed)
     if not emit_json(found, json_target):
-        emit(found.text(deg))
+        emit_lines(found.text(deg))

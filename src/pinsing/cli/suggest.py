@@ -15,7 +15,7 @@ from pinsing.cli.options import (
     json_option,
     parse_numbers,
 )
-from pinsing.cli.output import emit, emit_json
+from pinsing.cli.output import emit_json, emit_lines
 from pinsing.errors import OptionError
 
 
@@ -70,4 +70,4 @@ def suggest_command(
         seed=seed,
     )
     if not emit_json(found, json_target):
-        emit(found.text(deg))
+        emit_lines(found.text(deg))

@@ -286,10 +286,11 @@ class _Words:
             line = one_line(self.axes, ids, self.tol, self.nearly)
         # Beside the line, or the whole, only small sets are worth naming.
         most = 2 if self.task != "pose" else 6 if line is None else 4
-        said = [self._one(part) for part in _merged(parts) if len(part) <= most]
+        named = [part for part in _merged(parts) if len(part) <= most]
+        said = [self._one(part) for part in named]
         if line is not None:
-            said = [words for words in said if "linearly dependent" not in words]
-            said.append(line)
+            plain = {dependent(part, self.nearly) for part in named}  # the line says more
+            said = [*(words for words in said if words not in plain), line]
         elif self.task in ("position", "orientation") and not self.coupled:
             said.append(self._one(ids))
         else:
@@ -317,7 +318,7 @@ class _Words:
         rows = ", ".join(task.row_names)
         if len(ids) == 1:
             return f"joint {ids[0] + 1} moves {self.nearly}none of the rows {rows}"
-        return f"{dependent(ids, self.nearly)} in the rows {rows}"
+        return dependent(ids, self.nearly, rows, "at zero")
 
     def _as_twists(self, ids: tuple[int, ...]) -> bool:
         """Whether the whole twists are dependent, and not the chosen rows alone."""

@@ -155,9 +155,11 @@ def _counted(one: str, many: str, ids: Sequence[int]) -> str:
     return f"{one if len(ids) == 1 else many} {numbers(ids)}"
 
 
-def dependent(ids: Sequence[int], nearly: str = "") -> str:
-    """Say no more than that these columns are linearly dependent."""
-    return f"the axes of {joints_of(ids)} are {nearly}linearly dependent"
+def dependent(
+    ids: Sequence[int], nearly: str = "", who: str = "the tip", how: str = "at rest"
+) -> str:
+    """Say no more than what it means that columns are linearly dependent."""
+    return f"{joints_of(ids)} can move together with {who} {nearly}{how}"
 
 
 def pose_reason(

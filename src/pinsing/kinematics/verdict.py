@@ -207,7 +207,7 @@ def _is_full(exact: Arm) -> bool:
 
 def _sampled_rank(exact: Arm) -> int:
     """The same of an arm with mimic joints, by floats: these may follow by any multiple."""
-    # Whole circles, not the limits: a joint that hardly moves still has a generic rank.
+    # Whole circles, not the limits: an arm whose limits are narrow has a generic rank too.
     Q = random_turns(exact, _RANK_SAMPLES)
     J = batch(exact).frame_jacobians(Q)
     scale = own_scale(exact)

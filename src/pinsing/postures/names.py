@@ -7,8 +7,9 @@ whose second axis is at right angles to the first, with a point C that is known 
 - *shoulder left*, *right*: seen from the first axis towards C, the plane in which the arm moves
   passes on the left, or on the right. Where it passes through the first axis, *front* means that
   C is on the side where axis 2 is, or else where C is with all joints at zero.
-- *elbow up*, *down*: axis 3 is above, or below, the line from axis 2 to C while C is ahead. Above
-  is where the first axis points, turned to the upper half of the base. Axes 2 and 3 are parallel.
+- *elbow up*, *down*: axis 3 is above, or below, the line from axis 2 to C (to axis 4 where that is
+  parallel to both, as of a UR5) while C is ahead. Above is where the first axis points, turned to
+  the upper half of the base. Axes 2 and 3 are parallel.
 - *wrist no-flip*, *flip*: joint 5 turns axis 6 away from axis 4 by 0 to 180 degrees, or by 180 to
   360 degrees, counted from where axes 4 and 6 are nearest to having one direction.
 
@@ -91,7 +92,9 @@ def _seen(ladder: Ladder, Q: Array) -> tuple[Array, Array, Array, Array]:
     ahead = np.cross(up, across)
     C = p[:, place] + height * R[:, place, :, 2] - p[:, 0]
     shoulder, elbow = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-    bend = np.cross(C - shoulder, elbow - shoulder)
+    # Where axis 4 is parallel too, the bend of the links between these three tells the postures.
+    end = p[:, 3] - p[:, 0] if chain.parallel(1) and chain.parallel(2) else C
+    bend = np.cross(end - shoulder, elbow - shoulder)
     return tuple(
         (a * b).sum(axis=1) for a, b in ((ahead, C), (across, C), (ahead, shoulder), (across, bend))
     )

@@ -18,7 +18,7 @@ export function reasons(dependent, family, J, task, tol, nearly = "") {
   if (told && !told.includes(COMPLEX)) return [told];
   return dependent.map((ids) => ids.length === 1 ? `joint ${ids[0] + 1} does not move the task`
     : (task.rows.length === 6 && commonWrench(J, ids, tol, nearly))
-      || `the axes of joints ${list(ids)} are ${nearly}linearly dependent`);
+      || `joints ${list(ids)} can move together with the ${task.rows.length === 6 ? "tip" : "task"} ${nearly}at rest`);
 }
 
 function commonWrench(J, ids, tol, nearly) {
