@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import compileall
+import gc
 import os
 import signal
 import sys
@@ -33,7 +35,18 @@ sys.dont_write_bytecode = False
 
 
 def pytest_collection_finish() -> None:
+    """What tests start reads compiled modules, also where the environment forbids to keep any."""
+    import pinsing
+
+    compileall.compile_dir(Path(pinsing.__file__).parent, quiet=2)
     sys.dont_write_bytecode = _WRITES_NOTHING
+    # What has been collected stays to the end: no search for garbage need look through it.
+    gc.collect()
+    gc.freeze()
+
+
+def pytest_sessionfinish() -> None:
+    gc.unfreeze()
 
 
 # A shell that runs the tests in the background has them, and all they start, ignore Ctrl-C.

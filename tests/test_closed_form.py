@@ -431,12 +431,12 @@ def check_random(seed: int, kind: str, task: str = "pose", joints: int | None = 
     return form.complete or form.generic_rank < 6
 
 
-@pytest.mark.parametrize("seed", range(16))
+@pytest.mark.parametrize("seed", tiered(range(16), {*range(16)} - {4}))
 def test_random_arms(seed: int) -> None:
     assert check_random(500 + seed, ("right", "tilted", "turned", "right")[seed % 4])
 
 
-@pytest.mark.parametrize("seed", range(8))
+@pytest.mark.parametrize("seed", tiered(range(8), {*range(8)} - {5}))
 def test_random_tasks(seed: int) -> None:
     check_random(700 + seed, "right", TASKS[seed % len(TASKS)], joints=2 + seed % 3)
 

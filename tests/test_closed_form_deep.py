@@ -51,7 +51,7 @@ def test_positions_are_complete(name):
     check_families(arm, form, 12 * len(form.families))
 
 
-@pytest.mark.parametrize("name", POSITIONS)
+@pytest.mark.parametrize("name", tiered(POSITIONS, ("ur5", "irb1400")))
 def test_searches_by_position_find_nothing_else(name):
     arm, form = position(name)
     assert check_search(arm, form, 60) >= 50

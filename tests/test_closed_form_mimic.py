@@ -174,6 +174,7 @@ def test_an_offset_is_exact_or_said(tmp_path):
     assert all(s.size < 1e-11 for s in snaps)
 
 
+@pytest.mark.slow
 def test_a_gripper_of_pr2_with_its_arm():
     """Two fingers' worth of joints that turn together, at the end of seven."""
     arm = load("pr2", tip="l_gripper_l_finger_tip_link", base="torso_lift_link")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from singular_sets import ROBOTS, arm_of, check_families, check_search, closed, drop
+from tiers import tiered
 
 from pinsing.families import closed_form
 from pinsing.geometry.nominal import nominal
@@ -12,9 +13,12 @@ from pinsing.geometry.nominal import nominal
 TEXTBOOK = {"stanford", "puma560", "irb1400", "iiwa14", "surgical7", "planar3r", "scara"}
 SYSTEMS = {"baxter", "g1", "tiago_pro"}
 """Arms of which one family stays a system of several equations."""
+LONG = {"baxter", "g1", "tiago", "so101"}
+"""Arms whose closed forms take a second and more: looked at in the slow tier."""
+QUICK = set(ROBOTS) - LONG
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", tiered(ROBOTS, QUICK))
 def test_complete_in_time(name: str) -> None:
     form = closed(name)
     assert form.complete, form.gaps
@@ -32,17 +36,17 @@ def test_speed(name: str) -> None:
     assert best < 3 * limit  # three times: other programs may run on this machine
 
 
-@pytest.mark.parametrize("name", sorted(set(ROBOTS) - SYSTEMS))
+@pytest.mark.parametrize("name", tiered(sorted(set(ROBOTS) - SYSTEMS), QUICK - SYSTEMS))
 def test_points_are_singular(name: str) -> None:
     check_families(arm_of(name), closed(name), 60)
 
 
-@pytest.mark.parametrize("name", sorted(SYSTEMS))
+@pytest.mark.parametrize("name", tiered(sorted(SYSTEMS), SYSTEMS - LONG))
 def test_points_of_systems_are_singular(name: str) -> None:
     check_families(arm_of(name), closed(name), 12)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", tiered(ROBOTS, QUICK))
 def test_search_finds_nothing_else(name: str) -> None:
     assert check_search(arm_of(name), closed(name), 60) >= 50
 
@@ -59,7 +63,7 @@ def test_three_hundred_searches_find_nothing_else(name: str) -> None:
     assert check_search(arm_of(name), closed(name), 320, seed=3) >= 300
 
 
-@pytest.mark.parametrize("name", sorted(set(ROBOTS) - SYSTEMS))
+@pytest.mark.parametrize("name", tiered(sorted(set(ROBOTS) - SYSTEMS), QUICK - SYSTEMS))
 def test_near_misses_are_regular(name: str) -> None:
     """A random step of 0.05 leaves the singular set, but by rare chance."""
     arm, form = arm_of(name), closed(name)
@@ -77,7 +81,9 @@ def test_near_misses_are_regular(name: str) -> None:
         assert not family.contains(moved[regular], 1e-9).any(), family
 
 
-@pytest.mark.parametrize("name", ["xarm7", "icub_left", "so101", "g1"])
+@pytest.mark.parametrize(
+    "name", tiered(["xarm7", "icub_left", "so101", "g1"], ("xarm7", "icub_left"))
+)
 def test_raw_ratio_is_told_where_the_file_is_not_exact(name: str) -> None:
     form = closed(name)
     assert form.snaps
@@ -92,7 +98,7 @@ def test_exact_files_need_no_words(name: str) -> None:
     assert all(f.raw_ratio is None for f in closed(name).families)
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", tiered(ROBOTS, QUICK))
 def test_rank_and_words_at_the_generic_point(name: str) -> None:
     form = closed(name)
     for family in form.families:
@@ -106,7 +112,7 @@ def test_rank_and_words_at_the_generic_point(name: str) -> None:
         assert 1 <= family.codimension <= arm_of(name).n
 
 
-@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("name", tiered(ROBOTS, QUICK))
 def test_no_family_lies_in_another(name: str) -> None:
     rng = np.random.default_rng(6)
     families = closed(name).families

@@ -5,8 +5,10 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
+import runpy
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import dh_reference as reference
@@ -488,18 +490,39 @@ def test_unreadable_files(tmp_path: Path) -> None:
 # --- the script ----------------------------------------------------------------------------------
 
 
-def run_generate(*arguments: str) -> subprocess.CompletedProcess[str]:
-    return subprocess.run(
-        [sys.executable, str(GENERATE), *arguments], capture_output=True, text=True, check=False
-    )
-
-
 def test_shipped_urdfs_are_fresh() -> None:
-    result = run_generate("--check")
+    result = subprocess.run(
+        [sys.executable, str(GENERATE), "--check"], capture_output=True, text=True, check=False
+    )
     assert (result.returncode, result.stdout) == (0, ""), result.stderr
 
 
-def test_check_lists_what_differs(tmp_path: Path) -> None:
+@dataclasses.dataclass(frozen=True)
+class Ended:
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def run_generate(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> Callable[..., Ended]:
+    """The script in this process, which has imported what it needs; as by itself above."""
+    monkeypatch.syspath_prepend(str(GENERATE.parent))
+
+    def run(*arguments: str) -> Ended:
+        monkeypatch.setattr(sys, "argv", [str(GENERATE), *arguments])
+        capsys.readouterr()
+        with pytest.raises(SystemExit) as ended:
+            runpy.run_path(str(GENERATE), run_name="__main__")
+        said = capsys.readouterr()
+        return Ended(int(ended.value.code or 0), said.out, said.err)
+
+    return run
+
+
+def test_check_lists_what_differs(tmp_path: Path, run_generate: Callable[..., Ended]) -> None:
     for name in ("planar3r", "scara"):
         (tmp_path / f"{name}.dh.yaml").write_text(table_path(name).read_text())
     folder = ("--folder", str(tmp_path))
@@ -517,7 +540,7 @@ def test_check_lists_what_differs(tmp_path: Path) -> None:
     assert "planar3r" not in stale.stdout
 
 
-def test_generate_says_what_is_wrong(tmp_path: Path) -> None:
+def test_generate_says_what_is_wrong(tmp_path: Path, run_generate: Callable[..., Ended]) -> None:
     nothing = run_generate("--folder", str(tmp_path))
     assert nothing.returncode == 2
     assert "no *.dh.yaml" in nothing.stderr

@@ -21,6 +21,7 @@ import arms
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
@@ -309,7 +310,7 @@ def test_killed_at_many_moments(tmp_path: Path, seed: int) -> None:
     assert (tmp_path / "run" / "result.json").read_text() == result.to_json() + "\n"
 
 
-@pytest.mark.parametrize("where", ["--threads", "--workers"])
+@pytest.mark.parametrize("where", tiered(["--threads", "--workers"], ("--threads",)))
 def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
     out = tmp_path / "run"
     words = ["map", "ur5", "--count", "1e9", "--out", str(out), "--chunk", "65536", where, "2"]

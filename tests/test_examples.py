@@ -5,7 +5,7 @@ from __future__ import annotations
 import doctest
 import inspect
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
@@ -36,7 +36,7 @@ PLUMBING = {
 ELSEWHERE = {"Viewer.jupyter_cell", "Viewer.open", "Viewer.save_png"}
 
 # These take seconds each.
-LONG = {"Aspects.of", "aspects", "connect"}
+LONG = {"Aspects.of", "aspects", "connect", "posture_changes"}
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
@@ -116,11 +116,30 @@ def described(doc: str) -> dict[str, str]:
     return {name: " ".join(words) for name, words in found.items()}
 
 
+def of_each(names: Iterable[str]) -> Callable[[Callable[..., None]], Callable[..., None]]:
+    """One test that looks at every name, and tells of all that fail; or at the one given."""
+
+    def decorate(check: Callable[[str], None]) -> Callable[..., None]:
+        def test(one: str = "") -> None:
+            wrong = []
+            for name in [one] if one else names:
+                try:
+                    check(name)
+                except AssertionError as error:
+                    wrong.append(str(error).partition("\nassert")[0])
+            assert not wrong, "\n".join(wrong)
+
+        test.__name__, test.__doc__ = check.__name__, check.__doc__
+        return test
+
+    return decorate
+
+
 def examples(p: Public) -> list[doctest.Example]:
     return doctest.DocTestParser().get_examples(p.doc, p.name)
 
 
-@pytest.mark.parametrize("name", sorted(PUBLIC))
+@of_each(sorted(PUBLIC))
 def test_every_argument_is_described(name):
     p = PUBLIC[name]
     if name == "PinsingError":
@@ -142,7 +161,7 @@ def referred(name: str, words: str) -> Public | None:
     return PUBLIC.get(here) or PUBLIC[found[1]]
 
 
-@pytest.mark.parametrize("name", sorted(set(PUBLIC) - CLASSES))
+@of_each(sorted(set(PUBLIC) - CLASSES))
 def test_references_lead_to_a_description(name):
     for argument, words in described(PUBLIC[name].doc).items():
         there = referred(name, words)
@@ -152,13 +171,13 @@ def test_references_lead_to_a_description(name):
             assert referred(there.name, found) is not PUBLIC[name], f"{name}: {argument}: a circle"
 
 
-@pytest.mark.parametrize("name", [n for n in SHOWN if "." not in n.removeprefix("plot.")])
+@of_each([n for n in SHOWN if "." not in n.removeprefix("plot.")])
 def test_every_function_says_what_it_returns(name):
     assert section(PUBLIC[name].doc, "Returns"), f"{name}: no section Returns"
     assert section(PUBLIC[name].doc, "Raises"), f"{name}: no section Raises"
 
 
-@pytest.mark.parametrize("name", SHOWN)
+@of_each(SHOWN)
 def test_every_function_has_an_example(name):
     lines = section(PUBLIC[name].doc, "Examples")
     assert lines, f"{name}: the docstring has no section Examples"

@@ -164,6 +164,7 @@ def test_valleys_without_a_singularity():
     assert ends[1] < 0.05
 
 
+@pytest.mark.slow
 def test_random_starts_add_nothing_that_the_sweep_has_missed():
     arm = arms.textbook("surgical7")
     result = sweep(arm)

@@ -49,10 +49,10 @@ def test_broken_files_end_in_a_result_or_in_one_clear_line(fuzz):
 @pytest.mark.parametrize(
     ("kind", "count"),
     [
-        ("expression", 300),
-        ("result", 40),
+        ("expression", 100),
+        ("result", 15),
         ("certificate", 40),
-        ("message", 40),
+        ("message", 20),
         ("table", 20),
         *(
             pytest.param(*case, marks=pytest.mark.slow)

@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pinocchio as pin
 import pytest
+from tiers import tiered
 
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.geometry.nominal import nominal
@@ -259,7 +260,7 @@ def test_rank_of_the_pose_depends_on_neither_tip_nor_scale(rng):
     assert len(values) == 4
 
 
-@pytest.mark.parametrize("robot", ["panda", "kinova"])
+@pytest.mark.parametrize("robot", tiered(["panda", "kinova"], ("kinova",)))
 def test_threads_may_share_an_arm(robot, rng):
     arm = load(robot)
     batches = [draw(arm, rng, 50) for _ in range(16)]

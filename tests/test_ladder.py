@@ -63,9 +63,12 @@ POSITION = {
 }
 
 
-@pytest.mark.parametrize("rows", POSITION.values(), ids=POSITION)
-def test_no_two_solutions_of_a_point_agree_in_all_signs(tmp_path, rows):
+@pytest.mark.parametrize(
+    "name", tiered(POSITION, ("first axes cross", "orthogonal, no offset", "a slide, offset"))
+)
+def test_no_two_solutions_of_a_point_agree_in_all_signs(tmp_path, name):
     """The theorem, at random points; with the product of the values against det J."""
+    rows = POSITION[name]
     arm = table(tmp_path, rows)
     ladder = ladder_of(pinsing.nominal(arm))
     assert ladder is not None

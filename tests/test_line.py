@@ -43,6 +43,7 @@ def check_path(arm: Arm, line: LineCheck, q: Array, target: Array) -> None:
     assert np.abs(np.diff(line.q, axis=0)).max() < 0.3
 
 
+@pytest.mark.slow
 def test_lines_of_a_ur5_end_where_the_quadratic_says() -> None:
     arm, form = arm_of("ur5"), closed("ur5")
     on = form.families[2].points(20, np.random.default_rng(0))
@@ -78,6 +79,7 @@ def test_lines_of_a_ur5_end_where_the_quadratic_says() -> None:
     assert ends[""] <= 1
 
 
+@pytest.mark.slow
 def test_speeds_along_a_line() -> None:
     arm, form = arm_of("ur5"), closed("ur5")
     rng = np.random.default_rng(2)

@@ -654,7 +654,7 @@ def test_refine_finds_where_both_types_meet():
     mechanism = shipped("five_bar")
     found = [
         refine(mechanism, p.q, "type 3")
-        for p in analyze_mechanism(mechanism).points
+        for p in analyzed("five_bar").points
         if p.kind in ("type 1", "type 2")
     ]
     both = [p for p in found if p.converged]
@@ -678,7 +678,7 @@ def test_refine_does_not_pretend():
 
 
 def test_analysis_prints_and_survives_json():
-    found = analyze_mechanism(shipped("five_bar"))
+    found = analyzed("five_bar")
     text = str(found)
     for piece in (
         "2 degrees of freedom",

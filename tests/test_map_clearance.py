@@ -69,6 +69,7 @@ def test_a_map_of_the_clearance_goes_on_in_its_folder(tmp_path: Path) -> None:
         sigma_map(arm, count=5 * BLOCK, chunk=1, out=tmp_path / "run")
 
 
+@pytest.mark.slow
 def test_a_map_of_the_clearance_in_processes_has_the_same_bits() -> None:
     arm = arms.textbook("stanford")
     options: dict[str, object] = {"measure": "clearance", "count": 3 * BLOCK, "chunk": 1}

@@ -27,9 +27,17 @@ NAMES = ["five_bar", "four_bar", "planar_3rrr"]
 FIRST = ["five_bar", *(pytest.param(name, marks=pytest.mark.slow) for name in NAMES[1:])]
 
 
+class Viewers(dict[str, MechanismViewer]):
+    """A viewer of each mechanism, opened when first asked for."""
+
+    def __missing__(self, name: str) -> MechanismViewer:
+        self[name] = MechanismViewer(shipped(name), analyzed(name))
+        return self[name]
+
+
 @pytest.fixture(scope="module")
 def viewers() -> Iterator[dict[str, MechanismViewer]]:
-    opened = {name: MechanismViewer(shipped(name), analyzed(name)) for name in NAMES}
+    opened = Viewers()
     yield opened
     for viewer in opened.values():
         viewer.close()
@@ -108,6 +116,7 @@ def test_the_page_loads_and_shows_a_mechanism(
     assert np.abs(np.array(where)[:, :2]).max() < 1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [FIRST[0], FIRST[2]])
 def test_a_slider_moves_the_mechanism_and_the_readings(
     page: Any, viewers: dict[str, MechanismViewer], name: str
@@ -140,6 +149,7 @@ def test_a_slider_moves_the_mechanism_and_the_readings(
     assert "is nearest" in text(page, "#nearest")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIRST)
 def test_clicking_a_singular_pose_tells_its_type(
     page: Any, viewers: dict[str, MechanismViewer], name: str

@@ -148,7 +148,7 @@ def agree(name: str, count: int) -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
 def test_what_is_shown_is_what_python_says(name: str) -> None:
     """Lost and free motions in words, joints to blame, ellipses; at each singular point."""
     mechanism = shipped(name)
@@ -231,7 +231,7 @@ def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> N
 
 
 @needs_node
-@pytest.mark.parametrize("name", tiered(EVERY, FEW))
+@pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
 def test_driving_follows_the_same_mode_as_far(name: str) -> None:
     mechanism = mechanism_of(name)
     rng = np.random.default_rng(4)
@@ -255,7 +255,7 @@ def test_driving_follows_the_same_mode_as_far(name: str) -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", tiered(EVERY, FEW))
+@pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
 def test_ranges_and_singular_poses_on_the_way_agree(name: str) -> None:
     mechanism = mechanism_of(name)
     q = home(mechanism)
@@ -357,7 +357,7 @@ def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
+@pytest.mark.parametrize("name", tiered(SHIPPED, ("four_bar",)))
 def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
     mechanism = shipped(name)
     listed = groups(mechanism, analyzed(name))
@@ -403,7 +403,7 @@ def test_open_loops_are_not_shown_as_closed() -> None:
 
 
 @needs_node
-@pytest.mark.parametrize("name", tiered(EVERY, FEW))
+@pytest.mark.parametrize("name", tiered(EVERY, FEW[1:]))
 def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     mechanism = mechanism_of(name)
     found = run("(m, data) => m.healthiestPose(data, 120)", data_of(mechanism))

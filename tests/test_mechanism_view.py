@@ -63,6 +63,7 @@ def test_points_are_listed_by_locus_and_none_is_forgotten() -> None:
         assert all(group.text.startswith(p.kind) for p in group.points)
 
 
+@pytest.mark.slow
 def test_points_without_closed_forms_are_listed_by_what_is_in_line() -> None:
     mechanism = shipped("planar_3rrr")
     listed = groups(mechanism, analyzed("planar_3rrr"))

@@ -7,12 +7,12 @@ import resource
 import struct
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 import pytest
+from processor import processor_seconds
 from tiers import tiered
 from urdf_texts import LIMIT, joint
 
@@ -97,16 +97,20 @@ def robot_with(*names: str, scale: str = "1 1 1") -> str:
     return ROBOT.format(links + joint("j1", "a", "b") + end)
 
 
-@pytest.mark.parametrize("name", BAD)
-def test_a_mesh_that_fails_is_named_and_the_others_are_read(name, tmp_path):
-    paths = [tmp_path / "first.stl", tmp_path / name, tmp_path / "last.ply"]
-    for path, content in zip(paths, (GOOD, BAD[name], PLY), strict=True):
+@pytest.mark.parametrize("names", [BAD, *(pytest.param([n], marks=pytest.mark.slow) for n in BAD)])
+def test_meshes_that_fail_are_named_and_the_others_are_read(names, tmp_path):
+    """One in bad company, and all of them in one reading."""
+    contents = {"first.stl": GOOD, **{name: BAD[name] for name in names}, "last.ply": PLY}
+    paths = [tmp_path / name for name in contents]
+    for path, content in zip(paths, contents.values(), strict=True):
         path.write_bytes(content)
-    first, bad, last = read_meshes(paths).values()
+    first, *failed, last = read_meshes(paths).values()
     assert isinstance(first, Mesh)
-    assert isinstance(bad, str)
-    assert bad
-    assert "\n" not in bad
+    assert len(failed) == len(names)
+    for bad in failed:
+        assert isinstance(bad, str)
+        assert bad
+        assert "\n" not in bad
     assert isinstance(last, Mesh)
     np.testing.assert_array_equal(last.vertices, [[0, 0, 0], [1, 0, 0], [0, 2, 0]])
     np.testing.assert_array_equal(last.faces, [[0, 1, 2]])
@@ -123,9 +127,9 @@ def test_a_good_file_of_the_bombs_format_is_read(tmp_path):
 def test_a_bomb_costs_little(tmp_path):
     path = tmp_path / "a.glb"
     path.write_bytes(BOMB)
-    start = time.monotonic()
+    before = processor_seconds()
     assert isinstance(read_meshes([path])[path], str)
-    assert time.monotonic() - start < 10
+    assert processor_seconds() - before < 10
     # Never the 4.3 GiB that it asks for.
     assert resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss * 1024 < 2.2 * 2**30
 

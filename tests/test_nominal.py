@@ -538,6 +538,7 @@ def test_any_chain_is_within_its_stated_bound(make_model, chain, seed):
     assert exact.jacobian_change < 0.2  # six joints off by 2e-3 each, a few metres of reach
 
 
+@pytest.mark.slow
 @given(chains(), st.integers(0, 2**32 - 1))
 def test_small_singular_values_move_by_no_more_than_the_bound(make_model, chain, seed):
     """Weyl: sigma moves by at most the norm of the change, sqrt(n) times that of a column."""

@@ -65,7 +65,7 @@ ODD = ("stanford at 3e8", "stanford vz,wx at 1e-3", "planar3r vx", "planar3r pos
 
 
 @needs_node
-@pytest.mark.parametrize("name", tiered(ARMS + ODD, ("ur5", "scara", "mimic", *ODD)))
+@pytest.mark.parametrize("name", tiered(ARMS + ODD, ("ur5", "mimic", *ODD[1:3])))
 def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) -> None:
     """Prismatic, continuous and mimic joints among them; singular configurations too."""
     arm = arm_of(name, tmp_path)
@@ -99,7 +99,7 @@ def test_frames_singular_values_and_verdicts_agree(name: str, tmp_path: Path) ->
 
 
 @needs_node
-@pytest.mark.parametrize("name", tiered(ARMS, ("ur5", "stanford", "mimic")))
+@pytest.mark.parametrize("name", tiered(ARMS, ("stanford", "mimic")))
 def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
     """Ellipsoids, lost motions in words, axes to blame, the nearest family."""
     arm = arm_of(name, tmp_path)

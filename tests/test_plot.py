@@ -474,14 +474,16 @@ def test_multiples_of_pi() -> None:
     ("words", "suffix"),
     [
         ("map puma560 --over q2,q3", "png"),
-        ("map scara --over q1,q2 --q 0,90,0.1,0 --deg", "svg"),
-        ("map puma560 --over q2,q3 --family F1", "png"),
-        ("locus puma560 --family F2 --each q4=0,60 --deg", "png"),
+        pytest.param("map scara --over q1,q2 --q 0,90,0.1,0 --deg", "svg", marks=pytest.mark.slow),
+        pytest.param("map puma560 --over q2,q3 --family F1", "png", marks=pytest.mark.slow),
+        pytest.param(
+            "locus puma560 --family F2 --each q4=0,60 --deg", "png", marks=pytest.mark.slow
+        ),
         ("curves scara", "pdf"),
-        ("curves stanford --fixed q4=0 --over q2,d3", "svg"),
+        pytest.param("curves stanford --fixed q4=0 --over q2,d3", "svg", marks=pytest.mark.slow),
         ("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png"),
         ("along scara --q 0,1,0.1,0 --q 0,-1,0.1,0", "svg"),
-        ("workspace planar3r --task position", "png"),
+        pytest.param("workspace planar3r --task position", "png", marks=pytest.mark.slow),
     ],
 )
 def test_the_command_writes_figures(tmp_path: Path, words: str, suffix: str) -> None:

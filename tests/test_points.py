@@ -39,6 +39,7 @@ def test_values_and_slopes(name, options, rng):
         assert np.abs(together.gradients(Q)[..., j] - difference).max() < 1e-8
 
 
+@pytest.mark.slow
 def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
     equations = system("g1", tip="left_rubber_hand", base="torso_link")
     e = equations[0]

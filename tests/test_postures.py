@@ -410,7 +410,7 @@ class TestCuspidality:
         [
             ((1, 2, 1.5, 1), "cuspidal", 2, 4),
             _slow((1, 2, 0.2, 1), "not cuspidal", 2, 2),
-            ((1, 2, 0.1, 1), "not cuspidal", 2, 2),
+            _slow((1, 2, 0.1, 1), "not cuspidal", 2, 2),
             ((1, 2, 1.5, 0), "not cuspidal", 4, 4),
         ],
     )

@@ -7,6 +7,7 @@ import warnings
 
 import numpy as np
 import pytest
+from tiers import tiered
 
 import pinsing
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
@@ -99,7 +100,7 @@ class TestInverseNextToTheWristSingularity:
 
 
 class TestInverseThatStalls:
-    @pytest.mark.parametrize("e", [3e-3, 1e-3, 1e-4])
+    @pytest.mark.parametrize("e", tiered([3e-3, 1e-3, 1e-4], (3e-3, 1e-4)))
     def test_reachable_is_not_called_out_of_reach(self, e):
         arm = arm_of("puma560")
         q = [0.3, 0.4, FOLDED + e, 0.2, 0.5, 0.1]
@@ -108,6 +109,7 @@ class TestInverseThatStalls:
         again = pinsing.inverse(arm, pose_of(arm, q), near=q)
         assert nearest(arm, again, q) < 1e-6
 
+    @pytest.mark.slow
     def test_postures_finds_its_own(self):
         arm = arm_of("puma560")
         q = [0.3, 0.4, FOLDED + 1e-3, 0.2, 0.5, 0.1]

@@ -387,6 +387,10 @@ CASES = [
     if parameter not in ("self", *call.free)
     if name in PUBLIC
 ]
+# Parameters of each function.
+OF: dict[str, list[str]] = {}
+for _name, _parameter in CASES:
+    OF.setdefault(_name, []).append(_parameter)
 
 
 def test_every_public_function_is_here():
@@ -419,25 +423,27 @@ def wrong(name: str, parameter: str, value: Any) -> PinsingError | None:
     return raised
 
 
-@pytest.mark.parametrize(("name", "parameter"), CASES)
-def test_what_never_fits_is_refused_by_name(name, parameter):
-    for what, value in NEVER.items():
-        error = wrong(name, parameter, value)
-        assert error is not None, what
-        assert parameter in str(error), (what, str(error))
+@pytest.mark.parametrize("name", OF)
+def test_what_never_fits_is_refused_by_name(name):
+    for parameter in OF[name]:
+        for what, value in NEVER.items():
+            error = wrong(name, parameter, value)
+            assert error is not None, (parameter, what)
+            assert parameter in str(error), (parameter, what, str(error))
 
 
-@pytest.mark.parametrize(("name", "parameter"), [c for c in CASES if not CALLS[c[0]].slow])
-def test_what_may_fit_is_taken_or_refused(name, parameter):
+@pytest.mark.parametrize("name", [name for name in OF if not CALLS[name].slow])
+def test_what_may_fit_is_taken_or_refused(name):
     import matplotlib.pyplot as plt
 
-    default = inspect.signature(PUBLIC[name]).parameters[parameter].default
-    for value in ODD.values():
-        if value is not default:
-            wrong(name, parameter, value)
-    for make in ONCE.values():
-        wrong(name, parameter, make())
-    plt.close("all")
+    for parameter in OF[name]:
+        default = inspect.signature(PUBLIC[name]).parameters[parameter].default
+        for value in ODD.values():
+            if value is not default:
+                wrong(name, parameter, value)
+        for make in ONCE.values():
+            wrong(name, parameter, make())
+        plt.close("all")
 
 
 MADE = {
@@ -449,10 +455,14 @@ MADE = {
 TAKERS = [case for case in CASES if case[1] in MADE]
 
 
-@pytest.mark.parametrize(("name", "parameter"), TAKERS)
 @pytest.mark.parametrize("value", ["ur5", None, 3.0, Unfit()], ids=repr)
-def test_what_belongs_there_is_told(name, parameter, value):
+def test_what_belongs_there_is_told(value):
     """A name, None or a number where an arm belongs: how to get one, and a TypeError too."""
+    for name, parameter in TAKERS:
+        told_what_belongs(name, parameter, value)
+
+
+def told_what_belongs(name, parameter, value):
     if value is None and inspect.signature(PUBLIC[name]).parameters[parameter].default is None:
         assert wrong(name, parameter, value) is None  # what may be left out may be None
         return

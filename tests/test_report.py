@@ -160,12 +160,22 @@ def test_the_data_in_it_are_results() -> None:
     assert data["versions"]["pinsing"] == pinsing.__version__
 
 
-def test_verdicts_are_those_of_at() -> None:
+BENT = np.array([0.3, 1.0, 0.4, 0.2, 0.9, 0.1])
+
+
+@functools.cache
+def stanford() -> tuple[str, Any]:
+    """Report of an arm that is singular at zero, and the form that it is of."""
     arm = textbook("stanford")
     form = pinsing.closed_form(arm)
-    given = {"bent": np.array([0.3, 1.0, 0.4, 0.2, 0.9, 0.1])}
-    html, page = arm_report(arm, form, given, False, None, True)
+    html, page = arm_report(arm, form, {"bent": BENT}, False, None, True)
     assert page is None
+    return html, form
+
+
+def test_verdicts_are_those_of_at() -> None:
+    arm, given = textbook("stanford"), {"bent": BENT}
+    html, form = stanford()
     states = {s["name"]: s for s in inside(html)["special"]}
     assert set(states) == {"zero, which is mid-range", "bent", "clearest found"}
     assert states["clearest found"]["clearance"]["lower"] > 0.4
@@ -177,7 +187,7 @@ def test_verdicts_are_those_of_at() -> None:
 
 def test_what_to_take_in_place_of_a_singular_zero() -> None:
     arm = textbook("stanford")
-    page = Outline(arm_report(arm, pinsing.closed_form(arm), {}, False, None, True)[0])
+    page = Outline(stanford()[0])
     said = re.search(r"The zero pose is singular.*?--deg --q ([-0-9.,e]+)", page.text)
     assert said
     q = np.array([float(x) for x in said[1].rstrip(".").split(",")])
@@ -230,6 +240,7 @@ def test_one_without_a_complete_answer_says_so() -> None:
     assert form.gaps[0].split("(")[0][:40] in words
 
 
+@pytest.mark.slow
 def test_a_mechanism(tmp_path: Path) -> None:
     file = tmp_path / "five.html"
     mechanism = pinsing.load_mechanism("five_bar")
@@ -269,6 +280,7 @@ def test_the_command_writes_one_file(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert frame["title"]
 
 
+@pytest.mark.slow
 def test_the_model_may_stand_beside(tmp_path: Path) -> None:
     arm = textbook("planar3r", task="position")
     write_report(arm, tmp_path / "r.html", page="beside", skeleton=True)
@@ -315,6 +327,7 @@ def test_without_a_browser_there_is_one_line_and_no_file(
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_browser_that_fails_leaves_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -335,6 +348,7 @@ def test_forms_of_another_arm_are_refused(tmp_path: Path) -> None:
         write_report(textbook("planar3r"), None)
 
 
+@pytest.mark.slow
 def test_the_same_twice() -> None:
     """But for the time that it took."""
     pages = [planar(), planar_again()]

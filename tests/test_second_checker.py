@@ -6,6 +6,7 @@ import copy
 
 import pytest
 from second_checker import second_verdict
+from tiers import tiered
 
 from pinsing import load
 from pinsing.families import closed_form
@@ -45,7 +46,10 @@ def first_verdict(text):
     return ""
 
 
-@pytest.mark.parametrize("name", [*ARMS, pytest.param("xarm7", marks=pytest.mark.slow)])
+LONG = {"so101", "panda", "iiwa14", "surgical7", "xarm7"}
+
+
+@pytest.mark.parametrize("name", tiered([*ARMS, "xarm7"], {*ARMS} - LONG))
 def test_both_accept(name):
     assert second_verdict(text_of(certificate(name))) == ""
 

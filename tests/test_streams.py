@@ -75,6 +75,7 @@ def test_a_file_is_whole_though_stdout_is_closed(tmp_path: Path) -> None:
     assert sorted(os.listdir(tmp_path)) == ["a.json", "b.json"]
 
 
+@pytest.mark.slow
 def test_a_stream_that_others_have_set_not_to_wait(tmp_path: Path) -> None:
     reader, writer = os.pipe()
     os.set_blocking(writer, False)

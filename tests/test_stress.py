@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 import pytest
+from tiers import tiered
 
 import pinsing
 from pinsing import Arm, analyze, at, closed_form, load, refine, singular_values, sweep
@@ -64,7 +65,7 @@ def test_threads_share_an_arm(robot):
 
 # Python 3.12 warns of any fork beside threads, which BLAS has.
 @pytest.mark.filterwarnings("ignore:.*multi-threaded, use of fork.*:DeprecationWarning")
-@pytest.mark.parametrize("method", ["spawn", "fork"])
+@pytest.mark.parametrize("method", tiered(["spawn", "fork"], ("fork",)))
 def test_processes_share_an_arm(method):
     arm = load("panda")
     alone = work(arm)

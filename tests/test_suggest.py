@@ -109,6 +109,7 @@ def test_forms_of_two_tasks_and_of_another_arm() -> None:
             pinsing.suggest(arm, forms=closed(other))
 
 
+@pytest.mark.slow
 def test_redundant_arms_and_several_equations() -> None:
     for name in ("surgical7", "panda"):
         found = pinsing.suggest(arm_of(name), forms=closed(name))

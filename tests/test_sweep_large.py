@@ -14,6 +14,7 @@ import arms
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tiers import tiered
 
 from pinsing.cli.app import command
 from pinsing.errors import OptionError, OutputError, ResultError
@@ -222,6 +223,7 @@ def test_candidates_are_where_they_say(surgical: SweepResult) -> None:
     np.testing.assert_array_equal(ratios(arms.textbook("surgical7"), Q), found.sigma_ratio)
 
 
+@pytest.mark.slow
 def test_the_same_however_it_is_cut(tmp_path: Path, surgical: SweepResult) -> None:
     arm, plan = arms.textbook("surgical7"), surgical.plan
     one = surgical.to_json()
@@ -284,6 +286,7 @@ def test_a_flat_curve_in_pieces_has_no_dips(monkeypatch: pytest.MonkeyPatch) -> 
     assert flat.isdisjoint(result.candidates.curve.tolist())
 
 
+@pytest.mark.slow
 def test_findings_do_not_need_the_curves(surgical: SweepResult) -> None:
     arm = arms.textbook("surgical7")
     bare = run_sweep(arm, surgical.plan, keep=False)
@@ -322,7 +325,7 @@ def test_curves_that_are_not_kept(tmp_path: Path) -> None:
         run_sweep(arm, plan, keep=True, out=tmp_path / "run")
 
 
-@pytest.mark.parametrize("piece", [32_768, 16])
+@pytest.mark.parametrize("piece", tiered([32_768, 16], (32_768,)))
 def test_curves_that_are_kept_on_disk(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, piece: int
 ) -> None:

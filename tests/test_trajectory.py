@@ -214,6 +214,7 @@ def test_files_of_all_kinds_read_alike(tmp_path: Path) -> None:
     np.testing.assert_allclose(degrees.Q, np.radians(Q))
 
 
+@pytest.mark.slow
 def test_a_long_file_is_read_whole(tmp_path: Path) -> None:
     arm = arm_of("ur5")
     Q = np.round(np.random.default_rng(0).uniform(-1, 1, (250_001, 6)), 3)

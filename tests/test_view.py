@@ -25,6 +25,7 @@ import pinocchio as pin
 import pytest
 import umsgpack
 from arms import planar, textbook, ur5
+from tiers import tiered
 
 from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
 from pinsing.families import closed_form
@@ -241,7 +242,7 @@ def test_the_scene_has_every_node_that_frames_place() -> None:
         assert f"/pinsing/lost/0/{part}" in paths
 
 
-@pytest.mark.parametrize("robot", ["ur5", "panda", "talos_arm"])
+@pytest.mark.parametrize("robot", tiered(["ur5", "panda", "talos_arm"], ("talos_arm",)))
 def test_links_stand_where_the_whole_robot_has_them(robot: str) -> None:
     arm = load(robot)
     links = read_links(arm)

@@ -54,6 +54,7 @@ def test_the_page_loads_and_shows_numbers(page: Any, stanford: Viewer) -> None:
     assert pixels.std() > 10  # something is drawn
 
 
+@pytest.mark.slow
 def test_clicking_a_family_moves_the_arm_and_changes_the_numbers(
     page: Any, stanford: Viewer
 ) -> None:
@@ -146,6 +147,7 @@ def test_along_a_family_the_arm_moves_and_stays_singular(page: Any, stanford: Vi
     page.wait_for_function("() => !window.pinsing.running")
 
 
+@pytest.mark.slow
 def test_sliders_move_the_arm_live(page: Any, stanford: Viewer) -> None:
     open_page(page, stanford.url)
     page.evaluate(
@@ -242,6 +244,7 @@ def test_a_robot_whose_meshes_are_missing_still_shows(page: Any, tmp_path: Path)
         assert (np.abs(picture(page) - bones).sum(axis=-1) > 30).mean() > 0.01
 
 
+@pytest.mark.slow
 def test_the_page_goes_on_when_the_program_has_ended(page: Any) -> None:
     viewer = Viewer(load("scara"), skeleton=True)
     open_page(page, viewer.url)
@@ -307,6 +310,7 @@ def test_a_mechanism_s_picture_is_taken(tmp_path: Path) -> None:
     assert out.read_bytes()[:4] == b"\x89PNG"
 
 
+@pytest.mark.slow
 def test_the_nearest_singular_pose_and_back(page: Any, static: Path) -> None:
     open_page(page, static.as_uri() + "#q=0.3,0.4,0.05,0.5")
     assert text(page, "#status") == "Regular"
@@ -349,6 +353,7 @@ def test_a_pose_is_taken_along(page: Any, static: Path) -> None:
     assert len(shot) > 10_000
 
 
+@pytest.mark.slow
 def test_a_trajectory_is_dropped_onto_the_page(page: Any, static: Path) -> None:
     arm = load("scara")
     open_page(page, static.as_uri())

@@ -13,3 +13,10 @@ def tiered(cases: Iterable[Any], quick: Collection[Any]) -> list[Any]:
     cases = list(cases)
     assert all(q in cases for q in quick)
     return [c if c in quick else pytest.param(c, marks=pytest.mark.slow) for c in cases]
+
+
+def tiered_rows(cases: Iterable[tuple[Any, ...]], quick: Collection[tuple[Any, ...]]) -> list[Any]:
+    """The same for cases of several arguments."""
+    cases = list(cases)
+    assert all(q in cases for q in quick)
+    return [c if c in quick else pytest.param(*c, marks=pytest.mark.slow) for c in cases]
