@@ -57,7 +57,7 @@ def test_searches_by_position_find_nothing_else(name):
     assert check_search(arm, form, 60) >= 50
 
 
-@pytest.mark.parametrize("name", POSITIONS)
+@pytest.mark.parametrize("name", tiered(POSITIONS, ("ur5", "irb1400")))
 def test_near_misses_by_position_are_regular(name):
     arm, form = position(name)
     exact = nominal(arm).arm
