@@ -93,10 +93,10 @@ def test_a_page_has_what_its_program_asks_for(viewer: MechanismViewer) -> None:
 
 
 def test_the_scene_has_every_node_that_frames_place(viewer: MechanismViewer) -> None:
-    paths, at = set(), 0
-    while at < len(viewer._scene):
-        size = int.from_bytes(viewer._scene[at : at + 4], "little")
-        paths.add(umsgpack.unpackb(viewer._scene[at + 4 : at + 4 + size])["path"])
+    paths, at, drawn = set(), 0, viewer._scene + viewer._links
+    while at < len(drawn):
+        size = int.from_bytes(drawn[at : at + 4], "little")
+        paths.add(umsgpack.unpackb(drawn[at + 4 : at + 4 + size])["path"])
         at += 4 + size
     for j in range(1, viewer.mechanism.model.njoints):
         for part in ("visual", "bone", "axis", "hot"):
@@ -111,7 +111,7 @@ def test_bones_lead_to_the_frames_that_close_the_loops() -> None:
     recorder = Recorder()
     sizes = linkage_sizes(mechanism)
     draw_scene(recorder.visualizer(), linkage, read_links(linkage), sizes, linkage.ends)
-    bones = {umsgpack.unpackb(c)["path"] for c in recorder.commands}
+    bones = {umsgpack.unpackb(c)["path"] for _, c in recorder.commands}
     last = {p.split("/")[3] for p in bones if "/bone/link" in p}
     names = list(mechanism.model.names)
     assert {str(names.index("b1")), str(names.index("b2"))} <= last

@@ -14,6 +14,7 @@ import sys
 import time
 import urllib.request
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 from pathlib import Path
 from typing import Any
 
@@ -429,3 +430,35 @@ def test_no_port_is_open_but_the_one(command: tuple[subprocess.Popen[str], str])
                 listening.append(fields[1])
     port = int(url.split(":")[2].split("/")[0])
     assert listening == [f"0100007F:{port:04X}"]
+
+
+def test_a_page_that_comes_early_waits_for_what_it_shows() -> None:
+    server = Server("early", port=0)
+    try:
+        assert raw(server, f"/{token(server)}/")[0] == 200
+        with ThreadPoolExecutor(1) as pool:
+            asked = pool.submit(raw, server, f"/{token(server)}/page.json")
+            assert wait([asked], 0.2).not_done
+            tab = Tab(server)
+            tab.send('{"id": 1, "want": "start"}')
+            assert "error" in tab.read()
+            server.fill(Stage(), b"scene", b"links")
+            assert asked.result(5)[0] == 200
+            tab.send('{"id": 2, "want": "start"}')
+            assert tab.read()["answer"] == {"text": "xxx"}
+            tab.link.close()
+    finally:
+        server.close()
+
+
+def test_a_page_that_waits_is_told_when_nothing_comes() -> None:
+    server = Server("early", port=0)
+    with socket.create_connection(("127.0.0.1", server.port), timeout=10) as link:
+        host = f"Host: 127.0.0.1:{server.port}"
+        link.sendall(f"GET /{token(server)}/scene HTTP/1.1\r\n{host}\r\n\r\n".encode())
+        link.settimeout(0.2)
+        with pytest.raises(TimeoutError):
+            link.recv(1)
+        server.close()
+        link.settimeout(10)
+        assert link.recv(65536)[:12] in (b"", b"HTTP/1.1 503")

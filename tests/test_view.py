@@ -55,7 +55,7 @@ def entries_of(name: str) -> tuple[Arm, tuple[Entry, ...]]:
 
 
 def commands(recorder: Recorder) -> list[dict[str, Any]]:
-    return [umsgpack.unpackb(c) for c in recorder.commands]
+    return [umsgpack.unpackb(c) for _, c in recorder.commands]
 
 
 # Ellipsoids -------------------------------------------------------------------------

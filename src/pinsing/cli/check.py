@@ -164,4 +164,4 @@ def _show(
             viewer.save_html(html)
             say(f"wrote {html}")
         if view:
-            serve(viewer, host, no_open)
+            serve(viewer, host, None, no_open)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import math
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -205,7 +206,7 @@ def view_loops(
 
     ``--png`` is a picture of the linkage, with ``--panel`` one of the page.
     """
-    from pinsing.cli.serving import picture_size, serve, write_files
+    from pinsing.cli.serving import picture_size, served_ahead, stay, write_files
     from pinsing.cli.waiting import waiting
 
     if STDOUT in (html, png):
@@ -216,14 +217,16 @@ def view_loops(
     from pinsing.mechanism import analyze_mechanism
     from pinsing.view.mechanism import MechanismViewer
 
+    saved = None if analysis is None else _saved(analysis, mechanism)
+    live = html is None and png is None
+    # What is typed and can still be refused is judged before a browser opens.
+    late = bool(poses) or family is not None or not 0 < scale < math.inf
     with contextlib.ExitStack() as stack:
+        page = served_ahead(mechanism.name, host, port, no_open)
+        server = stack.enter_context(page) if live and not late else None
         with waiting() as at:
             at("finding the singular configurations")
-            found = (
-                analyze_mechanism(mechanism, inputs if poses else None)
-                if analysis is None
-                else _saved(analysis, mechanism)
-            )
+            found = saved or analyze_mechanism(mechanism, inputs if poses else None)
             at("preparing the page")
             viewer = stack.enter_context(
                 MechanismViewer(
@@ -238,8 +241,8 @@ def view_loops(
             if family is not None:
                 viewer.show_group(family)
             write_files(viewer, html, png, picture, panel, at)
-        if html is None and png is None:
-            serve(viewer, host, no_open)
+        if live:
+            stay(viewer, stack.enter_context(page) if server is None else server)
 
 
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import gc
 import json
 import os
 import sys
 import time
-from collections.abc import Callable
+import webbrowser
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,12 +19,17 @@ from pinsing.cli.output import say
 from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:
+    from pinsing.view.server import Server
     from pinsing.view.tab import Tab
 
 
-def serve(tab: Tab, host: str, no_open: bool) -> None:
-    """Stay until the user has seen enough; warn first where others can reach the page."""
-    from pinsing.view.server import is_loopback
+@contextlib.contextmanager
+def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Iterator[Server]:
+    """Serve a page whose content follows: the browser starts meanwhile.
+
+    Warns first where others can reach the page.
+    """
+    from pinsing.view.server import Server, is_loopback
 
     if not is_loopback(host):
         say(
@@ -30,18 +37,32 @@ def serve(tab: Tab, host: str, no_open: bool) -> None:
             "the address below can see the robot and control the page; nothing is encrypted, so "
             "whoever listens on the network learns the address"
         )
-    url = tab.url
+    server = Server(name, host=host, port=port)
     try:
-        click.echo(url)
+        click.echo(server.url)
         sys.stdout.flush()
-        if not no_open and not (_has_desktop() and tab.open()):
+        if not no_open and not (_has_desktop() and webbrowser.open(server.url, new=2)):
             say("no browser could be opened; open the address above in one")
-        say("press Ctrl-C to end")
-        while True:
-            time.sleep(3600)
+        yield server
     except KeyboardInterrupt:
         say("ended")
         gc.freeze()  # nothing is to be collected any more: that took a third of a second
+    finally:
+        server.close()
+
+
+def serve(tab: Tab, host: str, port: int | None, no_open: bool) -> None:
+    """Serve a tab, and open it, until the user has seen enough."""
+    with served_ahead(tab.name, host, port, no_open) as server:
+        stay(tab, server)
+
+
+def stay(tab: Tab, server: Server) -> None:
+    """Give a tab to a server that runs, until the user has seen enough."""
+    tab.take_over(server)
+    say("press Ctrl-C to end")
+    while True:
+        time.sleep(3600)
 
 
 def write_files(

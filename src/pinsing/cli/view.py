@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,7 +14,7 @@ from pinsing.cli import completion
 from pinsing.cli.mechanism import loops_option, view_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, say
-from pinsing.cli.serving import picture_size, read_json, serve, write_files
+from pinsing.cli.serving import picture_size, read_json, served_ahead, stay, write_files
 from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError, ResultError
 
@@ -99,12 +100,15 @@ def view_command(
     from pinsing.view.viewer import Viewer
 
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
+    saved = None if analysis is None else _read(analysis, arm)
+    live = html is None and png is None
+    # What is typed and can still be refused is judged before a browser opens.
+    late = family is not None or not 0 < scale < math.inf
     with contextlib.ExitStack() as stack:
+        page = served_ahead(arm.name, host, port, no_open)
+        server = stack.enter_context(page) if live and not late else None
         with waiting() as at:
-            if analysis is None:
-                families, findings = _find(arm, at)
-            else:
-                families, findings = _read(analysis, arm)
+            families, findings = _find(arm, at) if saved is None else saved
             at("preparing the page")
             viewer = stack.enter_context(
                 Viewer(
@@ -124,8 +128,8 @@ def view_command(
             if family is not None:
                 viewer.show_family(family)
             write_files(viewer, html, png, picture, panel, at)
-        if html is None and png is None:
-            serve(viewer, host, no_open)
+        if live:
+            stay(viewer, stack.enter_context(page) if server is None else server)
 
 
 def _find(arm: Arm, at: Callable[[str], None]) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:

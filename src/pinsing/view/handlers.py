@@ -12,6 +12,7 @@ import contextlib
 import hmac
 import json
 from collections.abc import Callable, Mapping
+from concurrent.futures import Future
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
@@ -24,6 +25,9 @@ from pinsing.view.messages import BadMessage, read_message
 MOST_PAGES = 64
 _MOST_UNREAD = 8 * 2**20
 _PATIENCE = 30.0
+
+Content = str | bytes
+"""Of a file of the page."""
 
 
 class Served(Protocol):
@@ -46,10 +50,10 @@ class Site:
 
     Attributes
     ----------
-    stage : Served
-        What is shown.
+    stage : Served or None
+        What is shown, once it is there.
     texts : Mapping
-        Type and content of the page's files, by name.
+        Type and content of the page's files, by name; some contents are still to come.
     policies : Mapping
         Content security policy of pages, by the token in their address.
     is_ours : callable
@@ -58,8 +62,8 @@ class Site:
         Links that are open.
     """
 
-    stage: Served
-    texts: Mapping[str, tuple[str, str | bytes]]
+    stage: Served | None
+    texts: Mapping[str, tuple[str, Content | Future[Content]]]
     policies: Mapping[str, str]
     is_ours: Callable[[str], bool]
     clients: set[Live] = field(default_factory=set)
@@ -104,11 +108,16 @@ class Part(RequestHandler):  # type: ignore[misc,unused-ignore]
         if not isinstance(error[1], HTTPError):
             super().log_exception(*error)
 
-    def get(self, _token: str, name: str) -> None:
-        """Send the file."""
+    async def get(self, _token: str, name: str) -> None:
+        """Send the file, as soon as it is there."""
         if name not in self.site.texts:
             raise HTTPError(404)
         kind, content = self.site.texts[name]
+        if isinstance(content, Future):
+            try:
+                content = await asyncio.shield(asyncio.wrap_future(content))
+            except asyncio.CancelledError:
+                raise HTTPError(503) from None
         charset = "; charset=utf-8" if isinstance(content, str) else ""
         self.set_header("Content-Type", kind + charset)
         self.write(content)
@@ -184,7 +193,7 @@ class Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
 
     def _answer(self, request: Mapping[str, Any]) -> Any:
         # The page computes all else by itself.
-        if request["want"] == "start":
+        if request["want"] == "start" and self.site.stage is not None:
             return self.site.stage.start()
         raise BadMessage(f"unknown request {request['want']!r:.60}")
 

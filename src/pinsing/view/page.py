@@ -118,16 +118,17 @@ def live_html(title: str) -> str:
         style='<link rel="stylesheet" href="page.css">',
         data="",
         scripts='<script src="meshcat.js"></script>\n<script src="page.js"></script>',
+        links="",
     )
 
 
-def static_html(title: str, page: dict[str, Any], scene: bytes) -> str:
-    """The page that opens from a file: poses, paths and meshes inside, compressed."""
+def static_html(title: str, page: dict[str, Any], scene: bytes, links: bytes) -> str:
+    """The page that opens from a file: poses and meshes inside, compressed.
+
+    Meshes come last, so that the arm can be seen as a skeleton while they are read.
+    """
     text = json.dumps(page, separators=(",", ":"), allow_nan=False)
-    baked = [
-        f'<script id="{name}" type="application/octet-stream">{_packed(data)}</script>'
-        for name, data in (("baked-page", text.encode()), ("baked-scene", scene))
-    ]
+    baked = [_baked("page", text.encode()), _baked("scene", scene)]
     scripts = [f"<script>\n{code}\n</script>" for code in (meshcat_script(), script())]
     return Template(asset("page.html")).substitute(
         title=html.escape(title),
@@ -135,7 +136,12 @@ def static_html(title: str, page: dict[str, Any], scene: bytes) -> str:
         style=f"<style>\n{asset('page.css')}\n</style>",
         data="\n".join(baked),
         scripts="\n".join(scripts),
+        links=_baked("links", links),
     )
+
+
+def _baked(name: str, data: bytes) -> str:
+    return f'<script id="baked-{name}" type="application/octet-stream">{_packed(data)}</script>'
 
 
 def _policy(policy: str) -> str:

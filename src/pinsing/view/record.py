@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from typing import Any
 
 import meshcat
 import umsgpack
 from meshcat.path import Path
+
+_SHAPES = re.compile(r"/arm/\d+/visual/")
 
 
 class Recorder:
@@ -14,16 +18,17 @@ class Recorder:
 
     Attributes
     ----------
-    commands : list of bytes
-        The commands as msgpack, in order, as meshcat's page reads them.
+    commands : list of (str, bytes)
+        Where each draws, and the command as msgpack, in order, as meshcat's page reads them.
     """
 
     def __init__(self) -> None:
-        self.commands: list[bytes] = []
+        self.commands: list[tuple[str, bytes]] = []
 
     def send(self, command: Any) -> None:
         """Keep a command."""
-        self.commands.append(umsgpack.packb(command.lower()))
+        lowered = command.lower()
+        self.commands.append((str(lowered.get("path", "")), umsgpack.packb(lowered)))
 
     def visualizer(self) -> Any:
         """A meshcat visualizer at the root that draws into this recorder."""
@@ -31,4 +36,17 @@ class Recorder:
 
     def packed(self) -> bytes:
         """All commands, each after its length as 4 bytes, little endian."""
-        return b"".join(len(c).to_bytes(4, "little") + c for c in self.commands)
+        return _packed(command for _, command in self.commands)
+
+    def parts(self) -> tuple[bytes, bytes]:
+        """The same in two: what can be shown at once, and the shapes of links, which are large."""
+        shapes = [_SHAPES.search(path) is not None for path, _ in self.commands]
+        each = list(zip(shapes, self.commands, strict=True))
+        return (
+            _packed(command for shape, (_, command) in each if not shape),
+            _packed(command for shape, (_, command) in each if shape),
+        )
+
+
+def _packed(commands: Iterable[bytes]) -> bytes:
+    return b"".join(len(c).to_bytes(4, "little") + c for c in commands)

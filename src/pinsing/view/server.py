@@ -12,13 +12,14 @@ import contextlib
 import json
 import secrets
 import threading
+from concurrent.futures import Future
 from typing import Any
 from urllib.parse import urlsplit
 
 from tornado.web import Application
 
 from pinsing.view.door import Door
-from pinsing.view.handlers import Live, Nothing, Part, Served, Site
+from pinsing.view.handlers import Content, Live, Nothing, Part, Served, Site
 from pinsing.view.listen import bind, is_address, is_loopback
 from pinsing.view.messages import LONGEST
 from pinsing.view.page import LIVE_POLICY, asset, live_html, meshcat_script, script
@@ -27,6 +28,7 @@ __all__ = ["Served", "Server", "is_loopback"]
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _FAREWELL = 0.3
+_LATER = ("page.json", "scene", "links")
 
 
 class Server:
@@ -34,10 +36,10 @@ class Server:
 
     Parameters
     ----------
-    stage : Served
-        What is shown.
-    scene : bytes
-        Drawing commands of the scene.
+    stage : Served or str
+        What is shown; or its name, where it follows by `fill` and pages wait for it.
+    scene, links : bytes
+        Drawing commands of the scene, and those of the links' shapes.
     host : str
         Address to listen on.
     port : int, optional
@@ -50,7 +52,13 @@ class Server:
     """
 
     def __init__(
-        self, stage: Served, scene: bytes, host: str = "127.0.0.1", port: int | None = None
+        self,
+        stage: Served | str,
+        scene: bytes = b"",
+        host: str = "127.0.0.1",
+        port: int | None = None,
+        *,
+        links: bytes = b"",
     ) -> None:
         self.host = host
         self._sockets = bind(host, port)
@@ -60,7 +68,11 @@ class Server:
             self._token: f"{LIVE_POLICY}; frame-ancestors 'none'",
             self._framed: LIVE_POLICY,
         }
-        self._site = Site(stage, _texts(stage, scene), policies, self._is_ours)
+        self._later: dict[str, Future[Content]] = {name: Future() for name in _LATER}
+        name = stage if isinstance(stage, str) else stage.name
+        self._site = Site(None, _texts(name, self._later), policies, self._is_ours)
+        if not isinstance(stage, str):
+            self.fill(stage, scene, links)
         self._loop = asyncio.new_event_loop()
         self._http: Door | None = None
         self._app = Application(
@@ -78,6 +90,14 @@ class Server:
         )
         self._thread.start()
         ready.wait()
+
+    def fill(self, stage: Served, scene: bytes, links: bytes) -> None:
+        """Give what is shown to the pages that wait for it."""
+        page = json.dumps(stage.page(live=True), allow_nan=False)
+        self._site.stage = stage
+        contents: tuple[Content, ...] = (page, scene, links)
+        for name, content in zip(_LATER, contents, strict=True):
+            self._later[name].set_result(content)
 
     @property
     def url(self) -> str:
@@ -126,6 +146,8 @@ class Server:
     def _stop(self) -> None:
         assert self._http is not None
         self._http.stop()
+        for content in self._later.values():
+            content.cancel()  # a page may wait for it
         for client in list(self._site.clients):
             client.close()
         self._loop.create_task(self._finish())
@@ -159,13 +181,15 @@ class Server:
         return False
 
 
-def _texts(stage: Served, scene: bytes) -> dict[str, tuple[str, str | bytes]]:
-    page = json.dumps(stage.page(live=True), allow_nan=False)
+def _texts(
+    title: str, later: dict[str, Future[Content]]
+) -> dict[str, tuple[str, Content | Future[Content]]]:
     return {
-        "": ("text/html", live_html(f"pinsing: {stage.name}")),
+        "": ("text/html", live_html(f"pinsing: {title}")),
         "page.css": ("text/css", asset("page.css")),
         "page.js": ("text/javascript", script()),
         "meshcat.js": ("text/javascript", meshcat_script()),
-        "page.json": ("application/json", page),
-        "scene": ("application/octet-stream", scene),
+        "page.json": ("application/json", later["page.json"]),
+        "scene": ("application/octet-stream", later["scene"]),
+        "links": ("application/octet-stream", later["links"]),
     }

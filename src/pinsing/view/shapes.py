@@ -17,6 +17,8 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.view.collada import NotPlainError
+from pinsing.view.painted import as_object, read_painted
 
 _IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 _LARGEST_IMAGE = 32 * 2**20
@@ -34,36 +36,33 @@ class Rod(mg.Cylinder):  # type: ignore[misc]
 
 
 class _Collada(mg.ReferenceSceneElement):  # type: ignore[misc]
-    """A Collada file with its textures, as meshcat's page reads it."""
+    """A Collada file: its triangles; with its textures, as it is, where it is not plain."""
 
     def __init__(self, file: Path) -> None:
         super().__init__()
         self.path: Any = None
-        self.material: Any = None
-        self.text = file.read_text(encoding="utf-8", errors="replace")
-        self.images = _textures(file)
+        try:
+            self.content = as_object(read_painted(file))
+        except NotPlainError:
+            self.content = self._as_file(file)
 
-    def lower(self) -> dict[str, Any]:
-        data: dict[str, Any] = {
-            "type": "set_object",
-            "path": self.path.lower(),
+    def _as_file(self, file: Path) -> dict[str, Any]:
+        return {
+            "metadata": {"version": 4.5, "type": "Object"},
+            "geometries": [],
+            "materials": [],
             "object": {
-                "metadata": {"version": 4.5, "type": "Object"},
-                "geometries": [],
-                "materials": [],
-                "object": {
-                    "uuid": self.uuid,
-                    "type": "_meshfile_object",
-                    "format": "dae",
-                    "data": self.text,
-                    "resources": self.images,
-                    "matrix": np.eye(4).ravel().tolist(),
-                },
+                "uuid": self.uuid,
+                "type": "_meshfile_object",
+                "format": "dae",
+                "data": file.read_text(encoding="utf-8", errors="replace"),
+                "resources": _textures(file),
+                "matrix": np.eye(4).ravel().tolist(),
             },
         }
-        if self.material is not None:
-            self.material.lower_in_object(data)
-        return data
+
+    def lower(self) -> dict[str, Any]:
+        return {"type": "set_object", "path": self.path.lower(), "object": self.content}
 
 
 def draw_shape(node: Any, shape: pin.GeometryObject) -> str:
@@ -80,7 +79,6 @@ def draw_shape(node: Any, shape: pin.GeometryObject) -> str:
         material.transparent, material.opacity = True, float(shape.meshColor[3])
     if isinstance(made, _Collada):
         made.path = node.path
-        made.material = material if shape.overrideMaterial else None
         node.window.send(made)
     else:
         node.set_object(made, material)

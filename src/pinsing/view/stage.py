@@ -92,7 +92,10 @@ class Stage:
         arm, sizes = self.arm, self.sizes
         lower, upper = arm.span
         names = list(arm.model.names)[1:]
-        columns = zip(arm.joints, self._symbols(), arm.prismatic, lower, upper, strict=True)
+        limited = np.isfinite(arm.lower) & np.isfinite(arm.upper)
+        columns = zip(
+            arm.joints, self._symbols(), arm.prismatic, lower, upper, limited, strict=True
+        )
         way = {} if self.way is None else {"rows": self.way.tolist(), "samples": self.samples}
         return {
             "live": live,
@@ -111,8 +114,9 @@ class Stage:
                     "prismatic": bool(slides),
                     "lower": float(low),
                     "upper": float(high),
+                    "limited": bool(ends),
                 }
-                for name, symbol, slides, low, high in columns
+                for name, symbol, slides, low, high, ends in columns
             ],
             "settings": {
                 "reach": sizes.reach,

@@ -39,16 +39,23 @@ class Tab:
     ----------
     stage : Shown
         What is shown.
-    scene : bytes
-        Drawing commands of the scene.
+    scene, links : bytes
+        Drawing commands of the scene, and those of the links' shapes, which follow.
     host, port : str, int
         Where to listen; by default loopback, the first free port from 7000 on.
     """
 
-    def __init__(self, stage: Shown, scene: bytes, host: str, port: int | None) -> None:
-        self._shown, self._scene = stage, scene
+    def __init__(
+        self, stage: Shown, scene: bytes, links: bytes, host: str, port: int | None
+    ) -> None:
+        self._shown, self._scene, self._links = stage, scene, links
         self._host, self._port = host, port
         self._server: Server | None = None
+
+    @property
+    def name(self) -> str:
+        """Of the robot."""
+        return self._shown.name
 
     @property
     def q(self) -> Array:
@@ -64,8 +71,15 @@ class Tab:
     def url(self) -> str:
         """Address of the page; starts the server."""
         if self._server is None:
-            self._server = Server(self._shown, self._scene, self._host, self._port)
+            self._server = Server(
+                self._shown, self._scene, self._host, self._port, links=self._links
+            )
         return self._server.url
+
+    def take_over(self, server: Server) -> None:
+        """Let a server that was started ahead of this viewer serve it."""
+        server.fill(self._shown, self._scene, self._links)
+        self._server = server
 
     def open(self) -> bool:
         """Open the page in the user's browser; tell whether there is one."""
@@ -88,7 +102,7 @@ class Tab:
         '<!DOCTYPE html>'
         """
         page = {**self._shown.page(live=False), "start": self._shown.start()}
-        return static_html(f"pinsing: {self._shown.name}", page, self._scene)
+        return static_html(f"pinsing: {self._shown.name}", page, self._scene, self._links)
 
     @checked
     def save_html(self, path: str | Path) -> None:

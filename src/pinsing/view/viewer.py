@@ -107,7 +107,7 @@ class Viewer(Tab):
             way, samples = thinned(arm, known, Q), len(Q)
         self._stage = Stage(arm, entries, links, size, skeleton, notes, way, samples)
         self._overlay = None if visualizer is None else Overlay(visualizer, arm, size)
-        super().__init__(self._stage, recorder.packed(), host, port)
+        super().__init__(self._stage, *recorder.parts(), host, port)
         if self._overlay is not None:
             self._overlay.show(self._stage.frame(self._stage.q), self._stage.q, self._stage.mode)
 

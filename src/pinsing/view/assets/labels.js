@@ -11,8 +11,10 @@ class Labels {
   }
 
   // Marks: { at: point of the base, text, free: whether it is something not held }.
-  set(marks) {
+  // `tip`, the tool, is not to be covered.
+  set(marks, tip) {
     this.marks = marks;
+    this.tip = tip;
     while (this.nodes.length < marks.length) {
       const node = document.createElement("div");
       node.className = "label";
@@ -31,12 +33,15 @@ class Labels {
     const { clientWidth: wide, clientHeight: high } = this.element, here = this.element.getBoundingClientRect();
     const legend = document.getElementById("legend").getBoundingClientRect();
     const taken = [{ left: legend.left - here.left, right: legend.right - here.left, top: legend.top - here.top, bottom: legend.bottom - here.top }];
-    this.marks.forEach(({ at: [x, y, z] }, k) => {
-      const node = this.nodes[k], p = new MeshCat.THREE.Vector3(x, z, -y).project(camera);
+    const seen = ([x, y, z]) => new MeshCat.THREE.Vector3(x, z, -y).project(camera);
+    const pixels = (p) => [((p.x + 1) / 2) * wide, ((1 - p.y) / 2) * high];
+    const [tx, ty] = this.tip ? pixels(seen(this.tip)) : [-1e6, -1e6];
+    this.marks.forEach(({ at }, k) => {
+      const node = this.nodes[k], p = seen(at);
       node.hidden = p.z > 1;
       if (node.hidden) return;
       const { offsetWidth: w, offsetHeight: h } = node;
-      const px = ((p.x + 1) / 2) * wide, py = ((1 - p.y) / 2) * high;
+      const [px, py] = pixels(p);
       const inside = (left, top) => ({ left: Math.min(Math.max(left, 4), Math.max(4, wide - w - 4)), top: Math.min(Math.max(top, 4), Math.max(4, high - h - 4)) });
       // Beside its point on one side or the other, above or below it, then wherever there is room.
       const places = [[px + GAP, py - h / 2], [px - GAP - w, py - h / 2], [px - w / 2, py - h - GAP], [px - w / 2, py + GAP]];
@@ -44,7 +49,7 @@ class Labels {
       const costs = places.map(([left, top], n) => {
         const spot = inside(left, top), right = spot.left + w, bottom = spot.top + h;
         const over = taken.some((b) => spot.left < b.right && right > b.left && spot.top < b.bottom && bottom > b.top);
-        const hides = px > spot.left && px < right && py > spot.top && py < bottom;
+        const hides = [[px, py], [tx, ty]].some(([x, y]) => x > spot.left - 4 && x < right + 4 && y > spot.top - 4 && y < bottom + 4);
         return { spot, cost: Math.hypot(spot.left - left, spot.top - top) + 20 * n + (over ? 1e6 : 0) + (hides ? 300 : 0) };
       });
       const { spot } = costs.reduce((a, b) => (b.cost < a.cost ? b : a));

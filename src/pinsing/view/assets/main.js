@@ -4,10 +4,10 @@
 const PATH_WORDS = { into: "approach", along: "move within" };
 
 class App {
-  constructor(page, scene) {
+  constructor(page, view, scene) {
     this.page = page;
-    this.view = new SceneView($("view"), page.settings);
-    this.view.load(scene);
+    this.view = view;
+    this.view.begin(page.settings, scene);
     this.panel = this.makePanel({
       choose: (entry, pose) => this.choose(entry, pose),
       play: (kind) => this.play(kind),
@@ -90,7 +90,10 @@ class App {
     event.preventDefault();
   }
 
-  say(words) { $("playing").textContent = words; }
+  say(words) {
+    $("playing").textContent = words;
+    $("playing").title = words; // a narrow page cuts it
+  }
 
   async start() {
     const { q, entry, pose } = await this.source.start(), shared = this.shared();
@@ -101,6 +104,15 @@ class App {
     const { way } = this.page;
     if (way && !shared) this.follow("path", way.rows, way.samples);
     else if (this.entry !== null) this.lookForMeetings(entry, pose);
+  }
+
+  // The links' own shapes, one after the other, so that sliders move meanwhile.
+  async dress(links) {
+    for (const command of commandsOf(links)) {
+      this.view.viewer.handle_command_bytearray(command);
+      if (!document.hidden) await nextTask();
+    }
+    this.view.dress();
   }
 
   frame(frame, dragged = -1) {

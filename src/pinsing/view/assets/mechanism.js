@@ -4,8 +4,8 @@
 const SETTLED = 120; // ms without a move
 
 class MechanismApp extends App {
-  constructor(page, scene) {
-    super(page, scene);
+  constructor(page, view, scene) {
+    super(page, view, scene);
     document.body.classList.add("mechanism");
     // In a plane, what is drawn at the output lies inside the links.
     if (page.settings.planar) for (const part of ["ellipsoid", "lost", "free"]) {

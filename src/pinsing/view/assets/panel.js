@@ -67,7 +67,7 @@ class Panel {
   head() {
     const { page } = this;
     $("chain").title = "base, tip, task, and the length scale L that translations are divided by";
-    $("chain").textContent = `${page.robot.base} \u2192 ${page.robot.tip} \u00b7 ${page.joints.length} joints \u00b7 ` +
+    $("chain").textContent = `${page.robot.base} \u2192 ${page.robot.tip} \u00b7 ${page.joints.length} joint${page.joints.length === 1 ? "" : "s"} \u00b7 ` +
       `${page.robot.task} task \u00b7 L\u00a0=\u00a0${page.robot.lengthScale}\u00a0m`;
   }
 
@@ -86,6 +86,7 @@ class Panel {
   }
 
   entries() {
+    if (!this.page.entries.length) $("entries").append(make("li", "note", "None is listed for this arm and task."));
     this.items = this.page.entries.map((entry, index) => {
       const item = make("li", entry.poses ? "" : "away");
       const button = make("button", "entry");

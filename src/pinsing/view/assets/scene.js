@@ -6,15 +6,29 @@ const LOST_LABELS = {
   nearly: { translation: "nearly lost translation", rotation: "nearly lost rotation", line: "nearly lost: along this line", screw: "nearly lost: this screw motion" },
 };
 
+// Drawing commands as meshcat's own page takes them, each after its length.
+function* commandsOf(bytes) {
+  const data = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  for (let at = 0; at < bytes.byteLength;) {
+    const length = data.getUint32(at, true);
+    yield bytes.subarray(at + 4, at + 4 + length);
+    at += 4 + length;
+  }
+}
+
 class SceneView {
-  constructor(element, settings) {
+  constructor(element) {
     this.element = element;
-    this.settings = settings;
-    this.options = { mode: settings.mode, translation: true, rotation: true,
-                     axis: true, axes: false, lost: true, visual: settings.shapes, bone: !settings.shapes, floor: true };
     const V = this.viewer = new MeshCat.Viewer(element);
-    const fullSize = V.set_3d_pane_size.bind(V);
-    V.set_3d_pane_size = () => fullSize(element.clientWidth || 1, element.clientHeight || 1);
+    V.gui.domElement.remove(); // our panel drives it
+    const fullSize = V.set_3d_pane_size.bind(V), size = [0, 0];
+    // A size set anew is drawn anew: only where it changes.
+    V.set_3d_pane_size = () => {
+      const wanted = [element.clientWidth || 1, element.clientHeight || 1];
+      if (wanted.every((v, k) => v === size[k])) return;
+      size.splice(0, 2, ...wanted);
+      fullSize(...wanted);
+    };
     new ResizeObserver(() => V.set_3d_pane_size()).observe(element);
     const dark = matchMedia("(prefers-color-scheme: dark)");
     const paint = () => {
@@ -30,32 +44,57 @@ class SceneView {
     V.set_property(["Grid"], "visible", false);
     V.set_property(["Axes"], "visible", false);
     V.camera.fov = 36;
-    V.camera.near = 0.01 * settings.reach;
-    V.camera.far = 100 * settings.reach;
     this.touched = false;
     V.controls.addEventListener("start", () => { this.touched = true; });
     this.labels = new Labels(element);
     const render = V.render.bind(V);
     V.render = () => { render(); this.labels.place(V.camera); };
+    this.lights();
+    this.paint();
   }
 
-  // Commands as meshcat's own page takes them, each after its length.
-  load(bytes) {
-    const data = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-    for (let at = 0; at < bytes.byteLength;) {
-      const length = data.getUint32(at, true);
-      this.viewer.handle_command_bytearray(bytes.subarray(at + 4, at + 4 + length));
-      at += 4 + length;
-    }
+  // Draws a speck of each kind of paint, so that the graphics card (or what stands for it) knows them
+  // when the arm comes.
+  warmUp() {
+    const { Group, Mesh, Line, SphereGeometry, MeshPhongMaterial, MeshBasicMaterial, LineBasicMaterial } = MeshCat.THREE;
+    const V = this.viewer, specks = new Group(), shape = new SphereGeometry(1e-3, 6, 4), side = 2;
+    for (const material of [new MeshPhongMaterial({ side }), new MeshPhongMaterial({ side, transparent: true, opacity: 0.4, depthWrite: false }),
+                            new MeshBasicMaterial({ side, transparent: true, opacity: 0.4 })]) specks.add(new Mesh(shape, material));
+    specks.add(new Line(shape, new LineBasicMaterial()));
+    V.scene.add(specks);
+    V.set_3d_pane_size();
+    V.render();
+    V.scene.remove(specks);
+    shape.dispose(); // not what paints it: that is what is to be known
+  }
+
+  // What there is to see, but for the shapes of links.
+  begin(settings, scene) {
+    this.settings = settings;
+    this.options = { mode: settings.mode, translation: true, rotation: true,
+                     axis: true, axes: false, lost: true, visual: settings.shapes, bone: !settings.shapes, floor: true };
+    this.dressed = !settings.shapes;
+    const { camera } = this.viewer;
+    camera.near = 0.01 * settings.reach;
+    camera.far = 100 * settings.reach;
+    for (const command of commandsOf(scene)) this.viewer.handle_command_bytearray(command);
+    this.seenThrough();
+    this.lights();
+    this.paint();
+  }
+
+  // The shapes of links have come.
+  dress() {
+    this.dressed = true;
     // Collada parts with several materials come merged as one group with a list of materials,
     // which three.js does not draw: give them the first.
     this.node("arm").traverse((o) => {
       if (Array.isArray(o.material)) o.material = o.material.map((m) => (Array.isArray(m) ? m[0] : m));
       for (const m of [o.material].flat()) if (o.isMesh && m) this.lift(m);
     });
-    this.seenThrough();
-    this.lights();
-    this.paint();
+    // They are larger than the skeleton, and hide more. Who has moved since finds the view as it was.
+    if (!this.touched && this.fitted?.frame === this.frame) this.fit(this.fitted.frames);
+    else if (this.frame) this.show(this.frame);
   }
 
   // Outlines of the ellipsoids show faintly through the arm; what is marked shines by itself.
@@ -84,7 +123,7 @@ class SceneView {
   // Meshcat's lights fade ten metres away and stand at 1.5 m: move them out with large robots. Their
   // sum turns a white robot into a white silhouette: less of each keeps its shape.
   lights() {
-    const far = Math.max(1, this.settings.reach), lamp = (name) => this.viewer.scene_tree.find(["Lights", name, "<object>"]).object;
+    const far = Math.max(1, this.settings?.reach ?? 1), lamp = (name) => this.viewer.scene_tree.find(["Lights", name, "<object>"]).object;
     lamp("AmbientLight").intensity = 0.46;
     lamp("FillLight").intensity = 0.22;
     for (const [name, x] of [["PointLightNegativeX", 1.5], ["PointLightPositiveX", -1.5]]) {
@@ -111,8 +150,8 @@ class SceneView {
     this.place("tip", frame.tip);
     for (let j = 0; j <= frame.links.length; j++) {
       const dressed = !this.settings.bare.includes(j);
-      this.node(`arm/${j}/visual`).visible = s.visual;
-      this.node(`arm/${j}/bone`).visible = s.bone || (s.visual && !dressed);
+      this.node(`arm/${j}/visual`).visible = s.visual && this.dressed;
+      this.node(`arm/${j}/bone`).visible = s.bone || (s.visual && !(dressed && this.dressed));
       if (j === 0) continue;
       const hot = frame.hot.includes(this.settings.jointOf[j - 1]);
       this.node(`arm/${j}/axis`).visible = s.axes && !(s.axis && hot);
@@ -125,7 +164,7 @@ class SceneView {
       if (seen) this.place(`ellipsoid/${kind}`, frame.tip, e.turn, e.drawn);
     }
     const lost = this.showLost(this.symbols(frame)), free = frame.free ? this.showFree(frame) : [];
-    this.labels.set([...lost, ...free]);
+    this.labels.set([...lost, ...free], frame.tip);
     // The legend has what is drawn.
     const drawn = { lost: lost.length > 0, hot: free.length > 0 || (s.axis && frame.hot.length > 0) };
     for (const [name, seen] of Object.entries(drawn)) document.querySelector(`#legend .key.${name}`).hidden = !seen;
@@ -199,7 +238,7 @@ class SceneView {
     this.show(frame);
     this.viewer.scene.updateMatrixWorld(true);
     const out = [new Vector3(), yUp(tip), ...frame.links.map((p) => yUp(new Vector3(...p.slice(0, 3))))];
-    const part = this.options.visual ? "visual" : "bone";
+    const part = this.part;
     for (let j = 1; j <= frame.links.length; j++) this.node(`arm/${j}/${part}`).traverse((o) => {
       if (!o.isMesh) return;
       if (!o.geometry.boundingBox) o.geometry.computeBoundingBox();
@@ -223,6 +262,9 @@ class SceneView {
     }
     return out;
   }
+
+  // What of the links is seen.
+  get part() { return this.options.visual && this.dressed ? "visual" : "bone"; }
 
   fit(frames) {
     const shown = this.frame;
@@ -252,6 +294,7 @@ class SceneView {
     camera.position.copy(centre).addScaledVector(side, distance);
     camera.updateProjectionMatrix();
     controls.update();
+    this.fitted = { frames, frame: this.frame };
     this.viewer.set_dirty();
   }
 
@@ -284,7 +327,7 @@ class SceneView {
   // Whether nothing of the arm is between a point (y up) and who looks at it from `side`.
   seesTip(tip, side) {
     const { Raycaster } = MeshCat.THREE, from = tip.clone().addScaledVector(side, 0.04 * this.settings.reach);
-    const part = this.options.visual ? "visual" : "bone", meshes = [];
+    const { part } = this, meshes = [];
     for (let j = 0; j <= this.frame.links.length; j++) this.node(`arm/${j}/${part}`).traverse((o) => { if (o.isMesh) meshes.push(o); });
     return new Raycaster(from, side, 0, 10 * this.settings.reach).intersectObjects(meshes, false).length === 0;
   }

@@ -65,7 +65,7 @@ class MechanismViewer(Tab):
         notes = draw_scene(root, linkage, links, size, linkage.ends)
         draw_linkage_marks(root["pinsing"], mechanism, size)
         self._stage = MechanismStage(mechanism, listed, links, size, skeleton, notes)
-        super().__init__(self._stage, recorder.packed(), host, port)
+        super().__init__(self._stage, *recorder.parts(), host, port)
 
     @property
     def groups(self) -> tuple[Group, ...]:

@@ -1,0 +1,169 @@
+"""Collada files as triangles: against Assimp, and what is left to three.js."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import coal
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.view import painted
+from pinsing.view.collada import NotPlainError, read_collada
+from pinsing.view.links import read_links
+from pinsing.view.painted import Painted, as_object, read_painted
+from pinsing.view.record import Recorder
+
+HEAD = '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
+PAINT = """
+<library_effects><effect id="e"><profile_COMMON><technique sid="c"><phong>
+  <diffuse><color>1 0.5 0 1</color></diffuse>{more}
+</phong></technique></profile_COMMON></effect></library_effects>
+<library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
+"""
+SOURCE = """<source id="{name}"><float_array id="{name}a" count="{count}">{values}</float_array>
+<technique_common><accessor source="#{name}a" count="4" stride="3"/></technique_common></source>"""
+SQUARE = SOURCE.format(name="P", count=12, values="0 0 0 1 0 0 1 1 0 0 1 0") + SOURCE.format(
+    name="N", count=3, values="0 0 1"
+)
+POLYGON = """<polylist material="x" count="1"><input semantic="VERTEX" source="#V" offset="0"/>
+<input semantic="NORMAL" source="#N" offset="1"/><vcount>4</vcount>
+<p>0 0 1 0 2 0 3 0</p></polylist>"""
+
+
+def collada(shape: str = POLYGON, node: str = "", more: str = "") -> str:
+    """A painted square within one node."""
+    return (
+        f"{HEAD}{PAINT.format(more=more)}<library_geometries><geometry id='g'><mesh>{SQUARE}"
+        f"<vertices id='V'><input semantic='POSITION' source='#P'/></vertices>{shape}</mesh>"
+        f"</geometry></library_geometries><library_visual_scenes><visual_scene id='s'><node>{node}"
+        "<instance_geometry url='#g'><bind_material><technique_common>"
+        "<instance_material symbol='x' target='#m'/></technique_common></bind_material>"
+        "</instance_geometry></node></visual_scene></library_visual_scenes>"
+        "<scene><instance_visual_scene url='#s'/></scene></COLLADA>"
+    )
+
+
+def area(vertices: np.ndarray, faces: np.ndarray) -> float:
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def test_a_polygon_is_painted_and_placed_by_its_node() -> None:
+    node = "<translate>0 0 5</translate><rotate>1 0 0 90</rotate><scale>2 2 2</scale>"
+    (part,) = read_collada(collada(node=node))
+    assert part.paint.color == 0xFF8000
+    assert len(part.faces) == 2
+    # Scaled by two, turned about x (y becomes z), lifted by five.
+    corners = {tuple(row) for row in np.round(part.vertices, 12) + 0.0}
+    assert corners == {(0, 0, 5), (2, 0, 5), (2, 0, 7), (0, 0, 7)}
+    assert part.normals == pytest.approx(np.tile([0, -1, 0], (4, 1)))
+
+
+@pytest.mark.parametrize(
+    ("more", "opacity"),
+    [
+        ("", 1.0),
+        ("<transparency><float>0.25</float></transparency>", 0.25),
+        ('<transparent opaque="RGB_ZERO"><color>0.25 0 0 1</color></transparent>', 0.75),
+        ('<transparent opaque="A_ONE"><color>0 0 0 0.5</color></transparent>', 0.5),
+        ("<transparency><float>0</float></transparency>", 1.0),  # nobody could see it
+    ],
+)
+def test_opacity_is_that_of_the_specification(more: str, opacity: float) -> None:
+    (part,) = read_collada(collada(more=more))
+    assert part.paint.opacity == pytest.approx(opacity)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "<a/>",
+        collada(more="<ambient><texture texture='t'/></ambient>"),
+        collada(POLYGON.replace("<vcount>4", "<vcount>5")),
+        collada(POLYGON.replace("0 0 1 0 2 0 3 0", "0 0 1 0 2 0 9 0")),
+        collada(POLYGON.replace("0 0 1 0 2 0 3 0", "0 0 1 0 2 0 -1 0")),
+        collada(POLYGON.replace("polylist", "polygons")),
+        collada(POLYGON.replace("#N", "#nothing")),
+        collada().replace("0 0 0 1 0 0", "0 0 nan 1 0 0"),
+        collada().replace("#s", "#g"),
+        collada(node="<rotate>0 0 0 90</rotate>"),
+        collada(POLYGON.replace("</p>", " x</p>")),
+    ],
+)
+def test_what_is_not_plain_is_refused(text: str) -> None:
+    with pytest.raises(NotPlainError):
+        read_collada(text)
+
+
+def dae_files(name: str) -> list[Path]:
+    links = read_links(pinsing.load(name))
+    assert links.geometry is not None
+    files = {Path(g.meshPath) for g in links.geometry.geometryObjects}
+    return sorted(f for f in files if f.suffix == ".dae")
+
+
+def test_meshes_of_robots_are_those_that_assimp_reads() -> None:
+    files = dae_files("panda")[:2]
+    assert len(files) == 2
+    for file in files:
+        parts = read_collada(file.read_text())
+        mesh = coal.MeshLoader().load(str(file), np.ones(3))
+        vertices = np.array(mesh.vertices())
+        triangles = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
+        faces = np.array([[t[0], t[1], t[2]] for t in triangles])
+        assert sum(len(p.faces) for p in parts) == pytest.approx(len(faces), rel=0.01)
+        assert sum(area(p.vertices, p.faces) for p in parts) == pytest.approx(
+            area(vertices, faces), rel=1e-3
+        )
+        # Assimp turns y up to z up; the page does as Pinocchio's own viewer, which does not.
+        every = np.concatenate([p.vertices for p in parts])
+        assert np.sort(np.ptp(every, axis=0)) == pytest.approx(np.sort(np.ptp(vertices, axis=0)))
+
+
+def test_rounding_and_the_cache_keep_the_shape(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PINSING_CACHE", str(tmp_path))
+    file = dae_files("panda")[0]
+    fresh = read_painted(file)
+    for part, exact in zip(fresh, read_collada(file.read_text()), strict=True):
+        back = part.vertices[:, :3] * part.step + np.array(part.middle)
+        assert np.abs(back - exact.vertices).max() <= 0.51 * part.step
+        assert np.abs(part.normals[:, :3] / 127 - exact.normals).max() < 0.01
+    monkeypatch.setattr(painted, "read_collada", lambda text: pytest.fail("it was kept"))
+    for kept, part in zip(read_painted(file), fresh, strict=True):
+        assert (kept.middle, kept.step, kept.paint) == (part.middle, part.step, part.paint)
+        assert np.array_equal(kept.vertices, part.vertices)
+        assert np.array_equal(kept.faces, part.faces)
+        assert kept.faces.dtype == part.faces.dtype
+
+
+def test_a_cache_of_something_else_is_not_taken(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
+    file = tmp_path / "square.dae"
+    file.write_text(collada())
+    monkeypatch.setattr(painted, "kept", lambda folder, key: (b'[{"vertices": 9}]', b"x"))
+    (part,) = read_painted(file)
+    assert len(part.faces) == 2
+
+
+def test_each_paint_of_a_link_is_drawn() -> None:
+    (one,) = read_collada(collada())
+    drawn = as_object([Painted.of(one), Painted.of(one)])
+    assert len(drawn["object"]["children"]) == 2
+    assert drawn["materials"][0]["color"] == 0xFF8000
+
+
+def test_shapes_of_links_come_apart_from_the_rest() -> None:
+    recorder = Recorder()
+    recorder.visualizer()["pinsing/arm/3/visual/0"].set_property("visible", False)
+    recorder.visualizer()["pinsing/arm/3/bone"].set_property("visible", False)
+    scene, links = recorder.parts()
+    assert b"bone" in scene
+    assert b"visual" in links
+    assert len(scene) + len(links) == len(recorder.packed())
