@@ -36,6 +36,13 @@ def test_every_repr_is_one_short_line(results):
         assert said.endswith(">")
         assert "\n" not in said
         assert len(said) < 150
+    arm, form, _, _, analysis, state = results[:6]
+    assert repr(state).startswith("<State: stanford, SINGULAR: rank 5 of 6, sigma_6/sigma_1 = ")
+    assert "; checks agree>" in repr(analysis)
+    assert repr(pinsing.nominal(arm)).startswith("<Nominal: stanford: ")
+    bent, flat = [0.1, 0.2, 0.3, 0.4, 0.5, 0.6], [0.1, 0.2, 0.3, 0.4, -0.5, 0.6]
+    meets = f"meets {form.family_of(state.q).name}>"
+    assert repr(pinsing.check_trajectory(arm, [bent, flat], forms=form)).endswith(meets)
     assert one_line("A", "") == "<A>"
     assert one_line("A", "x\x1b[31m") == "<A: x\\x1b[31m>"
 

@@ -143,6 +143,10 @@ class Analysis(JsonResult):
         reachable = any(f.is_reachable for f in self.families)
         return reachable or any(f.reachable and f.status == "singular" for f in self.findings)
 
+    def __repr__(self) -> str:
+        checks = "checks agree" if self.agree else "CONTRADICTIONS"
+        return f"<Analysis: {repr(self.closed_form).partition(': ')[2].rstrip('>')}; {checks}>"
+
     def __str__(self) -> str:
         return analysis_text(self)
 

@@ -155,6 +155,14 @@ class State(JsonResult):
         """Whether the rank is below the generic one, to ``rtol``."""
         return self.status == SINGULAR
 
+    def __repr__(self) -> str:
+        said = "SINGULAR" if self.singular else self.status
+        r = self.generic_rank
+        ratio = f"sigma_{r}/sigma_1 = {self.sigma_ratio:.2g}"
+        return notebook.one_line(
+            "State", f"{self.arm.name}, {said}: rank {self.rank} of {r}, {ratio}"
+        )
+
     def __str__(self) -> str:
         return state_text(self)
 

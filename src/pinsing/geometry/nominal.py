@@ -27,6 +27,7 @@ from pinsing.geometry.chain import Chain, chain_model, flatten
 from pinsing.geometry.jacobian_bound import jacobian_change, rotation_angle
 from pinsing.geometry.snap import Snap
 from pinsing.geometry.surd import Exact, cosine, sine
+from pinsing.notebook import one_line
 from pinsing.robot.arm import Arm
 
 ANGLE_TOL = 2e-3
@@ -84,6 +85,11 @@ class Nominal:
     offset: Array
     snaps: tuple[Snap, ...]
     jacobian_change: float
+
+    def __repr__(self) -> str:
+        moved = f"{len(self.snaps)} numbers moved" if self.snaps else "nothing moved"
+        change = f"Jacobian columns change by at most {self.jacobian_change:.1e}"
+        return one_line("Nominal", f"{self.arm.name}: {moved}, {change}")
 
     @property
     def exact(self) -> bool:

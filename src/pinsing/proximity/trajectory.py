@@ -13,6 +13,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import closed_form
+from pinsing.notebook import one_line
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.motion import check_reach, check_times
 from pinsing.proximity.passage import Approach, Passage
@@ -125,6 +126,11 @@ class TrajectoryCheck(JsonResult):
     complete: bool
     notes: tuple[str, ...]
     aspect_changes: tuple[AspectChange, ...] = field(default=(), metadata={"optional": True})
+
+    def __repr__(self) -> str:
+        names = ", ".join(dict.fromkeys(c.family for c in self.crossings))
+        said = f"meets {names}" if names else f"clearance {self.clearance:.3g}"
+        return one_line("TrajectoryCheck", f"{self.arm.name}, {self.samples} samples: {said}")
 
     @property
     def clearance(self) -> float:
