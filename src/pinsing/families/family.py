@@ -15,7 +15,7 @@ from pinsing.families.at_once import AtOnce
 from pinsing.families.html import families_table, family_row
 from pinsing.families.members import Members
 from pinsing.families.parts import Branch, KindPart
-from pinsing.families.solved_for import SolvedFor
+from pinsing.families.solved_for import LONG, SolvedFor, long_form
 from pinsing.measures import Reachability
 from pinsing.serialization import JsonResult
 
@@ -132,6 +132,15 @@ class Family(Members, JsonResult):
         """Fixed joint values of each branch, by joint index."""
         return tuple({v.joint: v.value for v in b.values} for b in self.branches)
 
+    @property
+    def abridged(self) -> bool:
+        """Whether ``text`` leaves long equations out, and says how many terms they have."""
+        return any(
+            len(e.cos) > LONG and (len(b.equations) > 1 or long_form(e) is None)
+            for b in self.branches
+            for e in b.equations
+        )
+
     def __str__(self) -> str:
         return f"{self.name}: {self.text}"
 
@@ -150,5 +159,5 @@ def html_row(family: Family) -> tuple[str, ...]:
     """Its cells in a table of families."""
     varies = family.kind == "varies"
     kind = "; ".join(str(part) for part in family.kinds) if varies else family.kind
-    short = family.text if family.solved or "terms]" in family.text else ""
+    short = family.text if family.solved or family.abridged else ""
     return family_row(family.name, family.latex, short, kind, family.reachability, family.reason)

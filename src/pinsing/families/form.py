@@ -252,7 +252,7 @@ def families_text(
             lines += [page.paragraph(formula(w), first="      ", rest=" " * 10) for w in written]
             lines += [page.paragraph(text, first="      ") for text in meaning(family)]
             lines += _example(family, forms, page, degrees)
-    long = [f.name for f in forms.families if " terms]" in f.text]
+    long = [f.name for f in forms.families if f.abridged]
     if long and not exact:
         lines.append(
             page.paragraph(

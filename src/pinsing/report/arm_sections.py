@@ -85,7 +85,7 @@ def summary(c: Content) -> Section:
     rows = [
         (
             f'<a href="#{f.name}">{text(f.name)}</a>',
-            text(f.text) if f.solved or " terms]" in f.text else formula(f.latex),
+            text(f.text) if f.solved or f.abridged else formula(f.latex),
             text(_kind(f)),
             badge(f.reachability.words, _REACHED[f.reachability]),
         )
