@@ -120,6 +120,9 @@ def test_an_arm_with_such_a_family_is_stated_so_in_text_json_and_on_the_page() -
     assert len(said.follow) + len({v for b in family.branches for v in b.values}) >= 3
     assert said.steps
     text = families_text(forms)
+    assert [f.name for f in forms.families if f.abridged] == [
+        f.name for f in forms.families if " terms]" in f.text
+    ]
     assert "at once in" in text
     assert "can be chosen" in text
     assert "terms] and f(" not in text
