@@ -548,7 +548,7 @@ def test_the_example_in_c(tmp_path: Path) -> None:
 
 def test_the_example_in_python() -> None:
     done = subprocess.run(
-        [sys.executable, str(EXAMPLES / "guard_loop.py")], capture_output=True, text=True
+        [sys.executable, str(EXAMPLES / "05_guard_loop.py")], capture_output=True, text=True
     )
     assert done.returncode == 0, done.stderr
     assert "warn, 0." in done.stdout

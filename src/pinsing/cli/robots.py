@@ -58,6 +58,8 @@ def _show_chains(request: RobotRequest) -> None:
 
     found = locate_robot(request.robot)
     path = found.path if isinstance(found, CatalogEntry) else found
+    if path.suffix.lower() in (".xml", ".mjcf", ".yaml", ".yml"):
+        return  # the error names the chains as well
     description = read_description(path, packages=request.packages, xacro_args=request.xacro_args)
     mimics = [j.name for j in description.joints if j.mimic is not None]
     chains = arm_chains(build_model(description), mimics)
@@ -74,12 +76,17 @@ def _show_chains(request: RobotRequest) -> None:
 @click.argument("word", required=False, default="", shell_complete=completion.known)
 @click.option("--json", "json_target", type=OutputFile(), metavar="FILE|-", help="As JSON.")
 def list_command(word: str, json_target: str | Path | None) -> None:
-    """Robots known by name; with WORD, those that have it in their name or title."""
-    from pinsing.description.catalog import known_robots
+    """Robots known by name; with WORD, those that have it in their name or title.
+
+    Robots of the package robot_descriptions, where it is installed, are called rd:NAME.
+    """
+    from pinsing.description.catalog import described_entries, known_robots
 
     wanted = word.lower()
     entries = [
-        e for e in known_robots().values() if wanted in e.name.lower() or wanted in e.title.lower()
+        e
+        for e in (*known_robots().values(), *described_entries())
+        if wanted in e.name.lower() or wanted in e.title.lower()
     ]
     if json_target is not None:
         robots = [

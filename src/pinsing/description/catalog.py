@@ -10,9 +10,15 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
+from pinsing.description.described_robots import (
+    PACKAGE,
+    PREFIX,
+    described_robot,
+    described_robots,
+)
 from pinsing.description.own_folder import urdf_folder
 from pinsing.errors import RobotFileError, UnknownNameError
 
@@ -118,6 +124,10 @@ class CatalogEntry:
         The name that this one stands for.
     note : str
         What to know about it.
+    packages : mapping of str to Path
+        Folders of its own packages, by name.
+    xacro_args : mapping of str to str
+        Arguments that its xacro is to be given.
     """
 
     name: str
@@ -129,6 +139,8 @@ class CatalogEntry:
     base: str | None = None
     alias_of: str | None = None
     note: str = ""
+    packages: Mapping[str, Path] = field(default_factory=dict)
+    xacro_args: Mapping[str, str] = field(default_factory=dict)
 
 
 def known_robots() -> dict[str, CatalogEntry]:
@@ -141,6 +153,14 @@ def known_robots() -> dict[str, CatalogEntry]:
             target = entries[name]
             entries[alias] = replace(target, name=alias, alias_of=target.alias_of or name)
     return dict(sorted(entries.items()))
+
+
+def described_entries() -> list[CatalogEntry]:
+    """Return the robots of the package robot_descriptions; none where it is not installed."""
+    return [
+        CatalogEntry(name, Path(name), title, (), PACKAGE, note=note)
+        for name, (title, note) in described_robots().items()
+    ]
 
 
 def find_robot(name: str) -> CatalogEntry:
@@ -204,7 +224,8 @@ def _families(known: Collection[str]) -> str:
 def locate_robot(robot: str | Path) -> CatalogEntry | Path:
     """Return what a user means by a robot: an existing file, a path, or a name.
 
-    An existing path wins; text with a path separator or the suffix .urdf, .xacro or .xml is a path,
+    ``rd:NAME`` is a robot of the package robot_descriptions. Else
+    an existing path wins; text with a path separator or the suffix .urdf, .xacro or .xml is a path,
     and so is a `Path`; all else is a name.
 
     Raises
@@ -215,6 +236,17 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
         If it is a path and there is no such file.
     """
     path = Path(robot)
+    if isinstance(robot, str) and robot.startswith(PREFIX):
+        there = described_robot(robot)
+        return CatalogEntry(
+            robot,
+            there.path,
+            robot,
+            there.folders,
+            PACKAGE,
+            packages=there.packages,
+            xacro_args=there.xacro_args,
+        )
     try:
         # A folder may happen to bear the name of a robot.
         exists = path.is_file() or (path.exists() and not _is_name(robot))

@@ -113,6 +113,9 @@ def given_file(
     entry = found if isinstance(found, CatalogEntry) else None
     if isinstance(found, Path) and found.suffix.lower() in (".yaml", ".yml"):
         return _table(found, os.fspath(robot), xacro_args)
+    if entry is not None:  # what the catalog knows of it; what the user says wins
+        packages = {**entry.packages, **(packages or {})}
+        xacro_args = {**entry.xacro_args, **(xacro_args or {})}
     description = read_description(
         found.path if isinstance(found, CatalogEntry) else found, packages, xacro_args
     )

@@ -66,7 +66,8 @@ def load(
     Parameters
     ----------
     robot : str, path, pin.Model or object with ``.model``
-        A URDF or xacro file, a DH table (.yaml), the name of a known robot (``pinsing list``),
+        A URDF or xacro file, a MuJoCo model that Pinocchio reads (.xml), a DH table (.yaml), the
+        name of a known robot (``pinsing list``; ``rd:NAME`` of the package robot_descriptions),
         the text of a URDF (it begins with ``<``), a model, or a ``RobotWrapper``. Joint vectors of
         the arm are its own (n,) or, everywhere, the whole model's configuration (nq,); see
         ``Arm.q_of``.
@@ -153,7 +154,12 @@ def _read(
     if model is not None:
         return _Whole(model, model.name or "model", "pin.Model", {})
     from pinsing.robot.build_model import build_model
+    from pinsing.robot.mujoco import given_mujoco
 
+    mujoco = given_mujoco(robot)
+    if mujoco is not None:
+        model, path, notes = mujoco
+        return _Whole(model, model.name or path.stem, str(robot), {}, path=path, notes=notes)
     given = given_file(robot, packages, xacro_args)
     description, entry = given.description, given.entry
     return _Whole(

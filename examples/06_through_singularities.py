@@ -1,6 +1,6 @@
 """Lead a UR5 through its wrist and along its shoulder singularity, by each method.
 
-python examples/through_singularities.py speeds.png
+python examples/06_through_singularities.py speeds.png
 """
 
 import sys

@@ -1,6 +1,6 @@
 """A simulated control loop that slows down near singular configurations and stops before one.
 
-    python examples/guard_loop.py
+    python examples/05_guard_loop.py
 
 A UR5 turns its wrist towards q5 = 0; joint speeds are scaled by the clearance of a Monitor.
 """
