@@ -43,6 +43,15 @@ AGAIN: dict[str, Callable[[dict[str, Any]], bool]] = {
 
 
 @dataclass(frozen=True)
+class Budget:
+    """Seconds on the clock for one chain: its process as a whole, the search, the certificate."""
+
+    whole: float
+    search: float
+    proof: float
+
+
+@dataclass(frozen=True)
 class Job:
     """One chain: the URDF below the folder of robots, tip, and base (None for the root)."""
 
@@ -84,8 +93,8 @@ def jobs() -> tuple[list[Job], dict[str, str]]:
     return found, without
 
 
-def run(job: Job, proven: Collection[str], analyse: bool) -> dict[str, Any]:
-    """Prove one chain, in this process, unless its geometry is among those that are proven."""
+def run(job: Job, done: Collection[str], budget: Budget, analyse: bool) -> dict[str, Any]:
+    """Prove one chain, in this process, unless its geometry is among those that are done."""
     import pinsing
     from pinsing.description.catalog import data_folder
     from pinsing.families import prove
@@ -98,15 +107,15 @@ def run(job: Job, proven: Collection[str], analyse: bool) -> dict[str, Any]:
     try:
         arm = pinsing.load(folder / job.file, tip=job.tip, base=job.base)
         about = {"outcome": "done", "joints": arm.n, "geometry": identity(arm)}
-        if about["geometry"] in proven and not analyse:
+        if about["geometry"] in done and not analyse:
             return about
-        result = pinsing.analyze(arm, seconds=SEARCH_SECONDS) if analyse else None
-        found = pinsing.closed_form(arm, seconds=SEARCH_SECONDS) if result is None else None
+        result = pinsing.analyze(arm, seconds=budget.search) if analyse else None
+        found = pinsing.closed_form(arm, seconds=budget.search) if result is None else None
     except pinsing.PinsingError as error:
         return {"outcome": "refused", "reason": str(error).replace(f"{folder}/", "")}
     found = result.closed_form if result is not None else found
     if found.word != "proven":
-        found = prove(found, PROOF_SECONDS)
+        found = prove(found, budget.proof)
     proof = found.proof
     about |= {
         "rank": found.generic_rank,
@@ -119,6 +128,7 @@ def run(job: Job, proven: Collection[str], analyse: bool) -> dict[str, Any]:
         "find_seconds": 0.0 if proof is None else round(proof.seconds, 3),
         "algebra_seconds": round(found.seconds, 3),
         "load": round(os.getloadavg()[0], 1),
+        "budget": [budget.search, budget.proof],
     }
     if found.word == "proven":
         text, started = text_of(found.certificate), time.process_time()
@@ -149,40 +159,41 @@ def identity(arm: Any) -> str:
 
 
 def run_apart(
-    job: Job, seconds: float, proven: Mapping[str, dict[str, Any]], analyse: bool
+    job: Job, budget: Budget, done: Mapping[str, dict[str, Any]], analyse: bool
 ) -> dict[str, Any]:
     """Prove one chain in a process of its own, and tell how it ended."""
     started = time.monotonic()
-    command = [sys.executable, __file__, "--one", json.dumps([asdict(job), [*proven], analyse])]
+    question = [asdict(job), [*done], asdict(budget), analyse]
+    command = [sys.executable, __file__, "--one", json.dumps(question)]
     threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
     try:
         child = subprocess.run(
             command,
             capture_output=True,
-            timeout=seconds,
+            timeout=budget.whole,
             check=False,
             env={**os.environ, **threads},
         )
     except subprocess.TimeoutExpired:
-        return {"outcome": "killed", "reason": f"not done after {seconds:g} s"}
+        return {"outcome": "killed", "reason": f"not done after {budget.whole:g} s"}
     if child.returncode != 0:
         said = child.stderr.decode(errors="replace").strip().splitlines() or ["nothing said"]
         return {"outcome": "crashed", "reason": f"exit code {child.returncode}: {said[-1]}"}
     answer = json.loads(child.stdout)
     if answer["outcome"] == "done" and "word" not in answer:
-        answer = {**answer, **alike(proven[answer["geometry"]])}
+        answer = {**answer, **alike(done[answer["geometry"]])}
     return {**answer, "wall": round(time.monotonic() - started, 2)}
 
 
 def alike(entry: dict[str, Any]) -> dict[str, Any]:
     """What a chain has in common with one of the same geometry."""
-    same = ("rank", "families", "word", "gaps", "unproven", "bytes", "check_seconds")
-    return {"same_as": entry["key"], **{k: entry[k] for k in same}}
+    same = ("rank", "families", "word", "gaps", "unproven", "bytes", "check_seconds", "budget")
+    return {"same_as": entry["key"], **{k: entry[k] for k in same if k in entry}}
 
 
 def survey(
     store: Path,
-    seconds: float,
+    budget: Budget,
     workers: int,
     only: str,
     again: str,
@@ -192,16 +203,17 @@ def survey(
     """Run what is not in the store yet, and again what ended badly where that is asked for."""
     known = read(store)
     done = {entry["key"] for entry in known if not AGAIN[again](entry)}
-    proven = {e["geometry"]: e for e in known if e.get("word") == "proven" and not e.get("same_as")}
+    # A geometry is tried once: what is proven stays so, what is not is not tried twice in one run.
+    tried = {e["geometry"]: e for e in known if e.get("word") == "proven" and not e.get("same_as")}
     chains, _ = jobs()
     todo = [job for job in chains[::step] if job.key not in done and only in job.key]
     print(f"{len(chains)} chains, {len(todo)} to do")
     with ThreadPoolExecutor(workers) as pool, store.open("a", encoding="utf-8") as stream:
-        answers = pool.map(lambda job: run_apart(job, seconds, proven, analyse), todo)
+        answers = pool.map(lambda job: run_apart(job, budget, tried, analyse), todo)
         for number, (job, answer) in enumerate(zip(todo, answers, strict=True), 1):
             entry = {"key": job.key, **asdict(job), **answer}
-            if entry.get("word") == "proven" and "same_as" not in entry:
-                proven[entry["geometry"]] = entry
+            if "word" in entry and "same_as" not in entry:
+                tried[entry["geometry"]] = entry
             stream.write(json.dumps(entry) + "\n")
             stream.flush()
             print(f"{number}/{len(todo)} {job.key}: {_short(answer)}", flush=True)
@@ -234,6 +246,8 @@ def main(argv: Iterable[str] | None = None) -> int:
     )
     parser.add_argument("--store", type=Path, default=ROOT / "build" / "survey.jsonl")
     parser.add_argument("--seconds", type=float, default=SECONDS, help="for each chain")
+    parser.add_argument("--search", type=float, default=SEARCH_SECONDS, help="of these, search")
+    parser.add_argument("--proof", type=float, default=PROOF_SECONDS, help="of these, certificate")
     parser.add_argument("--workers", type=int, default=os.cpu_count() or 1)
     parser.add_argument("--sample", type=int, help="every so many-th chain only")
     parser.add_argument("--only", default="", help="chains whose file, tip or base has this text")
@@ -242,6 +256,7 @@ def main(argv: Iterable[str] | None = None) -> int:
     parser.add_argument("--report", type=Path, help="write the table there, and run nothing")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     arguments = parser.parse_args(None if argv is None else list(argv))
+    budget = Budget(arguments.seconds, arguments.search, arguments.proof)
     if arguments.report:
         sys.path.insert(0, str(Path(__file__).parent))
         from survey_report import report
@@ -251,17 +266,17 @@ def main(argv: Iterable[str] | None = None) -> int:
         entries = sorted(
             (e for e in read(arguments.store) if e["key"] in order), key=lambda e: order[e["key"]]
         )
-        text = report(entries, without, (arguments.seconds, SEARCH_SECONDS, PROOF_SECONDS))
+        text = report(entries, without, (budget.whole, budget.search, budget.proof))
         arguments.report.write_text(text, encoding="utf-8")
         return 0
     if arguments.one:
-        job, proven, analyse = json.loads(arguments.one)
-        json.dump(run(Job(**job), proven, analyse), sys.stdout)
+        job, done, limits, analyse = json.loads(arguments.one)
+        json.dump(run(Job(**job), done, Budget(**limits), analyse), sys.stdout)
         return 0
     arguments.store.parent.mkdir(parents=True, exist_ok=True)
     survey(
         arguments.store,
-        arguments.seconds,
+        budget,
         arguments.workers,
         arguments.only,
         arguments.again,

@@ -15,6 +15,11 @@ from pinsing.proof.checker import Certificate
 from pinsing.proof.place import Place
 from pinsing.proof.skeleton import form_text
 
+_MANY = 3
+"""Relations up to which none is looked at for saying nothing new."""
+_SHORTEST, _SHORT = 8, 40
+"""Terms of relations that others may follow from, and of these others."""
+
 
 class Forms:
     """Forms of a certificate's ring.
@@ -53,6 +58,22 @@ class Forms:
                 relations.append(p)
         values, relations_left = self.ring.where([*linear, *relations])
         return Place([*linear, *relations], values, relations_left, points)
+
+    def without_implied(self, place: Place) -> Place:
+        """A place without short relations that vanish where two of the shortest ones do.
+
+        They say nothing new, and with many relations little can be tried.
+        """
+        if len(place.relations) <= _MANY:
+            return place
+        kept: list[Poly] = []
+        for p in place.relations:
+            two = [r for r in kept if len(r) <= _SHORTEST][:2]
+            if len(two) < 2 or len(p) > _SHORT or not self.ring.vanishes(p, two):
+                kept.append(p)
+        if len(kept) == len(place.relations):
+            return place
+        return self.place_of([*place.forms[: len(place.values)], *kept], place.points)
 
     def linear(self, j: int, point: tuple[Poly, Poly]) -> Poly:
         """The form that puts joint ``j`` at a point."""

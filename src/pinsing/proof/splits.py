@@ -16,6 +16,9 @@ _SHORT = 200
 """Terms of all relations beyond which they are not divided by each other."""
 _LONG = 2000
 """Product of terms beyond which two relations are not combined."""
+_PLAIN, _PLAINEST = 1000, 2
+"""Product of terms of two relations whose resultant is looked at among many, and how many of the
+simplest are tried."""
 _CHOICES = 16
 """Points of free joints that a minor is looked at."""
 
@@ -42,6 +45,8 @@ class Splits:
     def of(self, place: Place) -> Iterator[Split]:
         """Polynomials that vanish on all components of a place, the simplest first."""
         values, relations = place.values, place.relations
+        if len(relations) > _MANY:
+            yield from self._plain_resultants(place)[:_PLAINEST]
         minors = list(self._minors(place))
         alone, minors = minors, [*minors, *self._without_a_turn(place, minors)]
         toward = {form_text(self.forms.tidy(p)) for family in self.families for p in family}
@@ -127,15 +132,29 @@ class Splits:
         zero, one = self.ring.zero, self.ring.one
         return ((one, zero), (zero, one), (one, one), (one, -one))[k]
 
-    def _resultants(self, place: Place) -> Iterator[Split]:
+    def _resultants(self, place: Place, longest: int = _LONG) -> Iterator[Split]:
         ring, first = self.ring, len(place.values)
         for (a, p), (b, g) in itertools.combinations(enumerate(place.relations), 2):
-            if len(p) * len(g) > _LONG:
+            if len(p) * len(g) > longest:
                 continue
             for j in set(ring.joints(p)) & set(ring.joints(g)):
                 (poly,) = ring.stripped(ring.resultant(p, g, j))
                 if poly != 0:
                     yield Split([(ring.one, {"resultant": [first + a, first + b, j]})], poly)
+
+    def _plain_resultants(self, place: Place) -> list[Split]:
+        """Resultants of short relations that fall apart into forms shorter than both."""
+        found: list[tuple[int, int, Split]] = []
+        for split in self._resultants(place, _PLAIN):
+            self._tick()
+            ((_, source),) = split.sum
+            first = len(place.values)
+            both = [len(place.relations[k - first]) for k in source["resultant"][:2]]
+            lengths = [len(f) for f, _ in self.forms.factors(split.form)]
+            known = any(self.ring.divides(p, split.form) for p in place.relations)
+            if not known and max(lengths, default=0) < min(both):
+                found.append((sum(lengths), len(found), split))
+        return [split for *_, split in sorted(found, key=lambda f: f[:2])]
 
     def _remainders(self, place: Place) -> Iterator[Split]:
         """A relation less a multiple of a shorter one, if that is shorter or a product."""

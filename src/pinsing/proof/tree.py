@@ -21,8 +21,12 @@ from pinsing.proof.skeleton import form_text
 from pinsing.proof.splits import Splits
 from pinsing.proof.squares import squares
 
-_MOST = 5
+_MOST = 8
 """Relations beyond which a place is not split: splits that say nothing new go on for ever."""
+_FEW = 4
+"""Relations, the shortest, of which two are tried alone."""
+_PART = 60
+"""Terms of the shortest relations that are tried alone for being too many."""
 _TRIED = 8
 """Polynomials to split by that are tried at a place before it is given up."""
 _DENSE = 400
@@ -64,7 +68,7 @@ class Tree:
 
     def _place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:
         """The place where forms vanish, closed or split; None where it is empty."""
-        place = self.forms.place_of(forms, points)
+        place = self.forms.without_implied(self.forms.place_of(forms, points))
         if self.ring.empty(place.relations):
             return None
         texts = [form_text(f) for f in place.forms]
@@ -120,7 +124,7 @@ class Tree:
             if [times for _, times in self.forms.factors(p)] != [1]:
                 self._split(place, Split([(self.ring.one, len(place.values) + k)], p))
                 return
-        if self._by_squares(place):
+        if self._by_squares(place) or self._too_small_in_part(place, least):
             return
         if len(relations) > _MOST:
             raise NotFound(f"more and more relations at {place_text(place)}")
@@ -176,13 +180,31 @@ class Tree:
         """Close a place where two of its relations alone lie in a family, if they do."""
         if len(place.relations) < 3:
             return False
-        for pair in itertools.combinations(place.relations, 2):
+        for pair in itertools.combinations(place.relations[:_FEW], 2):
             if self._lies_in(place.values, list(pair), family):
-                linear = place.forms[: len(place.values)]
-                then = self.forms.place_of([*linear, *pair], place.points)
-                then.entry = {"family": number}
-                at = next(i for i, p in enumerate(place.relations) if p is pair[0])
-                place.entry = {"sum": [["1", len(place.values) + at]]}
-                place.cases = [(pair[0], 1, then)]
+                self._forget(place, list(pair), {"family": number})
                 return True
         return False
+
+    def _too_small_in_part(self, place: Place, least: int) -> bool:
+        """Close a place where the shortest of its relations are too many alone, if they are."""
+        relations = place.relations
+        if place.points:
+            return False
+        for count in range(max(least, 1), min(least + 2, len(relations))):
+            part = relations[:count]
+            if sum(map(len, part)) > _PART:
+                return False
+            if self.ring.codimension_at_least(least, part):
+                self._forget(place, part, {"too_small": True})
+                return True
+        return False
+
+    def _forget(self, place: Place, part: list[Poly], entry: dict[str, Any]) -> None:
+        """Close a place by a wider one, where some of its relations vanish alone."""
+        linear = place.forms[: len(place.values)]
+        then = self.forms.place_of([*linear, *part], place.points)
+        then.entry = entry
+        at = next(i for i, p in enumerate(place.relations) if p is part[0])
+        place.entry = {"sum": [["1", len(place.values) + at]]}
+        place.cases = [(part[0], 1, then)]
