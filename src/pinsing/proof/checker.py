@@ -118,6 +118,7 @@ class Ring:
         self.names, gens = list(self.context.names()), self.context.gens()
         self.zero, self.one, self.work = self.context.constant(0), self.context.constant(1), 0
         self.read: dict[str, Poly] = {}
+        self.resultants: dict[Any, Poly] = {}  # the same ones are asked for again and again
         self.squares = [s * s - d for s, d in zip(gens[len(names) :], roots, strict=True)]
         self.pairs = [(gens[2 * j], gens[2 * j + 1]) for j in range(len(slides))]
         # Zero at no configuration: x of a prismatic joint, x^2 + y^2 of a revolute one.
@@ -208,11 +209,13 @@ class Ring:
 
     def put(self, form: Poly, values: dict[int, Any]) -> Poly:
         """The form with some joints at points."""
+        if not (inside := {*self.joints(form)} & {*values}):
+            return form
         self.spend(100 * len(values) + len(form))
         images = list(self.context.gens())
-        for j, point in values.items():
-            images[2 * j : 2 * j + 2] = point
-        return self.reduced(form.compose(*images, ctx=self.context)) if values else form
+        for j in inside:
+            images[2 * j : 2 * j + 2] = values[j]
+        return self.reduced(form.compose(*images, ctx=self.context))
 
     def where(self, forms: list[Poly]) -> Where:
         """What it means that forms vanish: joints at points, and what is left of the forms."""
@@ -241,9 +244,11 @@ class Ring:
         if len(p) * len(g) * size > LONG:
             return self.zero  # which tells nothing
         self.spend(len(p) * len(g) * size)
-        found = self.reduced(p.subs({x: 1}).resultant(g.subs({x: 1}), y))
-        tops = self.top(p, joint), self.top(g, joint)
-        return found if all(tops) else self.times(found, sum(tops, self.zero))  # x = 0 counts, too
+        if (key := (str(p), str(g), joint)) not in self.resultants:
+            found = self.reduced(p.subs({x: 1}).resultant(g.subs({x: 1}), y))
+            tops = self.top(p, joint), self.top(g, joint)  # x = 0 counts, too
+            self.resultants[key] = found if all(tops) else self.times(found, sum(tops, self.zero))
+        return self.resultants[key]
 
     def apart(self, forms: list[Poly], joints: tuple[int, ...]) -> bool:
         """Whether forms in a few joints are shown to have no common zero."""
@@ -465,7 +470,7 @@ class Certificate:
         values, left = ring.where(forms)
         sums = [self.sum(terms, forms) for terms in f["sums"]]
         sums = [p for total in sums for p in ring.stripped(ring.put(total, values)) if p != 0]
-        for minor in self.minors(self.rank, values):
+        for minor in itertools.chain(*map(ring.stripped, self.minors(self.rank, values))):
             shown = any(ring.divides(p, minor) for p in sums) or ring.vanishes(minor, left)
             need(shown, f"family {f['name'][:20]} is not shown to be singular")
         least = f["least_codimension"] - len(values)

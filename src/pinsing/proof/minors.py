@@ -26,11 +26,15 @@ def sums_to_minors(draft: Certificate, family: Place) -> list[Sum]:
         return []
     minor = draft.at(family.values)
     found: list[Sum] = []
+    totals: list[Poly] = []
     for rows in itertools.combinations(range(draft.sides[0]), size):
         for columns in itertools.combinations(range(draft.sides[1]), size):
             value = minor(rows, columns)
-            if value != 0 and not any(ring.divides(p, value) for p in family.relations):
-                found += _as_sum(draft, family, minor, rows, columns)
+            if value == 0 or any(ring.divides(p, value) for p in [*family.relations, *totals]):
+                continue
+            for total in _as_sum(draft, family, minor, rows, columns):
+                found.append(total)
+                totals += ring.stripped(ring.put(draft.sum(total, family.forms), family.values))
     return found
 
 
@@ -41,8 +45,9 @@ def _as_sum(
     rows: tuple[int, ...],
     columns: tuple[int, ...],
 ) -> list[Sum]:
-    """The first sum found for one minor, if there is one."""
+    """The shortest sum that is one minor, if there is one."""
     ring, first = draft.ring, len(family.values)
+    found: list[Sum] = []
     for i, extra in itertools.product(rows, range(draft.sides[1])):
         entries = [ring.put(x, family.values) for x in draft.matrix[i]]
         if extra in columns or entries[extra] == 0:
@@ -61,5 +66,7 @@ def _as_sum(
             times = ring.reduced(divmod(other, family.relations[at])[0] * entries[j] * (-1) ** k)
             terms[at] = terms.get(at, ring.zero) + times
         else:
-            return [[[form_text(c), first + at] for at, c in terms.items() if c != 0]]
-    return []
+            # Units are taken out: the sum is compared without, and they make it many times longer.
+            short = zip(terms, ring.stripped(*terms.values()), strict=True)
+            found.append([[form_text(c), first + at] for at, c in short if c != 0])
+    return sorted(found, key=lambda total: sum(len(text) for text, _ in total))[:1]

@@ -27,8 +27,9 @@ _FEW = 4
 """Relations, the shortest, of which two are tried alone."""
 _PART = 60
 """Terms of the shortest relations that are tried alone for being too many."""
-_TRIED = 8
-"""Polynomials to split by that are tried at a place before it is given up."""
+_TRIED, _MANY, _TRIED_THERE = 8, 5, 3
+"""Polynomials to split by that are tried at a place before it is given up, and how many relations
+are so many that fewer are tried."""
 _DENSE = 400
 """Terms of all relations beyond which nothing long is tried with them."""
 
@@ -129,7 +130,8 @@ class Tree:
         if len(relations) > _MOST:
             raise NotFound(f"more and more relations at {place_text(place)}")
         failure = NotFound(f"nothing to split {place_text(place)} by")
-        for split in itertools.islice(self._splits.of(place), _TRIED):
+        tried = _TRIED if len(relations) <= _MANY else _TRIED_THERE
+        for split in itertools.islice(self._splits.of(place), tried):
             try:
                 self._split(place, split)
             except NotFound as reason:
