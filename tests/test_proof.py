@@ -15,7 +15,7 @@ from tiers import tiered
 
 import pinsing
 from pinsing import load
-from pinsing.families import closed_form
+from pinsing.families import closed_form, prove
 from pinsing.proof import checker
 from pinsing.proof.checker import Certificate, Rejected, verify
 from pinsing.proof.produce import text_of
@@ -100,6 +100,22 @@ def test_joint_values_that_depend_on_each_other_are_proven():
 @pytest.mark.parametrize("name", SEVERAL_EQUATIONS)
 def test_systems_of_equations_are_proven(name):
     form = closed_form(load(**{"robot": name, **SEVERAL_EQUATIONS[name]}), prove=True)
+    assert form.word == "proven", form.proof.reason
+    assert form.proof.size < 100_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "how"),
+    [
+        # Relations by the half dozen: split by resultants that fall apart.
+        ("tiago", {"tip": "wrist_ft_tool_link"}),
+        # Minors that are sums of multiples of a family's forms.
+        ("pr2", {"tip": "l_gripper_l_finger_tip_link", "base": "torso_lift_link"}),
+    ],
+)
+def test_arms_of_eight_joints_are_proven(name, how):
+    form = prove(closed_form(load(name, **how), seconds=300, prove=False), 900)
     assert form.word == "proven", form.proof.reason
     assert form.proof.size < 100_000
 
