@@ -62,7 +62,7 @@ def arm_report(
         model(shown if page else None, beside),
     ]
     made = Made.since(started)
-    algebra = f"{1e3 * content.forms.seconds:.0f} ms of it for the families"
+    algebra = f"{content.forms.seconds:.2g} s of it for the families"
     sections += [
         computed(made, content.info.engine, [("", algebra)]),
         part.words(),

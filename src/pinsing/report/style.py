@@ -75,7 +75,11 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
   .wide, .equation .math { overflow: visible; }
   .badge { color: #000; background: none; border: 1px solid #000; }
   .badge.alarm, .badge.caution, .badge.good { background: none; }
-  figure img { max-height: 105mm; }
+  .equation { break-after: avoid; }
+  figure { break-before: avoid; }
+  figure img { max-height: 85mm; }
+  /* Its one line is not a page of its own. */
+  footer { margin-top: 1rem; break-before: avoid; }
   a { color: inherit; }
 }
 """

@@ -49,7 +49,8 @@ class Labels {
       const costs = places.map(([left, top], n) => {
         const spot = inside(left, top), right = spot.left + w, bottom = spot.top + h;
         const over = taken.some((b) => spot.left < b.right && right > b.left && spot.top < b.bottom && bottom > b.top);
-        const hides = [[px, py], [tx, ty]].some(([x, y]) => x > spot.left - 4 && x < right + 4 && y > spot.top - 4 && y < bottom + 4);
+        // The tool, the end of the arrow, and its shaft from there.
+        const hides = [[px, py], [tx, ty], [0.8 * px + 0.2 * tx, 0.8 * py + 0.2 * ty]].some(([x, y]) => x > spot.left - 4 && x < right + 4 && y > spot.top - 4 && y < bottom + 4);
         return { spot, cost: Math.hypot(spot.left - left, spot.top - top) + 20 * n + (over ? 1e6 : 0) + (hides ? 300 : 0) };
       });
       const { spot } = costs.reduce((a, b) => (b.cost < a.cost ? b : a));
