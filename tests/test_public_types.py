@@ -317,6 +317,18 @@ CALLS = {
     "plot.ellipsoids": Call(
         lambda: pinsing.plot.ellipsoids, lambda: {"state": pinsing.at(arm(), Q)}
     ),
+    "plot.inverse_count": Call(
+        lambda: pinsing.plot.inverse_count,
+        lambda: {
+            "arm": pinsing.load(
+                "ur5",
+                task="position",
+                tip="tool0",
+                joints=["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"],
+            ),
+            "samples": 20,
+        },
+    ),
     "plot.locus": Call(
         lambda: pinsing.plot.locus,
         lambda: {

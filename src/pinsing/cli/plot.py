@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pinsing.families import Family
     from pinsing.robot.arm import Arm
 
-KINDS = ("curves", "map", "locus", "ellipsoids", "along", "workspace", "aspects")
+KINDS = ("curves", "map", "locus", "ellipsoids", "along", "workspace", "aspects", "solutions")
 _STEPS = 400
 
 
@@ -62,7 +62,11 @@ _STEPS = 400
     shell_complete=completion.joint_value,
     help="locus: values of a third joint, a curve for each.",
 )
-@click.option("--ignore-limits", is_flag=True, help="curves, map, locus, aspects: whole circles.")
+@click.option(
+    "--ignore-limits",
+    is_flag=True,
+    help="curves, map, locus, aspects, solutions: joints turn endlessly.",
+)
 @click.option(
     "--motions",
     type=click.Choice(("pure", "all")),
@@ -103,6 +107,7 @@ def plot_command(
     along       singular values on straight joint motions between configurations, families marked
     workspace   the best sigma_min (or clearance) found at each place of the tip, in slices
     aspects     the aspects in colours over two joints
+    solutions   of a 3-joint position arm: how many inverse solutions each place has
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
     """  # noqa: D301
@@ -169,6 +174,8 @@ def _draw(
         return plot.aspect_plane(
             arm, joints[0], joints[1], q=q, ignore_limits=ignore_limits, degrees=deg
         )
+    if kind == "solutions":
+        return plot.inverse_count(arm, limits=not ignore_limits)
     if kind == "ellipsoids":
         from pinsing.configuration.at import at
         from pinsing.plot.plane import regular_configuration

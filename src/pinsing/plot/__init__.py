@@ -8,6 +8,7 @@ from pinsing.plot.along import sigma_along
 from pinsing.plot.aspect_plane import aspect_plane
 from pinsing.plot.curves import sigma_curves
 from pinsing.plot.ellipsoids import ellipsoids
+from pinsing.plot.inverse_count import inverse_count
 from pinsing.plot.locus import locus
 from pinsing.plot.plane import sigma_plane
 from pinsing.plot.workspace import workspace
@@ -18,6 +19,7 @@ sigma_map = sigma_plane
 __all__ = [
     "aspect_plane",
     "ellipsoids",
+    "inverse_count",
     "locus",
     "sigma_along",
     "sigma_curves",

@@ -1,0 +1,366 @@
+"""How many inverse solutions a 3-joint position arm has at each place, with cusps and nodes.
+
+The first joint turns, so the workspace is one of revolution: r, the distance of the tip from the
+first axis, and z along it are functions of the other two joints. A place (r, z) has as many
+solutions as the map of those joints has points there. The count changes only across the images of
+singular configurations (Wenger, 2007: "Cuspidal and noncuspidal robot manipulators"); these have
+*cusps*, where three solutions meet, and *nodes*, where two pairs meet at one place. With
+R = r^2 / 2 the map is smooth, and singular where f = R_2 z_3 - R_3 z_2 = 0; a cusp is where the
+direction that the map forgets is tangent to that curve.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+import pinocchio as pin
+from matplotlib.figure import Figure
+
+from pinsing._types import Array, Ints
+from pinsing.errors import OptionError
+from pinsing.kinematics.verdict import generic_rank
+from pinsing.robot.arm import Arm
+
+_FIT = (0.0, 2.0, 4.0)
+_STEP = 1e-5
+_FLAT = 1e-7
+_CROSS = 1e-3
+"""Where f is so much flatter than along its curve, two curves of singular joint values cross."""
+_ANGLE = 0.03
+"""Curves that touch at a smaller angle, radians, do not cross there."""
+_NEAR = 5e-3
+"""Nodes are farther from cusps and from each other than this share of the size."""
+_GRID = 300
+_TILES = 480
+_SHIFT = 0.1234
+"""Whole circles begin at no round angle: special lines are then not on a line of the grid."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reach:
+    """The half plane r >= 0, z of the workspace, counted.
+
+    Attributes
+    ----------
+    r, z : (M,), (N,) arrays
+        Places, metres: distance from the first axis, and along it from the base.
+    count : (N, M) array of int
+        Inverse solutions there.
+    curves : tuple of (K, 2) arrays
+        Images (r, z) of singular configurations.
+    cusps, nodes : (C, 2), (D, 2) arrays
+        Places (r, z) of the cusps and nodes of these.
+    cusp_joints : (C, 2) array
+        Values of the second and third joint at the cusps.
+    within_limits : bool
+        Whether the second and third joint end at their limits.
+    """
+
+    r: Array
+    z: Array
+    count: Ints
+    curves: tuple[Array, ...]
+    cusps: Array
+    nodes: Array
+    cusp_joints: Array
+    within_limits: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """The tip of the arm with its first joint at 0: each coordinate in products of functions.
+
+    A joint that turns has the functions 1, cos and sin; one that slides 1 and its value. ``tensor``
+    (a, b, 3) has the coordinates across the first axis, and along it last.
+    """
+
+    slides: tuple[bool, bool]
+    tensor: Array
+
+    @classmethod
+    def of(cls, arm: Arm) -> Section:
+        """Read off the arm at a few configurations, exactly but for rounding.
+
+        Raises
+        ------
+        OptionError
+            If the arm is not one of three joints that place a point, the first of which turns.
+        """
+        if arm.n != 3 or arm.coupling is not None or generic_rank(arm) != 3:
+            raise OptionError(
+                "inverse solutions by place are drawn for arms of 3 joints that place a point: "
+                f"this one has {arm.n} joints and task {arm.task}, of rank {generic_rank(arm)}"
+            )
+        if arm.task.rows != (0, 1, 2):
+            raise OptionError(f"the task must be position, not {arm.task}")
+        if arm.prismatic[0]:
+            raise OptionError("the first joint must turn: the workspace is then one of revolution")
+        slides = bool(arm.prismatic[1]), bool(arm.prismatic[2])
+        model, frame = arm.model, arm.tip_id
+        data = model.createData()
+        every = [_FIT[:2] if s else _FIT for s in slides]
+        tips, axis, foot = [], np.zeros(3), np.zeros(3)
+        for a, b in product(*every):
+            q = arm.model_q(np.array([0.0, a, b]))
+            J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+            pin.framesForwardKinematics(model, data, q)
+            tip = data.oMf[frame].translation.copy()
+            axis = J[3:, 0]
+            arm_of = np.cross(J[:3, 0], axis)
+            foot = tip - arm_of
+            tips.append(tip)
+        foot = foot - axis * (axis @ foot)
+        x = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
+        x /= np.linalg.norm(x)
+        frame_axes = np.stack([x, np.cross(axis, x), axis])
+        known = (np.array(tips) - foot) @ frame_axes.T
+        A, B = (basis(np.array(v), s) for v, s in zip(every, slides, strict=True))
+        tensor = np.linalg.solve(np.kron(A, B), known).reshape(A.shape[1], B.shape[1], 3)
+        return cls(slides, np.where(np.abs(tensor) < 1e-13 * np.abs(tensor).max(), 0.0, tensor))
+
+    def on(self, x: Array, a: int = 0, b: int = 0) -> Array:
+        """Coordinates (..., 3) at joint values (..., 2), or their derivatives of orders a, b."""
+        A, B = (
+            basis(x[..., k], s, order)
+            for k, (s, order) in enumerate(zip(self.slides, (a, b), strict=True))
+        )
+        return np.asarray(np.einsum("...a,...b,abc->...c", A, B, self.tensor, optimize=True))
+
+    def place(self, x: Array) -> Array:
+        """Places (..., 2): r and z."""
+        p = self.on(x)
+        return np.stack([np.hypot(p[..., 0], p[..., 1]), p[..., 2]], axis=-1)
+
+    def slopes(self, x: Array) -> Array:
+        """Derivatives (..., 2, 2) of r^2 / 2 and z by the two joints."""
+        p = self.on(x)
+        d = np.stack([self.on(x, 1, 0), self.on(x, 0, 1)], axis=-1)
+        R = p[..., 0, None] * d[..., 0, :] + p[..., 1, None] * d[..., 1, :]
+        return np.stack([R, d[..., 2, :]], axis=-2)
+
+    def singular(self, x: Array) -> Array:
+        """Values (...) of f: zero where the arm is singular off its first axis."""
+        return np.asarray(np.linalg.det(self.slopes(x)))
+
+    def steepest(self, x: Array) -> Array:
+        """Gradient (..., 2) of f, by differences."""
+        e = _STEP * np.eye(2)
+        return np.stack(
+            [(self.singular(x + v) - self.singular(x - v)) / (2 * _STEP) for v in e], axis=-1
+        )
+
+    def tangent(self, x: Array) -> Array:
+        """(..., 2): along the direction that the map forgets, the slope of f; from r and from z.
+
+        Both are zero at a cusp; one alone may be where its own row of the map is.
+        """
+        A, g = self.slopes(x), self.steepest(x)
+        return np.asarray(A[..., 0] * g[..., 1, None] - A[..., 1] * g[..., 0, None])
+
+
+def basis(value: Array, slides: bool, order: int = 0) -> Array:
+    """Functions (..., k) of a joint value: 1, cos, sin or 1, value; or their derivative."""
+    one, zero = np.ones_like(value), np.zeros_like(value)
+    if slides:
+        return np.stack([zero, one] if order else [one, value], axis=-1)
+    c, s = np.cos(value), np.sin(value)
+    return np.stack([zero, -s, c] if order else [one, c, s], axis=-1)
+
+
+def cusps_of(section: Section, curves: list[Array]) -> Array:
+    """Joint values (C, 2) of the cusps on curves (K, 2) of singular joint values."""
+    size = float(np.abs(section.tensor).max()) ** 3
+    found: list[Array] = []
+    for curve in curves:
+        t = section.tangent(curve)
+        steep = np.linalg.norm(section.steepest(curve), axis=-1)
+        row = np.argmax(np.linalg.norm(section.slopes(curve), axis=-1), axis=-1)
+        for k in range(len(curve) - 1):
+            a, b = t[k, row[k]], t[k + 1, row[k]]
+            if a * b >= 0 or min(abs(a), abs(b)) < _FLAT * size * size:
+                continue
+            if min(steep[k], steep[k + 1]) < _FLAT * size:
+                continue
+            x = _refined(section, (curve[k] + curve[k + 1]) / 2, int(row[k]))
+            if np.linalg.norm(section.steepest(x)) < _CROSS * float(np.median(steep)):
+                continue
+            near = np.linalg.norm(x - curve[k]) < 4 * np.linalg.norm(curve[k + 1] - curve[k])
+            if near and not any(_alike(section, x, y) for y in found):
+                found.append(x)
+    return np.array(found).reshape(-1, 2)
+
+
+def _alike(section: Section, x: Array, y: Array) -> bool:
+    gap = x - y
+    turns = 2 * math.pi * np.round(gap / (2 * math.pi))
+    gap = gap - np.where(section.slides, 0.0, turns)
+    return bool(np.abs(gap).max() < 1e-4)
+
+
+def _refined(section: Section, x: Array, row: int) -> Array:
+    """Newton to f = 0 and tangency, from near by."""
+
+    def value(y: Array) -> Array:
+        return np.array([section.singular(y), section.tangent(y)[row]])
+
+    for _ in range(12):
+        e = 1e-6 * np.eye(2)
+        J = np.stack([(value(x + v) - value(x - v)) / 2e-6 for v in e], axis=1)
+        step = np.linalg.lstsq(J, -value(x), rcond=None)[0]
+        length = float(np.linalg.norm(step))
+        x = x + step * min(1.0, 0.05 / max(length, 1e-300))
+        if length < 1e-10:
+            break
+    return x
+
+
+def nodes_of(curves: list[Array], cusps: Array, size: float) -> Array:
+    """Places (D, 2) where curves of places (K, 2) cross each other or themselves at an angle."""
+    if not curves:
+        return np.zeros((0, 2))
+    p = np.concatenate([c[:-1] for c in curves])
+    u = np.concatenate([np.diff(c, axis=0) for c in curves])
+    low, high = np.minimum(p, p + u), np.maximum(p, p + u)
+    length = np.linalg.norm(u, axis=1)
+    found: list[Array] = []
+    for i in range(len(p) - 1):
+        rest = np.arange(i + 1, len(p))
+        near = (low[rest] <= high[i]).all(axis=1) & (high[rest] >= low[i]).all(axis=1)
+        j = rest[near]
+        cross = u[i, 0] * u[j, 1] - u[i, 1] * u[j, 0]
+        j = j[np.abs(cross) > _ANGLE * length[i] * length[j]]
+        gap = p[j] - p[i]
+        cross = u[i, 0] * u[j, 1] - u[i, 1] * u[j, 0]
+        s = (gap[:, 0] * u[j, 1] - gap[:, 1] * u[j, 0]) / cross
+        t = (gap[:, 0] * u[i, 1] - gap[:, 1] * u[i, 0]) / cross
+        for at in p[i] + s[(s >= 0) & (s < 1) & (t >= 0) & (t < 1), None] * u[i]:
+            every = [*cusps, *found]
+            if all(np.linalg.norm(at - f) > _NEAR * size for f in every):
+                found.append(at)
+    return np.array(found).reshape(-1, 2)
+
+
+def count_of(section: Section, ranges: Array, r: Array, z: Array) -> Ints:
+    """How many values of the two joints bring the tip to each place, (N, M), by triangles.
+
+    The map is taken to be linear on small triangles; a place is told wrong only within a share of
+    about one in 10^5 of the size from where the count changes.
+    """
+    axes = [np.linspace(a, b, _TILES + 1) for a, b in ranges]
+    at = section.place(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
+    # Places by cells; half a cell is added so that no place is on a side of a triangle.
+    u = (at[..., 0] - r[0]) / (r[1] - r[0])
+    v = (at[..., 1] - z[0]) / (z[1] - z[0])
+    corners = np.stack([u, v], axis=-1)
+    a, b, c, d = (
+        corners[i : i + _TILES, j : j + _TILES].reshape(-1, 2)
+        for i, j in ((0, 0), (1, 0), (0, 1), (1, 1))
+    )
+    count = np.zeros((len(z), len(r)), dtype=np.int64)
+    for triangle in ((a, b, c), (d, c, b)):
+        _add(count, np.stack(triangle, axis=1))
+    return _mended(count)
+
+
+def _mended(count: Ints) -> Ints:
+    """The same with what differs from all places around taken from them: next to the curves."""
+    around = np.stack(
+        [np.roll(count, s, (0, 1)) for s in product((-1, 0, 1), repeat=2) if s != (0, 0)]
+    )
+    alone = (around != count).all(axis=0)
+    return np.where(alone, np.sort(around, axis=0)[4], count)
+
+
+def _add(count: Ints, corners: Array) -> None:
+    """Add one to the places that are inside of each triangle (K, 3, 2)."""
+    first = np.ceil(corners.min(axis=1)).astype(np.int64)
+    last = np.floor(corners.max(axis=1)).astype(np.int64)
+    first = np.maximum(first, 0)
+    last = np.minimum(last, np.array(count.shape[::-1]) - 1)
+    wide = last - first + 1
+    keep = (wide > 0).all(axis=1)
+    corners, first, wide = corners[keep], first[keep], wide[keep]
+    each = wide.prod(axis=1)
+    which = np.repeat(np.arange(len(corners)), each)
+    place = np.arange(int(each.sum())) - np.repeat(np.cumsum(each) - each, each)
+    x = first[which] + np.stack([place % wide[which, 0], place // wide[which, 0]], axis=1)
+    p = corners[which]
+    sides = []
+    for k in range(3):
+        e = p[:, (k + 1) % 3] - p[:, k]
+        g = x - p[:, k]
+        sides.append(e[:, 0] * g[:, 1] - e[:, 1] * g[:, 0])
+    side = np.array(sides)
+    inside = (side > 0).all(axis=0) | (side < 0).all(axis=0)
+    np.add.at(count, (x[inside, 1], x[inside, 0]), 1)
+
+
+def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
+    """Count the solutions over the half plane, and find the curves, cusps and nodes.
+
+    Raises
+    ------
+    OptionError
+        If the arm is not of the kind.
+    """
+    section = Section.of(arm)
+    ranges = np.stack(arm.space.range(not limits), axis=1)[1:]
+    turning = [
+        not s and b - a >= 2 * math.pi - 1e-9
+        for s, (a, b) in zip(section.slides, ranges, strict=True)
+    ]
+    for k, whole in enumerate(turning):
+        if whole and not limits:
+            ranges[k] = [-math.pi + _SHIFT, math.pi + _SHIFT]
+    joints = [np.linspace(a, b, _GRID + 1) for a, b in ranges]
+    X = np.stack(np.meshgrid(*joints, indexing="ij"), axis=-1)
+    places = section.place(X)
+    f = section.singular(X)
+    if np.abs(f).max() < _FLAT * np.abs(section.tensor).max() ** 3:
+        raise OptionError("this arm is singular everywhere off its first axis")
+    figure = Figure()
+    drawn = figure.add_subplot().contour(joints[0], joints[1], f.T, levels=[0.0])
+    lines = [_onto(section, np.asarray(line)) for line in drawn.allsegs[0] if len(line) > 2]
+    size = float(np.ptp(places.reshape(-1, 2), axis=0).max())
+    images = [section.place(line) for line in lines]
+    spread = [float(np.ptp(i, axis=0).max()) > 1e-6 * size for i in images]
+    lines = [x for x, s in zip(lines, spread, strict=True) if s]
+    images = [x for x, s in zip(images, spread, strict=True) if s]
+    joints_at = cusps_of(section, lines)
+    cusps = _distinct(section.place(joints_at), size)
+    top = float(places[..., 0].max())
+    low, high = float(places[..., 1].min()), float(places[..., 1].max())
+    margin = 0.03 * size
+    r = np.linspace(0.0, top + margin, samples) + 0.37 * (top + margin) / samples
+    z = np.linspace(low - margin, high + margin, samples)
+    return Reach(
+        r=r,
+        z=z,
+        count=count_of(section, ranges, r, z),
+        curves=tuple(images),
+        cusps=cusps,
+        nodes=nodes_of(images, cusps, size),
+        cusp_joints=joints_at,
+        within_limits=limits,
+    )
+
+
+def _distinct(places: Array, size: float) -> Array:
+    out: list[Array] = []
+    for p in places:
+        if all(np.linalg.norm(p - o) > 1e-5 * size for o in out):
+            out.append(p)
+    return np.array(out).reshape(-1, 2)
+
+
+def _onto(section: Section, x: Array) -> Array:
+    """The same points, moved onto f = 0 along its gradient."""
+    for _ in range(2):
+        g = section.steepest(x)
+        square = (g * g).sum(axis=-1)
+        step = np.where(square > 1e-12, section.singular(x) / np.maximum(square, 1e-12), 0.0)
+        x = x - np.clip(step[:, None] * g, -0.01, 0.01)
+    return x

@@ -1,0 +1,115 @@
+"""Workspaces of 3-joint arms: counts against the inverse solutions, cusps and nodes."""
+
+import math
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import pinsing
+from pinsing import plot
+from pinsing.cli.app import command
+from pinsing.errors import OptionError
+from pinsing.kinematics.jacobian import task_jacobian, tip_placement
+from pinsing.plot.reach import Section, reach_of
+
+HEAD = 'name: arm\nconvention: standard\nunits: {angle: deg, length: m}\nsource: "made"\nrows:\n'
+TURN = "  - {{alpha: {}, a: {}, d: {}, theta: 0, type: revolute, limits: [-180, 180]}}\n"
+SLIDE = "  - {alpha: 0, a: 0.1, theta: 0, d: 0, type: prismatic, limits: [0.2, 1.0]}\n"
+
+
+def table(folder, *rows):
+    path = folder / "arm.dh.yaml"
+    path.write_text(HEAD + "".join(rows))
+    return pinsing.load(path, task="position")
+
+
+def orthogonal(folder, d2, d3, d4, r2, r3=0.0):
+    """The arms of Wenger's figures."""
+    rows = [TURN.format(*row) for row in ((-90, d2, 0), (90, d3, r2), (0, d4, r3))]
+    return table(folder, *rows)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "cusps", "nodes", "counts"),
+    [
+        ((1, 2, 1.5, 1), 4, 0, {0, 2, 4}),
+        ((1, 2, 0.2, 1), 0, 0, {0, 2}),
+        ((1, 2, 1.5, 0), 0, None, {0, 2, 4}),
+        ((1, 1.5, 0.6, 0.3), 4, 2, {0, 2, 4}),
+        ((1, 0.5, 0.7, 0.2), 0, 0, {0, 2, 4}),
+    ],
+)
+def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, nodes, counts):
+    arm = orthogonal(tmp_path, *lengths)
+    found = reach_of(arm, 100, False)
+    assert len(found.cusps) == cusps
+    assert nodes is None or len(found.nodes) == nodes
+    assert set(np.unique(found.count)) == counts
+    for q in found.cusp_joints:
+        J = task_jacobian(arm, [0.3, *q])
+        assert np.linalg.svd(J)[1][-1] < 1e-7
+    # Where there is a cusp three solutions meet, so that places near by have four.
+    for r, z in found.cusps:
+        near = np.hypot(found.r[None, :] - r, found.z[:, None] - z) < 0.4
+        assert {2, 4} <= set(np.unique(found.count[near]))
+
+
+@pytest.mark.parametrize("slides", [False, True])
+def test_counts_are_those_of_the_inverse_solutions(tmp_path, slides):
+    first = [TURN.format(-90, 0.3, 0.1), TURN.format(60, 0.7, 0.25)]
+    arm = table(tmp_path, *first, SLIDE if slides else TURN.format(0, 0.5, 0.2))
+    found = reach_of(arm, 120, slides)
+    rng = np.random.default_rng(3)
+    asked = 0
+    while asked < 12:
+        k, j = int(rng.integers(3, 117)), int(rng.integers(3, 117))
+        around = found.count[k - 2 : k + 3, j - 2 : j + 3]
+        if around.min() != around.max():
+            continue
+        asked += 1
+        angle = rng.uniform(-3, 3)
+        place = Section.of(arm)
+        assert place.slides == (False, slides)
+        target = [found.r[j] * math.cos(angle), found.r[j] * math.sin(angle), found.z[k]]
+        known = pinsing.inverse(arm, target)
+        inside = sum(s.within_limits for s in known) if slides else len(known)
+        assert inside == found.count[k, j]
+
+
+def test_the_section_is_the_arm(tmp_path):
+    """Places against Pinocchio, and f against det J over the distance from the first axis."""
+    arm = orthogonal(tmp_path, 1, 2, 1.5, 1, 0.4)
+    section = Section.of(arm)
+    rng = np.random.default_rng(0)
+    shares = []
+    for q in rng.uniform(-3, 3, (20, 3)):
+        tip = tip_placement(arm, q).translation
+        r, z = section.place(q[1:])
+        assert math.hypot(tip[0], tip[1]) == pytest.approx(r, abs=1e-12)
+        assert tip[2] == pytest.approx(z, abs=1e-12)
+        det = float(np.linalg.det(task_jacobian(arm, q))) * arm.length_scale**3
+        shares.append(det / float(section.singular(q[1:])))
+    assert np.ptp(np.abs(shares)) < 1e-9 * np.abs(shares[0])
+
+
+def test_the_picture_and_its_command(tmp_path):
+    arm = orthogonal(tmp_path, 1, 2, 1.5, 1)
+    axes = plot.inverse_count(arm, samples=60)
+    said = {t.get_text() for t in axes.get_legend().get_texts()}
+    assert said == {"2 solutions", "4 solutions", "4 cusps"}
+    out = tmp_path / "a.png"
+    words = ["plot", "solutions", str(tmp_path / "arm.dh.yaml"), "--task", "position"]
+    run = CliRunner().invoke(command, [*words, "--ignore-limits", "-o", str(out)])
+    assert run.exit_code == 0, run.output
+    assert out.stat().st_size > 5000
+
+
+@pytest.mark.parametrize("name", ["ur5", "planar3r", "scara"])
+def test_other_arms_are_refused(name, tmp_path):
+    with pytest.raises(OptionError):
+        plot.inverse_count(pinsing.load(name))
+    out = tmp_path / "a.png"
+    run = CliRunner().invoke(command, ["plot", "solutions", name, "-o", str(out)])
+    assert run.exit_code == 2
+    assert not out.exists()
