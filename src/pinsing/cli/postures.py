@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
@@ -14,7 +15,14 @@ from pinsing.cli.options import (
     json_option,
     parse_numbers,
 )
-from pinsing.cli.output import emit_json, emit_lines
+from pinsing.cli.output import STDOUT, OutputFile, emit_json, emit_lines, say
+from pinsing.cli.serving import serve
+from pinsing.errors import OptionError
+
+if TYPE_CHECKING:
+    from pinsing.families import Family
+    from pinsing.postures.changes import PostureChanges
+    from pinsing.robot.arm import Arm
 
 _ignore_limits = click.option(
     "--ignore-limits", is_flag=True, help="Joints turn endlessly instead of ending at limits."
@@ -54,12 +62,23 @@ def aspects_command(
     help="A configuration: joint values, base to tip, radians (or --deg) and metres.",
 )
 @_ignore_limits
+@click.option("--view", "view", is_flag=True, help="Show them in a browser: click, watch the way.")
+@click.option(
+    "--html",
+    type=OutputFile(),
+    metavar="FILE",
+    help="Write what --view shows as a page that needs no server.",
+)
+@click.option("--no-open", is_flag=True, help="With --view: do not open a browser.")
 @deg_option
 @json_option
 def postures_command(
     request: RobotRequest,
     q: str,
     ignore_limits: bool,
+    view: bool,
+    html: Path | None,
+    no_open: bool,
     deg: bool,
     json_target: str | Path | None,
 ) -> None:
@@ -70,18 +89,42 @@ def postures_command(
     Example: pinsing postures ur5 --q 10,-70,75,-90,-80,0 --deg
     """
     parse_numbers(q, "--q", deg)
+    if str(html) == STDOUT:
+        raise OptionError("--html needs the name of a file")
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.postures.changes import posture_changes
 
+    form = closed_form(arm, prove=True)
     found = posture_changes(
-        arm,
-        joint_vector(arm, q, "--q", deg),
-        forms=closed_form(arm, prove=True),
-        limits=not ignore_limits,
+        arm, joint_vector(arm, q, "--q", deg), forms=form, limits=not ignore_limits
     )
     if not emit_json(found, json_target):
         emit_lines(found.text(deg))
+    if view or html is not None:
+        _show(arm, form.families, found, html, view, no_open)
+
+
+def _show(
+    arm: Arm,
+    families: tuple[Family, ...],
+    found: PostureChanges,
+    html: Path | None,
+    view: bool,
+    no_open: bool,
+) -> None:
+    """Write the page of the postures, serve it, or both."""
+    from pinsing.view.viewer import Viewer
+
+    host = "127.0.0.1"
+    with Viewer(arm, families, postures=found, host=host) as viewer:
+        for note in viewer.notes:
+            say(f"note: {note}")
+        if html is not None:
+            viewer.save_html(html)
+            say(f"wrote {html}")
+        if view:
+            serve(viewer, host, no_open)
 
 
 @click.command("cuspidal", short_help="Whether the arm changes posture without a singularity.")

@@ -47,6 +47,7 @@ SCRIPTS = (
     "locus.js",
     "source.js",
     "player.js",
+    "postures.js",
     "take.js",
     "main.js",
     "mechanism_panel.js",

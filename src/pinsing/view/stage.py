@@ -19,6 +19,7 @@ from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import Entry
 from pinsing.view.frame import ARROWS, make_frame
 from pinsing.view.links import Links
+from pinsing.view.posture_list import Posture, posture_data
 
 KINDS = ("into", "along")
 
@@ -48,6 +49,8 @@ class Stage:
         Poses of a motion that pages show first, radians and metres.
     samples : int
         How many samples that motion has.
+    postures : tuple of Posture
+        Inverse solutions of one pose, and ways to them.
     q : (n,) array
         The configuration shown.
     chosen : (entry, pose) or None
@@ -62,6 +65,7 @@ class Stage:
     notes: tuple[str, ...] = ()
     way: Array | None = None
     samples: int = 0
+    postures: tuple[Posture, ...] = ()
     q: Array = field(init=False)
     chosen: tuple[int, int] | None = field(init=False)
 
@@ -100,6 +104,7 @@ class Stage:
         return {
             "live": live,
             "way": way or None,
+            "postures": [posture_data(p) for p in self.postures],
             "robot": {
                 "name": arm.name,
                 "base": arm.base,

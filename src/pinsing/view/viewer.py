@@ -13,6 +13,7 @@ from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import Family
 from pinsing.families.paths import FamilyLike
+from pinsing.postures.changes import PostureChanges
 from pinsing.robot.arm import Arm
 from pinsing.sweeps.finding import Finding
 from pinsing.view.ellipsoids import sizes
@@ -20,6 +21,7 @@ from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import finding_entries
 from pinsing.view.links import Links, read_links, read_links_ahead
 from pinsing.view.overlay import Overlay
+from pinsing.view.posture_list import listed_postures
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import Stage
@@ -49,6 +51,9 @@ class Viewer(Tab):
         A joint motion, radians and metres, linear between its samples: pages show it first, as a
         line of the tip coloured by clearance, ready to be played. Of a long one each stretch is
         shown by its pose nearest to a family.
+    postures : PostureChanges, optional
+        Inverse solutions of one pose, by `posture_changes`: pages list them, and play the way to
+        each that can be reached without a singularity.
     visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer, optional
         Draw into this one as well: axes, ellipsoids and lost motions below its node
         ``pinsing``. One that displays the robot of the arm is moved along.
@@ -76,6 +81,7 @@ class Viewer(Tab):
         findings: Iterable[Finding] | None = None,
         *,
         path: npt.ArrayLike | None = None,
+        postures: PostureChanges | None = None,
         visualizer: Any = None,
         scale: float = 1.0,
         skeleton: bool = False,
@@ -97,6 +103,7 @@ class Viewer(Tab):
             *finding_entries(arm, () if findings is None else findings),
         )
         size = sizes(arm, scale)
+        listed = () if postures is None else listed_postures(arm, postures)
         links = Links(None) if skeleton else read_links(arm)
         recorder = Recorder()
         notes = draw_scene(recorder.visualizer(), arm, links, size)
@@ -105,7 +112,7 @@ class Viewer(Tab):
             Q = np.atleast_2d(arm.check(path))
             known = [entry.family for entry in entries if isinstance(entry.family, Family)]
             way, samples = thinned(arm, known, Q), len(Q)
-        self._stage = Stage(arm, entries, links, size, skeleton, notes, way, samples)
+        self._stage = Stage(arm, entries, links, size, skeleton, notes, way, samples, listed)
         self._overlay = None if visualizer is None else Overlay(visualizer, arm, size)
         super().__init__(self._stage, *recorder.parts(), host, port)
         if self._overlay is not None:

@@ -18,6 +18,7 @@ class App {
     this.source = this.makeSource({ pushed: (message) => this.pushed(message), gone: () => this.gone() });
     this.player = new Player((frame) => this.frame(frame), () => this.settle());
     this.take = new Take(this);
+    this.postures = new Postures(this, page.postures ?? []);
     this.places = page.entries.flatMap((e, i) => [...Array(e.poses).keys()].map((k) => [i, k]));
     this.entry = null;
     this.pose = 0;

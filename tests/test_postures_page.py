@@ -1,0 +1,97 @@
+"""The postures of a pose in the page: data, and a click in a real browser."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from chromium import open_page, text
+from click.testing import CliRunner
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.errors import OptionError
+from pinsing.view.picture import find_browser
+
+ROWS = """name: wenger
+convention: standard
+units: {angle: deg, length: m}
+source: "after Wenger"
+rows:
+  - {alpha: -90, a: 1, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
+  - {alpha: 90, a: 2, d: 1, theta: 0, type: revolute, limits: [-180, 180]}
+  - {alpha: 0, a: 1.5, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
+"""
+
+
+@pytest.fixture(scope="module")
+def cuspidal(tmp_path_factory):
+    """A cuspidal arm, at a pose with four solutions in two aspects."""
+    path = tmp_path_factory.mktemp("arm") / "wenger.dh.yaml"
+    path.write_text(ROWS)
+    arm = pinsing.load(path, task="position")
+    form = pinsing.closed_form(arm)
+    rng = np.random.default_rng(1)
+    for q in arm.space.sample(200, rng):
+        found = pinsing.posture_changes(arm, q, forms=form, limits=False)
+        joined = [o for o in found.others if o.connection and o.connection.same]
+        if len(found.others) == 3 and joined:
+            return path, arm, form, found
+    raise AssertionError("no pose with four solutions was drawn")
+
+
+def test_ways_of_the_page_are_those_found(cuspidal):
+    _, arm, form, found = cuspidal
+    with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:
+        listed = viewer._stage.page(False)["postures"]
+    assert len(listed) == 4
+    assert np.array_equal(listed[0]["q"], found.q)
+    ways = [p for p in listed if p["way"]]
+    assert ways
+    for shown in ways:
+        way = np.array(shown["way"])
+        assert np.array_equal(way[0], found.q)
+        assert np.abs(arm.space.wrap(way[-1] - np.array(shown["q"]))).max() < 1e-9
+        assert "without a singularity" in shown["more"]
+        assert np.min(pinsing.clearance(form, way).lower) > 0
+    assert sum("only by way of a singularity, proven" in p["more"] for p in listed) == 2
+
+
+def test_postures_of_another_arm_are_refused(cuspidal):
+    found = cuspidal[3]
+    with pytest.raises(OptionError, match="3 joints"):
+        pinsing.Viewer(pinsing.load("scara"), postures=found, skeleton=True)
+
+
+def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
+    pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
+    if find_browser() is None:
+        pytest.skip("needs Chromium or Chrome")
+    _, arm, form, found = cuspidal
+    page.emulate_media(reduced_motion="reduce")  # its end at once
+    with pinsing.Viewer(arm, form.families, postures=found, skeleton=True) as viewer:
+        listed = viewer._stage.page(False)["postures"]
+        open_page(page, viewer.url)
+        assert page.locator("#postures > li").count() == 4
+        assert text(page, "#postures-count") == "(4)"
+        for k in (next(i for i, p in enumerate(listed) if p["way"]), 3):
+            page.locator("#postures > li button").nth(k).click()
+            assert page.locator("#postures > li.chosen").count() == 1
+            q = np.array(page.evaluate("() => window.pinsing.view.frame.q"))
+            assert np.abs(arm.space.wrap(q - np.array(listed[k]["q"]))).max() < 1e-9
+            assert f"posture {k + 1}" in text(page, "#playing")
+            last = int(page.locator("#scrub").get_attribute("max") or 0)
+            assert (last > 50) == (listed[k]["way"] is not None)
+
+
+def test_the_command_writes_a_page(cuspidal, tmp_path):
+    path, _, _, found = cuspidal
+    out = tmp_path / "a.html"
+    q = ",".join(map(repr, map(float, found.q)))
+    words = ["postures", str(path), "--task", "position", "--ignore-limits", f"--q={q}"]
+    run = CliRunner().invoke(command, [*words, "--html", str(out)])
+    assert run.exit_code == 0, run.output
+    assert out.stat().st_size > 100_000
+    run = CliRunner().invoke(command, [*words, "--html", "-"])
+    assert run.exit_code == 2
