@@ -124,7 +124,7 @@ def _show(
             viewer.save_html(html)
             say(f"wrote {html}")
         if view:
-            serve(viewer, host, no_open)
+            serve(viewer, host, None, no_open)
 
 
 @click.command("cuspidal", short_help="Whether the arm changes posture without a singularity.")
