@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -74,12 +74,15 @@ class SlicePoint:
         The finite field of the coordinates.
     free : mapping of int to fq_default
         The variables that were solved for, by index.
+    on_slice : dict
+        Polynomials with those values in them: by id, with their terms. Shared by its points.
     """
 
     residues: Residues
     fixed: Mapping[str, int]
     field: Any
     free: Mapping[int, Any]
+    on_slice: dict[int, tuple[Poly, list[tuple[Any, int]]]] = field(default_factory=dict)
 
     def value(self, poly: Poly) -> Any:
         """Value of a polynomial of the ring."""
@@ -87,16 +90,25 @@ class SlicePoint:
         if poly == 0:
             return total
         powers: dict[tuple[int, int], Any] = {}
-        for monomial, c in self.residues.of(poly).subs(self.fixed).to_dict().items():
-            term = self.field(int(c))
-            for v, exponent in enumerate(monomial):
-                if exponent:
-                    key = v, int(exponent)
-                    if key not in powers:
-                        powers[key] = self.free[v] ** int(exponent)
-                    term = term * powers[key]
+        for monomial, c in self._terms(poly):
+            term = self.field(c)
+            for key in monomial:
+                if key not in powers:
+                    powers[key] = self.free[key[0]] ** key[1]
+                term = term * powers[key]
             total = total + term
         return total
+
+    def _terms(self, poly: Poly) -> list[tuple[Any, int]]:
+        """Powers (variable, exponent) and coefficient of each term in the free variables."""
+        if id(poly) not in self.on_slice:  # the polynomial is kept, so that its id stays its own
+            terms = self.residues.of(poly).subs(self.fixed).to_dict()
+            listed = [
+                (tuple((v, int(e)) for v, e in enumerate(monomial) if e), int(c))
+                for monomial, c in terms.items()
+            ]
+            self.on_slice[id(poly)] = (poly, listed)
+        return self.on_slice[id(poly)][1]
 
     def is_zero(self, poly: Poly) -> bool:
         """Whether a polynomial vanishes there."""
@@ -210,13 +222,14 @@ def _points_on(
         if not ring.prismatic[j]
     }
     points = []
+    terms: dict[int, tuple[Poly, list[tuple[Any, int]]]] = {}
     for zero in zeros(on_slice, range(len(chosen)), circles, rng, check):
         solved = {
             v: x
             for i, j in enumerate(chosen)
             for v, x in zip(ring.variables(j), coordinates(i, zero.at[i]), strict=True)
         }
-        points.append(SlicePoint(residues, fixed, zero.field, solved))
+        points.append(SlicePoint(residues, fixed, zero.field, solved, terms))
     return points
 
 
