@@ -301,7 +301,24 @@ def test_a_cold_closed_form_pulls_in_no_masked_arrays_urllib_or_meshes():
         check=True,
         env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
     )
-    heavy = "numpy.ma urllib.request yaml ssl pinocchio.visualize pinsing.view pinsing.plot"
+    heavy = "numpy.ma asyncio urllib.request yaml ssl pinocchio.visualize pinsing.view pinsing.plot"
+    assert set(run.stdout.split()).isdisjoint(heavy.split())
+
+
+def test_an_analysis_pulls_in_no_event_loop_no_pool_of_processes_and_no_masked_arrays():
+    """They are for clusters, for --workers, and for nobody: a tenth of a second of a short one."""
+    script = (
+        "import sys, pinsing; arm = pinsing.load('planar3r'); "
+        "str(pinsing.analyze(arm, random_starts=50)); print(*sorted(sys.modules))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
+    )
+    heavy = "asyncio concurrent.futures.process numpy.ma yaml ssl http email scipy matplotlib"
     assert set(run.stdout.split()).isdisjoint(heavy.split())
 
 

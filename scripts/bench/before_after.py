@@ -108,7 +108,10 @@ class Asked:
 
     def start(self, arguments: Sequence[str]) -> float:
         """Processor time of one command, from its start to its end."""
-        code = "import sys; from pinsing.cli import main; sys.argv[0] = 'pinsing'; main()"
+        code = (
+            "import sys, pinsing.cli as cli; sys.argv[0] = 'pinsing'; "
+            "getattr(cli, 'program', cli.main)()"
+        )
         began = resource.getrusage(resource.RUSAGE_CHILDREN)
         subprocess.run([self.python, "-c", code, *arguments], check=False, capture_output=True)
         ended = resource.getrusage(resource.RUSAGE_CHILDREN)

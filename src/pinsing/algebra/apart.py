@@ -17,11 +17,12 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from multiprocessing import Pipe
-from multiprocessing.connection import Connection
-from typing import Any, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
+
+if TYPE_CHECKING:
+    from multiprocessing.connection import Connection
 
 T = TypeVar("T")
 
@@ -118,6 +119,8 @@ class Apart:
         return Outcome(result)
 
     def _fork(self) -> None:
+        from multiprocessing import Pipe  # most algebra is short, and does without
+
         self._budget.when_long = None
         reading, writing = Pipe(duplex=False)
         with warnings.catch_warnings():  # other threads do not matter to what the child does

@@ -59,8 +59,11 @@ class System:
         if len(equations) == 1:  # its terms have angles of their own
             unique, index = angles, np.arange(len(angles))
         else:
-            unique, index = np.unique(angles, axis=0, return_inverse=True)
-            index = index.reshape(-1)
+            # np.unique does the same, slower, and imports masked arrays for it.
+            rows = [tuple(row) for row in angles.tolist()]
+            number = {row: k for k, row in enumerate(sorted(set(rows)))}
+            unique = np.array(list(number)).reshape(-1, angles.shape[1])
+            index = np.array([number[row] for row in rows], dtype=np.intp)
         self._rate = unique / 2
         self._cos = np.zeros((len(unique), len(equations)))
         self._sin = np.zeros((len(unique), len(equations)))

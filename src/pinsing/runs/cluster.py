@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import importlib
-import importlib.metadata
 import re
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -42,6 +40,8 @@ def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor
         raise WorkerError(
             "dask.distributed is not installed; pip install 'pinsing[cluster]'"
         ) from None
+    import asyncio  # a tenth of a second of a start, and nobody else needs it
+
     port = _ADDRESS.fullmatch(address)
     if port is None or not 0 < int(port[1]) < 65536:
         raise WorkerError(
@@ -110,13 +110,15 @@ def _workers(distributed: Any, client: Any, address: str, timeout: float) -> int
 
 def _versions(client: Any) -> dict[str, str]:
     """Version of pinsing that each worker has; empty of one that has none."""
+    from importlib import metadata
+
     try:
-        importlib.metadata.version("pinsing")
-    except importlib.metadata.PackageNotFoundError:  # not installed here: nothing to compare
+        metadata.version("pinsing")
+    except metadata.PackageNotFoundError:  # not installed here: nothing to compare
         return {}
     # A function that any worker has, whatever its pinsing.
-    answers = client.run(importlib.metadata.version, "pinsing", on_error="return")
-    missing = importlib.metadata.PackageNotFoundError
+    answers = client.run(metadata.version, "pinsing", on_error="return")
+    missing = metadata.PackageNotFoundError
     return {
         worker: "" if isinstance(found, missing) else str(found)
         for worker, found in answers.items()

@@ -17,10 +17,10 @@ from pinsing.kinematics.evaluator import Evaluator, evaluator, recorded_engine
 from pinsing.robot.arm import Arm
 from pinsing.runs.chunk_file import DamagedError, Record
 from pinsing.runs.cluster import lost
-from pinsing.runs.executors import local_threads
 from pinsing.runs.inbox import Inbox, ctrl_c_to
 from pinsing.runs.options import RunOptions
 from pinsing.runs.run_folder import RunFolder, open_run, recorded
+from pinsing.runs.threads import local_threads
 
 _PER_WORKER = 2  # chunks handed out at a time: one to work on, one waiting
 _NAMED = 8  # damaged chunks that are named

@@ -1,4 +1,4 @@
-"""Threads of this process and processes of this machine, as executors that end well."""
+"""Processes of this machine, as an executor that ends well."""
 
 from __future__ import annotations
 
@@ -9,39 +9,14 @@ import os
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from multiprocessing import resource_tracker
 from typing import Any
 
-from pinsing._batch.engine import cpu_count
-from pinsing.errors import OptionError
+from pinsing.runs.threads import how_many
 
 _LOOK_EVERY = 0.5
 _TIME_TO_NOTICE = 2.0
-
-
-@contextlib.contextmanager
-def local_threads(
-    threads: int | None = None, patient: Callable[[], bool] = lambda: True
-) -> Iterator[tuple[Executor, int]]:
-    """Threads of this process, as many as it has processors by default.
-
-    Parameters
-    ----------
-    patient : callable
-        Asked at the end, whether to wait for what the threads are doing.
-
-    Raises
-    ------
-    OptionError
-        If there would be none.
-    """
-    count = _count(threads, "threads")
-    executor = ThreadPoolExecutor(count, thread_name_prefix="pinsing")
-    try:
-        yield executor, count
-    finally:
-        executor.shutdown(wait=patient(), cancel_futures=True)
 
 
 @contextlib.contextmanager
@@ -55,7 +30,7 @@ def local_processes(workers: int | None = None) -> Iterator[tuple[Executor, int]
     OptionError
         If there would be none.
     """
-    count = _count(workers, "workers")
+    count = how_many(workers, "workers")
     resource_tracker.ensure_running()  # else the first worker starts it, which unblocks Ctrl-C
     executor = _Processes(
         count, mp_context=multiprocessing.get_context("spawn"), initializer=_follow_parent
@@ -96,14 +71,6 @@ class _Processes(ProcessPoolExecutor):
             return super().submit(fn, *args, **kwargs)
         finally:
             signal.pthread_sigmask(signal.SIG_SETMASK, before)
-
-
-def _count(asked: int | None, what: str) -> int:
-    if asked is None:
-        return cpu_count()
-    if asked < 1:
-        raise OptionError(f"{what} must be at least 1, got {asked}")
-    return int(asked)
 
 
 def _follow_parent() -> None:

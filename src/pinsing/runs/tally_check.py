@@ -137,7 +137,7 @@ def _check_worst(
     index = whole(record, "worst_index", (size,), start, stop)
     sigma, ratio = (finite(record, f"worst_{name}", (size,), bounded) for name in MEASURES)
     ordered = np.lexsort((index, ratio))
-    if len(np.unique(index)) < size or (ordered != np.arange(size)).any():
+    if len(set(index.tolist())) < size or (ordered != np.arange(size)).any():
         raise ValueError("its worst configurations are not in order")
     if ratio[0] != value[_RATIO, SMALLEST] or sigma.min() < value[_SIGMA, SMALLEST]:
         raise ValueError("its worst configurations and its smallest values differ")

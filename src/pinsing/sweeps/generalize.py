@@ -315,7 +315,7 @@ class ConditionTester:
         ends = self._push(subset, q, 0.0)
         if len(ends):
             settled = q.copy()
-            settled[list(subset)] = np.median(ends[:, list(subset)], axis=0)
+            settled[list(subset)] = _middle(ends[:, list(subset)])
             yield settled
 
     def _push(self, subset: tuple[int, ...], values: Array, size: float) -> Array:
@@ -338,7 +338,7 @@ class ConditionTester:
             ends = self._push(subset, values, size)
             if len(ends) < _PUSHES // 2:
                 continue
-            away = np.median(np.abs(ends - values) / self.metric, axis=0)
+            away = _middle(np.abs(ends - values) / self.metric)
             if away[list(subset)].max() <= _STILL * size:
                 return frozenset()
             moved = moved or frozenset(i for i in subset if away[i] > _BACK * size)
@@ -354,6 +354,12 @@ def special_nearby(arm: Arm, q: Array) -> Array:
     """Nearest multiple of 90 degrees, or zero for a prismatic joint, to each entry of q."""
     quarter = np.pi / 2
     return np.where(arm.prismatic, 0.0, np.round(q / quarter) * quarter) + 0.0
+
+
+def _middle(rows: Array) -> Array:
+    """Median of each column; np.median imports masked arrays for it."""
+    ordered, half = np.sort(rows, axis=0), len(rows) // 2
+    return ordered[half] if len(rows) % 2 else np.asarray((ordered[half - 1] + ordered[half]) / 2)
 
 
 def _ratio(arm: Arm, q: Array) -> float:
