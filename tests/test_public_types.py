@@ -118,6 +118,11 @@ def form():
 
 
 @functools.cache
+def design():
+    return pinsing.closed_form(arm(), symbols=True)
+
+
+@functools.cache
 def mechanism():
     return pinsing.load_mechanism(FIVE_BAR)
 
@@ -207,6 +212,9 @@ CALLS = {
         slow=True,
     ),
     "check_trajectory": Call(lambda: pinsing.check_trajectory, with_arm(Q=[Q, (0.2, -0.5, 0.7)])),
+    "DesignForm.residuals": Call(
+        lambda: design().residuals, lambda: {"family": "F1", "q": Q, "lengths": {"q2_x": 0.5}}
+    ),
     "ClosedForm.latex": Call(lambda: form().latex, lambda: {"legend": True}),
     "crossings": Call(
         lambda: pinsing.crossings,

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pinsing.configuration.refine import SingularConfiguration, refine, refine_many
     from pinsing.configuration.state import State
     from pinsing.errors import PinsingError
-    from pinsing.families import ClosedForm, Family, closed_form
+    from pinsing.families import ClosedForm, DesignForm, Family, closed_form
     from pinsing.geometry.nominal import Nominal, nominal
     from pinsing.kinematics.inverse_velocity import InverseVelocity, inverse_velocity
     from pinsing.kinematics.jacobian import (
@@ -72,6 +72,7 @@ _HOME = {
     "Crossing": "pinsing.proximity.crossings",
     "Crossings": "pinsing.proximity.crossings",
     "Cuspidality": "pinsing.postures.cuspidal",
+    "DesignForm": "pinsing.families",
     "Family": "pinsing.families",
     "Finding": "pinsing.sweeps.finding",
     "InverseSolutions": "pinsing.postures.inverse_solutions",
@@ -145,6 +146,7 @@ __all__ = [
     "Crossing",
     "Crossings",
     "Cuspidality",
+    "DesignForm",
     "Family",
     "Finding",
     "InverseSolutions",

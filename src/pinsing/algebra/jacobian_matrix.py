@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
+from typing import Any
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.matrix import Matrix, primitive
@@ -56,7 +58,9 @@ class _Chain:
         """Constant placement C_i."""
         number = self.ring.number
         R = [[number(x) for x in row] for row in self.geometry.rotation[i]]
-        return Pose(R, [number(x) for x in self.geometry.translation[i]], self.ring.one)
+        lengths: Sequence[Any] = self.geometry.translation[i]  # or polynomials, of symbols
+        known = [number(x) if isinstance(x, Fraction) else x for x in lengths]
+        return Pose(R, known, self.ring.one)
 
     def moved(self, j: int) -> Pose:
         """Motion M_j of joint j of the chain."""

@@ -31,6 +31,14 @@ _REDRAW_SECONDS = 0.1
 @click.option(
     "--exact", is_flag=True, help="Exact coefficients, up to a factor. (The JSON always has them.)"
 )
+@click.option(
+    "--symbolic",
+    is_flag=False,
+    flag_value="all",
+    metavar="[A2,D4,...]",
+    help="Keep lengths as symbols: those named, or all that are not zero. Of a DH table they are "
+    "a1, d1, a2, ..., else they are named after the joints.",
+)
 @algebra_options
 @click.option(
     "--prove/--no-prove",
@@ -51,6 +59,7 @@ def families_command(
     request: RobotRequest,
     latex: bool,
     exact: bool,
+    symbolic: str | None,
     deg: bool,
     algebra: dict[str, Any],
     prove: bool | None,
@@ -69,6 +78,12 @@ def families_command(
     """
     if certificate is not None and prove is False:
         raise OptionError("--certificate and --no-prove exclude each other")
+    if symbolic is not None:
+        if certificate is not None or prove:
+            raise OptionError(
+                "--prove and --certificate do not go with --symbolic: they need numbers"
+            )
+        return _symbolic(request, symbolic, latex, algebra, json_target, fail_if_singular)
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.families import prove as add_proof
@@ -95,6 +110,23 @@ def families_command(
     if certificate is not None:
         _write(found.certificate, found.proof.reason if found.proof else "", certificate)
     return int(fail_if_singular and any(f.is_reachable for f in found.families))
+
+
+def _symbolic(
+    request: RobotRequest,
+    symbols: str,
+    latex: bool,
+    algebra: dict[str, Any],
+    json_target: str | Path | None,
+    fail_if_singular: bool,
+) -> int:
+    """Families with lengths as symbols."""
+    from pinsing.families import closed_form
+
+    found = closed_form(request.load(), symbols=symbols, **algebra)
+    if json_target is None or not emit_json(found, json_target):
+        emit("\n".join(f.latex for f in found.families) if latex else str(found))
+    return int(fail_if_singular and bool(found.families))
 
 
 def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:

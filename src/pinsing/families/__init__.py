@@ -1,6 +1,7 @@
 """Closed forms: the complete singular set of an arm, as equations."""
 
 from pinsing.algebra.equation import Equation
+from pinsing.families.design_form import DesignChange, DesignFamily, DesignForm
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm, Proof
 from pinsing.families.nearness import Distance
@@ -11,6 +12,9 @@ from pinsing.families.solve import closed_form, joint_symbols
 __all__ = [
     "Branch",
     "ClosedForm",
+    "DesignChange",
+    "DesignFamily",
+    "DesignForm",
     "Distance",
     "Equation",
     "Family",

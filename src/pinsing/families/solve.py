@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from typing import overload
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
@@ -16,9 +18,10 @@ from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.ring import Ring
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.arguments import checked
+from pinsing.arguments import checked, not_loaded
 from pinsing.errors import OptionError
 from pinsing.families.describe import describe
+from pinsing.families.design_form import DesignForm
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.hints import SNAP, small_offset, snap_hint
@@ -43,7 +46,7 @@ MAX_JOINTS = 12
 """Beyond it the algebra needs more memory than there is before it can be stopped."""
 
 
-@checked
+@overload
 def closed_form(
     arm: Arm,
     *,
@@ -52,13 +55,40 @@ def closed_form(
     snap_length: float = 0.0,
     prove: bool | None = False,
     progress: Callable[[str], None] | None = None,
-) -> ClosedForm:
+) -> ClosedForm: ...
+
+
+@overload
+def closed_form(
+    arm: Arm | str | os.PathLike[str],
+    *,
+    symbols: bool | str | Sequence[str],
+    seconds: float = 10.0,
+    angle_tol: float = ANGLE_TOL,
+) -> DesignForm: ...
+
+
+@checked
+def closed_form(
+    arm: Arm | str | os.PathLike[str],
+    *,
+    symbols: bool | str | Sequence[str] | None = None,
+    seconds: float = 10.0,
+    angle_tol: float = ANGLE_TOL,
+    snap_length: float = 0.0,
+    prove: bool | None = False,
+    progress: Callable[[str], None] | None = None,
+) -> ClosedForm | DesignForm:
     """Find all families of singular configurations, exactly, on the nominal geometry.
 
     Parameters
     ----------
     arm : Arm
-        A serial arm.
+        A serial arm; with ``symbols`` also the path of a DH table, or what else ``load`` takes.
+    symbols : bool, str or sequence of str, optional
+        Lengths that stay symbols: all that are not zero (True), or those named, such as
+        ``"a2,d4"``. Of a DH table they are a1, d1, a2, ...; of any other arm they are named after
+        its joints, as ``elbow_joint_x``.
     seconds : float
         Time after which the algebra is given up; what was found till then is returned,
         with ``complete`` False and the reason. Describing that ends as soon, or as a short
@@ -75,11 +105,15 @@ def closed_form(
     -------
     ClosedForm
         Families, each with equations, joints, points, distance, reachability and reason.
+        With ``symbols`` a DesignForm: families in symbols, what was assumed of the lengths, and
+        where the design changes the answer.
 
     Raises
     ------
     OptionError
-        If ``seconds`` is not positive, or a tolerance makes no sense.
+        If ``seconds`` is not positive, a tolerance makes no sense, or options do not go together.
+    UnknownNameError
+        If there is no length of a name in ``symbols``.
 
     Examples
     --------
@@ -92,6 +126,12 @@ def closed_form(
     """
     if not seconds > 0:
         raise OptionError(f"seconds must be positive, got {seconds!r}")
+    if symbols is not None and symbols is not False:
+        if prove or snap_length:
+            raise OptionError("symbols do not go with prove or snap_length: give numbers for these")
+        return _design(arm, symbols, seconds, angle_tol)
+    if not isinstance(arm, Arm):
+        raise not_loaded("arm", "an Arm", arm)
     started = time.monotonic()
     geometry = nominal(arm, angle_tol, snap_length)
     symbols = joint_symbols(arm)
@@ -152,6 +192,34 @@ def closed_form(
     if prove is False:
         return found
     return add_proof(found, SHORT if prove is None else LONG, progress)
+
+
+def _design(
+    arm: Arm | str | os.PathLike[str],
+    symbols: bool | str | Sequence[str],
+    seconds: float,
+    angle_tol: float,
+) -> DesignForm:
+    """The closed form with some lengths as symbols."""
+    # With the readers of files, only where symbols are asked for.
+    from pinsing.families.design import design_form
+    from pinsing.families.design_lengths import of_arm
+    from pinsing.robot.load import load
+
+    chosen: Sequence[str] | None = None
+    if isinstance(symbols, str):
+        chosen = None if symbols.strip() == "all" else symbols.split(",")
+    elif not isinstance(symbols, bool):
+        chosen = tuple(symbols)
+    lengths = of_arm(arm if isinstance(arm, Arm) else load(arm), chosen, angle_tol)
+    chain = lengths.geometry.arm
+    if chain.coupling is not None:
+        raise OptionError("lengths stay symbols in chains without mimic joints")
+    if chain.n > MAX_JOINTS:
+        raise OptionError(
+            f"lengths stay symbols in chains of at most {MAX_JOINTS} joints, and this has {chain.n}"
+        )
+    return design_form(lengths, joint_symbols(chain), seconds)
 
 
 def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:

@@ -1,0 +1,202 @@
+"""Families of an arm whose lengths are symbols, and where the design changes them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation
+from pinsing.arguments import checked
+from pinsing.errors import ConfigurationError, UnknownNameError
+from pinsing.serialization import JsonResult
+
+EVERYWHERE = "singular everywhere"
+
+
+@dataclass(frozen=True, eq=False)
+class DesignFamily:
+    """One family, for lengths in general.
+
+    Attributes
+    ----------
+    name : str
+        F1, F2, ...
+    text, latex : str
+        Its equations, exactly: ``a2 cos q2 + a3 cos(q2+q3) - d5 sin(q2+q3+q4) = 0``.
+    equations : tuple of Equation
+        In the joints, and after these the symbols, as in ``DesignForm.variables``.
+    codimension : int
+        How many equations it takes.
+    """
+
+    name: str
+    text: str
+    latex: str
+    equations: tuple[Equation, ...]
+    codimension: int
+
+    def __str__(self) -> str:
+        return f"{self.name}  {self.text}"
+
+
+@dataclass(frozen=True)
+class DesignChange:
+    """What becomes of a family at special lengths.
+
+    Attributes
+    ----------
+    condition : str
+        ``a5 = 0``, ``a2 = -a3``.
+    family : str
+        Its name; empty where all of the arm is meant.
+    kind : str
+        ``splits``, ``merges``, ``becomes``, ``vanishes`` or ``singular everywhere``.
+    into : tuple of str
+        Equations, or names of families.
+    """
+
+    condition: str
+    family: str
+    kind: str
+    into: tuple[str, ...]
+
+    def __str__(self) -> str:
+        into = "; ".join(self.into)
+        return f"at {self.condition}: " + {
+            "splits": f"{self.family} splits into {len(self.into)}: {into}",
+            "merges": f"{self.family} is the same as, or has a part of, {into}",
+            "becomes": f"{self.family} becomes {into}",
+            "vanishes": f"{self.family} has no configuration any more",
+            EVERYWHERE: "every configuration is singular",
+        }.get(self.kind, self.kind)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class DesignForm(JsonResult):
+    """Closed form of an arm whose lengths are symbols.
+
+    Attributes
+    ----------
+    robot : str
+        Name of the robot.
+    joints : tuple of str
+        Symbols of the joints, as q1, d3.
+    symbols : tuple of str
+        The lengths that stayed symbols.
+    values : tuple of float
+        Their values in the file, metres.
+    generic_rank : int
+        For lengths in general.
+    families : tuple of DesignFamily
+        Those that lengths in general have.
+    assumed : tuple of str
+        What was assumed, such as ``a2 ≠ 0``: else every configuration is singular.
+    changes : tuple of DesignChange
+        Where a length that is zero, or two that are equal but for the sign, change the answer. Of
+        families of one equation; those of more are looked at by putting numbers in.
+    complete : bool
+        Whether the search ended.
+    gaps : tuple of str
+        What is missing, where it did not.
+    seconds : float
+        How long it took.
+    """
+
+    schema: ClassVar[str] = "pinsing/design/1"
+    made_by: ClassVar[str] = "pinsing.closed_form(arm, symbols=True)"
+
+    robot: str
+    joints: tuple[str, ...]
+    symbols: tuple[str, ...]
+    values: tuple[float, ...]
+    generic_rank: int
+    families: tuple[DesignFamily, ...]
+    assumed: tuple[str, ...]
+    changes: tuple[DesignChange, ...]
+    complete: bool
+    gaps: tuple[str, ...]
+    seconds: float
+
+    @property
+    def variables(self) -> tuple[str, ...]:
+        """What the equations are in: joints, then symbols."""
+        return self.joints + self.symbols
+
+    @checked
+    def residuals(
+        self, family: str, q: npt.ArrayLike, lengths: Mapping[str, float] | None = None
+    ) -> Array:
+        """Values of the equations of a family at q with numbers put in for its symbols.
+
+        Parameters
+        ----------
+        family : str
+            Its name.
+        q : (..., n) array_like
+            Radians and metres.
+        lengths : mapping of str to float, optional
+            Metres; those that are left out are as in the file.
+
+        Returns
+        -------
+        (..., k) array
+            Zero on the family, each over the sum of its coefficients' magnitudes.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is no such family, or no such symbol.
+        ConfigurationError
+            If q has not n values.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> form = pinsing.closed_form(pinsing.load("ur5"), symbols=True)
+        >>> form.families[1].text
+        'sin q3 = 0'
+        >>> form.residuals("F2", [0, 1, 0, 1, 1, 1], {"elbow_joint_x": 0.7})
+        array([0.])
+        """
+        found = next((f for f in self.families if f.name == family), None)
+        if found is None:
+            raise UnknownNameError("family", family, tuple(f.name for f in self.families))
+        given = dict(lengths or {})
+        for name in given:
+            if name not in self.symbols:
+                raise UnknownNameError("length", name, self.symbols)
+        array = np.asarray(q, dtype=float)
+        if array.shape[-1:] != (len(self.joints),):
+            raise ConfigurationError(
+                f"q needs {len(self.joints)} values for {', '.join(self.joints)}, got shape "
+                f"{array.shape}"
+            )
+        numbers = [given.get(s, v) for s, v in zip(self.symbols, self.values, strict=True)]
+        rest = np.broadcast_to(numbers, (*array.shape[:-1], len(numbers)))
+        whole = np.concatenate([array, rest], axis=-1)
+        return np.stack([e(whole) / e.size for e in found.equations], axis=-1)
+
+    def __str__(self) -> str:
+        known = ", ".join(f"{s} = {v:g} m" for s, v in zip(self.symbols, self.values, strict=True))
+        word = "complete" if self.complete else "NOT complete"
+        many = "family" if len(self.families) == 1 else "families"
+        lines = [
+            f"{self.robot}: {len(self.families)} {many} of singular configurations, {word}, for "
+            f"lengths in general ({1e3 * self.seconds:.0f} ms)",
+            f"  symbols, and what the file has: {known}",
+            *(f"  {f}" for f in self.families),
+        ]
+        if self.assumed:
+            lines.append(
+                f"  assumed: {', '.join(self.assumed)} (else every configuration is singular)"
+            )
+        if self.changes:
+            lines.append("  where the design changes the answer:")
+            lines += [f"    {c}" for c in self.changes]
+        lines += [f"  missing: {gap}" for gap in self.gaps]
+        return "\n".join(lines)
