@@ -238,6 +238,7 @@ def test_a_scheduler_that_dies(tmp_path: Path, number: signal.Signals) -> None:
     assert f"{kept} of 489 chunks were done before" in done.stderr
 
 
+@pytest.mark.slow
 def test_a_worker_of_another_version(tmp_path: Path) -> None:
     old = tmp_path / "old" / "pinsing-0.0.9.dist-info"
     old.mkdir(parents=True)

@@ -119,6 +119,7 @@ def test_random_tables_equal_dh(seed: int, tmp_path: Path) -> None:
     assert_same_kinematics(reference.read(table), model, rng, 20)
 
 
+@pytest.mark.slow
 def test_long_table(tmp_path: Path) -> None:
     row = DHRow(math.pi / 2, 0.01, 0.02, 0.0, "revolute", "q1", -1.0, 1.0)
     rows = tuple(dataclasses.replace(row, name=f"q{i}") for i in range(1, 101))

@@ -45,7 +45,8 @@ def test_long_drags_never_change_the_assembly_mode(name: str, rng: np.random.Gen
     assert 5 < stopped < 55
 
 
-@pytest.mark.parametrize("name", tiered(NAMES, ("four_bar",)))
+@pytest.mark.slow
+@pytest.mark.parametrize("name", NAMES)
 def test_a_stretch_ends_where_driving_does(name: str, rng: np.random.Generator) -> None:
     mechanism = shipped(name)
     q = home(mechanism)

@@ -6,6 +6,7 @@ import itertools
 
 import numpy as np
 import pytest
+from tiers import tiered_rows
 
 import pinsing
 from pinsing.kinematics.jacobian import tip_placement
@@ -168,7 +169,9 @@ def test_against_a_closed_formula_at_500_poses(made, rows, formula, mean):
     assert certified == total if rows is UR5 else certified > 0.99 * total
 
 
-@pytest.mark.parametrize(("rows", "formula", "mean"), CLOSED, ids=["ur5", "puma"])
+@pytest.mark.parametrize(
+    ("rows", "formula", "mean"), tiered_rows(CLOSED, CLOSED[:1]), ids=["ur5", "puma"]
+)
 def test_pairs_next_to_a_singularity_are_told_apart(made, rows, formula, mean):
     """Stretched elbows but for 1e-4 and less: two solutions that near, of opposite signs."""
     arm = made(rows)

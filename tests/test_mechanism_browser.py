@@ -328,6 +328,7 @@ def test_two_tabs_do_not_disturb_each_other(
         other.close()
 
 
+@pytest.mark.slow
 def test_the_page_goes_on_when_the_program_has_ended(page: Any) -> None:
     viewer = MechanismViewer(shipped("four_bar"), analyzed("four_bar"), skeleton=True)
     open_page(page, viewer.url)

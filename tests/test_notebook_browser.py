@@ -200,6 +200,7 @@ def test_a_long_equation_unfolds(page, tmp_path):
     assert page.evaluate("() => document.getElementById('panda').scrollWidth") <= 900
 
 
+@pytest.mark.slow
 def test_a_viewer_is_a_page_within_the_notebook(page, tmp_path):
     """It computes, alone in its frame: no server, and no way into the notebook."""
     viewer = pinsing.Viewer(pinsing.load("scara"), skeleton=True)

@@ -54,6 +54,7 @@ def test_random_structured_chains_have_no_false_claim(oracle, chains, group):
         assert outcome.verdict in ("complete", "not complete", "unconfirmed", "no motion"), outcome
 
 
+@pytest.mark.slow
 def test_a_chain_once_answered_with_four_components_missing(oracle, field, chains):
     """Each of two systems was dropped for the other's sake: q4 = -q3, q6 = q5 was on neither."""
     rows = [

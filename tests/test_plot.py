@@ -482,7 +482,7 @@ def test_multiples_of_pi() -> None:
         ("curves scara", "pdf"),
         pytest.param("curves stanford --fixed q4=0 --over q2,d3", "svg", marks=pytest.mark.slow),
         ("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png"),
-        ("along scara --q 0,1,0.1,0 --q 0,-1,0.1,0", "svg"),
+        pytest.param("along scara --q 0,1,0.1,0 --q 0,-1,0.1,0", "svg", marks=pytest.mark.slow),
         pytest.param("workspace planar3r --task position", "png", marks=pytest.mark.slow),
     ],
 )

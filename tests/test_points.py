@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tiers import tiered_rows
 
 from pinsing.families import closed_form
 from pinsing.families.zero_set import System, fix_joint, project, search
@@ -21,7 +22,7 @@ def system(name, **options):
 CASES = [("g1", {"tip": "left_rubber_hand", "base": "torso_link"}), ("so101", {})]
 
 
-@pytest.mark.parametrize(("name", "options"), CASES)
+@pytest.mark.parametrize(("name", "options"), tiered_rows(CASES, CASES[1:]))
 def test_values_and_slopes(name, options, rng):
     """Shared sines and cosines give what the equations give; slopes agree with differences."""
     equations = system(name, **options)
@@ -57,6 +58,7 @@ def test_an_equation_that_all_but_cancels_says_how_accurate_it_is(rng):
     assert noisy.unit == pytest.approx(1e3 * e.size)
 
 
+@pytest.mark.slow
 def test_a_search_stays_in_its_box(rng):
     equations = system("g1", tip="left_rubber_hand", base="torso_link")
     n = equations[0].frequencies.shape[1]

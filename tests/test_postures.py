@@ -486,6 +486,7 @@ class TestCuspidality:
             pinsing.cuspidality(arm_of("panda"))
 
 
+@pytest.mark.slow
 def test_posture_changes(tmp_path):
     q = [0.1, -1.0, 1.2, 0.3, 0.9, 0.2]
     found = pinsing.posture_changes(arm_of("ur5"), q, forms=form_of("ur5"))

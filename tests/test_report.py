@@ -363,6 +363,7 @@ def test_the_same_twice() -> None:
 # In a browser -----------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_it_opens_in_a_browser_and_so_does_the_model_inside(page: Any, tmp_path: Path) -> None:
     file = tmp_path / "r.html"
     write_report(textbook("planar3r", task="position"), file, skeleton=True)

@@ -65,6 +65,7 @@ def test_nobody_hears_the_messages() -> None:
         assert done.stdout.startswith("arm  ")
 
 
+@pytest.mark.slow
 def test_a_file_is_whole_though_stdout_is_closed(tmp_path: Path) -> None:
     """Its number is that of the stream which is not there: nothing printed may get into it."""
     words = ["map", "planar3r", "--count", "5000", "--json"]

@@ -98,6 +98,7 @@ def test_it_is_the_same_each_time_for_one_seed() -> None:
     assert str(back) == str(first)
 
 
+@pytest.mark.slow
 def test_forms_of_two_tasks_and_of_another_arm() -> None:
     arm = arm_of("ur5")
     both = [closed("ur5"), pinsing.closed_form(arm.with_task("position"))]

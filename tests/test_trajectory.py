@@ -319,6 +319,7 @@ def test_bad_options(
     assert "error" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_what_is_not_finite_is_named_by_its_sample_however_long_the_trajectory():
     Q = np.zeros((45_000, 6))
     Q[:, 4] = 1.0
