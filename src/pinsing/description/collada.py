@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from xml.parsers import expat
 
 _LARGEST = 256 * 2**20
+_END = re.compile(rb"</(?:[\w.-]+:)?COLLADA\s*>\s*\Z")
 
 
 class ColladaProblem(Exception):
@@ -57,8 +59,10 @@ def image_references(path: Path) -> tuple[str, ...]:
     parser.StartElementHandler, parser.EndElementHandler = start, end
     parser.CharacterDataHandler = text
     try:
-        # Behind the last library of images, most often at the top, there are but numbers.
-        parser.Parse(data[: data.find(b">", end_of_images) + 1], False)
+        # Behind the last library of images, most often at the top, there are but numbers. A file
+        # that does not end as it should is read whole, to hear where it is broken.
+        whole = _END.search(data[-200:]) is not None
+        parser.Parse(data[: data.find(b">", end_of_images) + 1] if whole else data, not whole)
     except (expat.ExpatError, ValueError, LookupError) as error:
         raise ColladaProblem("is not well-formed XML") from error
     return tuple(found)
