@@ -197,7 +197,8 @@ DOC = (ROOT / "docs" / "design.md").read_text(encoding="utf-8")
 
 @pytest.mark.parametrize("name", tiered(ARMS, ("puma560", "iiwa14", "irb1400 with a5")))
 def test_the_page_says_what_is_found(name):
-    block = next(b for b in re.findall(r"```\n(.*?)```", DOC, re.S) if b.startswith(f"{name}\n"))
+    blocks = re.findall(r"```text\n(.*?)```", DOC, re.S)
+    block = next(b for b in blocks if b.startswith(f"{name}\n"))
     form = form_of(name)
     said = [str(f) for f in form.families]
     said += [f"assumed: {', '.join(form.assumed)}"] if form.assumed else []
