@@ -398,7 +398,7 @@ class TestList:
             assert any(line.split()[0] == name for line in out.splitlines())
 
     def test_one_word_narrows(self):
-        lines = run("list", "Stanford").stdout.splitlines()
+        lines = run("list", "PUMA").stdout.splitlines()
         assert len(lines) == 2
         none = run("list", "nothing-like-this")
         assert (none.exit_code, none.stdout) == (0, "")

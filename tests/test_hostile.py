@@ -97,7 +97,7 @@ def page_of(arm) -> bytes:
     parts = [text.encode()]
     for packed in re.findall(r'type="application/octet-stream">([^<]*)<', text):
         parts.append(gzip.decompress(base64.b64decode(packed)))
-    assert len(parts) == 3
+    assert len(parts) == 4  # the text; the skeleton, its start, and the meshes, packed
     return b"\n".join(parts)
 
 

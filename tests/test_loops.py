@@ -836,7 +836,7 @@ def test_wrong_vectors_are_said():
         mechanism_at(mechanism, [1.0, 2.0])
     with pytest.raises(ConfigurationError, match="loops miss by"):
         mechanism_at(mechanism, [1.0, 0, 1.0, 0])
-    with pytest.raises(ConfigurationError, match="not finite"):
+    with pytest.raises(ConfigurationError, match="must be finite"):
         solve(mechanism, [1, np.nan])
     with pytest.raises(UnknownNameError, match="unknown joint"):
         mechanism.with_actuated(["q9"])

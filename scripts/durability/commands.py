@@ -89,6 +89,7 @@ COMMANDS: dict[str, Command] = {
     "sweep --json": _json(*_SWEEP),
     "aspects --json": _json("aspects", "planar3r"),
     "postures --json": _json("postures", "planar3r", *_Q),
+    "postures --html": Command(("postures", "planar3r", *_Q, "--html", "OUT"), "page.html"),
     "cuspidal --json": _json("cuspidal", "planar3r", "--poses", "2"),
     "suggest --json": _json("suggest", "planar3r", "--task", "position"),
     "line --json": _json(

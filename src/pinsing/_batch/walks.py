@@ -130,7 +130,7 @@ def walks(
         ends,
         isa or engine.isa_names()[-1],
         engine.cpu_count() if threads is None else threads,
-        max_iterations,
+        min(max_iterations, 2**31 - 1),
         _MAX_SWEEPS,
     )
     return X, ends[:, 0].astype(np.intp), ends[:, 1] > 0

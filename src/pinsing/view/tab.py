@@ -76,8 +76,7 @@ class Tab:
             )
         return self._server.url
 
-    def take_over(self, server: Server) -> None:
-        """Let a server that was started ahead of this viewer serve it."""
+    def _take_over(self, server: Server) -> None:
         server.fill(self._shown, self._scene, self._links)
         self._server = server
 
@@ -221,6 +220,11 @@ class Tab:
         trace: TracebackType | None,
     ) -> None:
         self.close()
+
+
+def hand_over(tab: Tab, server: Server) -> None:
+    """Let a server that was started ahead of a tab serve it."""
+    tab._take_over(server)
 
 
 def _iframe(what: str, name: str, height: int) -> str:
