@@ -412,6 +412,12 @@ def test_families_are_marked_where_a_way_meets_them() -> None:
     assert ax.get_xlim() == pytest.approx((0.0, 1.0))
     marks = {text.get_text(): text.xy[0] for text in ax.texts}
     assert marks == {"F2": pytest.approx(0.5)}
+    # Between two configurations of the way: the line comes down to it all the same.
+    (dot,) = (one for one in ax.get_lines() if one.get_marker() == "o")
+    np.testing.assert_allclose(np.asarray(dot.get_xdata()), [0.5])
+    (line,) = (one for one in ax.get_lines() if one.get_label() == r"$\sigma_{\min}$")
+    assert len(np.asarray(line.get_xdata())) == 9
+    assert np.argmin(line.get_ydata()) == 4
     with pytest.raises(ConfigurationError, match="no length"):
         plot.sigma_along(arm, np.zeros((3, 6)))
 

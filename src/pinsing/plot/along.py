@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
@@ -12,10 +14,11 @@ from pinsing.errors import ConfigurationError
 from pinsing.families import ClosedForm
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, measure
 from pinsing.plot.style import COLORS, SINGULAR, SMALL, legend_below, new_axes, plain, unit
-from pinsing.proximity.crossings import crossings
+from pinsing.proximity.crossings import Crossing, crossings
 from pinsing.robot.arm import Arm
 
 _LOWEST = 1e-12
+_AT_ONE = 1e-9  # between numbers of configurations: met at one of them
 
 
 @checked
@@ -44,7 +47,8 @@ def sigma_along(
         length scale).
     forms : ClosedForm, optional
         Of the arm: where the motion meets a family is marked with the family's name, as
-        ``crossings`` has proven it, also between the configurations.
+        ``crossings`` has proven it, also between the configurations, where the line then
+        comes down to its zero.
     near_rtol : float
         sigma_r / sigma_1 at or below which the ground is shaded as near-singular.
     degrees : bool
@@ -84,6 +88,9 @@ def sigma_along(
         raise ConfigurationError(f"times must be {len(Q)} increasing numbers")
     if times is None and degrees:
         t = np.degrees(t)
+    met = () if forms is None else tuple(crossings(forms, Q))
+    places = np.interp([one.t for one in met], np.arange(len(Q)), t)
+    Q, t = _with_crossings(Q, t, met, places)
     sigma, ratio = measure(arm, Q)
     drawn = np.maximum(sigma, _LOWEST)  # a logarithm has no zero
     ax = new_axes() if ax is None else ax
@@ -108,8 +115,7 @@ def sigma_along(
     zero = ratio <= SINGULAR_RTOL
     if zero.any():
         ax.plot(t[zero], drawn[zero, -1], "o", color=SINGULAR, markersize=3.5, label="singular")
-    if forms is not None:
-        _mark_crossings(ax, forms, Q, t)
+    _mark_crossings(ax, met, places, t[-1] - t[0])
     ax.set_yscale("log")
     ax.set_xlim(t[0], t[-1])
     ax.set_xlabel(
@@ -131,15 +137,27 @@ def _path_length(arm: Arm, Q: Array) -> Array:
     return np.asarray(np.concatenate([[0.0], np.cumsum(np.linalg.norm(step, axis=1))]))
 
 
-def _mark_crossings(ax: Axes, forms: ClosedForm, Q: Array, t: Array) -> None:
+def _with_crossings(
+    Q: Array, t: Array, met: Sequence[Crossing], places: Array
+) -> tuple[Array, Array]:
+    """Configurations, and those between two of them at which a family is met."""
+    between = [k for k, one in enumerate(met) if abs(one.t - round(one.t)) > _AT_ONE]
+    if not between:
+        return Q, t
+    behind = [int(np.ceil(met[k].t)) for k in between]
+    return np.insert(Q, behind, [met[k].q for k in between], 0), np.insert(
+        t, behind, places[between]
+    )
+
+
+def _mark_crossings(ax: Axes, met: Sequence[Crossing], places: Array, length: float) -> None:
     """A line, and the family's name above it, wherever a family is met."""
     last = -np.inf
-    for met in crossings(forms, Q):
-        place = float(np.interp(met.t, np.arange(len(Q)), t))
+    for one, place in zip(met, places.tolist(), strict=True):
         ax.axvline(place, color=SINGULAR, linewidth=0.8, linestyle=":", zorder=1)
-        lifted = place - last < 0.06 * (t[-1] - t[0])
+        lifted = place - last < 0.06 * length
         ax.annotate(
-            met.family,
+            one.family,
             (place, 1.0),
             xycoords=("data", "axes fraction"),
             xytext=(0, 9 if lifted else 2),

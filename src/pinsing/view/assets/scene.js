@@ -48,13 +48,17 @@ class SceneView {
     V.controls.addEventListener("start", () => { this.touched = true; });
     this.labels = new Labels(element);
     const render = V.render.bind(V);
-    V.render = () => { render(); this.labels.place(V.camera); };
+    V.render = () => {
+      if (!this.frame) return; // links that no pose has placed yet: nobody wants to see them
+      render();
+      this.labels.place(V.camera);
+    };
     this.lights();
     this.paint();
   }
 
   // Draws a speck of each kind of paint, so that the graphics card (or what stands for it) knows them
-  // when the arm comes.
+  // when the arm comes. The canvas has its first, small size yet, which costs least.
   warmUp() {
     const { Group, Mesh, Line, SphereGeometry, MeshPhongMaterial, MeshBasicMaterial, LineBasicMaterial } = MeshCat.THREE;
     const V = this.viewer, specks = new Group(), shape = new SphereGeometry(1e-3, 6, 4), side = 2;
@@ -62,8 +66,7 @@ class SceneView {
                             new MeshBasicMaterial({ side, transparent: true, opacity: 0.4 })]) specks.add(new Mesh(shape, material));
     specks.add(new Line(shape, new LineBasicMaterial()));
     V.scene.add(specks);
-    V.set_3d_pane_size();
-    V.render();
+    V.renderer.render(V.scene, V.camera);
     V.scene.remove(specks);
     shape.dispose(); // not what paints it: that is what is to be known
   }
