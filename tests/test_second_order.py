@@ -6,8 +6,14 @@ import arms
 import numpy as np
 import pytest
 
+from pinsing import load
 from pinsing.configuration.refine import refine
-from pinsing.configuration.second_order import classify, second_order, second_order_many
+from pinsing.configuration.second_order import (
+    classify,
+    kinds_many,
+    second_order,
+    second_order_many,
+)
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.jacobian import (
     generic_rank,
@@ -130,3 +136,19 @@ def test_kind_does_not_depend_on_base_joint_and_batch(rng):
     Q = np.repeat([[0.3, 0.5, 0.3, 0.0, 0.9, 0.2, 0.2]], 8, axis=0)
     Q[:, 0], Q[:, 6] = rng.uniform(-2, 2, (2, 8))
     assert {found.kind for found in second_order_many(arm, Q)} == {"boundary"}
+
+
+def test_points_that_take_longer_are_asked_wherever_they_stand():
+    """UR5, position, tip in the plane of axes 1 and 2, wrist straight or folded back.
+
+    Straight, the form is indefinite, which is seen at once. Folded back it is definite but for
+    self-motions that stay singular: such points must be asked though many others come first.
+    """
+    arm = load("ur5", task="position")
+    q2, q3 = np.random.default_rng(0).uniform(-3, 3, (2, 300))
+    s = (0.425 * np.cos(q2) + 0.39225 * np.cos(q2 + q3)) / 0.09465
+    q2, q3, s = (v[np.abs(s) < 0.95][:20] for v in (q2, q3, s))
+    q5 = np.where(np.arange(20) < 10, 0.0, PI)
+    Q = np.stack([q5 * 0 + 0.4, q2, q3, np.arcsin(s) - q2 - q3, q5, q5 * 0], axis=1)
+    assert kinds_many(arm, Q, 6) == ["interior"] * 10 + ["boundary"] * 6 + [None] * 4
+    assert [classify(arm, q) for q in Q[::4]] == ["interior"] * 3 + ["boundary"] * 2

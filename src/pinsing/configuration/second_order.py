@@ -126,8 +126,9 @@ def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind
     """The ``kind`` of ``second_order`` for each row of Q (N, n), and nothing else.
 
     One lost direction alone needs no search for a definite combination: what is clearly definite
-    or indefinite there is decided for all rows at once. The others are decided one by one, where
-    they are among the first ``most`` rows; None for those beyond.
+    or indefinite there is decided for all rows at once. Of the others the first ``most`` are
+    decided one by one, wherever they stand: they may be of another kind than all that is clear.
+    None for those beyond.
     """
     Q = np.atleast_2d(arm.check(Q))
     J, H = own_jacobians_and_derivatives(arm, Q)
@@ -139,7 +140,7 @@ def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind
         clear = _clear_kinds(U[once, :, -1], Vt[once, r - 1 :], H[once])
         for i, kind in zip(once, clear, strict=True):
             found[i] = kind
-    rest = [i for i, kind in enumerate(found[:most]) if kind is None]
+    rest = [i for i, kind in enumerate(found) if kind is None][:most]
     if rest:
         for i, one in zip(rest, second_order_many(arm, Q[rest]), strict=True):
             found[i] = one.kind

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pinsing.families.pieces import PieceMaker
 
 _FIRST = 6
-"""Points that are looked into where that takes longer, and they all agree."""
+"""Points that are looked into of those where that takes longer, if all kinds agree then."""
 _SHORT = 60
 """Characters that a condition may have to be named as the place of a kind."""
 
