@@ -42,7 +42,7 @@ def test_the_paper_s_stanford_arm(stanford):
         "d3 = 0",
         "q5 = 0° or 180°",
     ]
-    assert "not swept: q1, q6 (does not change sigma_min)" in stanford.notes
+    assert "not swept: q1, q6 (do not change sigma_min)" in stanford.notes
     assert stanford.singular
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -130,6 +131,7 @@ def test_the_nearest_point_at_a_joint_limit() -> None:
     family = closed("panda").families[3]
     q = np.array([1.443, -2.038, 2.282, 0.261, -1.258, -0.486, -2.964])
     found = family.distance(q, within_limits=True)
+    assert re.fullmatch(r"<Distance: [\d.]+ \(to \d+e-\d+\), to q = [-\d., ]+>", repr(found))
     assert found.upper - found.lower <= 1e-6
     low, high = family.limits
     np.testing.assert_allclose(found.q[[1, 6]], np.clip(q, low, high)[[1, 6]])
@@ -179,9 +181,13 @@ def test_a_family_at_the_joint_limit_is_as_near_within_limits_as_its_points() ->
     lower[4] = -2.0
     outside = dataclasses.replace(base, lower=lower, upper=upper)
     q = np.array([0, 1, 0.3, 1, -0.25, 0])
-    assert outside.distance(q, within_limits=True).lower == np.inf
+    nowhere = outside.distance(q, within_limits=True)
+    assert nowhere.lower == np.inf
+    assert repr(nowhere) == "<Distance: infinite, none within the limits>"
     met = dataclasses.replace(outside, limit_tolerance=np.full(6, 1e-6))
-    assert met.distance(q, within_limits=True).value == pytest.approx(0.25, abs=1e-12)
+    near = met.distance(q, within_limits=True)
+    assert near.value == pytest.approx(0.25, abs=1e-12)
+    assert repr(near) == "<Distance: 0.25 (exact), to q = 0, 1, 0.3, 1, 0, 0>"
 
 
 @pytest.mark.parametrize("name", ["ur5", "puma560", "irb1400", "z1"])

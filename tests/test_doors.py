@@ -51,6 +51,23 @@ def test_a_wrapper_a_model_a_path_a_text_and_a_name_are_one_arm():
         assert np.allclose(pinsing.at(arm, q).J, expected.J, atol=1e-12)
 
 
+def test_a_closed_form_takes_the_whole_models_configuration(rng):
+    model = model_of("panda")
+    arm = pinsing.load(
+        model, tip="panda_hand", task="position", joints=[f"panda_joint{k}" for k in (1, 2, 4)]
+    )
+    form = pinsing.closed_form(arm)
+    assert form.family_of(arm.full_q(rng.uniform(0.3, 1.0, 3) * [1, 1, -1])) is None
+    on = arm.full_q(form.families[0].witness)
+    assert on.shape == (model.nq,)
+    assert form.family_of(on) is form.families[0]
+    # What was read from a file knows no model: it says which lengths would do.
+    again = pinsing.ClosedForm.from_json(form.to_json())
+    assert again.family_of(arm.q_of(on)).name == form.families[0].name
+    with pytest.raises(ConfigurationError, match="q needs 3 values"):
+        again.family_of(on)
+
+
 def test_any_object_with_a_model():
     arm = pinsing.load(SimpleNamespace(model=model_of("ur5")))
     assert arm.n == 6

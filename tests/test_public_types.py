@@ -103,6 +103,12 @@ def arm():
 
 
 @functools.cache
+def regional():
+    joints = ["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"]
+    return pinsing.load("ur5", task="position", tip="tool0", joints=joints)
+
+
+@functools.cache
 def planar():
     return pinsing.load("planar3r")
 
@@ -327,15 +333,8 @@ CALLS = {
     ),
     "plot.inverse_count": Call(
         lambda: pinsing.plot.inverse_count,
-        lambda: {
-            "arm": pinsing.load(
-                "ur5",
-                task="position",
-                tip="tool0",
-                joints=["shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"],
-            ),
-            "samples": 20,
-        },
+        lambda: {"arm": regional(), "samples": 20},
+        slow=True,
     ),
     "plot.locus": Call(
         lambda: pinsing.plot.locus,

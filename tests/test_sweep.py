@@ -343,4 +343,4 @@ def test_text(stanford):
     assert "nominal configuration (60 degrees, as in the paper)" in text
     assert "all joints at 90 deg: sigma_min = 0.209, regular" in text
     assert "q5 = 180 deg: singular whatever the others" in text
-    assert "not swept: q1, q6 (does not change sigma_min)" in text
+    assert "not swept: q1, q6 (do not change sigma_min)" in text

@@ -158,8 +158,9 @@ class ClosedForm(JsonResult):
 
         Parameters
         ----------
-        q : (n,) array_like
-            Radians and metres.
+        q : (n,) or (nq,) array_like
+            Radians and metres, or a configuration of the whole model; what was read from JSON
+            knows no model, and takes (n,) alone.
         tol : float
             Distance in joint space (radians; metres over the length scale).
 
@@ -177,6 +178,8 @@ class ClosedForm(JsonResult):
         """
         if np.ndim(q) != 1:
             raise ConfigurationError(f"q must be one joint vector, got shape {np.shape(q)}")
+        if self.geometry is not None:
+            q = self.geometry.arm.check(q)
         return next((f for f in self.families if bool(f.contains(q, tol))), None)
 
     @checked

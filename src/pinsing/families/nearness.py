@@ -12,6 +12,7 @@ from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import SearchOptions, nearest_points
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import project
+from pinsing.notebook import one_line
 from pinsing.robot.joint_space import JointSpace
 
 
@@ -39,6 +40,15 @@ class Distance(NamedTuple):
     exact: bool
     lower: float
     upper: float
+
+    def __repr__(self) -> str:
+        if np.isinf(self.lower):
+            return one_line("Distance", "infinite, none within the limits")
+        if np.isinf(self.upper):
+            return one_line("Distance", f"at least {self.lower:.6g}, no configuration found")
+        kind = "exact" if self.exact else f"to {self.upper - self.lower:.0e}"
+        at = ", ".join(f"{value:.4g}" for value in self.q)
+        return one_line("Distance", f"{self.value:.6g} ({kind}), to q = {at}")
 
 
 def near(branches: Sequence[Branch], space: JointSpace, q: Array, tol: float) -> Bool:

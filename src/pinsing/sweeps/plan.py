@@ -24,6 +24,7 @@ NO_EFFECT = 1e-9
 MOVES_TIP = "only moves the tip point, which never changes the rank for the pose"
 NOT_ASKED = "not asked for"
 NOT_CHANGING = "does not change sigma_min"
+NOT_CHANGING_BOTH = "do not change sigma_min"
 
 
 @dataclass(frozen=True, eq=False)

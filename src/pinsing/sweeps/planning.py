@@ -27,6 +27,7 @@ from pinsing.sweeps.plan import (
     NO_EFFECT,
     NOT_ASKED,
     NOT_CHANGING,
+    NOT_CHANGING_BOTH,
     SAMPLES,
     JointEffect,
     PlannedLevel,
@@ -197,7 +198,9 @@ def _effects(
     for effect in effects:
         if effect.reason:
             by_reason.setdefault(effect.reason, []).append(effect.joint)
-    notes += [f"not swept: {', '.join(names)} ({why})" for why, names in by_reason.items()]
+    for why, names in by_reason.items():
+        many = len(names) > 1 and why == NOT_CHANGING
+        notes.append(f"not swept: {', '.join(names)} ({NOT_CHANGING_BOTH if many else why})")
     return tuple(effects)
 
 
