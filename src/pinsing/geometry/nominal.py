@@ -25,7 +25,7 @@ from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.geometry.chain import Chain, chain_model, flatten
 from pinsing.geometry.jacobian_bound import jacobian_change, rotation_angle
-from pinsing.geometry.snap import Snap
+from pinsing.geometry.snap import Snap, shortest_decimal
 from pinsing.geometry.surd import Exact, cosine, sine
 from pinsing.notebook import one_line
 from pinsing.robot.arm import Arm
@@ -43,7 +43,6 @@ _QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _FLOAT_NOISE = 1e-13
 _TWIST_DENOMINATOR = 10**6
 _STEEP = 0.2  # sine of a twist from which on origins are slid along their axes
-_WRITTEN_DIGITS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -338,7 +337,7 @@ class _Maker:
                 if abs(value) < self.snap_length:
                     exact = Fraction(0)
                 else:
-                    exact = _shortest_decimal(value, slack, _FLOAT_NOISE * reach)
+                    exact = shortest_decimal(value, slack, _FLOAT_NOISE * reach)
                 if abs(float(exact) - value) > _FLOAT_NOISE * reach:
                     self.snaps.append(Snap(self.places[i], "length", value, float(exact)))
                 row.append(exact)
@@ -380,22 +379,6 @@ class _Maker:
             snaps=tuple(s for s in self.snaps if s.size > 0),
             jacobian_change=change,
         )
-
-
-def _shortest_decimal(value: float, slack: float, noise: float) -> Fraction:
-    """Decimal value of a length.
-
-    A number that is a short decimal already (to float ``noise``) is kept: somebody wrote it.
-    Any other is the product of rounded angles, and becomes the decimal with the fewest
-    digits within ``slack``.
-    """
-    written = round(value, _WRITTEN_DIGITS)
-    tolerance = noise if abs(written - value) <= noise else max(slack, noise)
-    for digits in range(16):
-        rounded = round(value, digits)
-        if abs(rounded - value) <= tolerance:
-            return Fraction(repr(rounded))
-    return Fraction(repr(value))
 
 
 def _rz(angle: float) -> Array:

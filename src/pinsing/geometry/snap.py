@@ -1,8 +1,11 @@
-"""What making a geometry exact moved."""
+"""What making a geometry exact moved, and the decimal that a length is moved to."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from fractions import Fraction
+
+_WRITTEN_DIGITS = 8
 
 
 @dataclass(frozen=True)
@@ -35,3 +38,19 @@ class Snap:
             f"{self.where}: {self.what} {self.raw:.10g} -> {self.nominal:.10g} {unit} "
             f"(moved {self.size:.1e})"
         )
+
+
+def shortest_decimal(value: float, slack: float, noise: float) -> Fraction:
+    """Decimal value of a length.
+
+    A number that is a short decimal already (to float ``noise``) is kept: somebody wrote it.
+    Any other is the product of rounded angles, and becomes the decimal with the fewest
+    digits within ``slack``.
+    """
+    written = round(value, _WRITTEN_DIGITS)
+    tolerance = noise if abs(written - value) <= noise else max(slack, noise)
+    for digits in range(16):
+        rounded = round(value, digits)
+        if abs(rounded - value) <= tolerance:
+            return Fraction(repr(rounded))
+    return Fraction(repr(value))

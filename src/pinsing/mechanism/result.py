@@ -291,15 +291,17 @@ def _points(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
         title = f" ({_MEANING[kind]}), along the curves through these inputs:"
         yield "", (alarm(unbroken(kind)), title)
         for p in here:
-            end = "  (end of the range)" if p.range_end else ""
+            mode = (f": {p.mode}" if p.mode else "") + (
+                " (end of the range)" if p.range_end else ""
+            )
             if len(a.inputs) <= _FEW_INPUTS:
-                yield "  ", (f"{values.named(a.inputs, p.inputs, 10)}  {p.mode}{end}",)
+                yield "  ", (f"{values.named(a.inputs, p.inputs, 10)}{mode}",)
                 continue
             k = a.inputs.index(p.moving) if p.moving else None
             names, where = (a.inputs, p.inputs) if k is None else ((p.moving,), p.inputs[k : k + 1])
             at = ", ".join(f"{x + 0.0:.6g}" for x in p.position.round(12))
             shown = values.named(names, where, 10)
-            yield "  ", (f"{shown}  {p.mode}{end}; output at {unbroken(f'({at})')} m",)
+            yield "  ", (f"{shown}{mode}; output at {unbroken(f'({at})')} m",)
 
 
 def _forms(a: MechanismAnalysis, values: _Values, page: Page) -> Iterator[Line]:
