@@ -225,6 +225,13 @@ def test_the_pieces_escape() -> None:
     assert data_block("x", "</script>").count("</script>") == 1
 
 
+def test_on_paper_only_long_tables_go_over_pages() -> None:
+    short = table("Few", ("a", "b"), [("1", "2")] * 12)
+    assert 'class="wide short"' in short
+    assert short.count("<tr>") == 13
+    assert 'class="wide"' in table("Many", ("a", "b"), (("1", "2") for _ in range(13)))
+
+
 def test_an_arm_without_singularities(tmp_path: Path) -> None:
     file = tmp_path / "a.html"
     write_report(pinsing.load("planar3r", task="wz"), file, page="none")

@@ -14,6 +14,8 @@ from typing import Any
 from pinsing.mathml import mathml
 from pinsing.prose import visible
 
+_SHORT = 12  # rows, of some lines each, that a page of paper has room for
+
 
 def text(words: str) -> str:
     """Words, escaped; control characters and marks that hide or turn text are shown as such."""
@@ -68,10 +70,12 @@ def table(
         f'<th scope="col"{_class("n" if k in numbers else "")}>{text(h)}</th>'
         for k, h in enumerate(header)
     )
-    body = "".join(f"<tr>{cells(row)}</tr>" for row in rows)
-    # A wide table scrolls by itself, also by keyboard.
+    lines = [f"<tr>{cells(row)}</tr>" for row in rows]
+    body = "".join(lines)
+    # A wide table scrolls by itself, also by keyboard; a short one stays on one page of paper.
+    kind = "wide short" if len(lines) <= _SHORT else "wide"
     return (
-        f'<div class="wide" role="region" tabindex="0" aria-label="{text(caption)}"><table>'
+        f'<div class="{kind}" role="region" tabindex="0" aria-label="{text(caption)}"><table>'
         f"<caption>{text(caption)}</caption><thead><tr>{head}</tr></thead>"
         f"<tbody>{body}</tbody></table></div>"
     )

@@ -70,7 +70,8 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
   body { max-width: none; padding: 0; }
   nav, .screen, .skip { display: none; }
   h2, h3, caption { break-after: avoid; }
-  figure, .equation, tr, dl > div, pre { break-inside: avoid; }
+  figure, .equation, tr, dl > div, pre, .wide.short { break-inside: avoid; }
+  p:has(+ pre) { break-after: avoid; }
   .paper { display: block; }
   .wide, .equation .math { overflow: visible; }
   .badge { color: #000; background: none; border: 1px solid #000; }
