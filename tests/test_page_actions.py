@@ -263,9 +263,9 @@ def test_every_action_works_on_a_mechanism(page: Any, pages: dict[str, str]) -> 
     ("kind", "actions"),
     [
         pytest.param("arm", ACTIONS, id="arm"),
-        pytest.param("mechanism", LINKAGE[:-1], id="mechanism"),
+        pytest.param("mechanism", LINKAGE[:-1], id="mechanism", marks=pytest.mark.slow),
         # From where the others have led it, its first sample is not reached in the mode it is in.
-        pytest.param("mechanism", LINKAGE[-1:], id="path of a mechanism"),
+        pytest.param("mechanism", LINKAGE[-1:], id="path of a mechanism", marks=pytest.mark.slow),
     ],
 )
 def test_actions_work_one_after_the_other(
@@ -278,7 +278,7 @@ def test_actions_work_one_after_the_other(
     run_all(page, addresses["file"][kind], actions, afresh=False)
 
 
-@pytest.mark.parametrize("kind", ["arm", "mechanism"])
+@pytest.mark.parametrize("kind", ["arm", pytest.param("mechanism", marks=pytest.mark.slow)])
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.slow)])
 def test_axe_has_no_serious_finding(
     page: Any, addresses: dict[str, dict[str, str]], kind: str, scheme: str

@@ -13,7 +13,7 @@ from pinsing.algebra.apart import Apart
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, Found
 from pinsing.algebra.matrix import Matrix, reduce_matrix
-from pinsing.algebra.place import Place, bound
+from pinsing.algebra.place import SearchPlace, bound
 from pinsing.algebra.prime_field import WORD_PRIME
 from pinsing.algebra.ring import Packed, Ring, Value
 from pinsing.algebra.search import Search
@@ -63,7 +63,7 @@ class Decomposition:
             given = matrix() if callable(matrix) else matrix
             rows, reduced = reduce_matrix(given, rank, self.ring, self.time)
             self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
-            everywhere = Place({}, rows, reduced, self.bound)
+            everywhere = SearchPlace({}, rows, reduced, self.bound)
             search.confirm(everywhere, rank)
             search.run(everywhere)
         except BudgetExceeded as reason:

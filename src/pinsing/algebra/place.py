@@ -10,7 +10,7 @@ from pinsing.algebra.ring import Value
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class SearchPlace:
     """Where the search is: some joints at values.
 
     Attributes

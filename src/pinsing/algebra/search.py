@@ -26,7 +26,7 @@ from pinsing.algebra.components import Backing, Found
 from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors, cost
-from pinsing.algebra.place import Place, bound
+from pinsing.algebra.place import SearchPlace, bound
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.second_prime import FIRST_SEED, Question
 from pinsing.algebra.zeros import Undecided
@@ -65,7 +65,7 @@ class Search:
         self._seen: set[object] = set()
         self._later: list[tuple[int, Callable[[], None]]] = []
 
-    def run(self, place: Place) -> None:
+    def run(self, place: SearchPlace) -> None:
         """Find all components at a place.
 
         Raises
@@ -79,7 +79,7 @@ class Search:
             self.depth, run = self._later.pop(first)
             run()
 
-    def confirm(self, place: Place, rank: int) -> None:
+    def confirm(self, place: SearchPlace, rank: int) -> None:
         """Say so unless ``rank`` is the generic rank of the matrix before rows were used up.
 
         One point modulo a prime shows that it is no less; that all larger minors are zero
@@ -96,7 +96,7 @@ class Search:
 
     # Branches -----------------------------------------------------------------------
 
-    def _search(self, place: Place) -> None:
+    def _search(self, place: SearchPlace) -> None:
         """All components at a place."""
         values = place.values
         key = frozenset(values.items())
@@ -129,7 +129,7 @@ class Search:
             else:
                 self._relation(f, reduced, minors)
 
-    def _relation(self, p: Poly, place: Place, minors: Minors) -> None:
+    def _relation(self, p: Poly, place: SearchPlace, minors: Minors) -> None:
         """Components inside p = 0."""
         key = (frozenset(place.values.items()), str(p))
         if key in self._seen or self._found.covers(place.values, (p,)):
@@ -152,7 +152,7 @@ class Search:
         for g in min(others, key=cost):
             self._and((p,), g, place, minors)
 
-    def _and(self, relations: Relations, g: Poly, place: Place, minors: Minors) -> None:
+    def _and(self, relations: Relations, g: Poly, place: SearchPlace, minors: Minors) -> None:
         """Components inside some equations and one more."""
         fixed = self.ring.joint_value(g)
         if fixed is not None:
@@ -160,7 +160,7 @@ class Search:
         else:
             self._system((*relations, g), place, minors)
 
-    def _within(self, relations: Relations, place: Place, new: Mapping[int, Value]) -> None:
+    def _within(self, relations: Relations, place: SearchPlace, new: Mapping[int, Value]) -> None:
         """Go on at a place with all factors of what equations become at its ``new`` values."""
         became = [self.ring.strip(self.ring.substitute(p, new)) for p in relations]
         factors = [self._factors(p) for p in became if p != 0]
@@ -198,7 +198,7 @@ class Search:
                 kept.append(g)
         return tuple(kept)
 
-    def _system(self, relations: Relations, place: Place, minors: Minors) -> None:
+    def _system(self, relations: Relations, place: SearchPlace, minors: Minors) -> None:
         """Components inside the common zeros of two equations or more.
 
         Those that are such common zeros themselves are stated by as few joints as can be found.
@@ -214,7 +214,7 @@ class Search:
         else:
             self._common_zeros(relations, place, minors)
 
-    def _common_zeros(self, relations: Relations, place: Place, minors: Minors) -> None:
+    def _common_zeros(self, relations: Relations, place: SearchPlace, minors: Minors) -> None:
         """See ``_system``."""
         self.time.check()
         try:
@@ -255,7 +255,7 @@ class Search:
         for g in cutting:
             self._and(relations, g, place, minors)
 
-    def _eliminate(self, p: Poly, g: Poly, place: Place, singular: list[SlicePoint]) -> None:
+    def _eliminate(self, p: Poly, g: Poly, place: SearchPlace, singular: list[SlicePoint]) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
         shared = self._common_joints(p, g)
         if not shared or len(p) * len(g) > _RESULTANT_TERMS:
@@ -279,7 +279,7 @@ class Search:
                         self._found.add(place.values, (h, other), False, backing=backing)
                         break
 
-    def _regular(self, place: Place) -> bool:
+    def _regular(self, place: SearchPlace) -> bool:
         """Whether some configuration of a place is regular, shown by one modulo a prime."""
         return any(
             self._residues.generic_rank(place.matrix, self._rng) >= place.rank for _ in range(2)
@@ -291,7 +291,7 @@ class Search:
         """Generic points of the common zeros of some equations."""
         return slice_points(relations, self._residues, self._rng, values, self.time.check)
 
-    def _shortened(self, relations: Relations, count: int, place: Place) -> Relations:
+    def _shortened(self, relations: Relations, count: int, place: SearchPlace) -> Relations:
         """As few equations as the codimension, if some say the same.
 
         Common zeros of so many equations have no parts of lower dimension: where generic points
@@ -302,7 +302,7 @@ class Search:
                 return few
         return relations
 
-    def _states(self, relations: Relations, place: Place) -> bool:
+    def _states(self, relations: Relations, place: SearchPlace) -> bool:
         """Whether all common zeros are singular, and none is on a component that is known."""
         found = False
         try:
@@ -379,12 +379,12 @@ class Search:
             p, g = p.subs(put), g.subs(put)
         return self.ring.resultant(p, g, variables[-1])
 
-    def _at(self, place: Place, new: Mapping[int, Value]) -> Place:
+    def _at(self, place: SearchPlace, new: Mapping[int, Value]) -> SearchPlace:
         """The place with some more joints at values."""
         matrix = [[self.ring.substitute(x, new) for x in row] for row in place.matrix]
         return replace(place, values={**place.values, **new}, matrix=matrix)
 
-    def _reduced(self, place: Place) -> Place | None:
+    def _reduced(self, place: SearchPlace) -> SearchPlace | None:
         """The place with a smaller matrix, unless all of it is singular (noted), or none."""
         matrix, rank = reduce_matrix(place.matrix, place.rank, self.ring, self.time)
         if rank <= 0:
@@ -393,7 +393,7 @@ class Search:
             self._found.add(place.values, (), True)
             return None
         limit = min(place.limit, len(place.values) + bound(matrix, rank))
-        return Place(place.values, matrix, rank, limit)
+        return SearchPlace(place.values, matrix, rank, limit)
 
-    def _minors(self, place: Place) -> Minors:
+    def _minors(self, place: SearchPlace) -> Minors:
         return Minors(place.matrix, place.rank, self.ring, self.time)

@@ -18,7 +18,7 @@ from pinsing.cli.options import (
     parse_numbers,
 )
 from pinsing.cli.output import STOPPED, emit, emit_json, say
-from pinsing.cli.running import Place, place_options, run_progress, say_stopped
+from pinsing.cli.running import RunPlace, place_options, run_progress, say_stopped
 from pinsing.errors import OptionError
 from pinsing.prose import Page
 
@@ -95,7 +95,7 @@ def map_command(
     out: Path | None,
     keep_values: bool,
     chunk: str | None,
-    place: Place,
+    place: RunPlace,
     deg: bool,
     json_target: str | Path | None,
     fail_if_singular: bool,

@@ -36,7 +36,7 @@ _QUIET_SECONDS = 30.0  # between two lines where there is no terminal to draw on
 
 
 @dataclass(frozen=True)
-class Place:
+class RunPlace:
     """Where a run takes place.
 
     Attributes
@@ -124,7 +124,7 @@ def place_options(command: F) -> F:
         given = [n for n, v in (("threads", threads), ("workers", workers), ("dask", dask)) if v]
         if len(given) > 1:
             raise OptionError(f"--{given[0]} and --{given[1]} exclude each other")
-        return command(*args, place=Place(engine, threads, workers, dask), **rest)
+        return command(*args, place=RunPlace(engine, threads, workers, dask), **rest)
 
     return wrapper  # type: ignore[return-value]
 

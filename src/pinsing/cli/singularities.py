@@ -22,7 +22,7 @@ from pinsing.cli.options import (
     parse_numbers,
 )
 from pinsing.cli.output import STOPPED, OutputFile, emit, emit_json, emit_json_data, say
-from pinsing.cli.running import Place, place_options, run_progress, say_stopped
+from pinsing.cli.running import RunPlace, place_options, run_progress, say_stopped
 from pinsing.errors import OptionError
 from pinsing.prose import Page
 
@@ -222,7 +222,7 @@ def sweep_command(
     out: Path | None,
     keep: bool | None,
     chunk: int | None,
-    place: Place,
+    place: RunPlace,
     json_target: str | Path | None,
     fail_if_singular: bool,
 ) -> int:

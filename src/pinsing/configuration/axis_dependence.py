@@ -114,7 +114,7 @@ def dependences_of(
     columns = _Columns(arm, J, q, rtol)
     if columns.lost <= 0:
         return ()
-    words = _Words(arm, J, tip, columns, rtol)
+    words = _Reasons(arm, J, tip, columns, rtol)
     return tuple(
         AxisDependence(tuple(arm.joints[i] for i in ids), ids, words.reason(ids))
         for ids in columns.causes()
@@ -263,7 +263,7 @@ def _combinations(n: int, size: int) -> npt.NDArray[np.intp]:
     return np.array(list(combinations(range(n), size)), dtype=np.intp)
 
 
-class _Words:
+class _Reasons:
     """Says why sets of axes are dependent."""
 
     def __init__(self, arm: Arm, J: Array, tip: Array, columns: _Columns, rtol: float) -> None:

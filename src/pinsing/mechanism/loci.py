@@ -94,7 +94,7 @@ def loop_forms(mechanism: Mechanism) -> LoopForms | None:
     dyad = planar_dyad(mechanism)
     if dyad is None:
         return None
-    system = _System(dyad)
+    system = _LoopEquations(dyad)
     notes = list(system.notes)
     conditions: list[tuple[str, int | None, Poly]] = [("type 2", None, system.between())]
     legs = _type1_legs(dyad)
@@ -112,7 +112,7 @@ def loop_forms(mechanism: Mechanism) -> LoopForms | None:
     return LoopForms(tuple(loci), legs is not None, tuple(notes))
 
 
-class _System:
+class _LoopEquations:
     """The loop equations of a dyad over the rationals."""
 
     def __init__(self, dyad: Dyad) -> None:
@@ -223,7 +223,7 @@ def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
     return cranked if int(output.parentJoint) - 1 == driven.pin else None
 
 
-def _loci(system: _System, kind: str, leg: int | None, condition: Poly) -> list[Locus]:
+def _loci(system: _LoopEquations, kind: str, leg: int | None, condition: Poly) -> list[Locus]:
     ring = system.ring
     eliminated = ring.strip(system.eliminate(condition))
     coincide = system.v[0] ** 2 + system.v[1] ** 2

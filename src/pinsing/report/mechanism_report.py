@@ -17,7 +17,7 @@ from pinsing.report.closing import computed, data, model, result
 from pinsing.report.content import Made
 from pinsing.report.document import document
 from pinsing.report.mechanism_sections import (
-    Special,
+    SpecialInputs,
     assumed,
     loci,
     maps,
@@ -102,7 +102,7 @@ def _page(mechanism: Mechanism, found: MechanismAnalysis, skeleton: bool) -> str
 
 def _special(
     mechanism: Mechanism, found: MechanismAnalysis, poses: Mapping[str, Array]
-) -> Iterator[Special]:
+) -> Iterator[SpecialInputs]:
     actuated = list(mechanism.actuated)
     lower, upper = mechanism.lower[actuated], mechanism.upper[actuated]
     ends = np.isfinite(lower) & np.isfinite(upper)
@@ -113,11 +113,11 @@ def _special(
         named = {("zero, which is mid-range" if k == "zero" else k): v for k, v in named.items()}
     for key, inputs in {**named, **poses}.items():
         if key == "home":
-            yield Special(key, inputs, (found.state,), "")
+            yield SpecialInputs(key, inputs, (found.state,), "")
             continue
         try:
             closed = assemblies(mechanism, inputs)
         except InfeasibleError as problem:
-            yield Special(key, inputs, (), str(problem))
+            yield SpecialInputs(key, inputs, (), str(problem))
             continue
-        yield Special(key, inputs, tuple(mechanism_at(mechanism, s.q) for s in closed), "")
+        yield SpecialInputs(key, inputs, tuple(mechanism_at(mechanism, s.q) for s in closed), "")

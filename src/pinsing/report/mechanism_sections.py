@@ -39,7 +39,7 @@ _MOST_POINTS = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Special:
+class SpecialInputs:
     """Inputs that people ask about first, and what each way to close the loops there is."""
 
     name: str
@@ -231,7 +231,7 @@ def points(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     )
 
 
-def verdicts(mechanism: Mechanism, special: Sequence[Special]) -> Section:
+def verdicts(mechanism: Mechanism, special: Sequence[SpecialInputs]) -> Section:
     """Special inputs, each way to close the loops judged."""
     rows = []
     for s in special:
