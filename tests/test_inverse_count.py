@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 from click.testing import CliRunner
+from tiers import tiered_rows
 
 import pinsing
 from pinsing import plot
@@ -30,15 +31,18 @@ def orthogonal(folder, d2, d3, d4, r2, r3=0.0):
     return table(folder, *rows)
 
 
+LITERATURE = [
+    ((1, 2, 1.5, 1), 4, 0, {0, 2, 4}),
+    ((1, 2, 0.2, 1), 0, 0, {0, 2}),
+    ((1, 2, 1.5, 0), 0, None, {0, 2, 4}),
+    ((1, 1.5, 0.6, 0.3), 4, 2, {0, 2, 4}),
+    ((1, 0.5, 0.7, 0.2), 0, 0, {0, 2, 4}),
+]
+"""Lengths d2, d3, d4, r2; cusps, nodes (None: not said), numbers of solutions."""
+
+
 @pytest.mark.parametrize(
-    ("lengths", "cusps", "nodes", "counts"),
-    [
-        ((1, 2, 1.5, 1), 4, 0, {0, 2, 4}),
-        ((1, 2, 0.2, 1), 0, 0, {0, 2}),
-        ((1, 2, 1.5, 0), 0, None, {0, 2, 4}),
-        ((1, 1.5, 0.6, 0.3), 4, 2, {0, 2, 4}),
-        ((1, 0.5, 0.7, 0.2), 0, 0, {0, 2, 4}),
-    ],
+    ("lengths", "cusps", "nodes", "counts"), tiered_rows(LITERATURE, [LITERATURE[3]])
 )
 def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, nodes, counts):
     arm = orthogonal(tmp_path, *lengths)
@@ -55,6 +59,7 @@ def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, node
         assert {2, 4} <= set(np.unique(found.count[near]))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("slides", [False, True])
 def test_counts_are_those_of_the_inverse_solutions(tmp_path, slides):
     first = [TURN.format(-90, 0.3, 0.1), TURN.format(60, 0.7, 0.25)]
@@ -93,6 +98,7 @@ def test_the_section_is_the_arm(tmp_path):
     assert np.ptp(np.abs(shares)) < 1e-9 * np.abs(shares[0])
 
 
+@pytest.mark.slow
 def test_the_picture_and_its_command(tmp_path):
     arm = orthogonal(tmp_path, 1, 2, 1.5, 1)
     axes = plot.inverse_count(arm, samples=60)

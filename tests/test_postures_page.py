@@ -64,6 +64,7 @@ def test_postures_of_another_arm_are_refused(cuspidal):
         pinsing.Viewer(pinsing.load("scara"), postures=found, skeleton=True)
 
 
+@pytest.mark.slow
 def test_a_click_plays_the_way_to_a_posture(page: Any, cuspidal: Any) -> None:
     pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
     if find_browser() is None:

@@ -127,7 +127,8 @@ class Section:
             basis(x[..., k], s, order)
             for k, (s, order) in enumerate(zip(self.slides, (a, b), strict=True))
         )
-        return np.asarray(np.einsum("...a,...b,abc->...c", A, B, self.tensor, optimize=True))
+        a_done = (A @ self.tensor.reshape(A.shape[-1], -1)).reshape(*B.shape, 3)
+        return np.asarray((a_done * B[..., None]).sum(axis=-2))
 
     def place(self, x: Array) -> Array:
         """Places (..., 2): r and z."""
