@@ -46,6 +46,8 @@ def arm_of(name):
             return pinsing.load(dh_to_urdf(read_dh(path)), task="position")
     if name.startswith("leg"):
         return pinsing.load("anymal", tip="LF_FOOT", task="position")
+    if name.startswith("solo12"):
+        return pinsing.load("solo12", tip="FL_FOOT", task="position")
     return pinsing.load(name)
 
 
@@ -166,7 +168,7 @@ def pieces(form, joints, limits):
 ARMS = [
     "ur3", "ur5", "ur10", "ur3_limited", "ur5_limited", "puma560", "irb1400", "kinova", "z1",
     "talos_arm", "stanford", "scara", "so100", "so101", "iiwa14", "surgical7", "planar3r",
-    "leg of ANYmal", "3R 1,2,1.5,1", "3R 1,2,0.2,1", "3R 1,2,1.5,0", "3R 1,1.5,0.6,0.3",
+    "leg of ANYmal", "solo12", "3R 1,2,1.5,1", "3R 1,2,0.2,1", "3R 1,2,1.5,0", "3R 1,1.5,0.6,0.3",
 ]  # fmt: skip
 
 

@@ -174,7 +174,8 @@ def boxes_that_touch(ground: Ground, leaves: Leaves) -> tuple[Ints, Ints, Ints]:
     """Pairs of boxes that share a face, and the bits of equations that change sign in between."""
     level, index = leaves.level, leaves.index
     count = ground.first * 2 ** level[:, None]
-    froms, tos, flips = [], [], []
+    none = np.zeros(0, dtype=np.int64)  # a single box touches no other
+    froms, tos, flips = [none], [none], [none]
     for j in range(ground.d):
         for step in (-1, 1):
             place = index.copy()
