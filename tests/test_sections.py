@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+import pinsing
 from pinsing.algebra.equation import Equation
 from pinsing.postures.boxes import Ground
 from pinsing.postures.growth import growing
@@ -141,3 +142,27 @@ def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
     assert not growing(hill, np.ones(2), hill.on(x, h), x, h, side).any()
     # Where both joints are at their ends there is no line left to bend along.
     assert not growing(crossing, np.ones(2), crossing.on(x, h), x, h, side + 1).any()
+
+
+def test_every_regular_configuration_has_an_aspect_though_a_section_lies_on_a_family(tmp_path):
+    """The elbow of this arm is singular at joint values of its own, where boxes end."""
+    rows = "\n".join(
+        f"  - {{alpha: {alpha}, a: {a}, d: {d}, theta: 0, type: revolute, limits: [-180, 180]}}"
+        for alpha, a, d in ((-90, 0.971, 0), (90, 0.798, 0.84), (0, 1.372, 0))
+    )
+    table = f"name: turned\nconvention: standard\nunits: {{angle: deg, length: m}}\nrows:\n{rows}\n"
+    (tmp_path / "turned.dh.yaml").write_text(table)
+    arm = pinsing.load(tmp_path / "turned.dh.yaml", task="position")
+    form = pinsing.closed_form(arm)
+    found = pinsing.aspects(form)
+    assert (found.lower, found.upper) == (9, 9)
+    Q = np.random.default_rng(5).uniform(-3.1, 3.1, (40, 3))
+    clear = Q[np.asarray(pinsing.clearance(form, Q).lower) > 0.02]
+    assert len(clear) > 20
+    numbers = [found.of(q) for q in clear]
+    assert None not in numbers
+    signs = np.sign([np.linalg.det(pinsing.task_jacobian(arm, q)) for q in clear])
+    for a, b, m, n in zip(signs, signs[1:], numbers, numbers[1:], strict=False):
+        assert m != n or a == b
+    joined = pinsing.connect(form, clear[0], clear[0], of=found)
+    assert joined.answer == "same"

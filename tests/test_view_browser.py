@@ -196,8 +196,12 @@ def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
     )
     stations = [("into", 0, "Regular"), ("into", 1e9, "Singular"), ("along", 9, "Singular")]
     for kind, place, status in stations:
+        page.evaluate("() => { window.before = window.pinsing.path; }")
         page.locator(f".chosen .{kind}").click()
-        page.wait_for_function("(k) => window.pinsing.path?.kind === k", arg=kind)
+        page.wait_for_function(
+            "(k) => window.pinsing.path !== window.before && window.pinsing.path.kind === k",
+            arg=kind,
+        )
         page.evaluate("(p) => { window.pinsing.pause(); window.pinsing.at(p); }", place)
         assert text(page, "#status") == status
     # The sliders move it: nothing but the page computes.

@@ -115,7 +115,11 @@ class PostureChanges(JsonResult):
         1 other inverse solution of this pose; this one is in aspect 2
         """
         count = len(self.others)
-        here = "singular" if self.aspect is None else f"in aspect {self.aspect}"
+        here = (
+            "singular, or too near to a singularity for its aspect to be told"
+            if self.aspect is None
+            else f"in aspect {self.aspect}"
+        )
         called = f" ({', '.join(self.names)})" if self.names else ""
         lines = [
             f"{count} other inverse solution{'s' * (count != 1)} of this pose; "
@@ -126,7 +130,7 @@ class PostureChanges(JsonResult):
             if not s.regular:
                 said = "singular"
             elif way is None:
-                said = "outside the limits"
+                said = "outside the limits" if not s.within_limits else "undecided"
             elif way.answer == SAME and way.path is not None:
                 said = (
                     f"aspect {other.aspect}: reached without a singularity by "

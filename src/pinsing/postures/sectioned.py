@@ -19,6 +19,9 @@ from pinsing.postures.piece import Clear
 from pinsing.postures.sections import Sections
 from pinsing.postures.subdivision import Components
 
+_INSET = 1e-6
+"""How far ways keep from the ends of a box, as a share of its length."""
+
 
 @dataclass(frozen=True, eq=False)
 class Sectioned:
@@ -100,6 +103,13 @@ class Sectioned:
         arc = self.box[self.hub]
         return np.maximum(arc.low, top - math.pi / 2), np.minimum(arc.high, top + math.pi / 2)
 
+    @cached_property
+    def _cuts(self) -> Array:
+        """Sections as ways use them: the ends of the box may lie on families, so just within."""
+        arc = self.box[self.hub]
+        inset = _INSET * (arc.high - arc.low)
+        return np.clip(self.found.cuts, arc.low + inset, arc.high - inset)
+
     def locate(self, x: Array, clear: Clear) -> int | None:
         """By the section that it is joined with over the same other joints."""
         at = self._to_section(x, clear)
@@ -113,13 +123,17 @@ class Sectioned:
         middle = np.abs(cuts[inside] - (low + high) / 2)
         flat = np.delete(x, self.hub)
         for i in inside[np.argsort(middle)]:
-            there = self._lifted(flat, cuts[i])
-            if not clear(np.stack([x, there])):
+            cut = float(self._cuts[i])
+            if not clear(np.stack([x, self._lifted(flat, cut)])):
                 continue
-            way = self._on[i].to_certain(flat, partial(self._clear_on, clear, float(cuts[i])))
-            if way is not None:
-                box, points = way
-                return box, int(i), np.concatenate([x[None], self._lifted(points, cuts[i])])
+            way = self._on[i].to_certain(flat, partial(self._clear_on, clear, cut))
+            if way is None:
+                continue
+            box, points = way
+            last = self._lifted(points[-1], cut)
+            # Signs that agree on both sides of the inset belong to one arc of the hub.
+            if np.sign(self._terms(last)) == self.found.leaves.sign[box, i]:
+                return box, int(i), np.concatenate([x[None], self._lifted(points, cut)])
         return None
 
     def _clear_on(self, clear: Callable[[Array], bool], cut: float, X: Array) -> bool:
@@ -159,7 +173,7 @@ class Sectioned:
             before = row[k - 1] % N if k else box
             flat = np.delete(points[-1], self.hub)
             ways = self._on[section].onward(flat, before, box)
-            points += [self._lifted(p, self.found.cuts[section]) for p in ways]
+            points += [self._lifted(p, self._cuts[section]) for p in ways]
         circle = np.array([arc.circle for arc in self.box])
         gap = points[-1] - end[2][-1]
         shift = np.where(circle, 2 * math.pi * np.round(gap / (2 * math.pi)), 0.0)
