@@ -11,6 +11,7 @@ import errno
 import importlib
 import io
 import json
+import re
 import shutil
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -31,6 +32,8 @@ _ENDS = {
     ".svg": (b"<?xml", b"</svg>"),
 }
 """How whole files of a kind begin and end."""
+_PACKED = re.compile(rb'(type="application/octet-stream">)[^<]*')
+"""Parts of a page that are packed."""
 _ERRORS = {
     # A folder may be written to but not read; then it is not flushed, and all else is well.
     "open of a folder": (errno.EACCES, errno.EIO),
@@ -199,7 +202,9 @@ def _same(path: str, data: bytes, expected: bytes) -> bool:
     kind = Path(path).suffix
     if kind == ".html":
         alike = abs(len(data) - len(expected)) < len(expected) // 20
-        return alike and data[:2000] == expected[:2000] and data[-500:] == expected[-500:]
+        # What is packed holds random names of the drawing, and may stand near the end.
+        a, b = (_PACKED.sub(rb"\1", text) for text in (data, expected))
+        return alike and a[:2000] == b[:2000] and a[-500:] == b[-500:]
     if kind == ".json":
         return _keys(data) == _keys(expected) is not None
     begin, end = _ENDS.get(kind, (b"", b""))
