@@ -208,3 +208,18 @@ class TestWhatCuspidalStandsOn:
         assert found.least_ratio < 1e-5
         (said,) = [n for n in found.notes if "practically singular" in n]
         assert "not cuspidal" in said
+
+
+@pytest.mark.parametrize("q", [(0, 0, 0, 0, 0, 0), (0.1, -1, 1.2, 0.3, 0, 0.2)])
+def test_singular_solutions_on_a_curve_are_examples_and_no_count(q):
+    """With q5 = 0 joints 2, 3, 4 and 6 turn about parallel axes: one freedom more than needed."""
+    arm = pinsing.load("ur5")
+    found = pinsing.posture_changes(arm, q)
+    regular = [other for other in found.others if other.solution.regular]
+    singular = len(found.others) - len(regular)
+    first, *_ = found.text().splitlines()
+    assert singular > 4
+    assert first.startswith(f"{len(regular)} other regular inverse solutions of this pose, and ")
+    assert f"{singular} examples of singular ones" in first
+    assert "infinitely many" in found.doubt
+    assert not any("was not found" in note for note in found.notes)

@@ -114,17 +114,13 @@ class PostureChanges(JsonResult):
         >>> print(found.text().splitlines()[0])
         1 other inverse solution of this pose; this one is in aspect 2
         """
-        count = len(self.others)
         here = (
             "singular, or too near to a singularity for its aspect to be told"
             if self.aspect is None
             else f"in aspect {self.aspect}"
         )
         called = f" ({', '.join(self.names)})" if self.names else ""
-        lines = [
-            f"{count} other inverse solution{'s' * (count != 1)} of this pose; "
-            f"this one is {here}{called}"
-        ]
+        lines = [f"{self._counted()}; this one is {here}{called}"]
         for k, other in enumerate(self.others, 1):
             s, way = other.solution, other.connection
             if not s.regular:
@@ -147,6 +143,18 @@ class PostureChanges(JsonResult):
                     lines.append(f"        by {typed(q, self.arm.prismatic, degrees, digits=6)}")
         tail = [self.doubt] if self.doubt else []
         return "\n".join([*lines, *(f"note: {n}" for n in (*tail, *self.notes))])
+
+    def _counted(self) -> str:
+        """How many others there are: of singular ones beside others only examples."""
+        regular = sum(other.solution.regular for other in self.others)
+        singular = len(self.others) - regular
+        examples = singular > 0 and (singular > 1 or self.aspect is None)
+        count = regular if examples else len(self.others)
+        more = f", and {singular} example{'s' * (singular != 1)} of singular ones"
+        return (
+            f"{count} other {'regular ' * examples}inverse solution{'s' * (count != 1)} "
+            f"of this pose{more * examples}"
+        )
 
     def __str__(self) -> str:
         return self.text()
@@ -226,7 +234,7 @@ def posture_changes(
     elsewhere = [j for j, x in held.items() if x != here[arm.joints.index(j)]]
     if elsewhere:
         notes.append(f"{', '.join(elsewhere)} held elsewhere than in q: all solutions are others")
-    elif not itself:
+    elif not itself and start is not None:  # of singular ones there are examples only
         notes.append("the configuration given was not found among the solutions: others may lack")
     order = {SAME: 0, "undecided": 1, DIFFERENT: 2}
     others.sort(key=lambda o: 3 if o.connection is None else order[o.connection.answer])

@@ -149,10 +149,6 @@ def inverse(
     full = ladder is not None and regular == ladder.most
     if ladder is not None and full:
         notes.append(f"there are no more regular ones: {ladder.kind}, at most {ladder.most}")
-    if len(solutions) - regular > 1:
-        notes.append(
-            "singular solutions are not isolated in general: those given are examples of them"
-        )
     sure = full or len(found.q) == known
     return InverseSolutions(
         arm=summarize(arm),
@@ -163,9 +159,20 @@ def inverse(
         starts=made,
         doubt=""
         if sure
-        else _doubt(solutions, made, found.lacking)
+        else _examples(len(solutions) - regular)
+        or _doubt(solutions, made, found.lacking)
         or stalled.doubt(np.array([s.q for s in solutions])),
         notes=tuple(notes),
+    )
+
+
+def _examples(singular: int) -> str:
+    """Where there are several singular solutions, there may be a curve of them."""
+    if singular < 2:
+        return ""
+    return (
+        f"{singular} of them are singular, and such are not isolated in general: they are examples "
+        "of perhaps infinitely many"
     )
 
 

@@ -101,7 +101,8 @@ class Watched:
         if not np.isfinite(array).all():
             where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
             raise ConfigurationError(
-                f"joint {self.joints[where[-1]]!r} is {array[where]} at index {where[:-1]}"
+                f"joint {self.joints[where[-1]]!r} is {array[where]}"
+                + (f" at index {where[:-1]}" if where[:-1] else "")
             )
         return array
 
