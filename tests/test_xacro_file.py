@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-import resource
 import subprocess
 import sys
+from itertools import pairwise
+from xml.dom import minidom
+from xml.etree import ElementTree
 
 import pytest
 from processor import processor_seconds
 from urdf_texts import LIMIT, joint, make_package, robot
+from xacro import replace_node
 
 from pinsing.description.urdf import Description, read_description
 from pinsing.description.xacro import expand_xacro
+from pinsing.description.xacro_tree import replaces
 from pinsing.errors import RobotFileError
 from pinsing.robot.build_model import build_model
 
@@ -228,19 +232,31 @@ def test_yaml_without_end_is_refused_before_it_costs_anything(read, tmp_path, de
     assert processor_seconds() - before < 5
 
 
-def test_thousands_of_macros_in_a_row_take_no_longer_each(tmp_path):
-    """Each replaced its own element by a search from the first child on."""
+def test_thousands_of_macros_in_a_row(tmp_path):
     macro = '<xacro:macro name="m" params="n"><link name="l${n}"/></xacro:macro>'
     file = tmp_path / "arm.xacro"
+    file.write_text(XACRO.format(macro + "".join(f'<xacro:m n="{i}"/>' for i in range(3000))))
+    names = [e.get("name") for e in ElementTree.fromstring(expand_xacro(file).xml)]
+    assert names == [f"l{i}" for i in range(3000)]
 
-    def seconds(count):
-        file.write_text(XACRO.format(macro + "".join(f'<xacro:m n="{i}"/>' for i in range(count))))
-        before = resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime
-        assert expand_xacro(file).xml.count("<link") == count
-        return resource.getrusage(resource.RUSAGE_CHILDREN).ru_utime - before
 
-    # Four times as many, each time with the start of the process; with the search some 12 times.
-    assert seconds(6000) < 8 * seconds(1500)
+def test_a_macro_is_replaced_without_a_search_for_the_place_of_each_child(monkeypatch):
+    """Each replaced its own element by a search from the first child on."""
+    text = "<r><a/><m><x/>t<!--c--><y><z/></y></m><b/></r>"
+    slow, fast = minidom.parseString(text), minidom.parseString(text)
+    for document, replace in (
+        (slow, replace_node),
+        (fast, replaces(lambda *_: pytest.fail("the slow way"))),
+    ):
+        element = document.getElementsByTagName("m")[0]
+        if document is fast:
+            monkeypatch.setattr(minidom.Element, "insertBefore", lambda *_: pytest.fail("a search"))
+        replace(element, by=element, content_only=True)
+        assert document.documentElement.toxml() == "<r><a/><x/>t<!--c--><y><z/></y><b/></r>"
+        chain = document.documentElement.childNodes
+        assert all(one.nextSibling is two for one, two in pairwise([*chain, None]))
+        assert all(two.previousSibling is one for one, two in pairwise([None, *chain]))
+        assert all(child.parentNode is document.documentElement for child in chain)
 
 
 def test_a_property_evaluated_elsewhere_is_found_where_it_is_written(read):

@@ -6,7 +6,7 @@ import math
 import re
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 
@@ -14,13 +14,8 @@ from pinsing.cli.figure import check_figure, off_screen, save_figure
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, json_option
 from pinsing.cli.output import OutputFile, emit_json, emit_lines, say
 from pinsing.cli.running import run_progress
-from pinsing.cli.serving import serve
+from pinsing.cli.serving import show
 from pinsing.errors import OptionError
-
-if TYPE_CHECKING:
-    from pinsing._types import Array
-    from pinsing.families import Family
-    from pinsing.robot.arm import Arm
 
 _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
 
@@ -146,22 +141,7 @@ def check_command(
     if not emit_json(check, json_target):
         emit_lines(summary(check, deg) + "\n\n" + details(check, deg))
     if view or html is not None:
-        _show(arm, form.families, read.Q, html, view, no_open)
+        from pinsing.view.viewer import Viewer
+
+        show(Viewer(arm, form.families, path=read.Q, host="127.0.0.1"), html, view, no_open)
     return int(fail is not None and not check.clearance > fail)
-
-
-def _show(
-    arm: Arm, families: tuple[Family, ...], Q: Array, html: Path | None, view: bool, no_open: bool
-) -> None:
-    """Write the page of a path, serve it, or both."""
-    from pinsing.view.viewer import Viewer
-
-    host = "127.0.0.1"
-    with Viewer(arm, families, path=Q, host=host) as viewer:
-        for note in viewer.notes:
-            say(f"note: {note}")
-        if html is not None:
-            viewer.save_html(html)
-            say(f"wrote {html}")
-        if view:
-            serve(viewer, host, None, no_open)

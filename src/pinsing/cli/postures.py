@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
@@ -15,14 +14,9 @@ from pinsing.cli.options import (
     json_option,
     parse_numbers,
 )
-from pinsing.cli.output import STDOUT, OutputFile, emit_json, emit_lines, say
-from pinsing.cli.serving import serve
+from pinsing.cli.output import STDOUT, OutputFile, emit_json, emit_lines
+from pinsing.cli.serving import show
 from pinsing.errors import OptionError
-
-if TYPE_CHECKING:
-    from pinsing.families import Family
-    from pinsing.postures.changes import PostureChanges
-    from pinsing.robot.arm import Arm
 
 _ignore_limits = click.option(
     "--ignore-limits", is_flag=True, help="Joints turn endlessly instead of ending at limits."
@@ -102,29 +96,9 @@ def postures_command(
     if not emit_json(found, json_target):
         emit_lines(found.text(deg))
     if view or html is not None:
-        _show(arm, form.families, found, html, view, no_open)
+        from pinsing.view.viewer import Viewer
 
-
-def _show(
-    arm: Arm,
-    families: tuple[Family, ...],
-    found: PostureChanges,
-    html: Path | None,
-    view: bool,
-    no_open: bool,
-) -> None:
-    """Write the page of the postures, serve it, or both."""
-    from pinsing.view.viewer import Viewer
-
-    host = "127.0.0.1"
-    with Viewer(arm, families, postures=found, host=host) as viewer:
-        for note in viewer.notes:
-            say(f"note: {note}")
-        if html is not None:
-            viewer.save_html(html)
-            say(f"wrote {html}")
-        if view:
-            serve(viewer, host, None, no_open)
+        show(Viewer(arm, form.families, postures=found, host="127.0.0.1"), html, view, no_open)
 
 
 @click.command("cuspidal", short_help="Whether the arm changes posture without a singularity.")

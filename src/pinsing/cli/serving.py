@@ -51,10 +51,17 @@ def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Itera
         server.close()
 
 
-def serve(tab: Tab, host: str, port: int | None, no_open: bool) -> None:
-    """Serve a tab, and open it, until the user has seen enough."""
-    with served_ahead(tab.name, host, port, no_open) as server:
-        stay(tab, server)
+def show(tab: Tab, html: Path | None, view: bool, no_open: bool) -> None:
+    """Write the page of a result, serve it on this computer, or both."""
+    with tab:
+        for note in tab.notes:
+            say(f"note: {note}")
+        if html is not None:
+            tab.save_html(html)
+            say(f"wrote {html}")
+        if view:
+            with served_ahead(tab.name, "127.0.0.1", None, no_open) as server:
+                stay(tab, server)
 
 
 def stay(tab: Tab, server: Server) -> None:

@@ -11,34 +11,19 @@ import numpy as np
 from pinsing._types import Array, Bool, Ints
 from pinsing.postures.hubs import row_between, tree_to_hubs
 from pinsing.postures.partition import Arc, Part
-from pinsing.postures.piece import Clear, toward
+from pinsing.postures.piece import Clear, Found, toward
 from pinsing.postures.subdivision import Components
 
 _ASCENT = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Divided:
+class Divided(Found):
     """A box whose components are those of a subdivision."""
 
     part: Part
     box: tuple[Arc, ...]
     found: Components
-
-    @property
-    def lower(self) -> int:
-        """No fewer components."""
-        return self.found.lower
-
-    @property
-    def upper(self) -> int:
-        """Components that were found, no more where ``closed``."""
-        return self.found.upper
-
-    @property
-    def closed(self) -> bool:
-        """Whether none can be missing."""
-        return self.found.closed
 
     @cached_property
     def middles(self) -> tuple[Array, Array]:

@@ -18,16 +18,8 @@ Clear = Callable[[Array], bool]
 _ASCENT = 60
 
 
-class Piece(Protocol):
-    """Components of a box of arcs."""
-
-    @property
-    def part(self) -> Part:
-        """Joints and equations."""
-
-    @property
-    def box(self) -> tuple[Arc, ...]:
-        """An arc of each joint."""
+class Counts(Protocol):
+    """How many components there are, as found."""
 
     @property
     def lower(self) -> int:
@@ -40,6 +32,18 @@ class Piece(Protocol):
     @property
     def closed(self) -> bool:
         """Whether none can be missing."""
+
+
+class Piece(Counts, Protocol):
+    """Components of a box of arcs."""
+
+    @property
+    def part(self) -> Part:
+        """Joints and equations."""
+
+    @property
+    def box(self) -> tuple[Arc, ...]:
+        """An arc of each joint."""
 
     def examples(self, component: int) -> Array:
         """Points (K, d) of a component, well inside first."""
@@ -55,6 +59,27 @@ class Piece(Protocol):
 
         The last is b but for whole turns of joints that turn endlessly.
         """
+
+
+class Found:
+    """The counts of a piece are those of what was found on its box."""
+
+    found: Counts
+
+    @property
+    def lower(self) -> int:
+        """No fewer components."""
+        return self.found.lower
+
+    @property
+    def upper(self) -> int:
+        """Components that were found, no more where ``closed``."""
+        return self.found.upper
+
+    @property
+    def closed(self) -> bool:
+        """Whether none can be missing."""
+        return self.found.closed
 
 
 def toward(a: Array, b: Array, circle: Bool) -> Array:

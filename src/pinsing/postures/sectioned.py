@@ -15,7 +15,7 @@ from pinsing.postures.boxes import Leaves
 from pinsing.postures.divided import Divided
 from pinsing.postures.hubs import row_between, tree_to_hubs
 from pinsing.postures.partition import Arc, Part
-from pinsing.postures.piece import Clear
+from pinsing.postures.piece import Clear, Found
 from pinsing.postures.sections import Sections
 from pinsing.postures.subdivision import Components
 
@@ -24,28 +24,13 @@ _INSET = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Sectioned:
+class Sectioned(Found):
     """A box whose components are those of sections across a joint, its hub."""
 
     part: Part
     box: tuple[Arc, ...]
     hub: int
     found: Sections
-
-    @property
-    def lower(self) -> int:
-        """No fewer components."""
-        return self.found.lower
-
-    @property
-    def upper(self) -> int:
-        """Components that were found, no more where ``closed``."""
-        return self.found.upper
-
-    @property
-    def closed(self) -> bool:
-        """Whether none can be missing."""
-        return self.found.closed
 
     @cached_property
     def _terms(self) -> Terms:

@@ -13,8 +13,8 @@ tangencies that limits of the hub would make. The sets themselves are looked at 
 from __future__ import annotations
 
 import math
-import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -22,8 +22,9 @@ from pinsing._types import Array, Bool, Ints
 from pinsing.postures.bound_on_boxes import Terms
 from pinsing.postures.boxes import Ground, Leaves
 from pinsing.postures.growth import growing
+from pinsing.postures.halving import halved
 from pinsing.postures.partition import Arc, Part
-from pinsing.postures.subdivision import DEEPEST, MOST, boxes_that_touch, connected
+from pinsing.postures.subdivision import boxes_that_touch, connected
 
 _APART = 2.4
 _OFF = 0.2
@@ -150,26 +151,7 @@ def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, until: fl
         circle=np.array([a.circle for a in others]),
         scale=np.delete(scale, hub),
     )
-    grid = np.stack(
-        np.meshgrid(*(np.arange(k) for k in ground.first), indexing="ij"), axis=-1
-    ).reshape(-1, ground.d)
-    leaves = _classified(ground, np.zeros(len(grid), dtype=np.int64), grid)
-    while True:
-        while True:
-            bad = ~leaves.regular & (leaves.level < DEEPEST)
-            if not bad.any() or len(leaves.level) > MOST or time.monotonic() > until:
-                break
-            leaves = _split(ground, leaves, bad)
-        found, again = _count(ground, cuts, leaves)
-        full_up = time.monotonic() > until or len(leaves.level) > MOST
-        if found.proven or full_up or not again.any():
-            return found
-        leaves = _split(ground, leaves, again)
-
-
-def _split(ground: Ground, leaves: Leaves, which: Bool) -> Leaves:
-    level, index = leaves.halves(which)
-    return leaves.take(~which).with_more(_classified(ground, level, index))
+    return halved(ground, _classified, partial(_count, ground, cuts), until)
 
 
 def _classified(ground: Ground, level: Ints, index: Ints) -> Leaves:
@@ -230,5 +212,5 @@ def _count(ground: Ground, cuts: Array, leaves: Leaves) -> tuple[Sections, Bool]
     torn_ids, times = np.unique(pairs[0], return_counts=True)
     torn = np.isin(wide, torn_ids[times > 1])
     open_ = sign.T == 0
-    again = (open_ & torn.any(axis=1)).any(axis=0) & (leaves.level < DEEPEST)
+    again = (open_ & torn.any(axis=1)).any(axis=0)
     return found, again

@@ -14,19 +14,15 @@ changes its sign there.
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from pinsing._types import Bool, Ints
 from pinsing.postures.boxes import Ground, Leaves
 from pinsing.postures.growth import is_regular
-
-DEEPEST = 14
-"""How often boxes are halved at most."""
-MOST = 400_000
-"""Boxes at which a subdivision stops."""
+from pinsing.postures.halving import MOST, halved
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,31 +76,7 @@ def subdivide(ground: Ground, until: float, most: int = MOST) -> Components:
     most : int
         Boxes at which to stop.
     """
-    grid = np.stack(
-        np.meshgrid(*(np.arange(k) for k in ground.first), indexing="ij"), axis=-1
-    ).reshape(-1, ground.d)
-    leaves = _classified(ground, np.zeros(len(grid), dtype=np.int64), grid)
-    while True:
-        leaves = _refined(ground, leaves, until, most)
-        found, again = _count(ground, leaves)
-        full = time.monotonic() > until or len(leaves.level) > most
-        if found.proven or full or not again.any():
-            return found
-        leaves = _split(ground, leaves, again)
-
-
-def _refined(ground: Ground, leaves: Leaves, until: float, most: int) -> Leaves:
-    """Halve what is neither certain nor regular, as long as there is room."""
-    while True:
-        bad = ~leaves.regular & (leaves.level < DEEPEST)
-        if not bad.any() or len(leaves.level) > most or time.monotonic() > until:
-            return leaves
-        leaves = _split(ground, leaves, bad)
-
-
-def _split(ground: Ground, leaves: Leaves, which: Bool) -> Leaves:
-    level, index = leaves.halves(which)
-    return leaves.take(~which).with_more(_classified(ground, level, index))
+    return halved(ground, _classified, partial(_count, ground), until, most)
 
 
 def _classified(ground: Ground, level: Ints, index: Ints) -> Leaves:
@@ -166,7 +138,7 @@ def _count(ground: Ground, leaves: Leaves) -> tuple[Components, Bool]:
     for sigma in range(1 << m):
         possible = ((sigma ^ state) & mask) == 0
         again |= possible & np.isin(outer[np.arange(N) + sigma * N], torn)
-    again &= ~certain & (leaves.level < DEEPEST)
+    again &= ~certain
     return found, again
 
 
