@@ -12,7 +12,7 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.exact_chain import ExactChain
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.names import posture_names
-from pinsing.postures.root_bound import Interval, one_root_left, wave
+from pinsing.postures.root_bound import Enclosure, one_root_left, wave
 from pinsing.postures.three_joints import Point
 
 ROW = "  - {{alpha: {}, a: {}, d: {}, theta: 0, type: {}, limits: [{}, {}]}}\n"
@@ -120,7 +120,7 @@ def test_intervals_hold():
     assert (value >= y.low - 1e-12).all()
     assert (value <= y.high + 1e-12).all()
     assert np.abs(value.max(axis=0) - y.high).max() < 0.05
-    a, b = Interval(low, high), y
+    a, b = Enclosure(low, high), y
     assert ((x * value >= (a * b).low - 1e-9) & (x * value <= (a * b).high + 1e-9)).all()
     assert ((x * x >= a.squared.low) & (x * x <= a.squared.high)).all()
 

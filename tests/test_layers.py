@@ -326,3 +326,20 @@ def test_every_public_name_exists():
     assert sorted(pinsing.__all__) == sorted(set(pinsing.__all__))
     for name in pinsing.__all__:
         assert hasattr(pinsing, name)
+
+
+# Class names that stand twice, the rooms they stand in, and why.
+TWICE = {
+    "Branch": ["bounds", "families"],  # one meaning: `bounds` says what it asks of a branch
+    "Ring": ["algebra", "proof"],  # the checker shares no line with what it checks
+}
+
+
+def test_a_class_name_has_one_meaning():
+    """Two classes of one name are one too many, whatever their rooms."""
+    places: dict[str, list[str]] = {}
+    for module, path in MODULES.items():
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.ClassDef):
+                places.setdefault(node.name, []).append(room(module))
+    assert {name: sorted(rooms) for name, rooms in places.items() if len(rooms) > 1} == TWICE

@@ -20,8 +20,8 @@ from pinsing.view.ellipsoids import sizes
 from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import Entry, family_entries
 from pinsing.view.frame import make_frame
+from pinsing.view.nearest_family import nearest_family
 from pinsing.view.page import engine_script
-from pinsing.view.verdict import verdict
 
 Floats = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
                     mine["radii"], yours["radii"], atol=1e-4 * max(1, yours["radii"][0])
                 )
                 assert (mine["flat"] is None) == (yours["flat"] is None)
-        mine, yours = here["verdict"], verdict(arm, q, entries)
+        mine, yours = here["verdict"], nearest_family(arm, q, entries)
         assert yours is not None
         assert mine["lower"] <= yours.value + 1e-9
         assert mine["value"] <= yours.value * (1 + 1e-4) + 1e-7, (mine, yours, q.tolist())

@@ -40,11 +40,11 @@ from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import FixedJoints, finding_entries
 from pinsing.view.frame import make_frame
 from pinsing.view.links import base_placement, read_links
+from pinsing.view.nearest_family import nearest_family
 from pinsing.view.overlay import full_configuration
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.server import is_loopback
-from pinsing.view.verdict import verdict
 
 ARMS = ["stanford", "puma560", "surgical7", "irb1400", "iiwa14", "scara"]
 
@@ -147,16 +147,16 @@ def test_paths(name: str) -> None:
 def test_the_verdict_names_the_nearest_family_and_the_distance() -> None:
     arm, entries = entries_of("stanford")
     q = np.array([0.2, 1.1, 0.35, 0.4, np.radians(0.8), 0.1])
-    found = verdict(arm, q, entries)
+    found = nearest_family(arm, q, entries)
     assert found is not None
     assert found.text == "0.8° from F3: q5 = 0°"
     assert not found.on
     q[4] = np.pi - np.radians(30)
     q[2] = 0.005
-    assert verdict(arm, q, entries).text == "5.0 mm from F2: d3 = 0 m"  # type: ignore[union-attr]
+    assert nearest_family(arm, q, entries).text == "5.0 mm from F2: d3 = 0 m"  # type: ignore[union-attr]
     q[2] = 0.0
-    assert verdict(arm, q, entries).on  # type: ignore[union-attr]
-    assert verdict(arm, q, pose_entries(arm, [q])) is None
+    assert nearest_family(arm, q, entries).on  # type: ignore[union-attr]
+    assert nearest_family(arm, q, pose_entries(arm, [q])) is None
 
 
 def test_findings_of_a_sweep_are_listed() -> None:
@@ -171,7 +171,7 @@ def test_findings_of_a_sweep_are_listed() -> None:
         for q in entry.poses:
             assert singular_values(arm, q[None])[0, -1] < 1e-9
     wrist = next(e for e in entries if e.text == "q5 = 0")
-    assert verdict(arm, np.array([0, 1, 0.3, 0, 0.1, 0]), [wrist]) is not None
+    assert nearest_family(arm, np.array([0, 1, 0.3, 0, 0.1, 0]), [wrist]) is not None
     assert len(along(arm, wrist.family, wrist.poses[0]))
 
 

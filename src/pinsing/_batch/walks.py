@@ -17,7 +17,7 @@ _MAX_SWEEPS = 64  # of dqds for one singular value, as in engine.py
 
 
 @dataclass(frozen=True, eq=False)
-class Rules:
+class WalkRules:
     """When walks end and how far their steps go: `pinsing.configuration.rank_drop` has the reasons.
 
     Attributes
@@ -68,7 +68,7 @@ def walks(
     rows: Sequence[int],
     rank: int,
     size: float,
-    rules: Rules,
+    rules: WalkRules,
     max_iterations: int,
     threads: int | None = None,
     isa: str | None = None,
@@ -91,7 +91,7 @@ def walks(
         The generic rank.
     size : float
         What sigma_1 counts as at least.
-    rules : Rules
+    rules : WalkRules
         When walks end.
     max_iterations : int
         Bound on the derivatives for one start.

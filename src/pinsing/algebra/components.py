@@ -57,7 +57,7 @@ class Backing:
     state: Statement | None = None
 
 
-class Found:
+class FoundComponents:
     """Components, as a search comes by them: some lie in others that are found later.
 
     Everything that the search passes over because it lies in a component is remembered, and so

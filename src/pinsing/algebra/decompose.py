@@ -11,7 +11,7 @@ from typing import Any
 
 from pinsing.algebra.apart import Apart
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, Found
+from pinsing.algebra.components import Component, FoundComponents
 from pinsing.algebra.matrix import Matrix, reduce_matrix
 from pinsing.algebra.place import SearchPlace, bound
 from pinsing.algebra.prime_field import WORD_PRIME
@@ -43,7 +43,7 @@ class Decomposition:
         self.ring = ring
         self.time = time
         self._apart = Apart(time, time.left + _TO_ASK * time.seconds)
-        self._found = Found(ring, lambda c: self._apart.tell(_packed(c, ring)))
+        self._found = FoundComponents(ring, lambda c: self._apart.tell(_packed(c, ring)))
         self._search = Search(ring, time, self._found)
         self.gaps = self._search.gaps
         self.stopped = False

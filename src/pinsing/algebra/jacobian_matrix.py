@@ -25,7 +25,7 @@ Row = list[Poly]
 
 
 @dataclass(frozen=True)
-class Pose:
+class RigidMotion:
     """Rigid motion with a common denominator: rotation R / d and position p / d."""
 
     R: Matrix
@@ -54,15 +54,15 @@ class _Chain:
         self.n = len(geometry.prismatic)
         self.drives, _ = drives(geometry)
 
-    def placed(self, i: int) -> Pose:
+    def placed(self, i: int) -> RigidMotion:
         """Constant placement C_i."""
         number = self.ring.number
         R = [[number(x) for x in row] for row in self.geometry.rotation[i]]
         lengths: Sequence[Any] = self.geometry.translation[i]  # or polynomials, of symbols
         known = [number(x) if isinstance(x, Fraction) else x for x in lengths]
-        return Pose(R, known, self.ring.one)
+        return RigidMotion(R, known, self.ring.one)
 
-    def moved(self, j: int) -> Pose:
+    def moved(self, j: int) -> RigidMotion:
         """Motion M_j of joint j of the chain."""
         one, zero = self.ring.one, self.ring.zero
         gens, number = self.ring.context.gens(), self.ring.number
@@ -71,7 +71,7 @@ class _Chain:
         if self.geometry.prismatic[j]:
             eye = [[one if a == b else zero for b in range(3)] for a in range(3)]
             along = gens[v[0]] * number(drive.multiple) + number(drive.shift)
-            return Pose(eye, [zero, zero, along], one)
+            return RigidMotion(eye, [zero, zero, along], one)
         c, s, w = one, zero, one
         if drive.multiple:  # one that stands still may have a leader of any kind
             x, y = gens[v[0]], gens[v[1]]
@@ -81,21 +81,21 @@ class _Chain:
                 c, s, w = c * once[0] - s * once[1], c * once[1] + s * once[0], w * once[2]
         a, b = (number(value) for value in drive.turn)
         c, s = self.ring.reduce(c * a - s * b), self.ring.reduce(c * b + s * a)
-        return Pose([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
+        return RigidMotion([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
 
-    def compose(self, a: Pose, b: Pose) -> Pose:
+    def compose(self, a: RigidMotion, b: RigidMotion) -> RigidMotion:
         ring = self.ring
         p = [_dot(row, b.p, ring) + ring.reduce(x * b.d) for row, x in zip(a.R, a.p, strict=True)]
-        return Pose(_multiply(a.R, b.R, ring), p, a.d * b.d)
+        return RigidMotion(_multiply(a.R, b.R, ring), p, a.d * b.d)
 
-    def inverse(self, a: Pose) -> Pose:
+    def inverse(self, a: RigidMotion) -> RigidMotion:
         Rt = [list(column) for column in zip(*a.R, strict=True)]
         R = [[x * a.d for x in row] for row in Rt]
-        return Pose(R, [-_dot(row, a.p, self.ring) for row in Rt], a.d * a.d)
+        return RigidMotion(R, [-_dot(row, a.p, self.ring) for row in Rt], a.d * a.d)
 
-    def identity(self) -> Pose:
+    def identity(self) -> RigidMotion:
         one, zero = self.ring.one, self.ring.zero
-        return Pose(
+        return RigidMotion(
             [[one if a == b else zero for b in range(3)] for a in range(3)], [zero] * 3, one
         )
 
@@ -117,14 +117,18 @@ class _Chain:
             v, w = self.carried_on(v, w, self.placed(k + 1))
         return v + w
 
-    def carried(self, v: list[Poly], w: list[Poly], *poses: Pose) -> tuple[list[Poly], list[Poly]]:
+    def carried(
+        self, v: list[Poly], w: list[Poly], *poses: RigidMotion
+    ) -> tuple[list[Poly], list[Poly]]:
         """A screw seen from before poses that follow it on the chain, the nearest first."""
         for pose in poses:
             v, w = ([_dot(row, x, self.ring) for row in pose.R] for x in (v, w))
             v = self._shifted(v, pose.p, w, 1)
         return v, w
 
-    def carried_on(self, v: list[Poly], w: list[Poly], pose: Pose) -> tuple[list[Poly], list[Poly]]:
+    def carried_on(
+        self, v: list[Poly], w: list[Poly], pose: RigidMotion
+    ) -> tuple[list[Poly], list[Poly]]:
         """A screw seen from behind a pose that goes before it."""
         columns = list(zip(*pose.R, strict=True))
         v = self._shifted(v, pose.p, w, -1)
@@ -138,9 +142,9 @@ class _Chain:
         turned = _cross(p, w, self.ring)
         return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]
 
-    def joint_frames(self, middle: int) -> tuple[list[Pose], Pose, Pose]:
+    def joint_frames(self, middle: int) -> tuple[list[RigidMotion], RigidMotion, RigidMotion]:
         """Frames of all joints before they move, joint 1's after, and the tip, from ``middle``."""
-        frames: list[Pose] = [self.identity()] * self.n
+        frames: list[RigidMotion] = [self.identity()] * self.n
         here = self.identity()
         for j in range(middle, self.n):
             frames[j] = here
@@ -156,7 +160,9 @@ class _Chain:
             frames[j] = self.inverse(back)
         return frames, moved_first, tip
 
-    def directions(self, frames: list[Pose], first: Pose, tip: Pose, task: Task) -> dict[int, Row]:
+    def directions(
+        self, frames: list[RigidMotion], first: RigidMotion, tip: RigidMotion, task: Task
+    ) -> dict[int, Row]:
         """For each row that axes matter to, its direction, up to a factor that is never zero."""
         found: dict[int, Row] = {}
         number = self.ring.number

@@ -22,7 +22,7 @@ from dataclasses import replace
 import numpy as np
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.components import Backing, Found
+from pinsing.algebra.components import Backing, FoundComponents
 from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors, cost
@@ -53,7 +53,7 @@ class Search:
         How many equations at once it is looking into; 0 while long systems wait.
     """
 
-    def __init__(self, ring: Ring, time: Budget, found: Found) -> None:
+    def __init__(self, ring: Ring, time: Budget, found: FoundComponents) -> None:
         self.ring = ring
         self.time = time
         self._found = found

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.configuration.line_geometry import (
     STRUCTURE_TOL,
-    Centre,
+    AxesCentre,
     JointAxes,
     dependent,
     find_centres,
@@ -149,7 +149,7 @@ def landmarks(arm: Arm, J: Array, tip: Array) -> dict[str, Array]:
     return found
 
 
-def arm_centres(arm: Arm) -> tuple[Centre, ...]:
+def arm_centres(arm: Arm) -> tuple[AxesCentre, ...]:
     """Sets of three turning axes in a row that meet in one point at every configuration."""
     if arm.coupling is not None:
         return ()
@@ -161,7 +161,7 @@ def moving_columns(arm: Arm) -> tuple[int, ...]:
     return arm.once("moving_columns", lambda: _moving_columns(arm))
 
 
-def _arm_centres(arm: Arm) -> tuple[Centre, ...]:
+def _arm_centres(arm: Arm) -> tuple[AxesCentre, ...]:
     samples = [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
     return find_centres(samples)
 

@@ -101,7 +101,7 @@ class JointAxes:
 
 
 @dataclass(frozen=True)
-class Centre:
+class AxesCentre:
     """Three turning axes in a row that meet in one point at every configuration.
 
     Attributes
@@ -128,12 +128,12 @@ class Centre:
         return f"the {self.short} ({meet})" if self.short else f"the point {meet}"
 
 
-def find_centres(samples: Sequence[JointAxes]) -> tuple[Centre, ...]:
+def find_centres(samples: Sequence[JointAxes]) -> tuple[AxesCentre, ...]:
     """Return every three turning axes in a row that meet in one point in all the samples."""
     n = len(samples[0].prismatic)
     rows = [(i, i + 1, i + 2) for i in range(n - 2)]
     return tuple(
-        Centre(ids, n)
+        AxesCentre(ids, n)
         for ids in rows
         if not samples[0].prismatic[list(ids)].any()
         and all(axes.meeting_point(ids, STRUCTURE_TOL) is not None for axes in samples)
@@ -163,7 +163,11 @@ def dependent(
 
 
 def pose_reason(
-    axes: JointAxes, ids: tuple[int, ...], centres: Sequence[Centre], tol: float, nearly: str = ""
+    axes: JointAxes,
+    ids: tuple[int, ...],
+    centres: Sequence[AxesCentre],
+    tol: float,
+    nearly: str = "",
 ) -> str:
     """Say why these axes, known to be dependent as twists, are so.
 
@@ -173,7 +177,7 @@ def pose_reason(
         At the configuration.
     ids : tuple of int
         The smallest dependent set, counted from 0.
-    centres : sequence of Centre
+    centres : sequence of AxesCentre
         Of the arm.
     tol : float
         Radians, and share of the arm's size.
@@ -198,7 +202,7 @@ def pose_reason(
 
 
 def _of_turning(
-    axes: JointAxes, ids: tuple[int, ...], centres: Sequence[Centre], tol: float, nearly: str
+    axes: JointAxes, ids: tuple[int, ...], centres: Sequence[AxesCentre], tol: float, nearly: str
 ) -> str | None:
     several = f"axes {numbers(ids)}"
     flat = axes.in_one_plane(ids, tol)
@@ -238,7 +242,7 @@ def _parallel_and_sliding(
 
 
 def _through_a_centre(
-    axes: JointAxes, ids: tuple[int, ...], centres: Sequence[Centre], tol: float, nearly: str
+    axes: JointAxes, ids: tuple[int, ...], centres: Sequence[AxesCentre], tol: float, nearly: str
 ) -> str | None:
     """With all turns about a centre at hand, the others must move the centre independently."""
     for centre in centres:

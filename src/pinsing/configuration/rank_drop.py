@@ -34,7 +34,7 @@ from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, measure, ratio_of, task_size
 from pinsing.robot.arm import Arm
 
-_RULES = walks.Rules(
+_RULES = walks.WalkRules(
     floor=4e-16,  # sigma_r / sigma_1 that only rounding is left of
     good=1e-12,  # from here on, a step that does not improve is the end and no reason to damp
     stationary=1e-6,  # |grad sigma_r|^2 / (sigma_1 sigma_r) that counts as zero

@@ -14,7 +14,7 @@ from pinsing.families.example import readable
 from pinsing.families.family import Family
 from pinsing.families.kinds import kinds_of
 from pinsing.families.parts import Branch
-from pinsing.families.pieces import Piece, PieceMaker
+from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.solved_for import solved_for
 from pinsing.families.statement import statement
 from pinsing.families.zero_set import gradients, proven_empty
@@ -31,7 +31,9 @@ _INDEPENDENT = 1e-7
 """Singular values of gradients that count, relative to the largest."""
 
 
-def describe(group: Sequence[Piece], maker: PieceMaker, arm: Arm, geometry: Nominal) -> Family:
+def describe(
+    group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm, geometry: Nominal
+) -> Family:
     """The family of some pieces that are mirror images of each other."""
     branches = tuple(b for p in group for b in p.branches)
     solved = group[0].solved

@@ -32,7 +32,7 @@ from pinsing.robot.arm import Arm
 
 
 @dataclass(frozen=True, eq=False)
-class Piece:
+class SolvedPiece:
     """One component, its univariate equations solved.
 
     Attributes
@@ -87,7 +87,7 @@ class PieceMaker:
         self.lower = np.where(slides[0], np.minimum(arm.lower, -reach), -reach)
         self.upper = np.where(slides[1], np.maximum(arm.upper, reach), reach)
 
-    def make(self, component: Component) -> list[Piece]:
+    def make(self, component: Component) -> list[SolvedPiece]:
         """The pieces of a component; none if it is proven to have no real point.
 
         What neither is proven to be empty nor has a point that was found is a piece of its own.
@@ -116,13 +116,13 @@ class PieceMaker:
         unknown = [b for b in alive if b not in known]
         proof = "algebra" if component.proven else "generic points"
         return [
-            Piece(tuple(part), tuple(minimal), proof, found, codimension, component)
+            SolvedPiece(tuple(part), tuple(minimal), proof, found, codimension, component)
             for part, found in ((known, True), (unknown, False))
             if part
         ]
 
     def lies_in_another(
-        self, component: Component, pieces: Sequence[Piece], components: Sequence[Component]
+        self, component: Component, pieces: Sequence[SolvedPiece], components: Sequence[Component]
     ) -> bool:
         """Whether all real points of a component, isolated ones, lie in other components."""
         if all(p.codimension == component.codimension for p in pieces):

@@ -25,7 +25,7 @@ from pinsing.families.design_form import DesignForm
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.hints import SNAP, small_offset, snap_hint
-from pinsing.families.pieces import Piece, PieceMaker
+from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.proving import LONG, SHORT
 from pinsing.families.proving import prove as add_proof
 from pinsing.families.statement import mirror_key
@@ -254,8 +254,8 @@ def joint_symbols(arm: Arm) -> tuple[str, ...]:
     return tuple(f"{'d' if s else 'q'}{i}" for i, s in enumerate(arm.prismatic, 1))
 
 
-def _join(pieces: Sequence[Piece]) -> list[list[Piece]]:
-    groups: dict[object, list[Piece]] = {}
+def _join(pieces: Sequence[SolvedPiece]) -> list[list[SolvedPiece]]:
+    groups: dict[object, list[SolvedPiece]] = {}
     for piece in pieces:
         groups.setdefault((piece.real, mirror_key(piece)), []).append(piece)
     return list(groups.values())

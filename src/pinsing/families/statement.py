@@ -12,11 +12,11 @@ from pinsing.algebra.equation import Equation
 from pinsing.algebra.equation_text import format_angle, latex_symbol
 from pinsing.families.at_once import listed, long_ones
 from pinsing.families.parts import Branch
-from pinsing.families.pieces import Piece
+from pinsing.families.pieces import SolvedPiece
 from pinsing.families.solved_for import LONG, long_form
 
 
-def mirror_key(piece: Piece) -> object:
+def mirror_key(piece: SolvedPiece) -> object:
     """Equal for pieces that are mirror images: values up to sign and half turns."""
     if len(piece.solved) > 1:
         return object()

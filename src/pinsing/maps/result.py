@@ -16,7 +16,7 @@ from pinsing.maps.clearance import ClearancePoint, ClearanceSpread
 from pinsing.maps.plan import MapPlan
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
-from pinsing.runs.distribution import Distribution, Point, distributions, worst_points
+from pinsing.runs.distribution import Distribution, WorstPoint, distributions, worst_points
 from pinsing.runs.tally import QUANTILE_ERROR, Tally
 from pinsing.serialization import JsonResult
 
@@ -25,7 +25,7 @@ _SHOWN_WORST = 5
 _DIGITS = 9
 
 
-MapPoint = Point
+MapPoint = WorstPoint
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,14 +11,14 @@ import numpy as np
 from pinsing._types import Array, Bool, Ints
 from pinsing.postures.hubs import row_between, tree_to_hubs
 from pinsing.postures.partition import Arc, Part
-from pinsing.postures.piece import Clear, Found, toward
+from pinsing.postures.piece import Clear, CountedPiece, toward
 from pinsing.postures.subdivision import Components
 
 _ASCENT = 60
 
 
 @dataclass(frozen=True, eq=False)
-class Divided(Found):
+class Divided(CountedPiece):
     """A box whose components are those of a subdivision."""
 
     part: Part

@@ -28,7 +28,7 @@ _REGULAR = 1e-6
 """sigma_r / sigma_1 above which a solution is regular: of a singular one half the digits hold."""
 
 
-class Found:
+class FoundSolutions:
     """Solutions so far, each with how often it was met.
 
     Parameters

@@ -14,7 +14,7 @@ from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.pose import read_pose
 from pinsing.kinematics.verdict import generic_rank
-from pinsing.postures.found import ENOUGH, Found
+from pinsing.postures.found import ENOUGH, FoundSolutions
 from pinsing.postures.inverse_solutions import InverseSolution, InverseSolutions
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.newton import Solver
@@ -115,7 +115,7 @@ def inverse(
         )
     solver = Solver.of(arm, position, rotation, held, free)
     rng = np.random.default_rng(seed)
-    found, stalled = Found(solver, arm, held), Stalled(arm.space)
+    found, stalled = FoundSolutions(solver, arm, held), Stalled(arm.space)
     geometry = nominal(arm)
     alone = len(free) == arm.n
     far = np.abs(position).max() > _FAR * arm.length_scale

@@ -35,7 +35,7 @@ from pinsing._types import Array
 from pinsing.geometry.exact_rank import exact_generic_rank
 from pinsing.geometry.nominal import Nominal
 from pinsing.postures.exact_chain import ExactChain
-from pinsing.postures.stage import Stage
+from pinsing.postures.stage import SolutionStage
 from pinsing.postures.three_joints import ways_of
 
 
@@ -45,7 +45,7 @@ class Ladder:
 
     Attributes
     ----------
-    stages : tuple of Stage
+    stages : tuple of SolutionStage
         The steps with two answers.
     kind : str
         What the arm is: in a few words.
@@ -55,7 +55,7 @@ class Ladder:
         A point that is known from the pose: a place in the chain, and a height along its axis.
     """
 
-    stages: tuple[Stage, ...]
+    stages: tuple[SolutionStage, ...]
     kind: str
     chain: ExactChain
     point: tuple[int, float] | None
@@ -132,7 +132,7 @@ def _wrist(chain: ExactChain) -> Ladder | None:
     return Ladder((*stages, _bent(chain, 4, where)), kind, chain, (3, float(height)))
 
 
-def _bent(chain: ExactChain, j: int, name: str) -> Stage:
+def _bent(chain: ExactChain, j: int, name: str) -> SolutionStage:
     """The angle of axes j - 1 and j + 1 as a step that finds joint j."""
 
     def value(Q: Array) -> Array:
@@ -145,7 +145,7 @@ def _bent(chain: ExactChain, j: int, name: str) -> Stage:
     joint = chain.order[j]
     outer = sorted((chain.order[j - 1] + 1, chain.order[j + 1] + 1))
     said = f"the angle between axes {outer[0]} and {outer[1]} leaves two values of joint"
-    return Stage(name, joint, value, f"{said} {joint + 1}")
+    return SolutionStage(name, joint, value, f"{said} {joint + 1}")
 
 
 def _planar_middle(chain: ExactChain) -> Ladder | None:
@@ -166,7 +166,7 @@ def _planar_middle(chain: ExactChain) -> Ladder | None:
     first = chain.order[0]
     said = f"the height of a known point along axes {axes} leaves two values of joint {first + 1}"
     stages = (
-        Stage("shoulder", first, shoulder, said),
+        SolutionStage("shoulder", first, shoulder, said),
         _two_links(chain, (1, 2, 3)),
         _bent(chain, 4, "wrist"),
     )
@@ -181,7 +181,7 @@ def _planar(chain: ExactChain) -> Ladder | None:
     return Ladder((stage,), "all axes are parallel", chain, None)
 
 
-def _two_links(chain: ExactChain, places: tuple[int, int, int]) -> Stage:
+def _two_links(chain: ExactChain, places: tuple[int, int, int]) -> SolutionStage:
     i, j, k = places
 
     def value(Q: Array) -> Array:
@@ -191,7 +191,7 @@ def _two_links(chain: ExactChain, places: tuple[int, int, int]) -> Stage:
 
     joint = chain.order[j]
     said = f"two links reach a point in a plane by two values of joint {joint + 1}"
-    return Stage("elbow", joint, value, said)
+    return SolutionStage("elbow", joint, value, said)
 
 
 def _upright(chain: ExactChain) -> bool:

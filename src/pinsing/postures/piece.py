@@ -61,7 +61,7 @@ class Piece(Counts, Protocol):
         """
 
 
-class Found:
+class CountedPiece:
     """The counts of a piece are those of what was found on its box."""
 
     found: Counts

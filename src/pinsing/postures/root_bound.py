@@ -20,41 +20,41 @@ _SLACK = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
-class Interval:
+class Enclosure:
     """Numbers between ``low`` and ``high``, (N,) each."""
 
     low: Array
     high: Array
 
-    def __add__(self, other: Interval) -> Interval:
-        return Interval(self.low + other.low, self.high + other.high)
+    def __add__(self, other: Enclosure) -> Enclosure:
+        return Enclosure(self.low + other.low, self.high + other.high)
 
-    def __neg__(self) -> Interval:
-        return Interval(-self.high, -self.low)
+    def __neg__(self) -> Enclosure:
+        return Enclosure(-self.high, -self.low)
 
-    def __sub__(self, other: Interval) -> Interval:
+    def __sub__(self, other: Enclosure) -> Enclosure:
         return self + -other
 
-    def __mul__(self, other: Interval) -> Interval:
+    def __mul__(self, other: Enclosure) -> Enclosure:
         ends = np.stack(
             [a * b for a in (self.low, self.high) for b in (other.low, other.high)], axis=0
         )
-        return Interval(ends.min(axis=0), ends.max(axis=0))
+        return Enclosure(ends.min(axis=0), ends.max(axis=0))
 
-    def times(self, k: float) -> Interval:
+    def times(self, k: float) -> Enclosure:
         """All of them times a number."""
-        return Interval(self.low * k, self.high * k) if k >= 0 else (-self).times(-k)
+        return Enclosure(self.low * k, self.high * k) if k >= 0 else (-self).times(-k)
 
-    def plus(self, k: float) -> Interval:
+    def plus(self, k: float) -> Enclosure:
         """All of them and a number."""
-        return Interval(self.low + k, self.high + k)
+        return Enclosure(self.low + k, self.high + k)
 
     @property
-    def squared(self) -> Interval:
+    def squared(self) -> Enclosure:
         """Their squares."""
         a, b = self.low**2, self.high**2
         low = np.where((self.low < 0) & (self.high > 0), 0.0, np.minimum(a, b))
-        return Interval(low, np.maximum(a, b))
+        return Enclosure(low, np.maximum(a, b))
 
     @property
     def size(self) -> Array:
@@ -62,14 +62,14 @@ class Interval:
         return np.maximum(np.abs(self.low), np.abs(self.high))
 
 
-def wave(c: float, s: float, low: Array, high: Array) -> Interval:
+def wave(c: float, s: float, low: Array, high: Array) -> Enclosure:
     """``c cos x + s sin x`` for x from low to high."""
     size, at = float(np.hypot(c, s)), float(np.arctan2(s, c))
     a, b = low - at, high - at
     ends = np.stack([np.cos(a), np.cos(b)])
     top = np.floor(b / (2 * np.pi)) >= np.ceil(a / (2 * np.pi))
     bottom = np.floor((b - np.pi) / (2 * np.pi)) >= np.ceil((a - np.pi) / (2 * np.pi))
-    return Interval(
+    return Enclosure(
         size * np.where(bottom, -1.0, ends.min(axis=0)),
         size * np.where(top, 1.0, ends.max(axis=0)),
     )
@@ -79,8 +79,8 @@ def wave(c: float, s: float, low: Array, high: Array) -> Interval:
 class Dual:
     """Values on boxes, and the derivatives by q2 and q3 there."""
 
-    value: Interval
-    slope: tuple[Interval, Interval]
+    value: Enclosure
+    slope: tuple[Enclosure, Enclosure]
 
     def __neg__(self) -> Dual:
         return Dual(-self.value, (-self.slope[0], -self.slope[1]))
@@ -132,7 +132,7 @@ class Deflated:
         level = [(s.low <= 0) & (s.high >= 0) for s in whole.slope]
         return np.asarray((top >= 0) & level[0] & level[1])
 
-    def at(self, x: Array) -> Interval:
+    def at(self, x: Array) -> Enclosure:
         """The discriminant at points (N, 2), with its rounding."""
         return self._discriminant(x, x).value
 
@@ -208,11 +208,11 @@ def _total(*parts: Dual) -> Dual:
     return Dual(_sum(*(p.value for p in parts)), (next(slopes), next(slopes)))
 
 
-def _sum(*parts: Interval) -> Interval:
+def _sum(*parts: Enclosure) -> Enclosure:
     """Their sum, made wider by what rounding may have done to it and to them."""
     low, high = sum(p.low for p in parts), sum(p.high for p in parts)
     slack = _SLACK * sum(p.size for p in parts)
-    return Interval(np.asarray(low - slack), np.asarray(high + slack))
+    return Enclosure(np.asarray(low - slack), np.asarray(high + slack))
 
 
 def one_root_left(cubic: Deflated, most: int = MOST) -> bool:

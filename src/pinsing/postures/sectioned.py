@@ -15,7 +15,7 @@ from pinsing.postures.boxes import Leaves
 from pinsing.postures.divided import Divided
 from pinsing.postures.hubs import row_between, tree_to_hubs
 from pinsing.postures.partition import Arc, Part
-from pinsing.postures.piece import Clear, Found
+from pinsing.postures.piece import Clear, CountedPiece
 from pinsing.postures.sections import Sections
 from pinsing.postures.subdivision import Components
 
@@ -24,7 +24,7 @@ _INSET = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Sectioned(Found):
+class Sectioned(CountedPiece):
     """A box whose components are those of sections across a joint, its hub."""
 
     part: Part

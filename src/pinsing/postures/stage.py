@@ -9,7 +9,7 @@ from pinsing._types import Array
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class SolutionStage:
     """A step in which at most two values are left, of opposite signs of ``value``.
 
     Attributes

@@ -29,7 +29,7 @@ from pinsing._types import Array
 from pinsing.geometry.surd import Exact
 from pinsing.postures.exact_chain import ExactChain, Vector, added, apply, transposed_apply
 from pinsing.postures.root_bound import Deflated, one_root_left
-from pinsing.postures.stage import Stage
+from pinsing.postures.stage import SolutionStage
 
 Pair = tuple[Exact, Exact]
 _ZERO = Fraction(0)
@@ -225,7 +225,7 @@ class Measures:
         return Deflated(self.e, self.tau, self.constant, self.cosine, self.sine)
 
 
-def ways_of(chain: ExactChain, w: Vector) -> tuple[Stage, ...] | None:
+def ways_of(chain: ExactChain, w: Vector) -> tuple[SolutionStage, ...] | None:
     """Stages that tell all ways apart in which three joints bring a point somewhere.
 
     Parameters
@@ -250,11 +250,11 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[Stage, ...] | None:
             return None
         said = "the first two axes are parallel: the height of the point depends on"
         far = f"its distance from the first axis leaves two values of joint {second + 1}"
-        last = Stage("shoulder", second, m.by_second(m.tau), far)
+        last = SolutionStage("shoulder", second, m.by_second(m.tau), far)
         if point.slides:
             return (last,)
         first = f"{said} joint {third + 1} alone, which has two values"
-        return Stage("elbow", third, m.height_by_third, first), last
+        return SolutionStage("elbow", third, m.height_by_third, first), last
     if point.crossing:
         if _is_zero(h):
             return None
@@ -264,8 +264,8 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[Stage, ...] | None:
         )
         high = f"its height leaves two values of joint {second + 1}"
         return (
-            Stage("elbow", third, m.h_by_third, first),
-            Stage("shoulder", second, m.by_second(m.e), high),
+            SolutionStage("elbow", third, m.h_by_third, first),
+            SolutionStage("shoulder", second, m.by_second(m.e), high),
         )
     mirror = point.mirror()
     if mirror is not None:
@@ -282,7 +282,9 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[Stage, ...] | None:
             safe = np.where(side == 0, 1.0, side)
             return np.where(side == 0, 0.0, m.slope(Q) / safe)
 
-        return Stage("elbow", third, aside, first), Stage("shoulder", second, steep, far)
+        return SolutionStage("elbow", third, aside, first), SolutionStage(
+            "shoulder", second, steep, far
+        )
     if point.slides or not one_root_left(m.deflated()):
         return None
     only = (
@@ -290,7 +292,7 @@ def ways_of(chain: ExactChain, w: Vector) -> tuple[Stage, ...] | None:
         "point is (its discriminant, without the known root, is negative on all of the torus of "
         f"joints {second + 1} and {third + 1}: certified), of opposite signs of its slope"
     )
-    return (Stage("", third, m.slope, only),)
+    return (SolutionStage("", third, m.slope, only),)
 
 
 def _dot(a: Sequence[Exact], b: Sequence[Exact]) -> Exact:

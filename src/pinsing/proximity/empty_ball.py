@@ -70,7 +70,7 @@ class Room:
 
 
 @dataclass
-class Best:
+class Clearest:
     """The clearest point so far."""
 
     x: Array
@@ -149,7 +149,7 @@ def clearest(
     rng: np.random.Generator,
     seconds: float,
     usable: Callable[[Array], Bool],
-) -> Best:
+) -> Clearest:
     """Find a point of the room with a large clearance, and how large one can be.
 
     Parameters
@@ -184,7 +184,7 @@ class _Search:
         self.watched, self.room, self.rng, self.end = watched, room, rng, end
         self.usable = usable
         self.sites = Sites(watched, rng)
-        self.best = Best(room.center.copy())
+        self.best = Clearest(room.center.copy())
         self.prove(room.center[None])
 
     def prove(self, X: Array) -> Array:

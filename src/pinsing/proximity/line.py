@@ -18,7 +18,7 @@ from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.line_tracking import Line, Tracked, landing, span, track
 from pinsing.proximity.passage import Approach, Passage
 from pinsing.proximity.speeds import limits_of
-from pinsing.proximity.stretches import Stretch
+from pinsing.proximity.stretches import NearStretch
 from pinsing.proximity.trajectory import NEAR
 from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, watch
 from pinsing.robot.arm import Arm
@@ -114,7 +114,7 @@ class LineCheck(JsonResult):
     approaches : tuple of Approach
         Nearest approach to each family, ``t`` being ``s``. ``lower`` is proven for straight
         joint motions between the tracked configurations.
-    stretches : tuple of Stretch
+    stretches : tuple of NearStretch
         Where the clearance may be below ``near``.
     near : float
         Radians.
@@ -146,7 +146,7 @@ class LineCheck(JsonResult):
     located: bool
     crossings: tuple[Crossing, ...]
     approaches: tuple[Approach, ...]
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[NearStretch, ...]
     near: float
     speed: float
     too_fast: tuple[Overspeed, ...]

@@ -12,7 +12,7 @@ from pinsing.bounds.nearest import SearchOptions, nearest_points
 from pinsing.bounds.two_sided import two_sided
 from pinsing.proximity.crossings import Crossing, crossings_of
 from pinsing.proximity.motion import Motion
-from pinsing.proximity.stretches import Stretch, Stretches
+from pinsing.proximity.stretches import NearStretch, Stretches
 from pinsing.proximity.watched import Watched
 
 _MOST = 1000
@@ -55,7 +55,7 @@ class Met:
     crossings: tuple[Crossing, ...]
     cut: bool
     approaches: tuple[Approach, ...]
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[NearStretch, ...]
     trend: str
 
 

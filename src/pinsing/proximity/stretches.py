@@ -26,7 +26,7 @@ _MOST = 1000
 
 
 @dataclass(frozen=True)
-class Stretch:
+class NearStretch:
     """A time in which the clearance may be below a bound.
 
     Attributes
@@ -79,7 +79,7 @@ class Stretches:
     def __init__(self, watched: Watched, near: float) -> None:
         self.watched, self.near = watched, near
         self.cut = False
-        self._found: list[Stretch] = []
+        self._found: list[NearStretch] = []
         self._open = False
 
     def feed(self, motion: Motion, u: Array, Q: Array, least: Array, family: Ints) -> None:
@@ -117,7 +117,7 @@ class Stretches:
         a, b = _runs(inside)
         for start, end in zip(a.tolist(), b.tolist(), strict=True):
             k = start + int(np.argmin(places.least[start : end + 1]))
-            new = Stretch(
+            new = NearStretch(
                 float(t[start]),
                 float(t[end]),
                 self.watched.names[int(places.family[k])],
@@ -126,19 +126,19 @@ class Stretches:
             if start == 0 and self._open and self._found:
                 old = self._found[-1]
                 deeper = new if new.clearance < old.clearance else old
-                self._found[-1] = Stretch(old.t, new.t_end, deeper.family, deeper.clearance)
+                self._found[-1] = NearStretch(old.t, new.t_end, deeper.family, deeper.clearance)
             elif len(self._found) < _MOST:
                 self._found.append(new)
             else:
                 self.cut = True
         self._open = bool(len(inside) and inside[-1])
 
-    def finish(self, crossings: Sequence[Crossing]) -> tuple[Stretch, ...]:
+    def finish(self, crossings: Sequence[Crossing]) -> tuple[NearStretch, ...]:
         """All of them; where a family is met in one, that is its family."""
         out = []
         for s in self._found:
             met = next((c for c in crossings if c.t <= s.t_end and c.t_end >= s.t), None)
-            out.append(s if met is None else Stretch(s.t, s.t_end, met.family, 0.0))
+            out.append(s if met is None else NearStretch(s.t, s.t_end, met.family, 0.0))
         return tuple(out)
 
 

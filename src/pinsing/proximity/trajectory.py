@@ -18,7 +18,7 @@ from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.motion import check_reach, check_times
 from pinsing.proximity.passage import Approach, Passage
 from pinsing.proximity.speeds import Excess, Speeds
-from pinsing.proximity.stretches import Stretch
+from pinsing.proximity.stretches import NearStretch
 from pinsing.proximity.watched import Forms, metric_note, watch
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
@@ -78,7 +78,7 @@ class TrajectoryCheck(JsonResult):
         The nearest approach to each family, the nearest first.
     near : float
         The clearance that stretches are told for.
-    stretches : tuple of Stretch
+    stretches : tuple of NearStretch
         Where the clearance is, or may be, below ``near``.
     trend : str
         "toward", "away" or "steady": how the clearance changes at the end of the motion.
@@ -115,7 +115,7 @@ class TrajectoryCheck(JsonResult):
     cut: bool
     approaches: tuple[Approach, ...]
     near: float
-    stretches: tuple[Stretch, ...]
+    stretches: tuple[NearStretch, ...]
     trend: str
     too_fast: tuple[Excess, ...]
     too_abrupt: tuple[Excess, ...]

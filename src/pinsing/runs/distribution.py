@@ -83,7 +83,7 @@ class Distribution:
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class WorstPoint:
     """One of the worst configurations.
 
     Attributes
@@ -126,7 +126,7 @@ def distributions(tally: Tally, locate: Locate) -> tuple[Distribution, Distribut
     return one(0), one(1)
 
 
-def worst_points(tally: Tally, locate: Locate) -> tuple[Point, ...]:
+def worst_points(tally: Tally, locate: Locate) -> tuple[WorstPoint, ...]:
     """The worst few, smallest ratio first."""
     rows = zip(
         tally.worst_index.tolist(),
@@ -134,4 +134,6 @@ def worst_points(tally: Tally, locate: Locate) -> tuple[Point, ...]:
         tally.worst_ratio.tolist(),
         strict=True,
     )
-    return tuple(Point(i, locate(i), sigma, ratio, status_of(ratio)) for i, sigma, ratio in rows)
+    return tuple(
+        WorstPoint(i, locate(i), sigma, ratio, status_of(ratio)) for i, sigma, ratio in rows
+    )

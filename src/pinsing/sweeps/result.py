@@ -16,7 +16,7 @@ from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import Status
 from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
 from pinsing.robot.arm_summary import ArmSummary
-from pinsing.runs.distribution import Distribution, Point
+from pinsing.runs.distribution import Distribution, WorstPoint
 from pinsing.serialization import JsonResult
 from pinsing.sweeps.curves import CurveTable
 from pinsing.sweeps.finding import Finding, finding_spans
@@ -104,7 +104,7 @@ class SweepSummary:
         How many of them are that (ratio at most 1e-9; above it and at most 1e-2).
     sigma_min, ratio : Distribution
         Of sigma_r, and of sigma_r / sigma_1.
-    worst : tuple of Point
+    worst : tuple of WorstPoint
         Those of smallest ratio, smallest first, the first of equals first.
     """
 
@@ -113,7 +113,7 @@ class SweepSummary:
     near_singular: int
     sigma_min: Distribution
     ratio: Distribution
-    worst: tuple[Point, ...]
+    worst: tuple[WorstPoint, ...]
 
     def __str__(self) -> str:
         ratio = self.ratio

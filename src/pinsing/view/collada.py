@@ -39,7 +39,7 @@ class Paint:
 
 
 @dataclass(frozen=True)
-class Part:
+class PaintedPart:
     """Triangles of one paint.
 
     Attributes
@@ -58,7 +58,7 @@ class Part:
     paint: Paint
 
 
-def read_collada(text: str) -> tuple[Part, ...]:
+def read_collada(text: str) -> tuple[PaintedPart, ...]:
     """Read the visual scene of a Collada file.
 
     Raises
@@ -78,7 +78,7 @@ class _File:
         self.root = root
         self.by_id = {e.get("id"): e for e in root.iter() if e.get("id")}
 
-    def parts(self) -> tuple[Part, ...]:
+    def parts(self) -> tuple[PaintedPart, ...]:
         for unusual in ("texture", "instance_controller", "instance_node", "lookat", "skew"):
             if self.root.find(f".//{_SPACE}{unusual}") is not None:
                 raise NotPlainError(f"it has a {unusual}")
@@ -95,7 +95,7 @@ class _File:
     def _named(self, user: ET.Element, key: str = "url") -> ET.Element:
         return self.by_id[(user.get(key) or "")[1:]]
 
-    def _node(self, node: ET.Element, place: Array, depth: int) -> Iterator[Part]:
+    def _node(self, node: ET.Element, place: Array, depth: int) -> Iterator[PaintedPart]:
         if depth > _DEEPEST:
             raise NotPlainError("its nodes are too deep")
         for child in node:
@@ -113,7 +113,7 @@ class _File:
         for child in node.findall(f"{_SPACE}node"):
             yield from self._node(child, place, depth + 1)
 
-    def _mesh(self, mesh: ET.Element, paints: dict[str | None, Paint]) -> Iterator[Part]:
+    def _mesh(self, mesh: ET.Element, paints: dict[str | None, Paint]) -> Iterator[PaintedPart]:
         for shape in mesh:
             kind = shape.tag.removeprefix(_SPACE)
             if kind in ("source", "vertices", "extra", "lines", "linestrips"):
@@ -124,7 +124,9 @@ class _File:
                 continue
             paint = paints.get(shape.get("material"), Paint())
             vertices, normals, corners = self._corners(shape)
-            yield Part(vertices, normals, _triangles(shape, corners).astype(np.uint32), paint)
+            yield PaintedPart(
+                vertices, normals, _triangles(shape, corners).astype(np.uint32), paint
+            )
 
     def _corners(self, shape: ET.Element) -> tuple[Array, Array, npt.NDArray[np.int64]]:
         """Vertices and their normals (n, 3), and which of them each corner is."""
@@ -225,13 +227,13 @@ def _transform(element: ET.Element) -> Array:
     return out
 
 
-def _moved(part: Part, place: Array) -> Part:
+def _moved(part: PaintedPart, place: Array) -> PaintedPart:
     if not np.isfinite(place).all():
         raise NotPlainError("a number is not finite")
     turn = place[:3, :3]
     normals = part.normals @ np.linalg.inv(turn)
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return Part(
+    return PaintedPart(
         part.vertices @ turn.T + place[:3, 3],
         normals / np.where(length > 0, length, 1.0),
         part.faces,
@@ -239,7 +241,7 @@ def _moved(part: Part, place: Array) -> Part:
     )
 
 
-def _joined(parts: list[Part]) -> tuple[Part, ...]:
+def _joined(parts: list[PaintedPart]) -> tuple[PaintedPart, ...]:
     """Parts of the same paint as one."""
     out = []
     for paint in dict.fromkeys(part.paint for part in parts):
@@ -248,7 +250,7 @@ def _joined(parts: list[Part]) -> tuple[Part, ...]:
         faces = [part.faces + np.uint32(k) for part, k in zip(same, starts, strict=True)]
         vertices = np.concatenate([part.vertices for part in same])
         normals = np.concatenate([part.normals for part in same])
-        out.append(Part(vertices, normals, np.concatenate(faces).astype(np.uint32), paint))
+        out.append(PaintedPart(vertices, normals, np.concatenate(faces).astype(np.uint32), paint))
     return tuple(out)
 
 

@@ -23,7 +23,7 @@ from pinsing.view.ellipsoids import (
     turn_z_to,
 )
 from pinsing.view.entries import Entry
-from pinsing.view.verdict import verdict
+from pinsing.view.nearest_family import nearest_family
 
 ARROWS = 3
 """Lost motions drawn at most."""
@@ -48,7 +48,7 @@ def make_frame(
         Those that the verdict looks at; all by default.
     """
     state = at(arm, q)
-    found = verdict(arm, state.q, entries if near is None else near)
+    found = nearest_family(arm, state.q, entries if near is None else near)
     index = None
     if found is not None:
         index = found.entry if near is None else entries.index(near[found.entry])

@@ -83,7 +83,7 @@ class Site:
         raise HTTPError(403)
 
 
-class Part(RequestHandler):  # type: ignore[misc,unused-ignore]
+class PagePart(RequestHandler):  # type: ignore[misc,unused-ignore]
     """A file of the page, held in memory."""
 
     def initialize(self, site: Site) -> None:
@@ -123,7 +123,7 @@ class Part(RequestHandler):  # type: ignore[misc,unused-ignore]
         self.write(content)
 
 
-class Nothing(Part):
+class Nothing(PagePart):
     """Any address without a token."""
 
     def prepare(self) -> None:

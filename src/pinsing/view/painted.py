@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from umsgpack import Ext
 
-from pinsing.view.collada import Paint, Part, read_collada
+from pinsing.view.collada import Paint, PaintedPart, read_collada
 from pinsing.view.mesh_cache import cache_folder, content_key, keep, kept
 
 _STEPS = 32767  # of the longest side, in each direction
@@ -48,7 +48,7 @@ class Painted:
     paint: Paint
 
     @classmethod
-    def of(cls, part: Part) -> Painted:
+    def of(cls, part: PaintedPart) -> Painted:
         """Round: a link of a metre to 0.015 mm."""
         low, high = part.vertices.min(axis=0), part.vertices.max(axis=0)
         x, y, z = (low + high) / 2

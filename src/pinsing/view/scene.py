@@ -20,7 +20,7 @@ from pinsing.view.body import Body
 from pinsing.view.ellipsoids import Sizes, turn_z_to
 from pinsing.view.frame import ARROWS
 from pinsing.view.links import Links, base_placement, draw_links
-from pinsing.view.shapes import Rod
+from pinsing.view.shapes import DrawnRod
 
 # Okabe and Ito's palette: told apart with any colour vision.
 TRANSLATION = 0x0072B2
@@ -59,7 +59,7 @@ def draw_scene(
     for k in range(ARROWS):
         straight_arrow(node[f"lost/{k}/arrow"], size.reach)
         ring_arrow(node[f"lost/{k}/ring"], size.reach)
-        line = Rod(4 * size.reach, 0.0012 * size.reach)
+        line = DrawnRod(4 * size.reach, 0.0012 * size.reach)
         node[f"lost/{k}/line"].set_object(line, mg.MeshBasicMaterial(color=LOST, opacity=0.4))
     tip = _Sphere(0.012 * size.reach)
     node["tip"].set_object(tip, mg.MeshPhongMaterial(color=0x111827))
@@ -88,7 +88,7 @@ def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
     """Double arrow along z: translations both ways."""
     material = mg.MeshPhongMaterial(color=color)
     half, head = 0.22 * reach, 0.045 * reach
-    node["shaft"].set_object(Rod(2 * half, 0.0045 * reach), material)
+    node["shaft"].set_object(DrawnRod(2 * half, 0.0045 * reach), material)
     for name, sign in (("up", 1.0), ("down", -1.0)):
         node[name].set_object(_cone(head, 0.014 * reach, sign), material)
         node[name].set_transform(_shift([0, 0, sign * (half + head / 2)]))
@@ -97,7 +97,7 @@ def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
 def ring_arrow(node: Any, reach: float, color: int = LOST) -> None:
     """Axis along z with a ring around it: rotations about it."""
     material = mg.MeshPhongMaterial(color=color)
-    node["shaft"].set_object(Rod(0.34 * reach, 0.0035 * reach), material)
+    node["shaft"].set_object(DrawnRod(0.34 * reach, 0.0035 * reach), material)
     ring = torus(0.085 * reach, 0.0045 * reach)
     node["ring"].set_object(ring, material)
     for k in range(2):
@@ -108,9 +108,9 @@ def ring_arrow(node: Any, reach: float, color: int = LOST) -> None:
         node[f"head{k}"].set_transform(spin @ lie.homogeneous)
 
 
-def _cone(height: float, radius: float, sign: float) -> Rod:
+def _cone(height: float, radius: float, sign: float) -> DrawnRod:
     top, bottom = (0.0, radius) if sign > 0 else (radius, 0.0)
-    return Rod(height, radiusTop=top, radiusBottom=bottom)
+    return DrawnRod(height, radiusTop=top, radiusBottom=bottom)
 
 
 def torus(radius: float, thickness: float, around: int = 64, across: int = 12) -> Any:
@@ -139,7 +139,7 @@ def _axes(node: Any, arm: Body, reach: float) -> None:
             material = mg.MeshPhongMaterial(color=color)
             here = node[f"{j}/{name}"]
             here.set_transform(turn)
-            here["rod"].set_object(Rod(length * reach, radius * reach), material)
+            here["rod"].set_object(DrawnRod(length * reach, radius * reach), material)
             if slides:  # heads tell a sliding direction from a turning axis
                 for side, sign in (("up", 1.0), ("down", -1.0)):
                     head = _cone(0.04 * reach, 0.014 * reach, sign)
@@ -159,7 +159,7 @@ def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None
         length = float(np.linalg.norm(place.translation))
         if length > 1e-3 * reach:
             here = node[f"{parent}/bone/link{number}"]
-            here.set_object(Rod(length, 0.018 * reach), bone)
+            here.set_object(DrawnRod(length, 0.018 * reach), bone)
             pose = _turn(place.translation / length)
             pose[:3, 3] = place.translation / 2
             here.set_transform(pose)
@@ -167,14 +167,14 @@ def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None
         axis, slides = joint_axis(model.joints[j], model.names[j])
         here = node[f"{j}/bone/drum"]
         side = 0.05 * reach
-        shape = mg.Box([side, side, 2 * side]) if slides else Rod(0.075 * reach, 0.03 * reach)
+        shape = mg.Box([side, side, 2 * side]) if slides else DrawnRod(0.075 * reach, 0.03 * reach)
         here.set_object(shape, drum)
         here.set_transform(_turn(axis))
         if slides:  # the rail that it runs on stays with the link before
             lower, upper = _range(arm, j)
             start = model.jointPlacements[j]
             rail = node[f"{int(model.parents[j])}/bone/rail{j}"]
-            rail.set_object(Rod(max(upper - lower, side), 0.012 * reach), bone)
+            rail.set_object(DrawnRod(max(upper - lower, side), 0.012 * reach), bone)
             middle = pin.SE3(np.eye(3), axis * (upper + lower) / 2)
             rail.set_transform((start * middle).homogeneous @ _turn(axis))
 

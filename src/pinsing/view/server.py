@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 from tornado.web import Application
 
 from pinsing.view.door import Door
-from pinsing.view.handlers import Content, Live, Nothing, Part, Served, Site
+from pinsing.view.handlers import Content, Live, Nothing, PagePart, Served, Site
 from pinsing.view.listen import bind, is_address, is_loopback
 from pinsing.view.messages import LONGEST
 from pinsing.view.page import LIVE_POLICY, asset, live_html, meshcat_script, script
@@ -78,7 +78,7 @@ class Server:
         self._app = Application(
             [
                 (r"/([^/]+)/live", Live, {"site": self._site}),
-                (r"/([^/]+)/([^/]*)", Part, {"site": self._site}),
+                (r"/([^/]+)/([^/]*)", PagePart, {"site": self._site}),
                 (r".*", Nothing, {"site": self._site}),
             ],
             log_function=lambda handler: None,

@@ -26,7 +26,7 @@ _COLLADA = "{http://www.collada.org/2005/11/COLLADASchema}"
 _AROUND = 24
 
 
-class Rod(mg.Cylinder):  # type: ignore[misc]
+class DrawnRod(mg.Cylinder):  # type: ignore[misc]
     """A cylinder or cone along z, which three.js draws along y."""
 
     def intrinsic_transform(self) -> Array:
@@ -92,9 +92,11 @@ def _made(shape: pin.GeometryObject) -> Any:
     if isinstance(geometry, coal.Sphere):
         return mg.Sphere(float(geometry.radius))
     if isinstance(geometry, coal.Cylinder):
-        return Rod(2.0 * float(geometry.halfLength), float(geometry.radius))
+        return DrawnRod(2.0 * float(geometry.halfLength), float(geometry.radius))
     if isinstance(geometry, coal.Cone):
-        return Rod(2.0 * geometry.halfLength, radiusTop=0.0, radiusBottom=float(geometry.radius))
+        return DrawnRod(
+            2.0 * geometry.halfLength, radiusTop=0.0, radiusBottom=float(geometry.radius)
+        )
     if isinstance(geometry, coal.Capsule):
         return _capsule(float(geometry.halfLength), float(geometry.radius))
     file = Path(shape.meshPath)

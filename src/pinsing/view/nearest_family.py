@@ -17,7 +17,7 @@ ON = 1e-7
 
 
 @dataclass(frozen=True)
-class Verdict:
+class NearestFamily:
     """The nearest family.
 
     Attributes
@@ -38,9 +38,9 @@ class Verdict:
     text: str
 
 
-def verdict(arm: Arm, q: Array, entries: Sequence[Entry]) -> Verdict | None:
+def nearest_family(arm: Arm, q: Array, entries: Sequence[Entry]) -> NearestFamily | None:
     """Find the nearest family to q (n,) among those that the arm can reach."""
-    best: Verdict | None = None
+    best: NearestFamily | None = None
     for index, entry in enumerate(entries):
         if entry.family is None or entry.reachable is False:
             continue
@@ -52,7 +52,7 @@ def verdict(arm: Arm, q: Array, entries: Sequence[Entry]) -> Verdict | None:
         slides = [bool(arm.prismatic[j]) for j in entry.moved]
         how_far = f"{_length(found.value, arm.length_scale, slides)} from"
         words = f"{'on' if on else how_far} {entry.name}: {where}"
-        best = Verdict(index, float(found.value), on, words)
+        best = NearestFamily(index, float(found.value), on, words)
     return best
 
 
