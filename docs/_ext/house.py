@@ -82,7 +82,8 @@ class House(SphinxDirective):
             for n, text in reversed(purposes())
         )
         table = f'<div class="table-wrapper"><table class="docutils">{rows}</table></div>'
-        return [nodes.raw("", picture() + table, format="html")]
+        drawn = f'<div class="house">{picture()}</div>'
+        return [nodes.raw("", drawn + table, format="html")]
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
