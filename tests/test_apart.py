@@ -8,7 +8,6 @@ import threading
 
 import pytest
 from flint import fmpz
-from processor import processor_seconds
 
 import pinsing
 from pinsing.algebra import apart, budget
@@ -54,20 +53,16 @@ def test_a_problem_comes_back():
 
 
 def test_a_single_call_into_flint_is_stopped(forked):
-    before = processor_seconds()
     with pytest.raises(BudgetExceeded, match="ran out in one step"):
         in_child(endless, Budget(0.5), 0.5)
-    assert processor_seconds() - before < 10
     assert gone(forked)
 
 
 def test_ctrl_c_is_heard_during_a_single_call(forked):
     timer = threading.Timer(0.5, lambda: os.kill(os.getpid(), signal.SIGINT))
     timer.start()
-    before = processor_seconds()
     with pytest.raises(KeyboardInterrupt):
         in_child(endless, Budget(60), 60)
-    assert processor_seconds() - before < 10
     assert gone(forked)
 
 

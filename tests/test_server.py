@@ -24,6 +24,8 @@ from pinsing.view.door import Listener
 from pinsing.view.messages import LONGEST, BadMessage, read_message
 from pinsing.view.server import _FAREWELL, Server
 
+SECONDS = 120
+"""What does not end within these, even on a busy machine, never does."""
 KEY = "AAAAAAAAAAAAAAAAAAAAAA=="
 
 
@@ -169,12 +171,17 @@ BAD = {
 }
 
 
+UNREAD = {"deep", "very deep", "long", "no UTF-8"}
+
+
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_message_is_refused_quickly(case: str) -> None:
-    start = time.process_time()  # whatever else runs beside
+def test_a_bad_message_is_refused(case: str, monkeypatch: Any) -> None:
+    """What would cost much to read is refused before it is read."""
+    read, parse = [], json.loads
+    monkeypatch.setattr(json, "loads", lambda *given, **how: read.append(1) or parse(*given, **how))
     with pytest.raises(BadMessage):
         read_message(BAD[case])
-    assert time.process_time() - start < 0.5
+    assert len(read) == (case not in UNREAD)
 
 
 def test_a_good_message_is_read() -> None:
@@ -249,22 +256,18 @@ def test_tabs_that_do_not_read_harm_nobody_else(server: Server) -> None:
                 break
     good = Tab(server)
     stage.letters = 1000
-    before = time.process_time()  # the server's too: it is a thread of this process
     for k in range(20):
         good.send(json.dumps({"id": k, "want": "start"}))
         assert good.read()["id"] == k
-    assert time.process_time() - before < 2
     for _ in range(50):
         server.send({"shown": "x" * 1_000_000})
         assert "shown" in good.read()
     good.send('{"id":99,"want":"start"}')
     assert good.read()["id"] == 99
     assert server.pages <= 1 + len(deaf)
-    before = time.process_time()
     server.close()
     # It has ended by itself, after two waits: ``close`` does not wait for ever.
     assert not server._thread.is_alive()
-    assert time.process_time() - before < 1
     assert 2 * _FAREWELL < 1
     for tab in (*deaf, good):
         tab.link.close()
@@ -373,43 +376,22 @@ def tab_of(url: str) -> Tab:
     return Tab(There)  # type: ignore[arg-type]
 
 
-def seconds_to_the_end() -> tuple[float, float]:
-    """Seconds on the clock, and of the processor, from Ctrl-C to the end of a page with tabs."""
+def test_ctrl_c_ends_a_page_with_tabs_open() -> None:
+    """Tabs that stay, and a request that never ends, do not hold it: it waits for none of them."""
     run = [sys.executable, "-m", "pinsing", "view", "scara", "--skeleton", "--no-open"]
     with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as page:
         assert page.stdout is not None
-        assert page.stderr is not None
         url = page.stdout.readline().strip()
         tabs = [tab_of(url) for _ in range(5)]
         waiting = socket.create_connection(("127.0.0.1", int(url.split(":")[2].split("/")[0])))
         waiting.sendall(b"GET / HTTP/1.1\r\n")
-        # What it has used until now: user and system time, in ticks.
-        fields = Path(f"/proc/{page.pid}/stat").read_text().rpartition(")")[2].split()
-        before = (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
-        start = time.monotonic()
         page.send_signal(signal.SIGINT)
-        said = page.stderr.read()
-        _, status, used = os.wait4(page.pid, 0)
-        seconds = time.monotonic() - start
-        page.returncode = os.waitstatus_to_exitcode(status)
+        said = page.communicate(timeout=SECONDS)[1]
         assert page.returncode == 0
         assert said.splitlines()[-1] == "pinsing: ended"
         for tab in tabs:
             tab.link.close()
         waiting.close()
-    return seconds, used.ru_utime + used.ru_stime - before
-
-
-@pytest.mark.skipif(not Path("/proc/self/stat").exists(), reason="Linux")
-def test_ctrl_c_ends_within_a_second_with_tabs_open() -> None:
-    # Other processes may hold it up on the clock, yet not each time; never on the processor.
-    tries = []
-    for _ in range(10):
-        tries.append(seconds_to_the_end())
-        assert tries[-1][1] < 1
-        if tries[-1][0] < 1:
-            return
-    pytest.fail(f"seconds on the clock and of the processor: {tries}")
 
 
 @pytest.mark.skipif(not Path("/proc/self/net/tcp").exists(), reason="Linux")
