@@ -300,7 +300,7 @@ def test_a_family_without_a_known_point_counts() -> None:
         ([0, 0, np.nan, 0, 0, 0], None, "q of joint 'elbow_joint' is nan"),
         ([0, 0, 0, 0, 0, np.inf], None, "q of joint 'wrist_3_joint' is inf"),
         (np.zeros(6), [0, -np.inf, 0, 0, 0, 0], "dq of joint 'shoulder_lift_joint' is -inf"),
-        ([0, 0, 0], None, r"q needs 6 values for shoulder_pan_joint.*got shape \(3,\)"),
+        ([0, 0, 0], None, "q needs 6 values for shoulder_pan_joint, .*got 3"),
         (np.zeros((1, 6)), None, r"got shape \(1, 6\)"),
         (0.0, None, "q needs 6 values"),
         (np.zeros(6), np.zeros(7), "dq needs 6 values"),

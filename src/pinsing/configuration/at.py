@@ -63,7 +63,7 @@ def at(
     ----------
     arm : Arm
         Any arm; its geometry is taken as it is (the raw one, unless it is ``nominal(arm).arm``).
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         Radians or metres; may lie outside the limits, which is then said.
     rtol, near_rtol : float
         sigma_r / sigma_1 at or below which q is called singular, or near-singular.

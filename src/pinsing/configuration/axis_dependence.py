@@ -87,7 +87,7 @@ def axis_dependences(
     ----------
     arm : Arm
         Any arm.
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         Radians or metres.
     rtol : float
         Singular values at or below ``rtol`` times the largest of the task Jacobian are zero.

@@ -93,7 +93,7 @@ def approach(
     ----------
     arm : Arm
         Any arm.
-    Q : (N, n) array_like
+    Q : (N, n) or (N, nq) array_like
         Starts, radians or metres.
     free : (n,) or (N, n) array_like of bool, optional
         Joints that may move; all by default.

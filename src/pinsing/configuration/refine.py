@@ -117,7 +117,7 @@ def refine(
     ----------
     arm : Arm
         Any arm.
-    q0 : (n,) array_like
+    q0 : (n,) or (nq,) array_like
         Start, radians or metres.
     fixed : joint names or (n,) mask, optional
         Joints that keep their value.
@@ -169,7 +169,7 @@ def refine_many(
     ----------
     arm : Arm
         Any arm.
-    Q0 : (N, n) array_like
+    Q0 : (N, n) or (N, nq) array_like
         Starts, radians or metres.
     fixed : joint names, (n,) or (N, n) mask, optional
         Joints that keep their value, at all starts or at each.

@@ -85,7 +85,7 @@ def classify(arm: Arm, q: npt.ArrayLike) -> Kind:
     ----------
     arm : Arm
         Any arm.
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         Singular configuration, radians or metres.
 
     Returns

@@ -62,6 +62,7 @@ def describe(
         length_scale=arm.length_scale,
         components=tuple(p.component for p in group),
         solved=solved_for(b.equations for b in branches),
+        arm=arm,
     )
     if not draft.real:
         return draft

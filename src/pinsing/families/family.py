@@ -17,6 +17,7 @@ from pinsing.families.members import Members
 from pinsing.families.parts import Branch, KindPart
 from pinsing.families.solved_for import LONG, SolvedFor, long_form
 from pinsing.measures import Reachability
+from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
 
 
@@ -81,6 +82,9 @@ class Family(Members, JsonResult):
     at_once : tuple of AtOnce
         Of several long equations that hold at once: which joints can be chosen, and how the
         others follow; empty where there are none.
+    arm : Arm or None
+        The arm, whose whole model's configurations are taken too; None where the family was read
+        from a file.
     """
 
     schema: ClassVar[str] = "pinsing/family/1"
@@ -112,10 +116,12 @@ class Family(Members, JsonResult):
     components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
     solved: tuple[SolvedFor, ...] = field(default=(), metadata={"optional": True})
     at_once: tuple[AtOnce, ...] = field(default=(), metadata={"optional": True})
+    arm: Arm | None = field(default=None, repr=False, metadata={"json": False})
 
     def __getstate__(self) -> dict[str, Any]:
-        # Exact polynomials live in a ring of this process: like JSON, pickles go without them.
-        return {**self.__dict__, "components": ()}
+        # Exact polynomials live in a ring of this process: like JSON, pickles go without them,
+        # and without the arm's model.
+        return {**self.__dict__, "components": (), "arm": None}
 
     @property
     def is_reachable(self) -> bool | None:

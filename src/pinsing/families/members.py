@@ -17,7 +17,8 @@ from pinsing.families.parts import Branch
 from pinsing.families.points import spread
 from pinsing.families.zero_set import ROUNDS
 from pinsing.measures import Reachability
-from pinsing.robot.joint_space import JointSpace
+from pinsing.robot.arm import Arm
+from pinsing.robot.joint_space import JointSpace, require_values
 
 _MOST_POINTS = 10_000_000
 
@@ -29,6 +30,8 @@ class Members:
     ----------
     name, branches, reachability, limit_tolerance, lower, upper, prismatic, length_scale
         As ``Family`` has them.
+    arm : Arm or None
+        The arm, where it is known.
     """
 
     name: str
@@ -39,6 +42,7 @@ class Members:
     upper: Array
     prismatic: npt.NDArray[np.bool_]
     length_scale: float
+    arm: Arm | None
 
     @property
     def n(self) -> int:
@@ -59,7 +63,7 @@ class Members:
 
         Parameters
         ----------
-        q : (..., n) array_like
+        q : (..., n) or (..., nq) array_like
             Radians and metres.
         tol : float
             Distance in joint space (radians; metres over the length scale).
@@ -104,7 +108,7 @@ class Members:
 
         Parameters
         ----------
-        q : (n,) array_like
+        q : (n,) or (nq,) array_like
             Radians and metres.
         gap : float
             Largest ``upper - lower`` at which the search ends by itself.
@@ -302,13 +306,8 @@ class Members:
         return self.lower - self.limit_tolerance, self.upper + self.limit_tolerance
 
     def _check(self, q: npt.ArrayLike) -> Array:
+        if self.arm is not None:
+            return self.arm.check(q)
         array = real_numbers(q, "q")
-        if array.ndim == 0 or array.shape[-1] != self.n:
-            raise ConfigurationError(
-                f"q needs {self.n} values, got shape {array.shape}; arm.q_of(q) takes them out of "
-                "a whole model's configuration",
-                lengths=(self.n,),
-            )
-        if not np.isfinite(array).all():
-            raise ConfigurationError("q has a value that is not finite")
+        require_values(array, self.space.names, "q")
         return array

@@ -37,7 +37,7 @@ def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     ----------
     arm : Arm
         The arm, from ``load``.
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         Radians or metres.
 
     Returns
@@ -73,7 +73,7 @@ def frame_jacobians(
     ----------
     arm : Arm
         The arm, from ``load``.
-    Q : (N, n) array_like
+    Q : (N, n) or (N, nq) array_like
         Radians or metres; or (N, nq), the whole model's configurations.
     engine : str
         "auto", "batch" (the compiled kernel), "pinocchio" or an instruction set; see
@@ -112,7 +112,7 @@ def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     ----------
     arm : Arm
         The arm, from ``load``.
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         Radians or metres; or (nq,), the whole model's configuration.
 
     Returns

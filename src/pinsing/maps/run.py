@@ -179,7 +179,7 @@ def sigma_map(
         by default.
     ranges : mapping of joint names to (low, high), optional
         Radians or metres; the limits by default, of a joint without limits one turn.
-    q : (n,) array_like, optional
+    q : (n,) or (nq,) array_like, optional
         Where the other joints stay; the middle of their ranges by default.
     ignore_limits : bool
         Map whole circles.

@@ -38,7 +38,7 @@ def sigma_along(
     ----------
     arm : Arm
         The arm.
-    trajectory : (N, n) array_like
+    trajectory : (N, n) or (N, nq) array_like
         Configurations, radians and metres.
     ax : Axes, optional
         Where to draw.

@@ -54,7 +54,7 @@ def aspect_plane(
         Names of the joints along x and y.
     ax : Axes, optional
         Where to draw.
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         Values of the other joints, radians and metres; by default a regular configuration
         within the limits.
     forms : ClosedForm, optional

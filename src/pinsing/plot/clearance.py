@@ -32,7 +32,7 @@ def clearance_along(
     ----------
     forms : ClosedForm or sequence of ClosedForm
         Of the arm.
-    trajectory : (N, n) array_like
+    trajectory : (N, n) or (N, nq) array_like
         Radians and metres. Of very many samples the lowest of each run are drawn.
     times : (N,) array_like, optional
         Seconds; the number of the sample by default.

@@ -62,7 +62,7 @@ def locus(
         Names of the joints along x and y; by default the first two of the family's joints.
     ax : Axes, optional
         Where to draw.
-    q : (n,) array_like, optional
+    q : (n,) or (nq,) array_like, optional
         Values of the other joints, radians and metres; by default those of the family's own
         configuration, ``family.generic``. Marked if it is on the family.
     third : str, optional

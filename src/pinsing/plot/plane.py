@@ -66,7 +66,7 @@ def sigma_plane(
         Names of the joints along x and y.
     ax : Axes, optional
         Where to draw.
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         Values of the other joints, radians and metres; by default a regular configuration
         within the limits.
     measure : str

@@ -152,7 +152,7 @@ class Aspects(JsonResult):
 
         Parameters
         ----------
-        q : (n,) array_like
+        q : (n,) or (nq,) array_like
             Joint values, radians and metres; whole turns of joints that turn endlessly do not
             matter.
 

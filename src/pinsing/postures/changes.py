@@ -176,7 +176,7 @@ def posture_changes(
     ----------
     arm : Arm
         A serial arm.
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         A configuration, radians and metres.
     forms : ClosedForm, optional
         Of the arm, if at hand.

@@ -126,7 +126,7 @@ def connect(
     ----------
     forms : ClosedForm or sequence of ClosedForm
         Of one arm.
-    qa, qb : (n,) array_like
+    qa, qb : (n,) or (nq,) array_like
         The configurations, radians and metres.
     limits : bool
         Within the joint limits, or with joints that turn endlessly.

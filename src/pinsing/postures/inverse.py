@@ -70,7 +70,7 @@ def inverse(
         Random starts to begin with; an eighth of them where steps gave all solutions.
     seed : int
         Of the starts.
-    near : (n,) or (N, n) array_like, optional
+    near : (n,) or (N, n), or (nq,) or (N, nq) array_like, optional
         Configurations to start from as well: one that reaches the pose is among the solutions.
 
     Returns

@@ -55,7 +55,7 @@ class Map:
         ConfigurationError
             If it is not one.
         """
-        found = self.watched.check(q)
+        found = self.watched.check(q, "q")
         if found.ndim != 1:
             raise ConfigurationError(f"one configuration is wanted, got shape {found.shape}")
         low, high = self.partition.low, self.partition.high

@@ -28,7 +28,7 @@ def line_postures(
     arm : Arm
         A serial arm; where it has more joints than conditions there are endlessly many others,
         and none is tried.
-    q0 : (n,) array_like
+    q0 : (n,) or (nq,) array_like
         Where the line starts, radians and metres.
     pose : (3,), (6,) or (4, 4) array_like
         Target, as of `check_line`.

@@ -14,7 +14,7 @@ from pinsing.postures.names import posture_names
 from pinsing.proximity.crossings import crossings_of
 from pinsing.proximity.motion import check_times, motion_of
 from pinsing.proximity.trajectory import AspectChange
-from pinsing.proximity.watched import Forms
+from pinsing.proximity.watched import Forms, watch
 
 _TOGETHER = 1e-9
 """Share of the motion within which two meetings are one."""
@@ -37,7 +37,7 @@ def aspect_changes(
     ----------
     forms : ClosedForm or sequence of ClosedForm
         Of the arm.
-    Q : (N, n) array_like
+    Q : (N, n) or (N, nq) array_like
         Samples, radians and metres; joints move linearly between them.
     t : (N,) array_like, optional
         Seconds, ascending; without them t counts samples from 0.
@@ -69,8 +69,8 @@ def aspect_changes(
     if not isinstance(forms, ClosedForm) and not len(forms):
         raise OptionError("forms must be a ClosedForm, or several of one arm: see closed_form")
     arm = forms.arm if isinstance(forms, ClosedForm) else forms[0].arm
-    samples = np.asarray(Q, dtype=float)
-    if samples.ndim != 2 or samples.shape[1] != arm.n or not len(samples):
+    samples = watch(forms).check(Q)
+    if samples.ndim != 2 or not len(samples):
         raise ConfigurationError(
             f"a trajectory has shape (N, {arm.n}), one column a joint; got {samples.shape}"
         )

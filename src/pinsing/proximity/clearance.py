@@ -95,7 +95,7 @@ def clearance(
     ----------
     forms : ClosedForm or sequence of ClosedForm
         Of one arm.
-    Q : (..., n) array_like
+    Q : (..., n) or (..., nq) array_like
         Radians and metres.
     families : sequence of str, optional
         Names of the families that count; by default all that have real points, whatever their
@@ -203,7 +203,7 @@ def is_clear(
     ----------
     forms, families, within_limits, weights, norm
         As in ``clearance``.
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         Radians and metres.
     radius : float
         Not negative.

@@ -69,7 +69,7 @@ def distances(forms: Forms, q: npt.ArrayLike, *, seconds: float = SECONDS) -> Di
     ----------
     forms : ClosedForm or sequence of ClosedForm
         Of one arm.
-    q : (n,) array_like
+    q : (n,) or (nq,) array_like
         Radians and metres.
     seconds : float
         Time for each family.

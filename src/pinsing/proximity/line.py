@@ -177,7 +177,7 @@ def check_line(
     ----------
     arm : Arm
         A serial arm; of the pose only what its task holds is followed.
-    q0 : (n,) array_like
+    q0 : (n,) or (nq,) array_like
         Where it starts, radians and metres.
     pose : (3,), (6,) or (4, 4) array_like
         Target of the tip in the base frame: position (the orientation is kept); position and

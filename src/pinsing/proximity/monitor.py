@@ -186,8 +186,9 @@ class Monitor:
 
         Parameters
         ----------
-        q : (n,) array_like
-            Radians and metres; an array of floats is fastest.
+        q : (n,) or (nq,) array_like
+            Radians and metres, or a configuration of the whole model; an array (n,) of floats is
+            fastest.
         dq : (n,) array_like, optional
             Joint speeds.
 
@@ -249,6 +250,8 @@ class Monitor:
             into[:] = values
         elif not self._plain(values, into):
             array = real_numbers(values, name)
+            if name == "q" and array.ndim == 1:
+                array = self._watched.check(array, name)
             if array.shape != self._shape:
                 raise ConfigurationError(
                     f"{name} needs {len(self.joints)} values for {', '.join(self.joints)}; got "

@@ -153,7 +153,7 @@ def suggest(
     ----------
     arm : Arm
         A serial arm.
-    near : (n,) array_like, optional
+    near : (n,) or (nq,) array_like, optional
         A configuration that the answer should be near, radians and metres.
     reach : float
         With ``near``: the answer is no farther from it than this, radians (metres over the

@@ -159,7 +159,7 @@ def check_trajectory(
     ----------
     arm : Arm
         A serial arm.
-    Q : (N, n) array_like
+    Q : (N, n) or (N, nq) array_like
         Samples, radians and metres; joints move linearly between them. A ``numpy.memmap`` is
         read in pieces, so that memory stays bounded.
     t : (N,) array_like, optional
@@ -205,7 +205,9 @@ def check_trajectory(
     if watched.joints != arm.joints:
         raise OptionError("the closed form is of an arm with other joints")
     samples = Q if isinstance(Q, np.ndarray) else np.asarray(Q, dtype=float)
-    if samples.ndim != 2 or samples.shape[1] != arm.n:
+    if samples.ndim == 2 and samples.shape[1] != arm.n:
+        samples = arm.check(samples, "Q")
+    if samples.ndim != 2:
         raise ConfigurationError(
             f"a trajectory has shape (N, {arm.n}), one column a joint "
             f"({', '.join(arm.joints)}); got {samples.shape}"

@@ -14,10 +14,11 @@ import numpy.typing as npt
 from pinsing._types import Array, Bool
 from pinsing.arguments import real_numbers
 from pinsing.bounds.conditions import Conditions
-from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
+from pinsing.robot.joint_space import require_values
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
 """A closed form; or several of the same arm, such as those of two tasks."""
@@ -48,6 +49,8 @@ class Watched:
         "euclidean" or "max".
     complete : bool
         Whether the closed forms are complete: no singular configuration lies elsewhere.
+    arm : Arm or None
+        The arm; None where the closed forms were read from a file, which knows no model.
     """
 
     names: tuple[str, ...]
@@ -59,6 +62,7 @@ class Watched:
     weight: Array
     norm: str
     complete: bool
+    arm: Arm | None
 
     @property
     def n(self) -> int:
@@ -79,31 +83,25 @@ class Watched:
         both = [f.limits for f in self.families]
         return np.array([low for low, _ in both]), np.array([high for _, high in both])
 
-    def check(self, Q: npt.ArrayLike) -> Array:
-        """Return Q (..., n) as floats, or say what is wrong with it.
+    def check(self, Q: npt.ArrayLike, name: str = "Q") -> Array:
+        """Return joint vectors (..., n) as floats, or say what is wrong with them.
+
+        Parameters
+        ----------
+        Q : (..., n) or (..., nq) array_like
+            Radians and metres, or configurations of the whole model where ``arm`` is known.
+        name : str
+            What messages call it.
 
         Raises
         ------
         ConfigurationError
-            If the last axis is not n long, or a number is not finite.
+            If the last axis has neither length, or a number is not finite.
         """
-        try:
-            array = np.array(Q, dtype=float)
-        except (TypeError, ValueError) as error:
-            raise ConfigurationError(f"Q is not an array of numbers: {error}") from None
-        except OverflowError:
-            raise ConfigurationError("Q holds a number too large for a float") from None
-        if array.ndim == 0 or array.shape[-1] != self.n:
-            raise ConfigurationError(
-                f"a configuration has {self.n} values ({', '.join(self.joints)}), "
-                f"got shape {array.shape}"
-            )
-        if not np.isfinite(array).all():
-            where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
-            raise ConfigurationError(
-                f"joint {self.joints[where[-1]]!r} is {array[where]}"
-                + (f" at index {where[:-1]}" if where[:-1] else "")
-            )
+        if self.arm is not None:
+            return self.arm.check(Q, name)
+        array = real_numbers(Q, name)
+        require_values(array, self.joints, name)
         return array
 
     def length(self, Q: Array) -> Array:
@@ -182,6 +180,7 @@ def watch(
         weight=weight,
         norm=norm,
         complete=all(f.complete for f in every),
+        arm=next((f.geometry.arm for f in every if f.geometry is not None), None),
     )
     _ = chosen.conditions  # says what is wrong with weights and norm
     if plain and norm == "euclidean":

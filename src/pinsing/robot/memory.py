@@ -23,6 +23,10 @@ class Memory:
         default_factory=dict, init=False, repr=False, metadata={"json": False}
     )
 
+    def __getstate__(self) -> dict[str, Any]:
+        # What was computed may hold functions, and is computed again where it is wanted.
+        return {**self.__dict__, "known": {}}
+
     def once(self, name: str, compute: Callable[[], T]) -> T:
         """Compute what depends on the fields alone the first time; later take it from `known`.
 

@@ -195,7 +195,7 @@ class SweepOptions:
 
     Attributes
     ----------
-    nominal : (n,) array_like or None
+    nominal : (n,) or (nq,) array_like or None
         Configuration that the joints rest at, radians or metres; found if not given.
     special : sequence of float, or mapping of joint names to such
         Special values of the revolute joints, radians, or of single joints.

@@ -84,7 +84,7 @@ def sweep(
     ----------
     arm : Arm
         Any arm; the curves are of its own (raw) geometry.
-    nominal : (n,) array_like, optional
+    nominal : (n,) or (nq,) array_like, optional
         Configuration that the joints rest at, radians or metres; found if not given: pi/3 for
         all revolute joints (the paper's choice) if that will do.
     special : sequence of float, or mapping of joint names to such

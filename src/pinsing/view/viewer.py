@@ -129,7 +129,7 @@ class Viewer(Tab):
 
         Parameters
         ----------
-        q : (n,) array_like
+        q : (n,) or (nq,) array_like
             Radians and metres.
 
         Raises
