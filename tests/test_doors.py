@@ -16,6 +16,7 @@ import pinsing
 from pinsing.description.catalog import find_robot
 from pinsing.errors import (
     ArgumentError,
+    ChainError,
     ConfigurationError,
     JointError,
     PinsingError,
@@ -302,7 +303,7 @@ def test_a_wrong_length_names_those_that_would_do():
     with pytest.raises(ConfigurationError, match="others needs 9 finite values"):
         arm.full_q(np.zeros(7), others=np.zeros(7))
     family = pinsing.closed_form(pinsing.load("ur5")).families[0]
-    with pytest.raises(ConfigurationError, match="q needs 6 values .*got 9"):
+    with pytest.raises(ConfigurationError, match=r"q needs 6 values .*got 9"):
         family.contains(np.zeros(9))
 
 
@@ -492,3 +493,24 @@ def test_errors_travel_with_their_data(error):
     assert type(again) is type(error)
     assert str(again) == str(error)
     assert again.__dict__ == error.__dict__
+
+
+def test_an_error_about_chains_carries_what_could_be_asked_for():
+    with pytest.raises(ChainError) as several:
+        pinsing.load("pr2")
+    error = several.value
+    assert len(error.tips) == len(error.lengths) >= 2
+    for tip, n in zip(error.tips, error.lengths, strict=True):
+        assert pinsing.load("pr2", tip=tip).n == n
+    for given, fault in (
+        ({"joints": ["panda_finger_joint1"], "tip": "panda_hand"}, "panda_finger_joint1"),
+        ({"joints": ["panda_joint1", "panda_joint1"]}, "panda_joint1"),
+    ):
+        with pytest.raises(ChainError, match=fault) as other:
+            pinsing.load("panda", **given)
+        assert other.value.joint == fault
+        assert (other.value.tips, other.value.lengths) == ((), ())
+    assert pickle.loads(pickle.dumps(error)).tips == error.tips
+    with pytest.raises(ChainError) as apart:
+        pinsing.load("pr2", base="l_gripper_palm_link", tip="r_gripper_palm_link")
+    assert (apart.value.base, apart.value.tip) == ("l_gripper_palm_link", "r_gripper_palm_link")

@@ -118,7 +118,36 @@ class UnknownNameError(PinsingError, LookupError):
 
 
 class ChainError(PinsingError, ValueError):
-    """No serial chain can be taken as asked (no joint, several arms, joints not on one path)."""
+    """No serial chain can be taken as asked (no joint, several arms, joints not on one path).
+
+    Attributes
+    ----------
+    tips : tuple of str
+        Where several chains could be the arm: the tip of each, as ``load`` takes it.
+    lengths : tuple of int
+        The number of joints of each of these chains.
+    joint : str or None
+        The joint that is not on the chain, or is named twice, where it is one.
+    joints : tuple of str
+        The joints of the chain, where one was asked for that is not among them.
+    base, tip : str or None
+        The frames between which there is no chain, where they are the reason.
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        tips: tuple[str, ...] = (),
+        lengths: tuple[int, ...] = (),
+        joint: str | None = None,
+        joints: tuple[str, ...] = (),
+        base: str | None = None,
+        tip: str | None = None,
+    ) -> None:
+        self.tips, self.lengths = tips, lengths
+        self.joint, self.joints, self.base, self.tip = joint, joints, base, tip
+        super().__init__(message)
 
 
 class JointError(PinsingError, ValueError):

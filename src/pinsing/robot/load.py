@@ -132,7 +132,9 @@ def load(
         path = list(joint_path(model, last, base_joint))
     except ChainError:
         raise ChainError(
-            f"{whole.label}: base {base!r} is not on the way from the root to tip {tip!r}"
+            f"{whole.label}: base {base!r} is not on the way from the root to tip {tip!r}",
+            base=base,
+            tip=tip,
         ) from None
     before = joint_path(model, base_joint)
     if before:
@@ -190,7 +192,8 @@ def _choose_tip(
         if last == base_joint:
             raise ChainError(
                 f"{whole.label}: no joint lies between the base and tip {tip!r}; "
-                "choose a tip farther out"
+                "choose a tip farther out",
+                tip=tip,
             )
         return tip, last, []
     if joints:
@@ -215,13 +218,16 @@ def _free_joints(
     on_path = [model.names[j] for j in path]
     if joints is not None:
         if len(set(joints)) < len(joints):
-            raise ChainError("a joint is named twice in joints")
+            twice = next(name for name in joints if list(joints).count(name) > 1)
+            raise ChainError(f"joint {twice!r} is named twice in joints", joint=twice)
         for name in joints:
             _known("joint", name, list(model.names)[1:])
             if name not in on_path:
                 raise ChainError(
                     f"joint {name!r} is not between the base and the tip; "
-                    f"joints there: {', '.join(on_path)}"
+                    f"joints there: {', '.join(on_path)}",
+                    joint=name,
+                    joints=tuple(on_path),
                 )
             if name in whole.mimics:
                 raise JointError(name, "follows another joint and cannot be chosen; name that one")

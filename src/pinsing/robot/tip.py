@@ -228,7 +228,9 @@ def choose_chain(
         more = f" and {len(arms) - 8} more" if len(arms) > 8 else ""
         raise ChainError(
             f"{label}: {len(arms)} chains could be the arm; choose one: {lines}{more}; "
-            f"in Python load(..., tip={arms[0].tip!r})"
+            f"in Python load(..., tip={arms[0].tip!r})",
+            tips=tuple(c.tip for c in arms),
+            lengths=tuple(c.length(model) for c in arms),
         )
     chosen = arms[0]
     notes = []
