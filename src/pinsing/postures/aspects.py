@@ -17,6 +17,7 @@ from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm
 from pinsing.joint_text import typed
+from pinsing.postures.grounds import PROBABLE, PROVEN, missing, sureness
 from pinsing.postures.joint_map import Map, make_map
 from pinsing.postures.names import posture_names
 from pinsing.postures.partition import Part
@@ -107,6 +108,9 @@ class Aspects(JsonResult):
         What was not counted, or what the counts rest on.
     seconds : float
         Time it took.
+    word : str
+        How sure it is that the families are all: "proven" by a certificate, "probable", or "not
+        complete"; the count is then a lower bound.
     _map : Map or None
         Joint space piece by piece, which `of` and `connect` ask; not written to JSON.
 
@@ -130,11 +134,15 @@ class Aspects(JsonResult):
     families: tuple[str, ...]
     notes: tuple[str, ...]
     seconds: float
+    word: str = field(default=PROBABLE, metadata={"optional": True})
     _map: Map | None = field(default=None, repr=False, metadata={"json": False})
 
     @property
     def proven(self) -> bool:
-        """Whether the count is known: both bounds agree."""
+        """Whether both bounds agree: no fewer, and no more by the families that are known.
+
+        ``word`` says how sure it is that these are all.
+        """
         return self.lower == self.upper
 
     def __len__(self) -> int:
@@ -159,7 +167,7 @@ class Aspects(JsonResult):
         Returns
         -------
         int or None
-            From 1 on; None where it is singular (on a family that separates), or where it could
+            From 1 on; None where it is singular (on a family, within 1e-9 rad), or where it could
             not be told, which happens only very near to one.
 
         Raises
@@ -202,8 +210,11 @@ class Aspects(JsonResult):
         where = "within the joint limits" if self.within_limits else "without joint limits"
         if self.proven:
             head = f"{self.lower} aspect{'s' * (self.lower != 1)} {where}, proven"
+            if self.word != PROVEN:
+                head += " for the families found; that these are all is probable"
         elif self.upper is None:
-            head = f"at least {self.lower} aspects {where}; how many more is not known"
+            plural = "s" * (self.lower != 1)
+            head = f"at least {self.lower} aspect{plural} {where}; how many more is not known"
         else:
             head = f"{self.lower} to {self.upper} aspects {where}"
         lines = [head]
@@ -274,10 +285,7 @@ def aspects(forms: Forms, limits: bool = True, *, seconds: float = SECONDS) -> A
         lower, upper = lower * low, upper * high
         parts.append(PartCount(*_named(chosen, part), low, high))
     form = forms if isinstance(forms, ClosedForm) else forms[0]
-    notes = list(dict.fromkeys(cut.notes))
-    accepted = form.proof is not None and form.proof.accepted
-    if exact and not accepted:
-        notes.append("this rests on the closed form, for which no certificate was made here")
+    notes = [*missing(forms), *dict.fromkeys(cut.notes)]
     return Aspects(
         arm=form.arm,
         within_limits=limits,
@@ -288,6 +296,7 @@ def aspects(forms: Forms, limits: bool = True, *, seconds: float = SECONDS) -> A
         families=cut.cutting,
         notes=tuple(notes),
         seconds=time.monotonic() - begin,
+        word=sureness(forms),
         _map=chosen,
     )
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from itertools import combinations, islice
 from typing import ClassVar
 
+import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
@@ -16,11 +18,14 @@ from pinsing.families import ClosedForm, closed_form
 from pinsing.geometry.nominal import nominal
 from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.verdict import generic_rank
 from pinsing.postures.aspects import aspects
 from pinsing.postures.connection import DIFFERENT, SAME, Connection, connect
+from pinsing.postures.grounds import NOT_COMPLETE, missing
 from pinsing.postures.inverse import inverse
 from pinsing.postures.inverse_solutions import InverseSolution
 from pinsing.postures.names import posture_names
+from pinsing.postures.regular_way import columns
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
@@ -30,6 +35,9 @@ SECONDS = 60.0
 
 _ITSELF = 1e-4
 """Joint distance up to which two solutions are one, as in `inverse`."""
+_SETS = 1000
+_LITTLE = 1e-3
+"""sigma_r / sigma_1 of the joints that stay free, under which others are held instead."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,14 +136,13 @@ class PostureChanges(JsonResult):
             elif way is None:
                 said = "outside the limits" if not s.within_limits else "undecided"
             elif way.answer == SAME and way.path is not None:
-                said = (
-                    f"aspect {other.aspect}: reached without a singularity by "
-                    f"{len(way.path)} waypoints"
-                )
+                how = "without a singularity" if way.proven else "without meeting a family"
+                said = f"aspect {other.aspect}: reached {how} by {len(way.path)} waypoints"
             elif way.answer == DIFFERENT:
-                said = f"aspect {other.aspect}: only by way of a singularity, proven"
+                apart = f"aspect {other.aspect}: " if other.aspect != self.aspect else ""
+                said = f"{apart}only by way of a singularity, proven"
             else:
-                said = "undecided"
+                said = f"undecided: {way.notes[0]}" if way.notes else "undecided"
             lines.append(f"{k:>4}  {', '.join(other.names)}{': ' * bool(other.names)}{said}")
             lines.append(f"      {typed(s.q, self.arm.prismatic, degrees, digits=6)}")
             if way is not None and way.answer == SAME and way.path is not None:
@@ -213,7 +220,7 @@ def posture_changes(
     if forms is not None:
         require_forms_of(forms, arm)
     form = closed_form(arm) if forms is None else forms
-    held, notes = _held(arm, here, fixed, form)
+    held, notes = _held(arm, here, fixed)
     found = aspects(form, limits)
     start = found.of(here)
     known = inverse(arm, tip_placement(arm, here).homogeneous, fixed=held, near=here)
@@ -237,6 +244,10 @@ def posture_changes(
     elif not itself and start is not None:  # of singular ones there are examples only
         notes.append("the configuration given was not found among the solutions: others may lack")
     order = {SAME: 0, "undecided": 1, DIFFERENT: 2}
+    ways = [o.connection for o in others if o.connection is not None]
+    grounds = [n for way in ways if way.answer == SAME for n in way.notes]
+    if found.word == NOT_COMPLETE:
+        grounds += missing(form)
     others.sort(key=lambda o: 3 if o.connection is None else order[o.connection.answer])
     return PostureChanges(
         arm=summarize(arm),
@@ -245,20 +256,40 @@ def posture_changes(
         within_limits=limits,
         others=tuple(others),
         doubt=known.doubt,
-        notes=tuple([*notes, *(n for n in found.notes if "certificate" in n or "complete" in n)]),
+        notes=(*notes, *dict.fromkeys(grounds)),
         names=() if start is None else posture_names(nominal(arm), here[None])[0],
     )
 
 
 def _held(
-    arm: Arm, q: Array, fixed: Mapping[str, float] | None, form: ClosedForm
+    arm: Arm, q: Array, fixed: Mapping[str, float] | None
 ) -> tuple[Mapping[str, float], list[str]]:
     if fixed is not None:
         return fixed, []
-    more = arm.n - form.generic_rank
+    more = arm.n - generic_rank(arm)
     if more <= 0:
         return {}, []
-    names = arm.joints[len(arm.joints) // 2 - 1 :][:more]
+    names = [arm.joints[j] for j in _spare(arm, q, more)]
     said = ", ".join(names)
     note = f"{said} held where {'it is' if more == 1 else 'they are'}: fixed= chooses others"
     return {name: float(q[arm.joints.index(name)]) for name in names}, [note]
+
+
+def _spare(arm: Arm, q: Array, more: int) -> tuple[int, ...]:
+    """Joints to hold: in the middle, where the others can then meet all conditions of the task."""
+    first = arm.n // 2 - 1
+    middle = tuple(range(first, first + more))
+    sets = [middle, *islice(combinations(range(arm.n), more), _SETS)]
+    away = arm.space.sample(8, np.random.default_rng(0), True)
+    J = columns(arm, np.concatenate([q[None], away]))
+    rank = generic_rank(arm)
+    measure = np.empty((len(sets), 2))
+    for k, held in enumerate(sets):
+        sizes = np.linalg.svd(np.delete(J, held, axis=2), compute_uv=False)
+        share = sizes[:, rank - 1] / sizes[:, 0]
+        measure[k] = share[0], float(np.median(share[1:]))
+    # At a singular configuration no set is good there; then what counts is how it is elsewhere.
+    for column in measure.T:
+        if column.max() > _LITTLE:
+            return middle if column[0] > _LITTLE else sets[int(np.argmax(column))]
+    return middle

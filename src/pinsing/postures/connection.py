@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, field
 from functools import partial
 from typing import ClassVar
 
@@ -15,14 +16,33 @@ from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.joint_text import typed
 from pinsing.postures.aspects import Aspects, aspects, map_of
+from pinsing.postures.grounds import (
+    NOT_COMPLETE,
+    PROVEN,
+    missing,
+    opposite,
+    proven_regular,
+    sureness,
+)
 from pinsing.postures.joint_map import Map
-from pinsing.postures.way_clearance import least, lowest, raised, shortened
+from pinsing.postures.way_clearance import beside, least, lowest, raised, shortened
 from pinsing.proximity.watched import Forms
 from pinsing.robot.arm_summary import ArmSummary
 from pinsing.serialization import JsonResult
 
 SECONDS = 5.0
 """Time for a way, beside that for the aspects."""
+
+_RANK = (
+    "the rank on all of the way is proven from the Jacobian, with a bound of how fast it changes: "
+    "no certificate of the families is needed"
+)
+
+_KNOWN = (
+    "a way was found that meets no family that is known; that no configuration on it is singular "
+    "is not proven"
+)
+_SIGNS = "the determinant of the Jacobian is positive at one and negative at the other"
 
 SAME, DIFFERENT, UNDECIDED = "same", "different", "undecided"
 
@@ -36,23 +56,27 @@ class Connection(JsonResult):
     arm : ArmSummary
         The arm.
     answer : str
-        "same": joined without meeting a family that separates, by ``path``. "different": proven
-        to be in different aspects. "undecided".
+        "same": joined by ``path``, which meets no family. "different": proven to be in different
+        aspects, whatever other families there are. "undecided".
     start, end : (n,) arrays
         The configurations.
     aspects : tuple of int or None
         Numbers of their aspects, as `Aspects` has them; None where it could not be told.
     path : (K, n) array or None
-        Waypoints, joined by straight lines in joint space: proven to meet no family that
-        separates. The last is ``end`` but for whole turns of joints that turn endlessly.
+        Waypoints, joined by straight lines in joint space: proven to meet no family. The last
+        is ``end`` but for whole turns of joints that turn endlessly.
     clearance : float
-        No configuration of a family that separates is nearer to the path, proven; NaN without.
+        No configuration of a family is nearer to the path, proven; NaN without, infinite where
+        there is no family.
     length : float
         Of the path, radians (metres over the length scale); NaN without.
     within_limits : bool
         Whether joints end at their limits.
     notes : tuple of str
         What the answer rests on.
+    proven : bool
+        Whether the answer is. "different" always is. "same" is where a certificate says that no
+        family is missing, or where the rank all along the path is proven from the Jacobian.
     """
 
     schema: ClassVar[str] = "pinsing/connection/1"
@@ -68,6 +92,7 @@ class Connection(JsonResult):
     length: float
     within_limits: bool
     notes: tuple[str, ...]
+    proven: bool = field(default=False, metadata={"optional": True})
 
     @property
     def same(self) -> bool | None:
@@ -88,23 +113,31 @@ class Connection(JsonResult):
         >>> import pinsing
         >>> form = pinsing.closed_form(pinsing.load("scara"))
         >>> print(pinsing.connect(form, [0, 1, 0, 0], [0, 2, 0, 0]).text().splitlines()[0])
-        same aspect: joined by a way that meets no family that separates, proven
+        same aspect: joined by a way on which no configuration is singular, proven
         """
         if self.answer == DIFFERENT:
+            a, b = self.aspects
+            which = f"{a} and {b}" if a != b else f"both of what is known as {a}"
             lines = [
-                f"different aspects ({self.aspects[0]} and {self.aspects[1]}), proven: every way "
-                "from one to the other meets a singular configuration"
+                f"different aspects ({which}), proven: every way from one to the other meets a "
+                "singular configuration"
             ]
         elif self.answer == UNDECIDED or self.path is None:
             lines = ["undecided: no way was found, and none is ruled out"]
         else:
-            far = f"{np.degrees(self.clearance):.3g}°" if degrees else f"{self.clearance:.3g} rad"
+            sure = "on which no configuration is singular, proven"
             lines = [
-                "same aspect: joined by a way that meets no family that separates, proven",
-                f"clearance of the way: at least {far}; {len(self.path)} waypoints:",
+                f"same aspect: joined by a way {sure if self.proven else 'that meets no family'}",
+                f"{self._clear(degrees)}; {len(self.path)} waypoints:",
                 *(f"  {typed(q, self.arm.prismatic, degrees, digits=6)}" for q in self.path),
             ]
         return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+
+    def _clear(self, degrees: bool) -> str:
+        if not np.isfinite(self.clearance):
+            return "there is no family to keep away from"
+        far = f"{np.degrees(self.clearance):.3g}°" if degrees else f"{self.clearance:.3g} rad"
+        return f"clearance of the way: at least {far}"
 
     def __str__(self) -> str:
         return self.text()
@@ -168,27 +201,35 @@ def connect(
     start, end = chosen.check(qa), chosen.check(qb)
     places = [chosen.place(q) for q in (start, end)]
     numbers = [None if p is None else chosen.number(p) for p in places]
-    notes = [n for n in found.notes if "certificate" in n or "complete" in n]
-    answer, path = UNDECIDED, None
+    notes: list[str] = []
+    answer, path, sure = UNDECIDED, None, False
     until = time.monotonic() + seconds
-    singular = [chosen.singular(q) for q in (start, end)]
+    singular = [chosen.on(q) for q in (start, end)]
     if any(singular):
-        which = _which(singular)
-        notes.append(f"{which} configuration is on a family that separates: it is in no aspect")
+        which, names = _which(map(bool, singular)), " and ".join(filter(None, singular))
+        notes.append(f"{which} configuration is singular, on {names}: it is in no aspect")
     elif places[0] is None or places[1] is None:
         which = _which([p is None for p in places])
         notes.append(f"the aspect of {which} configuration could not be told: a boundary is near")
     else:
         if _apart(chosen, places[0], places[1]):
             answer = DIFFERENT
+        elif opposite(forms, start, end):
+            answer = DIFFERENT
+            notes.append(_SIGNS)
         else:
             path = _way(chosen, places[0], start, end, until)
             answer = UNDECIDED if path is None else SAME
             if path is None:
                 notes.append("a way within the aspect was looked for and not found")
-    clearance = length = float("nan")
     if path is not None:
         path = raised(chosen, path, until)
+        sure, said = _stands(forms, path)
+        notes += said
+        if not sure and sureness(forms) == NOT_COMPLETE:
+            answer, path = UNDECIDED, None
+    clearance = length = float("nan")
+    if path is not None:
         clearance = least(chosen, path)
         length = float(chosen.watched.length(np.diff(path, axis=0)).sum())
     return Connection(
@@ -202,10 +243,20 @@ def connect(
         length=length,
         within_limits=limits,
         notes=tuple(notes),
+        proven=answer == DIFFERENT or (answer == SAME and sure),
     )
 
 
-def _which(ends: list[bool]) -> str:
+def _stands(forms: Forms, path: Array) -> tuple[bool, list[str]]:
+    """Whether it is proven that no configuration on a way is singular, and what that rests on."""
+    if sureness(forms) == PROVEN:
+        return True, []
+    if proven_regular(forms, path):
+        return True, [_RANK]
+    return False, [_KNOWN, *missing(forms)]
+
+
+def _which(ends: Iterable[bool]) -> str:
     return " and ".join(w for w, s in zip(("the first", "the second"), ends, strict=True) if s)
 
 
@@ -233,7 +284,7 @@ def _way(
     endless = np.array(chosen.partition.endless)
     goal = np.where(endless, goal + 2 * np.pi * np.round((start - goal) / (2 * np.pi)), goal)
     if chosen.clear(np.stack([start, goal])):
-        return np.stack([start, goal])
+        return beside(chosen, np.stack([start, goal]))
     rows = [start]
     parts = zip(chosen.partition.parts, chosen.pieces, place, strict=True)
     for part, pieces, (box, component) in parts:
@@ -255,7 +306,7 @@ def _way(
             q[columns] = here[columns] + (x - a)
             rows.append(q)
     path = shortened(np.array(rows), chosen.clear, partial(lowest, chosen), until)
-    return path if chosen.clear(path) else None
+    return beside(chosen, path) if chosen.clear(path) else None
 
 
 def _room(chosen: Map, columns: list[int], here: Array, X: Array) -> float:

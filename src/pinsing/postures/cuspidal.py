@@ -19,7 +19,7 @@ from pinsing.kinematics.task_rows import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.postures.aspects import Aspects, aspects
 from pinsing.postures.connection import SAME, Connection, connect
-from pinsing.postures.grounds import PRACTICAL, certified, nearly
+from pinsing.postures.grounds import PRACTICAL, certified, missing, nearly
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.regular_way import one_sheet, regular_way
@@ -40,7 +40,7 @@ _FINE = 400
 _WITNESS = (
     "two inverse solutions of one pose are joined by a way on which no configuration is singular"
 )
-_CLEAR = "two inverse solutions of one pose are joined by a way that meets no family that separates"
+_CLEAR = "two inverse solutions of one pose are joined by a way that meets no family"
 _THIN = (
     "the way is so near to singular configurations that a bound of how fast the Jacobian changes "
     "does not clear it; the equations of the closed form do"
@@ -201,7 +201,7 @@ def cuspidality(
     form = closed_form(arm) if forms is None else forms
     found = aspects(form, limits=False)
     rng = np.random.default_rng(seed)
-    notes = [n for n in found.notes if "complete" in n or "certificate" in n]
+    notes = missing(form)
     most, tried, crowded = 0, 0, ""
     for k, q in enumerate(arm.space.sample(poses, rng, True)):
         pose = tip_placement(arm, q).homogeneous

@@ -8,7 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pinsing._types import Array, Bool
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.postures.inverse_solutions import InverseSolution
 from pinsing.postures.kantorovich import POSE, radii
 from pinsing.postures.newton import Solver
@@ -78,7 +78,17 @@ class FoundSolutions:
         """Signs of the determinant, (N,); zero where there is none, or it is noise."""
         if len(self.solver.task.rows) != len(self.solver.free):
             return np.zeros(len(Q))
-        return np.where(ratios(self.arm, Q) > _REGULAR, self.solver.signs(Q), 0.0)
+        return np.where(self._measure(Q) > _REGULAR, self.solver.signs(Q), 0.0)
+
+    def _measure(self, Q: Array) -> Array:
+        """sigma_r / sigma_1 (N,): where joints are held the less of the arm's and the others'."""
+        own = ratios(self.arm, Q)
+        if len(self.solver.free) == self.arm.n or not len(Q):
+            return own
+        sizes = np.linalg.svd(self.solver.linear(Q)[1], compute_uv=False)
+        rank = generic_rank(self.arm)
+        others = sizes[:, rank - 1] / np.maximum(sizes[:, 0], 1e-300)
+        return np.asarray(np.minimum(own, others))
 
     def follow(self, images: Callable[[Array], Array]) -> None:
         """Start from images of each solution that is new since the last time, and of theirs."""
@@ -86,7 +96,7 @@ class FoundSolutions:
             new = np.array(self.q[self._followed :])
             self._followed = len(self.q)
             # Singular solutions lie on curves, of which there is no end.
-            new = new[ratios(self.arm, new) > _REGULAR] if len(new) else new
+            new = new[self._measure(new) > _REGULAR] if len(new) else new
             if not len(new):
                 return
             start = images(new)
@@ -100,7 +110,7 @@ class FoundSolutions:
         """Which of them are regular, (K,)."""
         if not self.q:
             return np.zeros(0, dtype=bool)
-        return np.greater(ratios(self.arm, np.array(self.q)), _REGULAR)
+        return np.greater(self._measure(np.array(self.q)), _REGULAR)
 
     @property
     def lacking(self) -> int:
@@ -130,7 +140,7 @@ class FoundSolutions:
             return ()
         arm, held = self.arm, self.held
         Q = np.where(np.isnan(held), arm.fold(np.array(self.q)), held)
-        measure = ratios(arm, Q)
+        measure = self._measure(Q)
         regular: Bool = np.greater(measure, _REGULAR)
         outside: Bool = np.asarray(arm.space.outside(Q).any(axis=1))
         outside |= bool(np.any((held < arm.lower) | (held > arm.upper)))

@@ -25,7 +25,8 @@ class InverseSolution:
     q : (n,) array
         Joint values; by whole turns within the limits where that can be.
     regular : bool
-        Whether it is not singular: then it is isolated, and moves smoothly with the pose.
+        Whether it is not singular: then it is isolated, and moves smoothly with the pose. Where
+        joints are held this is about the others: they meet all conditions.
     sigma_ratio : float
         sigma_r / sigma_1: what the verdict stands on.
     within_limits : bool

@@ -75,13 +75,20 @@ class Map:
             return True
         return len(crossings_of(self.cutting, motion_of(self.cutting, Q, None))) == 0
 
-    def singular(self, q: Array) -> bool:
-        """Whether a configuration is on a family that separates, within 1e-9 rad."""
-        if not self.cutting.families:
-            return False
-        if not self.clear(np.stack([q, q])):
+    def regular(self, Q: Array) -> bool:
+        """Whether a polyline (K, n) meets no family at all, with proof."""
+        if not self.watched.families:
             return True
-        return float(quick(self.cutting, q[None]).upper[0]) <= _ON
+        return len(crossings_of(self.watched, motion_of(self.watched, Q, None))) == 0
+
+    def on(self, q: Array) -> str:
+        """Name of a family that a configuration is on, within 1e-9 rad; empty where on none."""
+        if not self.watched.families:
+            return ""
+        for event in crossings_of(self.watched, motion_of(self.watched, np.stack([q, q]), None)):
+            return event.family
+        near = quick(self.watched, q[None])
+        return self.watched.names[int(near.family[0])] if float(near.upper[0]) <= _ON else ""
 
     def clear_in(self, part: Part, q: Array) -> Clear:
         """The same for the joints of a part, with the others as in q."""
@@ -95,8 +102,8 @@ class Map:
         return clear
 
     def place(self, q: Array) -> tuple[tuple[int, int], ...] | None:
-        """Box and component of each part; None on what separates, or where it cannot be told."""
-        if self.singular(q):
+        """Box and component of each part; None on a family, or where it cannot be told."""
+        if self.on(q):
             return None
         out = []
         for part, pieces in zip(self.partition.parts, self.pieces, strict=True):

@@ -148,8 +148,6 @@ def partition(watched: Watched, limits: bool) -> Partition:
     surfaces: list[Surface] = []
     notes: list[str] = []
     exact = watched.complete
-    if not watched.complete:
-        notes.append("the closed form is not complete: a family that is missing may separate more")
     cutting: list[str] = []
     for name, family in zip(watched.names, watched.families, strict=True):
         if not family.real or family.codimension != 1:

@@ -25,7 +25,7 @@ _SHORT = 1e-8
 _ALIKE = 1e-6
 
 
-def regular_way(arm: Arm, path: Array) -> bool:
+def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
     """Whether a polyline is proven to have the generic rank throughout.
 
     Parameters
@@ -34,6 +34,8 @@ def regular_way(arm: Arm, path: Array) -> bool:
         A serial arm whose joints are independent.
     path : (K, n) array
         Waypoints, joined by straight lines in joint space.
+    most : int
+        Pieces after which it is given up.
     """
     solver, rank = _solver(arm), generic_rank(arm)
     steep = float(bend(solver, path).max())
@@ -46,7 +48,7 @@ def regular_way(arm: Arm, path: Array) -> bool:
         half = np.linalg.norm((b - a) * solver.weight, axis=1) / 2
         sizes = np.linalg.svd(solver.linear(middle)[1], compute_uv=False)
         open_ = sizes[:, rank - 1] - _ROUNDING * sizes[:, 0] <= steep * half
-        if done > _MOST or (half[open_] < _SHORT).any():
+        if done > most or (half[open_] < _SHORT).any():
             return False
         a, b, middle = a[open_], b[open_], middle[open_]
         ends = np.concatenate([np.stack([a, middle], 1), np.stack([middle, b], 1)])
@@ -59,11 +61,16 @@ def one_sheet(arm: Arm, a: Array, b: Array) -> bool:
     An arm with fewer joints than a pose has conditions reaches a surface of poses. Where two
     sheets of it cross, two configurations have one pose by chance: poses near by have only one.
     """
-    J = _solver(arm).linear(np.stack([a, b]))[1]
+    J = columns(arm, np.stack([a, b]))
     if J.shape[1] <= generic_rank(arm):
         return True
     u, v = (np.linalg.svd(A)[0][:, : generic_rank(arm)] for A in J)
     return bool(np.abs(v - u @ (u.T @ v)).max() < _ALIKE)
+
+
+def columns(arm: Arm, Q: Array) -> Array:
+    """Task Jacobians (N, m, n) of a serial arm whose joints are independent; joints weighted."""
+    return _solver(arm).linear(Q)[1]
 
 
 def _solver(arm: Arm) -> Solver:

@@ -1,4 +1,7 @@
-"""How clear a way is, and how waypoints are pushed away from what is near."""
+"""How clear a way is, and how waypoints are pushed away from what is near.
+
+All families count: one of two conditions or more separates nothing, but is singular.
+"""
 
 from __future__ import annotations
 
@@ -20,13 +23,16 @@ _ENOUGH = 0.85
 """Share of the clearance of the nearer end at which a way is clear enough: it can have no more."""
 _PROBE = 0.01
 _STRIDE = 0.12
+_ASIDE = (0.02, 0.05, 0.1, 0.2, 0.4, 0.8)
+"""How far a way bends, radians, that goes round what separates nothing."""
+_DIRECTIONS = 4
 
 
 def lowest(chosen: Map, Q: Array) -> float:
     """Least lower bound of the clearance at some points of a polyline."""
     share = np.linspace(0, 1, _FINE)
     fine = np.concatenate([a + share[:, None] * (b - a) for a, b in pairwise(Q)])
-    return float(quick(chosen.cutting, fine).lower.min())
+    return float(quick(chosen.watched, fine).lower.min())
 
 
 def shortened(
@@ -63,7 +69,7 @@ def least(chosen: Map, path: Array) -> float:
     less than in its middle less h.
     """
     pieces = list(pairwise(path))
-    if not chosen.cutting.families:
+    if not chosen.watched.families:
         return float("inf")
     low, high = 0.0, float("inf")
     begin = np.array([a for a, _ in pieces])
@@ -72,7 +78,7 @@ def least(chosen: Map, path: Array) -> float:
     for _ in range(14):
         middle = (begin + end) / 2
         half = chosen.watched.length(end - begin) / 2
-        at = quick(chosen.cutting, middle).lower
+        at = quick(chosen.watched, middle).lower
         high = min(high, float(at.min()))
         bound = at - half
         fine = bound >= 0.9 * high
@@ -85,7 +91,7 @@ def least(chosen: Map, path: Array) -> float:
             break
     if len(begin):
         middle = (begin + end) / 2
-        out.append(quick(chosen.cutting, middle).lower - chosen.watched.length(end - begin) / 2)
+        out.append(quick(chosen.watched, middle).lower - chosen.watched.length(end - begin) / 2)
     low = min((float(x.min()) for x in out if len(x)), default=high)
     return max(low, 0.0)
 
@@ -96,16 +102,16 @@ def raised(chosen: Map, path: Array, until: float) -> Array:
     Each moves along the gradient of the clearance, by differences; the way is certified anew, and
     kept only where its least clearance is larger. It is never larger than that of the ends.
     """
-    if not chosen.cutting.families:
+    if not chosen.watched.families:
         return path
-    most = float(quick(chosen.cutting, path[[0, -1]]).lower.min())
+    most = float(quick(chosen.watched, path[[0, -1]]).lower.min())
     best, bound = path, least(chosen, path)
     points, stride = _stations(chosen, path), _STRIDE
     for _ in range(_ROUNDS):
         if bound >= _ENOUGH * most or time.monotonic() > until:
             break
         tried = _pushed(chosen, points, most, stride)
-        now = least(chosen, tried) if chosen.clear(tried) else 0.0
+        now = least(chosen, tried) if chosen.regular(tried) else 0.0
         if now > 1.02 * bound:
             points, best, bound = tried, tried, now
         elif stride > _STRIDE / 8:
@@ -115,8 +121,30 @@ def raised(chosen: Map, path: Array, until: float) -> Array:
     if best is path:
         return path
     # What was laid in for the push is left out again where that costs nothing.
-    short = shortened(best, chosen.clear, lambda Q: lowest(chosen, Q), until, keep=0.98)
-    return short if chosen.clear(short) and least(chosen, short) >= 0.9 * bound else best
+    short = shortened(best, chosen.regular, lambda Q: lowest(chosen, Q), until, keep=0.98)
+    return short if chosen.regular(short) and least(chosen, short) >= 0.9 * bound else best
+
+
+def beside(chosen: Map, path: Array) -> Array | None:
+    """A way between the same ends that meets no family, beside one that meets none that separates.
+
+    What has two conditions or more is missed by nearly every way: bends of a few sizes in random
+    directions are tried, the small ones first.
+    """
+    if chosen.regular(path):
+        return path
+    points = _stations(chosen, path)
+    bend = np.sin(np.pi * np.linspace(0, 1, len(points)))[:, None]
+    low, high = chosen.partition.low, chosen.partition.high
+    rng = np.random.default_rng(0)
+    for size in _ASIDE:
+        for direction in rng.normal(size=(_DIRECTIONS, path.shape[1])):
+            aside = size * direction / np.linalg.norm(direction) / chosen.watched.weight
+            tried: Array = np.clip(points + bend * aside, low, high)
+            tried[0], tried[-1] = path[0], path[-1]
+            if chosen.regular(tried):
+                return tried
+    return None
 
 
 def _stations(chosen: Map, path: Array) -> Array:
@@ -139,13 +167,13 @@ def _pushed(chosen: Map, points: Array, most: float, stride: float) -> Array:
     low, high = chosen.partition.low, chosen.partition.high
     probe = _PROBE * np.diag(unit)
     for _ in range(4):
-        here = quick(chosen.cutting, inner).lower
+        here = quick(chosen.watched, inner).lower
         near = np.flatnonzero(here < most)
         if not len(near):
             break
         x = inner[near]
         ahead, behind = (
-            quick(chosen.cutting, (x[:, None, :] + s * probe).reshape(-1, x.shape[1])).lower
+            quick(chosen.watched, (x[:, None, :] + s * probe).reshape(-1, x.shape[1])).lower
             for s in (1, -1)
         )
         slope = (ahead - behind).reshape(x.shape) / (2 * _PROBE)
