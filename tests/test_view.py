@@ -35,7 +35,14 @@ from pinsing.measures import SINGULAR_RTOL, velocity_ellipsoid
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.view import Viewer
-from pinsing.view.ellipsoids import FLOOR, drawn_radii, flat_direction, pure_ellipsoids, sizes
+from pinsing.view.ellipsoids import (
+    FLOOR,
+    LEAST,
+    drawn_radii,
+    flat_direction,
+    pure_ellipsoids,
+    sizes,
+)
 from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import FixedJoints, finding_entries
 from pinsing.view.frame import make_frame
@@ -91,10 +98,19 @@ def test_pure_ellipsoid_bounds_the_motions_that_leave_the_rest_alone(
 
 def test_a_flat_ellipsoid_is_drawn_as_a_disc_and_its_data_left_alone() -> None:
     radii = np.array([2.0, 1.0, 0.0])
-    drawn = drawn_radii(radii, 0.5)
+    drawn = drawn_radii(radii, 0.5, reach=1.0)
     assert drawn == pytest.approx([1.0, 0.5, FLOOR])
     assert radii[2] == 0.0
-    assert drawn_radii(np.zeros(3), 1.0) == pytest.approx([0, 0, 0])
+    assert drawn_radii(np.zeros(3), 1.0, reach=1.0) == pytest.approx([0, 0, 0])
+
+
+def test_what_is_flat_in_a_small_ellipsoid_is_thick_enough_to_be_seen_and_still_flat() -> None:
+    line = np.array([2.0, 0.0, 0.0])
+    assert drawn_radii(line, 0.05, reach=1.0) == pytest.approx([0.1, LEAST, LEAST])
+    assert drawn_radii(line, 0.005, reach=1.0) == pytest.approx([0.01, 0.001, 0.001])
+    # One that is no thinner than that is drawn as it is.
+    full = np.array([2.0, 1.0, 0.9])
+    assert drawn_radii(full, 0.05, reach=1.0) == pytest.approx(0.05 * full)
 
 
 def test_sizes_follow_the_scale_and_the_reach() -> None:

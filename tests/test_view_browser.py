@@ -326,6 +326,27 @@ def test_the_nearest_singular_pose_and_back(page: Any, static: Path) -> None:
 
 
 @pytest.mark.slow
+def test_the_nearest_of_listed_poses_where_no_family_is_known(page: Any, static: Path) -> None:
+    """A search that finds single poses, and no condition, leaves entries without a family."""
+    open_page(page, static.as_uri() + "#q=0.3,0.4,0.05,0.5")
+    page.evaluate("() => { window.pinsing.page.engine.families = []; }")
+    page.locator("#nearest-pose").click()
+    page.wait_for_function("() => document.getElementById('status').textContent === 'Singular'")
+    q = np.array(page.evaluate("() => window.pinsing.view.frame.q"))
+    listed = page.evaluate("() => window.pinsing.page.entries.flatMap((e) => e.q)")
+    turn = 2 * np.pi * np.array([1, 1, 0, 1])  # the third joint slides
+    gaps = np.array(listed) - [0.3, 0.4, 0.05, 0.5]
+    gaps -= turn * np.round(gaps / np.where(turn, turn, 1))
+    best = int(np.linalg.norm(gaps, axis=1).argmin())
+    np.testing.assert_allclose(q, listed[best], atol=1e-9)
+    assert "nearest that is listed" in text(page, "#playing")
+    page.evaluate("() => { window.pinsing.page.entries.forEach((e) => { e.into = false; }); }")
+    page.evaluate("() => { window.pinsing.go([0.3, 0.4, 0.05, 0.5]); }")
+    page.locator("#nearest-pose").click()
+    assert text(page, "#playing") == "no singular pose was found"
+
+
+@pytest.mark.slow
 def test_the_clearest_pose_is_clear(page: Any, static: Path) -> None:
     arm = load("scara")
     open_page(page, static.as_uri())

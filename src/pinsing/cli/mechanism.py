@@ -214,9 +214,6 @@ def view_loops(
     picture = picture_size(size)
     mechanism = read(loops, options)
     inputs = _inputs(mechanism, poses, deg)
-    from pinsing.mechanism import analyze_mechanism
-    from pinsing.view.mechanism import MechanismViewer
-
     saved = None if analysis is None else _saved(analysis, mechanism)
     live = html is None and png is None
     # What is typed and can still be refused is judged before a browser opens.
@@ -224,6 +221,10 @@ def view_loops(
     with contextlib.ExitStack() as stack:
         page = served_ahead(mechanism.name, host, port, no_open)
         server = stack.enter_context(page) if live and not late else None
+        # Imports that the browser does not wait for.
+        from pinsing.mechanism import analyze_mechanism
+        from pinsing.view.mechanism import MechanismViewer
+
         with waiting() as at:
             at("finding the singular configurations")
             found = saved or analyze_mechanism(mechanism, inputs if poses else None)

@@ -93,12 +93,6 @@ def view_command(
     if STDOUT in (html, png):
         raise OptionError("--html and --png need the name of a file")
     arm = request.load()
-    from pinsing.view.links import read_links_ahead
-
-    if not skeleton:
-        read_links_ahead(arm)  # a child process reads them meanwhile
-    from pinsing.view.viewer import Viewer
-
     vectors = [joint_vector(arm, text, "--q", deg) for text in poses]
     saved = None if analysis is None else _read(analysis, arm)
     live = html is None and png is None
@@ -107,6 +101,13 @@ def view_command(
     with contextlib.ExitStack() as stack:
         page = served_ahead(arm.name, host, port, no_open)
         server = stack.enter_context(page) if live and not late else None
+        # Half a second of imports, which the browser does not wait for.
+        from pinsing.view.links import read_links_ahead
+
+        if not skeleton:
+            read_links_ahead(arm)  # a child process reads them meanwhile
+        from pinsing.view.viewer import Viewer
+
         with waiting() as at:
             families, findings = _find(arm, at) if saved is None else saved
             at("preparing the page")

@@ -16,6 +16,12 @@ from pinsing.robot.arm import Arm
 FLOOR = 0.012
 """Drawn semi-axes are at least this share of the largest: an exact zero would vanish."""
 
+LEAST = 0.006
+"""And at least this share of the reach: a disc or a line of a small arm would be a sliver."""
+
+SLIM = 0.1
+"""But for its sake no more than this share of the largest: what is flat is to look flat."""
+
 FLAT_RTOL = 1e-5
 """A semi-axis at or below this share of the largest counts as flat; drawing needs no more."""
 
@@ -65,12 +71,13 @@ def _reach(arm: Arm) -> float:
     return max(float(sum(offsets) + tip + slides), 1e-3)
 
 
-def drawn_radii(radii: Array, scale: float) -> Array:
+def drawn_radii(radii: Array, scale: float, reach: float) -> Array:
     """Semi-axes (3,) to draw, metres: floored where flat; all zero where there is no motion."""
-    largest = float(radii[0])
-    if largest <= 1e-12:
+    largest = scale * float(radii[0])
+    if radii[0] <= 1e-12:
         return np.zeros(3)
-    return np.asarray(scale * np.maximum(radii, FLOOR * largest))
+    thinnest = max(FLOOR * largest, min(LEAST * reach, SLIM * largest))
+    return np.asarray(np.maximum(scale * radii, thinnest))
 
 
 def flat_direction(ellipsoid: Ellipsoid, rtol: float = FLAT_RTOL) -> Array | None:

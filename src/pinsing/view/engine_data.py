@@ -17,7 +17,7 @@ from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_axis import joint_axis
-from pinsing.view.ellipsoids import FLOOR, Sizes
+from pinsing.view.ellipsoids import FLOOR, LEAST, SLIM, Sizes
 from pinsing.view.entries import Entry
 
 SCHEMA = "pinsing/engine/1"
@@ -77,6 +77,8 @@ def sizes_data(sizes: Sizes) -> dict[str, float]:
         "translation": sizes.translation,
         "rotation": sizes.rotation,
         "floor": FLOOR,
+        "least": LEAST * sizes.reach,
+        "slim": SLIM,
     }
 
 

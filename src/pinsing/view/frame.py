@@ -100,18 +100,18 @@ def _ellipsoids(state: State, sizes: Sizes) -> dict[str, dict[str, Any]]:
     lost = state.status != REGULAR
     return {
         mode: {
-            kind: _ellipsoid(e, scale, lost)
+            kind: _ellipsoid(e, scale, sizes.reach, lost)
             for kind, e, scale in zip(("translation", "rotation"), pair, scales, strict=True)
         }
         for mode, pair in (("all", every), ("pure", pure))
     }
 
 
-def _ellipsoid(ellipsoid: Ellipsoid, scale: float, lost: bool) -> dict[str, Any]:
+def _ellipsoid(ellipsoid: Ellipsoid, scale: float, reach: float, lost: bool) -> dict[str, Any]:
     flat = flat_direction(ellipsoid) if lost else None
     return {
         "turn": rounded(quaternion(ellipsoid.axes)),
-        "drawn": rounded(drawn_radii(ellipsoid.radii, scale), 6),
+        "drawn": rounded(drawn_radii(ellipsoid.radii, scale, reach), 6),
         "radii": digits(ellipsoid.radii),
         "flat": None if flat is None else rounded(turn_z_to(flat)),
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import gzip
 import html
+import importlib.util
 import json
 import re
 from functools import cache
@@ -71,6 +72,18 @@ _STATIC_POLICY = (
 )
 
 
+# Asked for before the scripts run, which take longer than the answers.
+_AHEAD = "".join(
+    f'<link rel="preload" href="{name}" as="{kind}">\n'
+    for name, kind in (
+        ("meshcat.js", "script"),
+        ("page.js", "script"),
+        ("page.json", 'fetch" crossorigin="anonymous'),
+        ("scene", 'fetch" crossorigin="anonymous'),
+    )
+)
+
+
 @cache
 def asset(name: str) -> str:
     """Text of a file that belongs to the page."""
@@ -80,9 +93,11 @@ def asset(name: str) -> str:
 @cache
 def meshcat_script() -> str:
     """Meshcat's own viewer, three.js included (MIT licence)."""
-    import meshcat
-
-    folder = Path(meshcat.__file__).parent / "viewer" / "dist"
+    # Found, not imported: its Python side brings IPython, and a browser waits for this file.
+    spec = importlib.util.find_spec("meshcat")
+    assert spec is not None
+    assert spec.origin is not None
+    folder = Path(spec.origin).parent / "viewer" / "dist"
     return (folder / "main.min.js").read_text(encoding="utf-8")
 
 
@@ -117,6 +132,7 @@ def live_html(title: str) -> str:
         title=html.escape(title),
         head=_policy(LIVE_POLICY) + '\n<link rel="icon" href="data:,">',
         style='<link rel="stylesheet" href="page.css">',
+        ahead=_AHEAD,
         data="",
         scripts='<script src="meshcat.js"></script>\n<script src="page.js"></script>',
         links="",
@@ -135,6 +151,7 @@ def static_html(title: str, page: dict[str, Any], scene: bytes, links: bytes) ->
         title=html.escape(title),
         head=_policy(_STATIC_POLICY) + '\n<link rel="icon" href="data:,">',
         style=f"<style>\n{asset('page.css')}\n</style>",
+        ahead="",
         data="\n".join(baked),
         scripts="\n".join(scripts),
         links=_baked("links", links),

@@ -14,7 +14,7 @@ from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm
-from pinsing.view.ellipsoids import FLOOR, Sizes
+from pinsing.view.ellipsoids import LEAST, Sizes
 from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import Entry
 from pinsing.view.frame import ARROWS, make_frame
@@ -127,7 +127,7 @@ class Stage:
                 "reach": sizes.reach,
                 "translation": float(f"{sizes.translation:.3g}"),
                 "rotation": float(f"{sizes.rotation:.3g}"),
-                "floor": FLOOR,
+                "thickness": 2 * LEAST * sizes.reach,
                 "mode": self.mode,
                 "shapes": self.links.geometry is not None and not self.skeleton,
                 "bare": list(self.links.bare(arm)),

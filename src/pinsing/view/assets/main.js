@@ -4,7 +4,7 @@
 const PATH_WORDS = { into: "approach", along: "move within" };
 
 class App {
-  constructor(page, view, scene) {
+  constructor(page, view, scene, stream = null) {
     this.page = page;
     this.view = view;
     this.view.begin(page.settings, scene);
@@ -15,7 +15,7 @@ class App {
       pick: (values) => this.pick(values),
       meet: (entry, found) => this.meet(entry, found),
     });
-    this.source = this.makeSource({ pushed: (message) => this.pushed(message), gone: () => this.gone() });
+    this.source = this.makeSource(stream, { pushed: (message) => this.pushed(message), gone: () => this.gone() });
     this.player = new Player((frame) => this.frame(frame), () => this.settle());
     this.take = new Take(this);
     this.postures = new Postures(this, page.postures ?? []);
@@ -29,7 +29,7 @@ class App {
 
   makePanel(actions) { return new Panel(this.page, actions); }
 
-  makeSource(handlers) { return new EngineSource(this.page, handlers); }
+  makeSource(stream, handlers) { return new EngineSource(this.page, stream, handlers); }
 
   get path() { return this.player.path; }
   get running() { return this.player.running; }
@@ -163,10 +163,17 @@ class App {
     const { q, status } = this.view.frame, back = this.before;
     if (back && back.there.every((v, j) => v === q[j])) { this.before = null; this.go(back.here); return; }
     const found = this.source.nearest(q);
-    if (!found || found.on && status === "singular") { this.say(found ? "this pose is singular" : "no singular pose was found"); return; }
+    if (!found || found.on && status === "singular") { this.say(found ? "this pose is singular" : this.noneNear()); return; }
     this.go(found.q);
     this.before = { here: q, there: this.view.frame.q };
     this.panel.nearestWords("back");
+    if (found.words) this.say(found.words);
+  }
+
+  noneNear() {
+    const { entries } = this.page;
+    return !entries.length ? "nothing singular is listed for this arm and task"
+      : entries.some((e) => e.poses) ? "no singular pose was found" : "none of those listed is within the limits";
   }
 
   go(q, frame = this.source.compute(q)) {

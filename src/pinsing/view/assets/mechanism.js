@@ -4,8 +4,8 @@
 const SETTLED = 120; // ms without a move
 
 class MechanismApp extends App {
-  constructor(page, view, scene) {
-    super(page, view, scene);
+  constructor(page, view, scene, stream) {
+    super(page, view, scene, stream);
     document.body.classList.add("mechanism");
     // In a plane, what is drawn at the output lies inside the links.
     if (page.settings.planar) for (const part of ["ellipsoid", "lost", "free"]) {
@@ -23,7 +23,7 @@ class MechanismApp extends App {
     });
   }
 
-  makeSource(handlers) { return new MechanismSource(this.page, handlers); }
+  makeSource(stream, handlers) { return new MechanismSource(this.page, stream, handlers); }
 
   inputs(q) { return this.page.inputs.map((i) => q[i]); }
 

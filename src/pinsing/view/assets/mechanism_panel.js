@@ -36,12 +36,12 @@ class MechanismPanel extends Panel {
   }
 
   scale() {
-    const { translation, rotation, floor } = this.page.settings;
+    const { translation, rotation, thickness } = this.page.settings;
     const parts = [];
     if (translation !== null) parts.push(`1 m/s is drawn ${number(translation)} m long`);
     if (rotation !== null) parts.push(`1 rad/s ${parts.length ? "" : "is drawn "}${number(rotation)} m`);
-    return `At unit actuator speed: ${parts.join(", ")}. Flat ellipses are drawn ${100 * floor}% thick, ` +
-      "very long ones cut short.";
+    return `At unit actuator speed: ${parts.join(", ")}. What is flat is drawn up to ` +
+      `${number(1000 * thickness)} mm thick, to be seen; what is very long is cut short.`;
   }
 
   keys() {

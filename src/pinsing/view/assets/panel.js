@@ -28,6 +28,12 @@ function number(value) {
   return String(Number(value.toPrecision(3)));
 }
 
+// Whether an ellipsoid is drawn thicker than it is, and why, in a word; scale: metres for its unit.
+function thickened({ drawn, radii }, scale) {
+  const thin = radii.filter((r, k) => drawn[k] > 1.05 * scale * r).length;
+  return thin === 1 ? "a disc, thickened" : thin === 2 ? "a line, thickened" : "";
+}
+
 const WORDS = { singular: "Singular", "near-singular": "Near-singular", regular: "Regular" };
 
 // What is read at an arm: label, title, and where it goes.
@@ -74,15 +80,19 @@ class Panel {
   numbers() { return ARM_NUMBERS; }
 
   scale() {
-    const { translation, rotation, floor } = this.page.settings;
+    const { translation, rotation, thickness } = this.page.settings;
     return `Ellipsoids at unit joint speed: 1 m/s is drawn ${number(translation)} m long, ` +
-      `1 rad/s ${number(rotation)} m. Flat ones are drawn ${100 * floor}% thick.`;
+      `1 rad/s ${number(rotation)} m. What is flat is drawn up to ${number(1000 * thickness)} mm thick, to be seen.`;
   }
 
   keys() {
-    const pure = (this.mode ?? this.page.settings.mode) === "pure";
-    $("key-translation").textContent = pure ? "pure translations (\u03c9 = 0)" : "tip velocity, whatever the rotation";
-    $("key-rotation").textContent = pure ? "pure rotations (v = 0)" : "angular velocity, whatever the translation";
+    const mode = this.mode ?? this.page.settings.mode, pure = mode === "pure";
+    for (const [kind, words] of [["translation", pure ? "pure translations (\u03c9 = 0)" : "tip velocity, whatever the rotation"],
+                                 ["rotation", pure ? "pure rotations (v = 0)" : "angular velocity, whatever the translation"]]) {
+      const key = $(`key-${kind}`), drawn = this.frame ? thickened(this.frame.ellipsoids[mode][kind], this.page.settings[kind]) : "";
+      key.textContent = words + (drawn && `: ${drawn}`);
+      key.title = drawn ? "Drawn thicker than it is, to be seen" : "";
+    }
   }
 
   entries() {
@@ -195,6 +205,8 @@ class Panel {
   }
 
   show(frame, dragged = -1) {
+    this.frame = frame;
+    this.keys();
     this.verdict(frame);
     this.readings(frame);
     $("why").textContent = frame.why.length ? `because ${frame.why.join("; ")}` : "";

@@ -4,9 +4,10 @@
 const nextTask = () => new Promise((resolve) => setTimeout(resolve));
 
 class EngineSource {
-  constructor(page, handlers) {
+  constructor(page, stream, handlers) {
     this.page = page;
-    this.stream = page.live ? new LiveSource(handlers) : null;
+    this.stream = stream;
+    stream?.follow(handlers);
   }
 
   async start() { return this.stream ? this.stream.start() : this.page.start; }
@@ -21,7 +22,7 @@ class EngineSource {
         : Engine.meetings(f, q, j, joint.lower, joint.upper, joint.prismatic).map((value) => ({ value, name: f.name, text: f.text })))));
   }
 
-  familyOf(entry) { return this.page.engine.families.find((f) => f.entry === entry) ?? null; }
+  familyOf(entry) { return (this.page.engine.families ?? []).find((f) => f.entry === entry) ?? null; }
 
   async path(entry, k, kind) {
     const { engine, entries } = this.page, family = this.familyOf(entry), goal = entries[entry].q[k];
@@ -42,9 +43,21 @@ class EngineSource {
     }
   }
 
+  // A family, or a listed pose that belongs to no family, as a search finds them.
   nearest(q) {
-    const found = Engine.nearestFamily(this.page.engine, q);
+    const found = Engine.nearestFamily(this.page.engine, q), listed = this.nearestListed(q);
+    if (listed && !(found && found.value <= listed.upper)) return listed;
     return found ? { q: found.q, on: found.on } : null;
+  }
+
+  nearestListed(q) {
+    const { engine, entries } = this.page, { joints, task } = engine;
+    const places = entries.flatMap((entry, i) => (entry.into && this.familyOf(i) === null ? entry.q.map((pose, k) => [i, k, pose]) : []));
+    const found = Engine.nearestPose(places.map(([, , pose]) => pose), q, joints, task.lengthScale);
+    if (!found) return null;
+    const [entry, k] = places[found.index], { name, poses } = entries[entry];
+    return { ...found, on: found.upper <= 1e-9,
+             words: `${name}${poses > 1 ? `, pose ${k + 1}` : ""}: the nearest that is listed; between those listed there may be others` };
   }
 
   cloud() { return Engine.cloud(this.page.engine); }
@@ -88,7 +101,7 @@ class MechanismSource extends EngineSource {
 
   nearest(q) {
     const { engine } = this.page, found = Engine.aheadOf(engine, q, engine.actuated.map((_, k) => Engine.stretch(engine, q, k)));
-    return found ? { q: found.q, on: false } : null;
+    return found ? { q: found.q, on: false } : this.nearestListed(q);
   }
 
   clearest() {
@@ -97,9 +110,12 @@ class MechanismSource extends EngineSource {
   }
 }
 
-// The stream of the program behind the page, which shows configurations (`pushed`).
+// The stream of the program behind the page, which shows configurations (`pushed`). It is opened before
+// there is anything to show.
 class LiveSource {
-  constructor(handlers) {
+  constructor() {
+    this.handlers = null;
+    this.closed = false;
     this.waiting = new Map();
     this.number = 0;
     this.opened = new Promise((resolve, reject) => {
@@ -107,13 +123,20 @@ class LiveSource {
       this.socket = new WebSocket(`${scheme}//${location.host}${location.pathname}live`);
       this.socket.onopen = resolve;
       this.socket.onerror = () => reject(new Error("the program that serves this page does not answer"));
-      this.socket.onclose = () => handlers.gone();
-      this.socket.onmessage = (event) => this.receive(JSON.parse(event.data), handlers);
+      this.socket.onclose = () => { this.closed = true; this.handlers?.gone(); };
+      this.socket.onmessage = (event) => this.receive(JSON.parse(event.data));
     });
+    this.opened.catch(() => {}); // told where it is waited for
   }
 
-  receive(message, handlers) {
-    if (message.id === undefined) { handlers.pushed(message); return; }
+  follow(handlers) {
+    this.handlers = handlers;
+    if (this.closed) handlers.gone();
+  }
+
+  // What is shown before anybody follows is in the answer to `start`.
+  receive(message) {
+    if (message.id === undefined) { this.handlers?.pushed(message); return; }
     const { resolve, reject } = this.waiting.get(message.id);
     this.waiting.delete(message.id);
     if (message.error !== undefined) reject(new Error(message.error));

@@ -45,13 +45,14 @@ const onScreen = () => new Promise((resolve) => {
   busy.textContent = "loading the arm\u2026";
   if (taken.picture) body.classList.add("picture");
   try {
+    const stream = $("baked-page") ? null : new LiveSource();
     const wanted = parts(), view = new SceneView($("view"));
-    if (!$("baked-page")) {
+    if (stream) {
       busy.textContent = "computing\u2026";
       view.warmUp();
     }
     const [page, scene] = await Promise.all([wanted.page, wanted.scene]);
-    const app = window.pinsing = new (page.mechanism ? MechanismApp : App)(page, view, scene);
+    const app = window.pinsing = new (page.mechanism ? MechanismApp : App)(page, view, scene, stream);
     // First the arm as a skeleton, which is there at once; then its links.
     await app.start();
     busy.textContent = "loading the shapes of links\u2026";

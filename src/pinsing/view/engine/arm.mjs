@@ -8,7 +8,7 @@ import { jacobian, placements, tipOf } from "./chain.mjs";
 import { apart, distance } from "./families.mjs";
 import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
 import { causes, EXACT, lostMotions, meetingPoint } from "./lost.mjs";
-import { ellipsoid, flatDirection, inBase, pureEllipsoids, taskRows, verdictOf } from "./measures.mjs";
+import { drawnRadii, ellipsoid, flatDirection, inBase, pureEllipsoids, taskRows, verdictOf } from "./measures.mjs";
 import { reasons } from "./reasons.mjs";
 
 const ON = 1e-7; // radians: closer is on the family
@@ -113,7 +113,7 @@ const landmarks = (data, J, tip) =>
 function ellipsoids(J, sizes, lost, rtol) {
   const drawn = (e, scale) => ({
     turn: quaternion(transpose(e.axes)),
-    drawn: e.radii[0] <= 1e-12 ? [0, 0, 0] : e.radii.map((r) => scale * Math.max(r, sizes.floor * e.radii[0])),
+    drawn: drawnRadii(e.radii, scale, sizes),
     radii: e.radii,
     flat: lost && flatDirection(e, FLAT) ? turnZTo(flatDirection(e, FLAT)) : null,
   });

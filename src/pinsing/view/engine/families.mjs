@@ -131,6 +131,16 @@ export function distance(family, q, joints, lengthScale, boundOnly = false) {
   return best ? { ...best, lower: Math.min(lower, best.upper) } : null;
 }
 
+// Nearest to q of single poses, in the same measure: { index, upper, q }, or null where there is none.
+export function nearestPose(poses, q, joints, lengthScale) {
+  let best = null;
+  poses.forEach((pose, index) => {
+    const upper = Math.hypot(...pose.map((v, j) => apart(q[j], v, joints[j].prismatic) / (joints[j].prismatic ? lengthScale : 1)));
+    if (!best || upper < best.upper) best = { index, upper, q: pose };
+  });
+  return best;
+}
+
 export const freeOf = (branch, n) => {
   const free = new Array(n).fill(false);
   for (const e of branch.equations) for (let j = 0; j < n; j++) {

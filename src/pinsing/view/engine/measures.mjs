@@ -65,6 +65,13 @@ function atRest(rows, others, rtol) {
   });
 }
 
+// Semi-axes as they are drawn, metres: what is flat is thickened to be seen, what is no motion is nothing.
+export function drawnRadii(radii, scale, sizes) {
+  if (radii[0] <= 1e-12) return [0, 0, 0];
+  const largest = scale * radii[0], thinnest = Math.max(sizes.floor * largest, Math.min(sizes.least, sizes.slim * largest));
+  return radii.map((r) => Math.max(scale * r, thinnest));
+}
+
 // Direction of the single semi-axis that is zero, if there is exactly one.
 export function flatDirection({ axes, radii }, rtol) {
   if (radii[0] <= 0 || radii[2] > rtol * radii[0] || radii[1] <= rtol * radii[0]) return null;

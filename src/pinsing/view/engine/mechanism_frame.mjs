@@ -2,7 +2,7 @@
 
 import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
 import { combined, output } from "./loops.mjs";
-import { ellipsoid, pureEllipsoids } from "./measures.mjs";
+import { drawnRadii, ellipsoid, pureEllipsoids } from "./measures.mjs";
 import { stateAt } from "./mechanism.mjs";
 import { freeOf, lostOf } from "./mechanism_words.mjs";
 
@@ -75,7 +75,7 @@ function ellipses(data, state, lost) {
   const pure = pureEllipsoids(J, data.judge.rtol);
   const drawn = (e, kind, isPure) => {
     const scale = sizes[kind], radii = e.radii.map((r) => Math.min(r, (LONGEST * sizes.reach) / scale));
-    let shown = radii[0] <= 1e-12 ? [0, 0, 0] : radii.map((r) => scale * Math.max(r, sizes.floor * radii[0]));
+    let shown = drawnRadii(radii, scale, sizes);
     const ring = kind === "rotation" && normal !== null;
     if (ring) shown = [shown[0], shown[0], shown[0]];
     const flat = flatOf(lost, kind, isPure);

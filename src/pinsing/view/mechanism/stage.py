@@ -11,7 +11,7 @@ from pinsing._types import Array
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
-from pinsing.view.ellipsoids import FLOOR, Sizes
+from pinsing.view.ellipsoids import LEAST, Sizes
 from pinsing.view.frame import ARROWS
 from pinsing.view.links import Links
 from pinsing.view.mechanism.engine_data import mechanism_data
@@ -115,7 +115,7 @@ class MechanismStage:
                 "reach": sizes.reach,
                 "translation": float(f"{sizes.translation:.3g}") if moves else None,
                 "rotation": float(f"{sizes.rotation:.3g}") if turns else None,
-                "floor": FLOOR,
+                "thickness": 2 * LEAST * sizes.reach,
                 "mode": "pure" if moves and turns else "all",
                 "shapes": self.links.geometry is not None and not self.skeleton,
                 "bare": list(self.links.bare(linkage)),
