@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.generic_points import SlicePoint
-from pinsing.algebra.restate import restated
+from pinsing.algebra.restate import divided, restated
 from pinsing.algebra.ring import Poly, Ring, Value
 
 
@@ -160,21 +160,26 @@ class FoundComponents:
         return out
 
     def _parts(self, c: Component, own: list[SlicePoint], time: Budget) -> list[Component]:
-        """A system of more equations than its codimension, part by part and stated by fewer."""
+        """A system part by part, and stated by as few equations as its codimension."""
         count = c.codimension - len(c.values)
-        if not own or len(c.relations) <= count:
+        if not own:
+            return [c]
+        relations = divided(c.relations, self.ring)
+        if relations == c.relations and len(relations) <= count:
             return [c]
         try:
-            parts = restated(c.relations, own, count, self.ring, time)
+            parts = restated(relations, own, count, self.ring, time)
         except BudgetExceeded:
             return [c]
         out = []
-        for relations, _ in parts:
+        for relations, on in parts:
             fixed = dict(f for r in relations if (f := self.ring.joint_value(r)))
             left = tuple(r for r in relations if not self.ring.joint_value(r))
             put = [self.ring.strip(self.ring.substitute(r, fixed)) for r in left]
             left = tuple(sorted((r for r in put if r != 0), key=len))
-            out.append(replace(c, values={**c.values, **fixed}, relations=left))
+            part = replace(c, values={**c.values, **fixed}, relations=left)
+            # With fewer joints in them, or fewer points on them, equations fall apart that did not.
+            out += [part] if part == c else self._parts(part, on, time)
         return out
 
     def _unaccounted(self, kept: Sequence[Component]) -> Component | None:

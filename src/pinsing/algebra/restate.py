@@ -65,6 +65,27 @@ def restated(
     return [(_fewest(kept, count, ring), points)]
 
 
+def divided(relations: tuple[Poly, ...], ring: Ring) -> tuple[Poly, ...]:
+    """The system, with relations that are products but for multiples of shorter ones as these.
+
+    Their common zeros are the same: they fall into parts. Only products of what has fewer joints
+    are made: others are no simpler, and may have zeros more where x^2 + y^2 of a joint is zero.
+    """
+    if not ring.rational or len(relations) < 2:
+        return relations
+    kept = list(relations)
+    for k in range(1, len(kept)):
+        for r in kept[:k]:
+            quotient, rest = divmod(kept[k], r)
+            if quotient == 0 or rest == 0 or len(rest) > len(kept[k]):
+                continue
+            rest = ring.strip(rest)
+            many = len(ring.joints_of(kept[k]))
+            if all(len(ring.joints_of(f)) < many for f in ring.factors(rest)):
+                kept[k] = rest
+    return tuple(kept)
+
+
 def _expanded(relations: Sequence[Poly], points: Sequence[SlicePoint], ring: Ring) -> list[Poly]:
     """Coefficients with respect to all joints that no part of the points depends on."""
     polys = list(relations)
