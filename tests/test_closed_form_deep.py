@@ -70,13 +70,13 @@ def test_near_misses_by_position_are_regular(name):
         assert drop(exact, moved[off], form.generic_rank).min() > 1e-8
 
 
-def test_a_position_of_the_ur5_that_only_three_equations_state():
-    """The wrist alone brings the tip to a line that all five axes meet."""
+def test_positions_of_the_ur5_where_the_wrist_alone_brings_the_tip_to_a_line():
+    """All five axes meet it; three equations state that, which fall into two families."""
     _, form = position("ur5")
-    systems = [f for f in form.families if len(f.branches[0].equations) > 1]
-    assert len(systems) == 1
-    assert systems[0].codimension == 3
-    assert not form.fully_decomposed
+    assert form.fully_decomposed
+    deep = [f for f in form.families if f.codimension == 3]
+    assert len(deep) == 3
+    assert sorted(len(f.branches) for f in deep) == [4, 4, 8]
 
 
 @pytest.mark.parametrize("name", [*POSITIONS, pytest.param("panda", marks=pytest.mark.slow)])

@@ -9,7 +9,9 @@ import pinocchio as pin
 import pytest
 from singular_sets import Joint, build
 
+from pinsing.algebra import finite_system
 from pinsing.algebra.budget import Budget
+from pinsing.algebra.components import Found
 from pinsing.algebra.finite_system import NotFinite, real_solutions
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros, semidefinite
 from pinsing.algebra.ring import make_ring
@@ -19,6 +21,7 @@ from pinsing.analysis.result import analysis_text
 from pinsing.analysis.stages import Stages
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
+from pinsing.families.pieces import PieceMaker
 from pinsing.geometry.nominal import nominal
 from pinsing.geometry.surd import cosine
 from pinsing.kinematics.verdict import ratios
@@ -80,6 +83,55 @@ def test_joint_values_that_depend_on_each_other_are_stated_exactly():
         q[:, 1], q[:, 3] = math.radians(q2), math.radians(q4)
         assert ratios(form.geometry.arm, q).min() > 1e-9
     assert any("snap-length 0.001" in line for line in form.hints)
+
+
+def test_joint_values_are_stated_however_late_it_is(monkeypatch):
+    """What costs nothing is done on a busy machine, too: the same pairs, the same hint."""
+    plain = closed_form(iiwa_with_offset())
+    irredundant, over = Found.irredundant, Budget(1e-9)
+    monkeypatch.setattr(Found, "irredundant", lambda self, time: irredundant(self, over))
+    monkeypatch.setattr(PieceMaker, "_solutions", _late(PieceMaker._solutions))
+    late = closed_form(iiwa_with_offset())
+    assert [f.text for f in late.families] == [f.text for f in plain.families]
+    assert late.hints == plain.hints
+
+
+def _late(method):
+    def when_time_is_over(self, polys):
+        self.time = Budget(1e-9)
+        return method(self, polys)
+
+    return when_time_is_over
+
+
+def test_systems_that_time_did_not_allow_to_solve_are_told_of(monkeypatch):
+    monkeypatch.setattr(finite_system, "_SHORT", (0, 0, 0))
+    monkeypatch.setattr(PieceMaker, "_solutions", _late(PieceMaker._solutions))
+    form = closed_form(iiwa_with_offset())
+    assert any("time was over before a system of equations was solved" in h for h in form.hints)
+    pairs = next(f for f in form.families if set(f.joints) == {"joint_a2", "joint_a4"})
+    assert all(b.equations for b in pairs.branches)
+
+
+def test_a_system_of_as_many_equations_as_its_codimension_falls_into_parts():
+    """UR5, position: of three equations for q2 to q5 two are products but for the first.
+
+    What is left are four points (q4, q5) with q3 = 0, and a curve with q2 = 90 degrees.
+    """
+    arm = load("ur5", task="position")
+    form = closed_form(arm)
+    assert form.complete
+    assert form.fully_decomposed
+    points = next(f for f in form.families if "q3 = 0° and q4 = -130.419°" in f.text)
+    assert (len(points.branches), points.codimension) == (4, 3)
+    curve = next(f for f in form.families if f.text.startswith("q2 = ±90° and q3 = 0° or 180° and"))
+    assert (len(form.families), curve.codimension) == (4, 3)
+    rng = np.random.default_rng(2)
+    for family in (points, curve):
+        assert ratios(form.geometry.arm, family.points(40, rng)).max() < 1e-13
+    q = points.points(1, rng)[0]
+    q[4] = -q[4]  # a value that goes with another one
+    assert ratios(form.geometry.arm, q[None]).min() > 1e-4
 
 
 def test_three_links_that_just_reach_are_a_point_as_well():

@@ -185,3 +185,20 @@ def test_real_roots_with_square_roots():
     t = plain.context.gens()[0]
     found = real_roots((t**2 - 2) * (t - 3) ** 2 * (t**2 + 1), 0, plain)
     assert sorted(found) == pytest.approx([-math.sqrt(2), math.sqrt(2), 3], rel=1e-15)
+
+
+def test_a_long_common_divisor_may_be_handed_to_a_process_that_can_be_stopped():
+    """One of 150 terms took minutes, of a chain with a twist of 60 degrees."""
+    budget = Budget(60)
+    r = ring_of((False,) * 4, [ROOT3], budget)
+    root = r.number(ROOT3)
+    x1, y1, x2, y2, x3, y3, x4, y4 = gens(r)
+    short = x1 * y2 + root * y1 * x2
+    long = r.reduce(short * (x3 + root * y3) ** 4 * (x4 - root * y4 + y4) ** 4)
+    asked = []
+    budget.when_long = lambda: asked.append(True)
+    assert r.monic(short) == r.gcd(short, x3 * short)
+    assert not asked
+    assert len(long) > 60
+    assert r.monic(short) == r.gcd(long, short)
+    assert asked

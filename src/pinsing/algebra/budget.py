@@ -57,10 +57,18 @@ class Budget:
         if self.when_long is not None and max(now - self._began, expected) > _LONG:
             self.when_long()
 
-    def check_factor(self, terms: int) -> None:
-        """Raise BudgetExceeded if a polynomial is too long to factor or to take a gcd of."""
+    def check_factor(self, terms: int, long: int = _LONG_TO_FACTOR) -> None:
+        """Raise BudgetExceeded if a polynomial is too long to factor or to take a gcd of.
+
+        Parameters
+        ----------
+        terms : int
+            Of the polynomial.
+        long : int
+            Terms from which on that may take long.
+        """
         self.check()
-        if self.when_long is not None and terms > _LONG_TO_FACTOR:
+        if self.when_long is not None and terms > long:
             self.when_long()
         if terms > _LARGEST_TO_FACTOR:
             raise BudgetExceeded(f"a polynomial of {terms} terms was too long to factor")

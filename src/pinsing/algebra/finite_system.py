@@ -27,6 +27,8 @@ _LIMITS = (120, 400, 20_000)
 _MOST = 4_096
 """Combinations of roots that are tried."""
 _BITS = (128, 512, 2_048)
+_SHORT = (2, 60, 16)
+"""Joints, terms and product of degrees of a system that is solved at once, whatever its numbers."""
 
 
 class NotFinite(Exception):
@@ -65,6 +67,9 @@ Solution = Mapping[int, AlgebraicValue]
 def real_solutions(polys: Sequence[Poly], ring: Ring, time: Budget) -> list[Solution]:
     """All real common zeros of polynomials that have finitely many.
 
+    Those of short systems are found however late it is: an answer must not depend on the load of a
+    machine where it costs nothing.
+
     Parameters
     ----------
     polys : sequence of Poly
@@ -80,6 +85,8 @@ def real_solutions(polys: Sequence[Poly], ring: Ring, time: Budget) -> list[Solu
         If there are infinitely many, or too many.
     """
     joints = sorted({j for p in polys for j in ring.joints_of(p)})
+    if _is_short(polys, joints, ring):
+        time = Budget(math.inf)
     found: dict[object, Solution] = {}
     for s in _solve(list(polys), joints, ring, time):
         key = tuple(
@@ -88,6 +95,15 @@ def real_solutions(polys: Sequence[Poly], ring: Ring, time: Budget) -> list[Solu
         )
         found.setdefault(key, s)
     return list(found.values())
+
+
+def _is_short(polys: Sequence[Poly], joints: Sequence[int], ring: Ring) -> bool:
+    degrees = (
+        max(sum(int(m[v]) for v in ring.variables(j)) for p in polys for m in p.monoms())
+        for j in joints
+    )
+    terms = sum(map(len, polys))
+    return len(joints) <= _SHORT[0] and terms <= _SHORT[1] and math.prod(degrees) <= _SHORT[2]
 
 
 def _solve(polys: list[Poly], joints: list[int], ring: Ring, time: Budget) -> list[Solution]:

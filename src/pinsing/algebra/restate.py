@@ -21,6 +21,9 @@ _MOST = 60
 """Equations after which expanding is given up."""
 _LIMITS = (60, 200, 5_000)
 """Of a Groebner basis: polynomials, terms, bits of coefficients."""
+_SHORT = 100
+"""Terms up to which a polynomial is factored however late it is: the statement must not depend on
+the load of a machine where it costs nothing."""
 
 Part = tuple[tuple[Poly, ...], list[SlicePoint]]
 
@@ -41,12 +44,13 @@ def restated(
     ring : Ring
         Its ring.
     time : Budget
-        Asked before each factorization.
+        Asked before each long factorization.
     """
     polys = _distinct(_expanded(relations, points, ring), ring)
     chosen: list[Poly] = []
     for p in polys:
-        time.check_factor(len(p))
+        if len(p) > _SHORT:
+            time.check_factor(len(p))
         factors = ring.factors(p)
         whole = [f for f in factors if all(s.is_zero(f) for s in points)]
         if whole:

@@ -41,6 +41,8 @@ _EXPONENTS = (276, 534, 2208, 2816)
 """3 * 2^k + 1 is prime for these k, and 2 and 3 are squares modulo it."""
 _SLOWNESS = 3.0
 """Term products that one with square roots costs."""
+_LONG_TO_DIVIDE = 60
+"""Terms from which on a gcd may take long: one of two polynomials of 150 took minutes."""
 _SPARE_BITS = 40
 
 
@@ -157,6 +159,7 @@ class SurdRing(Ring):
         p, g = self.monic(p), self.monic(g)
         if not any(p.degrees()[self.nvars :]) and not any(g.degrees()[self.nvars :]):
             return self.monic(p.gcd(g))
+        self.time.check_factor(max(len(p), len(g)), _LONG_TO_DIVIDE)
         if image(p, self, WORD_PRIME).gcd(image(g, self, WORD_PRIME)).is_constant():
             return self.one
         for prime in _primes(min(self._bits_needed(p), self._bits_needed(g))):

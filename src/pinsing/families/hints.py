@@ -23,11 +23,28 @@ def small_offset(geometry: Nominal) -> float | None:
     return max((x for x in lengths if 0 < x < SNAP), default=None)
 
 
-def snap_hint(offset: float, families: Sequence[Family], complete: bool) -> str:
-    """One line: what the families are without the small offsets."""
+def snap_hint(offset: float, families: Sequence[Family] | None, complete: bool = False) -> str:
+    """One line: what the families are without the small offsets; None if there was no time."""
+    if families is None:
+        return (
+            f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: --snap-length {SNAP:g} "
+            "puts them to zero (there was no time to tell what it gives)"
+        )
     found = " | ".join(f.text for f in families) or "no singular configurations"
     whole = "" if complete else " (not complete)"
     return (
         f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: "
         f"--snap-length {SNAP:g} puts them to zero and gives {found}{whole}"
+    )
+
+
+def unsolved_hint(systems: int) -> str:
+    """One line: equations that finitely many joint values would say better."""
+    if systems == 1:
+        many, they = "a system of equations was", "it stays"
+    else:
+        many, they = f"{systems} systems of equations were", "they stay"
+    return (
+        f"time was over before {many} solved for joint values: {they} as stated, which is as true; "
+        "more time (--seconds) may give these"
     )

@@ -77,6 +77,8 @@ class PieceMaker:
         self.symbols = tuple(symbols)
         self.offset = own_offsets(geometry)
         self.rng = np.random.default_rng(seed)
+        self.unsolved = 0
+        """Systems that stay equations because time was over."""
         arm = geometry.arm
         flat = [float(x) for row in geometry.translation for x in row]
         self.lengths = [abs(x) for x in flat if x != 0]
@@ -175,8 +177,10 @@ class PieceMaker:
         if together:
             try:
                 found = real_solutions(polys, self.ring, self.time)
-            except (NotFinite, BudgetExceeded):
+            except NotFinite:
                 pass  # they stay equations
+            except BudgetExceeded:
+                self.unsolved += 1
             else:
                 return [[self._algebraic(j, v) for j, v in s.items()] for s in found], [], []
         roots = [self._roots(p) for p in alone]

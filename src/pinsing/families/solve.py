@@ -24,7 +24,7 @@ from pinsing.families.describe import describe
 from pinsing.families.design_form import DesignForm
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
-from pinsing.families.hints import SNAP, small_offset, snap_hint
+from pinsing.families.hints import SNAP, small_offset, snap_hint, unsolved_hint
 from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.proving import LONG, SHORT
 from pinsing.families.proving import prove as add_proof
@@ -140,6 +140,7 @@ def closed_form(
     gaps: list[str] = []
     left_out: list[Component] = []
     steps: RandomSteps | None = None
+    unsolved = 0
     obstacle, moved = _obstacle(geometry)
     if obstacle is not None:
         gaps.append(obstacle)
@@ -155,6 +156,7 @@ def closed_form(
         left = max(seconds - (time.monotonic() - started), _TO_DESCRIBE * seconds)
         maker = PieceMaker(geometry, ring, rank, symbols, _SEED, Budget(left), angle_tol)
         pieces = [maker.make(c) for c in search.components]
+        unsolved = maker.unsolved
         left_out = [c for c, p in zip(search.components, pieces, strict=True) if not p]
         inside = [
             bool(p) and maker.lies_in_another(c, p, search.components)
@@ -168,10 +170,15 @@ def closed_form(
         families = [_named(f, i) for i, f in enumerate(sorted(families, key=_order), 1)]
     hints: tuple[str, ...] = ()
     left = (1 - _FOR_SEARCH) * seconds + seconds - (time.monotonic() - started)
-    if snap_length == 0 and (offset := small_offset(geometry)) and left > 0:
-        snapped = closed_form(arm, seconds=left / 2, angle_tol=angle_tol, snap_length=SNAP)
-        if [f.text for f in snapped.families] != [f.text for f in families]:
-            hints = (snap_hint(offset, snapped.families, snapped.complete),)
+    if snap_length == 0 and (offset := small_offset(geometry)):
+        if left <= 0:
+            hints = (snap_hint(offset, None),)
+        else:
+            snapped = closed_form(arm, seconds=left / 2, angle_tol=angle_tol, snap_length=SNAP)
+            if [f.text for f in snapped.families] != [f.text for f in families]:
+                hints = (snap_hint(offset, snapped.families, snapped.complete),)
+    if unsolved:
+        hints += (unsolved_hint(unsolved),)
     found = ClosedForm(
         arm=summarize(arm),
         symbols=symbols,
