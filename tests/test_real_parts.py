@@ -11,7 +11,7 @@ from singular_sets import Joint, build
 
 from pinsing.algebra import finite_system
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.components import Found
+from pinsing.algebra.components import FoundComponents
 from pinsing.algebra.finite_system import NotFinite, real_solutions
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros, semidefinite
 from pinsing.algebra.ring import make_ring
@@ -88,8 +88,8 @@ def test_joint_values_that_depend_on_each_other_are_stated_exactly():
 def test_joint_values_are_stated_however_late_it_is(monkeypatch):
     """What costs nothing is done on a busy machine, too: the same pairs, the same hint."""
     plain = closed_form(iiwa_with_offset())
-    irredundant, over = Found.irredundant, Budget(1e-9)
-    monkeypatch.setattr(Found, "irredundant", lambda self, time: irredundant(self, over))
+    irredundant, over = FoundComponents.irredundant, Budget(1e-9)
+    monkeypatch.setattr(FoundComponents, "irredundant", lambda self, time: irredundant(self, over))
     monkeypatch.setattr(PieceMaker, "_solutions", _late(PieceMaker._solutions))
     late = closed_form(iiwa_with_offset())
     assert [f.text for f in late.families] == [f.text for f in plain.families]
