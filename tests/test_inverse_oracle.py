@@ -10,7 +10,7 @@ from tiers import tiered_rows
 
 import pinsing
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.postures.found import Found
+from pinsing.postures.found import FoundSolutions
 from pinsing.postures.newton import Solver
 from pinsing.postures.starts import drawn, mirrored
 from pinsing.postures.stepwise import steps_of
@@ -274,11 +274,11 @@ def test_a_sign_that_lacks_is_known(made):
     T = tip_placement(arm, q)
     solver = Solver.of(arm, T.translation, T.rotation, np.full(6, np.nan), np.arange(6))
     known = pinsing.inverse(arm, T.homogeneous)
-    found = Found(solver, arm, np.full(arm.n, np.nan))
+    found = FoundSolutions(solver, arm, np.full(arm.n, np.nan))
     found.add(known.q, np.zeros(len(known)))
     assert found.lacking == 0
     for out in range(len(known)):
-        found = Found(solver, arm, np.full(arm.n, np.nan))
+        found = FoundSolutions(solver, arm, np.full(arm.n, np.nan))
         rest = np.delete(known.q, out, axis=0)
         found.add(rest, np.zeros(len(rest)))
         assert found.lacking == solver.signs(known.q[out : out + 1])[0]

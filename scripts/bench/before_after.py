@@ -1,6 +1,6 @@
 """Time two installations of pinsing against each other, in turns.
 
-    python scripts/bench/before_after.py --before OTHER/bin/python [closed kernel start]
+    python scripts/bench/before_after.py --before OTHER/bin/python [closed kernel functions start]
 
 One process of each installation stands by and is asked in turns, so that a change of clock rate or
 another program on the machine touches both alike; starts are processes of their own, in turns too.
@@ -17,7 +17,7 @@ import resource
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +51,15 @@ STARTS = (
     ["analyze", "panda"],
 )
 COUNT = 5_000
+FUNCTIONS: dict[str, Callable[[Any, Any, Any], object]] = {
+    "`at`, of one configuration": lambda p, arm, Q: p.at(arm, Q[0]),
+    f"`task_jacobians`, {COUNT:,}": lambda p, arm, Q: p.task_jacobians(arm, Q, threads=1),
+    "`refine_many`, 50": lambda p, arm, Q: p.refine_many(arm, Q[:50]),
+    "`sweep`, one joint at a time": lambda p, arm, Q: p.sweep(arm, levels=1),
+    "`sigma_map`, 10^6": lambda p, arm, Q: p.sigma_map(arm, count=10**6, threads=1),
+}
+"""What both installations export: asked with the module, an arm and its configurations."""
+OF_FUNCTIONS = ("UR5", "Franka Panda", "Stanford arm")
 
 
 def used() -> float:
@@ -77,6 +86,10 @@ def work() -> None:
         if task == "closed":
             began = used()
             pinsing.closed_form(arm, seconds=60)
+            spent = used() - began
+        elif task in FUNCTIONS:
+            began = used()
+            FUNCTIONS[task](pinsing, arm, Q[name])
             spent = used() - began
         else:
             began = time.process_time()
@@ -127,7 +140,7 @@ def row(name: str, pairs: Sequence[tuple[float, float]], unit: float, digits: in
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
-    parser.add_argument("tables", nargs="*", default=["closed", "kernel", "start"])
+    parser.add_argument("tables", nargs="*", default=["closed", "kernel", "functions", "start"])
     parser.add_argument("--before", metavar="PYTHON", help="interpreter of the other installation")
     parser.add_argument("--rounds", type=int, default=12)
     parser.add_argument("--work", action="store_true", help=argparse.SUPPRESS)
@@ -156,6 +169,12 @@ def main() -> None:
                 ask = lambda a, n=name, i=isa: a.ask("kernel", n, i)  # noqa: E731
                 pairs = measured(ask, 10 * options.rounds)
                 print(row(f"{name}, {isa}", pairs, 1e6 / COUNT, 3), flush=True)
+    if "functions" in options.tables:
+        print("\n| function, ms | before | after | after / before |\n|---|---:|---:|---:|")
+        for task in FUNCTIONS:
+            for name in OF_FUNCTIONS:
+                pairs = measured(lambda a, t=task, n=name: a.ask(t, n), options.rounds)
+                print(row(f"{task}: {name}", pairs, 1e3, 1), flush=True)
     if "start" in options.tables:
         print("\n| command, s | before | after | after / before |\n|---|---:|---:|---:|")
         for arguments in STARTS:
