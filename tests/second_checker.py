@@ -16,8 +16,7 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 KEYS = {
     *("schema", "robot", "base", "tip_frame", "task", "joints", "square_roots", "chain", "tip"),
-    *("rows", "axes", "rank", "dependent_rows", "dependent_columns"),
-    *("polynomials", "families", "places"),
+    *("rows", "axes", "rank", "row_steps", "column_steps", "polynomials", "families", "places"),
 }
 TERM = re.compile(r"(-?[0-9]+(?:/[0-9]+)?)((?:[xys][0-9]+(?:\^[0-9]+)?)*)")
 POWER = re.compile(r"([xys][0-9]+)(?:\^([0-9]+))?")
@@ -226,43 +225,15 @@ class Together:
         """True if f is shown to vanish where these forms do."""
         return self.vanishes_put(self.ring.put(f, self.values))
 
-    def vanishes_put(self, f):
-        ring = self.ring
-        f = ring.without_units(f)
-        if not f or self.nowhere or any(ring.divides(p, f) for p in self.forms):
-            return True
-        forms = sorted(self.forms, key=lambda p: len(ring.joints(p)))
-        if not forms:
-            return False
-        leading = []
-        for choice in self.choices(forms):
-            rest, product = f, ring.one
-            for p, j in reversed(list(zip(forms, choice, strict=True))):
-                d = ring.degree(p, j)
-                top = ring.coefficient(p, j, d)
-                product = ring.mul(product, top)
-                e = ring.degree(rest, j)
-                while rest and e >= d:
-                    c = ring.coefficient(rest, j, e)
-                    rest = ring.mul(top, rest) - ring.mul(c, p) * ring.y[j] ** (e - d)
-                    rest, over = divmod(ring.reduced(rest), ring.x[j])
-                    need(not over, "a division that leaves something")
-                    e -= 1
-            if not rest:
-                leading.append(product)
-                if self.codimension(len(forms) + 1, [*forms, *leading]):
-                    return True
-        return False
+    def vanishes_put(self, f, more=()):
+        """The same of a form with the values put in; more forms may be known to vanish."""
+        f = self.ring.without_units(f)
+        return not f or any(self.ring.divides(p, f) for p in [*self.forms, *more])
 
-    def choices(self, forms, taken=()):
-        """A joint for each form, which the ones before it do not have."""
-        if len(taken) == len(forms):
-            yield taken
-            return
-        before = {j for p in forms[: len(taken)] for j in self.ring.joints(p)}
-        for j in self.ring.joints(forms[len(taken)]):
-            if j not in before:
-                yield from self.choices(forms, (*taken, j))
+    def apart_from(self, f):
+        """True if f, with the values put in, is shown to vanish on no component."""
+        f = self.ring.without_units(f)
+        return self.nowhere or self.codimension(len(self.forms) + 1, [*self.forms, f] if f else [])
 
     def at_least(self, c):
         """True if each component is shown to have codimension c or more."""
@@ -378,33 +349,35 @@ class Quotients:
         return [minor(1, 2), minor(2, 0), minor(0, 1)]
 
 
+def placement_of(q, ring, item):
+    """Rotation and translation, in quotients, of a link or the tip."""
+    r = [
+        [ring.number(t) for t in listed(row, "rotation", 3)]
+        for row in listed(item["rotation"], "rotation", 3)
+    ]
+    for i in range(3):
+        for k in range(3):
+            d = sum((r[i][m] * r[k][m] for m in range(3)), ring.zero)
+            need(ring.reduced(d) == (ring.one if i == k else ring.zero), "rotation: not one")
+    need(ring.reduced(determinant(ring, r)) == ring.one, "rotation: a mirror image")
+    t = [ring.number(t) for t in listed(item["translation"], "translation", 3)]
+    return [[q.constant(p) for p in row] for row in r], [q.constant(p) for p in t]
+
+
 def links_of(data, ring, kinds):
     """Per link: joint, multiple, and the rotation and translation up to the link's own frame."""
     q = Quotients(ring)
     zero, one = q.constant(ring.zero), q.constant(ring.one)
     links = []
     for link in listed(data["chain"], "chain"):
-        keyed(link, ["rotation", "translation", "joint", "multiple", "plus"], "link")
-        r = [
-            [ring.number(t) for t in listed(row, "rotation", 3)]
-            for row in listed(link["rotation"], "rotation", 3)
-        ]
-        for i in range(3):
-            for k in range(3):
-                d = sum((r[i][m] * r[k][m] for m in range(3)), ring.zero)
-                need(ring.reduced(d) == (ring.one if i == k else ring.zero), "rotation: not one")
-        need(ring.reduced(determinant(ring, r)) == ring.one, "rotation: a mirror image")
-        t = [ring.number(t) for t in listed(link["translation"], "translation", 3)]
+        keyed(link, ["rotation", "translation", "joint", "multiple"], "link")
+        rotation, translation = placement_of(q, ring, link)
         j = whole(link["joint"], 0, ring.n - 1, "joint")
-        rotation = [[q.constant(p) for p in row] for row in r]
-        translation = [q.constant(p) for p in t]
         multiple = ring.number(link["multiple"])
         if kinds[j] == "revolute":
-            need(re.fullmatch(r"-?[0-9]+", link["multiple"]), "multiple: not whole")
+            need(re.fullmatch(r"-?[0-6]", link["multiple"]), "multiple: not whole, or above 6")
             m = int(link["multiple"])
-            need(abs(m) <= 6, "multiple: above 6")
-            cos, sin = (ring.number(p) for p in listed(link["plus"], "plus", 2))
-            need(ring.mul(cos, cos) + ring.mul(sin, sin) == ring.one, "plus: no angle")
+            cos, sin = ring.one, ring.zero
             x, y = ring.x[j], ring.y[j] if m > 0 else -ring.y[j]
             for _ in range(2 * abs(m)):
                 cos, sin = ring.reduced(cos * x - sin * y), ring.reduced(sin * x + cos * y)
@@ -413,37 +386,37 @@ def links_of(data, ring, kinds):
             turn = [[c, minus, zero], [s, c, zero], [zero, zero, one]]
             rotation = q.product(rotation, turn)
         else:
-            slide = ring.mul(multiple, ring.y[j]) + ring.mul(ring.number(link["plus"]), ring.x[j])
             down = tuple(int(k == j) for k in range(ring.n))
-            moved = q.apply(rotation, [zero, zero, (slide, down)])
-            translation = q.plus(translation, moved)
+            slide = (ring.mul(multiple, ring.y[j]), down)
+            translation = q.plus(translation, q.apply(rotation, [zero, zero, slide]))
         links.append((j, q.constant(multiple), rotation, translation))
-    need(len(links) <= 16, "chain: too long")
+    need(0 < len(links) <= 16, "chain: too long, or without a link")
     return links
 
 
 def matrix_of(data, ring, kinds):
-    """M before dependent lines are taken out, from the placements."""
+    """M before the steps, from the placements."""
     q = Quotients(ring)
     zero, one = q.constant(ring.zero), q.constant(ring.one)
     links = links_of(data, ring, kinds)
-    a = whole(data["axes"], 0, len(links), "axes")
+    tip = placement_of(q, ring, keyed(data["tip"], ["rotation", "translation"], "tip"))
+    moves = [(rotation, translation) for _, _, rotation, translation in links] + [tip]
+    a = whole(data["axes"], 0, len(moves), "axes")
     rows = [whole(k, 0, 5, "rows") for k in listed(data["rows"], "rows")]
     need(rows and rows == sorted(set(rows)), "rows: not in order")
-    need(a == 0 or rows in ([0, 1, 2], [3, 4, 5], [0, 1, 2, 3, 4, 5]), "axes: not for such rows")
+    free = rows in ([0, 1, 2], [3, 4, 5], [0, 1, 2, 3, 4, 5])
+    need(free or a in (0, len(moves)), "axes: not for such rows")
     identity = [[one if i == k else zero for k in range(3)] for i in range(3)]
     frames = {a: (identity, [zero] * 3)}
-    for i in range(a, len(links)):
-        (r, p), (_, _, rotation, translation) = frames[i], links[i]
+    for i in range(a, len(moves)):
+        (r, p), (rotation, translation) = frames[i], moves[i]
         frames[i + 1] = (q.product(r, rotation), q.plus(p, q.apply(r, translation)))
     for i in range(a, 0, -1):
-        (r, p), (_, _, rotation, translation) = frames[i], links[i - 1]
+        (r, p), (rotation, translation) = frames[i], moves[i - 1]
         before = q.product(r, [list(column) for column in zip(*rotation, strict=True)])
         moved = q.apply(before, translation)
         frames[i - 1] = (before, [q.sub(f, g) for f, g in zip(p, moved, strict=True)])
-    tip = [q.constant(ring.number(t)) for t in listed(data["tip"], "tip", 3)]
-    end, origin = frames[len(links)]
-    point = [zero] * 3 if len(rows) == 6 else q.plus(origin, q.apply(end, tip))
+    point = [zero] * 3 if len(rows) == 6 else frames[len(moves)][1]
     columns = [[zero] * 6 for _ in range(ring.n)]
     for i, (j, multiple, _, _) in enumerate(links):
         r, p = frames[i + 1]
@@ -472,24 +445,18 @@ def divided(ring, line):
     return line
 
 
-def independent(matrix, lines, ring, what):
-    """The rows of the matrix without those that are shown to be sums of others."""
-    need(type(lines) is dict, f"{what}: not an object")
-
-    def index(text):
-        need(type(text) is str and re.fullmatch("0|[1-9][0-9]*", text), f"{what}: {text!r}")
-        return whole(int(text), 0, len(matrix) - 1, what)
-
-    gone = {index(k): v for k, v in lines.items()}
-    for k, combination in gone.items():
-        need(type(combination) is dict, f"{what}: not an object")
-        total = [ring.zero] * len(matrix[0])
-        for other, number in combination.items():
-            need(index(other) not in gone, f"{what}: a sum of lines that go")
-            c = ring.number(number)
-            total = [s + ring.mul(c, p) for s, p in zip(total, matrix[index(other)], strict=True)]
-        need(total == matrix[k], f"{what}: line {k} is not that sum")
-    return [row for k, row in enumerate(matrix) if k not in gone]
+def stepped(matrix, steps, ring, what):
+    """The rows of the matrix after the steps, without those that are zero."""
+    matrix = [list(row) for row in matrix]
+    for step in listed(steps, what):
+        i, k, text = listed(step, what, 3)
+        whole(i, 0, len(matrix) - 1, what)
+        whole(k, 0, len(matrix) - 1, what)
+        need(i != k, f"{what}: a line and itself")
+        c = ring.number(text)
+        pairs = zip(matrix[i], matrix[k], strict=True)
+        matrix[i] = [ring.reduced(p - c * f) for p, f in pairs]
+    return [row for row in matrix if any(row)]
 
 
 def determinant(ring, square):
@@ -518,7 +485,7 @@ class Check:
     def __init__(self, text):
         need(len(text) <= 4_000_000, "too long")
         data = self.data = keyed(read(text), KEYS, "certificate")
-        need(data["schema"] == "pinsing/certificate/2", "another schema")
+        need(data["schema"] == "pinsing/certificate/3", "another schema")
         for key in ("robot", "base", "tip_frame", "task"):
             need(type(data[key]) is str, f"{key}: no text")
         joints = listed(data["joints"], "joints")
@@ -533,10 +500,10 @@ class Check:
         kinds = [joint["kind"] for joint in joints]
         ring = self.ring = Ring(kinds, roots)
         matrix = matrix_of(data, ring, kinds)
-        matrix = independent(matrix, data["dependent_rows"], ring, "dependent_rows")
+        matrix = stepped(matrix, data["row_steps"], ring, "row_steps")
         need(matrix, "no rows left")
         turned = [list(column) for column in zip(*matrix, strict=True)]
-        turned = independent(turned, data["dependent_columns"], ring, "dependent_columns")
+        turned = stepped(turned, data["column_steps"], ring, "column_steps")
         need(turned, "no columns left")
         self.m = [list(row) for row in zip(*turned, strict=True)]
         self.a, self.b = len(self.m), len(turned)
@@ -549,12 +516,12 @@ class Check:
         self.families = [self.family(f) for f in listed(self.data["families"], "families")]
         places = listed(self.data["places"], "places")
         need(places, "no place")
-        for place in places:
-            need(type(place) is dict, "place: not an object")
-            need(place.get("points", True) is True, "points")
-        need(places[0].get("forms") == [] and "points" not in places[0], "first place")
-        for k in range(len(places)):
-            self.place(places, k)
+        keys = ["forms", "of_forms", "of_minors", "of_resultants", "cases"]
+        self.places = [self.pick(keyed(p, keys, "place")["forms"], "place") for p in places]
+        need(not self.places[0], "first place")
+        self.real = set()  # of places whose real points all count
+        for k, place in enumerate(places):
+            self.place(place, k)
 
     def pick(self, indices, what):
         chosen = [whole(k, 0, len(self.polynomials) - 1, what) for k in listed(indices, what)]
@@ -578,110 +545,121 @@ class Check:
         need(any(self.minors(self.r, self.put(point))), "rank: not so large at a point")
         need(not any(self.minors(self.r + 1)), "rank: larger")
 
+    def lines(self, pair):
+        """Rows and columns of a minor."""
+        rows, columns = listed(pair, "minor", 2)
+        need(len(listed(rows, "rows")) == len(listed(columns, "columns")), "minor: not square")
+        for chosen, count in ((rows, self.a), (columns, self.b)):
+            for k in chosen:
+                whole(k, 0, count - 1, "minor")
+            need(chosen == sorted(set(chosen)), "minor: not in order")
+        return rows, columns
+
+    def total(self, terms, forms, what):
+        total = self.ring.zero
+        for pair in listed(terms, what):
+            text, i = listed(pair, what, 2)
+            form = forms[whole(i, 0, len(forms) - 1, what)]
+            total += self.ring.mul(self.ring.parse(text), form)
+        return total
+
     def family(self, family):
-        keyed(family, ["name", "forms", "sums", "least_codimension"], "family")
-        need(type(family["name"]) is str, "family: no name")
+        keys = ["name", "forms", "least_codimension", "pivot", "apart", "multiples"]
+        keyed(family, keys, "family")
+        name = family["name"]
+        need(type(name) is str, "family: no name")
         forms = self.pick(family["forms"], "family")
-        need(all(forms), "family: a form that is zero")
-        sums = []
-        for entry in listed(family["sums"], "sums"):
-            total = self.ring.zero
-            for pair in listed(entry, "sums"):
-                text, i = listed(pair, "sums", 2)
-                form = forms[whole(i, 0, len(forms) - 1, "sums")]
-                total += self.ring.mul(self.ring.parse(text), form)
-            need(total and self.ring.is_form(total), "sums: zero or no form")
-            sums.append(self.ring.without_units(total))
         where = Together(self.ring, forms)
-        put = [self.ring.put(p, where.values) for p in sums]
-        for minor in self.minors(self.r, self.put(where.values)):
-            shown = any(not minor if not p else self.ring.divides(p, minor) for p in put)
-            need(shown or where.vanishes_put(minor), f"family {family['name']}: not singular")
+        matrix = self.put(where.values)
+        sums = [self.total(terms, forms, "multiples") for terms in listed(family["multiples"], "")]
+        sums = [self.ring.without_units(self.ring.put(p, where.values)) for p in sums]
+        apart = [self.ring.put(p, where.values) for p in self.pick(family["apart"], "apart")]
+        rows, columns = self.lines(family["pivot"])
+        need(len(rows) < self.r, f"family {name}: a large pivot")
+        pivot = self.minor(rows, columns, matrix)
+        need(all(map(where.apart_from, [pivot, *apart])), f"family {name}: zero on a component")
+        for some in combinations(range(self.a), self.r):
+            for others in combinations(range(self.b), self.r):
+                if set(rows) <= set(some) and set(columns) <= set(others):
+                    minor = self.minor(some, others, matrix)
+                    for p in apart:
+                        minor = self.ring.mul(minor, p)
+                    shown = where.vanishes_put(minor, [p for p in sums if p])
+                    need(shown, f"family {name}: not singular")
         least = whole(family["least_codimension"], 0, 99, "least_codimension")
-        need(where.at_least(least), f"family {family['name']}: a larger component")
+        need(where.at_least(least), f"family {name}: a larger component")
         return forms
 
-    def source(self, source, place, where, points):
-        ring = self.ring
-        if type(source) is int:
-            return place[whole(source, 0, len(place) - 1, "source")]
-        need(type(source) is dict, "source")
-        if "resultant" in source:
-            i, k, j = listed(keyed(source, ["resultant"], "source")["resultant"], "resultant", 3)
-            p, q = (place[whole(m, 0, len(place) - 1, "resultant")] for m in (i, k))
+    def values_of_minor(self, free, place, where, number):
+        """Joints at values: the place's, and free ones."""
+        values = dict(where.values)
+        if listed(free, "free"):
+            need(number not in self.real, "free: in a real place")
+            need(where.at_least(self.bound), "free: the place may be too large")
+            busy = {j for p in place for j in self.ring.joints(p)}
+            for p in self.pick(free, "free"):
+                linear = where.linear(p)
+                need(linear and linear[0] not in busy | set(values), "free: not free")
+                values[linear[0]] = linear[1:]
+        return values
+
+    def place(self, place, number):
+        ring, forms = self.ring, self.places[number]
+        where = Together(ring, forms)
+        total = self.total(place["of_forms"], forms, "of_forms")
+        for item in listed(place["of_minors"], "of_minors"):
+            text, lines, free = listed(item, "of_minors", 3)
+            rows, columns = self.lines(lines)
+            need(len(rows) == self.r, "minor: another size")
+            values = self.values_of_minor(free, forms, where, number)
+            matrix = self.put(values) if values else self.m
+            total += ring.mul(ring.parse(text), self.minor(rows, columns, matrix))
+        for item in listed(place["of_resultants"], "of_resultants"):
+            text, i, k, j = listed(item, "of_resultants", 4)
+            p, q = (forms[whole(m, 0, len(forms) - 1, "resultant")] for m in (i, k))
             whole(j, 0, ring.n - 1, "resultant")
             need(ring.degree(p, j) and ring.degree(q, j), "resultant: a form without the joint")
-            return ring.resultant(p, q, j)
-        keyed(source, ["minor"], "source", ["at"])
-        rows, columns = listed(source["minor"], "minor", 2)
-        for lines, count in ((rows, self.a), (columns, self.b)):
-            for k in listed(lines, "minor", self.r):
-                whole(k, 0, count - 1, "minor")
-            need(lines == sorted(set(lines)), "minor: not in order")
-        values = dict(where.values)
-        if "at" in source:
-            need(not points, "at: in a place of points")
-            need(where.at_least(self.bound), "at: the place may be too large")
-            busy = {j for p in place for j in ring.joints(p)}
-            for p in self.pick(source["at"], "at"):
-                linear = where.linear(p)
-                need(linear and linear[0] not in busy | set(values), "at: not free")
-                values[linear[0]] = linear[1:]
-        return self.minor(rows, columns, self.put(values) if values else self.m)
+            total += ring.mul(ring.parse(text), ring.resultant(p, q, j))
+        need(total, f"place {number}: a sum that is zero")
+        product = ring.one
+        for case in listed(place["cases"], "cases"):
+            zeros, weights, times, to, k = listed(case, "case", 5)
+            parts = self.pick(zeros, "case")
+            real = number in self.real
+            if listed(weights, "weights"):
+                need(len(weights) == len(parts), "weights: not one for each square")
+                factor, real = ring.zero, True
+                for text, part in zip(weights, parts, strict=True):
+                    positive = type(text) is str and re.fullmatch(
+                        "[1-9][0-9]*(/[1-9][0-9]*)?", text
+                    )
+                    need(positive, "weights: not positive")
+                    factor += ring.reduced(ring.number(text) * part * part)
+            else:
+                need(len(parts) == 1, "case: not one form")
+                factor = parts[0]
+            for _ in range(whole(times, 0, 99, "times")):
+                product = ring.without_units(ring.mul(product, factor))
+            self.leads(number, [*forms, *parts], real, to, k)
+        need(ring.without_units(total) == product, f"place {number}: another form")
 
-    def place(self, places, number):
-        ring, place = self.ring, places[number]
-        points = "points" in place
-        forms = self.pick(place.get("forms"), "place")
-        where = Together(ring, forms)
-        if "family" in place:
-            keyed(place, ["forms", "family"], "place", ["points"])
-            family = self.families[whole(place["family"], 0, len(self.families) - 1, "family")]
-            need(all(where.vanishes(f) for f in family), f"place {number}: not in the family")
-            return
-        if "too_small" in place:
-            keyed(place, ["forms", "too_small"], "place")
-            need(place["too_small"] is True, "too_small")
-            need(where.at_least(self.bound + 1), f"place {number}: not too small")
-            return
-        total = ring.zero
-        for pair in listed(place.get("sum"), "sum"):
-            text, source = listed(pair, "sum", 2)
-            value = self.source(source, forms, where, points)
-            total += ring.mul(ring.parse(text), value)
-        need(total and ring.is_form(total), f"place {number}: a sum that is zero or no form")
-        if "cases" in place:
-            keyed(place, ["forms", "sum", "cases"], "place", ["points"])
-            product = ring.one
-            for case in listed(place["cases"], "cases"):
-                k, times, to = listed(case, "case", 3)
-                (p,) = self.pick([k], "case")
-                for _ in range(whole(times, 1, 99, "times")):
-                    product = ring.without_units(ring.mul(product, p))
-                self.leads(places, number, [*forms, p], to, points)
-        else:
-            keyed(place, ["forms", "sum", "squares", "then"], "place", ["points"])
-            product, roots = ring.zero, []
-            for pair in listed(place["squares"], "squares"):
-                text, k = listed(pair, "square", 2)
-                need(type(text) is str and re.fullmatch("[0-9]+(/[0-9]+)?", text), "square")
-                c = ring.number(text)
-                need(c, "square: zero")
-                roots += self.pick([k], "square")
-                product += ring.reduced(c * roots[-1] * roots[-1])
-            need(ring.is_form(product), "squares: no form")
-            self.leads(places, number, [*forms, *roots], place["then"], True)
-        need(ring.same(total, product), f"place {number}: another form")
-
-    def leads(self, places, number, forms, to, points):
+    def leads(self, number, forms, real, to, k):
         together = Together(self.ring, forms)
-        if to is None:
-            need(together.nowhere, f"place {number}: a case that is somewhere")
+        whole(k, -(10**9), 10**9, "case")
+        if to == "nowhere":
+            # Of points there is none where the codimension is more than all joints.
+            least = (self.ring.n if real else self.bound) + 1
+            need(together.at_least(least), f"place {number}: a case that is somewhere")
             return
-        whole(to, number + 1, len(places) - 1, "a place that is not later")
-        need(not points or "points" in places[to], f"place {number}: back from points")
-        target = self.pick(places[to].get("forms"), "place")
-        need(all(together.vanishes(f) for f in target), f"place {number}: not in place {to}")
+        need(to in ("family", "place"), f"place {number}: a case that leads to nothing")
+        if to == "place":
+            whole(k, number + 1, len(self.places) - 1, "a place that is not later")
+            target = self.places[k]
+            if real:
+                self.real.add(k)
+        else:
+            target = self.families[whole(k, 0, len(self.families) - 1, "family")]
+        need(all(together.vanishes(f) for f in target), f"place {number}: not in {to} {k}")
 
 
 def read(text):

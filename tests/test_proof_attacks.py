@@ -29,6 +29,11 @@ def panda():
     return made("panda")
 
 
+@pytest.fixture(scope="module")
+def surgical7():
+    return made("surgical7")
+
+
 def verdict(data):
     try:
         verify(text_of(data))
@@ -56,10 +61,38 @@ def index(data, text):
 
 
 def squares_of(data):
-    return next(i for i, p in enumerate(data["places"]) if "squares" in p)
+    """Place and case of a sum of squares."""
+    return next(
+        (i, k)
+        for i, place in enumerate(data["places"])
+        for k, case in enumerate(place["cases"])
+        if case[1]
+    )
 
 
-WHOLE = {"minor": [[*range(6)], [*range(6)]]}
+def place_of(forms, *cases, of_forms=(), of_minors=(), of_resultants=()):
+    """One place; a case is its one form's number, or a case as it stands."""
+    return {
+        "forms": forms,
+        "of_forms": list(of_forms),
+        "of_minors": list(of_minors),
+        "of_resultants": list(of_resultants),
+        "cases": [[[c], [], 1, "nowhere", 0] if type(c) is int else c for c in cases],
+    }
+
+
+def family_of(name, forms, least, pivot=([], []), apart=(), multiples=()):
+    return {
+        "name": name,
+        "forms": forms,
+        "least_codimension": least,
+        "pivot": list(pivot),
+        "apart": list(apart),
+        "multiples": list(multiples),
+    }
+
+
+WHOLE = ["1", [[*range(6)], [*range(6)]], []]
 
 
 def test_what_is_true_stays_true(ur5, panda):
@@ -69,8 +102,7 @@ def test_what_is_true_stays_true(ur5, panda):
     data = copy.deepcopy(ur5)
     data["families"].append({**data["families"][0], "name": "again"})
     assert verdict(data) == ""
-    empty = {"name": "nowhere", "sums": [], "least_codimension": 6}
-    data["families"].append({**empty, "forms": [index(data, "1x1"), index(data, "1y1")]})
+    data["families"].append(family_of("nowhere", [index(data, "1x1"), index(data, "1y1")], 6))
     assert verdict(data) == ""
 
 
@@ -78,70 +110,121 @@ def test_what_is_true_stays_true(ur5, panda):
 def test_a_form_that_is_zero_is_no_family_and_no_case(ur5, text):
     data = copy.deepcopy(ur5)
     k = index(data, text)
-    family = {"name": "all", "forms": [k], "sums": [], "least_codimension": 0}
-    assert verdict({**data, "families": [*data["families"], family]})
-    place = {"forms": [], "sum": [["1", WHOLE]], "cases": [[k, 1, None]]}
-    assert verdict({**data, "places": [place]})
-    place = {"forms": [], "sum": [["0", WHOLE]], "cases": [[k, 1, None]]}
-    assert verdict({**data, "places": [place]})
+    assert verdict({**data, "families": [*data["families"], family_of("all", [k], 0)]})
+    assert verdict({**data, "places": [place_of([], k, of_minors=[WHOLE])]})
+    assert verdict({**data, "places": [place_of([], k, of_minors=[["0", *WHOLE[1:]]])]})
 
 
 def test_everything_is_no_family(ur5):
-    family = {"name": "all", "forms": [], "sums": [], "least_codimension": 0}
+    family = family_of("all", [], 0)
     assert "not shown to be singular" in verdict({**ur5, "families": [family]})
     for sums in ([[["1", 0]]], [[["1", -1]]], [[]], [[["1x1", 0]]], [["1", 0]], None, 3):
-        assert verdict(
-            changed(ur5, (("families", 0, "forms"), []), (("families", 0, "sums"), sums))
-        )
+        wrong = {**family, "multiples": sums}
+        assert verdict(changed(ur5, (("families", 0), wrong)))
 
 
 def test_sums_are_of_the_familys_own_forms(ur5):
     data = copy.deepcopy(ur5)
     family = data["families"][0]
     other = data["families"][1]["forms"]
-    assert verdict(changed(data, (("families", 0), {**family, "sums": [[["1", 1]]]})))
-    mixed = {**family, "forms": [index(data, "1x1 1y1")], "sums": [[["1", 0]]]}
+    assert verdict(changed(data, (("families", 0), {**family, "multiples": [[["1", 1]]]})))
+    mixed = {**family, "forms": [index(data, "1x1 1y1")], "multiples": [[["1", 0]]]}
     assert verdict(changed(data, (("families", 0), mixed)))
-    both = {**family, "forms": [*family["forms"], *other], "sums": [[["1", 0], ["1", 1]]]}
-    assert verdict(changed(data, (("families", 0), both)))  # smaller: places lie in it no more
+    both = {**family, "forms": [*family["forms"], *other], "multiples": [[["1", 0], ["1", 1]]]}
+    assert verdict(changed(data, (("families", 0), both)))  # smaller: cases lie in it no more
 
 
-def test_points_lead_to_points_only(panda):
-    i = squares_of(panda)
-    then = panda["places"][i]["then"]
-    if then is not None:
-        assert verdict(changed(panda, (("places", then, "points"), False)))
-        assert verdict(changed(panda, (("places", then, "points"), 1)))
-    for k, place in enumerate(panda["places"]):
-        if "too_small" in place:
-            assert verdict(changed(panda, (("places", k, "points"), True)))
+def test_a_pivot_is_zero_on_no_component(ur5, surgical7):
+    """Of a family that is regular, pivots that are zero there show nothing."""
+    data = copy.deepcopy(ur5)
+    rows = [*range(5)]
+    every = family_of("all", [index(data, "1x1 1y1")], 1)
+    pivots = [(rows, [c for c in range(6) if c != k]) for k in range(6)]
+    for pivot in (*pivots, ([*range(6)], [*range(6)]), ([0], []), ([0, 0], [0, 1]), ([7], [0])):
+        assert verdict({**data, "families": [*data["families"], {**every, "pivot": list(pivot)}]})
+    for text in ("1x1 1y1", "0", "1x2 -1x2", "1x1x2 1y1x2"):
+        wrong = {**every, "apart": [index(data, text)]}
+        assert verdict({**data, "families": [*data["families"], wrong]}), text
+    # A form that is zero only elsewhere is no lie where the family is singular anyhow.
+    family = data["families"][0]
+    apart = {**family, "apart": [index(data, "1x1 1y1")]}
+    assert verdict(changed(data, (("families", 0), apart))) == ""
+    for k, family in enumerate(surgical7["families"]):
+        wrong = {**family, "apart": [family["forms"][0]]}
+        assert verdict(changed(surgical7, (("families", k), wrong))), k
+
+
+def test_what_a_pivot_and_sums_show_is_needed():
+    """SO-101: minors of a family are multiples of its forms only after one is multiplied."""
+    data = made("so101")
+    k = next(k for k, family in enumerate(data["families"]) if family["apart"])
+    family = data["families"][k]
+    for key in ("apart", "multiples"):
+        assert "singular" in verdict(changed(data, (("families", k, key), [])))
+    for n, terms in enumerate(family["multiples"]):
+        for less in ([], terms[:1], terms[1:]):
+            wrong = changed(data, (("families", k, "multiples", n), less))
+            assert "singular" in verdict(wrong)
+
+
+def test_after_squares_points_are_followed(ur5):
+    """What is too small for a component still has points: after squares it is no end."""
+    data = copy.deepcopy(ur5)
+    x, y = index(data, "1x1"), index(data, "1x2")
+    places = data["places"]
+    first = len(places)
+    small = place_of([x, y], x, of_forms=[["1", 0]])
+    for weights, accepted in (([], True), (["1"], False)):
+        case = [[x], weights, 1 if weights else 2, "place", first + 1]
+        square = place_of([x, y], case, of_forms=[["1x1", 0]])
+        reason = verdict({**data, "places": [*places, square, small]})
+        assert bool(reason) != accepted, reason
+        # What was real stays so, place by place.
+        on = place_of([x, y], [[x], [], 1, "place", first + 2], of_forms=[["1", 0]])
+        reason = verdict({**data, "places": [*places, square, on, small]})
+        assert bool(reason) != accepted, reason
+        # Free joints at values are for whole components alone.
+        free = place_of([x, y], x, of_minors=[[*WHOLE[:2], [index(data, "1x6")]]])
+        assert verdict({**data, "places": [*places, square, free]})
+
+
+def test_squares_lead_where_they_vanish(panda):
+    i, k = squares_of(panda)
+    leads = panda["places"][i]["cases"][k][3:]
+    # They vanish nowhere: whatever family stands there is no lie.
+    assert leads == ["nowhere", 0]
+    assert verdict(changed(panda, (("places", i, "cases", k, 3), "family"))) == ""
+    for n in range(len(panda["places"][i]["cases"][k][0])):
+        data = copy.deepcopy(panda)
+        for part in data["places"][i]["cases"][k][:2]:
+            part.pop(n)
+        assert verdict(data), n
 
 
 @pytest.mark.parametrize(
     "factor", ["-1", "0", "1s2", "1x1", "", "1/0", "0/5", "1.5", " 1", 1, None]
 )
 def test_factors_of_squares_are_positive(panda, factor):
-    i = squares_of(panda)
+    i, k = squares_of(panda)
     data = copy.deepcopy(panda)
-    data["places"][i]["squares"][0][0] = factor
+    data["places"][i]["cases"][k][1][0] = factor
     assert verdict(data)
 
 
 def test_squares_may_not_change(panda):
-    i = squares_of(panda)
-    place = panda["places"][i]
-    for k, (_, form) in enumerate(place["squares"]):
-        less = [s for j, s in enumerate(place["squares"]) if j != k]
-        assert verdict(changed(panda, (("places", i, "squares"), less)))
+    i, k = squares_of(panda)
+    zeros, weights, *_ = panda["places"][i]["cases"][k]
+    at = ("places", i, "cases", k)
+    for n, form in enumerate(zeros):
+        less = [[x for j, x in enumerate(part) if j != n] for part in (zeros, weights)]
+        assert verdict(changed(panda, ((*at, 0), less[0]), ((*at, 1), less[1])))
+        assert verdict(changed(panda, ((*at, 0), less[0])))
         data = copy.deepcopy(panda)
-        data["places"][i]["squares"][k][1] = index(data, data["polynomials"][form])
+        data["places"][i]["cases"][k][0][n] = index(data, data["polynomials"][form])
         assert verdict(data) == ""
-        data["places"][i]["squares"][k][1] = index(data, "1x1 1y1")
+        data["places"][i]["cases"][k][0][n] = index(data, "1x1 1y1")
         assert verdict(data)
-    for name in ("squares", "sum", "then"):
-        data = copy.deepcopy(panda)
-        del data["places"][i][name]
-        assert verdict(data)
+    assert verdict(changed(panda, ((*at, 1), [])))
 
 
 @pytest.mark.parametrize(
@@ -159,7 +242,7 @@ def test_squares_may_not_change(panda):
     ],
 )
 def test_minors_are_minors(ur5, minor):
-    assert verdict(changed(ur5, (("places", 0, "sum", 0, 1, "minor"), minor)))
+    assert verdict(changed(ur5, (("places", 0, "of_minors", 0, 1), minor)))
 
 
 def test_other_sources_are_what_they_say(ur5):
@@ -175,10 +258,10 @@ def test_other_sources_are_what_they_say(ur5):
         ([a, c], [0, 1, -1]),
         ([a, c], [0, 1, "0"]),
     ):
-        place = {"forms": forms, "sum": [["1", {"resultant": resultant}]], "cases": []}
+        place = place_of(forms, of_resultants=[["1", *resultant]])
         assert verdict({**data, "places": [*data["places"], place]}), resultant
     for source in (-1, 7, "0", None, [], {}, {"other": 1}, 0.0, True):
-        place = {"forms": [a], "sum": [["1", source]], "cases": [[a, 1, None]]}
+        place = place_of([a], a, of_forms=[["1", source]])
         assert verdict({**data, "places": [*data["places"], place]}), source
 
 
@@ -187,24 +270,29 @@ def test_joints_that_are_bound_are_not_put_at_values(ur5):
     data = copy.deepcopy(ur5)
     place = data["places"][0]
     for text in ("1x3", "1y3", "1x2 1y2", "1x2x4 1y2y4"):
-        at = [index(data, text)]
-        source = {**place["sum"][0][1], "at": at}
-        assert verdict(changed(data, (("places", 0, "sum"), [["1", source]]))), text
+        minor = [*place["of_minors"][0][:2], [index(data, text)]]
+        assert verdict(changed(data, (("places", 0, "of_minors"), [minor]))), text
 
 
-def test_dependent_lines_are_dependent(ur5):
-    for gone in ({"0": {}}, {"0": {"1": "1"}}, {"0": {"0": "1"}}, {"6": {}}, {"-1": {}}, [], None):
-        assert verdict(changed(ur5, (("dependent_rows",), gone)))
-        assert verdict(changed(ur5, (("dependent_columns",), gone)))
+def test_steps_keep_the_rank(ur5):
+    """Multiples of one line are taken from another one: any such step is true, few are of use."""
+    for steps in (
+        [[0, 0, "1"]],
+        [[0, 6, "1"]],
+        [[-1, 0, "1"]],
+        [[0, 1, "1x1"]],
+        [[0, 1]],
+        [[0, 1, 1]],
+        {"0": {"1": "1"}},
+        None,
+    ):
+        assert verdict(changed(ur5, (("row_steps",), steps)))
+        assert verdict(changed(ur5, (("column_steps",), steps)))
+    assert verdict(changed(ur5, (("row_steps",), [[0, 1, "2/3"]]))) == ""
     planar = made("planar3r")
-    rows = planar["dependent_rows"]
-    assert rows
-    for k in rows:
-        assert verdict(changed(planar, (("dependent_rows", k), {k: "1"})))
-        # With a row of zeros left in, Eagon and Northcott's bound is weaker; it still holds.
-        less = {i: terms for i, terms in rows.items() if i != k}
-        reason = verdict(changed(planar, (("dependent_rows",), less)))
-        assert reason == "" or "place" in reason
+    steps = planar["row_steps"] + planar["column_steps"]
+    assert len(Certificate(planar).matrix) == planar["rank"] == 3
+    assert not steps or verdict(changed(planar, (("row_steps",), []), (("column_steps",), [])))
 
 
 def test_axes_may_not_change_the_task():
@@ -248,7 +336,6 @@ def test_links_are_links(ur5):
     for key, values in {
         "translation": (["0", "0"], ["0"] * 4, None, ["0", "0", 0]),
         "multiple": ("7", "1/2", "1x1", "", 1, None, "99999999999"),
-        "plus": (["1", "1"], ["1"], "1", ["1", "0", "0"], None),
         "joint": (6, -1, "0", None, 0.0),
     }.items():
         for value in values:
@@ -263,8 +350,11 @@ def test_evidence_of_another_arm_does_not_fit(ur5, panda):
     other = made("ur10")
     for key in ("polynomials", "families", "places", "chain"):
         assert verdict({**ur5, key: panda[key]}), key
-    # The tree of cases is the same for both arms, constants aside: it points to polynomials.
-    assert verdict({**ur5, "places": other["places"]}) == ""
+    # The tree of cases is the same for both arms but for one constant.
+    mine, others = ur5["places"][0], other["places"][0]
+    assert others["of_minors"][0][0] != mine["of_minors"][0][0]
+    assert verdict({**ur5, "places": other["places"]})
+    assert verdict(changed(ur5, (("places", 0), {**others, "of_minors": mine["of_minors"]}))) == ""
     assert verdict({**ur5, "polynomials": other["polynomials"]})
     # The whole evidence with the other arm's chain: lengths are in its polynomials.
     assert verdict({**ur5, "chain": other["chain"]})

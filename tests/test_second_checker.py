@@ -21,12 +21,15 @@ ARMS = {
     "planar3r one row": {"robot": "planar3r", "task": "vx"},
     "ur5 orientation": {"robot": "ur5", "task": "orientation"},
     "so101": {"robot": "so101"},
+    # Rows in the tip's axes.
+    "ur5 tool axis": {"robot": "ur5", "task": "tool-axis"},
+    "planar3r tip": {"robot": "planar3r", "task": "vx@tip"},
     "surgical7": {"robot": "surgical7"},
     "iiwa14": {"robot": "iiwa14"},
     "panda": {"robot": "panda"},
 }
 LARGER = ["ur5", "stanford"]
-SMALL = ["scara", "planar3r position"]
+SMALL = ["scara", "planar3r position", "planar3r tip"]
 made: dict[str, dict] = {}
 
 
@@ -61,8 +64,9 @@ def mutants(name):
         data = certificate(name)
         data["families"].pop(k)
         for place in data["places"]:
-            if place.get("family", -1) >= k:
-                place["family"] = max(0, place["family"] - 1)
+            for case in place["cases"]:
+                if case[3] == "family" and case[4] >= k:
+                    case[4] = max(0, case[4] - 1)
         yield f"without family {k}", data
         data = certificate(name)
         data["families"][k]["least_codimension"] += 1
@@ -71,16 +75,19 @@ def mutants(name):
         data["families"][k]["forms"].pop()
         yield f"family {k} larger", data
     for i, place in enumerate(true["places"]):
-        for k in range(len(place.get("cases", []))):
+        for k, case in enumerate(place["cases"]):
             data = certificate(name)
             data["places"][i]["cases"].pop(k)
             yield f"place {i} without case {k}", data
             data = certificate(name)
-            data["places"][i]["cases"][k][2] = None if place["cases"][k][2] else 0
-            yield f"place {i} with case {k} elsewhere", data
-        data = certificate(name)
-        data["places"][i] = {"forms": place["forms"], "too_small": True}
-        yield f"place {i} too small", data
+            if case[3] != "nowhere":
+                data["places"][i]["cases"][k][3:] = ["nowhere", 0]
+                yield f"place {i} with case {k} nowhere", data
+        for key in ("of_forms", "of_minors", "of_resultants"):
+            for k in range(len(place[key])):
+                data = certificate(name)
+                data["places"][i][key].pop(k)
+                yield f"place {i} without number {k} {key}", data
     for k, text in enumerate(true["polynomials"]):
         data = certificate(name)
         data["polynomials"][k] = text.replace("x", "z").replace("y", "x").replace("z", "y")
@@ -127,7 +134,7 @@ def test_both_say_the_same_of_other_lengths(name):
 
 
 SHAPES = [
-    ("a text for a list", lambda d: d["chain"][0].update(plus="10")),
+    ("a text for a list", lambda d: d["chain"][0].update(rotation="10")),
     ("a list for a text", lambda d: d["chain"][0].update(multiple=["1"])),
     ("a whole number for a text", lambda d: d["chain"][0].update(multiple=1)),
     ("a truth for a text", lambda d: d["chain"][0].update(multiple=True)),
@@ -135,28 +142,32 @@ SHAPES = [
     ("a zero before a whole number", lambda d: d["chain"][0].update(multiple="0_1")),
     ("a text for three numbers", lambda d: d["chain"][0].update(translation="000")),
     ("a text for rows", lambda d: d["chain"][0].update(rotation=["100", "010", "001"])),
-    ("a text for the tip", lambda d: d.update(tip="000")),
+    ("a text for the tip", lambda d: d["tip"].update(translation="000")),
+    ("a tip without a rotation", lambda d: d["tip"].pop("rotation")),
     ("a truth for an index", lambda d: d["rows"].__setitem__(1, True)),
     ("a truth for a rank", lambda d: d.update(rank=True)),
     ("a text for the axes", lambda d: d.update(axes="0")),
-    ("a list for an object", lambda d: d.update(dependent_rows=[])),
+    ("an object for steps", lambda d: d.update(row_steps={})),
+    ("a number for a step", lambda d: d.update(row_steps=[[0, 1, 1]])),
     ("a text for square roots", lambda d: d.update(square_roots="")),
     ("an object for a list", lambda d: d.update(families={})),
     ("a key too many", lambda d: d.update(more=1)),
     ("a key too many in a link", lambda d: d["chain"][0].update(more=1)),
     ("a key too many in a family", lambda d: d["families"][0].update(more=1)),
     ("a key too many in a place", lambda d: d["places"][0].update(more=1)),
-    ("two ways to close a place", lambda d: d["places"][-1].update(too_small=True)),
-    ("one for a truth", lambda d: d["places"][-1].update(points=1)),
-    ("a false one", lambda d: d["places"][-1].update(points=False)),
+    ("a pivot of rows alone", lambda d: d["families"][0]["pivot"].pop()),
+    ("a place without sources", lambda d: d["places"][-1].pop("of_minors")),
     ("no name", lambda d: d["joints"][0].update(name=None)),
     ("a number for a name", lambda d: d.update(robot=1)),
-    ("a text for a sum", lambda d: d["places"][0].update(sum=["10"])),
-    ("a text for a pair", lambda d: d["families"][0].update(sums=[["10"]])),
+    ("a text for a sum", lambda d: d["places"][0].update(of_forms=["10"])),
+    ("a text for a pair", lambda d: d["families"][0].update(multiples=[["10"]])),
+    ("a text for a weight", lambda d: d["places"][0]["cases"][0].__setitem__(1, "1")),
+    ("a number for a weight", lambda d: d["places"][0]["cases"][0].__setitem__(1, [1])),
     ("a text for a case", lambda d: d["places"][0]["cases"].__setitem__(0, "110")),
-    ("a text for where a case leads", lambda d: d["places"][0]["cases"][0].__setitem__(2, "1")),
+    ("a text for where a case leads", lambda d: d["places"][0]["cases"][0].__setitem__(4, "1")),
+    ("no word for what a case leads to", lambda d: d["places"][0]["cases"][0].__setitem__(3, 1)),
     ("a case more", lambda d: d["places"][0]["cases"][0].append(0)),
-    ("a truth for how often", lambda d: d["places"][0]["cases"][0].__setitem__(1, True)),
+    ("a truth for how often", lambda d: d["places"][0]["cases"][0].__setitem__(2, True)),
     ("a part of the base", lambda d: d.pop("base")),
 ]
 

@@ -12,9 +12,12 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.surd_ring import SurdRing
 from pinsing.proof.checker import Certificate
+from pinsing.proof.division import empty, vanishes
 from pinsing.proof.place import Place
 from pinsing.proof.skeleton import form_text
 
+Term = tuple[str, Any]
+"""A form as text, and the source that it is times."""
 _MANY = 3
 """Relations up to which none is looked at for saying nothing new."""
 _SHORTEST, _SHORT = 8, 40
@@ -69,7 +72,7 @@ class Forms:
         kept: list[Poly] = []
         for p in place.relations:
             two = [r for r in kept if len(r) <= _SHORTEST][:2]
-            if len(two) < 2 or len(p) > _SHORT or not self.ring.vanishes(p, two):
+            if len(two) < 2 or len(p) > _SHORT or not vanishes(self.ring, p, two):
                 kept.append(p)
         if len(kept) == len(place.relations):
             return place
@@ -95,7 +98,7 @@ class Forms:
         product, each factor of that makes a part.
         """
         place = self.place_of(forms)
-        if self.ring.empty(place.relations):
+        if empty(self.ring, place.relations):
             return []
         linear, relations = place.forms[: len(place.values)], place.relations
         for k, p in enumerate(relations):
@@ -141,12 +144,11 @@ class Forms:
             found.append((f, times))
         return found
 
-    def sum(self, terms: list[tuple[Poly, Any]], form: Poly, product: Poly) -> dict[str, Any]:
+    def sum(self, terms: list[tuple[Poly, Any]], form: Poly, product: Poly) -> list[Term]:
         """A sum as it is written: scaled so that it is the product, units aside."""
         (form,) = self.ring.stripped(form)
         scale = self._leading(product) * self._inverse(self._leading(form))
-        scaled = [(form_text(self.ring.reduced(c * scale)), source) for c, source in terms]
-        return {"sum": [list(term) for term in scaled]}
+        return [(form_text(self.ring.reduced(c * scale)), source) for c, source in terms]
 
     def _leading(self, form: Poly) -> Poly:
         """The number before the first monomial in joints."""

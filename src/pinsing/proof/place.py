@@ -30,10 +30,13 @@ class Place:
         What else vanishes, with these values put in.
     points : bool
         Whether only real points are followed from here on, not whole components.
-    entry : dict
-        Keys of the place in the certificate, its cases and its own place aside.
+    family : int or None
+        The family that it lies in: then it is closed.
+    sum : list of Term
+        What is split: forms as text, and the source that each is times.
     cases : list of (Poly, times, Place or None)
-        Factors, how often each is there, and where it leads; None where that is empty.
+        Factors, how often each is there, and where it leads; None where that is empty, or too
+        small for a component.
     squares : list of (Fraction, Poly)
         Instead of cases: factors and forms that are squared.
     then : Place or None
@@ -44,7 +47,8 @@ class Place:
     values: Values
     relations: list[Poly]
     points: bool = False
-    entry: dict[str, Any] = field(default_factory=dict)
+    family: int | None = None
+    sum: list[tuple[str, Any]] = field(default_factory=list)
     cases: list[tuple[Poly, int, Place | None]] = field(default_factory=list)
     squares: Squares = field(default_factory=list)
     then: Place | None = None

@@ -11,8 +11,9 @@ from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring, Value
 from pinsing.geometry.nominal import Nominal
 from pinsing.proof.checker import Certificate, Rejected, verify
+from pinsing.proof.division import vanishes
 from pinsing.proof.forms import Forms
-from pinsing.proof.minors import sums_to_minors
+from pinsing.proof.minors import soundness
 from pinsing.proof.place import NotFound, Place
 from pinsing.proof.reduction import Draft, without_dependent_lines
 from pinsing.proof.skeleton import NotStated, form_of, form_text, number_text, roots_in, skeleton
@@ -75,12 +76,15 @@ def certificate(
             forms += [form_of(p, ring, draft.ring.context, roots) for p in s.component.relations]
             forms = _without_implied(draft, tidy.place_of(forms))
             for part in tidy.parts(forms) if in_parts else [tidy.place_of(forms)]:
+                why = soundness(draft, tidy, part, s.component.codimension)
                 data["families"].append(
                     {
                         "name": s.name,
                         "forms": [polynomials.index(f) for f in part.forms],
-                        "sums": sums_to_minors(draft, part),
                         "least_codimension": s.component.codimension,
+                        "pivot": [list(lines) for lines in why.pivot],
+                        "apart": [polynomials.index(f) for f in why.apart],
+                        "multiples": why.multiples,
                     }
                 )
         data["polynomials"] = polynomials.texts
@@ -111,7 +115,7 @@ def _without_implied(draft: Certificate, family: Place) -> list[Any]:
     for p in rest:
         draft.ring.work = 0  # what is counted is one step here, the whole check there
         try:
-            implied = bool(kept) and draft.ring.vanishes(p, kept)
+            implied = bool(kept) and vanishes(draft.ring, p, kept)
         except Rejected:  # it would take too long to see
             implied = False
         if not implied:
@@ -122,21 +126,34 @@ def _without_implied(draft: Certificate, family: Place) -> list[Any]:
 
 def _written(place: Place, polynomials: _Table, number: Mapping[int, int]) -> dict[str, Any]:
     """A place as it stands in the certificate."""
-    entry = {"forms": [polynomials.index(p) for p in place.forms], **place.entry}
-    if place.points:
-        entry["points"] = True
-    for _, source in entry.get("sum", []):
-        if isinstance(source, dict) and "at" in source:
-            source["at"] = [polynomials.index(p) for p in source["at"]]
+    entry: dict[str, Any] = {
+        "forms": [polynomials.index(p) for p in place.forms],
+        **{key: [] for key in ("of_forms", "of_minors", "of_resultants", "cases")},
+    }
+    for text, source in place.sum:
+        if isinstance(source, int):
+            entry["of_forms"].append([text, source])
+        elif "resultant" in source:
+            entry["of_resultants"].append([text, *source["resultant"]])
+        else:
+            free = [polynomials.index(p) for p in source.get("at", [])]
+            entry["of_minors"].append([text, source["minor"], free])
+    for f, times, then in place.cases:
+        entry["cases"].append([[polynomials.index(f)], [], times, *_leads(then, number)])
     if place.squares:
-        entry["squares"] = [[str(c), polynomials.index(g)] for c, g in place.squares]
-        entry["then"] = None if place.then is None else number[id(place.then)]
-    elif "sum" in entry:
-        entry["cases"] = [
-            [polynomials.index(f), times, None if then is None else number[id(then)]]
-            for f, times, then in place.cases
-        ]
+        zeros = [polynomials.index(g) for _, g in place.squares]
+        weights = [str(c) for c, _ in place.squares]
+        entry["cases"].append([zeros, weights, 1, *_leads(place.then, number)])
     return entry
+
+
+def _leads(then: Place | None, number: Mapping[int, int]) -> tuple[str, int]:
+    """Where a case leads."""
+    if then is None:
+        return "nowhere", 0
+    if then.family is not None:
+        return "family", then.family
+    return "place", number[id(then)]
 
 
 class _Table:
@@ -160,7 +177,7 @@ def _ordered(root: Place) -> list[Place]:
     order: list[Place] = []
 
     def visit(place: Place) -> None:
-        if id(place) in seen:
+        if id(place) in seen or place.family is not None:
             return
         seen.add(id(place))
         for then in [*(then for _, _, then in place.cases), place.then]:

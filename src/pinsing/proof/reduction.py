@@ -7,7 +7,7 @@ from fractions import Fraction
 from typing import Any
 
 from pinsing.geometry.surd import Exact, surd
-from pinsing.proof.checker import Certificate, Matrix, flipped
+from pinsing.proof.checker import Certificate, Matrix, Poly, flipped
 from pinsing.proof.skeleton import number_text
 
 _POSITION = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (1, 1): 3}
@@ -19,6 +19,15 @@ class Draft(Certificate):
     def __init__(self, data: dict[str, Any], jacobian: Matrix | None = None) -> None:
         self.known_jacobian = jacobian
         super().__init__(data)
+        self._resultants: dict[tuple[str, str, int], Poly] = {}
+        self._resultant, self.ring.resultant = self.ring.resultant, self._known_resultant  # type: ignore[method-assign]
+
+    def _known_resultant(self, p: Poly, g: Poly, joint: int) -> Poly:
+        """As the checker finds it; a search asks for the same ones again and again."""
+        key = (str(p), str(g), joint)
+        if key not in self._resultants:
+            self._resultants[key] = self._resultant(p, g, joint)
+        return self._resultants[key]
 
     def jacobian(self) -> Matrix:
         """As the checker finds it, which does so by itself in the end."""
@@ -28,19 +37,19 @@ class Draft(Certificate):
 
 
 def without_dependent_lines(data: Mapping[str, Any]) -> tuple[dict[str, Any], Matrix]:
-    """The certificate with its dependent rows and columns stated, and its whole Jacobian."""
-    whole = Draft({**data, "rank": 1, "dependent_rows": {}, "dependent_columns": {}})
-    rows = _stated(whole, whole.matrix)
-    columns = _stated(whole, flipped(whole.independent(whole.matrix, rows)))
-    return {**data, "dependent_rows": rows, "dependent_columns": columns}, whole.jacobian()
+    """The certificate with the steps that make dependent lines zero, and its whole Jacobian."""
+    whole = Draft({**data, "rank": 1, "row_steps": [], "column_steps": []})
+    rows = _steps(whole, whole.jacobian())
+    columns = _steps(whole, flipped(whole.without_dependent(whole.jacobian(), rows)))
+    return {**data, "row_steps": rows, "column_steps": columns}, whole.jacobian()
 
 
-def _stated(certificate: Certificate, lines: Matrix) -> dict[str, dict[str, str]]:
+def _steps(certificate: Certificate, lines: Matrix) -> list[list[Any]]:
+    """Which multiple of which line is taken from which."""
     vectors = [_vector(certificate, line) for line in lines]
-    return {
-        str(i): {str(k): number_text(c) for k, c in terms.items()}
-        for i, terms in _dependent(vectors).items()
-    }
+    return [
+        [i, k, number_text(c)] for i, terms in _dependent(vectors).items() for k, c in terms.items()
+    ]
 
 
 def _vector(certificate: Certificate, line: list[Any]) -> dict[Any, Exact]:

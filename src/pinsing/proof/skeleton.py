@@ -54,13 +54,9 @@ def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, An
     arm, chain = geometry.arm, _chain(geometry)
     task, links = arm.task, len(chain["chain"])
     invariant = list(task.rows) in ([*range(6)], [0, 1, 2], [3, 4, 5])
-    axes = links // 2 if invariant else 0
-    if task.at_tip:
-        if not all(task.at_tip):
-            raise NotStated("certificates have all rows in the base's axes or all in the tip's")
-        axes = links + 1
-        turn = [[number_text(x) for x in row] for row in geometry.tip_rotation]
-        chain["tip"] = {"translation": chain["tip"], "rotation": turn}
+    if task.at_tip and not all(task.at_tip):
+        raise NotStated("certificates have all rows in the base's axes or all in the tip's")
+    axes = links // 2 if invariant else links + 1 if task.at_tip else 0
     return {
         "schema": SCHEMA,
         "robot": arm.name,
@@ -76,8 +72,8 @@ def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, An
         "rows": list(arm.task.rows),
         "axes": axes,
         "rank": rank,
-        "dependent_rows": {},
-        "dependent_columns": {},
+        "row_steps": [],
+        "column_steps": [],
         "polynomials": [],
         "families": [],
         "places": [],
@@ -85,36 +81,34 @@ def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, An
 
 
 def _chain(geometry: Nominal) -> dict[str, Any]:
-    """Placements and motions; joints that stand still become part of a placement."""
+    """Placements and motions; constant motions become part of a placement."""
     chain: list[dict[str, Any]] = []
     R, t = _identity(), [Fraction(0)] * 3
     for i, drive in enumerate(drives(geometry)[0]):
         t = _add(t, _turned(R, geometry.translation[i]))
         R = _times(R, geometry.rotation[i])
+        R, t = _with_constant(R, t, drive, geometry.prismatic[i])
         if drive.multiple == 0:
-            R, t = _standing(R, t, drive, geometry.prismatic[i])
             continue
-        slides = geometry.prismatic[i]
-        chain.append(
-            {
-                "rotation": [[number_text(x) for x in row] for row in R],
-                "translation": [number_text(x) for x in t],
-                "joint": drive.leader,
-                "multiple": number_text(drive.multiple),
-                "plus": number_text(drive.shift)
-                if slides
-                else [number_text(x) for x in drive.turn],
-            }
-        )
+        multiple = number_text(drive.multiple)
+        chain.append({**_placement(R, t), "joint": drive.leader, "multiple": multiple})
         R, t = _identity(), [Fraction(0)] * 3
-    tip = _add(t, _turned(R, geometry.translation[-1]))
-    return {"chain": chain, "tip": [number_text(x) for x in tip]}
+    t = _add(t, _turned(R, geometry.translation[-1]))
+    R = _times(R, geometry.tip_rotation)
+    return {"chain": chain, "tip": _placement(R, t)}
 
 
-def _standing(
+def _placement(R: Sequence[Sequence[Any]], t: Sequence[Any]) -> dict[str, Any]:
+    return {
+        "rotation": [[number_text(x) for x in row] for row in R],
+        "translation": [number_text(x) for x in t],
+    }
+
+
+def _with_constant(
     R: list[list[Any]], t: list[Any], drive: Drive, slides: bool
 ) -> tuple[list[list[Any]], list[Any]]:
-    """A placement, and the constant motion of a joint that stands still after it."""
+    """A placement, and the constant part of a joint's motion after it: about or along z."""
     if slides:
         return R, _add(t, _turned(R, [Fraction(0), Fraction(0), drive.shift]))
     c, s = drive.turn

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 
 from pinsing.algebra.ring import Poly
+from pinsing.proof.division import top_of, vanishes
 from pinsing.proof.forms import Forms
 from pinsing.proof.place import Place, Split
 from pinsing.proof.skeleton import form_text
@@ -125,7 +126,7 @@ class Splits:
                         Split([(self.ring.one, {**source, "at": at})], poly),
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):
-            if not self.ring.vanishes(split.form, place.relations):
+            if not vanishes(self.ring, split.form, place.relations):
                 yield split
 
     def _point(self, k: int) -> tuple[Poly, Poly]:
@@ -174,7 +175,7 @@ class Splits:
             for family in self.families
             for p in family
             for f in ring.stripped(ring.put(p, place.values))
-            if f != 0 and ring.joints(f) and not ring.vanishes(f, relations)
+            if f != 0 and ring.joints(f) and not vanishes(ring, f, relations)
         }
         for f in wanted.values():
             for a, p in enumerate(relations):
@@ -199,7 +200,7 @@ class Splits:
 
     def _divided(self, p: Poly, f: Poly, j: int) -> tuple[Poly, Poly, Poly]:
         """Division of forms by y of a joint: times p = product + rest, product a multiple of f."""
-        y, low, lead = self.ring.pairs[j][1], self.ring.degree(f, j), self.ring.top(f, j)
+        y, low, lead = self.ring.pairs[j][1], self.ring.degree(f, j), top_of(self.ring, f, j)
         times, product, rest = self.ring.one, self.ring.zero, p
         if lead == 0:
             return times, product, rest
@@ -220,7 +221,10 @@ class Splits:
             if len(p) * len(g) > _LONG:
                 continue
             for j in set(ring.joints(p)) & set(ring.joints(g)):
-                more, tops = ring.degree(p, j) - ring.degree(g, j), (ring.top(p, j), ring.top(g, j))
+                more, tops = (
+                    ring.degree(p, j) - ring.degree(g, j),
+                    (top_of(ring, p, j), top_of(ring, g, j)),
+                )
                 if more < 0 or not all(tops):
                     continue
                 factors = tops[1], -tops[0] * ring.pairs[j][1] ** more

@@ -15,8 +15,9 @@ from typing import Any
 from pinsing.algebra.budget import BudgetExceeded
 from pinsing.algebra.ring import Poly
 from pinsing.proof.checker import Certificate, Rejected
+from pinsing.proof.division import divisions, empty, vanishes
 from pinsing.proof.forms import Forms
-from pinsing.proof.place import NotFound, Place, Split, Values, place_text
+from pinsing.proof.place import NotFound, Place, Split, place_text
 from pinsing.proof.skeleton import form_text
 from pinsing.proof.splits import Splits
 from pinsing.proof.squares import squares
@@ -70,7 +71,7 @@ class Tree:
     def _place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:
         """The place where forms vanish, closed or split; None where it is empty."""
         place = self.forms.without_implied(self.forms.place_of(forms, points))
-        if self.ring.empty(place.relations):
+        if empty(self.ring, place.relations):
             return None
         texts = [form_text(f) for f in place.forms]
         key = (points, *texts)
@@ -110,16 +111,16 @@ class Tree:
     def _close(self, place: Place) -> None:
         relations = place.relations
         for k, family in enumerate(self.families):
-            if self._lies_in(place.values, relations, family):
-                place.entry = {"family": k}
+            if self._lies_in(place, family):
+                place.family = k
                 return
-            if self._after_forgetting(place, k, family):
-                return
+        if any(self._by_division(place, family) for family in self.families):
+            return
         least = self.certificate.bound + 1 - len(place.values)
         enough = not place.points and least <= len(relations)
         enough = enough and sum(map(len, relations)) <= _DENSE
         if enough and self.ring.codimension_at_least(least, relations):
-            place.entry = {"too_small": True}
+            self._leave(place)
             return
         for k, p in enumerate(relations):
             if [times for _, times in self.forms.factors(p)] != [1]:
@@ -140,13 +141,32 @@ class Tree:
             return
         raise failure
 
-    def _lies_in(self, values: Values, relations: list[Poly], family: list[Poly]) -> bool:
-        """Whether a place lies in a family; for long relations only where that is plain."""
-        images = [f for p in family for f in self.ring.stripped(self.ring.put(p, values))]
-        plain = all(f == 0 or any(self.ring.divides(p, f) for p in relations) for f in images)
-        if plain or sum(map(len, relations)) > _DENSE:
-            return plain
-        return self.certificate.lies_in((values, relations), family)
+    def _lies_in(self, place: Place, family: list[Poly]) -> bool:
+        """Whether a place is seen to lie in a family."""
+        return all(self.ring.vanishes(f, (place.values, place.relations)) for f in family)
+
+    def _by_division(self, place: Place, family: list[Poly]) -> bool:
+        """Split a place that lies in a family by a multiple of one of its forms, if it does."""
+        ring, relations = self.ring, place.relations
+        if len(relations) < 2 or sum(map(len, relations)) > _DENSE:
+            return False
+        few = [relations] if len(relations) == 2 else itertools.combinations(relations[:_FEW], 2)
+        for some in map(list, few):
+            images = [f for p in family for f in ring.stripped(ring.put(p, place.values))]
+            if all(vanishes(ring, f, some) for f in images):
+                f = next(f for f in images if not ring.vanishes(f, ({}, relations)))
+                sources = [
+                    len(place.values) + next(i for i, p in enumerate(relations) if p is r)
+                    for r in some
+                ]
+                for _, times, multiples in divisions(ring, f, some):
+                    terms = [(c, k) for c, k in zip(multiples, sources, strict=True) if c != 0]
+                    try:
+                        self._split(place, Split(list(terms), ring.times(times, f)))
+                    except NotFound:
+                        continue
+                    return True
+        return False
 
     def _split(self, place: Place, split: Split) -> None:
         """Follow each factor of a form that vanishes."""
@@ -157,7 +177,7 @@ class Tree:
         product = self.ring.one
         for f, times in factors:
             product = self.ring.reduced(product * f**times)
-        place.entry = self.forms.sum(split.sum, split.form, product)
+        place.sum = self.forms.sum(split.sum, split.form, product)
 
     def _by_squares(self, place: Place) -> bool:
         """Close a place where a relation is a sum of squares, and where all of these vanish."""
@@ -174,18 +194,8 @@ class Tree:
                 continue
             place.squares = parts
             total = self.ring.times(times, p)
-            place.entry = self.forms.sum([(times, len(place.values) + k)], total, total)
+            place.sum = self.forms.sum([(times, len(place.values) + k)], total, total)
             return True
-        return False
-
-    def _after_forgetting(self, place: Place, number: int, family: list[Poly]) -> bool:
-        """Close a place where two of its relations alone lie in a family, if they do."""
-        if len(place.relations) < 3:
-            return False
-        for pair in itertools.combinations(place.relations[:_FEW], 2):
-            if self._lies_in(place.values, list(pair), family):
-                self._forget(place, list(pair), {"family": number})
-                return True
         return False
 
     def _too_small_in_part(self, place: Place, least: int) -> bool:
@@ -198,15 +208,14 @@ class Tree:
             if sum(map(len, part)) > _PART:
                 return False
             if self.ring.codimension_at_least(least, part):
-                self._forget(place, part, {"too_small": True})
+                linear = place.forms[: len(place.values)]
+                then = self.forms.place_of([*linear, *part])
+                self._leave(then)
+                place.sum = [("1", len(place.values))]
+                place.cases = [(part[0], 1, then)]
                 return True
         return False
 
-    def _forget(self, place: Place, part: list[Poly], entry: dict[str, Any]) -> None:
-        """Close a place by a wider one, where some of its relations vanish alone."""
-        linear = place.forms[: len(place.values)]
-        then = self.forms.place_of([*linear, *part], place.points)
-        then.entry = entry
-        at = next(i for i, p in enumerate(place.relations) if p is part[0])
-        place.entry = {"sum": [["1", len(place.values) + at]]}
-        place.cases = [(part[0], 1, then)]
+    def _leave(self, place: Place) -> None:
+        """Close a place that is too small for a component."""
+        place.sum, place.cases = [("1", 0)], [(place.forms[0], 1, None)]
