@@ -26,6 +26,7 @@ from tiers import tiered
 
 from pinsing.errors import OptionError, ResultError
 from pinsing.families import ClosedForm, Equation, Family, closed_form
+from pinsing.families.family_text import latex_lines
 from pinsing.geometry.nominal import nominal
 
 ZERO = (0.0, np.pi)
@@ -220,6 +221,18 @@ def test_reproducible() -> None:
 def test_a_budget_must_be_positive(seconds: float) -> None:
     with pytest.raises(OptionError, match="seconds"):
         closed_form(arm_of("ur5"), seconds=seconds)
+
+
+def test_a_long_statement_in_latex_has_lines_that_fit_a_page() -> None:
+    terms = [rf"{k}.5 \cos (2 q_{{{k}}}) \sin q_{{{k}}}" for k in range(1, 8)]
+    long = rf"R \cos (q_{{2}} - \varphi) = 0,\ R \cos \varphi = a ({' + '.join(terms)} - 2) - 1"
+    lines = latex_lines(long)
+    assert lines[0] == r"R \cos (q_{2} - \varphi) = 0"
+    assert " ".join(lines[1:]) == long.split(r",\ ")[1]
+    assert max(map(len, lines)) < 130
+    assert all(line.count("{") == line.count("}") for line in lines)
+    together = r"\text{" + 100 * "a" + " + b}"  # braces are never torn
+    assert latex_lines(together) == [together]
 
 
 def test_latex_names_every_family() -> None:

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 
 from pinsing.families.family import Family
 from pinsing.families.solved_for import LONG, long_form
+
+_TERM = re.compile(r"(?= [+-] )")
+_WIDE = 80
+"""Characters of a line that a printed page has room for."""
+_COMMAND = re.compile(r"\\[a-zA-Z]+ ?|[{}_^\\]")
 
 
 def written_out(family: Family) -> tuple[str, ...]:
@@ -43,6 +49,27 @@ def exactly(family: Family, latex: bool = False) -> tuple[str, ...]:
         text = e.exact_text(latex) or ("" if brief else e.latex() if latex else e.text())
         lines += [text] if text else []
     return tuple(dict.fromkeys(lines))
+
+
+def latex_lines(latex: str) -> list[str]:
+    """A long statement in LaTeX as lines of a page's width, broken at commas and between terms."""
+    lines: list[str] = []
+    for part in latex.split(r",\ "):
+        whole = [""]
+        for term in _TERM.split(part):
+            here = whole[-1]
+            # Round brackets may close on another line, braces may not.
+            closed = here.count("{") == here.count("}")
+            if here.strip() and closed and _seen(here) + _seen(term) > _WIDE:
+                whole.append("")
+            whole[-1] += term
+        lines += [line.strip() for line in whole]
+    return lines
+
+
+def _seen(latex: str) -> int:
+    """About how many characters of it are seen; a name such as sin counts as three."""
+    return len(_COMMAND.sub(lambda m: "abc" if m[0][1:].strip() in ("sin", "cos") else "", latex))
 
 
 def meaning(family: Family) -> Iterator[str]:

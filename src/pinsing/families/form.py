@@ -15,7 +15,7 @@ from pinsing.algebra.second_prime import RandomSteps
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
 from pinsing.families.family import Family, html_row
-from pinsing.families.family_text import exactly, meaning, written_out
+from pinsing.families.family_text import exactly, latex_lines, meaning, written_out
 from pinsing.families.html import families_table
 from pinsing.geometry.nominal import Nominal
 from pinsing.joint_text import typed
@@ -201,9 +201,9 @@ class ClosedForm(JsonResult):
         """
         rows = []
         for f in self.families:
-            rows.append(rf"  \text{{{f.name}:}} \quad & {f.latex}")
-            written = exactly(f, latex=True) if exact else ()
-            rows += [rf"  \text{{exactly:}} \quad & {line}" for line in written]
+            rows += _rows(f.name, f.latex, bool(f.solved))
+            for line in exactly(f, latex=True) if exact else ():
+                rows += _rows("exactly", line, bool(f.solved))
         rows = rows or [r"  & \text{no singular configurations known}"]
         # A line break in a name would end the comment, and what follows would be run.
         said = [f"% {s} = {visible(joint)}" for s, joint in self.legend if legend and s != joint]
@@ -364,3 +364,12 @@ def families_html(forms: ClosedForm) -> str:
     rows = [html_row(f) for f in forms.families]
     shown = families_table(rows, forms.legend) if rows else ""
     return f"<p>{head}</p>{shown}{gaps}"
+
+
+def _rows(name: str, latex: str, long: bool) -> list[str]:
+    """Rows of an ``align*``: one, or those that a long statement needs."""
+    lines = latex_lines(latex) if long else [latex]
+    return [
+        rf"  \text{{{name}:}} \quad & {lines[0]}",
+        *(rf"  & \qquad {line}" for line in lines[1:]),
+    ]

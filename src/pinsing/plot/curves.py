@@ -151,7 +151,10 @@ def sigma_curves(
         pad=_ROOM if rest else 6,
     )
     if top is ax:
-        ax.text(0.5, 1.015, rest, transform=ax.transAxes, ha="center", fontsize=SMALL - 2)
+        ax.annotate(
+            rest, (0.5, 1), xycoords="axes fraction", xytext=(0, 4), textcoords="offset points",
+            ha="center", va="bottom", fontsize=SMALL - 2,
+        )  # fmt: skip
     else:  # the other axis stands above
         ax.text(0.5, -0.5, rest, transform=ax.transAxes, ha="center", va="top", fontsize=SMALL - 2)
     if top is not ax:  # one legend for both
@@ -162,7 +165,7 @@ def sigma_curves(
     return ax
 
 
-_ROOM = 22
+_ROOM = 26
 """Points between a title and the axes, for the line that says where joints rest."""
 _SAME = 1e-7
 """Values of a joint closer than this are one zero of a curve."""
@@ -188,7 +191,7 @@ def _rest(result: SweepResult, fixed: Mapping[str, float], degrees: bool) -> str
     lines = (
         [", ".join(said)] if len(said) <= 4 else [", ".join(said[:half]), ", ".join(said[half:])]
     )
-    return "a joint that does not move rests at " + "\n".join(lines)
+    return "a joint that does not move rests at " + ",\n".join(lines)
 
 
 def _has(result: SweepResult, fixed: Mapping[str, float] | None, name: str) -> bool:
