@@ -455,6 +455,14 @@ def test_build_model_is_silent_and_reports_why_it_fails(read, capfd):
     assert capfd.readouterr() == ("", "")
 
 
+def test_pinocchios_own_words_do_where_nobody_else_is_asked(read, monkeypatch):
+    monkeypatch.setitem(sys.modules, "yourdfpy", None)  # as where it is not installed
+    broken = Description(**{**vars(read(robot())), "xml": robot(joint(inner=""))})
+    with pytest.raises(RobotFileError, match=r"\[j2\] is of type REVOLUTE") as caught:
+        build_model(broken)
+    assert "yourdfpy" not in str(caught.value)
+
+
 def test_diagnose_finds_nothing_in_a_good_file(read):
     assert diagnose(read(robot())) == []
 
