@@ -203,6 +203,26 @@ def against_more_starts(arm, count, seed):
     return counts
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("rows", [UR5, PUMA], ids=["ur5", "puma"])
+def test_against_another_library_at_500_poses(made, rows):
+    """ssik (BSD-3), where it is installed: each solution of either is one of the other's."""
+    ssik = pytest.importorskip("ssik", reason="pip install ssik cython")
+    arm = made(rows)
+    d, a, alpha = np.array(rows, dtype=float).T
+    other = ssik.Manipulator.from_dh(np.radians(alpha), a, d)
+    total = 0
+    for q in arm.space.sample(500, np.random.default_rng(5), True):
+        pose = tip_placement(arm, q).homogeneous
+        ours = pinsing.inverse(arm, pose)
+        theirs = np.array([s.q for s in other.solve(pose)])
+        gap = np.abs(arm.space.wrap(ours.q[:, None] - theirs[None])).max(axis=2)
+        assert (gap.min(axis=0) < 1e-4).all() or ours.doubt
+        assert (gap.min(axis=1) < 1e-4).all()
+        total += len(ours)
+    assert total > 500 * 6
+
+
 def test_offset_wrist_against_four_times_the_starts(made):
     assert len(set(against_more_starts(made(CRX), 3, 11))) >= 1
 

@@ -28,7 +28,7 @@ class Posture:
     more : str
         Its aspect, and whether it can be reached without a singularity.
     way : (K, n) array or None
-        Poses from the first posture to it, none of which is singular; None where there is no way.
+        Poses from the first posture to it, on no family; None where there is no way.
     """
 
     q: Array
@@ -80,7 +80,8 @@ def listed_postures(arm: Arm, found: _Changes) -> tuple[Posture, ...]:
             said = "outside the limits" if not s.within_limits else "the start is singular"
         elif way.path is not None:
             path = fine(way.path, arm)
-            said = f"aspect {other.aspect}: reached without a singularity"
+            how = "without a singularity" if way.proven else "without meeting a known family"
+            said = f"aspect {other.aspect}: reached {how}"
         elif way.same is False:
             said = f"aspect {other.aspect}: only by way of a singularity, proven"
         else:
