@@ -299,3 +299,18 @@ def test_all_joints_on_request_only(name, pose, joint, capsys, monkeypatch):
     code, said = run("analyze", "planar3r", "--all-joints")
     assert code == 2
     assert "goes with --loops" in said.err
+
+
+def test_a_curve_that_is_singular_throughout_is_told_once():
+    # The Agile Eye: the output turns with the inputs held where one input is at a right angle and
+    # the next two are at 0; and there are orientations in which the inputs do not move it at all.
+    found = analyze_mechanism(shipped("agile_eye"))
+    assert len(found.points) < 120
+    for k, name in enumerate(("a1", "a2", "a3")):
+        whole = [p for p in found.points if p.whole_curve and p.moving == name]
+        at = {tuple(np.degrees(p.inputs).round(6) + 0.0) for p in whole if p.kind == "type 3"}
+        assert at == {tuple(v * np.eye(3)[k] + 0.0) for v in (90.0, -90.0)}
+        assert any(p.kind == "type 1" for p in whole)
+    text = str(found)
+    assert "(the whole curve through it)" in text
+    assert len(text.splitlines()) < 150

@@ -16,7 +16,7 @@ import yaml
 
 import pinsing
 from pinsing.mechanism import home, loop_forms, mechanism_at, pose_forms, ranks
-from pinsing.mechanism.result import forms_text
+from pinsing.mechanism.forms_text import forms_text
 from pinsing.robot.mechanism import Mechanism
 
 URDF = Path(__file__).resolve().parents[2] / "urdf"

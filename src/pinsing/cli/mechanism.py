@@ -103,9 +103,9 @@ def families_loops(
     certificate: Path | None = None,
     **options: Any,
 ) -> int:
-    """``families --loops``: the loci of a mechanism as equations, over its inputs or its pose."""
-    from pinsing.mechanism import loop_forms, pose_forms
-    from pinsing.mechanism.result import forms_text
+    """``families --loops``: the loci as equations, over inputs or pose, and in all joint angles."""
+    from pinsing.mechanism import joint_forms, loop_forms, pose_forms
+    from pinsing.mechanism.forms_text import forms_text
 
     if latex or prove is not None or certificate is not None:
         raise OptionError(
@@ -115,16 +115,19 @@ def families_loops(
     mechanism = read(loops, options)
     forms = loop_forms(mechanism)
     found = pose_forms(mechanism) if forms is None else forms
-    if found is None:
+    joints = joint_forms(mechanism)
+    if found is None and not joints.complete:
         say(
             f"{mechanism.name}: no closed form: neither a planar dyad closes the loops nor does "
-            "each leg pass one force; analyze --loops finds singular points by numbers"
+            f"each leg pass one force; in the joint angles {'; '.join(joints.notes)}; analyze "
+            "--loops finds singular points by numbers"
         )
         return 0
-    if not emit_json(found, json_target):
-        emit(forms_text(mechanism.inputs, found, Page.of(), deg, exact))
+    if not emit_json(joints if found is None else found, json_target):
+        emit(forms_text(mechanism.inputs, found, Page.of(), deg, exact, joints))
     architecture = getattr(found, "architecture", "")
-    return int(fail_if_singular and bool(found.loci or architecture))
+    loci = joints.loci if found is None else found.loci
+    return int(fail_if_singular and bool(loci or architecture))
 
 
 def plot_loops(

@@ -4,6 +4,8 @@ from pinsing.mechanism.analysis import analyze_mechanism
 from pinsing.mechanism.closure import constraint_jacobian, output_jacobian, ranks, residual, split
 from pinsing.mechanism.drive import Stretch, drive, stretch
 from pinsing.mechanism.feasible import curves, feasible
+from pinsing.mechanism.joint_forms import JointForms, JointLocus
+from pinsing.mechanism.joint_loci import joint_forms
 from pinsing.mechanism.loci import Locus, LoopForms, loop_forms
 from pinsing.mechanism.modes import home, mode_of
 from pinsing.mechanism.motion import MechanismState, input_output, leg_form, mechanism_at, motions
@@ -19,6 +21,8 @@ from pinsing.mechanism.trace import Trace, trace
 
 __all__ = [
     "InfeasibleError",
+    "JointForms",
+    "JointLocus",
     "Locus",
     "LoopForms",
     "MechanismAnalysis",
@@ -43,6 +47,7 @@ __all__ = [
     "follow",
     "home",
     "input_output",
+    "joint_forms",
     "leg_form",
     "loop_forms",
     "mechanism_at",

@@ -12,6 +12,7 @@ from pinsing.arguments import checked
 from pinsing.mechanism.closure import Ranks, ranks
 from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.feasible import Interval, curves, feasible, intervals
+from pinsing.mechanism.joint_loci import joint_forms
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.loci import LoopForms, loop_forms
 from pinsing.mechanism.loci_roots import roots
@@ -120,6 +121,7 @@ def analyze_mechanism(
             *_pose_checks(mechanism, poses, tuple(points)),
         ),
         notes=tuple(notes),
+        joint_forms=joint_forms(mechanism),
     )
 
 

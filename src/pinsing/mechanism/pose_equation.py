@@ -54,6 +54,23 @@ class PoseEquation:
         """Variables that occur."""
         return tuple(n for n, p in zip(self.names, self.powers.T, strict=True) if p.any())
 
+    def without(self, least: float) -> PoseEquation:
+        """The same without terms whose coefficients are smaller than that."""
+        kept = np.abs(self.values) >= least
+        exact = tuple(c for c, k in zip(self.coefficients, kept.tolist(), strict=True) if k)
+        return PoseEquation(self.names, self.powers[kept], exact, self.values[kept])
+
+    def text(self) -> str:
+        """The sum alone, written out."""
+        text = ""
+        for value, powers in zip(self.values.tolist(), self.powers.tolist(), strict=True):
+            factors = _factors(self.names, powers)
+            size = f"{abs(value):.6g}"
+            body = " ".join(([] if size == "1" and factors else [size]) + factors)
+            sign = "-" if value < 0 else "+"
+            text += f" {sign} {body}" if text else (f"-{body}" if value < 0 else body)
+        return text or "0"
+
     def exact(self) -> str:
         """The whole equation with its exact coefficients."""
         terms = [
@@ -71,14 +88,7 @@ class PoseEquation:
                 f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {where} in the "
                 f"position{more}]"
             )
-        text = ""
-        for value, powers in zip(self.values.tolist(), self.powers.tolist(), strict=True):
-            factors = _factors(self.names, powers)
-            size = f"{abs(value):.6g}"
-            body = " ".join(([] if size == "1" and factors else [size]) + factors)
-            sign = "-" if value < 0 else "+"
-            text += f" {sign} {body}" if text else (f"-{body}" if value < 0 else body)
-        return f"{text} = 0"
+        return f"{self.text()} = 0"
 
 
 def _factors(names: tuple[str, ...], powers: list[int]) -> list[str]:

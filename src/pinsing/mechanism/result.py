@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
-from pinsing._types import Array
-from pinsing.joint_text import typed
 from pinsing.mechanism.feasible import Interval
+from pinsing.mechanism.forms_text import Line, Values, joint_lines, loop_lines, pose_lines
+from pinsing.mechanism.joint_forms import JointForms
 from pinsing.mechanism.loci import LoopForms
 from pinsing.mechanism.motion import MechanismState
 from pinsing.mechanism.pose_loci import PoseForms
 from pinsing.mechanism.pose_table import pose_table
 from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.mechanism.solve import Solution
-from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
+from pinsing.prose import PLAIN, Page, Span, alarm, caution, good, unbroken
 from pinsing.serialization import JsonResult
 
 _MEANING = {
@@ -30,9 +29,6 @@ _FEW = 7
 """Joints up to which a text lists the values of all of them."""
 _FEW_INPUTS = 3
 _MOST_ROWS = 16
-
-Line = tuple[str, tuple[Span, ...]]
-"""An indent, and what follows it."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +88,8 @@ class MechanismAnalysis(JsonResult):
         Sweep against closed forms.
     notes : tuple of str
         What was assumed.
+    joint_forms : JointForms or None
+        The loci as equations in the mechanism's own joint angles.
     """
 
     schema: ClassVar[str] = "pinsing/mechanism-analysis/2"
@@ -119,6 +117,7 @@ class MechanismAnalysis(JsonResult):
     pose_forms: PoseForms | None
     checks: tuple[Check, ...]
     notes: tuple[str, ...]
+    joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
 
     def __str__(self) -> str:
         return analysis_text(self)
@@ -147,7 +146,7 @@ def analysis_text(
         List the values of all joints of each mode; None: where there are few.
     """
     joints = len(a.joints) <= _FEW if joints is None else joints
-    values = _Values(degrees, frozenset(sliding))
+    values = Values(degrees, frozenset(sliding))
     lines = [*_head(a, values), *_configurations(a, values, joints, page), *_points(a, values)]
     lines += [*_forms(a, values, page), *_checks(a)]
     return "\n".join(
@@ -155,64 +154,7 @@ def analysis_text(
     )
 
 
-def forms_text(
-    inputs: Sequence[str],
-    forms: LoopForms | PoseForms,
-    page: Page = PLAIN,
-    degrees: bool = False,
-    exact: bool = False,
-) -> str:
-    """The loci of a mechanism alone, as text.
-
-    Parameters
-    ----------
-    inputs : sequence of str
-        Names of the actuated joints.
-    forms : LoopForms or PoseForms
-        What to print.
-    page : Page
-        What it is fitted to.
-    degrees : bool
-        Angles in degrees.
-    exact : bool
-        Whole equations over the pose with exact coefficients, however long.
-    """
-    lines = (
-        _pose_forms(forms, exact)
-        if isinstance(forms, PoseForms)
-        else _loop_forms(inputs, forms, _Values(degrees, frozenset()), page)
-    )
-    return "\n".join(
-        page.paragraph(*spans, first=indent, rest=indent + "  ") for indent, spans in lines
-    )
-
-
-@dataclass(frozen=True)
-class _Values:
-    """Joint values with their names."""
-
-    degrees: bool
-    sliding: frozenset[str]
-
-    def named(self, names: Sequence[str], values: Array, digits: int = 6) -> str:
-        pairs = zip(names, values.tolist(), strict=True)
-        return ", ".join(unbroken(f"{n} = {self.value(n, v, digits)}") for n, v in pairs)
-
-    def value(self, name: str, value: float, digits: int = 6) -> str:
-        if self.degrees and name not in self.sliding:
-            return f"{math.degrees(value) + 0.0:.{digits}g}°"
-        return f"{value + 0.0:.{digits}g}"
-
-    def interval(self, name: str, found: Interval) -> str:
-        if found.whole:
-            return "the whole circle"
-        return unbroken(f"[{self.value(name, found.lower)}, {self.value(name, found.upper)}]")
-
-    def pasted(self, names: Sequence[str], values: Array, room: int) -> str:
-        return typed(values, [n in self.sliding for n in names], self.degrees, room=room)
-
-
-def _head(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
+def _head(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
     redundant = a.constraint_rows - a.constraint_rank
     spare = f", {redundant} of {a.constraint_rows} redundant" if redundant else ""
     yield (
@@ -244,7 +186,7 @@ def _head(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
 
 
 def _configurations(
-    a: MechanismAnalysis, values: _Values, joints: bool, page: Page
+    a: MechanismAnalysis, values: Values, joints: bool, page: Page
 ) -> Iterator[Line]:
     yield "  ", (f"direct problem, at these inputs: {a.direct}",)
     yield from _modes(a, a.assemblies, values, joints, page)
@@ -262,7 +204,7 @@ def _configurations(
 
 
 def _modes(
-    a: MechanismAnalysis, modes: Sequence[Solution], values: _Values, joints: bool, page: Page
+    a: MechanismAnalysis, modes: Sequence[Solution], values: Values, joints: bool, page: Page
 ) -> Iterator[Line]:
     """A table: the pose of the output first."""
     rows = [s.pose for s in modes if s.pose is not None]
@@ -282,7 +224,7 @@ def _modes(
             yield "    ", (f"{k}: {values.named(a.joints, s.q)}",)
 
 
-def _points(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
+def _points(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
     for kind in ("type 1", "type 2", "type 3", "constraint"):
         here = [p for p in a.points if p.kind == kind]
         if not here:
@@ -290,70 +232,48 @@ def _points(a: MechanismAnalysis, values: _Values) -> Iterator[Line]:
         yield "", ()
         title = f" ({_MEANING[kind]}), along the curves through these inputs:"
         yield "", (alarm(unbroken(kind)), title)
+        told: dict[tuple[str, str], int] = {}
         for p in here:
             mode = (f": {p.mode}" if p.mode else "") + (
-                " (end of the range)" if p.range_end else ""
+                " (the whole curve through it)"
+                if p.whole_curve
+                else " (end of the range)"
+                if p.range_end
+                else ""
             )
             if len(a.inputs) <= _FEW_INPUTS:
-                yield "  ", (f"{values.named(a.inputs, p.inputs, 10)}{mode}",)
+                shown = values.named(a.inputs, p.inputs.round(12), 10)
+                told[shown, mode] = told.get((shown, mode), 0) + 1
                 continue
             k = a.inputs.index(p.moving) if p.moving else None
             names, where = (a.inputs, p.inputs) if k is None else ((p.moving,), p.inputs[k : k + 1])
             at = ", ".join(f"{x + 0.0:.6g}" for x in p.position.round(12))
             shown = values.named(names, where, 10)
-            yield "  ", (f"{shown}{mode}; output at {unbroken(f'({at})')} m",)
+            rest = f"{mode}; output at {unbroken(f'({at})')} m"
+            told[shown, rest] = told.get((shown, rest), 0) + 1
+        for (shown, rest), alike in told.items():
+            # Inputs and mode alike: told apart by the pose and the passive joints alone.
+            count = f" [{alike} configurations]" if alike > 1 else ""
+            yield "  ", (f"{shown}{rest}{count}",)
 
 
-def _forms(a: MechanismAnalysis, values: _Values, page: Page) -> Iterator[Line]:
+def _forms(a: MechanismAnalysis, values: Values, page: Page) -> Iterator[Line]:
     yield "", ()
-    if a.forms is None:
-        if a.pose_forms is None:
-            yield (
-                "",
-                (
-                    "Closed forms: none (neither a planar dyad closes the loops nor does each leg "
-                    "pass one force); the points are numeric.",
-                ),
-            )
-        else:
-            yield from _pose_forms(a.pose_forms)
-        return
-    yield from _loop_forms(a.inputs, a.forms, values, page)
-
-
-def _loop_forms(
-    inputs: Sequence[str], forms: LoopForms, values: _Values, page: Page
-) -> Iterator[Line]:
-    whole = good("complete") if forms.complete else caution("NOT complete")
-    yield "", ("Closed forms of the singular loci over the inputs, in m², ", whole, ":")
-    for locus in forms.loci:
-        extra = " (isolated points)" if locus.points_only else ""
-        extra += "" if locus.witness else " (no configuration found that closes the loops)"
-        yield "  ", (f"{locus.kind}: {locus.words}{extra}",)
-        yield "    ", (formula(str(locus.equation)),)
-        if locus.witness:
-            q = values.pasted(inputs, locus.witness.inputs, page.width - 9)
-            yield "    ", (f"e.g. {q}",)
-    for note in forms.notes:
-        yield "  ", (note,)
-
-
-def _pose_forms(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
-    whole = good("complete") if forms.complete else caution("NOT complete")
-    yield "", ("Closed forms of the singular loci over the pose of the output, ", whole, ":")
-    if forms.architecture:
-        yield "  ", (alarm(forms.architecture),)
-    for locus in forms.loci:
-        none = "" if locus.real else " (no real points found)"
-        yield "  ", (f"{locus.kind}: {locus.words}{none}",)
-        written = locus.equation.exact() if exact else str(locus.equation)
-        yield "    ", (formula(written),)
-    for family in forms.everywhere:
-        yield "  ", (f"{family}",)
-    for locus in forms.level:
-        yield "  ", (f"{locus.kind}, {locus.words}: ", formula(str(locus.equation)))
-    for note in forms.notes:
-        yield "  ", (note,)
+    if a.forms is not None:
+        yield from loop_lines(a.inputs, a.forms, values, page)
+    elif a.pose_forms is not None:
+        yield from pose_lines(a.pose_forms)
+    else:
+        yield (
+            "",
+            (
+                "Closed forms over the inputs or the pose: none (neither a planar dyad closes the "
+                "loops nor does each leg pass one force); the points are numeric.",
+            ),
+        )
+    if a.joint_forms is not None:
+        yield "", ()
+        yield from joint_lines(a.joint_forms, False)
 
 
 def _checks(a: MechanismAnalysis) -> Iterator[Line]:

@@ -12,13 +12,13 @@ inputs but one held, and a velocity z of unit length with
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.mechanism.closure import Loops, ranks
@@ -34,6 +34,8 @@ _WORTH = 0.3
 _GROWTH = 1.3
 _STEPS = 40
 _SAME = 1e-6
+_ZERO = 1e-9
+_RUN = 3
 _MEETING = 1e-6
 _NEAR = 5e-3
 
@@ -67,6 +69,9 @@ class SingularPoint(JsonResult):
     direction : (m,) array
         Type 1: output direction lost; type 2: output velocity with the actuators held; unit
         length, zero where nothing moves. Lengths over the length scale.
+    whole_curve : bool
+        Whether every point of the curve on which it was found is singular so: where that input
+        stays, the output moves with all inputs held.
     """
 
     schema: ClassVar[str] = "pinsing/mechanism-singular-point/1"
@@ -82,6 +87,7 @@ class SingularPoint(JsonResult):
     converged: bool
     range_end: bool
     direction: Array
+    whole_curve: bool = field(default=False, metadata={"optional": True})
 
     def __str__(self) -> str:
         end = ", an end of its feasible range" if self.range_end else ""
@@ -126,9 +132,16 @@ def find_singular(
             point = refine_point(mechanism, t.q[k], kind, t.held, rtol)
             away = np.abs(mechanism.space.wrap(point.q - t.q[k])).max()
             if point.converged and away <= 6 * STEP:
-                _add(mechanism, found, point)
+                _add(mechanism, found, replace(point, whole_curve=_throughout(t, point.kind)))
     once = _of_one_mode(mechanism, found)
     return tuple(sorted(once, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
+
+
+def _throughout(t: Trace, kind: str) -> bool:
+    """Whether all of a curve is singular of a kind."""
+    measures = dict(zip(KINDS, (t.output_ratio, t.input_ratio, t.constraint_ratio), strict=True))
+    asked = ("type 1", "type 2") if kind == "type 3" else (kind,)
+    return all(bool((measures[k] <= _ZERO).all()) for k in asked)
 
 
 def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[SingularPoint]:
@@ -178,7 +191,24 @@ def _add(mechanism: Mechanism, found: list[SingularPoint], point: SingularPoint)
 
 def _turns(t: Trace, index: int) -> list[int]:
     slope = t.direction[:, index]
-    return [k for k in range(1, len(slope)) if slope[k - 1] * slope[k] <= 0]
+    # An input that stays along a curve does not turn: the signs of its slope are rounding.
+    found = [k for k in range(1, len(slope)) if slope[k - 1] * slope[k] <= 0]
+    still = np.abs(slope) <= _ZERO
+    return _one_of_each_run(found, still)
+
+
+def _one_of_each_run(found: list[int], zero: Bool) -> list[int]:
+    """Of points in a run of samples that are zero throughout only that in the middle."""
+    starts = np.flatnonzero(zero & ~np.concatenate([[False], zero[:-1]]))
+    ends = np.flatnonzero(zero & ~np.concatenate([zero[1:], [False]]))
+    out = [k for k in found if not zero[k]]
+    for a, b in zip(starts.tolist(), ends.tolist(), strict=True):
+        inside = [k for k in found if a <= k <= b]
+        if b - a < _RUN:
+            out += inside
+        elif inside:
+            out.append(min(inside, key=lambda k: abs(k - (a + b) / 2)))
+    return sorted(out)
 
 
 def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
@@ -199,7 +229,7 @@ def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
         low &= np.maximum(left, right) >= _GROWTH * ratio
         if low.all():
             continue
-        out += [(kind, int(k)) for k in np.flatnonzero(low)]
+        out += [(kind, k) for k in _one_of_each_run(np.flatnonzero(low).tolist(), ratio <= _ZERO)]
     # At a constraint singularity the others are met as well, and less exactly: it goes first.
     return sorted(out, key=lambda c: c[0] != "constraint")
 

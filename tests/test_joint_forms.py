@@ -1,0 +1,230 @@
+"""Singular loci in the joint angles: against the Jacobians, and geometry written here."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mechanisms import URDF, from_model, planar_tree, shipped
+from test_pose_forms import hexapod
+
+from pinsing.cli import main
+from pinsing.mechanism import JointForms, analyze_mechanism, joint_forms, mechanism_at, refine
+from pinsing.mechanism.closure import Loops, random_closed
+from pinsing.mechanism.leg_wrenches import kind_of
+from pinsing.robot.load_mechanism import Loop
+
+SHELF = ["five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "delta", "rps3",
+         "rssr"]  # fmt: skip
+
+
+def left_side(locus, mechanism, q):
+    """The value as it is: no row scaled."""
+    if locus.equation is not None:
+        return float(locus.equation(q))
+    return float(np.linalg.det(locus.entries(q, mechanism.joints)))
+
+
+def beside(name, mechanism, q):
+    """What the forms leave out: a factor without real zeros, and the second power of a length."""
+    at = dict(zip(mechanism.joints, q, strict=True))
+    if name == "rssr":
+        return 0.5 * np.sin(at["crank"]) - 1
+    if name == "gough_stewart":
+        return np.prod([at[f"p{k}"] for k in range(1, 7)])
+    return 1.0
+
+
+def volume(M):
+    """Product of the singular values: the determinant where rows are redundant too."""
+    return float(np.prod(np.linalg.svd(M, compute_uv=False)[: M.shape[1]]))
+
+
+def ratios(mechanism, q):
+    """What the Jacobians of Pinocchio say, over what the forms say: type 2 and type 1."""
+    loops, forms = Loops(mechanism), joint_forms(mechanism)
+    G, J = loops.at(q)[1], loops.output(q)[1]
+    held = np.eye(mechanism.n)[list(mechanism.actuated)]
+    values = {"type 1": 1.0, "type 2": 1.0, "passive": 1.0}
+    for locus in forms.loci:
+        values[locus.kind] *= left_side(locus, mechanism, q)
+    return [
+        volume(np.vstack([G, rows])) / abs(values[kind] * values["passive"])
+        for kind, rows in (("type 2", held), ("type 1", J))
+    ]
+
+
+@pytest.mark.parametrize("name", SHELF)
+def test_the_forms_are_the_determinants_of_the_jacobians(name, rng):
+    # Constant ratios over all closed configurations: zero together, and nowhere else.
+    mechanism = shipped(name).without_limits()
+    forms = joint_forms(mechanism)
+    assert forms.complete
+    found = []
+    for q in random_closed(mechanism, 8, rng):
+        state = mechanism_at(mechanism, q)
+        if min(state.output_ratio, state.input_ratio, state.constraint_ratio) < 1e-4:
+            continue  # both are zero to rounding
+        one = ratios(mechanism, q)
+        found.append((one[0] / abs(beside(name, mechanism, q)), one[1]))
+        if name == "gough_stewart":
+            found[-1] = (found[-1][0], one[1] / abs(beside(name, mechanism, q)))
+    assert len(found) >= 4
+    assert (np.ptp(np.log(found), axis=0) < 1e-7).all()
+
+
+@pytest.mark.parametrize("kind", ["type 1", "type 2"])
+@pytest.mark.parametrize("name", ["planar_3rrr", "agile_eye", "delta", "rssr"])
+def test_singular_points_are_on_them_and_others_are_not(name, kind, rng):
+    mechanism = shipped(name).without_limits()
+    forms = joint_forms(mechanism)
+    met = 0
+    for q in random_closed(mechanism, 6, rng):
+        state = mechanism_at(mechanism, q)
+        if min(state.output_ratio, state.input_ratio, state.constraint_ratio) > 1e-3:
+            assert np.abs(forms.values(q)).min() > 1e-9
+        point = refine(mechanism, q, kind)
+        if point.converged and point.kind == kind:
+            met += 1
+            # A verdict of 1e-9 in the Jacobian may be its square root in a factor of a product.
+            assert np.abs(forms.values(point.q)).min() < 1e-5
+    assert met or (name, kind) in {("rssr", "type 2"), ("agile_eye", "type 2")}
+
+
+def test_the_agile_eye_is_of_type_1_where_a_middle_joint_is_at_a_right_angle(rng):
+    forms = joint_forms(shipped("agile_eye"))
+    ones = [x for x in forms.loci if x.kind == "type 1"]
+    assert [str(x.equation) for x in ones] == [f"cos v{k} = 0" for k in (1, 2, 3)]
+    # Moments by vectors of its own: middle axis by platform axis of each leg.
+    mechanism = shipped("agile_eye").without_limits()
+    (two,) = [x for x in forms.loci if x.kind == "type 2"]
+    found = []
+    for q in random_closed(mechanism, 8, rng):
+        data = mechanism.model.createData()
+        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
+        pin.updateFramePlacements(mechanism.model, data)
+        at = {f.name: data.oMf[k] for k, f in enumerate(mechanism.model.frames)}
+        own = {"v1": [0, 1, 0], "v2": [0, 0, 1], "v3": [1, 0, 0]}
+        middle = [at[n].rotation @ np.array(axis, dtype=float) for n, axis in own.items()]
+        radii = [at["b2"].translation, at["b3"].translation]
+        first = np.cross(*radii)
+        moments = [np.cross(middle[0], first), *(np.cross(m, r) for m, r in
+                                                 zip(middle[1:], radii, strict=True))]  # fmt: skip
+        found.append(abs(np.linalg.det(moments)) / abs(left_side(two, mechanism, q)))
+    assert np.ptp(np.log(found)) < 1e-8
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_random_stewart_platforms_against_their_leg_lines(seed):
+    rng = np.random.default_rng(seed)
+    base, platform = rng.normal(size=(6, 3)), 0.5 * rng.normal(size=(6, 3))
+    mechanism = hexapod(base, platform).without_limits()
+    forms = joint_forms(mechanism)
+    two = [x for x in forms.loci if x.kind == "type 2"]
+    assert len(two) == 1
+    assert not [x for x in forms.loci if x.kind == "type 1"]
+    found = []
+    for q in random_closed(mechanism, 6, rng):
+        data = mechanism.model.createData()
+        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
+        pin.updateFramePlacements(mechanism.model, data)
+        ends = [data.oMi[4].translation]
+        ends += [data.oMf[mechanism.model.getFrameId(f"e{k}")].translation for k in range(1, 6)]
+        lines = [np.concatenate([b - a, np.cross(a, b)]) for a, b in zip(base, ends, strict=True)]
+        lines = [x / np.linalg.norm(x[:3]) for x in lines]
+        found.append(abs(np.linalg.det(lines)) / abs(left_side(two[0], mechanism, q)))
+    assert np.ptp(np.log(found)) < 1e-7
+
+
+def test_a_five_bar_in_a_slanted_plane_is_a_five_bar(rng):
+    R = pin.rpy.rpyToMatrix(0.4, -0.7, 1.1)
+    model = pin.Model()
+    model.name = "slanted"
+    for chain, x in (("one", 0.0), ("two", 1.0)):
+        parent, place = 0, pin.SE3(R, R @ np.array([x, 0.0, 0.0]))
+        for k, length in enumerate((0.9, 1.1)):
+            parent = model.addJoint(parent, pin.JointModelRUBZ(), place, f"{chain}{k}")
+            place = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
+        model.addFrame(pin.Frame(f"{chain}_end", parent, 0, place, pin.FrameType.OP_FRAME))
+    slanted = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["one0", "two0"], "one_end", "vx,vy"
+    )
+    flat = planar_tree(
+        {
+            "one": ((0.0, 0.0), [("one0", 0.9), ("one1", 1.1)]),
+            "two": ((1.0, 0.0), [("two0", 0.9), ("two1", 1.1)]),
+        }
+    )
+    level = from_model(flat, slanted.loops, ["one0", "two0"], "one_end", "vx,vy")
+    assert kind_of(slanted) == kind_of(level) == "plane"
+    for q in random_closed(slanted, 4, rng):
+        two = [
+            left_side(next(x for x in joint_forms(m).loci if x.kind == "type 2"), m, q)
+            for m in (slanted, level)
+        ]
+        assert abs(two[0]) == pytest.approx(abs(two[1]), rel=1e-7)
+        assert (
+            np.ptp(np.log([ratios(slanted, p)[1] for p in random_closed(slanted, 4, rng)])) < 1e-6
+        )
+
+
+def test_slides_before_the_rods(rng):
+    # 3-PRR: actuated slides along the sides of a triangle.
+    model = pin.Model()
+    model.name = "prr"
+    corners = [np.array([np.cos(t), np.sin(t), 0.0]) for t in (0.1, 2.2, 4.3)]
+    loops = []
+    for k, at in enumerate(corners):
+        turn = pin.rpy.rpyToMatrix(0, 0, 0.3 + 2.0 * k)
+        slide = model.addJoint(0, pin.JointModelPX(), pin.SE3(turn, at), f"d{k}")
+        rod = model.addJoint(slide, pin.JointModelRUBZ(), pin.SE3.Identity(), f"r{k}")
+        end = pin.SE3(np.eye(3), np.array([0.9, 0.0, 0.0]))
+        if k == 0:
+            top = model.addJoint(rod, pin.JointModelRUBZ(), end, "turn")
+        else:
+            model.addFrame(pin.Frame(f"e{k}", rod, 0, end, pin.FrameType.OP_FRAME))
+            loops.append(Loop(f"e{k}", f"b{k}", "3d"))
+    for k, b in enumerate([np.zeros(3), np.array([0.5, 0, 0]), np.array([0.2, 0.4, 0])]):
+        name = f"b{k}" if k else "top"
+        model.addFrame(pin.Frame(name, top, 0, pin.SE3(np.eye(3), b), pin.FrameType.OP_FRAME))
+    made = from_model(model, loops, ["d0", "d1", "d2"], "top", "vx,vy,wz")
+    made = replace(made, prismatic=np.array([n[0] == "d" for n in made.joints]))
+    found = np.array([ratios(made, q) for q in random_closed(made, 6, rng)])
+    assert (np.ptp(np.log(found), axis=0) < 1e-7).all()
+    forms = joint_forms(made)
+    assert sum(x.kind == "type 1" for x in forms.loci) == 3
+
+
+def test_why_there_is_none_is_said():
+    found = joint_forms(shipped("bennett"))
+    assert not found.complete
+    assert not found.loci
+    assert "overconstrained" in found.notes[0]
+    extra = shipped("planar_3rrr").with_actuated(["a1", "b1", "a2", "a3"])
+    (note,) = joint_forms(extra).notes
+    assert "4 forces where 3" in note
+
+
+def test_they_survive_json_and_the_command_line(capsys):
+    forms = joint_forms(shipped("gough_stewart"))
+    again = JointForms.from_dict(json.loads(forms.to_json()))
+    q = np.linspace(0.1, 0.9, 21)
+    assert np.array_equal(again.values(q), forms.values(q))
+    assert str(again) == str(forms)
+    tree, loops = (str(URDF / f"agile_eye.{x}") for x in ("urdf", "loops.yaml"))
+    with pytest.raises(SystemExit) as ended:
+        main(["families", tree, "--loops", loops])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    assert "determinant of 3 x 3 entries" in text
+    assert "(-cos v1, -sin a1 sin v1, cos a1 sin v1)" in text
+    assert "cos v2 = 0" in text
+
+
+def test_the_analysis_has_them():
+    found = analyze_mechanism(shipped("four_bar"))
+    assert [x.kind for x in found.joint_forms.loci] == ["type 2", "type 1"]
+    assert "Closed forms in the joint angles" in str(found)
