@@ -18,8 +18,8 @@ from pinsing.algebra.equation import equation
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, rational
 from pinsing.mechanism.closure import ranks
-from pinsing.mechanism.exact_chain import Row, cross
 from pinsing.mechanism.joint_forms import JointForms, JointLocus
+from pinsing.mechanism.leg_chain import Row, cross
 from pinsing.mechanism.leg_wrenches import (
     PLANE,
     SIZE,

@@ -16,14 +16,14 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
-from pinsing.mechanism.exact_chain import (
-    ExactChain,
+from pinsing.mechanism.leg_chain import (
     Hinge,
+    LegChain,
     Row,
     Turn,
     cross,
     dot,
-    exact_chain,
+    leg_chain,
     rational_turn,
     turn_to,
 )
@@ -95,7 +95,7 @@ class LegWrenches:
         Of all joints.
     turn : Turn
         Rotation before anything: the normal of the plane becomes z.
-    carrier : ExactChain
+    carrier : LegChain
         The way along the tree, up to the output.
     output : list of Poly
         Origin of the output frame in the base, times the carrier's scale.
@@ -115,7 +115,7 @@ class LegWrenches:
     kind: str
     ring: Ring
     turn: Turn
-    carrier: ExactChain
+    carrier: LegChain
     output: Row
     ended: bool
     wrenches: tuple[LegWrench, ...]
@@ -190,9 +190,9 @@ class _AtZero:
         self.axes = np.array([data.oMi[j + 1].rotation @ built.axes[j] for j in range(mechanism.n)])
         self.origins = np.array([data.oMi[j + 1].translation for j in range(mechanism.n)])
 
-    def chain(self, ring: Ring, joints: Sequence[int], turn: Turn) -> ExactChain:
+    def chain(self, ring: Ring, joints: Sequence[int], turn: Turn) -> LegChain:
         """The joints as polynomials."""
-        return exact_chain(ring, joints, self.axes[joints], self.origins[joints], turn)
+        return leg_chain(ring, joints, self.axes[joints], self.origins[joints], turn)
 
 
 def _kind(mechanism: Mechanism, built: Structure) -> tuple[str, Turn, Array]:
@@ -277,7 +277,7 @@ def _closing(
 
 def _leg(
     mechanism: Mechanism,
-    chain: ExactChain,
+    chain: LegChain,
     number: int,
     kind: str,
     end: Array | None,
@@ -319,7 +319,7 @@ def _leg(
     return found, own
 
 
-def _normal(chain: ExactChain) -> Row:
+def _normal(chain: LegChain) -> Row:
     """Normal of the plane in the frame of the chain."""
     return [chain.ring.one * rational(v) for v in chain.base[2]]
 
@@ -336,7 +336,7 @@ def _planar(arms: list[Row], normal: Row, one: Poly, zero: Poly) -> list[Row]:
 
 
 def _spatial(
-    chain: ExactChain, passive: list[Hinge], arms: list[Row], point: Row, kind: str
+    chain: LegChain, passive: list[Hinge], arms: list[Row], point: Row, kind: str
 ) -> list[Row]:
     one, zero = chain.ring.one, chain.ring.zero
     if len(arms) == 2:
@@ -362,13 +362,13 @@ def _primitive(force: Row, ring: Ring) -> tuple[Row, Poly]:
     return [x / content for x in force], content
 
 
-def _felt(chain: ExactChain, hinge: Hinge, point: Row, force: Row, kind: str) -> Poly:
+def _felt(chain: LegChain, hinge: Hinge, point: Row, force: Row, kind: str) -> Poly:
     """Power of a force (moment) per speed of an actuated joint, up to a positive factor."""
     moved = hinge.axis if kind == SPHERE else chain.velocity(hinge, point, chain.scale)
     return dot(force, moved, chain.ring.zero)
 
 
-def _line(chain: ExactChain, force: Row, point: Row, kind: str) -> Row:
+def _line(chain: LegChain, force: Row, point: Row, kind: str) -> Row:
     """Wrench of a force through a point, in the base; every entry of one degree."""
     f = chain.in_base(force)
     if kind == SPHERE:
@@ -386,7 +386,7 @@ def _line(chain: ExactChain, force: Row, point: Row, kind: str) -> Row:
     return [f[0], f[1], m[2]] if kind == PLANE else [*f, *m]
 
 
-def _gimbal(carrier: ExactChain, number: int, ball: tuple[int, ...]) -> list[Passive]:
+def _gimbal(carrier: LegChain, number: int, ball: tuple[int, ...]) -> list[Passive]:
     """Where the three hinges that are written for a ball lie in a plane."""
     axes = [h.axis for h in carrier.hinges if h.joint in ball]
     value = dot(axes[0], cross(axes[1], axes[2]), carrier.ring.zero)

@@ -81,7 +81,7 @@ class Hinge:
 
 
 @dataclass(frozen=True, eq=False)
-class ExactChain:
+class LegChain:
     """Joints from the base outwards, and the frame behind the last one.
 
     Attributes
@@ -153,9 +153,9 @@ class ExactChain:
         return [turned[i] + scale * rational(self.at[i]) for i in range(3)]
 
 
-def exact_chain(
+def leg_chain(
     ring: Ring, joints: Sequence[int], axes: Array, origins: Array, turn: Turn
-) -> ExactChain:
+) -> LegChain:
     """Follow a chain from what is known with all joints at zero.
 
     Parameters
@@ -196,7 +196,7 @@ def exact_chain(
         R = _times(R, _turned(unit, x, y, ring), zero)
         w = x**2 + y**2
         p, scale = [w * v for v in p], scale * w
-    return ExactChain(
+    return LegChain(
         ring, tuple(hinges), R, p, scale, before, frame, start, _product(turn, base),
         _moved(turn, at), off,
     )  # fmt: skip
