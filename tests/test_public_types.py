@@ -205,6 +205,10 @@ CALLS = {
         lambda: pinsing.analyze_mechanism, lambda: {"mechanism": mechanism()}, slow=True
     ),
     "assembly_modes": Call(lambda: pinsing.assembly_modes, lambda: {"mechanism": mechanism()}),
+    "mechanism_map": Call(
+        lambda: pinsing.mechanism_map,
+        lambda: {"mechanism": mechanism(), "over": "inputs", "count": 8},
+    ),
     "working_modes": Call(lambda: pinsing.working_modes, lambda: {"mechanism": mechanism()}),
     "at": Call(lambda: pinsing.at, with_arm(q=Q)),
     "clearance": Call(lambda: pinsing.clearance, lambda: {"forms": form(), "Q": [Q]}),

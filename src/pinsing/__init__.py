@@ -25,7 +25,14 @@ if TYPE_CHECKING:
         task_jacobian,
         task_jacobians,
     )
-    from pinsing.maps import MapPlan, MapResult, plan_map, sigma_map
+    from pinsing.maps import (
+        MapPlan,
+        MapResult,
+        MechanismMap,
+        mechanism_map,
+        plan_map,
+        sigma_map,
+    )
     from pinsing.mechanism import (
         MechanismAnalysis,
         Modes,
@@ -82,6 +89,7 @@ _HOME = {
     "MapResult": "pinsing.maps",
     "Mechanism": "pinsing.robot.load_mechanism",
     "MechanismAnalysis": "pinsing.mechanism",
+    "MechanismMap": "pinsing.maps",
     "Modes": "pinsing.mechanism",
     "Monitor": "pinsing.proximity.monitor",
     "Nominal": "pinsing.geometry.nominal",
@@ -119,6 +127,7 @@ _HOME = {
     "line_postures": "pinsing.postures.lines",
     "load": "pinsing.robot.load",
     "load_mechanism": "pinsing.robot.load_mechanism",
+    "mechanism_map": "pinsing.maps",
     "nominal": "pinsing.geometry.nominal",
     "plan_map": "pinsing.maps",
     "plan_sweep": "pinsing.sweeps.planning",
@@ -156,6 +165,7 @@ __all__ = [
     "MapResult",
     "Mechanism",
     "MechanismAnalysis",
+    "MechanismMap",
     "Modes",
     "Monitor",
     "Nominal",
@@ -193,6 +203,7 @@ __all__ = [
     "line_postures",
     "load",
     "load_mechanism",
+    "mechanism_map",
     "nominal",
     "plan_map",
     "plan_sweep",

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinsing.cli import completion
+from pinsing.cli.mechanism import loops_option, map_loops, over_option
 from pinsing.cli.options import (
     RobotRequest,
     arm_options,
@@ -16,6 +17,7 @@ from pinsing.cli.options import (
     joint_vector,
     json_option,
     parse_numbers,
+    whole_number,
 )
 from pinsing.cli.output import STOPPED, emit, emit_json, say
 from pinsing.cli.running import RunPlace, place_options, run_progress, say_stopped
@@ -27,6 +29,7 @@ if TYPE_CHECKING:
 
 
 @click.command("map", short_help="Singular values over a grid or sample of any size.")
+@loops_option(map_loops)
 @arm_options
 @click.option(
     "--sampling",
@@ -80,6 +83,7 @@ if TYPE_CHECKING:
 @deg_option
 @json_option
 @fail_option
+@over_option
 def map_command(
     request: RobotRequest,
     sampling: str,
@@ -104,14 +108,15 @@ def map_command(
 
     Takes any number of configurations in bounded memory. With --out DIR, a run that was
     stopped or killed resumes where it was, with the same result. With --fail-if-singular, exits
-    with 1 if a configuration is singular.
+    with 1 if a configuration is singular. With --loops: of a mechanism, at inputs or poses of its
+    output drawn at random (--count, --seed, --worst, --ignore-limits).
     """
     # All that can be wrong without the robot is found before it is read.
     chosen: dict[str, Any] = {"ignore_limits": ignore_limits, "seed": seed, "out": out}
     chosen |= {"keep_values": keep_values, "measure": measure}
     for name, text in (("count", count), ("chunk", chunk)):
         if text is not None:
-            chosen[name] = _whole(text, f"--{name}")
+            chosen[name] = whole_number(text, f"--{name}")
     if worst is not None:
         chosen["worst"] = worst
     if steps is not None:
@@ -147,31 +152,15 @@ def map_command(
     return int(fail_if_singular and result.singular > 0)
 
 
-def _whole(text: str, what: str) -> int:
-    """``100000``, ``1e8``, ``2**20``."""
-    base, power, exponent = text.replace("_", "").partition("**")
-    try:
-        if power:
-            if int(exponent) > 64:
-                raise ValueError
-            return int(int(base) ** int(exponent))
-        value = float(base)
-        if not value.is_integer():
-            raise ValueError
-        return int(value)
-    except (ValueError, OverflowError):
-        raise OptionError(f"{what} {text!r} is not a whole number such as 1e8 or 2**20") from None
-
-
 def _steps(text: str) -> int | dict[str, int]:
     if "=" not in text:
-        return _whole(text, "--steps")
+        return whole_number(text, "--steps")
     found = {}
     for part in text.split(","):
         name, equals, number = part.partition("=")
         if not equals or not name.strip():
             raise OptionError(f"--steps {text!r} is not of the form 9 or A=9,B=5")
-        found[name.strip()] = _whole(number, "--steps")
+        found[name.strip()] = whole_number(number, "--steps")
     return found
 
 

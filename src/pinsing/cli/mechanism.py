@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli.figure import check_figure, off_screen, save_figure
-from pinsing.cli.options import parse_numbers
+from pinsing.cli.options import parse_numbers, whole_number
 from pinsing.cli.output import STDOUT, emit, emit_json, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
@@ -21,6 +21,13 @@ if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.mechanism import MechanismAnalysis
     from pinsing.robot.load_mechanism import Mechanism
+
+_ARM_MAPS: dict[str, Any] = {
+    "sampling": "sobol", "measure": "sigma", "steps": None, "map_joints": None, "ranges": (),
+    "q": None, "out": None, "keep_values": False, "chunk": None, "engine": "auto",
+    "threads": None, "workers": None, "dask": None,
+}  # fmt: skip
+"""Options of ``map`` that arms alone have, and what they are if not given."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 Run = Callable[..., Any]
@@ -64,6 +71,57 @@ def joints_option(command: F) -> F:
         return command(*args, **options)
 
     return wrapper  # type: ignore[return-value]
+
+
+def over_option(command: F) -> F:
+    """Add ``--over`` to ``map``, which only mechanisms have."""
+
+    @click.option(
+        "--over",
+        type=click.Choice(("inputs", "poses")),
+        help="With --loops: what is drawn at random.  [default: inputs]",
+    )
+    @functools.wraps(command)
+    def wrapper(*args: Any, over: str | None = None, **options: Any) -> Any:
+        if over is not None:
+            raise OptionError("--over goes with --loops: an arm is mapped over its joints")
+        return command(*args, **options)
+
+    return wrapper  # type: ignore[return-value]
+
+
+def map_loops(
+    loops: Path,
+    over: str | None = None,
+    count: str | None = None,
+    seed: int = 0,
+    worst: int | None = None,
+    ignore_limits: bool = False,
+    deg: bool = False,
+    json_target: str | Path | None = None,
+    fail_if_singular: bool = False,
+    **options: Any,
+) -> int:
+    """``map --loops``: how near to singular a mechanism is, over inputs or poses."""
+    from pinsing.maps.mechanism import map_text, mechanism_map
+
+    given = [
+        name for name, usual in _ARM_MAPS.items() if options.get(name, usual) not in (usual, ())
+    ]
+    if given:
+        name = given[0].replace("ranges", "range").replace("_", "-")
+        raise OptionError(
+            f"--{name} does not go with --loops: a mechanism is mapped at random inputs or poses"
+        )
+    mechanism = read(loops, options)
+    number = 10_000 if count is None else whole_number(count, "--count")
+    found = mechanism_map(
+        mechanism, over or "inputs", number, seed, worst=worst or 5, ignore_limits=ignore_limits
+    )
+    if not emit_json(found, json_target):
+        emit(map_text(found, Page.of(), deg))
+    singular = sum(found.kinds[k] for k in ("type 1", "type 2", "type 3", "constraint"))
+    return int(fail_if_singular and singular > 0)
 
 
 def analyze_loops(

@@ -247,3 +247,19 @@ def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
             "add --deg"
         )
     return q
+
+
+def whole_number(text: str, what: str) -> int:
+    """``100000``, ``1e8``, ``2**20``."""
+    base, power, exponent = text.replace("_", "").partition("**")
+    try:
+        if power:
+            if int(exponent) > 64:
+                raise ValueError
+            return int(int(base) ** int(exponent))
+        value = float(base)
+        if not value.is_integer():
+            raise ValueError
+        return int(value)
+    except (ValueError, OverflowError):
+        raise OptionError(f"{what} {text!r} is not a whole number such as 1e8 or 2**20") from None

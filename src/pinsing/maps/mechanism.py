@@ -1,0 +1,311 @@
+"""How near to singular a mechanism is, over its inputs or the poses of its output."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.arguments import checked
+from pinsing.errors import OptionError
+from pinsing.mechanism import Pose, home, mode_of, ranks
+from pinsing.mechanism.batch import BatchLoops, newton
+from pinsing.mechanism.closure import random_closed
+from pinsing.mechanism.likeness import output_pose
+from pinsing.mechanism.measure_many import measure_many
+from pinsing.mechanism.pose import pose_of
+from pinsing.mechanism.pose_table import pose_table
+from pinsing.prose import PLAIN, Page
+from pinsing.robot.mechanism import Mechanism
+from pinsing.serialization import JsonResult
+
+OVER = ("inputs", "poses")
+_CHUNK = 2048
+_TRIES = 3
+_STEPS = 30
+_CLOSED = 1e-9
+_PILOT = 64
+_QUANTILES = (0.0, 0.01, 0.1, 0.5, 0.9, 1.0)
+_KINDS = ("regular", "near", "type 1", "type 2", "type 3", "constraint")
+
+
+@dataclass(frozen=True, eq=False)
+class WorstConfiguration:
+    """One of the configurations of smallest measure.
+
+    Attributes
+    ----------
+    measure : float
+        The least of the three.
+    kind : str
+        ``regular``, ``near``, ``type 1``, ``type 2``, ``type 3`` or ``constraint``.
+    q : (n,) array
+        All joints, radians and metres.
+    inputs : (n_a,) array
+        The actuated ones.
+    pose : Pose
+        Of the output.
+    mode : str
+        Assembly and working mode.
+    """
+
+    measure: float
+    kind: str
+    q: Array
+    inputs: Array
+    pose: Pose
+    mode: str
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismMap(JsonResult):
+    """What a map over a mechanism has found.
+
+    Attributes
+    ----------
+    name : str
+        Name of the mechanism.
+    over : str
+        ``inputs`` or ``poses``: what was drawn at random.
+    count, seed, tries : int
+        How many were drawn, with which seed, and from how many starts each was to close: home,
+        then random ones.
+    closed : int
+        How many closed the loops.
+    beyond : int
+        How many of these are beyond a limit of a joint; they are left out below.
+    kinds : dict of str to int
+        How many of the others are regular, near-singular, type 1, type 2, type 3, constraint.
+    quantiles : tuple of float
+        Shares at which the measures are given.
+    output_ratio, input_ratio, constraint_ratio : (len(quantiles),) arrays
+        The measures of type 1, type 2 and constraint there.
+    worst : tuple of WorstConfiguration
+        Smallest measure first.
+    """
+
+    schema: ClassVar[str] = "pinsing/mechanism-map/1"
+    made_by: ClassVar[str] = "pinsing.mechanism_map(mechanism)"
+
+    name: str
+    over: str
+    count: int
+    seed: int
+    tries: int
+    closed: int
+    beyond: int
+    kinds: dict[str, int]
+    quantiles: tuple[float, ...]
+    output_ratio: Array
+    input_ratio: Array
+    constraint_ratio: Array
+    worst: tuple[WorstConfiguration, ...]
+
+    def __str__(self) -> str:
+        return map_text(self)
+
+
+def map_text(found: MechanismMap, page: Page = PLAIN, degrees: bool = False) -> str:
+    """A map as text for people."""
+    what = "inputs" if found.over == "inputs" else "poses of the output"
+    kept = found.closed - found.beyond
+    lines = [
+        page.paragraph(
+            f"{found.name}: {found.count} {what} drawn at random (seed {found.seed}); the loops "
+            f"closed at {found.closed} of them, from home and {found.tries - 1} random starts "
+            f"(at others they may close too), {found.beyond} of these beyond the limits of joints"
+        ),
+        page.paragraph(
+            f"of the {kept} within: "
+            + ", ".join(f"{n} {k}" for k, n in found.kinds.items() if n or k == "regular"),
+            first="  ",
+            rest="    ",
+        ),
+    ]
+    if kept:
+        rows = [
+            (f"{100 * p:g} %", f"{a:.3g}", f"{b:.3g}", f"{c:.3g}")
+            for p, a, b, c in zip(
+                found.quantiles, found.output_ratio.tolist(), found.input_ratio.tolist(),
+                found.constraint_ratio.tolist(), strict=True,
+            )
+        ]  # fmt: skip
+        lines += ["", *_table(("share", "type 1", "type 2", "constraint"), rows)]
+        lines += ["", "smallest measures:"]
+        lines += [
+            "  " + line
+            for line in pose_table(
+                [w.pose for w in found.worst],
+                [(f"{w.measure:.3g}", w.kind) for w in found.worst],
+                ("measure", "kind"),
+                degrees,
+                page.width - 4,
+            )
+        ]
+    return "\n".join(lines)
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    every = [head, *rows]
+    widths = [max(len(r[k]) for r in every) for k in range(len(head))]
+    for row in every:
+        yield "  " + "  ".join(x.rjust(w) for x, w in zip(row, widths, strict=True))
+
+
+@checked
+def mechanism_map(
+    mechanism: Mechanism,
+    over: str = "inputs",
+    count: int = 10_000,
+    seed: int = 0,
+    *,
+    worst: int = 5,
+    ignore_limits: bool = False,
+) -> MechanismMap:
+    """How near to singular a mechanism is, at inputs or poses of the output drawn at random.
+
+    Inputs are drawn evenly within their limits; positions evenly in the box that holds those of
+    random closed configurations, orientations from these. The loops are closed from home, else from
+    random starts, thousands at once, and all constraint Jacobians are taken apart together.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From ``load_mechanism``.
+    over : str
+        ``inputs`` or ``poses``.
+    count : int
+        How many to draw.
+    seed : int
+        The same seed gives the same map.
+    worst : int
+        How many of the smallest measures to keep.
+    ignore_limits : bool
+        Let all joints, active and passive, go beyond their limits.
+
+    Returns
+    -------
+    MechanismMap
+        With ``str()``: a table.
+
+    Raises
+    ------
+    OptionError
+        If ``over`` is neither, a number is below 1, or a pose leaves a freedom open.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.mechanism_map(pinsing.load_mechanism("planar_3rrr"), count=200)
+    >>> found.closed <= 200, sorted(found.kinds)[0]
+    (True, 'constraint')
+    """
+    if over not in OVER:
+        raise OptionError(f"a map of a mechanism goes over inputs or poses, not {over!r}")
+    for name, value in (("count", count), ("worst", worst)):
+        if value < 1:
+            raise OptionError(f"{name} must be 1 or more, got {value}")
+    if seed < 0:
+        raise OptionError(f"seed must be 0 or more, got {seed}")
+    if ignore_limits:
+        mechanism = mechanism.without_limits()
+    generic = ranks(mechanism)
+    if over == "poses" and generic.output < generic.mobility:
+        raise OptionError(
+            f"{mechanism.name} has {generic.mobility} degrees of freedom, but its output shows "
+            f"{generic.output}: a pose leaves the others open; take a map over inputs"
+        )
+    loops = BatchLoops(mechanism)
+    closed = beyond = 0
+    parts: list[tuple[Array, Array]] = []
+    kinds = dict.fromkeys(_KINDS, 0)
+    least: list[tuple[float, int, str, Array]] = []
+    for k, start in enumerate(range(0, count, _CHUNK)):
+        rng = np.random.default_rng([seed, k])
+        Q = _closed(loops, over, min(_CHUNK, count - start), rng)
+        closed += len(Q)
+        outside = mechanism.space.outside(Q).any(axis=1) if len(Q) else np.zeros(0, dtype=bool)
+        beyond += int(outside.sum())
+        Q = Q[~outside]
+        if not len(Q):
+            continue
+        found = measure_many(loops, Q)
+        ratios = np.stack([found.output_ratio, found.input_ratio, found.constraint_ratio], axis=1)
+        names = found.kinds()
+        for name, number in zip(*np.unique(names, return_counts=True), strict=True):
+            kinds[str(name)] += int(number)
+        parts.append((Q, ratios))
+        low = ratios.min(axis=1)
+        for i in np.argsort(low, kind="stable")[:worst].tolist():
+            least.append((float(low[i]), start + i, str(names[i]), Q[i]))
+        least = sorted(least, key=lambda x: x[:2])[:worst]
+    ratios = np.concatenate([r for _, r in parts]) if parts else np.zeros((0, 3))
+    told = (
+        np.quantile(ratios, _QUANTILES, axis=0, method="inverted_cdf")
+        if len(ratios)
+        else np.full((len(_QUANTILES), 3), math.nan)
+    )
+    return MechanismMap(
+        mechanism.name, over, count, seed, _TRIES, closed, beyond, kinds, _QUANTILES,
+        told[:, 0], told[:, 1], told[:, 2],
+        tuple(_worst(mechanism, *x) for x in least),
+    )  # fmt: skip
+
+
+def _worst(
+    mechanism: Mechanism, measure: float, number: int, kind: str, q: Array
+) -> WorstConfiguration:
+    return WorstConfiguration(
+        measure, kind, q, q[list(mechanism.actuated)], pose_of(output_pose(mechanism, q)),
+        mode_of(mechanism, q),
+    )  # fmt: skip
+
+
+def _closed(loops: BatchLoops, over: str, count: int, rng: np.random.Generator) -> Array:
+    """Closed configurations (M, n) of those drawn, in the order in which they were drawn."""
+    mechanism = loops.mechanism
+    low, high = mechanism.space.span
+    free = np.ones(mechanism.n, dtype=bool)
+    target = None
+    held = np.zeros((count, 0))
+    actuated = list(mechanism.actuated)
+    if over == "inputs":
+        free[actuated] = False
+        held = rng.uniform(low[actuated], high[actuated], (count, len(actuated)))
+    else:
+        target = _poses(loops, count, rng)
+    out = np.zeros((count, mechanism.n))
+    kept = np.zeros(count, dtype=bool)
+    left = np.arange(count)
+    at_home = home(mechanism)
+    for k in range(_TRIES):
+        # From home first, so that most are in its mode; then from anywhere.
+        Q = rng.uniform(low, high, (len(left), mechanism.n)) if k else np.tile(at_home, (count, 1))
+        if over == "inputs":
+            Q[:, actuated] = held[left]
+        here = None if target is None else (target[0][left], target[1][left], mechanism.task.rows)
+        Q, size = newton(loops, Q, free, target=here, steps=_STEPS)
+        done = size <= _CLOSED
+        Q = mechanism.space.fold(Q)
+        out[left[done]], kept[left[done]] = Q[done], True
+        # What is beyond a limit may be within it another way.
+        done &= ~mechanism.space.outside(Q).any(axis=1)
+        left = left[~done]
+        if not len(left):
+            break
+    return out[kept]
+
+
+def _poses(loops: BatchLoops, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
+    """Rotations (count, 3, 3) and positions (count, 3) to reach."""
+    mechanism = loops.mechanism
+    pilot = np.array(random_closed(mechanism, _PILOT, np.random.default_rng(_PILOT)))
+    inside = pilot[~mechanism.space.outside(pilot).any(axis=1)]
+    pilot = inside if len(inside) >= 8 else pilot
+    R, p, _ = loops.output(pilot)
+    chosen = rng.integers(len(pilot), size=count)
+    return R[chosen], rng.uniform(p.min(axis=0), p.max(axis=0), (count, 3))
