@@ -27,6 +27,12 @@ def test_the_readme_does_what_it_shows(reader: Reader):
     reader.read(README)
 
 
+def test_its_session_leaves_nothing_out():
+    shown = [text for b in blocks(README) if b.kind == "console" for *_, text in commands(b.text)]
+    assert "3 families" in shown[2]
+    assert not [text for text in shown if "..." in text]
+
+
 @pytest.mark.parametrize("target", re.findall(r"\]\((?!https?:)([^)#]+)\)", README))
 def test_links_lead_somewhere(target):
     assert (ROOT / target).exists(), f"README links to {target}"
