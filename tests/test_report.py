@@ -6,6 +6,7 @@ import base64
 import functools
 import json
 import re
+from html import unescape
 from html.parser import HTMLParser
 from itertools import pairwise
 from pathlib import Path
@@ -171,6 +172,22 @@ def stanford() -> tuple[str, Any]:
     html, page = arm_report(arm, form, {"bent": BENT}, False, None, True)
     assert page is None
     return html, form
+
+
+def test_what_is_lost_is_what_is_lost_at_the_configuration_that_stands_there() -> None:
+    arm, html = textbook("stanford"), stanford()[0]
+    parts = html.split('<h3 id="F')[1:]
+    assert len(parts) == 3
+    for part in parts:
+        typed = re.search(r"<pre>--deg --q[ =]([^<]*)</pre>", part)
+        assert typed is not None
+        q = np.array([float(x) for x in typed[1].split(",")])
+        state = pinsing.at(arm, np.where(arm.prismatic, q, np.radians(q)))
+        assert state.status == "singular"
+        assert state.lost
+        for motion in state.lost:
+            said = unescape(re.sub("<[^>]*>", " ", part))
+            assert str(motion)[1:] in " ".join(said.split())
 
 
 def test_verdicts_are_those_of_at() -> None:

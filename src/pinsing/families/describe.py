@@ -9,6 +9,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.configuration.at import Loss, loss_at
+from pinsing.configuration.state import State
 from pinsing.families.at_once import at_once
 from pinsing.families.example import readable
 from pinsing.families.family import Family
@@ -137,7 +138,7 @@ def _described(
         witness=generic if len(inside) else None,
         generic=generic,
         rank=loss.rank,
-        lost=(*(str(x) for x in loss.lost), *_everywhere(loss)),
+        lost=(*(str(x) for x in loss.lost), *missing_everywhere(loss)),
         kind=kinds[0].kind if len(kinds) == 1 else "varies",
         kinds=kinds,
         reason="; ".join(str(d) for d in loss.dependences),
@@ -145,7 +146,7 @@ def _described(
     )
 
 
-def _everywhere(loss: Loss) -> list[str]:
+def missing_everywhere(loss: Loss | State) -> list[str]:
     """A remark where some of the motions lost at a point are lost at every other as well."""
     if loss.always_missing == 0 or not loss.lost:
         return []

@@ -8,8 +8,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from pinsing.algebra.equation_text import latex_symbol
-from pinsing.configuration.state import State
+from pinsing.configuration.state import SINGULAR, State
 from pinsing.families import Family
+from pinsing.families.describe import missing_everywhere
 from pinsing.joint_text import typed
 from pinsing.measures import Reachability
 from pinsing.report.content import Content, Special
@@ -242,10 +243,11 @@ def _family(
         ),
         ("joints involved", ", ".join(name(j) for j in family.joints)),
     ]
-    if family.reason:
-        facts.append(("why", text(sentence(family.reason))))
-    if family.lost:
-        facts.append(("what is lost", bullets(text(sentence(x)) for x in family.lost)))
+    why, lost = _there(family, pose)
+    if why:
+        facts.append(("why", text(sentence(why))))
+    if lost:
+        facts.append(("what is lost", bullets(text(sentence(x)) for x in lost)))
     facts += [("limit", text(met)) for met in family.limits_met]
     yield terms(facts)
     if pose is None:
@@ -270,6 +272,15 @@ def _family(
             "other."
         )
         yield figure(pose_picture(shown, state), alt, caption)
+
+
+def _there(family: Family, pose: tuple[Arm, State] | None) -> tuple[str, tuple[str, ...]]:
+    """Why it is singular and what is lost, at the configuration that stands below and is drawn."""
+    if pose is None or pose[1].status != SINGULAR:
+        return family.reason, family.lost
+    state = pose[1]
+    lost = (*(str(m) for m in state.lost), *missing_everywhere(state))
+    return "; ".join(str(d) for d in state.dependences) or family.reason, lost
 
 
 def _equation(family: Family) -> str:
