@@ -17,7 +17,8 @@ import pinsing
 from pinsing import load
 from pinsing.families import closed_form, prove
 from pinsing.proof import checker
-from pinsing.proof.checker import Certificate, Rejected, verify
+from pinsing.proof.checker import Certificate, Rejected, Ring, verify
+from pinsing.proof.combination import combination
 from pinsing.proof.produce import text_of
 
 CHECKER = Path(checker.__file__)
@@ -95,6 +96,43 @@ def test_joint_values_that_depend_on_each_other_are_proven():
     pair = next(f for f in form.certificate["families"] if len(f["forms"]) == 2)
     assert pair["least_codimension"] == 2
     assert form.proof.size < 20_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("robot", "task", "count"), [("ur5", "position", 4), ("puma560", "vx,vy,wz", 3)]
+)
+def test_tasks_of_a_few_rows_are_proven(robot, task, count):
+    """Two equations in the same two joints (UR5), and few equations where many may meet (PUMA)."""
+    form = prove(closed_form(load(robot, task=task), seconds=600.0), 600.0)
+    assert form.word == "proven", form.proof.reason
+    assert len(form.families) == count
+    assert form.proof.size < 20_000
+
+
+def test_a_form_is_a_sum_of_multiples_of_others():
+    """Two equations in the same two joints: no order of these in which one could divide."""
+    ring = Ring([False, False], [])
+    (x1, y1), (x2, y2) = ring.pairs
+    p, g = x1 * y2 + 2 * y1 * x2, 3 * x1 * x2 - y1 * y2
+    first, second = combination(ring, p * x2 - 5 * g * y2, [p, g])
+    assert ring.reduced(first * p + second * g) == p * x2 - 5 * g * y2
+    assert combination(ring, x1 * x2, [p, g]) is None  # not zero at their common zeros
+    # x1 x2 + y1 y2 and x1 y2 - y1 x2 are zero together at a complex zero of units alone.
+    both = [x1 * x2 + y1 * y2, x1 * y2 - y1 * x2]
+    found = combination(ring, x1, both)
+    assert found is not None
+    assert ring.stripped(sum(c * f for c, f in zip(found, both, strict=True))) == [x1]
+    assert combination(Ring([False, False], [2]), p * x2, [p]) is None
+
+
+@pytest.mark.slow
+def test_minors_that_others_make_up_over_further_ones_are_told():
+    """Baxter's finger: ten of 28 minors state the family, and Laplace's relations the rest."""
+    how = {"tip": "r_gripper_l_finger_tip"}
+    form = prove(closed_form(load("baxter", **how), seconds=600.0), 600.0)
+    assert form.complete, form.gaps
+    assert form.word == "proven", form.proof.reason
 
 
 @pytest.mark.slow

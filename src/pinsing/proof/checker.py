@@ -20,7 +20,7 @@ from typing import Any
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 SCHEMA = "pinsing/certificate/3"
-LONGEST_FILE, MOST_WORK, LONG = 4_000_000, 100_000_000, 10_000  # characters, products of terms
+LONGEST_FILE, MOST_WORK, LONG = 4_000_000, 300_000_000, 10_000  # characters, products of terms
 NUMBER = r"(-?\d{1,400})(?:/([1-9]\d{0,399}))?"
 TERM = re.compile(NUMBER + r"((?:[xys][1-9]\d?(?:\^[1-9]\d?)?)*)", re.ASCII)
 POWER = re.compile(r"([xys]\d+)(?:\^(\d+))?", re.ASCII)

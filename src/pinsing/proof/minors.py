@@ -4,20 +4,17 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any
 
 from pinsing.proof.checker import Certificate, Poly, Rejected
+from pinsing.proof.combination import combination
 from pinsing.proof.division import divisions
 from pinsing.proof.forms import Forms
+from pinsing.proof.laplace import Lines, Sum, sums_to_minors
 from pinsing.proof.place import NotFound, Place, place_text
 from pinsing.proof.skeleton import form_text
 
-Sum = list[list[Any]]
-"""Terms: a polynomial as text, and the number of the form of a family that it is times."""
-Lines = tuple[tuple[int, ...], tuple[int, ...]]
-"""Rows and columns of a minor."""
 _TRIED = 12
 """Pivots that are tried, the shortest first."""
 
@@ -61,8 +58,18 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
     if pivot is not None:
         return Soundness(pivot)
     multiples, totals = sums_to_minors(draft, family)
-    place = (family.values, [*family.relations, *totals])
-    if all(draft.ring.vanishes(minor, place) for minor in minors.values()):
+    for minor in minors.values():
+        draft.ring.work = 0  # what is counted is one step here, the whole check there
+        place = (family.values, [*family.relations, *totals])
+        if draft.ring.vanishes(minor, place):
+            continue
+        combined = combination(draft.ring, draft.ring.stripped(minor)[0], family.relations)
+        if combined is None:
+            break
+        first = len(family.values)
+        multiples.append([[form_text(c), first + k] for k, c in enumerate(combined) if c != 0])
+        totals += draft.ring.stripped(minor)
+    else:
         return Soundness(multiples=multiples)
     found = Soundness()
     for lines, minor in sorted(minors.items(), key=lambda item: len(item[1])) if exact else ():
@@ -130,61 +137,3 @@ def _pivot(draft: Certificate, family: Place, plain: set[Lines], tried: set[Line
         if _is_apart(draft, family, draft.at(family.values)(*lines)):
             return lines
     return None
-
-
-def sums_to_minors(draft: Certificate, family: Place) -> tuple[list[Sum], list[Poly]]:
-    """Sums of multiples of a family's forms that are minors, but for units; and what they are.
-
-    A row of the matrix with one more column than a minor has gives a sum that is zero: its
-    entries times the minors without their columns, with signs (Laplace). Where all but one of
-    these are multiples of the family's forms, or their entry is zero, so is the last one.
-    """
-    ring, size = draft.ring, draft.rank
-    if draft.sides[1] <= size or not family.relations:
-        return [], []
-    minor = draft.at(family.values)
-    found: list[Sum] = []
-    totals: list[Poly] = []
-    for rows in itertools.combinations(range(draft.sides[0]), size):
-        for columns in itertools.combinations(range(draft.sides[1]), size):
-            value = minor(rows, columns)
-            if value == 0 or any(ring.divides(p, value) for p in [*family.relations, *totals]):
-                continue
-            for total in _as_sum(draft, family, minor, rows, columns):
-                found.append(total)
-                totals += ring.stripped(ring.put(draft.sum(total, family.forms), family.values))
-    return found, totals
-
-
-def _as_sum(
-    draft: Certificate,
-    family: Place,
-    minor: Callable[..., Poly],
-    rows: tuple[int, ...],
-    columns: tuple[int, ...],
-) -> list[Sum]:
-    """The shortest sum that is one minor, if there is one."""
-    ring, first = draft.ring, len(family.values)
-    found: list[Sum] = []
-    for i, extra in itertools.product(rows, range(draft.sides[1])):
-        entries = [ring.put(x, family.values) for x in draft.matrix[i]]
-        if extra in columns or entries[extra] == 0:
-            continue
-        if ring.joints(ring.stripped(entries[extra])[0]):
-            continue
-        every = tuple(sorted({*columns, extra}))
-        terms: dict[int, Poly] = {}
-        for k, j in enumerate(every):
-            if j == extra or entries[j] == 0:
-                continue
-            other = minor(rows, every[:k] + every[k + 1 :])
-            at = next((a for a, p in enumerate(family.relations) if ring.divides(p, other)), None)
-            if at is None:
-                break
-            times = ring.reduced(divmod(other, family.relations[at])[0] * entries[j] * (-1) ** k)
-            terms[at] = terms.get(at, ring.zero) + times
-        else:
-            # Units are taken out: the sum is compared without, and they make it many times longer.
-            short = zip(terms, ring.stripped(*terms.values()), strict=True)
-            found.append([[form_text(c), first + at] for at, c in short if c != 0])
-    return sorted(found, key=lambda total: sum(len(text) for text, _ in total))[:1]

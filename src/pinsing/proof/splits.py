@@ -66,6 +66,9 @@ class Splits:
                 yield from self._resultants(place)
                 yield from self._sums(place)
         yield from (m for m in minors if m not in easy)
+        if 1 < len(relations) < min(whole, _MANY + 1):
+            yield from self._remainders(place)
+            yield from self._resultants(place)
 
     def _minors(self, place: Place) -> Iterator[Split]:
         sides, size = self.certificate.sides, self.certificate.rank

@@ -7,6 +7,7 @@ that vanishes on all its components is factored, and every factor leads to anoth
 
 from __future__ import annotations
 
+import functools
 import itertools
 import time
 from collections.abc import Callable, Sequence
@@ -14,7 +15,7 @@ from typing import Any
 
 from pinsing.algebra.budget import BudgetExceeded
 from pinsing.algebra.ring import Poly
-from pinsing.proof.checker import Certificate, Rejected
+from pinsing.proof.checker import MOST_WORK, Certificate, Rejected, Ring
 from pinsing.proof.division import divisions, empty, vanishes
 from pinsing.proof.forms import Forms
 from pinsing.proof.place import NotFound, Place, Split, place_text
@@ -23,7 +24,8 @@ from pinsing.proof.splits import Splits
 from pinsing.proof.squares import squares
 
 _MOST = 8
-"""Relations beyond which a place is not split: splits that say nothing new go on for ever."""
+"""Relations, if no family has more, beyond which a place is not split: splits that say nothing new
+go on for ever."""
 _FEW = 4
 """Relations, the shortest, of which two are tried alone."""
 _PART = 60
@@ -33,6 +35,8 @@ _TRIED, _MANY, _TRIED_THERE = 8, 5, 3
 are so many that fewer are tried."""
 _DENSE = 400
 """Terms of all relations beyond which nothing long is tried with them."""
+_STEP = 10_000_000
+"""Products of terms that one question may take: a small part of what the checker spends in all."""
 
 
 class Tree:
@@ -48,6 +52,7 @@ class Tree:
         self._until = time.monotonic() + seconds
         self.forms = Forms(certificate, seconds)
         self.families = [certificate.forms(f) for f in certificate.data["families"]]
+        self._most = max([_MOST, *map(len, self.families)])
         self._splits = Splits(self.forms, self.families, self._check_time)
         self._places: dict[tuple[Any, ...], Place | NotFound | None] = {}
 
@@ -97,6 +102,17 @@ class Tree:
         self._places[key] = place
         return place
 
+    def _shown(self, question: Callable[[], bool]) -> bool:
+        """Whether something is seen, and not only after long."""
+        self._check_time()
+        self.ring.work = MOST_WORK - _STEP
+        try:
+            return question()
+        except Rejected:
+            return False
+        finally:
+            self.ring.work = 0
+
     def _closed_around(self, forms: set[str], points: bool) -> Place | None:
         """A place that is closed and has some of these forms only: it holds this one."""
         return next(
@@ -114,12 +130,12 @@ class Tree:
             if self._lies_in(place, family):
                 place.family = k
                 return
-        if any(self._by_division(place, family) for family in self.families):
+        if any(self._by_division(place, k) for k in range(len(self.families))):
             return
         least = self.certificate.bound + 1 - len(place.values)
         enough = not place.points and least <= len(relations)
         enough = enough and sum(map(len, relations)) <= _DENSE
-        if enough and self.ring.codimension_at_least(least, relations):
+        if enough and self._shown(lambda: self.ring.codimension_at_least(least, relations)):
             self._leave(place)
             return
         for k, p in enumerate(relations):
@@ -128,7 +144,7 @@ class Tree:
                 return
         if self._by_squares(place) or self._too_small_in_part(place, least):
             return
-        if len(relations) > _MOST:
+        if len(relations) > self._most:
             raise NotFound(f"more and more relations at {place_text(place)}")
         failure = NotFound(f"nothing to split {place_text(place)} by")
         tried = _TRIED if len(relations) <= _MANY else _TRIED_THERE
@@ -145,15 +161,21 @@ class Tree:
         """Whether a place is seen to lie in a family."""
         return all(self.ring.vanishes(f, (place.values, place.relations)) for f in family)
 
-    def _by_division(self, place: Place, family: list[Poly]) -> bool:
-        """Split a place that lies in a family by a multiple of one of its forms, if it does."""
-        ring, relations = self.ring, place.relations
-        if len(relations) < 2 or sum(map(len, relations)) > _DENSE:
+    def _by_division(self, place: Place, number: int) -> bool:
+        """Split a place that lies in a family by a multiple of one of its forms, if it does.
+
+        Two equations leave what is too large for some families (Krull).
+        """
+        ring, relations, family = self.ring, place.relations, self.families[number]
+        least = self.certificate.data["families"][number]["least_codimension"]
+        if len(relations) < 2 or len(place.values) + 2 < least:
+            return False
+        if sum(map(len, relations)) > _DENSE:
             return False
         few = [relations] if len(relations) == 2 else itertools.combinations(relations[:_FEW], 2)
         for some in map(list, few):
             images = [f for p in family for f in ring.stripped(ring.put(p, place.values))]
-            if all(vanishes(ring, f, some) for f in images):
+            if self._shown(functools.partial(_all_vanish, ring, images, some)):
                 f = next(f for f in images if not ring.vanishes(f, ({}, relations)))
                 sources = [
                     len(place.values) + next(i for i, p in enumerate(relations) if p is r)
@@ -207,7 +229,7 @@ class Tree:
             part = relations[:count]
             if sum(map(len, part)) > _PART:
                 return False
-            if self.ring.codimension_at_least(least, part):
+            if self._shown(functools.partial(self.ring.codimension_at_least, least, part)):
                 linear = place.forms[: len(place.values)]
                 then = self.forms.place_of([*linear, *part])
                 self._leave(then)
@@ -219,3 +241,8 @@ class Tree:
     def _leave(self, place: Place) -> None:
         """Close a place that is too small for a component."""
         place.sum, place.cases = [("1", 0)], [(place.forms[0], 1, None)]
+
+
+def _all_vanish(ring: Ring, images: Sequence[Poly], some: Sequence[Poly]) -> bool:
+    """Whether forms are shown to be zero wherever some others all are."""
+    return all(vanishes(ring, f, some) for f in images)
