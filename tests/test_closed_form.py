@@ -380,11 +380,11 @@ def cylindrical(low: float, high: float) -> ClosedForm:
     ("low", "high", "word"),
     [
         (-1.0, 1.0, "reachable"),
-        (0.1, 0.2, "reachable"),
-        (2.0, 3.0, "not reachable"),
-        (-np.inf, np.inf, "reachable"),
+        pytest.param(0.1, 0.2, "reachable", marks=pytest.mark.slow),
+        pytest.param(2.0, 3.0, "not reachable", marks=pytest.mark.slow),
+        pytest.param(-np.inf, np.inf, "reachable", marks=pytest.mark.slow),
         (0.5, np.inf, "none found"),
-        (-np.inf, 0.25, "reachable"),
+        pytest.param(-np.inf, 0.25, "reachable", marks=pytest.mark.slow),
     ],
 )
 def test_limits_of_a_slider_hide_no_family(low: float, high: float, word: str) -> None:

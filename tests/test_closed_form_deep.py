@@ -79,7 +79,7 @@ def test_positions_of_the_ur5_where_the_wrist_alone_brings_the_tip_to_a_line():
     assert sorted(len(f.branches) for f in deep) == [4, 4, 8]
 
 
-@pytest.mark.parametrize("name", [*POSITIONS, pytest.param("panda", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", tiered([*POSITIONS, "panda"], ("ur5", "irb1400")))
 def test_no_family_lies_in_another(name):
     _, form = position(name)
     rng = np.random.default_rng(5)

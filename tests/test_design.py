@@ -52,7 +52,7 @@ def random_lengths(form, rng):
     return dict(zip(form.symbols, (float(v) for v in values), strict=True))
 
 
-@pytest.mark.parametrize("name", tiered(ARMS, ("stanford", "iiwa14")))
+@pytest.mark.parametrize("name", tiered(ARMS, ("stanford",)))
 def test_with_numbers_put_in_it_is_the_numeric_answer(name, rng):
     form = form_of(name)
     assert form.complete
@@ -77,6 +77,7 @@ def test_with_numbers_put_in_it_is_the_numeric_answer(name, rng):
         assert all(np.abs(form.residuals(f.name, q, lengths)).max() > 1e-9 for f in form.families)
 
 
+@pytest.mark.slow
 def test_the_textbook_says_the_same():
     assert [f.text for f in form_of("puma560").families] == [
         "sin q5 = 0",
@@ -103,7 +104,7 @@ def test_a_wrist_offset_of_zero_splits_one_family_into_wrist_elbow_and_shoulder(
         assert len(pinsing.closed_form(arm, seconds=LONG).families) == count
 
 
-@pytest.mark.parametrize("name", tiered(["puma560", "ur", "scara"], ("scara",)))
+@pytest.mark.parametrize("name", tiered(["puma560", "ur", "scara"], ()))
 def test_what_is_singular_everywhere_is_so(name, rng):
     """Each design that is told, and each length that may be zero, with numbers."""
     form = form_of(name)

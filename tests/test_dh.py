@@ -491,6 +491,7 @@ def test_unreadable_files(tmp_path: Path) -> None:
 # --- the script ----------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_shipped_urdfs_are_fresh() -> None:
     result = subprocess.run(
         [sys.executable, str(GENERATE), "--check"], capture_output=True, text=True, check=False

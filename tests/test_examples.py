@@ -36,7 +36,10 @@ PLUMBING = {
 ELSEWHERE = {"Viewer.jupyter_cell", "Viewer.open", "Viewer.save_png"}
 
 # These take seconds each.
-LONG = {"Aspects.of", "aspects", "connect", "posture_changes"}
+LONG = {
+    *("Aspects.of", "aspects", "connect", "posture_changes"),
+    *("write_report", "plot.inverse_count", "Cuspidality", "Cuspidality.text"),
+}
 
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 

@@ -353,6 +353,7 @@ def test_loci_of_the_5r_are_the_geometric_conditions(rng):
         assert locus.points_only == (locus.words.startswith("B1 and B2"))
 
 
+@pytest.mark.slow
 def test_loci_agree_with_the_measures_on_another_5r(rng):
     """Unequal links, a raised pivot, a turned base: none of the example's symmetries."""
     model = planar_tree(
@@ -524,6 +525,7 @@ def test_dead_points_of_the_shipped_four_bar():
     assert all(c.passed for c in analysis.checks)
 
 
+@pytest.mark.slow
 def test_crank_rocker_from_either_side():
     """Driven by the crank it turns fully; driven by the rocker it has the treadle's dead points."""
     g, a, b, c = 0.4, 0.1, 0.35, 0.3

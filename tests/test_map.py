@@ -20,6 +20,7 @@ from click.testing import CliRunner, Result
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import qmc
+from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
@@ -348,7 +349,7 @@ class Backwards(Executor):
 
 
 @pytest.mark.parametrize("engine", [*kernel.isa_names(), "pinocchio"])
-@pytest.mark.parametrize("robot", ["ur5", "coupled", "position"])
+@pytest.mark.parametrize("robot", tiered(["ur5", "coupled", "position"], ("coupled",)))
 def test_chunks_and_threads_do_not_change_a_bit(engine: str, robot: str) -> None:
     if robot == "coupled":
         arm = coupled()

@@ -272,9 +272,10 @@ def test_the_platform_is_analysed_once_over(platform):
     ("name", "pose", "joint"),
     [
         ("planar_3rpr", "yaw", "c1 ="),
-        pytest.param("rps3", "pitch", "s1y =", marks=pytest.mark.slow),
+        ("rps3", "pitch", "s1y ="),
     ],
 )
+@pytest.mark.slow
 def test_all_joints_on_request_only(name, pose, joint, capsys, monkeypatch):
     def run(*args):
         with pytest.raises(SystemExit) as ended:

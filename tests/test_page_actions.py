@@ -5,6 +5,8 @@ Needs Chromium (or Chrome) and Playwright for Python; without them the tests are
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -26,19 +28,35 @@ if find_browser() is None:
     pytest.skip("needs Chromium or Chrome", allow_module_level=True)
 
 
+MAKE: dict[str, Callable[[], Viewer | MechanismViewer]] = {
+    "arm": lambda: Viewer(load("stanford")),
+    "mechanism": lambda: MechanismViewer(shipped("five_bar"), analyzed("five_bar")),
+}
+
+
+class Addresses(dict[str, str]):
+    """Address of a page of an arm or of a mechanism, made when first asked for."""
+
+    def __init__(self, live: bool, viewer: Callable[[str], Any], folder: Path) -> None:
+        super().__init__()
+        self.live, self.viewer, self.folder = live, viewer, folder
+
+    def __missing__(self, name: str) -> str:
+        file = self.folder / f"{name}.html"
+        viewer = self.viewer(name)
+        if not self.live:
+            viewer.save_html(file)
+        self[name] = viewer.url if self.live else file.as_uri()
+        return self[name]
+
+
 @pytest.fixture(scope="module")
 def addresses(tmp_path_factory: pytest.TempPathFactory) -> Iterator[dict[str, dict[str, str]]]:
     """Address of each kind of page, of an arm and of a mechanism."""
     folder = tmp_path_factory.mktemp("pages")
-    out: dict[str, dict[str, str]] = {"file": {}, "live": {}}
-    arm = Viewer(load("stanford"))
-    linkage = MechanismViewer(shipped("five_bar"), analyzed("five_bar"))
-    with arm, linkage:
-        for name, viewer in (("arm", arm), ("mechanism", linkage)):
-            viewer.save_html(folder / f"{name}.html")
-            out["file"][name] = (folder / f"{name}.html").as_uri()
-            out["live"][name] = viewer.url
-        yield out
+    with contextlib.ExitStack() as opened:
+        viewer = functools.cache(lambda name: opened.enter_context(MAKE[name]()))
+        yield {kind: Addresses(kind == "live", viewer, folder) for kind in ("file", "live")}
 
 
 @pytest.fixture(params=["file", "live"])
@@ -262,7 +280,7 @@ def test_every_action_works_on_a_mechanism(page: Any, pages: dict[str, str]) -> 
 @pytest.mark.parametrize(
     ("kind", "actions"),
     [
-        pytest.param("arm", ACTIONS, id="arm"),
+        pytest.param("arm", ACTIONS, id="arm", marks=pytest.mark.slow),
         pytest.param("mechanism", LINKAGE[:-1], id="mechanism", marks=pytest.mark.slow),
         # From where the others have led it, its first sample is not reached in the mode it is in.
         pytest.param("mechanism", LINKAGE[-1:], id="path of a mechanism", marks=pytest.mark.slow),

@@ -485,9 +485,9 @@ def test_multiples_of_pi() -> None:
         pytest.param(
             "locus puma560 --family F2 --each q4=0,60 --deg", "png", marks=pytest.mark.slow
         ),
-        ("curves scara", "pdf"),
+        pytest.param("curves scara", "pdf", marks=pytest.mark.slow),
         pytest.param("curves stanford --fixed q4=0 --over q2,d3", "svg", marks=pytest.mark.slow),
-        ("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png"),
+        pytest.param("ellipsoids stanford --q 0,1,0,0.3,0.8,0", "png", marks=pytest.mark.slow),
         pytest.param("along scara --q 0,1,0.1,0 --q 0,-1,0.1,0", "svg", marks=pytest.mark.slow),
         pytest.param("workspace planar3r --task position", "png", marks=pytest.mark.slow),
     ],

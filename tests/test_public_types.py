@@ -19,6 +19,7 @@ from typing import Any
 import matplotlib
 import numpy as np
 import pytest
+from tiers import tiered
 
 import pinsing
 import pinsing.plot
@@ -455,7 +456,11 @@ def test_what_never_fits_is_refused_by_name(name):
             assert parameter in str(error), (parameter, what, str(error))
 
 
-@pytest.mark.parametrize("name", [name for name in OF if not CALLS[name].slow])
+FITTED = [name for name in OF if not CALLS[name].slow]
+LONG = {"analyze", "line_postures", "check_trajectory", "plot.sigma_map", "plot.sigma_plane"}
+
+
+@pytest.mark.parametrize("name", tiered(FITTED, set(FITTED) - LONG))
 def test_what_may_fit_is_taken_or_refused(name):
     import matplotlib.pyplot as plt
 

@@ -37,6 +37,7 @@ def test_a_way_round_a_singularity_is_raised_and_stays_a_way(ur5):
     assert np.array_equal(after[-1], end)
 
 
+@pytest.mark.slow
 def test_connections_within_limits_are_decided_and_clear(ur5):
     arm, form, found = ur5
     rng = np.random.default_rng(4)
