@@ -118,8 +118,9 @@ def test_describing_keeps_to_the_time_as_well():
     arm = load("talos_full_v2", tip="gripper_left_base_link", base="torso_2_link", task="position")
     form = closed_form(arm, seconds=1)
     assert not form.complete
-    why = ("simultaneous equations or more", "time budget", "a step of the algebra was stopped")
-    assert any(reason in form.gaps[-1] for reason in why)
+    # Which step it is that does not end in time, the machine's load decides.
+    why = ("simultaneous equations or more", "time budget", "algebra was stopped", "told apart")
+    assert any(reason in gap for gap in form.gaps for reason in why), form.gaps
 
 
 @pytest.mark.slow

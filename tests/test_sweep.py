@@ -329,7 +329,7 @@ def test_arms_without_combinations():
     single = sweep(arms.planar((1.0,)))
     assert len(single.curves) == 1
     assert single.plan.forced == ()
-    assert "no sets" in str(single.plan)
+    assert "with no joint at a special value" in str(single.plan)
 
 
 def test_text(stanford):

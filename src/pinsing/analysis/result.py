@@ -215,6 +215,11 @@ def _points(
     return ["", page.paragraph(title), *(page.paragraph(*text, first=mark) for text in texts)]
 
 
+def _share(some: int, of: int) -> str:
+    """``all of them``, ``none of them`` or ``3 of them``."""
+    return f"{'none' if some == 0 else 'all' if some == of else some} of them"
+
+
 def _checks(analysis: Analysis) -> Iterator[str]:
     found = [f for f in analysis.findings if f.status == "singular"]
     on = sum(
@@ -225,14 +230,13 @@ def _checks(analysis: Analysis) -> Iterator[str]:
     stopped = "" if analysis.sweep_complete else ", stopped before its end"
     yield (
         f"sweep of {analysis.jacobians} Jacobians{stopped}: {len(found)} singular sets found, "
-        f"{on} of them on the families above"
+        f"{_share(on, len(found))} on the families above"
     )
     search = analysis.random_search
     if search.starts:
         yield (
             f"{search.starts} random starts within the limits: {search.singular} ended at singular "
-            f"configurations, "
-            f"{search.on_family} of them on the families above"
+            f"configurations, {_share(search.on_family, search.singular)} on the families above"
         )
     sampled = [c for c in analysis.checks if c.samples]
     if sampled:

@@ -92,7 +92,7 @@ class MapResult(JsonResult):
             (
                 caution("near-singular") if self.near_singular else "near-singular",
                 f" (<= {NEAR_RTOL:g}): {self.near_singular:,}; "
-                f"{100 * near / self.done:.3g} % of all are one or the other",
+                f"{100 * near / self.done:.3g} % of all are singular or near-singular",
             ),
         ]
         return "\n".join(page.paragraph(*line, rest="  ") for line in lines)

@@ -59,7 +59,9 @@ class SingularPose:
             return f"{said}; pinsing suggest {robot} finds one that is not"
         far = f"{np.floor(np.degrees(self.clearance) * 100) / 100:g}°"
         pose = typed(self.instead, prismatic, degrees, digits=8, room=room)
-        return f"{said}; near it, and proven to be {far} away from all that are: {pose}"
+        return (
+            f"{said}; the next is near it, {far} or more from every singular one (proven): {pose}"
+        )
 
 
 def singular_poses(arm: Arm) -> tuple[SingularPose, ...]:

@@ -185,8 +185,13 @@ class SweepPlan(JsonResult):
         return tuple(i for i in self.swept if i not in held)
 
     def __str__(self) -> str:
-        sets = ", ".join(f"{len(p.values)} sets of {p.level}" for p in self.levels if p.swept)
-        return f"{sets or 'no sets'}: {self.n_curves} curves, {self.n_jacobians:,} Jacobians"
+        sets = ", ".join(
+            f"{len(p.values):,} of {p.level} joint{'s' * (p.level > 1)}"
+            for p in self.levels
+            if p.swept
+        )
+        held = f"; special values: {sets}" if sets else ", with no joint at a special value"
+        return f"{self.n_curves:,} curves, {self.n_jacobians:,} Jacobians{held}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -92,7 +92,7 @@ def plan_sweep(
     --------
     >>> import pinsing
     >>> pinsing.plan_sweep(pinsing.load("planar3r"))
-    <SweepPlan: 4 sets of 1: 3 curves, 547 Jacobians>
+    <SweepPlan: 3 curves, 547 Jacobians; special values: 4 of 1 joint>
     """
     options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
     return planned_sweep(arm, options, geometry)
@@ -118,7 +118,9 @@ def planned_sweep(arm: Arm, options: SweepOptions, geometry: Arm | None = None) 
     planned = _combinations(exact, effects, asked, options.prune, seed)
     for level in asked:
         if level > sum(e.swept for e in effects):
-            notes.append(f"level {level} is empty: fewer joints than that change sigma_min")
+            notes.append(
+                f"level {level} is empty: there are not {level} joints that change sigma_min"
+            )
     swept = sum(e.swept for e in effects)
     n_curves = len(chosen) + sum(len(p.values) * (swept - p.level) for p in planned if p.swept)
     return SweepPlan(
