@@ -63,6 +63,15 @@ def test_the_same_seed_gives_the_same_map_and_json_keeps_it():
     assert one.to_json() != pinsing.mechanism_map(mechanism, count=100, seed=6).to_json()
 
 
+def test_more_actuators_than_freedoms_are_mapped_as_such():
+    plain = shipped("planar_3rrr")
+    extra = plain.with_actuated(["a1", "a2", "a3", "b1"])
+    one, more = (pinsing.mechanism_map(m, count=100) for m in (plain, extra))
+    assert more.closed == one.closed > 10
+    # Held by one more, the output is held at least as well.
+    assert (more.input_ratio >= one.input_ratio - 1e-12).all()
+
+
 def test_what_cannot_be_mapped_is_said():
     five = shipped("five_bar")
     for options, words in (

@@ -18,6 +18,7 @@ from pinsing.mechanism import PoseForms, mechanism_at, pose_forms, working_modes
 from pinsing.mechanism.closure import Loops, random_closed
 from pinsing.mechanism.pose_loci import variables_at
 from pinsing.plot.mechanism import TYPE_2
+from pinsing.plot.pose_aspects import colors, regions
 from pinsing.plot.pose_map import pose_map
 from pinsing.robot.load_mechanism import Loop, Mechanism
 
@@ -331,7 +332,31 @@ def test_slices_over_the_pose_show_the_loci():
         for x, y in contour(ax, TYPE_2)
     ]
     assert np.abs(equation_values(forms, rows)).max() < 0.01
+    labels = [t.get_text() for t in ax.get_legend().get_texts()]
+    assert any(t.startswith("aspect 2") for t in labels)
     plt.close("all")
+
+
+def test_regions_of_a_slice_are_parted_by_the_loci_alone():
+    # Within a disc, parted by a line and by a circle that stays inside.
+    x, y = np.meshgrid(np.linspace(-1, 1, 201), np.linspace(-1, 1, 201))
+    inside = x**2 + y**2 < 0.9
+    numbers, signs = regions(inside, [y - 0.2, (x - 0.1) ** 2 + (y + 0.4) ** 2 - 0.04])
+    assert numbers.max() == len(signs) == 3
+    assert (numbers[~inside] == 0).all()
+    below, above, hole = (numbers[k] for k in ((60, 40), (150, 100), (60, 110)))
+    assert len({below, above, hole}) == 3
+    assert signs[above - 1] == signs[hole - 1] != signs[below - 1]
+    assert len(set(colors([True, True, False]))) == 3
+    # Round a whole turn the outer parts are one.
+    band = [np.cos(np.pi * y)]
+    assert regions(np.ones_like(inside), band)[0].max() == 3
+    assert regions(np.ones_like(inside), band, (False, True))[0].max() == 2
+
+
+def test_a_slice_of_coordinates_that_are_tied_is_refused():
+    with pytest.raises(OptionError, match="its hinges tie the coordinates"):
+        pose_map(shipped("rps3"), ("roll", "pitch"), samples=5)
 
 
 @pytest.mark.slow

@@ -9,13 +9,24 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 import pinsing
-from pinsing.mechanism import home, loop_forms, mechanism_at, pose_forms, ranks
+from pinsing.mechanism import (
+    JointForms,
+    home,
+    joint_forms,
+    loop_forms,
+    mechanism_at,
+    pose_forms,
+    ranks,
+    refine,
+)
+from pinsing.mechanism.closure import random_closed
 from pinsing.mechanism.forms_text import forms_text
 from pinsing.robot.mechanism import Mechanism
 
@@ -46,12 +57,28 @@ more.
 - Equations are over the pose of the output where each leg passes one force: x, y, z in metres and
   a unit quaternion e0, e1, e2, e3 (scalar first); in the plane x, y, cos φ, sin φ; with inputs
   where a crank moves the inner end of a rod. "complete": every singular pose is on one of them,
-  each step exact over the rationals. There are no certificates for mechanisms.
-- Not here: equations for the spherical 3-RRR and in the joint angles of space mechanisms.
+  each step exact over the rationals.
+- Equations in the joint angles hold where the loops close: singular if and only if one is zero. A
+  determinant has a row for each wrench that a leg passes on (force and moment about the origin of
+  the base; in the plane fx, fy, mz; on the sphere the moment), in that leg's own angles.
+- There are no certificates for mechanisms: the checker reads the Jacobian of one chain, and knows
+  no closure equations.
+- Not here: equations over the pose of the spherical 3-RRR; Bennett's loop, whose closure equations
+  are dependent only where it closes.
+- Slices through the workspace: `pinsing plot map urdf/NAME.urdf --loops urdf/NAME.loops.yaml --over
+  x,y -o map.png`.
 
 | mechanism | joints | closure equations, independent of written | degrees of freedom | actuated |
 |---|---|---|---|---|
 """
+IMAGES = URDF.parent / "docs" / "images"
+SLICES = {
+    "planar_3rrr": "x,y",
+    "planar_3rpr": "x,y",
+    "gough_stewart": "x,yaw",
+    "stewart_6_3": "z,pitch",
+    "delta": "x,z",
+}
 Known = Callable[[Mechanism], Iterator[tuple[str, str]]]
 
 
@@ -89,10 +116,13 @@ def part(mechanism: Mechanism, name: str) -> str:
     lines.append("")
     loops = loop_forms(mechanism)
     forms = pose_forms(mechanism) if loops is None else loops
+    joints = joint_forms(mechanism)
     if forms is None:
-        lines += ["No closed form: the legs pass more than one force each.", ""]
-    else:
-        lines += ["```", forms_text(mechanism.inputs, forms), "```", ""]
+        lines += ["No closed form over the pose: the legs pass more than one force each.", ""]
+    lines += ["```", forms_text(mechanism.inputs, forms, joints=short(joints)), "```", ""]
+    if name in SLICES:
+        lines += [f"![Aspects of a slice over {SLICES[name]}](images/parallel_{name}.png)", ""]
+        slice_of(mechanism, name)
     known = KNOWN.get(name)
     if known is not None:
         lines += ["| known | computed |", "|---|---|"]
@@ -100,6 +130,32 @@ def part(mechanism: Mechanism, name: str) -> str:
         lines.append("")
     print(f"{name}: {time.process_time() - began:.1f} s of processor time")
     return "\n".join(lines)
+
+
+def short(forms: JointForms) -> JointForms:
+    """Determinants of very long entries by their size alone: `families --loops` has them whole."""
+    return replace(
+        forms,
+        loci=tuple(
+            replace(x, matrix=x.matrix[:0])
+            if x.equation is not None and not x.matrix
+            else x if sum(map(len, x.rows())) < 1_500
+            else replace(x, words=f"{x.words}; rows too long for this page",
+                         matrix=tuple(() for _ in x.matrix))
+            for x in forms.loci
+        ),
+    )  # fmt: skip
+
+
+def slice_of(mechanism: Mechanism, name: str) -> None:
+    """A picture of the aspects over two coordinates of the pose."""
+    import matplotlib as mpl
+
+    mpl.use("agg")
+    from pinsing.plot.pose_map import pose_map
+
+    ax = pose_map(mechanism, SLICES[name].split(","))
+    ax.figure.savefig(IMAGES / f"parallel_{name}.png", dpi=80, bbox_inches="tight")
 
 
 def ways(found: pinsing.Modes) -> str:
@@ -191,6 +247,21 @@ def of_agile_eye(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     yield "8 assembly modes (Gosselin, Sefrioui and Richard 1994)", f"{len(found.modes)} found"
     found = pinsing.working_modes(mechanism)
     yield "8 working modes", f"{len(found.modes)} found"
+    forms = joint_forms(mechanism)
+    ones = [x for x in forms.loci if x.kind == "type 1"]
+    met, worst = 0, 0.0
+    for q in random_closed(mechanism.without_limits(), 60, np.random.default_rng(1)):
+        point = refine(mechanism.without_limits(), q, "type 2")
+        if point.converged:
+            met += 1
+            values = [abs(float(x.equation(point.q))) for x in ones]
+            worst = max(worst, min(values))
+    yield (
+        "outside the orientations in which the inputs do not move it, all singular loci are joint "
+        "values (Bonev and Gosselin 2005)",
+        f"type 1: {' or '.join(str(x.equation) for x in ones)}; type 2 only there too: at {met} "
+        f"points of type 2 one of these is zero to {worst:.0e}",
+    )
 
 
 KNOWN: dict[str, Known] = {

@@ -13,6 +13,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.mechanism import Pose, home, mode_of, ranks
+from pinsing.mechanism.analysis import independent_inputs
 from pinsing.mechanism.batch import BatchLoops, newton
 from pinsing.mechanism.closure import random_closed
 from pinsing.mechanism.likeness import output_pose
@@ -220,13 +221,15 @@ def mechanism_map(
             f"{generic.output}: a pose leaves the others open; take a map over inputs"
         )
     loops = BatchLoops(mechanism)
+    # Of more actuators than freedoms those that are independent are drawn; the others follow.
+    driven = list(independent_inputs(mechanism, generic, home(mechanism)).actuated)
     closed = beyond = 0
     parts: list[tuple[Array, Array]] = []
     kinds = dict.fromkeys(_KINDS, 0)
     least: list[tuple[float, int, str, Array]] = []
     for k, start in enumerate(range(0, count, _CHUNK)):
         rng = np.random.default_rng([seed, k])
-        Q = _closed(loops, over, min(_CHUNK, count - start), rng)
+        Q = _closed(loops, driven, over, min(_CHUNK, count - start), rng)
         closed += len(Q)
         outside = mechanism.space.outside(Q).any(axis=1) if len(Q) else np.zeros(0, dtype=bool)
         beyond += int(outside.sum())
@@ -265,14 +268,15 @@ def _worst(
     )  # fmt: skip
 
 
-def _closed(loops: BatchLoops, over: str, count: int, rng: np.random.Generator) -> Array:
+def _closed(
+    loops: BatchLoops, actuated: list[int], over: str, count: int, rng: np.random.Generator
+) -> Array:
     """Closed configurations (M, n) of those drawn, in the order in which they were drawn."""
     mechanism = loops.mechanism
     low, high = mechanism.space.span
     free = np.ones(mechanism.n, dtype=bool)
     target = None
     held = np.zeros((count, 0))
-    actuated = list(mechanism.actuated)
     if over == "inputs":
         free[actuated] = False
         held = rng.uniform(low[actuated], high[actuated], (count, len(actuated)))

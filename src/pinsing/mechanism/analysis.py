@@ -83,7 +83,7 @@ def analyze_mechanism(
     notes = [*mechanism.notes, *_notes(mechanism, generic, q)]
     poses = pose_forms(mechanism)
     fixed = poses is None or not poses.architecture
-    moved = _independent(mechanism, generic, q)
+    moved = independent_inputs(mechanism, generic, q)
     ranges: dict[str, tuple[Interval, ...]] = {}
     points: list[SingularPoint] = []
     for k, name in enumerate(moved.inputs if fixed else ()):
@@ -148,7 +148,7 @@ def _notes(mechanism: Mechanism, generic: Ranks, q: Array) -> list[str]:
     return out
 
 
-def _independent(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechanism:
+def independent_inputs(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechanism:
     """The mechanism driven by as many inputs as it has freedoms; itself where it is."""
     if len(mechanism.actuated) == generic.mobility:
         return mechanism

@@ -17,7 +17,9 @@ _LEAST = 12
 """Grid cells below which a region is not told from the roughness of the grid."""
 
 
-def regions(inside: Bool, left_sides: Sequence[Array]) -> tuple[npt.NDArray[np.int_], list[bool]]:
+def regions(
+    inside: Bool, left_sides: Sequence[Array], turns: tuple[bool, bool] = (False, False)
+) -> tuple[npt.NDArray[np.int_], list[bool]]:
     """Number the connected regions of a grid in which no left side changes its sign.
 
     Parameters
@@ -26,6 +28,9 @@ def regions(inside: Bool, left_sides: Sequence[Array]) -> tuple[npt.NDArray[np.i
         Where poses are reached.
     left_sides : sequence of (k, k) arrays
         Of the loci of type 2 (and constraint).
+    turns : tuple of bool
+        Whether columns (the abscissa) and rows go round a whole turn: then the first one is the
+        last.
 
     Returns
     -------
@@ -43,8 +48,8 @@ def regions(inside: Bool, left_sides: Sequence[Array]) -> tuple[npt.NDArray[np.i
     for value in np.unique(pattern[inside]).tolist():
         numbers, count = label(inside & (pattern == value))
         even = (len(left_sides) - int(value).bit_count()) % 2 == 0
-        for k in range(1, count + 1):
-            cells = numbers == k
+        for members in _joined(numbers, count, turns):
+            cells = np.isin(numbers, members)
             if int(cells.sum()) >= _LEAST:
                 found.append((int(cells.sum()), cells, even))
     found.sort(key=lambda x: -x[0])
@@ -54,12 +59,36 @@ def regions(inside: Bool, left_sides: Sequence[Array]) -> tuple[npt.NDArray[np.i
     return out, [even for _, _, even in found]
 
 
+def _joined(numbers: npt.NDArray[np.int_], count: int, turns: tuple[bool, bool]) -> list[list[int]]:
+    """Numbers of regions, those together that meet across a whole turn."""
+    group = list(range(count + 1))
+
+    def root(k: int) -> int:
+        while group[k] != k:
+            k = group[k]
+        return k
+
+    pairs: list[tuple[int, int]] = []
+    if turns[0]:
+        pairs += zip(numbers[:, 0].tolist(), numbers[:, -1].tolist(), strict=True)
+    if turns[1]:
+        pairs += zip(numbers[0].tolist(), numbers[-1].tolist(), strict=True)
+    for a, b in pairs:
+        if a and b:
+            group[root(a)] = root(b)
+    out: dict[int, list[int]] = {}
+    for k in range(1, count + 1):
+        out.setdefault(root(k), []).append(k)
+    return list(out.values())
+
+
 def colors(signs: Sequence[bool]) -> list[str]:
-    """A pale colour for each region: green and blue for one assembly mode, warm for the other."""
+    """A pale colour for each region: green and blue for those of the first's sign, else warm."""
     used = {True: 0, False: 0}
     out = []
     for sign in signs:
-        shades = _PALE[sign]
-        out.append(shades[used[sign] % len(shades)])
-        used[sign] += 1
+        alike = sign == signs[0]
+        shades = _PALE[alike]
+        out.append(shades[used[alike] % len(shades)])
+        used[alike] += 1
     return out

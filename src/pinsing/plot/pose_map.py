@@ -16,6 +16,7 @@ from pinsing.mechanism.pose import Pose, pose_of
 from pinsing.mechanism.pose_loci import PoseForms, pose_forms
 from pinsing.mechanism.rods import Rod, Rods, rods
 from pinsing.plot.mechanism import TYPE_1, TYPE_2
+from pinsing.plot.pose_aspects import colors, regions
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
 _COLORS = {"type 1": TYPE_1, "type 2": TYPE_2, "constraint": "#7d3c98",
            "type 2 or constraint": TYPE_2}  # fmt: skip
 _REACHED = "#eef3e6"
+_MOST_NAMED = 4
 
 
 def pose_map(
@@ -36,8 +38,9 @@ def pose_map(
 ) -> Axes:
     """Draw a slice through the loci: two coordinates of the pose vary, the others stay at home.
 
-    Green is where the legs reach within the limits of the actuated joints, in the working mode of
-    home; lines are the loci, exactly.
+    Coloured is where the legs reach within the limits of the actuated joints, in the working mode
+    of home: each aspect of the slice in a colour of its own; green and blue ones have the sign of
+    the largest one's type 2 equation, warm ones the other. Lines are the loci, exactly.
 
     Parameters
     ----------
@@ -58,12 +61,19 @@ def pose_map(
         If there is no closed form over the pose, or the coordinates are others.
     """
     from matplotlib import pyplot as plt
+    from matplotlib.colors import BoundaryNorm, ListedColormap
 
     forms, found = pose_forms(mechanism), rods(mechanism)
     if forms is None or found is None or not (forms.loci or forms.architecture):
         raise OptionError(
             f"{mechanism.name}: a map over the pose needs legs that pass one force each, and this "
             "one has others: see pinsing families --loops"
+        )
+    if any(rod.hinge is not None for rod in found.rods):
+        raise OptionError(
+            f"{mechanism.name}: its hinges tie the coordinates of a pose to each other, so that "
+            "two of them with the others at home are poses that it does not have; take pinsing "
+            "map --loops --over poses"
         )
     first, second = _chosen(over, found, forms)
     start = np.array([*_home(mechanism).position, *_home(mechanism).angles])
@@ -74,11 +84,22 @@ def pose_map(
     ax = plt.subplots(figsize=(6, 5.4))[1] if ax is None else ax
     unit = [180 / np.pi if degrees and k > 2 else 1.0 for k in (first, second)]
     x, y = sides[0] * unit[0], sides[1] * unit[1]
-    ax.contourf(x, y, inside.astype(float), levels=[0.5, 1.5], colors=[_REACHED])
+    lefts = [
+        x.equation(np.stack([values[n] for n in x.equation.names], axis=-1)) for x in forms.loci
+    ]
+    parting = [v for v, x in zip(lefts, forms.loci, strict=True) if x.kind != "type 1"]
+    numbers, signs = regions(
+        inside.astype(bool), [np.nan_to_num(v) for v in parting], (first > 2, second > 2)
+    )
+    shades = [_REACHED, *colors(signs)]
+    shown = np.where(inside, numbers + 1, 0)
+    edges = np.arange(len(shades) + 1) + 0.5
+    if inside.any():
+        ax.pcolormesh(x, y, np.ma.masked_less(shown, 1), cmap=ListedColormap(shades),
+                      norm=BoundaryNorm(edges, len(shades)), shading="nearest",
+                      rasterized=True)  # fmt: skip
     drawn = set()
-    for locus in forms.loci:
-        at = np.stack([values[n] for n in locus.equation.names], axis=-1)
-        left = locus.equation(at)
+    for locus, left in zip(forms.loci, lefts, strict=True):
         finite = left[np.isfinite(left)]
         if len(finite) and finite.min() < 0 < finite.max():
             ax.contour(x, y, left, levels=[0.0], colors=[_COLORS[locus.kind]], linewidths=1.4)
@@ -87,7 +108,13 @@ def pose_map(
         ax.plot([], [], color=_COLORS[kind], label=kind)
     moved = any(rod.moved for rod in found.rods)
     border = "type 1 or a limit" if moved else "a limit"
-    ax.fill([], [], color=_REACHED, label=f"reached; its border: {border}")
+    if forms.architecture or not signs:
+        ax.fill([], [], color=_REACHED, label=f"reached; its border: {border}")
+    for number, shade in list(enumerate(shades[1:], 1))[:_MOST_NAMED]:
+        more = f"; border: {border}" if number == 1 else ""
+        ax.fill([], [], color=shade, label=f"aspect {number}{more}")
+    if len(signs) > _MOST_NAMED:
+        ax.fill([], [], color="none", label=f"and {len(signs) - _MOST_NAMED} more")
     ax.legend(loc="upper right", fontsize=8)
     names = [
         f"{COORDINATES[k]} [{'m' if k < 3 else '°' if degrees else 'rad'}]" for k in (first, second)
