@@ -65,6 +65,11 @@ more.
   no closure equations.
 - Not here: equations over the pose of the spherical 3-RRR; Bennett's loop, whose closure equations
   are dependent only where it closes.
+- Maps: `pinsing map urdf/NAME.urdf --loops urdf/NAME.loops.yaml --over poses`. On one processor the
+  measures of 45,000 configurations of the 3-RRR and 11,000 of the Gough-Stewart platform are found
+  in a second of processor time, all at once; one after the other with Pinocchio's constraint
+  Jacobians 7,600 and 4,500 (6.0 and 2.5 times). Of the Jacobians alone, without their singular
+  values, 206,000 and 48,000, to 71,000 and 37,000 of Pinocchio.
 - Slices through the workspace: `pinsing plot map urdf/NAME.urdf --loops urdf/NAME.loops.yaml --over
   x,y -o map.png`.
 
@@ -258,7 +263,7 @@ def of_agile_eye(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
             worst = max(worst, min(values))
     yield (
         "outside the orientations in which the inputs do not move it, all singular loci are joint "
-        "values (Bonev and Gosselin 2005)",
+        "values (compare Bonev and Gosselin 2005)",
         f"type 1: {' or '.join(str(x.equation) for x in ones)}; type 2 only there too: at {met} "
         f"points of type 2 one of these is zero to {worst:.0e}",
     )
