@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -299,6 +300,20 @@ def test_fixing_at_a_root_leaves_nothing() -> None:
     assert left is not None
     assert left.involved == ()
     assert float(left(np.zeros(3))) == pytest.approx(float(e(np.array([0.0, 0.7, 0.0]))))
+
+
+def test_fixing_a_slider_far_out_leaves_nothing() -> None:
+    """Terms are larger there than their coefficients, and so is what rounding leaves of them."""
+    left = 0.0
+    for root in (2.0, 3.0, 5.0, 7.0):
+        value = 1000.0 * float(np.sqrt(root))
+        e = in_one([1.0, -1000.0 * np.nextafter(np.sqrt(root), 9.0)], [0.0, 0.0], [0, 0])
+        powers = np.zeros_like(e.powers)
+        powers[:, 1] = 4, 3  # d^4 - value d^3
+        e = replace(e, powers=powers)
+        left = max(left, abs(float(e(np.array([0.0, value, 0.0])))))
+        assert fix_joint(e, 1, value) is None
+    assert left > 1e-5
 
 
 def test_proofs_that_there_is_no_zero() -> None:

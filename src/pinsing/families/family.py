@@ -60,8 +60,9 @@ class Family(Members, JsonResult):
     lost : tuple of str
         The motion lost there, in words.
     kind : str
-        "boundary", "interior" or "undecided" where all points that were looked at agree; else
-        "varies", and ``kinds`` says where, or how often.
+        "boundary", "interior" or "undecided" where all points that were looked at, 32 at most,
+        agree, which is no proof for the others; else "varies", and ``kinds`` says where, or how
+        often.
     kinds : tuple of KindPart
         Each kind that was met.
     reason : str

@@ -327,8 +327,10 @@ def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
         total = gathered.setdefault(key, [0.0, 0.0])
         total[0] += cos[t]
         total[1] += sign * sin[t] if len(lead) else 0.0  # a constant has no sine
-    # What is left of terms that cancel is rounding; anything larger is a term, however small.
-    rounding = _CANCELLED * max(equation.accuracy, 1e-15) * equation.size
+    # What is left of terms that cancel is rounding; anything larger is a term, however small. A
+    # slider's value may make terms larger than their coefficients, and what they leave, too.
+    size = max(equation.size, float(np.hypot(cos, sin).sum()))
+    rounding = _CANCELLED * max(equation.accuracy, 1e-15) * size
     keep = [k for k, (c, s) in gathered.items() if np.hypot(c, s) > rounding]
     if not keep:
         return None

@@ -221,9 +221,10 @@ class Ring:
         if least <= 0 or self.has_gaps(least, forms):
             return True
         # Zeros at a complex zero of a unit, which may fill the gaps, are none of the resultants'.
-        pairs = ((p, g, j) for p, g in combinations(forms, 2) for j in self.joints(p))
-        found = [self.resultant(p, g, j) for p, g, j in pairs if self.degree(g, j)]
-        return self.has_gaps(least, forms + [r for f in found for r in self.stripped(f)])
+        for p, g in combinations(forms, 2):
+            for j in {*self.joints(p)} & {*self.joints(g)}:
+                forms = forms + self.stripped(self.resultant(p, g, j))
+        return self.has_gaps(least, forms)
 
     def has_gaps(self, least: int, forms: list[Poly]) -> bool:
         """Whether common zeros have no points at some values of all joints but least - 1."""
@@ -328,10 +329,9 @@ class Certificate:
             turns = [*cross(z, arm), *(d * D * a for a in z), d * d * D]
             screw = [*z, *[ring.zero] * 3, d] if self.slides[link["joint"]] else turns
             multiple, total = ring.number(link["multiple"]), columns[link["joint"]]
-            sums = [
-                multiple * a * total[6] + b * screw[6] for a, b in zip(screw, total, strict=True)
-            ]
-            sums = [ring.reduced(a) for a in [*sums[:6], screw[6] * total[6]]]
+            both = zip(screw[:6], total[:6], strict=True)
+            sums = [multiple * a * total[6] + b * screw[6] for a, b in both]
+            sums = [ring.reduced(a) for a in (*sums, screw[6] * total[6])]
             columns[link["joint"]] = ring.stripped(*sums)
         columns = [ring.stripped(*(column[r] for r in rows)) for column in columns]
         return [ring.stripped(*row) for row in flipped(columns)]
@@ -415,10 +415,9 @@ class Certificate:
         # No component of so few forms has a larger codimension: none is where one of these is zero.
         need(len(lines[0]) < self.rank, f"{name}: a pivot is too large")
         for form in (self.at(values)(*lines), *apart):
-            more = ring.codimension_at_least(
-                len(left) + 1, [*left, *ring.stripped(ring.put(form, values))]
-            )
-            need(more, f"{name} has a component where a pivot is zero")
+            more = left + ring.stripped(ring.put(form, values))
+            smaller = ring.codimension_at_least(len(left) + 1, more)
+            need(smaller, f"{name} has a component where a pivot is zero")
         least = family["least_codimension"] - len(values)
         need(ring.codimension_at_least(least, left), f"{name} may be larger")
 
