@@ -84,11 +84,6 @@ def flipped(lines: Matrix) -> Matrix:
     return [list(line) for line in zip(*lines, strict=True)]
 
 
-def dot(a: list[Poly], b: list[Poly]) -> Poly:
-    """Scalar product."""
-    return sum((x * y for x, y in zip(a, b, strict=True)), 0 * a[0])
-
-
 def cross(a: list[Poly], b: list[Poly]) -> list[Poly]:
     """Cross product."""
     return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
@@ -152,6 +147,10 @@ class Ring:
             self.spend(len(product) * len(f))
             product = self.reduced(product * f)
         return product
+
+    def dot(self, a: list[Poly], b: list[Poly]) -> Poly:
+        """Scalar product."""
+        return sum(map(self.times, a, b), self.zero)
 
     def joints(self, form: Poly) -> list[int]:
         """Joints that occur."""
@@ -270,7 +269,7 @@ class Certificate:
     def product(self, a: Matrix, b: Matrix) -> Matrix:
         """Two motions, 4 x 4 over their last entry, one after the other."""
         both = [(row, column) for row in a for column in flipped(b)]
-        entries = self.ring.stripped(*(self.ring.reduced(dot(*lines)) for lines in both))
+        entries = self.ring.stripped(*(self.ring.dot(*lines) for lines in both))
         return [entries[i : i + 4] for i in (0, 4, 8, 12)]
 
     def placement(self, placed: dict[str, Any]) -> Matrix:
@@ -279,7 +278,7 @@ class Certificate:
         R = [[ring.number(text) for text in row] for row in placed["rotation"]]
         t = [ring.number(text) for text in placed["translation"]]
         need([len(row) for row in [*R, t]] == [3] * 4, "a placement is none")
-        dots = [[ring.reduced(dot(a, b)) for a in R] for b in R]
+        dots = [[ring.dot(a, b) for a in R] for b in R]
         proper = [ring.reduced(a) for a in cross(R[0], R[1])] == R[2]
         need(proper and dots == [[1, 0, 0], [0, 1, 0], [0, 0, 1]], "a rotation is none")
         return [*([*row, a] for row, a in zip(R, t, strict=True)), [o, o, o, ring.one]]
@@ -307,7 +306,10 @@ class Certificate:
         for k in reversed(range(axes)):
             a, d = motions[k], motions[k][3][3]
             columns = [[row[i] for row in a[:3]] for i in range(4)]  # of the rotation; translation
-            back = [[d * c for c in columns[i]] + [-dot(columns[i], columns[3])] for i in range(3)]
+            back = [
+                [d * c for c in columns[i]] + [-self.ring.dot(columns[i], columns[3])]
+                for i in range(3)
+            ]
             frames[k] = self.product(frames[k + 1], [*back, [o, o, o, d * d]])
         return [frames[k] for k in range(len(motions) + 1)]
 

@@ -100,7 +100,7 @@ class Splits:
                     divmod(minor(*map(tuple, source["minor"])), form)[0]
                     for source, form in ((a, f), (b, g))
                 )
-                yield Split([(p * v, a), (q * u, b)], common)
+                yield Split([(p * v, a), (q * u, b)], ring.times(ones, common))
 
     def _effort(self, factors: list[tuple[Poly, int]], toward: set[str]) -> tuple[int, int]:
         long = [
@@ -130,7 +130,11 @@ class Splits:
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):
             if not vanishes(self.ring, split.form, place.relations):
-                yield split
+                # Units are numbers where free joints are at points: the checker has them, too.
+                ((_, source),) = split.sum
+                minor = self.certificate.at(place.values)(*map(tuple, source["minor"]))
+                poly = self.ring.put(minor, self.ring.where(source["at"])[0])
+                yield Split(split.sum, self.ring.stripped(poly)[0])
 
     def _point(self, k: int) -> tuple[Poly, Poly]:
         zero, one = self.ring.zero, self.ring.one
