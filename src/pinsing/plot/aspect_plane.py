@@ -24,9 +24,18 @@ SAMPLES = 241
 _MOST_SAMPLES = 2000
 _COLOURS = (
     "#4E79A7", "#F28E2B", "#76B7B2", "#E15759", "#59A14F", "#EDC948", "#B07AA1", "#9C755F",
-    "#A0CBE8", "#FFBE7D", "#86BCB6", "#FF9D9A", "#8CD17D", "#F1CE63", "#D4A6C8", "#D7B5A6",
+    "#A0CBE8", "#FFBE7D", "#2C6E6A", "#FF9D9A", "#8CD17D", "#8F7A12", "#D4A6C8", "#D7B5A6",
+    "#1F3A5F", "#8C1C2B", "#C9E8E4", "#5B3A73",
 )  # fmt: skip
-_NAMED = 12
+"""One for each aspect that the legend names: no two alike."""
+_OTHERS = "#C8C8C8"
+_ROW = 0.147
+"""Height of a line of the legend, inches."""
+_LONG = 14
+"""Letters of a line from which on lines have a column of their own."""
+_TRIED = 12
+_TOLD = 0.005
+"""Share of the picture from which on regions without an aspect are told."""
 
 
 @checked
@@ -70,7 +79,7 @@ def aspect_plane(
     -------
     Axes
         The regions are its first collection; the legend has the aspects' numbers, and their names
-        where the field has some.
+        where the field has some. Of more than 20 the largest are named, and the others grey.
 
     Raises
     ------
@@ -101,11 +110,18 @@ def aspect_plane(
     Q = np.tile(base, (samples, samples, 1))
     Q[..., a], Q[..., b] = x[None, :], y[:, None]
     numbers = _numbers(found, Q)
-    ax = new_axes(3.6) if ax is None else ax
-    seen = np.unique(numbers[numbers > 0])
-    shown = np.searchsorted(seen, numbers).astype(float)
+    named, others = _named(numbers)
+    said = [_said(found, number) for number in named]
+    lines = said + [f"and {others} more"] * (others > 0)
+    untold = float(np.mean(numbers <= 0)) > _TOLD
+    lines += ["aspect not told"] * untold
+    columns = 1 if max(map(len, lines), default=0) > _LONG else 3
+    ax = new_axes(3.2 + _ROW * -(-len(lines) // columns)) if ax is None else ax
+    colours = [*_COLOURS[: len(named)], _OTHERS]
+    shown = np.full(numbers.shape, float(len(named)))
+    for k, number in enumerate(named):
+        shown[numbers == number] = k
     shown[numbers <= 0] = np.nan
-    colours = [_COLOURS[k % len(_COLOURS)] for k in range(max(len(seen), 1))]
     ax.pcolormesh(
         x, y, shown, cmap=ListedColormap(colours), vmin=-0.5, vmax=len(colours) - 0.5,
         shading="nearest", rasterized=True,
@@ -120,19 +136,31 @@ def aspect_plane(
     ax.set_xlabel(joint_label(a, bool(arm.prismatic[a]), degrees), fontsize=SMALL + 1)
     ax.set_ylabel(joint_label(b, bool(arm.prismatic[b]), degrees), fontsize=SMALL + 1)
     ax.set_title(held_title(arm, base, (a, b), degrees), fontsize=SMALL - 1)
-    for k, number in enumerate(seen[:_NAMED]):
-        names = found[number - 1].names if number <= len(found) else ()
-        said = f"aspect {number}" + (f": {', '.join(names)}" if names else "")
-        ax.plot([], [], "s", color=colours[k], label=said)
-    legend_below(ax, 1, at=(-0.17, -0.17), left=True)
+    shades = colours if others else colours[:-1]
+    for text, colour in zip(lines, shades + ["white"] * untold, strict=True):
+        ax.plot([], [], "s", color=colour, markeredgecolor="#888888", label=text)
+    legend_below(ax, columns, left=True)
     return ax
+
+
+def _named(numbers: Ints) -> tuple[list[int], int]:
+    """The aspects that have a colour of their own, the largest ones; and how many others."""
+    seen, size = np.unique(numbers[numbers > 0], return_counts=True)
+    largest = np.argsort(-size, kind="stable")[: len(_COLOURS)]
+    return np.sort(seen[largest]).tolist(), max(0, len(seen) - len(_COLOURS))
+
+
+def _said(found: Aspects, number: int) -> str:
+    names = found[number - 1].names if number <= len(found) else ()
+    return f"aspect {number}" + (f": {', '.join(names)}" if names else "")
 
 
 def _numbers(found: Aspects, Q: Array) -> Ints:
     """Number of the aspect at each point of a grid (M, N, n); 0 where it could not be told.
 
     Points that touch and have the same signs, between the same joint values, are of one aspect:
-    it is asked once, at the point of such a region that is farthest from its edge.
+    it is asked at the point of such a region that is farthest from its edge, and at others only
+    if it is not told there.
     """
     chosen = found._map
     assert chosen is not None
@@ -140,11 +168,13 @@ def _numbers(found: Aspects, Q: Array) -> Ints:
     depth = _depth(label)
     numbers = np.zeros(label.shape, dtype=np.int64)
     order = np.lexsort((-depth.ravel(), label.ravel()))
-    _, first = np.unique(label.ravel()[order], return_index=True)
-    for at in order[first]:
-        q = Q.reshape(-1, Q.shape[-1])[at]
-        number = found.of(q)
-        numbers[label == label.ravel()[at]] = 0 if number is None else number
+    first = np.unique(label.ravel()[order], return_index=True)[1][1:]
+    for points in np.split(order, first):
+        # A thin region may have nothing but edge: points of it may be singular.
+        some = np.unique(np.linspace(0, len(points) - 1, _TRIED).astype(np.int64))
+        told = (found.of(q) for q in Q.reshape(-1, Q.shape[-1])[points[some]])
+        number = next((n for n in told if n is not None), 0)
+        numbers.ravel()[points] = number
     return numbers
 
 

@@ -89,5 +89,5 @@ def inverse_count(
     ax.tick_params(labelsize=SMALL)
     where = "within the joint limits" if found.within_limits else "without joint limits"
     ax.set_title(f"{plain(arm.name)}: inverse solutions by place, {where}", fontsize=SMALL)
-    legend_below(ax, 2, at=(-0.1, -0.14), left=True)
+    legend_below(ax, 2, left=True)
     return ax

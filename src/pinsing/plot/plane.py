@@ -138,7 +138,7 @@ def sigma_plane(
     ax.set_xlabel(joint_label(a, bool(arm.prismatic[a]), degrees), fontsize=SMALL + 1)
     ax.set_ylabel(joint_label(b, bool(arm.prismatic[b]), degrees), fontsize=SMALL + 1)
     ax.set_title(held_title(arm, base, (a, b), degrees), fontsize=SMALL - 1)
-    legend_below(ax, 1, at=(-0.17, -0.17), left=True)
+    legend_below(ax, 1, left=True)
     legend = ax.get_legend()
     if legend is not None:  # light lines need a dark ground, as they have on the map
         legend.set_frame_on(True)

@@ -23,6 +23,8 @@ DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8
 SINGULAR = "#000000"
 SMALL = 8
 """Size of the letters, points."""
+_BELOW = 0.5
+"""Under the axes, inches, for what the ticks say and the label below that."""
 
 
 def new_axes(height: float = 2.7, **projection: Any) -> Axes:
@@ -119,16 +121,22 @@ def ticks(axis: Axis, low: float, high: float, slides: bool, degrees: bool = Fal
 
 
 def legend_below(
-    ax: Axes, columns: int = 2, *, at: tuple[float, float] = (0.5, -0.24), left: bool = False
+    ax: Axes, columns: int = 2, *, at: tuple[float, float] | None = None, left: bool = False
 ) -> None:
-    """Legend under the data, where it hides none of it; ``at`` in shares of the axes."""
+    """Legend under the data and the label of the axis; or ``at`` shares of the axes."""
+    from matplotlib.transforms import ScaledTranslation
+
     handles, labels = ax.get_legend_handles_labels()
     if handles:
+        # In inches, as letters are: a share of the height brings it onto the label of low axes.
+        down = ScaledTranslation(0, -_BELOW, ax.figure.dpi_scale_trans)
         ax.legend(
             handles,
             labels,
             loc="upper left" if left else "upper center",
-            bbox_to_anchor=at,
+            bbox_to_anchor=at or (-0.17 if left else 0.5, 0),
+            bbox_transform=ax.transAxes if at else ax.transAxes + down,
+            borderaxespad=0.5 if at else 0,
             ncols=min(columns, len(handles)),
             fontsize=SMALL - 1,
             frameon=False,
