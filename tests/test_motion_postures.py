@@ -11,6 +11,7 @@ from click.testing import CliRunner
 import pinsing
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError
+from pinsing.kinematics.jacobian import tip_placement
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +100,55 @@ def test_line_lists_them():
     run = CliRunner().invoke(command, arguments)
     assert run.exit_code == 0
     assert "Another posture is needed; of 7 others of the start, 4 would do:" in run.output
+
+
+def leaves(arm, q):
+    return bool(((q < arm.lower - 1e-9) | (q > arm.upper + 1e-9)).any())
+
+
+# PUMA follows this line with q4 and q6 beyond their limits; one other posture stays within.
+BEYOND = [0.7649, 0.4859, -3.7339, -1.8391, 1.0935, 3.8325], [0.658, 0.347, 0.27]
+
+
+def test_a_line_that_leaves_the_limits_has_postures_too(puma):
+    arm, form = puma
+    (q0, goal) = BEYOND
+    line = pinsing.check_line(arm, q0, goal, forms=form)
+    assert line.outcome == "reached"
+    assert leaves(arm, line.q)
+    good = [p for p in pinsing.line_postures(arm, q0, goal, forms=form) if p.within_limits]
+    (best,) = [p for p in good if p.outcome == "reached"]
+    other = pinsing.check_line(arm, best.q, goal, forms=form)
+    assert other.outcome == "reached"
+    assert not leaves(arm, other.q)
+    arguments = ["line", "puma560", f"--q={','.join(map(str, q0))}"]
+    run = CliRunner().invoke(command, [*arguments, f"--to={','.join(map(str, goal))}"])
+    assert "OUTSIDE: q4 leaves its limits at " in run.output
+    assert "of 7 others of the start, 1 would do:" in run.output
+
+
+def test_the_same_posture_whole_turns_away_would_do():
+    """The last joint turns past its end; UR5 can begin a turn before that."""
+    arm = pinsing.load("ur5")
+    form = pinsing.closed_form(arm)
+    q0 = np.array([0.1, -1.0, 1.2, 0.3, 0.9, 2 * np.pi - 0.05])
+    start = tip_placement(arm, q0).homogeneous
+    goal = start.copy()
+    turn = 0.4
+    goal[:3, :3] = start[:3, :3] @ [
+        [np.cos(turn), -np.sin(turn), 0],
+        [np.sin(turn), np.cos(turn), 0],
+        [0, 0, 1],
+    ]
+    line = pinsing.check_line(arm, q0, goal, forms=form)
+    assert leaves(arm, line.q)
+    others = pinsing.line_postures(arm, q0, goal, forms=form)
+    (same,) = [p for p in others if np.abs(arm.space.wrap(p.q - q0)).max() < 1e-9]
+    assert same.q - q0 == pytest.approx([0, 0, 0, 0, 0, -2 * np.pi])
+    assert same.within_limits
+    line = pinsing.check_line(arm, same.q, goal, forms=form)
+    assert line.outcome == "reached"
+    assert not leaves(arm, line.q)
 
 
 def test_a_line_that_no_posture_follows_says_so():

@@ -22,7 +22,7 @@ from pinsing.cli.output import emit_json, emit_lines
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
-    from pinsing.proximity.line import LineCheck
+    from pinsing.proximity.line import LineCheck, LinePosture
 
 _LISTED = 12
 _STILL = 1e-6
@@ -78,12 +78,17 @@ def line_command(
     start = joint_vector(arm, q, "--q", deg)
     form = closed_form(arm)
     line = check_line(arm, start, pose, speed, forms=form)
-    if line.outcome != "reached":
+    if line.outcome != "reached" or _stopped(line) or _left(line):
         line = replace(line, postures=line_postures(arm, start, pose, forms=form))
     if not emit_json(line, json_target):
         emit_lines(_text(line, deg))
     met = line.outcome == "singular" or bool(line.crossings)
     return int(fail_if_singular and met)
+
+
+def _stopped(line: LineCheck) -> bool:
+    """Whether no speed is slow enough at some place."""
+    return line.allowed_speed < _STILL * line.speed
 
 
 def _text(line: LineCheck, deg: bool) -> str:
@@ -100,7 +105,7 @@ def _text(line: LineCheck, deg: bool) -> str:
         "undecided": f"NOT DECIDED: the line was followed for {line.s_end:.6g} of {whole} m, to "
         f"q = {q}.",
     }[line.outcome]
-    out = [lines]
+    out = [lines, *_left(line)]
     for c in line.crossings[:_LISTED]:
         if not (line.outcome == "singular" and c.t >= line.s_end - 1e-9):
             out.append(f"  {c.kind} {c.family} at {c.t:.6g} m")
@@ -108,7 +113,7 @@ def _text(line: LineCheck, deg: bool) -> str:
         if a.upper > 0:
             near = f"{math.degrees(a.upper):.3g}°"
             out.append(f"  nearest to {a.family}: {near}, at {a.t:.6g} m")
-    if line.allowed_speed < _STILL * line.speed:
+    if _stopped(line):
         start = min(o.s for o in line.too_fast)
         out.append(
             f"At {line.speed:g} m/s joints are too fast from {start:.6g} m on. At the singularity "
@@ -134,6 +139,18 @@ def _text(line: LineCheck, deg: bool) -> str:
     return "\n".join(out)
 
 
+def _left(line: LineCheck) -> list[str]:
+    """Where joints leave their limits first."""
+    from pinsing.proximity.line import beyond_limits
+
+    beyond = beyond_limits(line.arm, line.q)
+    return [
+        f"OUTSIDE: {name} leaves its limits at {line.s[left.argmax()]:.4g} m"
+        for name, left in zip(line.arm.joints, beyond.T, strict=True)
+        if left.any()
+    ]
+
+
 def _postures(line: LineCheck, deg: bool) -> list[str]:
     """Which other postures of the start would do."""
     from pinsing.joint_text import typed  # NumPy: not for what only asks for help
@@ -141,17 +158,42 @@ def _postures(line: LineCheck, deg: bool) -> list[str]:
     if not line.postures:
         return []
     good = [p for p in line.postures if p.outcome == "reached" and p.within_limits]
-    count = len(line.postures)
-    if not good:
-        far = max(line.postures, key=lambda p: p.s_end)
+    others = [p for p in line.postures if not any(_turns(line, p))]
+    turned = [p for p in good if p not in others]
+    count, out = len(others), []
+    for p in turned:
+        said = ", ".join(
+            f"{name} {360 * k:+d}\u00b0"
+            for name, k in zip(line.arm.joints, _turns(line, p), strict=True)
+            if k
+        )
+        out.append(f"The same posture would do, whole turns away ({said}):")
+        out.append(f"    {typed(p.q, line.arm.prismatic, deg, digits=6)}")
+    good = [p for p in good if p in others]
+    if not good and others:
+        far = max(others, key=lambda p: p.s_end)
+        none = f"None of {count} other posture{'s' * (count != 1)} of the start follows the line to"
         return [
-            f"None of {count} other posture{'s' * (count != 1)} of the start follows the line to "
-            f"its end within the joint limits; the farthest gets {far.s_end:.6g} m."
+            *out,
+            f"{none} its end within the joint limits; the farthest gets {far.s_end:.6g} m.",
         ]
-    out = [f"Another posture is needed; of {count} others of the start, {len(good)} would do:"]
+    if good and not turned:
+        out.append(
+            f"Another posture is needed; of {count} others of the start, {len(good)} would do:"
+        )
+    elif good:
+        out.append(f"Of {count} other postures of the start, {len(good)} would do:")
     for p in good:
         near = f"{math.degrees(p.clearance):.3g}\u00b0"
         called = f"{', '.join(p.names)}; " if p.names else ""
         out.append(f"  {called}stays {near} away from every family")
         out.append(f"    {typed(p.q, line.arm.prismatic, deg, digits=6)}")
     return out
+
+
+def _turns(line: LineCheck, posture: LinePosture) -> list[int]:
+    """Whole turns of each joint from where the line was asked to start; zeros of others."""
+    gap = (posture.q - line.q[0]) / (2 * math.pi)
+    whole = gap.round()
+    same = bool(abs(gap - whole).max() < 1e-7)
+    return [int(k) * same for k in whole]

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, closed_form
@@ -13,8 +16,10 @@ from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.postures.inverse import inverse
 from pinsing.postures.names import posture_names
-from pinsing.proximity.line import LinePosture, check_line
+from pinsing.proximity.line import LinePosture, beyond_limits, check_line
 from pinsing.robot.arm import Arm
+
+_ITSELF = 1e-6
 
 
 @checked
@@ -22,6 +27,9 @@ def line_postures(
     arm: Arm, q0: npt.ArrayLike, pose: npt.ArrayLike, *, forms: ClosedForm | None = None
 ) -> tuple[LinePosture, ...]:
     """Try a straight line of the tip in all other postures of the pose at which it starts.
+
+    Joints that turn start as many whole turns away as keep them within their limits on all of
+    the line, where that is possible; of the given posture, too, if it leaves them without.
 
     Parameters
     ----------
@@ -62,17 +70,31 @@ def line_postures(
         return ()
     out = []
     for s in known:
-        if not s.regular or np.abs(arm.space.wrap(s.q - here)).max() < 1e-6:
+        itself = bool(np.abs(arm.space.wrap(s.q - here)).max() < _ITSELF)
+        if not (s.regular or itself):
             continue
+        start = here if itself else s.q
         try:
-            line = check_line(arm, s.q, pose, forms=form)
+            line = check_line(arm, start, pose, forms=form)
         except ConfigurationError:
             continue
-        inside = not arm.space.outside(line.q).any()
+        turned = _turned(arm, line.q)
+        inside = not beyond_limits(arm, line.q + turned).any()
+        if itself and not (inside and turned.any()):
+            continue
         clear = min((a.lower for a in line.approaches), default=float("inf"))
         names = posture_names(nominal(arm), s.q[None])[0]
         if line.crossings:
             clear = 0.0
-        out.append(LinePosture(s.q, names, line.outcome, line.s_end, inside, clear))
+        start = start + turned if inside else start
+        out.append(LinePosture(start, names, line.outcome, line.s_end, inside, clear))
     out.sort(key=lambda p: (p.outcome != "reached", not p.within_limits, -p.clearance, -p.s_end))
     return tuple(out)
+
+
+def _turned(arm: Arm, Q: Array) -> Array:
+    """Whole turns (n,), as few as possible, that bring each joint of Q (N, n) into its limits."""
+    fewest = np.ceil((arm.lower - 1e-9 - Q.min(axis=0)) / (2 * math.pi))
+    most = np.floor((arm.upper + 1e-9 - Q.max(axis=0)) / (2 * math.pi))
+    usable = ~arm.prismatic & (fewest <= most)
+    return np.where(usable, np.clip(0.0, fewest, most), 0.0) * 2 * math.pi

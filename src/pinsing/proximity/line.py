@@ -132,7 +132,8 @@ class LineCheck(JsonResult):
         What was assumed.
     postures : tuple of LinePosture
         Other inverse solutions of the pose at the start, those that get farthest first, as
-        `pinsing line` has them from `line_postures` where the line ends early; else empty.
+        `pinsing line` has them from `line_postures` where the line ends early, leaves the
+        limits or leads through a singularity; else empty.
     """
 
     schema: ClassVar[str] = "pinsing/line_check/1"
@@ -309,6 +310,11 @@ def _edge(s: Array, allowed: Array, i: int, side: int, speed: float) -> float:
     return float(s[k] + min(max(share, 0.0), 1.0) * (s[i] - s[k]))
 
 
+def beyond_limits(arm: Arm | ArmSummary, q: Array) -> npt.NDArray[np.bool_]:
+    """Which joints (N, n) of a track are beyond their limits: a track cannot skip whole turns."""
+    return np.asarray((q < arm.lower - 1e-9) | (q > arm.upper + 1e-9))
+
+
 def _notes(arm: Arm, line: Line, tracked: Tracked, outcome: str, complete: bool) -> tuple[str, ...]:
     notes = []
     longest = span(arm)
@@ -324,8 +330,8 @@ def _notes(arm: Arm, line: Line, tracked: Tracked, outcome: str, complete: bool)
             "the tracking stopped and no family is there: the posture may jump to another branch, "
             "or the target be out of reach"
         )
-    outside = (tracked.q < arm.lower - 1e-9) | (tracked.q > arm.upper + 1e-9)
-    notes += [f"{arm.joints[j]} leaves its limits" for j in np.flatnonzero(outside.any(axis=0))]
+    left = beyond_limits(arm, tracked.q).any(axis=0)
+    notes += [f"{arm.joints[j]} leaves its limits" for j in np.flatnonzero(left)]
     if arm.prismatic.any():
         notes.append(metric_note(arm.length_scale))
     if not complete:
