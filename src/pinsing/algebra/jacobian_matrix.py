@@ -272,3 +272,16 @@ def _cross(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> list[Poly]:
         ring.reduce(a[2] * b[0] - a[0] * b[2]),
         ring.reduce(a[0] * b[1] - a[1] * b[0]),
     ]
+
+
+def neighbouring_screws(geometry: Nominal, ring: Ring, joints: Sequence[int]) -> Matrix:
+    """Screws of some joints as columns (6, k), in the frame of the middle one.
+
+    Up to row operations and column factors that are nowhere zero. Neighbours have short ones: only
+    the joints between the first and the last occur, whatever the length of the chain. Each joint
+    must move on its own.
+    """
+    chain = _Chain(geometry, ring)
+    middle = joints[len(joints) // 2]
+    columns = [primitive(chain.screw(j, middle), ring) for j in joints]
+    return [list(row) for row in zip(*columns, strict=True)]

@@ -19,6 +19,7 @@ from pinsing.configuration.line_geometry import (
     dependent,
     find_centres,
     joints_of,
+    one_complex,
     one_line,
     orientation_reason,
     pose_reason,
@@ -284,6 +285,8 @@ class _Reasons:
         line = None
         if self.task == "pose" and not self.coupled:
             line = one_line(self.axes, ids, self.tol, self.nearly)
+            if line is None:
+                line = one_complex(self.axes, ids, self.tol, self.nearly)
         # Beside the line, or the whole, only small sets are worth naming.
         most = 2 if self.task != "pose" else 6 if line is None else 4
         named = [part for part in _merged(parts) if len(part) <= most]

@@ -15,12 +15,17 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import enters_once, joint_form
+from pinsing.families.drawn import Step, peeled
 from pinsing.families.parts import Branch
 from pinsing.families.solved_for import LONG
 from pinsing.families.zero_set import gradients
 
 _INDEPENDENT = 1e-7
 _EQUATIONS = 6
+_SHORT = 4
+"""Terms of an equation that is always written out."""
+_FEW = 3
+"""Equations at once, of which all orders are tried."""
 _LOOKED_AT = 2000
 """Choices of joints that are tried, at most."""
 
@@ -59,6 +64,9 @@ class AtOnce:
         can = f"{listed(self.chosen)} can be chosen" if self.chosen else "no joint can be chosen"
         yield f"near the configuration shown {can}; {listed(self.follow)} {verb}"
         yield from self.steps
+        if len(self.steps) > _FEW:
+            doubles = sum("two solutions" in step for step in self.steps)
+            yield f"so there are at most 2^{doubles} = {2**doubles} of these, given the others"
         if not self.steps:
             yield (
                 "by solving the equations together: `Family.distance(q).q` gives the nearest "
@@ -79,9 +87,15 @@ def listed(names: Sequence[str]) -> str:
 
 
 def long_ones(equations: Sequence[Equation]) -> list[Equation]:
-    """The long equations of a system of several; none where it has one equation."""
-    long = [e for e in equations if len(e.cos) > LONG]
-    return long if len(equations) > 1 else []
+    """The long equations of a system of several; none where it has one equation.
+
+    Of many that are not short all count as long: written out they fill a page as well.
+    """
+    if len(equations) < 2:
+        return []
+    short = [e for e in equations if _SHORT < len(e.cos) <= LONG]
+    many = sum(len(e.cos) for e in short) > 2 * LONG
+    return [e for e in equations if len(e.cos) > (_SHORT if many else LONG)]
 
 
 def at_once(branch: Branch, q: Array, symbols: Sequence[str]) -> AtOnce | None:
@@ -137,6 +151,8 @@ def _in_turn(
     rows = sorted(
         zip(equations, slopes, strict=True), key=lambda r: (len(r[0].involved), len(r[0].cos))
     )
+    if rank > _FEW:
+        return _peeled(rows, rank)
     once = [(e, s, [j for j in e.involved if enters_once(e, j)]) for e, s in rows[:_EQUATIONS]]
     tried = 0
     for some in combinations(once, rank):
@@ -158,6 +174,32 @@ def _in_turn(
                     if f is not None
                 )
     return None
+
+
+def _peeled(
+    rows: Sequence[tuple[Equation, Array]], rank: int
+) -> tuple[tuple[int, ...], tuple[str, ...]] | None:
+    """The same of many equations: the simplest that are independent, if they can be so solved."""
+    some: list[tuple[Equation, Array]] = []
+    for e, slope in rows:
+        trial = np.array([*(s for _, s in some), slope])
+        sizes = np.linalg.svd(trial, compute_uv=False)
+        if sizes[-1] > _INDEPENDENT * max(float(sizes[0]), 1e-300):
+            some.append((e, slope))
+        if len(some) == rank:
+            break
+    order = peeled([e for e, _ in some], np.ones(len(rows[0][1]), dtype=bool))
+    if order is None or len(some) < rank:
+        return None
+    return tuple(step.joint for step in order), tuple(_told(step) for step in order)
+
+
+def _told(step: Step) -> str:
+    """What one of many equations says of a joint."""
+    names = step.equation.joints
+    given = listed([names[j] for j in step.equation.involved if j != step.joint])
+    count = "two solutions" if step.kind == "once" else "one solution"
+    return f"{names[step.joint]} has {count} given {given} [{len(step.equation.cos)} terms]"
 
 
 def _choices(options: Sequence[Sequence[int]]) -> Iterator[tuple[int, ...]]:

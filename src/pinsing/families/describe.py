@@ -62,6 +62,7 @@ def describe(
         prismatic=np.array(arm.prismatic),
         length_scale=arm.length_scale,
         components=tuple(p.component for p in group),
+        confirm=maker.confirm,
         solved=solved_for(b.equations for b in branches),
         arm=arm,
     )

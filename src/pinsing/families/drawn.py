@@ -22,7 +22,10 @@ _FLAT = 1e-9
 _EDGE = 1e-9
 """Radians or metres; a value this far beyond the box is within."""
 _MOST = 3
-"""Equations at once."""
+"""Equations at once, of which all orders are tried."""
+_SURVIVE = 1.5
+"""About one in so many draws has a real solution, for each step more of a long order."""
+_MOST_DRAWS = 2_000
 _ORDERS = 3
 """Ways to solve that are made use of."""
 
@@ -49,7 +52,9 @@ def orders(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[O
     free : (n,) array of bool
         Joints that may be solved for.
     """
-    if not 0 < len(equations) <= _MOST:
+    if len(equations) > _MOST:
+        return _many(equations, free)
+    if not equations:
         return []
     solvable = {
         id(e): [(j, k) for j in e.involved if free[j] and (k := _kind(e, j))] for e in equations
@@ -65,6 +70,53 @@ def orders(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[O
     # Different joints first: what one of them seldom has a value for another one may.
     found.sort(key=lambda steps: sum(s.kind == "once" for s in steps))
     return found[:_ORDERS]
+
+
+def _many(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[Order]:
+    """Ways for many equations: as many of the simplest as can be solved one after the other."""
+    ordered = sorted(equations, key=lambda e: (len(e.involved), len(e.cos)))
+    for count in range(len(ordered), 1, -1):
+        some = ordered[:count]
+        ways = [peeled(some, free, prefer) for prefer in (1, -1, 0)]
+        if found := [way for way in ways if way]:
+            return list(dict.fromkeys(found))
+    return []
+
+
+def peeled(
+    equations: Sequence[Equation], free: npt.NDArray[np.bool_], prefer: int = 0
+) -> Order | None:
+    """An order to solve many equations in, from the back: a joint that only one has comes last.
+
+    Parameters
+    ----------
+    equations : sequence of Equation
+        What is to hold.
+    free : (n,) array of bool
+        Joints that may be solved for.
+    prefer : int
+        1: joints near the base are solved for last; -1: those near the tip; 0: by turns.
+    """
+    left = list(equations)
+    steps: list[Step] = []
+    while left:
+        count = np.zeros(len(free), dtype=int)
+        for e in left:
+            count[list(e.involved)] += 1
+        options = [
+            (j, e, kind)
+            for e in left
+            for j in e.involved
+            if free[j] and count[j] == 1 and (kind := _kind(e, j))
+        ]
+        if not options:
+            return None
+        options.sort(key=lambda option: option[0])
+        first = prefer > 0 or (prefer == 0 and len(steps) % 2 == 0)
+        j, e, kind = options[0 if first else -1]
+        steps.append(Step(e, j, kind))
+        left = [other for other in left if other is not e]
+    return tuple(reversed(steps))
 
 
 def draw(
@@ -89,12 +141,13 @@ def draw(
     fixed : (n,) array
         Radians and metres.
     count : int
-        How many are tried.
+        How many are tried; of long orders more.
     rng : np.random.Generator
         Where they are drawn from.
     """
+    if len(order) > _MOST:
+        count = max(count, min(_MOST_DRAWS, int(count * _SURVIVE ** (len(order) - _MOST))))
     q = np.where(free, rng.uniform(lower, upper, (count, len(lower))), fixed)
-    good = np.ones(count, dtype=bool)
     for step in order:
         value, known = _solved(step, q, rng)
         if step.kind != "length":
@@ -102,8 +155,8 @@ def draw(
         else:
             inside = (value >= lower[step.joint] - _EDGE) & (value <= upper[step.joint] + _EDGE)
         q[:, step.joint] = value
-        good &= known & inside
-    return q[good]
+        q = q[known & inside]
+    return q
 
 
 def _kind(equation: Equation, joint: int) -> str:

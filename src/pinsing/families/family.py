@@ -11,9 +11,10 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation
-from pinsing.families.at_once import AtOnce
+from pinsing.families.at_once import AtOnce, long_ones
 from pinsing.families.html import families_table, family_row
 from pinsing.families.members import Members
+from pinsing.families.nearness import Confirm
 from pinsing.families.parts import Branch, KindPart
 from pinsing.families.solved_for import LONG, SolvedFor, long_form
 from pinsing.measures import Reachability
@@ -78,6 +79,10 @@ class Family(Members, JsonResult):
         Metres.
     components : tuple of Component
         The same in exact polynomials of the half-angles; not written to JSON.
+    confirm : callable or None
+        Where equations of neighbouring axes hold at regular configurations too (where five of
+        these axes depend on each other): which points of them (N, n) are singular, by the
+        rank. Not written to JSON.
     solved : tuple of SolvedFor
         Its long equations, each solved for a joint that enters once.
     at_once : tuple of AtOnce
@@ -115,6 +120,7 @@ class Family(Members, JsonResult):
     limit_tolerance: Array | None = None
     limits_met: tuple[str, ...] = ()
     components: tuple[Component, ...] = field(default=(), repr=False, metadata={"json": False})
+    confirm: Confirm | None = field(default=None, repr=False, metadata={"json": False})
     solved: tuple[SolvedFor, ...] = field(default=(), metadata={"optional": True})
     at_once: tuple[AtOnce, ...] = field(default=(), metadata={"optional": True})
     arm: Arm | None = field(default=None, repr=False, metadata={"json": False})
@@ -122,7 +128,7 @@ class Family(Members, JsonResult):
     def __getstate__(self) -> dict[str, Any]:
         # Exact polynomials live in a ring of this process: like JSON, pickles go without them,
         # and without the arm's model.
-        return {**self.__dict__, "components": (), "arm": None}
+        return {**self.__dict__, "components": (), "arm": None, "confirm": None}
 
     @property
     def is_reachable(self) -> bool | None:
@@ -143,9 +149,9 @@ class Family(Members, JsonResult):
     def abridged(self) -> bool:
         """Whether ``text`` leaves long equations out, and says how many terms they have."""
         return any(
-            len(e.cos) > LONG and (len(b.equations) > 1 or long_form(e) is None)
+            bool(long_ones(b.equations))
+            or any(len(e.cos) > LONG and long_form(e) is None for e in b.equations)
             for b in self.branches
-            for e in b.equations
         )
 
     def __str__(self) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
@@ -12,15 +13,18 @@ from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families.nearness import Distance, near, nearest
+from pinsing.families.nearness import Confirm, Distance, near, nearest, own_nearest
 from pinsing.families.parts import Branch
 from pinsing.families.points import spread
-from pinsing.families.zero_set import ROUNDS
+from pinsing.families.zero_set import ROUNDS, thrown
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_space import JointSpace, require_values
 
 _MOST_POINTS = 10_000_000
+_THROWN = 40
+_AGAIN = 3
+"""Times that points are looked for again, where some were not the family's own."""
 
 
 class Members:
@@ -28,7 +32,7 @@ class Members:
 
     Attributes
     ----------
-    name, branches, reachability, limit_tolerance, lower, upper, prismatic, length_scale
+    name, branches, reachability, limit_tolerance, lower, upper, prismatic, length_scale, confirm
         As ``Family`` has them.
     arm : Arm or None
         The arm, where it is known.
@@ -43,6 +47,7 @@ class Members:
     prismatic: npt.NDArray[np.bool_]
     length_scale: float
     arm: Arm | None
+    confirm: Confirm | None
 
     @property
     def n(self) -> int:
@@ -86,7 +91,7 @@ class Members:
         array([ True, False])
         """
         q = self._check(q)
-        found = near(self.branches, self.space, q.reshape(-1, self.n), tol)
+        found = near(self.branches, self.space, q.reshape(-1, self.n), tol, self.confirm)
         return found.reshape(q.shape[:-1])
 
     @checked
@@ -152,7 +157,9 @@ class Members:
         found = nearest(self.conditions(weights, norm), q, self.limits, options, exact)
         if found is None:
             raise ConfigurationError(f"family {self.name}: no real point was found on it")
-        return found
+        if self.confirm is None or within_limits or weights is not None or norm != "euclidean":
+            return found
+        return own_nearest(found, self.branches, self.space, q, self.confirm)
 
     @checked
     def conditions(
@@ -268,10 +275,43 @@ class Members:
         usable = [(b, v) for b in self.branches for v in b.held(self.space, box)]
         for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
             far = np.where(self.prismatic, widen * self.length_scale, 0.0)
-            found = spread(usable, lower - far, upper + far, n, rng, rounds)
+            found = self._own(spread(usable, lower - far, upper + far, n, rng, rounds))
+            for _ in range(_AGAIN if 0 < len(found) < n and self.confirm is not None else 0):
+                more = spread(usable, lower - far, upper + far, n, rng, rounds)
+                found = np.concatenate([found, self._own(more)])[:n]
+            if not len(found) and self.confirm is not None:
+                found = self._thrown(usable, lower - far, upper + far, n, rng, within_limits)
             if len(found) or within_limits or not self.prismatic.any():
                 break
         return found
+
+    def _thrown(
+        self,
+        usable: Sequence[tuple[Branch, Array]],
+        lower: Array,
+        upper: Array,
+        n: int,
+        rng: np.random.Generator,
+        within_limits: bool,
+    ) -> Array:
+        """Its own points (k, n), from random starts, where drawing meets none."""
+        parts = [np.zeros((0, self.n))]
+        for branch, fixed in usable:
+            free = np.ones(self.n, dtype=bool)
+            free[[v.joint for v in branch.values]] = False
+            count = max(_THROWN, 4 * n)
+            q = self._own(thrown(branch.equations, lower, upper, free, fixed, count, rng))
+            if within_limits:
+                q = self.space.fold(q)
+                q = q[((q >= lower - 1e-9) & (q <= upper + 1e-9)).all(axis=-1)]
+            parts.append(q)
+        return np.concatenate(parts)[:n]
+
+    def _own(self, points: Array) -> Array:
+        """Those of some points (N, n) of the equations that are the family's own."""
+        if self.confirm is None or not len(points):
+            return points
+        return np.asarray(points[self.confirm(points)])
 
     @checked
     def box(self, within_limits: bool) -> tuple[Array, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -14,6 +14,8 @@ from pinsing.families.parts import Branch
 from pinsing.families.zero_set import project
 from pinsing.notebook import one_line
 from pinsing.robot.joint_space import JointSpace
+
+_SEED, _STARTS = 3, 200
 
 
 class Distance(NamedTuple):
@@ -51,7 +53,17 @@ class Distance(NamedTuple):
         return one_line("Distance", f"{self.value:.6g} ({kind}), to q = {at}")
 
 
-def near(branches: Sequence[Branch], space: JointSpace, q: Array, tol: float) -> Bool:
+Confirm = Callable[[Array], Bool]
+"""Which points (N, n) of a family's equations are its own: see ``Family.confirm``."""
+
+
+def near(
+    branches: Sequence[Branch],
+    space: JointSpace,
+    q: Array,
+    tol: float,
+    confirm: Confirm | None = None,
+) -> Bool:
     """Which of q (N, n) have a point of some branch within ``tol``, limits aside."""
     found = np.zeros(len(q), dtype=bool)
     for branch in branches:
@@ -67,7 +79,10 @@ def near(branches: Sequence[Branch], space: JointSpace, q: Array, tol: float) ->
             np.linalg.norm((moved - q[close]) / space.metric * free, axis=-1),
             np.linalg.norm(branch.off(q[close], space), axis=-1),
         )
-        found[close] |= ok & (gap <= tol)
+        good = ok & (gap <= tol)
+        if confirm is not None and good.any():
+            good[good] = confirm(moved[good])
+        found[close] |= good
     return found
 
 
@@ -100,3 +115,34 @@ def nearest(
             return None
         point = np.full(len(q), np.nan)
     return Distance(upper, point, exact, upper if exact else lower, upper)
+
+
+def own_nearest(
+    found: Distance,
+    branches: Sequence[Branch],
+    space: JointSpace,
+    q: Array,
+    confirm: Confirm,
+) -> Distance:
+    """The same distance, to a point that is confirmed.
+
+    The lower bound holds as it is: the family is a part of what its equations say.
+    """
+    if not np.isfinite(found.q).all() or confirm(found.q[None])[0]:
+        return found
+    rng = np.random.default_rng(_SEED)
+    step = space.metric * max(found.upper, 1e-3)
+    starts = q + rng.normal(size=(_STARTS, len(q))) * step * rng.uniform(0.1, 3.0, (_STARTS, 1))
+    best, least = found.q, np.inf
+    for branch in branches:
+        moved, ok = project(branch.equations, branch.put(starts, space), branch.free(space.n))
+        moved = moved[ok]
+        moved = moved[confirm(moved)] if len(moved) else moved
+        away = moved - q
+        away -= np.where(space.prismatic, 0.0, 2 * np.pi * np.round(away / (2 * np.pi)))
+        size = np.linalg.norm(away / space.metric, axis=-1)
+        if len(size) and size.min() < least:
+            least, best = float(size.min()), q + away[int(size.argmin())]
+    if not np.isfinite(least):
+        best = np.full(len(q), np.nan)
+    return Distance(least, best, False, found.lower, least)

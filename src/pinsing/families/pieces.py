@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation, equation, scale_to_lengths
@@ -20,15 +20,21 @@ from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.families.certain import certainly_empty, never_zero
+from pinsing.families.nearness import Confirm
 from pinsing.families.parts import Branch, JointValue
 from pinsing.families.zero_set import (
     ROUNDS,
     fix_joint,
     search,
+    thrown,
 )
 from pinsing.geometry.nominal import Nominal
+from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
+
+_THROWN = 40
+"""Random starts, where no point of equations that was drawn is the family's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,6 +85,10 @@ class PieceMaker:
         self.rng = np.random.default_rng(seed)
         self.unsolved = 0
         """Systems that stay equations because time was over."""
+        self.confirm: Confirm | None = None
+        """Which points of equations are singular, where that is to be asked; see ``Family``."""
+        self._met: dict[int, tuple[Branch, bool]] = {}
+        self._made: dict[int, tuple[Poly, Equation]] = {}
         arm = geometry.arm
         flat = [float(x) for row in geometry.translation for x in row]
         self.lengths = [abs(x) for x in flat if x != 0]
@@ -106,7 +116,7 @@ class PieceMaker:
             combinations, minimal, unsolved = self._solutions(solved)
             others += unsolved
             codimension = component.codimension
-        equations = [self._equation(p) for p in others]
+        equations = [self.equation_of(p) for p in others]
         branches = []
         for combination in combinations:
             branches += self._branches([*fixed, *combination], equations)
@@ -114,7 +124,7 @@ class PieceMaker:
         if not alive:
             return []
         sure = len(others) == 1 and not solved and changes_sign(others[0], self.ring)
-        known = [b for b in alive if sure or self.find(b, 1).size]
+        known = [b for b in alive if sure or self._has_point(b)]
         unknown = [b for b in alive if b not in known]
         proof = "algebra" if component.proven else "generic points"
         return [
@@ -186,7 +196,7 @@ class PieceMaker:
         roots = [self._roots(p) for p in alone]
         return (
             [list(c) for c in itertools.product(*roots)],
-            [self._equation(p) for p in alone],
+            [self.equation_of(p) for p in alone],
             together,
         )
 
@@ -213,13 +223,8 @@ class PieceMaker:
 
         Once the time is over the search is short.
         """
-        n = len(self.symbols)
-        free = np.ones(n, dtype=bool)
-        fixed = np.zeros(n)
-        for v in branch.values:
-            free[v.joint] = False
-            fixed[v.joint] = v.value
-        return search(
+        fixed, free = self._start(branch)
+        found = search(
             branch.equations,
             self.lower,
             self.upper,
@@ -229,6 +234,39 @@ class PieceMaker:
             self.rng,
             self.rounds(rounds),
         )
+        if self.confirm is None:
+            return found
+        own = found[self.confirm(found)]
+        if not len(own):
+            more = self.thrown(branch, _THROWN)
+            own = more[self.confirm(more)][:count]
+        return own
+
+    def _start(self, branch: Branch) -> tuple[Array, Bool]:
+        """Values of the fixed joints in an (n,) array, and which joints are free."""
+        free = np.ones(len(self.symbols), dtype=bool)
+        fixed = np.zeros(len(self.symbols))
+        for v in branch.values:
+            free[v.joint] = False
+            fixed[v.joint] = v.value
+        return fixed, free
+
+    def thrown(self, branch: Branch, count: int) -> Array:
+        """Points (k, n) that random starts were brought to, wherever a step leads from them.
+
+        Not one equation after the other, as ``find`` goes: so all real parts are met.
+        """
+        fixed, free = self._start(branch)
+        return thrown(branch.equations, self.lower, self.upper, free, fixed, count, self.rng)
+
+    def branch_of(self, values: Mapping[int, Value], relations: Sequence[Poly]) -> Branch:
+        """Joints at exact values, and polynomials that vanish, as what points are found on."""
+        held = sorted((self._value(j, v) for j, v in values.items()), key=lambda v: v.joint)
+        return Branch(tuple(held), tuple(self.equation_of(p) for p in relations))
+
+    def jacobians(self, points: Array) -> Array:
+        """Task Jacobians (N, rows, n) of the nominal arm at points (N, n)."""
+        return task_jacobians(self.geometry.arm, points)
 
     def rounds(self, wanted: int = ROUNDS) -> int:
         """Batches of random starts that there is time for."""
@@ -253,9 +291,12 @@ class PieceMaker:
         offset = float(self.offset[joint])
         return [JointValue(joint, wrap(2 * math.atan(t) - offset), False) for t in real]
 
-    def _equation(self, poly: Poly) -> Equation:
-        made = equation(poly, self.ring, self.symbols, self.offset)
-        return scale_to_lengths(made, self.lengths)
+    def equation_of(self, poly: Poly) -> Equation:
+        """A polynomial as an equation in the joints, made once."""
+        if id(poly) not in self._made:  # the polynomial is kept, so that its id stays its own
+            made = equation(poly, self.ring, self.symbols, self.offset)
+            self._made[id(poly)] = poly, scale_to_lengths(made, self.lengths)
+        return self._made[id(poly)][1]
 
     def _branches(self, values: list[JointValue], equations: list[Equation]) -> list[Branch]:
         """The equations with irrational values put into them; none if one is a constant then."""
@@ -272,10 +313,16 @@ class PieceMaker:
         """sigma_r / sigma_1 of the nominal arm (or ``arm``) at points (N, n)."""
         return ratios(arm or self.geometry.arm, points)
 
+    def _has_point(self, branch: Branch) -> bool:
+        """Whether a point of a branch is found; looked for once."""
+        if id(branch) not in self._met:  # the branch is kept, so that its id stays its own
+            self._met[id(branch)] = branch, bool(self.find(branch, 1).size)
+        return self._met[id(branch)][1]
+
     def _empty(self, branch: Branch) -> bool:
         if any(never_zero(e) for e in branch.equations):
             return True
-        if not branch.equations or self.find(branch, 1).size:
+        if not branch.equations or self._has_point(branch):
             return False
         if self.time.over or any(e.powers.any() for e in branch.equations):
             return False  # no box holds all values of a slider

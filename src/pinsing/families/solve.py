@@ -10,14 +10,9 @@ from typing import overload
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
-from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
-from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.mimic import NotFollowed, drives
-from pinsing.algebra.ring import Ring
 from pinsing.algebra.second_prime import RandomSteps
-from pinsing.algebra.surd_ring import ring_of
 from pinsing.arguments import checked, not_loaded
 from pinsing.errors import OptionError
 from pinsing.families.describe import describe
@@ -25,25 +20,21 @@ from pinsing.families.design_form import DesignForm
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.hints import SNAP, small_offset, snap_hint, unsolved_hint
-from pinsing.families.pieces import PieceMaker, SolvedPiece
+from pinsing.families.pieces import SolvedPiece
 from pinsing.families.proving import LONG, SHORT
 from pinsing.families.proving import prove as add_proof
+from pinsing.families.searched import MAX_JOINTS, Limits, searched
 from pinsing.families.statement import mirror_key
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.geometry.snap import Snap
-from pinsing.geometry.surd import Surd
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
 
-_SEED = 20
 _FOR_SEARCH = 0.9
 """Share of the time that there is for finding components; describing them needs some too."""
 _TO_DESCRIBE = 0.1
 """Share of the time that there is for describing families, however long finding them took."""
-
-MAX_JOINTS = 12
-"""Beyond it the algebra needs more memory than there is before it can be stopped."""
 
 
 @overload
@@ -145,16 +136,13 @@ def closed_form(
     if obstacle is not None:
         gaps.append(obstacle)
     elif arm.n > 0 and rank > 0:
-        ring, search = _search(geometry, arm, rank, _FOR_SEARCH * seconds)
-        if search.stopped and not ring.rational:
-            # Square roots were too much: with rational twists close by, and that is stated.
-            geometry = nominal(arm, angle_tol, snap_length, rational=True)
-            left = max(_FOR_SEARCH * seconds - (time.monotonic() - started), 0.1 * seconds)
-            ring, search = _search(geometry, arm, rank, left)
-        gaps += list(dict.fromkeys(search.gaps))
-        steps = search.second
+        limits = Limits(_FOR_SEARCH * seconds, angle_tol, snap_length)
+        search = searched(geometry, arm, rank, symbols, limits)
+        geometry, maker = search.geometry, search.maker
+        gaps += search.gaps
+        steps = search.steps
         left = max(seconds - (time.monotonic() - started), _TO_DESCRIBE * seconds)
-        maker = PieceMaker(geometry, ring, rank, symbols, _SEED, Budget(left), angle_tol)
+        maker.time = Budget(left)
         pieces = [maker.make(c) for c in search.components]
         unsolved = maker.unsolved
         left_out = [c for c, p in zip(search.components, pieces, strict=True) if not p]
@@ -235,25 +223,12 @@ def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
         _, moved = drives(geometry)
     except NotFollowed as reason:
         return f"the algebra cannot follow a mimic joint of the chain: {reason}", ()
-    if geometry.arm.n > MAX_JOINTS:
+    if geometry.arm.n > MAX_JOINTS and geometry.arm.coupling is not None:
         return (
-            f"the algebra is for at most {MAX_JOINTS} joints and the chain has "
+            f"with mimic joints the algebra is for at most {MAX_JOINTS} joints and the chain has "
             f"{geometry.arm.n}: choose a shorter one with another base, or fewer joints"
         ), ()
     return None, moved
-
-
-def _search(geometry: Nominal, arm: Arm, rank: int, seconds: float) -> tuple[Ring, Decomposition]:
-    """Components of the singular set, in the ring that the geometry's numbers need."""
-    numbers = constants(geometry, arm.task)
-    # With square roots only half of the time, so that some is left to do without.
-    time_left = Budget(seconds / 2 if any(isinstance(x, Surd) for x in numbers) else seconds)
-    ring = ring_of(tuple(bool(p) for p in arm.prismatic), numbers, time_left)
-
-    def matrix() -> Matrix:
-        return jacobian_matrix(geometry, ring, arm.task, time_left)
-
-    return ring, Decomposition(matrix, rank, ring, time_left)
 
 
 def joint_symbols(arm: Arm) -> tuple[str, ...]:

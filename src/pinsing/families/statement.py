@@ -88,7 +88,7 @@ def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
         said = rf"{len(long)}\ \text{{equations at once in}}\ {symbols}"
     else:
         said = f"{len(long)} equations at once in {listed(names)} [{size} terms]"
-    return (*(_write(e, latex, False) for e in equations if len(e.cos) <= LONG), said)
+    return (*(_write(e, latex, False) for e in equations if e not in long), said)
 
 
 def _write(equation: Equation, latex: bool, alone: bool) -> str:

@@ -173,7 +173,8 @@ def search(
     for attempt in range(_DRAWS if ways else 0):
         way = ways[attempt % len(ways)]
         q = draw(way, lower, upper, free, fixed, max(_FEWEST, 4 * missing), rng)
-        q, ok = project(equations, q, free, iterations=3)  # most are there: rounding alone
+        # Most are there, up to rounding, unless equations are left that no joint was solved from.
+        q, ok = project(equations, q, free, iterations=3 if len(way) == len(equations) else 20)
         inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
         found.append(q[ok & inside][:missing])
         missing -= len(found[-1])
@@ -188,6 +189,24 @@ def search(
         if missing <= 0:
             break
     return np.concatenate(found) if found else np.zeros((0, len(lower)))
+
+
+def thrown(
+    equations: Sequence[Equation],
+    lower: Array,
+    upper: Array,
+    free: npt.NDArray[np.bool_],
+    fixed: Array,
+    count: int,
+    rng: np.random.Generator,
+) -> Array:
+    """Points (k, n) that ``count`` random starts in a box were brought to, wherever they end.
+
+    Not one equation after the other, as ``search`` goes: so every real part is met.
+    """
+    q = np.where(free, rng.uniform(lower, upper, (count, len(lower))), fixed)
+    q, ok = project(equations, q, free, iterations=40)
+    return np.asarray(q[ok])
 
 
 def _from_random(

@@ -9,9 +9,11 @@ about 1e-16 for each draw (Schwartz, 1980; Zippel, 1979), and two primes must bo
 from __future__ import annotations
 
 import random
+from collections.abc import Mapping, Sequence
 
 from pinsing.geometry.nominal import Nominal
 from pinsing.geometry.residue import residue
+from pinsing.geometry.surd import Exact
 from pinsing.robot.task import Task
 
 PRIMES = (4611686018427387817, 4611686018427387409)
@@ -36,6 +38,37 @@ def exact_generic_rank(geometry: Nominal, task: Task) -> int:
 
 
 def _rank(geometry: Nominal, task: Task, p: int, draw: random.Random) -> int:
+    # With flint, 40 ms to import, only where a rank is asked for that floats cannot show.
+    from flint import nmod_mat
+
+    rows = jacobian_modulo(geometry, task, p, draw)
+    flat = [x for row in rows for x in row]
+    return int(nmod_mat(len(rows), len(geometry.prismatic), flat, p).rank())
+
+
+def jacobian_modulo(
+    geometry: Nominal,
+    task: Task,
+    p: int,
+    draw: random.Random,
+    values: Mapping[int, Sequence[Exact]] | None = None,
+) -> list[Vector]:
+    """Task rows of the Jacobian modulo a prime, at a configuration drawn at random.
+
+    Parameters
+    ----------
+    geometry : Nominal
+        A chain in which every joint moves on its own.
+    task : Task
+        Rows of the frame Jacobian at the tip.
+    p : int
+        The prime.
+    draw : random.Random
+        Where the configuration is drawn from.
+    values : mapping of int to (x, y) or (metres,), optional
+        Joints that stand still: at the angle 2 atan2(y, x), or the length.
+    """
+    values = values or {}
     R = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
     o = [0, 0, 0]
     axes: list[tuple[Vector, Vector]] = []
@@ -51,28 +84,27 @@ def _rank(geometry: Nominal, task: Task, p: int, draw: random.Random) -> int:
             break
         z = [row[2] for row in R]
         axes.append((z, o))
-        t = draw.randrange(1, p)
+        at = [residue(x, p) for x in values[j]] if j in values else None
         if geometry.prismatic[j]:
+            t = draw.randrange(1, p) if at is None else at[0]
             o = [(a + t * b) % p for a, b in zip(o, z, strict=True)]
             continue
-        over = pow(1 + t * t, -1, p)
-        cos, sin = (1 - t * t) * over % p, 2 * t * over % p
+        x, y = (1, draw.randrange(1, p)) if at is None else at
+        over = pow(x * x + y * y, -1, p)
+        cos, sin = (x * x - y * y) * over % p, 2 * x * y * over % p
         R = [[(a * cos + b * sin) % p, (b * cos - a * sin) % p, d] for a, b, d in R]
     columns = []
-    for (z, at), slides in zip(axes, geometry.prismatic, strict=True):
+    for (z, start), slides in zip(axes, geometry.prismatic, strict=True):
         if slides:
             columns.append([*z, 0, 0, 0])
             continue
-        x, y, w = (a - b for a, b in zip(o, at, strict=True))
+        x, y, w = (a - b for a, b in zip(o, start, strict=True))
         columns.append([z[1] * w - z[2] * y, z[2] * x - z[0] * w, z[0] * y - z[1] * x, *z])
-    # With flint, 40 ms to import, only where a rank is asked for that floats cannot show.
-    from flint import nmod_mat
-
-    flat = []
     last = [[residue(x, p) for x in row] for row in geometry.tip_rotation]
     tip = [[sum(row[k] * last[k][i] for k in range(3)) % p for i in range(3)] for row in R]
+    rows = []
     for r, at_tip in zip(task.rows, task.tip_rows, strict=True):
         along = [int(r % 3 == k) for k in range(3)] if not at_tip else [row[r % 3] for row in tip]
         first = r - r % 3
-        flat += [sum(a * c[first + k] for k, a in enumerate(along)) % p for c in columns]
-    return int(nmod_mat(len(task.rows), len(columns), flat, p).rank())
+        rows.append([sum(a * c[first + k] for k, a in enumerate(along)) % p for c in columns])
+    return rows

@@ -1,0 +1,173 @@
+"""The components of a chain's singular set: by all minors, or, of many joints, by near ones."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pinsing._types import Array, Bool
+from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.components import Component, Found
+from pinsing.algebra.decompose import Decomposition
+from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
+from pinsing.algebra.matrix import Matrix
+from pinsing.algebra.ring import Ring
+from pinsing.algebra.second_prime import RandomSteps
+from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.long_chain import LongChain, Progress
+from pinsing.families.pieces import PieceMaker
+from pinsing.geometry.nominal import Nominal, nominal
+from pinsing.geometry.surd import Surd
+from pinsing.kinematics.verdict import ratios
+from pinsing.robot.arm import Arm
+
+MAX_JOINTS = 12
+"""Beyond it all minors need more memory than there is before they can be stopped."""
+_SEED = 20
+_MANY = 9
+"""Joints from which on all minors have half of the time, and near ones the rest."""
+_NEAR = 0.7
+"""Share of the time that is left for near ones: families of many joints take long to describe."""
+_CONFIRMED = 1e-6
+"""sigma_r / sigma_1 of what is singular among the points of equations."""
+
+
+@dataclass(frozen=True, eq=False)
+class Searched:
+    """What a search found.
+
+    Attributes
+    ----------
+    geometry : Nominal
+        What it is true of.
+    ring : Ring
+        Of its polynomials.
+    components : list of Component
+        Where the rank drops.
+    gaps : list of str
+        Why these may not be all.
+    maker : PieceMaker
+        For points and equations of them.
+    steps : RandomSteps or None
+        What rests on random points.
+    """
+
+    geometry: Nominal
+    ring: Ring
+    components: list[Component]
+    gaps: list[str]
+    maker: PieceMaker
+    steps: RandomSteps | None
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Time in seconds, and the tolerances that the nominal geometry is made with."""
+
+    seconds: float
+    angle_tol: float
+    snap_length: float
+
+
+def searched(
+    geometry: Nominal, arm: Arm, rank: int, symbols: Sequence[str], limits: Limits
+) -> Searched:
+    """Find the components of the singular set, as many as the time allows.
+
+    Parameters
+    ----------
+    geometry : Nominal
+        The exact chain.
+    arm : Arm
+        What it was made of.
+    rank : int
+        Singular means: rank below this.
+    symbols : sequence of str
+        Of the joints.
+    limits : Limits
+        Time and tolerances.
+    """
+    started = time.monotonic()
+    every = arm.n <= MAX_JOINTS
+    near = arm.n >= _MANY and arm.coupling is None
+    found: Decomposition | None = None
+    if every:
+        share = 0.5 if near else 1.0
+        ring, found = _all_minors(geometry, arm, rank, share * limits.seconds)
+        if found.stopped and not ring.rational:
+            # Square roots were too much: with rational twists close by, and that is stated.
+            geometry = nominal(arm, limits.angle_tol, limits.snap_length, rational=True)
+            again = share * limits.seconds - (time.monotonic() - started)
+            ring, found = _all_minors(geometry, arm, rank, max(again, 0.1 * limits.seconds))
+    else:
+        # Square roots make each step some times longer, and these chains have many.
+        geometry = nominal(arm, limits.angle_tol, limits.snap_length, rational=True)
+        ring = ring_of(
+            tuple(bool(p) for p in arm.prismatic),
+            constants(geometry, arm.task),
+            Budget(limits.seconds),
+        )
+    left = limits.seconds - (time.monotonic() - started)
+    rest = Budget(max(_NEAR * left, 0.1 * limits.seconds))
+    maker = PieceMaker(geometry, ring, rank, symbols, _SEED, rest, limits.angle_tol)
+    if found is not None and not (near and found.gaps):
+        return Searched(
+            geometry, ring, found.components, list(dict.fromkeys(found.gaps)), maker, found.second
+        )
+    components = [] if found is None else list(found.components)
+    gaps = [] if found is None else list(dict.fromkeys(found.gaps))
+    steps = RandomSteps(0, (), ()) if found is None else found.second
+    try:
+        chain = LongChain(geometry, arm.task, rank, ring, maker, rest)
+    except BudgetExceeded as reason:
+        return Searched(geometry, ring, components, [*gaps, str(reason)], maker, steps)
+    test = Found(ring, lambda c: None)
+    for c in chain.components:
+        if not any(test.inside(c, k) for k in components):
+            components = [k for k in components if not test.inside(k, c)] + [c]
+    gaps += said(chain.progress, arm.n)
+
+    def singular(points: Array) -> Bool:
+        return ratios(geometry.arm, points) <= _CONFIRMED
+
+    maker.confirm = singular
+    return Searched(geometry, ring, components, gaps, maker, steps)
+
+
+def said(progress: Progress, n: int) -> list[str]:
+    """What a search by neighbouring axes leaves open, in sentences."""
+    sets = "one set" if progress.places == 1 else f"{progress.places} sets"
+    out = [
+        f"for {n} joints only what neighbouring axes tell was looked for, at {sets} of joint "
+        "values (the empty one is the general case); that nothing else is singular is not shown"
+    ]
+    if progress.waiting:
+        out.append(
+            f"{progress.waiting} more sets of joint values were waiting when the time was over: "
+            "more time looks at them"
+        )
+    if progress.unseen:
+        out.append(f"no real point was met on {_systems(progress.unseen)}, left out here")
+    if progress.uncut or progress.too_long:
+        out.append(f"{_systems(progress.uncut + progress.too_long)} could not be searched further")
+    return out
+
+
+def _systems(count: int) -> str:
+    return "one system of equations" if count == 1 else f"{count} systems of equations"
+
+
+def _all_minors(
+    geometry: Nominal, arm: Arm, rank: int, seconds: float
+) -> tuple[Ring, Decomposition]:
+    """Components of the singular set, in the ring that the geometry's numbers need."""
+    numbers = constants(geometry, arm.task)
+    # With square roots only half of the time, so that some is left to do without.
+    time_left = Budget(seconds / 2 if any(isinstance(x, Surd) for x in numbers) else seconds)
+    ring = ring_of(tuple(bool(p) for p in arm.prismatic), numbers, time_left)
+
+    def matrix() -> Matrix:
+        return jacobian_matrix(geometry, ring, arm.task, time_left)
+
+    return ring, Decomposition(matrix, rank, ring, time_left)
