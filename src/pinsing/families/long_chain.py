@@ -25,7 +25,7 @@ from flint import nmod_mat
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, Found
+from pinsing.algebra.components import Component, FoundComponents
 from pinsing.algebra.near_minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.families.freedom import freedom
@@ -122,7 +122,7 @@ class LongChain:
         self.progress = Progress()
         self.components: list[Component] = []
         self._minors = NearMinors(geometry, ring, task, rank, time)
-        self._found = Found(ring, lambda c: None)
+        self._found = FoundComponents(ring, lambda c: None)
         self._points: list[Array] = []
         self._draw = random.Random(_SEED)
         self._waiting: list[tuple[int, int, Places]] = []

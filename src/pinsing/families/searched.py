@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, Found
+from pinsing.algebra.components import Component, FoundComponents
 from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.matrix import Matrix
@@ -62,7 +62,7 @@ class Searched:
 
 
 @dataclass(frozen=True)
-class Limits:
+class Allowed:
     """Time in seconds, and the tolerances that the nominal geometry is made with."""
 
     seconds: float
@@ -71,7 +71,7 @@ class Limits:
 
 
 def searched(
-    geometry: Nominal, arm: Arm, rank: int, symbols: Sequence[str], limits: Limits
+    geometry: Nominal, arm: Arm, rank: int, symbols: Sequence[str], limits: Allowed
 ) -> Searched:
     """Find the components of the singular set, as many as the time allows.
 
@@ -85,7 +85,7 @@ def searched(
         Singular means: rank below this.
     symbols : sequence of str
         Of the joints.
-    limits : Limits
+    limits : Allowed
         Time and tolerances.
     """
     started = time.monotonic()
@@ -122,7 +122,7 @@ def searched(
         chain = LongChain(geometry, arm.task, rank, ring, maker, rest)
     except BudgetExceeded as reason:
         return Searched(geometry, ring, components, [*gaps, str(reason)], maker, steps)
-    test = Found(ring, lambda c: None)
+    test = FoundComponents(ring, lambda c: None)
     for c in chain.components:
         if not any(test.inside(c, k) for k in components):
             components = [k for k in components if not test.inside(k, c)] + [c]

@@ -23,7 +23,7 @@ from pinsing.families.hints import SNAP, small_offset, snap_hint, unsolved_hint
 from pinsing.families.pieces import SolvedPiece
 from pinsing.families.proving import LONG, SHORT
 from pinsing.families.proving import prove as add_proof
-from pinsing.families.searched import MAX_JOINTS, Limits, searched
+from pinsing.families.searched import MAX_JOINTS, Allowed, searched
 from pinsing.families.statement import mirror_key
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.geometry.snap import Snap
@@ -136,7 +136,7 @@ def closed_form(
     if obstacle is not None:
         gaps.append(obstacle)
     elif arm.n > 0 and rank > 0:
-        limits = Limits(_FOR_SEARCH * seconds, angle_tol, snap_length)
+        limits = Allowed(_FOR_SEARCH * seconds, angle_tol, snap_length)
         search = searched(geometry, arm, rank, symbols, limits)
         geometry, maker = search.geometry, search.maker
         gaps += search.gaps
