@@ -77,6 +77,7 @@ def test_what_cannot_be_mapped_is_said():
     for options, words in (
         ({"over": "joints"}, "inputs or poses"),
         ({"count": 0}, "count must be 1 or more"),
+        ({"count": 10**9}, "count must be at most 10000000"),
         ({"worst": 0}, "worst must be 1 or more"),
         ({"seed": -1}, "seed must be 0 or more"),
     ):

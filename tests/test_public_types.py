@@ -209,6 +209,7 @@ CALLS = {
     "mechanism_map": Call(
         lambda: pinsing.mechanism_map,
         lambda: {"mechanism": mechanism(), "over": "inputs", "count": 8},
+        slow=True,
     ),
     "working_modes": Call(lambda: pinsing.working_modes, lambda: {"mechanism": mechanism()}),
     "at": Call(lambda: pinsing.at, with_arm(q=Q)),

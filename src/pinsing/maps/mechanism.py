@@ -26,6 +26,7 @@ from pinsing.serialization import JsonResult
 
 OVER = ("inputs", "poses")
 _CHUNK = 2048
+_MOST = 10_000_000
 _TRIES = 3
 _STEPS = 30
 _CLOSED = 1e-9
@@ -210,6 +211,8 @@ def mechanism_map(
     for name, value in (("count", count), ("worst", worst)):
         if value < 1:
             raise OptionError(f"{name} must be 1 or more, got {value}")
+    if count > _MOST:
+        raise OptionError(f"count must be at most {_MOST}, got {count}: take several seeds")
     if seed < 0:
         raise OptionError(f"seed must be 0 or more, got {seed}")
     if ignore_limits:
@@ -224,7 +227,7 @@ def mechanism_map(
     # Of more actuators than freedoms those that are independent are drawn; the others follow.
     driven = list(independent_inputs(mechanism, generic, home(mechanism)).actuated)
     closed = beyond = 0
-    parts: list[tuple[Array, Array]] = []
+    parts: list[Array] = []
     kinds = dict.fromkeys(_KINDS, 0)
     least: list[tuple[float, int, str, Array]] = []
     for k, start in enumerate(range(0, count, _CHUNK)):
@@ -241,12 +244,12 @@ def mechanism_map(
         names = found.kinds()
         for name, number in zip(*np.unique(names, return_counts=True), strict=True):
             kinds[str(name)] += int(number)
-        parts.append((Q, ratios))
+        parts.append(ratios)
         low = ratios.min(axis=1)
         for i in np.argsort(low, kind="stable")[:worst].tolist():
             least.append((float(low[i]), start + i, str(names[i]), Q[i]))
         least = sorted(least, key=lambda x: x[:2])[:worst]
-    ratios = np.concatenate([r for _, r in parts]) if parts else np.zeros((0, 3))
+    ratios = np.concatenate(parts) if parts else np.zeros((0, 3))
     told = (
         np.quantile(ratios, _QUANTILES, axis=0, method="inverted_cdf")
         if len(ratios)
