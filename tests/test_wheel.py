@@ -1,0 +1,118 @@
+"""A wheel that is built here, in an environment that holds nothing and knows no compiler.
+
+Needs the package index, for what pinsing depends on; skipped where there is none.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+# What scripts/demo and scripts/setup call. No compiler, no CMake, nothing else.
+PROGRAMS = (
+    *("bash", "cat", "cut", "dirname", "env", "find", "sha256sum"),
+    *("sh", "sort", "touch", "uname", "xargs"),
+)
+DROPPED = ("CC", "CXX", "PINSING_REQUIRE_ENGINE", "PYTHONPATH", "VIRTUAL_ENV", "COLUMNS")
+pytestmark = pytest.mark.slow
+
+
+def run(
+    words: list[object], bare: dict[str, str], folder: Path
+) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(w) for w in words], capture_output=True, text=True, env=bare, cwd=folder, timeout=1200
+    )
+
+
+def bare(folder: Path) -> dict[str, str]:
+    """The variables of a user whose PATH holds a dozen programs."""
+    folder.mkdir()
+    for name in PROGRAMS:
+        place = shutil.which(name)
+        assert place, name
+        (folder / name).symlink_to(place)
+    kept = {k: v for k, v in os.environ.items() if k not in DROPPED}
+    base = Path(sys.base_prefix) / "bin" / f"python3.{sys.version_info.minor}"
+    return kept | {"PATH": str(folder), "PYTHON": str(base if base.exists() else sys.executable)}
+
+
+def clone(folder: Path) -> Path:
+    """The project as a clone has it, with the changes that are not committed yet."""
+    asked = ["git", "ls-files", "--cached", "--others", "--exclude-standard", "-z"]
+    listed = subprocess.run(asked, capture_output=True, text=True, cwd=ROOT)
+    if listed.returncode:
+        pytest.skip("not a git work tree")
+    for name in filter(None, listed.stdout.split("\0")):
+        if (ROOT / name).exists():
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copy2(ROOT / name, folder / name)
+    return folder
+
+
+def build(tree: Path, folder: Path) -> Path:
+    """A wheel, built with the compiler of this machine."""
+    folder.mkdir()
+    words = [sys.executable, "-m", "pip", "wheel", "-q", "--no-deps", "-w", folder, tree]
+    done = run(words, dict(os.environ) | {"PINSING_REQUIRE_ENGINE": "1"}, folder)
+    if done.returncode and "No matching distribution" in done.stderr:
+        pytest.skip("no package index")
+    assert done.returncode == 0, done.stderr
+    (found,) = folder.glob("pinsing-*.whl")
+    return found
+
+
+def holds_the_program_and_not_the_source_of_the_kernel(wheel: Path) -> None:
+    names = zipfile.ZipFile(wheel).namelist()
+    assert any(n.startswith("pinsing/_batch/") and n.endswith(".so") for n in names)
+    assert not [n for n in names if n.endswith((".cpp", ".hpp", ".inc"))]
+    assert not [n for n in names if n.startswith(("tests/", "docs/", "scripts/", "build/"))]
+    assert "pinsing/urdf/puma560.urdf" in names
+    assert "pinsing/py.typed" in names
+
+
+def runs(pinsing: Path, alone: dict[str, str], folder: Path) -> None:
+    folder.mkdir()
+    said = run([pinsing, "info", "ur5"], alone, folder)
+    assert said.returncode == 0, said.stderr
+    assert "compiled" in said.stdout
+    said = run([pinsing, "families", "stanford"], alone, folder)
+    assert said.returncode == 0, said.stderr
+    assert said.stdout.startswith("3 families of singular configurations")
+    said = run([pinsing, "view", "stanford", "--html", "page.html"], alone, folder)
+    assert said.returncode == 0, said.stderr
+    assert (folder / "page.html").stat().st_size > 500_000
+
+
+def test_a_wheel_and_the_demo_run_where_there_is_no_compiler(tmp_path):
+    """One test, so that what it installs is installed once.
+
+    Of the README's two commands the other, scripts/test, is what runs this.
+    """
+    tree = clone(tmp_path / "clone")
+    wheel = build(tree, tmp_path / "wheel")
+    holds_the_program_and_not_the_source_of_the_kernel(wheel)
+
+    alone = bare(tmp_path / "bin")
+    assert [p for p in ("cc", "c++", "gcc", "cmake") if shutil.which(p, path=alone["PATH"])] == []
+    place = tree / ".venv"
+    made = run([alone["PYTHON"], "-m", "venv", place], alone, tree)
+    assert made.returncode == 0, made.stderr
+    done = run(
+        [place / "bin/python", "-m", "pip", "install", "-q", "--no-compile", wheel], alone, tree
+    )
+    assert done.returncode == 0, done.stderr
+    runs(place / "bin/pinsing", alone, tmp_path / "elsewhere")
+
+    done = run([tree / "scripts/demo"], alone, tree)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("Checked:") == 3
+    said = run([place / "bin/pinsing", "info", "ur5"], alone, tree)
+    assert "Pinocchio and NumPy" in said.stdout
