@@ -59,6 +59,22 @@ def test_orthogonal_arms_are_as_in_the_literature(tmp_path, lengths, cusps, node
         assert {2, 4} <= set(np.unique(found.count[near]))
 
 
+@pytest.mark.parametrize(
+    ("rows", "nodes"),
+    [
+        (((-90, 0, 0), (90, 1, 0), (0, 1.5, 0.5)), 0),
+        (((-90, 0, 0), (90, 1, 1), (0, 1.5, 0)), 2),
+    ],
+    ids=["curves on each other", "a curve of one place"],
+)
+def test_what_only_rounding_crosses_is_no_node(tmp_path, rows, nodes):
+    arm = table(tmp_path, *(TURN.format(*row) for row in rows))
+    places = reach_of(arm, 40, False).nodes
+    assert len(places) == nodes
+    if nodes:
+        assert np.sort(places[:, 1]) == pytest.approx([-math.sqrt(1 / 8), math.sqrt(1 / 8)])
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("slides", [False, True])
 def test_counts_are_those_of_the_inverse_solutions(tmp_path, slides):

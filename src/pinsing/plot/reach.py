@@ -22,6 +22,7 @@ from matplotlib.figure import Figure
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import generic_rank
+from pinsing.plot.preimages import count_of
 from pinsing.robot.arm import Arm
 
 _FIT = (0.0, 2.0, 4.0)
@@ -33,6 +34,10 @@ _ANGLE = 0.03
 """Curves that touch at a smaller angle, radians, do not cross there."""
 _NEAR = 5e-3
 """Nodes are farther from cusps and from each other than this share of the size."""
+_POINT = 1e-7
+"""Pieces of curves whose images are shorter than this share of the size are one place."""
+_STRAYED = 0.1
+"""A node is nearer than this to where drawn curves cross, radians or metres."""
 _GRID = 300
 _TILES = 480
 _SHIFT = 0.1234
@@ -218,14 +223,22 @@ def _refined(section: Section, x: Array, row: int) -> Array:
     return x
 
 
-def nodes_of(curves: list[Array], cusps: Array, size: float) -> Array:
-    """Places (D, 2) where curves of places (K, 2) cross each other or themselves at an angle."""
-    if not curves:
+def nodes_of(section: Section, lines: list[Array], cusps: Array, size: float) -> Array:
+    """Places (D, 2) where images of curves (K, 2) of singular joint values cross at an angle.
+
+    Each crossing of the drawn images is solved for on the curves themselves: where two of them have
+    one image, as where a joint turns over, what is drawn crosses itself by rounding only.
+    """
+    if not lines:
         return np.zeros((0, 2))
-    p = np.concatenate([c[:-1] for c in curves])
-    u = np.concatenate([np.diff(c, axis=0) for c in curves])
-    low, high = np.minimum(p, p + u), np.maximum(p, p + u)
+    images = [section.place(x) for x in lines]
+    x, p = (np.concatenate([c[:-1] for c in each]) for each in (lines, images))
+    v, u = (np.concatenate([np.diff(c, axis=0) for c in each]) for each in (lines, images))
     length = np.linalg.norm(u, axis=1)
+    drawn = length > _POINT * size
+    x, p, v, u, length = (each[drawn] for each in (x, p, v, u, length))
+    low, high = np.minimum(p, p + u), np.maximum(p, p + u)
+    steep = _CROSS * float(np.median(np.linalg.norm(section.steepest(x), axis=-1)))
     found: list[Array] = []
     for i in range(len(p) - 1):
         rest = np.arange(i + 1, len(p))
@@ -237,66 +250,51 @@ def nodes_of(curves: list[Array], cusps: Array, size: float) -> Array:
         cross = u[i, 0] * u[j, 1] - u[i, 1] * u[j, 0]
         s = (gap[:, 0] * u[j, 1] - gap[:, 1] * u[j, 0]) / cross
         t = (gap[:, 0] * u[i, 1] - gap[:, 1] * u[i, 0]) / cross
-        for at in p[i] + s[(s >= 0) & (s < 1) & (t >= 0) & (t < 1), None] * u[i]:
+        for k in np.flatnonzero((s >= 0) & (s < 1) & (t >= 0) & (t < 1)):
+            both = np.stack([x[i] + s[k] * v[i], x[j[k]] + t[k] * v[j[k]]])
+            at = _crossed(section, both, size, steep)
+            if at is None:
+                continue
             every = [*cusps, *found]
             if all(np.linalg.norm(at - f) > _NEAR * size for f in every):
                 found.append(at)
     return np.array(found).reshape(-1, 2)
 
 
-def count_of(section: Section, ranges: Array, r: Array, z: Array) -> Ints:
-    """How many values of the two joints bring the tip to each place, (N, M), by triangles.
+def _crossed(section: Section, both: Array, size: float, steep: float) -> Array | None:
+    """The place of a node by Newton, from two joint values (2, 2) near it; None if there is none.
 
-    The map is taken to be linear on small triangles; a place is told wrong only within a share of
-    about one in 10^5 of the size from where the count changes.
+    Both are singular, and have one place: four equations, which are regular where the images cross
+    at an angle. At the first axis curves end against their mirror images: that is no node.
     """
-    axes = [np.linspace(a, b, _TILES + 1) for a, b in ranges]
-    at = section.place(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
-    # Places by cells; half a cell is added so that no place is on a side of a triangle.
-    u = (at[..., 0] - r[0]) / (r[1] - r[0])
-    v = (at[..., 1] - z[0]) / (z[1] - z[0])
-    corners = np.stack([u, v], axis=-1)
-    a, b, c, d = (
-        corners[i : i + _TILES, j : j + _TILES].reshape(-1, 2)
-        for i, j in ((0, 0), (1, 0), (0, 1), (1, 1))
-    )
-    count = np.zeros((len(z), len(r)), dtype=np.int64)
-    for triangle in ((a, b, c), (d, c, b)):
-        _add(count, np.stack(triangle, axis=1))
-    return _mended(count)
+    steps = 1e-6 * np.eye(4).reshape(4, 2, 2)
 
+    def value(y: Array) -> Array:
+        places = section.place(y)
+        f = section.singular(y) / size**3
+        return np.concatenate([f, ((places[..., 0, :] - places[..., 1, :]) / size)], axis=-1)
 
-def _mended(count: Ints) -> Ints:
-    """The same with what differs from all places around taken from them: next to the curves."""
-    around = np.stack(
-        [np.roll(count, s, (0, 1)) for s in product((-1, 0, 1), repeat=2) if s != (0, 0)]
-    )
-    alone = (around != count).all(axis=0)
-    return np.where(alone, np.sort(around, axis=0)[4], count)
-
-
-def _add(count: Ints, corners: Array) -> None:
-    """Add one to the places that are inside of each triangle (K, 3, 2)."""
-    first = np.ceil(corners.min(axis=1)).astype(np.int64)
-    last = np.floor(corners.max(axis=1)).astype(np.int64)
-    first = np.maximum(first, 0)
-    last = np.minimum(last, np.array(count.shape[::-1]) - 1)
-    wide = last - first + 1
-    keep = (wide > 0).all(axis=1)
-    corners, first, wide = corners[keep], first[keep], wide[keep]
-    each = wide.prod(axis=1)
-    which = np.repeat(np.arange(len(corners)), each)
-    place = np.arange(int(each.sum())) - np.repeat(np.cumsum(each) - each, each)
-    x = first[which] + np.stack([place % wide[which, 0], place // wide[which, 0]], axis=1)
-    p = corners[which]
-    sides = []
-    for k in range(3):
-        e = p[:, (k + 1) % 3] - p[:, k]
-        g = x - p[:, k]
-        sides.append(e[:, 0] * g[:, 1] - e[:, 1] * g[:, 0])
-    side = np.array(sides)
-    inside = (side > 0).all(axis=0) | (side < 0).all(axis=0)
-    np.add.at(count, (x[inside, 1], x[inside, 0]), 1)
+    y, start = both, both
+    for _ in range(8):
+        J = np.stack([(value(y + e) - value(y - e)) / 2e-6 for e in steps], axis=-1)
+        change = np.linalg.lstsq(J, -value(y), rcond=1e-9)[0].reshape(2, 2)
+        y = y + change
+        if np.abs(y - start).max() > _STRAYED:
+            return None
+        if np.abs(change).max() < 1e-11:
+            break
+    at = np.asarray(section.place(y)[0])
+    if np.abs(value(y)).max() > 1e-9 or at[0] < _NEAR * size:
+        return None
+    g = section.steepest(y)
+    if _alike(section, y[0], y[1]) or np.linalg.norm(g, axis=-1).min() < steep:
+        return None
+    along = np.stack([-g[:, 1], g[:, 0]], axis=-1)
+    along /= np.maximum(np.linalg.norm(along, axis=-1, keepdims=True), 1e-300)
+    w = (section.place(y + 1e-6 * along) - section.place(y - 1e-6 * along)) / 2e-6
+    turn = abs(float(w[0, 0] * w[1, 1] - w[0, 1] * w[1, 0]))
+    crossed = turn > _ANGLE * float(np.linalg.norm(w[0]) * np.linalg.norm(w[1]))
+    return at if crossed and np.linalg.norm(w, axis=1).min() > 1e-6 * size else None
 
 
 def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
@@ -335,15 +333,17 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
     top = float(places[..., 0].max())
     low, high = float(places[..., 1].min()), float(places[..., 1].max())
     margin = 0.03 * size
+    axes = [np.linspace(a, b, _TILES + 1) for a, b in ranges]
+    tiles = section.place(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
     r = np.linspace(0.0, top + margin, samples) + 0.37 * (top + margin) / samples
     z = np.linspace(low - margin, high + margin, samples)
     return Reach(
         r=r,
         z=z,
-        count=count_of(section, ranges, r, z),
+        count=count_of(tiles, r, z),
         curves=tuple(images),
         cusps=cusps,
-        nodes=nodes_of(images, cusps, size),
+        nodes=nodes_of(section, lines, cusps, size),
         cusp_joints=joints_at,
         within_limits=limits,
     )
