@@ -70,9 +70,10 @@ class Ladder:
         """Why the arm is not cuspidal."""
         steps = "; ".join(s.reason for s in self.stages)
         count = f"{len(self.stages)} signs" if len(self.stages) > 1 else "one sign"
+        tell = "tell" if len(self.stages) > 1 else "tells"
         return (
-            f"{self.kind}: {count}, which only a singular configuration changes, tell all inverse "
-            f"solutions of a pose apart, at most {self.most} ({steps})"
+            f"{self.kind}: {count}, which only a singular configuration changes, {tell} all "
+            f"inverse solutions of a pose apart, at most {self.most} ({steps})"
         )
 
     def signs(self, Q: Array) -> Array:
