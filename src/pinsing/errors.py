@@ -113,7 +113,9 @@ class UnknownNameError(PinsingError, LookupError):
         elif len(self.known) <= 12:
             help_ = "known: " + (", ".join(_cut(k) for k in self.known) or "none")
         else:
-            help_ = f"{len(self.known)} are known" + (f", such as {families}" if families else "")
+            help_ = f"{len(self.known)} names are known" + (
+                f", such as {families}" if families else ""
+            )
         super().__init__(f"unknown {kind} {_cut(name)!r}: {help_}" + (f" ({hint})" if hint else ""))
 
 

@@ -18,7 +18,6 @@ import heapq
 import itertools
 import random
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from flint import nmod_mat
@@ -31,6 +30,7 @@ from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.families.freedom import freedom
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import PieceMaker
+from pinsing.families.progress import Progress
 from pinsing.families.zero_set import residuals
 from pinsing.geometry.exact_rank import PRIMES, jacobian_modulo
 from pinsing.geometry.nominal import Nominal
@@ -52,34 +52,6 @@ _LONG, _LONGEST = 200, 400
 
 Places = Mapping[int, Value]
 Relations = tuple[Poly, ...]
-
-
-@dataclass
-class Progress:
-    """What was looked at.
-
-    Attributes
-    ----------
-    places : int
-        Sets of joint values.
-    waiting : int
-        Places that there was no time for.
-    unseen : int
-        Systems of equations of which no real point was met.
-    mixed : int
-        Systems that hold at regular configurations too, and are stated with the rank.
-    uncut : int
-        Systems with a regular part that no minor of near joints cut.
-    too_long : int
-        Minors that were too long.
-    """
-
-    places: int = 0
-    waiting: int = 0
-    unseen: int = 0
-    mixed: int = 0
-    uncut: int = 0
-    too_long: int = 0
 
 
 class LongChain:

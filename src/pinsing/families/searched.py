@@ -15,7 +15,7 @@ from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Ring
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.families.long_chain import LongChain, Progress
+from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
 from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.geometry.surd import Surd
@@ -126,36 +126,13 @@ def searched(
     for c in chain.components:
         if not any(test.inside(c, k) for k in components):
             components = [k for k in components if not test.inside(k, c)] + [c]
-    gaps += said(chain.progress, arm.n)
+    gaps += chain.progress.gaps(arm.n)
 
     def singular(points: Array) -> Bool:
         return ratios(geometry.arm, points) <= _CONFIRMED
 
     maker.confirm = singular
     return Searched(geometry, ring, components, gaps, maker, steps)
-
-
-def said(progress: Progress, n: int) -> list[str]:
-    """What a search by neighbouring axes leaves open, in sentences."""
-    sets = "one set" if progress.places == 1 else f"{progress.places} sets"
-    out = [
-        f"for {n} joints only what neighbouring axes tell was looked for, at {sets} of joint "
-        "values (the empty one is the general case); that nothing else is singular is not shown"
-    ]
-    if progress.waiting:
-        out.append(
-            f"{progress.waiting} more sets of joint values were waiting when the time was over: "
-            "more time looks at them"
-        )
-    if progress.unseen:
-        out.append(f"no real point was met on {_systems(progress.unseen)}, left out here")
-    if progress.uncut or progress.too_long:
-        out.append(f"{_systems(progress.uncut + progress.too_long)} could not be searched further")
-    return out
-
-
-def _systems(count: int) -> str:
-    return "one system of equations" if count == 1 else f"{count} systems of equations"
 
 
 def _all_minors(

@@ -113,7 +113,9 @@ def distance_words(found: Distances, degrees: bool, prismatic: npt.NDArray[np.bo
 
 
 def _length(x: float, slides: bool) -> str:
-    return f"{x:.4g}" if slides else f"{math.degrees(x):.4g}° ({x:.4g})"
+    if slides or x == 0:
+        return f"{x:.4g}" if slides else "0°"
+    return f"{math.degrees(x):.4g}° ({x:.4g} rad)"
 
 
 def _joint(x: float, degrees: bool, slides: bool) -> str:
