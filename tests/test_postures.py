@@ -301,7 +301,7 @@ class TestConnect:
         assert pinsing.connect(form, a, [0, -1, 1, 0.3, -1, 0], of=of).answer == "different"
         said = pinsing.connect(form, a, [0, -1, 1, 0.3, 0, 0], of=of)
         assert said.answer == "undecided"
-        assert any("the second configuration is singular, on F" in n for n in said.notes)
+        assert any("the end is singular, on F" in n for n in said.notes)
 
     def test_json_and_back(self):
         form = form_of("puma560")

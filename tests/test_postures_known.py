@@ -80,7 +80,7 @@ class TestFamiliesThatSeparateNothing:
         said = pinsing.connect(form, singular, beside, of=of)
         assert said.answer == "undecided"
         assert not said.proven
-        assert any("the first configuration is singular, on F2" in n for n in said.notes)
+        assert any("the start is singular, on F2" in n for n in said.notes)
 
 
 class TestFamiliesThatLack:

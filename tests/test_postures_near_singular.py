@@ -184,7 +184,7 @@ def test_an_end_on_a_limit_that_is_singular_is_said_to_be():
         way = pinsing.connect(form_of("ur5"), a, b, of=aspects_of("ur5"))
         assert way.answer == "undecided"
         assert way.aspects[1] is None
-        assert any("the second configuration is singular, on F" in n for n in way.notes)
+        assert any("the end is singular, on F" in n for n in way.notes)
 
 
 class TestWhatCuspidalStandsOn:

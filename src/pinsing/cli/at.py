@@ -14,6 +14,7 @@ from pinsing.cli.options import (
     fail_option,
     joint_vector,
     json_option,
+    once_option,
     parse_numbers,
 )
 from pinsing.cli.output import emit, emit_json_data, say
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 @click.command("at", short_help="Everything about one configuration.")
 @arm_options
-@click.option(
+@once_option(
     "--q",
     "q",
     required=True,

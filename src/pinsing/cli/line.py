@@ -16,6 +16,7 @@ from pinsing.cli.options import (
     fail_option,
     joint_vector,
     json_option,
+    once_option,
     parse_numbers,
 )
 from pinsing.cli.output import emit_json, emit_lines
@@ -31,14 +32,14 @@ _STILL = 1e-6
 
 @click.command("line", short_help="Whether the tip can follow a straight line (MoveL).")
 @arm_options
-@click.option(
+@once_option(
     "--q",
     "q",
     required=True,
     metavar="Q1,Q2,...",
     help="Where it starts: joint values, base to tip, radians (or --deg) and metres.",
 )
-@click.option(
+@once_option(
     "--to",
     "target",
     required=True,

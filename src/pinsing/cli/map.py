@@ -16,6 +16,7 @@ from pinsing.cli.options import (
     fail_option,
     joint_vector,
     json_option,
+    once_option,
     parse_numbers,
     whole_number,
 )
@@ -62,7 +63,7 @@ if TYPE_CHECKING:
     shell_complete=completion.joint_value,
     help="Range of a joint in place of its limits; repeatable.",
 )
-@click.option("--q", "q", metavar="Q1,Q2,...", help="Where joints that are not mapped stay.")
+@once_option("--q", "q", metavar="Q1,Q2,...", help="Where joints that are not mapped stay.")
 @click.option("--ignore-limits", is_flag=True, help="Map whole circles.")
 @click.option(
     "--worst",

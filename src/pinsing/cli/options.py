@@ -199,6 +199,23 @@ fail_option = click.option(
 )
 
 
+def once_option(*names: str, **options: Any) -> Callable[[F], F]:
+    """Add an option that may be given once: of two configurations none is dropped silently."""
+
+    def single(
+        ctx: click.Context, param: click.Parameter, values: tuple[str, ...] | None
+    ) -> str | None:
+        if not values:
+            return None
+        if len(values) > 1:
+            raise OptionError(
+                f"{names[0]} was given {len(values)} times; {ctx.info_name} takes one"
+            )
+        return values[0]
+
+    return click.option(*names, multiple=True, callback=single, **options)
+
+
 def parse_numbers(text: str, what: str, degrees: bool = False) -> list[float]:
     """Numbers between commas or spaces; without ``degrees`` also ``pi/2``, ``-pi``, ``3pi/4``.
 

@@ -12,6 +12,7 @@ from pinsing.cli.options import (
     deg_option,
     joint_vector,
     json_option,
+    once_option,
     parse_numbers,
 )
 from pinsing.cli.output import STDOUT, OutputFile, emit_json, emit_lines
@@ -48,7 +49,7 @@ def aspects_command(
 
 @click.command("postures", short_help="The other postures of a pose, and ways to them.")
 @arm_options
-@click.option(
+@once_option(
     "--q",
     "q",
     required=True,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import combinations, islice
 from typing import ClassVar
 
@@ -19,13 +19,14 @@ from pinsing.geometry.nominal import nominal
 from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
-from pinsing.postures.aspects import aspects
-from pinsing.postures.connection import DIFFERENT, SAME, Connection, connect
-from pinsing.postures.grounds import NOT_COMPLETE, missing
+from pinsing.postures.aspects import aspects, map_of
+from pinsing.postures.connection import DIFFERENT, SAME, UNDECIDED, Connection, connect
+from pinsing.postures.grounds import NOT_COMPLETE, missing, opposite
 from pinsing.postures.inverse import inverse
 from pinsing.postures.inverse_solutions import InverseSolution
 from pinsing.postures.names import posture_names
 from pinsing.postures.regular_way import columns
+from pinsing.postures.whole_turns import Copies, whole_turns
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
@@ -55,12 +56,32 @@ class PostureChange:
         singular or outside the limits.
     names : tuple of str
         Words of the field for the posture, such as "elbow up", where it has some.
+    copies : int
+        How many configurations within the limits are this one but for whole turns, itself
+        included. ``solution`` is the one that is reached, or else the one nearest to the start.
+    copies_in_aspect : int
+        How many of them are in the aspect of the start.
+    copies_undecided : int
+        Of how many it could not be told, or was not looked at, whether they are.
     """
 
     solution: InverseSolution
     aspect: int | None
     connection: Connection | None
     names: tuple[str, ...] = field(default=(), metadata={"optional": True})
+    copies: int = field(default=1, metadata={"optional": True})
+    copies_in_aspect: int = field(default=0, metadata={"optional": True})
+    copies_undecided: int = field(default=0, metadata={"optional": True})
+
+    @property
+    def answer(self) -> str | None:
+        """As of `Connection`, of all whole-turn copies: "different" only if each of them is."""
+        if self.connection is None:
+            return None
+        left = self.copies_in_aspect + self.copies_undecided
+        if self.connection.answer == DIFFERENT and left:
+            return UNDECIDED
+        return self.connection.answer
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,11 +159,13 @@ class PostureChanges(JsonResult):
             elif way.answer == SAME and way.path is not None:
                 how = "without a singularity" if way.proven else "without meeting a family"
                 said = f"aspect {other.aspect}: reached {how} by {len(way.path)} waypoints"
-            elif way.answer == DIFFERENT:
+                said += _among(other)
+            elif other.answer == DIFFERENT:
                 apart = f"aspect {other.aspect}: " if other.aspect != self.aspect else ""
-                said = f"{apart}only by way of a singularity, proven"
+                said = f"{apart}only by way of a singularity, proven{_among(other)}"
             else:
-                said = f"undecided: {way.notes[0]}" if way.notes else "undecided"
+                why = way.notes[0] if way.notes and way.answer != DIFFERENT else ""
+                said = f"undecided{': ' * bool(why)}{why}{_among(other)}"
             lines.append(f"{k:>4}  {', '.join(other.names)}{': ' * bool(other.names)}{said}")
             lines.append(f"      {typed(s.q, self.arm.prismatic, degrees, digits=6)}")
             if way is not None and way.answer == SAME and way.path is not None:
@@ -167,6 +190,18 @@ class PostureChanges(JsonResult):
         return self.text()
 
 
+def _among(other: PostureChange) -> str:
+    """What holds of the whole-turn copies, where there are several."""
+    count = other.copies
+    if count < 2:
+        return ""
+    if other.answer == DIFFERENT:
+        return f", for all {count:,} whole-turn copies within the limits"
+    also = f", {other.copies_undecided:,} undecided" if other.copies_undecided else ""
+    inside = f"{other.copies_in_aspect:,} in the aspect of the start"
+    return f" ({count:,} whole-turn copies within the limits, {inside}{also})"
+
+
 @checked
 def posture_changes(
     arm: Arm,
@@ -178,6 +213,11 @@ def posture_changes(
     seconds: float = SECONDS,
 ) -> PostureChanges:
     """Find the other inverse solutions of the pose at q, and which can be reached freely.
+
+    Where limits are wider than a turn a solution has several whole-turn copies within them, which
+    may be in different aspects (`pinsing.postures.whole_turns`). All count: the copy that is
+    reached is the one that is given, or else the one nearest to q; "different" is said where each
+    is in another aspect. Copies of q itself are no other postures: a note counts them.
 
     Parameters
     ----------
@@ -224,31 +264,59 @@ def posture_changes(
     found = aspects(form, limits)
     start = found.of(here)
     known = inverse(arm, tip_placement(arm, here).homogeneous, fixed=held, near=here)
+    chosen, held_at = map_of(found, form), [arm.joints.index(j) for j in held]
     until = time.monotonic() + seconds
+
+    def _tried(copy: Array) -> Connection:
+        left = max(0.05, min(5.0, until - time.monotonic()))
+        return connect(form, here, copy, limits=limits, of=found, seconds=left)
+
     others, itself = [], False
     for s in known:
         if float(abs(arm.space.wrap(s.q - here)).max()) < _ITSELF:
             itself = True
             continue
         usable = s.regular and start is not None and (s.within_limits or not limits)
-        way = None
-        if usable:
-            left = max(0.05, min(5.0, until - time.monotonic()))
-            way = connect(form, here, s.q, limits=limits, of=found, seconds=left)
-        number = None if way is None else way.aspects[1]
         names = posture_names(nominal(arm), s.q[None])[0] if s.regular else ()
-        others.append(PostureChange(s, number, way, names))
+        if not usable:
+            others.append(PostureChange(s, None, None, names))
+            continue
+        copies = whole_turns(chosen, s.q, here, held=held_at, until=until)
+        # The sign of the determinant is that of all copies.
+        apart = opposite(form, here, copies.nearest)
+        way = None
+        for copy in () if apart else copies.likely:
+            tried = _tried(copy)
+            if way is None or tried.answer == SAME:
+                way = tried
+            if tried.answer == SAME:
+                break
+        if way is None:
+            way = _tried(copies.nearest)
+        others.append(
+            PostureChange(
+                replace(s, q=way.end),
+                way.aspects[1],
+                way,
+                names,
+                copies.total,
+                0 if apart else copies.joined,
+                0 if apart else copies.total - copies.joined - copies.apart,
+            )
+        )
     elsewhere = [j for j, x in held.items() if x != here[arm.joints.index(j)]]
     if elsewhere:
         notes.append(f"{', '.join(elsewhere)} held elsewhere than in q: all solutions are others")
     elif not itself and start is not None:  # of singular ones there are examples only
         notes.append("the configuration given was not found among the solutions: others may lack")
-    order = {SAME: 0, "undecided": 1, DIFFERENT: 2}
+    if start is not None:
+        notes += _own(whole_turns(chosen, here, here, held=held_at, until=until))
+    order = {SAME: 0, UNDECIDED: 1, DIFFERENT: 2}
     ways = [o.connection for o in others if o.connection is not None]
     grounds = [n for way in ways if way.answer == SAME for n in way.notes]
     if found.word == NOT_COMPLETE:
         grounds += missing(form)
-    others.sort(key=lambda o: 3 if o.connection is None else order[o.connection.answer])
+    others.sort(key=lambda o: 3 if o.answer is None else order[o.answer])
     return PostureChanges(
         arm=summarize(arm),
         q=here,
@@ -259,6 +327,21 @@ def posture_changes(
         notes=(*notes, *dict.fromkeys(grounds)),
         names=() if start is None else posture_names(nominal(arm), here[None])[0],
     )
+
+
+def _own(copies: Copies) -> list[str]:
+    """What is said of the whole-turn copies of the configuration itself."""
+    more, inside = copies.total - 1, copies.joined - 1
+    if not more:
+        return []
+    left = more - inside - copies.apart
+    also = f", {left:,} undecided" if left else ""
+    many = more > 1
+    return [
+        f"whole turns away, within the limits, {'are' if many else 'is'} {more:,} more "
+        f"cop{'ies' if many else 'y'} of this configuration, not listed: {inside:,} in its aspect, "
+        f"{copies.apart:,} in others{also}"
+    ]
 
 
 def _held(

@@ -77,6 +77,9 @@ class Connection(JsonResult):
     proven : bool
         Whether the answer is. "different" always is. "same" is where a certificate says that no
         family is missing, or where the rank all along the path is proven from the Jacobian.
+    singular : tuple of str
+        The family that the start is on, and that the end is on; empty where it is on none. What
+        is singular is in no aspect, and no way was looked for.
     """
 
     schema: ClassVar[str] = "pinsing/connection/1"
@@ -93,6 +96,7 @@ class Connection(JsonResult):
     within_limits: bool
     notes: tuple[str, ...]
     proven: bool = field(default=False, metadata={"optional": True})
+    singular: tuple[str, str] = field(default=("", ""), metadata={"optional": True})
 
     @property
     def same(self) -> bool | None:
@@ -115,6 +119,7 @@ class Connection(JsonResult):
         >>> print(pinsing.connect(form, [0, 1, 0, 0], [0, 2, 0, 0]).text().splitlines()[0])
         same aspect: joined by a way on which no configuration is singular, proven
         """
+        notes = self.notes
         if self.answer == DIFFERENT:
             a, b = self.aspects
             which = f"{a} and {b}" if a != b else f"both of what is known as {a}"
@@ -122,6 +127,10 @@ class Connection(JsonResult):
                 f"different aspects ({which}), proven: every way from one to the other meets a "
                 "singular configuration"
             ]
+        elif any(self.singular):
+            lines, notes = [notes[0]], notes[1:]
+        elif self.answer == UNDECIDED and None in self.aspects and notes:
+            lines, notes = [f"undecided: {notes[0]}"], notes[1:]
         elif self.answer == UNDECIDED or self.path is None:
             lines = ["undecided: no way was found, and none is ruled out"]
         else:
@@ -131,7 +140,7 @@ class Connection(JsonResult):
                 f"{self._clear(degrees)}; {len(self.path)} waypoints:",
                 *(f"  {typed(q, self.arm.prismatic, degrees, digits=6)}" for q in self.path),
             ]
-        return "\n".join([*lines, *(f"note: {n}" for n in self.notes)])
+        return "\n".join([*lines, *(f"note: {n}" for n in notes)])
 
     def _clear(self, degrees: bool) -> str:
         if not np.isfinite(self.clearance):
@@ -207,10 +216,11 @@ def connect(
     singular = [chosen.on(q) for q in (start, end)]
     if any(singular):
         which, names = _which(map(bool, singular)), " and ".join(filter(None, singular))
-        notes.append(f"{which} configuration is singular, on {names}: it is in no aspect")
+        are, belong = ("are", "belong") if all(singular) else ("is", "belongs")
+        notes.append(f"{which} {are} singular, on {names}, and {belong} to no aspect")
     elif places[0] is None or places[1] is None:
         which = _which([p is None for p in places])
-        notes.append(f"the aspect of {which} configuration could not be told: a boundary is near")
+        notes.append(f"the aspect of {which} could not be told: a boundary is near")
     else:
         if _apart(chosen, places[0], places[1]):
             answer = DIFFERENT
@@ -244,6 +254,7 @@ def connect(
         within_limits=limits,
         notes=tuple(notes),
         proven=answer == DIFFERENT or (answer == SAME and sure),
+        singular=(singular[0], singular[1]),
     )
 
 
@@ -257,23 +268,13 @@ def _stands(forms: Forms, path: Array) -> tuple[bool, list[str]]:
 
 
 def _which(ends: Iterable[bool]) -> str:
-    return " and ".join(w for w, s in zip(("the first", "the second"), ends, strict=True) if s)
+    return " and ".join(w for w, s in zip(("the start", "the end"), ends, strict=True) if s)
 
 
 def _apart(chosen: Map, a: tuple[tuple[int, int], ...], b: tuple[tuple[int, int], ...]) -> bool:
     """Whether some part proves that two places are of different aspects."""
-    for pieces, (box_a, comp_a), (box_b, comp_b) in zip(chosen.pieces, a, b, strict=True):
-        if box_a != box_b:
-            return True
-        piece = pieces[box_a]
-        if comp_a == comp_b:
-            continue
-        signs_a, signs_b = piece.signs(comp_a), piece.signs(comp_b)
-        if any(s * t < 0 for s, t in zip(signs_a, signs_b, strict=True)):
-            return True
-        if piece.closed and piece.lower == piece.upper:
-            return True
-    return False
+    parts = zip(chosen.pieces, a, b, strict=True)
+    return any(chosen.apart(pieces, one, other) for pieces, one, other in parts)
 
 
 def _way(

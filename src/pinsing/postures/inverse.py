@@ -57,6 +57,11 @@ def inverse(
     are drawn with the sign that lacks. That is no proof; `InverseSolutions.doubt` says where it
     is weak.
 
+    Solutions are counted modulo whole turns, and one copy of each is given: a joint that turns has
+    its value from -pi to pi where the limits hold that, else the one nearest to the middle of the
+    limits. Where limits are wider than a turn they hold other copies too, which may be in other
+    aspects: `posture_changes` looks at all of them.
+
     Parameters
     ----------
     arm : Arm

@@ -23,7 +23,8 @@ class InverseSolution:
     Attributes
     ----------
     q : (n,) array
-        Joint values; by whole turns within the limits where that can be.
+        Joint values; of copies that differ by whole turns one, within the limits where one is:
+        from -pi to pi if that is within, else nearest to the middle of the limits.
     regular : bool
         Whether it is not singular: then it is isolated, and moves smoothly with the pose. Where
         joints are held this is about the others: they meet all conditions.

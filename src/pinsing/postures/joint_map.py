@@ -107,15 +107,34 @@ class Map:
             return None
         out = []
         for part, pieces in zip(self.partition.parts, self.pieces, strict=True):
-            found = self._box(part, pieces, q)
+            found = self.located(part, pieces, q)
             if found is None:
                 return None
-            box, x = found
-            component = pieces[box].locate(x, self.clear_in(part, q))
-            if component is None:
-                return None
-            out.append((box, component))
+            out.append(found)
         return tuple(out)
+
+    def located(self, part: Part, pieces: tuple[Piece, ...], q: Array) -> tuple[int, int] | None:
+        """Box and component of one part, of a configuration that is on no family."""
+        found = self._box(part, pieces, q)
+        if found is None:
+            return None
+        box, x = found
+        component = pieces[box].locate(x, self.clear_in(part, q))
+        return None if component is None else (box, component)
+
+    @staticmethod
+    def apart(pieces: tuple[Piece, ...], a: tuple[int, int], b: tuple[int, int]) -> bool:
+        """Whether a part with these pieces proves that two places are of different aspects."""
+        (box, one), (other_box, other) = a, b
+        if box != other_box:
+            return True
+        piece = pieces[box]
+        if one == other:
+            return False
+        signs = zip(piece.signs(one), piece.signs(other), strict=True)
+        if any(s * t < 0 for s, t in signs):
+            return True
+        return piece.closed and piece.lower == piece.upper
 
     def _box(self, part: Part, pieces: tuple[Piece, ...], q: Array) -> tuple[int, Array] | None:
         for k, piece in enumerate(pieces):

@@ -82,7 +82,7 @@ def listed_postures(arm: Arm, found: _Changes) -> tuple[Posture, ...]:
             path = fine(way.path, arm)
             how = "without a singularity" if way.proven else "without meeting a known family"
             said = f"aspect {other.aspect}: reached {how}"
-        elif way.same is False:
+        elif other.answer == "different":
             said = f"aspect {other.aspect}: only by way of a singularity, proven"
         else:
             said = "undecided"

@@ -1,0 +1,191 @@
+"""Postures where limits are wider than a turn: every whole-turn copy counts."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.description.dh_urdf import dh_to_urdf, read_dh
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.postures.aspects import map_of
+from pinsing.postures.changes import PostureChange
+from pinsing.postures.whole_turns import whole_turns
+
+ROWS = """name: orthogonal
+convention: standard
+units: {{angle: deg, length: m}}
+rows:
+  - {{alpha: -90, a: 1, d: 0, theta: 0, type: revolute, limits: [-180, 180]}}
+  - {{alpha: 90, a: 2, d: 1, theta: 0, type: revolute, limits: {0}}}
+  - {{alpha: 0, a: 1.5, d: 0, theta: 0, type: revolute, limits: {0}}}
+"""
+# Its second posture is in another aspect as it is, and in this one a turn of joint 3 away.
+START = [0.8605556614246863, -2.8929454751927572, -5.768296820021047]
+
+
+def orthogonal(folder, limits):
+    path = folder / "orthogonal.dh.yaml"
+    path.write_text(ROWS.format(limits))
+    arm = pinsing.load(dh_to_urdf(read_dh(path)), task="position")
+    form = pinsing.closed_form(arm)
+    return arm, form, pinsing.aspects(form)
+
+
+@pytest.fixture(scope="module")
+def wide(tmp_path_factory):
+    return orthogonal(tmp_path_factory.mktemp("arm"), [-360, 360])
+
+
+def copies_of(arm, q):
+    """Every whole-turn copy within the limits, the plain way."""
+    turns = 2 * np.pi * np.arange(-4, 5)
+    each = zip(q, arm.lower, arm.upper, strict=True)
+    kept = [[x + t for t in turns if low <= x + t <= high] for x, low, high in each]
+    return np.array(list(product(*kept)))
+
+
+def numbers(found, arm, q):
+    return [found.of(copy) for copy in copies_of(arm, q)]
+
+
+def test_a_posture_that_is_reached_a_turn_away(wide):
+    arm, form, _ = wide
+    found = pinsing.posture_changes(arm, START, forms=form)
+    first, *rest = found.others
+    assert first.answer == "same"
+    assert first.solution.q == pytest.approx([2.43303, -0.831081, 2.21324 - 2 * np.pi], abs=1e-4)
+    way = first.connection
+    assert np.array_equal(way.path[-1], first.solution.q)
+    assert np.array_equal(way.path[0], START)
+    assert ((arm.lower <= way.path) & (way.path <= arm.upper)).all()
+    ends = [tip_placement(arm, q).translation for q in (START, first.solution.q)]
+    assert np.abs(ends[1] - ends[0]).max() < 1e-9
+    share = np.linspace(0, 1, 100)[:, None]
+    legs = zip(way.path[:-1], way.path[1:], strict=True)
+    fine = np.concatenate([a + share * (b - a) for a, b in legs])
+    signs = np.sign(np.linalg.det(pinsing.task_jacobians(arm, fine)))
+    assert (signs == signs[0]).all()
+    assert (first.copies, first.copies_in_aspect, first.copies_undecided) == (4, 2, 0)
+    assert [other.answer for other in rest] == ["different"] * 2
+    text = " ".join(found.text().split())
+    assert "(4 whole-turn copies within the limits, 2 in the aspect of the start)" in text
+    assert "proven, for all 4 whole-turn copies within the limits" in text
+    assert "are 3 more copies of this configuration, not listed: 1 in its aspect, 2 in" in text
+
+
+def test_what_is_said_holds_of_each_copy(wide):
+    """Against the number of the aspect of each copy, one by one."""
+    arm, form, of = wide
+    answers = set()
+    for q in [START, *arm.space.sample(4, np.random.default_rng(4))]:
+        found = pinsing.posture_changes(arm, q, forms=form)
+        assert found.aspect == of.of(q)
+        for other in found.others:
+            there = numbers(of, arm, other.solution.q)
+            assert None not in there
+            assert other.copies == len(there)
+            assert other.copies_undecided == 0
+            assert other.copies_in_aspect == there.count(found.aspect)
+            assert (other.answer == "different") == (found.aspect not in there)
+            assert other.aspect == of.of(other.solution.q)
+            answers.add(other.answer)
+        own = numbers(of, arm, q)
+        inside = own.count(found.aspect)
+        (note,) = [n for n in found.notes if "of this configuration" in n]
+        assert f"{len(own) - 1} more" in note
+        assert f"{inside - 1} in its aspect, {len(own) - inside} in others" in note
+    assert answers == {"same", "different"}
+
+
+def test_parts_of_joint_space_are_told_apart_one_by_one():
+    """UR5 has up to 64 copies of a configuration in four parts of joint space."""
+    arm = pinsing.load("ur5")
+    form = pinsing.closed_form(arm)
+    of = pinsing.aspects(form)
+    start = np.array([0.1, -1.0, 1.2, 0.3, 0.9, 0.2])
+    told = whole_turns(map_of(of, form), start, start)
+    there = numbers(of, arm, start)
+    assert told.total == len(there) == 32
+    assert told.joined == there.count(of.of(start)) > 1
+    assert told.apart == len(there) - told.joined > 1
+    assert len(told.likely) == 8
+    assert np.array_equal(told.likely[0], start)
+    far = [np.linalg.norm(copy - start) for copy in told.likely]
+    every = sorted(
+        np.linalg.norm(copy - start)
+        for copy, number in zip(copies_of(arm, start), there, strict=True)
+        if number == of.of(start)
+    )
+    assert far == pytest.approx(every[:8])
+    held = whole_turns(map_of(of, form), start, start, held=range(5))
+    assert (held.total, held.joined, held.apart) == (2, 2, 0)
+
+
+def test_what_was_not_looked_at_is_not_proven(wide, monkeypatch):
+    arm, form, of = wide
+    q = pinsing.posture_changes(arm, START, forms=form).others[1].solution.q
+    chosen = map_of(of, form)
+    known = whole_turns(chosen, q, np.array(START))
+    assert (known.total, known.apart, known.likely) == (4, 4, ())
+    late = whole_turns(chosen, q, np.array(START), until=time.monotonic() - 1)
+    assert (late.total, late.apart) == (4, 0)
+    with monkeypatch.context() as patch:
+        patch.setattr("pinsing.postures.whole_turns._LOOKED", 2)
+        few = whole_turns(chosen, q, np.array(START))
+        assert (few.total, few.apart, few.likely) == (4, 2, ())
+        (first, *_) = pinsing.posture_changes(arm, START, forms=form).others
+        assert (first.answer, first.copies, first.copies_in_aspect) == ("same", 4, 1)
+    far = pinsing.connect(form, START, q, of=of)
+    assert far.answer == "different"
+    solution = pinsing.posture_changes(arm, START, forms=form).others[1].solution
+    other = PostureChange(solution, 5, far, (), copies=4, copies_undecided=1)
+    assert other.answer == "undecided"
+    assert replace(other, copies_undecided=0).answer == "different"
+
+
+def test_without_limits_there_are_no_copies(wide):
+    arm, form, _ = wide
+    found = pinsing.posture_changes(arm, START, forms=form, limits=False)
+    assert {other.copies for other in found.others} == {1}
+    assert "copies" not in found.text()
+
+
+def test_a_way_from_what_is_singular_is_not_looked_for():
+    form = pinsing.closed_form(pinsing.load("scara"))
+    at, fine = [0.1, 0.0, 0.1, 0.2], [0.1, 1.0, 0.1, 0.2]
+    for a, b, head in (
+        (at, fine, "the start is singular, on F1, and belongs to no aspect"),
+        (fine, at, "the end is singular, on F1, and belongs to no aspect"),
+        (at, at, "the start and the end are singular, on F1 and F1, and belong to no aspect"),
+    ):
+        way = pinsing.connect(form, a, b)
+        assert way.answer == "undecided"
+        assert way.text().splitlines()[0] == head
+        assert "no way was found" not in way.text()
+        assert way.singular == ("F1" * (a is at), "F1" * (b is at))
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["postures", "ur5"],
+        ["at", "ur5"],
+        ["line", "ur5", "--to", "0.1,0.2,0.3"],
+        ["map", "ur5"],
+    ],
+)
+def test_of_two_configurations_none_is_dropped(words):
+    twice = ["--q", "0,-1,1,0.1,1,0", "--q", "0,1,1,0.1,1,0"]
+    run = CliRunner().invoke(command, [*words, *twice])
+    assert run.exit_code == 2
+    assert f"--q was given 2 times; {words[0]} takes one" in run.output
+    run = CliRunner().invoke(command, ["line", "ur5", *twice[:2], "--to", "1,1,1", "--to", "1,2,1"])
+    assert run.exit_code == 2
+    assert "--to was given 2 times" in run.output
