@@ -117,6 +117,7 @@ COMMANDS: dict[str, Command] = {
     ),
     "analyze --loops --json": _json("analyze", *_LOOPS),
     "families --loops --json": _json("families", *_LOOPS),
+    "map --loops --json": _json("map", *_LOOPS, "--count", "20"),
     "view --loops --html": Command(("view", *_LOOPS, "--html", "OUT"), "page.html"),
     "view --loops --png": Command(("view", *_LOOPS, "--png", "OUT"), "view.png"),
     "plot --loops": Command(("plot", "map", *_LOOPS, "--out", "OUT"), "figure.svg"),
@@ -132,7 +133,7 @@ BROWSER = {name for name, c in COMMANDS.items() if {"--png", "--pdf"} & set(c.wo
 
 # Options and arguments that name a file which is read.
 _READ = {"--loops", "--analysis", "--package", "file", "files", "table", "robot"}
-REFUSED = {("families --certificate", True)}
+REFUSED = {("families --certificate", True), ("map --out", True)}
 """Options that are refused for mechanisms, so that nothing is written."""
 
 
