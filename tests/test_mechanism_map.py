@@ -61,6 +61,7 @@ def test_the_same_seed_gives_the_same_map_and_json_keeps_it():
     assert one.to_json() == two.to_json()
     assert MechanismMap.from_dict(json.loads(one.to_json())).to_json() == one.to_json()
     assert one.to_json() != pinsing.mechanism_map(mechanism, count=100, seed=6).to_json()
+    assert "\u00a0" not in str(one)
 
 
 def test_more_actuators_than_freedoms_are_mapped_as_such():

@@ -139,7 +139,7 @@ def map_text(found: MechanismMap, page: Page = PLAIN, degrees: bool = False) -> 
         lines += ["", *_table(("share", "type 1", "type 2", "constraint"), rows)]
         lines += ["", "smallest measures:"]
         lines += [
-            "  " + line
+            "  " + line.replace("\u00a0", " ")  # these lines are not broken
             for line in pose_table(
                 [w.pose for w in found.worst],
                 [(f"{w.measure:.3g}", w.kind) for w in found.worst],

@@ -56,7 +56,7 @@ def inverse_count(
     ...     "shoulder_pan_joint", "shoulder_lift_joint", "elbow_joint"])
     >>> axes = plot.inverse_count(arm, samples=40)
     >>> [t.get_text() for t in axes.get_legend().get_texts()]
-    ['4 solutions', '2 nodes']
+    ['4 solutions']
     """
     whole_number(samples, "samples", 20, _MOST_SAMPLES)
     found = reach_of(arm, samples, limits)
