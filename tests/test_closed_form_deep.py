@@ -136,7 +136,7 @@ def test_describing_keeps_to_the_time_as_well():
 def test_what_a_search_finds_close_to_a_family_is_on_it(file, tip, base):
     folder = data_folder()
     assert folder is not None
-    result = analyze(load(folder / file, tip=tip, base=base), seconds=60)
+    result = analyze(load(folder / file, tip=tip, base=base), seconds=240)
     assert result.complete
     assert result.agree, result.problems
     assert result.random_search.singular > 250

@@ -143,7 +143,13 @@ def test_along_a_family_the_arm_moves_and_stays_singular(page: Any, stanford: Vi
     assert {s[0] for s in states} == {"singular"}
     assert all(s[2] for s in states)
     assert np.ptp([s[1] for s in states]) > 0.02
-    page.keyboard.press("Space")
+    page.keyboard.press("Space")  # on the button that was clicked: the same once more is an end
+    page.wait_for_function("() => !window.pinsing.running")
+    page.evaluate("() => new Promise((done) => setTimeout(done, 300))")
+    assert not page.evaluate("() => window.pinsing.running")  # and it does not begin anew
+    page.locator(".chosen .along").click()
+    page.wait_for_function("() => window.pinsing.running")
+    page.locator("body").press("Space")
     page.wait_for_function("() => !window.pinsing.running")
 
 

@@ -10,7 +10,8 @@ class App {
     this.view.begin(page.settings, scene);
     this.panel = this.makePanel({
       choose: (entry, pose) => this.choose(entry, pose),
-      play: (kind) => this.play(kind),
+      // The button of what is playing ends it.
+      play: (kind) => (this.running && this.path.kind === kind ? this.pause() : this.play(kind)),
       move: (joint, value) => this.move(joint, value),
       pick: (values) => this.pick(values),
       meet: (entry, found) => this.meet(entry, found),
