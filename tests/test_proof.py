@@ -95,7 +95,7 @@ def test_joint_values_that_depend_on_each_other_are_proven():
     assert form.word == "proven", form.proof.reason
     pair = next(f for f in form.certificate["families"] if len(f["forms"]) == 2)
     assert pair["least_codimension"] == 2
-    assert form.proof.size < 30_000
+    assert form.proof.size < 20_000
 
 
 @pytest.mark.slow

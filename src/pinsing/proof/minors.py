@@ -57,6 +57,14 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
     pivot = _pivot(draft, family, plain, tried) if exact else None
     if pivot is not None:
         return Soundness(pivot)
+    found = Soundness()
+    for lines, minor in sorted(minors.items(), key=lambda item: len(item[1])) if exact else ():
+        if lines not in plain and _by_division(draft, tidy, family, minor, found):
+            plain.add(lines)
+            pivot = _pivot(draft, family, plain, tried)
+            if pivot is not None:
+                found.pivot = pivot
+                return found
     multiples, totals = sums_to_minors(draft, family)
     for minor in minors.values():
         draft.ring.work = 0  # what is counted is one step here, the whole check there
@@ -71,14 +79,6 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
         totals += draft.ring.stripped(minor)
     else:
         return Soundness(multiples=multiples)
-    found = Soundness()
-    for lines, minor in sorted(minors.items(), key=lambda item: len(item[1])) if exact else ():
-        if lines not in plain and _by_division(draft, tidy, family, minor, found):
-            plain.add(lines)
-            pivot = _pivot(draft, family, plain, tried)
-            if pivot is not None:
-                found.pivot = pivot
-                return found
     raise NotFound(f"{place_text(family)} is not shown to be singular")
 
 
