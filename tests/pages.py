@@ -145,5 +145,6 @@ def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reader:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     # What is shown as proven must not hang on how busy the machine is.
-    monkeypatch.setattr("pinsing.families.solve.SHORT", 60.0)
+    monkeypatch.setattr("pinsing.families.proving.SHORT", 60.0)
+    monkeypatch.setattr("pinsing.families.proving.SHORT_ON_CLOCK", (60.0, 60.0))
     return Reader()

@@ -15,7 +15,7 @@ from tiers import tiered
 
 import pinsing
 from pinsing import load
-from pinsing.families import closed_form, prove
+from pinsing.families import closed_form, prove, proving
 from pinsing.proof import checker
 from pinsing.proof.checker import Certificate, Rejected, Ring, verify
 from pinsing.proof.combination import combination
@@ -499,6 +499,33 @@ def test_answer_first_and_proof_on_top():
     assert again.word == "proven"
     assert again.certificate is None
     assert json.loads(proven.to_json())["proof"]["accepted"] is True
+
+
+@pytest.mark.parametrize(
+    ("on_clock", "processor", "word"),
+    [(0.1, 0.0, "proven"), (0.0, 0.2, "probable"), (0.6, 0.0, "probable")],
+    ids=["machine is busy", "proof is long", "machine is very busy"],
+)
+def test_how_busy_the_machine_is_does_not_decide_the_word(monkeypatch, on_clock, processor, word):
+    """Unasked, a proof has 2 s of a processor and 8 s on the clock: by clocks that jump."""
+    from pinsing.algebra import budget
+
+    class Clocks:
+        steps = 0
+
+        def monotonic(self):
+            self.steps += 1
+            return self.steps * on_clock
+
+        def process_time(self):
+            self.steps += 1
+            return self.steps * processor
+
+    plain = closed_form(load("ur5"))
+    monkeypatch.setattr(budget, "time", Clocks())
+    tried = proving.prove_briefly(plain, 600.0)
+    assert tried.word == word
+    assert tried.proof.accepted or "time" in tried.proof.reason
 
 
 def test_what_is_missing_is_not_proven():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 
@@ -24,25 +25,34 @@ class Budget:
     Parameters
     ----------
     seconds : float
-        Time allowed from now on.
+        Time allowed from now on, on the clock.
+    processor : float
+        Besides, processor time of this process: the answer does not depend, then, on what else
+        the machine does, unless the clock runs out first.
     """
 
-    def __init__(self, seconds: float) -> None:
-        self.seconds = seconds
+    def __init__(self, seconds: float, processor: float = math.inf) -> None:
+        self.seconds, self.processor = seconds, processor
         self.when_long: Callable[[], None] | None = None
         """Called before a step when the computation has become long, or is about to."""
         self._began = time.monotonic()
         self._deadline = self._began + seconds
+        self._last = time.process_time() + processor
 
     @property
     def left(self) -> float:
         """Seconds left, 0 if there are none."""
-        return max(0.0, self._deadline - time.monotonic())
+        return max(0.0, min(self._deadline - time.monotonic(), self._last - time.process_time()))
 
     @property
     def over(self) -> bool:
         """Whether the time has run out."""
-        return time.monotonic() > self._deadline
+        return time.monotonic() > self._deadline or time.process_time() > self._last
+
+    def part(self, share: float) -> Budget:
+        """A share of what is left."""
+        on_clock, used = self._deadline - time.monotonic(), self._last - time.process_time()
+        return Budget(share * max(0.0, on_clock), share * max(0.0, used))
 
     def at_least(self, share: float) -> Budget:
         """What is left, or a share of the whole if that is more."""
@@ -54,6 +64,8 @@ class Budget:
         now = time.monotonic()
         if now + expected > self._deadline:
             raise BudgetExceeded(f"the time budget of {self.seconds:.3g} s ran out")
+        if time.process_time() + expected > self._last:
+            raise BudgetExceeded(f"the budget of {self.processor:.3g} s of processor time ran out")
         if self.when_long is not None and max(now - self._began, expected) > _LONG:
             self.when_long()
 

@@ -44,7 +44,7 @@ _REDRAW_SECONDS = 0.1
     "--prove/--no-prove",
     default=None,
     help="Look for a certificate that no family is missing, for up to a minute, or not at all.  "
-    "[default: for up to a second]",
+    "[default: for up to 2 s of processor time]",
 )
 @click.option(
     "--certificate",
@@ -72,7 +72,7 @@ def families_command(
     "proven": a certificate was found that nothing is missing, and the checker accepted it.
     "probable": nothing is known to be missing, but some steps were decided at random points of
     finite fields. "NOT complete": says what is missing. The answer comes first, a proof that
-    takes longer than a second after it.
+    takes longer than 2 s of processor time after it.
 
     With --fail-if-singular, exits with 1 if any family is reachable within the joint limits.
     """

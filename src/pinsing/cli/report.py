@@ -93,7 +93,8 @@ def out_options(command: F) -> F:
 @click.option(
     "--prove/--no-prove",
     default=None,
-    help="Look for a certificate for up to a minute, or not at all.  [default: for up to a second]",
+    help="Look for a certificate for up to a minute, or not at all.  "
+    "[default: for up to 2 s of processor time]",
 )
 @algebra_options
 @deg_option

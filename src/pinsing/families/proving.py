@@ -16,10 +16,13 @@ from pinsing.proof.checker import Rejected, verify
 from pinsing.proof.place import NotFound
 from pinsing.proof.produce import Stated, certificate, text_of
 
-SHORT = 1.0
-"""Seconds that a proof may take where nobody asked for one."""
+SHORT = 2.0
+"""Seconds of processor time that a search may take where nobody asked for one."""
+SHORT_ON_CLOCK = 1.0, 8.0
+"""Seconds on the clock for that, at least and at most: how busy the machine is does not change the
+word, unless it is very busy."""
 LONG = 60.0
-"""Seconds for one that was asked for."""
+"""Seconds, on the clock, for one that was asked for."""
 
 
 def prove(
@@ -41,14 +44,38 @@ def prove(
     ClosedForm
         The same, with ``proof``; complete and without gaps if the certificate was accepted.
     """
+    return _proven(form, Budget(seconds), progress)
+
+
+def prove_briefly(
+    form: ClosedForm, seconds: float, progress: Callable[[str], None] | None = None
+) -> ClosedForm:
+    """The same where nobody asked for it: for `SHORT` seconds of processor time.
+
+    Parameters
+    ----------
+    form : ClosedForm
+        As `closed_form` gave it.
+    seconds : float
+        What is left on the clock; more or less than `SHORT_ON_CLOCK` says is not used.
+    progress : callable
+        Told now and then how far the search is.
+    """
+    least, most = SHORT_ON_CLOCK
+    return _proven(form, Budget(max(least, min(seconds, most)), SHORT), progress)
+
+
+def _proven(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | None) -> ClosedForm:
+    """With what became of the two ways to look for a certificate."""
     started = time.monotonic()
     reason = ""
     for in_parts in (False, True):
-        left = seconds - (time.monotonic() - started)
-        if left <= 0:
+        if budget.over:
             break
         try:
-            data = _made(form, left, progress, in_parts)
+            # Half of the time for the first way, so that some is left for the second.
+            share = budget.part(1.0 if in_parts else 0.5)
+            data = _made(form, share, progress, in_parts)
             found = time.monotonic()
             text = text_of(data)
             verify(text)
@@ -75,7 +102,7 @@ def prove(
 
 def _made(
     form: ClosedForm,
-    seconds: float,
+    budget: Budget,
     progress: Callable[[str], None] | None,
     in_parts: bool,
 ) -> dict[str, Any]:
@@ -87,12 +114,10 @@ def _made(
     except NotFollowed as reason:
         raise NotFound(f"the algebra does not follow a mimic joint: {reason}") from None
     slides = tuple(bool(p) for p in geometry.arm.prismatic)
-    ring = ring_of(slides, numbers, Budget(seconds))
+    ring = ring_of(slides, numbers, budget)
     stated = [Stated(f.name, c) for f in form.families for c in f.components]
-    # Half of the time for the first way, so that some is left for the second.
-    share = seconds if in_parts else seconds / 2
     return certificate(
-        geometry, ring, form.generic_rank, stated, share, progress, in_parts=in_parts
+        geometry, ring, form.generic_rank, stated, budget, progress, in_parts=in_parts
     )
 
 

@@ -21,8 +21,8 @@ from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.hints import SNAP, small_offset, snap_hint, unsolved_hint
 from pinsing.families.pieces import SolvedPiece
-from pinsing.families.proving import LONG, SHORT
 from pinsing.families.proving import prove as add_proof
+from pinsing.families.proving import prove_briefly
 from pinsing.families.searched import MAX_JOINTS, Allowed, searched
 from pinsing.families.statement import mirror_key
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
@@ -88,7 +88,8 @@ def closed_form(
         As in ``nominal``: radians, metres.
     prove : bool or None
         Whether to look for a certificate that nothing is missing, for up to a minute; None: for
-        up to a second. It comes after the answer: `prove` adds one to an answer that is there.
+        up to two seconds of processor time, and eight on the clock or what ``seconds`` leaves of
+        them. It comes after the answer: `prove` adds one to an answer that is there.
     progress : callable
         Told now and then how far the search for a certificate is.
 
@@ -186,7 +187,9 @@ def closed_form(
     )
     if prove is False:
         return found
-    return add_proof(found, SHORT if prove is None else LONG, progress)
+    if prove is None:
+        return prove_briefly(found, seconds - (time.monotonic() - started), progress)
+    return add_proof(found, progress=progress)
 
 
 def _design(

@@ -31,17 +31,17 @@ class Forms:
     ----------
     certificate : Certificate
         Its ring, and which roots of numbers are in it.
-    seconds : float
+    budget : Budget
         Time for what is factored.
     """
 
-    def __init__(self, certificate: Certificate, seconds: float) -> None:
+    def __init__(self, certificate: Certificate, budget: Budget) -> None:
         self.certificate, self.ring = certificate, certificate.ring
-        self._budget = Budget(seconds)
+        self._budget = budget
         self._factors: dict[str, list[tuple[Poly, int]]] = {}
-        self._algebra = self._ring_to_factor_in(seconds)
+        self._algebra = self._ring_to_factor_in()
 
-    def _ring_to_factor_in(self, seconds: float) -> Ring:
+    def _ring_to_factor_in(self) -> Ring:
         ring, slides = self.ring, self.certificate.slides
         flat = tuple(False for _ in slides)
         start = tuple(range(0, 2 * len(slides), 2))
@@ -49,7 +49,7 @@ class Forms:
         roots = tuple(self.certificate.data["square_roots"])
         if not roots:
             return Ring(ring.context, flat, start, norms)
-        return SurdRing(ring.context, flat, start, norms, roots, Budget(seconds))
+        return SurdRing(ring.context, flat, start, norms, roots, self._budget)
 
     def place_of(self, forms: Sequence[Poly], points: bool = False) -> Place:
         """A place by its forms, in the one way that it is written."""

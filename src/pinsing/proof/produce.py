@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring, Value
 from pinsing.geometry.nominal import Nominal
@@ -33,7 +34,7 @@ def certificate(
     ring: Ring,
     rank: int,
     stated: Sequence[Stated],
-    seconds: float,
+    budget: Budget,
     progress: Callable[[str], None] | None = None,
     in_parts: bool = False,
 ) -> dict[str, Any]:
@@ -49,7 +50,7 @@ def certificate(
         Generic rank of the task Jacobian.
     stated : sequence of Stated
         The components.
-    seconds : float
+    budget : Budget
         Time for the search of a tree of cases.
     progress : callable
         Told now and then how far that is.
@@ -70,7 +71,7 @@ def certificate(
     try:
         data, jacobian = without_dependent_lines(data)
         draft = Draft(data, jacobian)
-        polynomials, tidy = _Table(), Forms(draft, seconds)
+        polynomials, tidy = _Table(), Forms(draft, budget)
         for s in stated:
             forms = [*_linear(draft, s.component.values)]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in s.component.relations]
@@ -88,7 +89,7 @@ def certificate(
                     }
                 )
         data["polynomials"] = polynomials.texts
-        root = Tree(Draft(data, jacobian), seconds, progress).root()
+        root = Tree(Draft(data, jacobian), budget, progress).root()
     except Rejected as reason:
         raise NotFound(str(reason)) from None
     order = _ordered(root)

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 import functools
 import itertools
-import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from pinsing.algebra.budget import BudgetExceeded
+from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.ring import Poly
 from pinsing.proof.checker import MOST_WORK, Certificate, Rejected, Ring
 from pinsing.proof.division import divisions, empty, vanishes
@@ -45,12 +44,11 @@ class Tree:
     def __init__(
         self,
         certificate: Certificate,
-        seconds: float,
+        budget: Budget,
         progress: Callable[[str], None] | None = None,
     ) -> None:
         self.certificate, self.ring, self._progress = certificate, certificate.ring, progress
-        self._until = time.monotonic() + seconds
-        self.forms = Forms(certificate, seconds)
+        self._budget, self.forms = budget, Forms(certificate, budget)
         self.families = [certificate.forms(f) for f in certificate.data["families"]]
         self._most = max([_MOST, *map(len, self.families)])
         self._splits = Splits(self.forms, self.families, self._check_time)
@@ -69,7 +67,7 @@ class Tree:
         return place
 
     def _check_time(self) -> None:
-        if time.monotonic() > self._until:
+        if self._budget.over:
             raise NotFound("time was over")
         self.ring.work = 0  # what is counted is one step here, the whole check there
 
