@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import chain, combinations
-from math import comb
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.configuration.column_ranks import ColumnRanks
 from pinsing.configuration.line_geometry import (
     STRUCTURE_TOL,
     AxesCentre,
@@ -29,8 +27,7 @@ from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians
 from pinsing.kinematics.jacobian import tip_placement as placement_of
 from pinsing.kinematics.own_scale import own_scale, random_turns
-from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
-from pinsing.measures import singular_values
+from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.robot.arm import Arm
 from pinsing.robot.task import TOOL_AXES
 
@@ -39,7 +36,6 @@ DEPENDENCE_RTOL = 10 * SINGULAR_RTOL
 
 _SEED = 40823
 _SAMPLES = 4
-_MANY = 60_000  # sets of joints; beyond, the whole arm is named without a search
 
 
 @dataclass(frozen=True)
@@ -112,7 +108,7 @@ def dependences_of(
     arm: Arm, J: Array, q: Array, tip: Array, rtol: float
 ) -> tuple[AxisDependence, ...]:
     """`axis_dependences` at q (n,), with its frame Jacobian (6, n) and the tip (3,), metres."""
-    columns = _Columns(arm, J, q, rtol)
+    columns = ColumnRanks(arm, J, q, rtol, _generic_task(arm), moving_columns(arm))
     if columns.lost <= 0:
         return ()
     words = _Reasons(arm, J, tip, columns, rtol)
@@ -181,93 +177,10 @@ def _generic_task(arm: Arm) -> Array:
     )
 
 
-class _Columns:
-    """Ranks of sets of columns of one task Jacobian, here and in general."""
-
-    def __init__(self, arm: Arm, J: Array, q: Array, rtol: float) -> None:
-        self.J = own_scale(arm).apply(arm, J, q)
-        self.generic = _generic_task(arm)
-        self.zero = zero_of(arm, singular_values(self.J), rtol)
-        self.used = moving_columns(arm)
-        self._rank: dict[tuple[int, ...], int] = {(): 0}
-        r = generic_rank(arm)
-        self.spare = len(self.used) - r
-        self.lost = r - self.rank(self.used)
-
-    def ranks(self, sets: npt.NDArray[np.intp]) -> npt.NDArray[np.intp]:
-        """Ranks at the configuration of sets (N, k) of columns."""
-        stack = self.J[:, sets].transpose(1, 0, 2)  # (N, m, k)
-        sigma = np.linalg.svd(stack, compute_uv=False)
-        return np.asarray((sigma > self.zero).sum(axis=-1))
-
-    def rank(self, ids: Sequence[int]) -> int:
-        key = tuple(ids)
-        if key not in self._rank:
-            self._rank[key] = int(self.ranks(np.array([ids]))[0])
-        return self._rank[key]
-
-    def nullity(self, ids: Sequence[int]) -> int:
-        return len(ids) - self.rank(ids)
-
-    def generic_rank(self, ids: Sequence[int]) -> int:
-        sigma = np.linalg.svd(self.generic[:, :, list(ids)], compute_uv=False)
-        return int((sigma > SINGULAR_RTOL * sigma.max()).sum(axis=-1).max())
-
-    def deficient(self, ids: Sequence[int]) -> bool:
-        return self.rank(ids) < self.generic_rank(ids)
-
-    def causes(self) -> list[tuple[int, ...]]:
-        """Sets that force the loss, one for each rank lost."""
-        found: list[tuple[int, ...]] = []
-        for ids in self._by_size(self.used, self.spare + 1):
-            union = sorted(set(chain(ids, *found)))
-            if self.nullity(union) - self.spare > len(found):
-                found.append(ids)
-            if len(found) == self.lost:
-                break
-        return found
-
-    def pieces(self, ids: tuple[int, ...]) -> list[tuple[int, ...]]:
-        """Smallest sets within ``ids`` that are dependent beyond what is general.
-
-        As many as are needed for the nullity that forces the loss.
-        """
-        if self.spare == 0:
-            return [ids]
-        found: list[tuple[int, ...]] = []
-        union: list[int] = []
-        for part in self._by_size(ids, 1):
-            wider = sorted({*union, *part})
-            if self.nullity(wider) > self.nullity(union) and self.deficient(part):
-                found.append(part)
-                union = wider
-            if self.nullity(union) > self.spare:
-                break
-        return found
-
-    def _by_size(self, ids: Sequence[int], nullity: int) -> Iterator[tuple[int, ...]]:
-        """Sets within ``ids``, smallest first, of at least this nullity."""
-        for size in range(1, len(ids) + 1):
-            if comb(len(ids), size) > _MANY:
-                break
-            sets = np.array(ids)[_combinations(len(ids), size)]
-            for k in np.flatnonzero(size - self.ranks(sets) >= nullity):
-                yield tuple(int(i) for i in sets[k])
-        else:
-            return
-        yield tuple(ids)
-
-
-@functools.cache
-def _combinations(n: int, size: int) -> npt.NDArray[np.intp]:
-    """Sets (N, size) of that many out of n, as indices."""
-    return np.array(list(combinations(range(n), size)), dtype=np.intp)
-
-
 class _Reasons:
     """Says why sets of axes are dependent."""
 
-    def __init__(self, arm: Arm, J: Array, tip: Array, columns: _Columns, rtol: float) -> None:
+    def __init__(self, arm: Arm, J: Array, tip: Array, columns: ColumnRanks, rtol: float) -> None:
         self.arm, self.columns = arm, columns
         self.task = arm.task.name
         self.coupled = arm.coupling is not None

@@ -24,11 +24,17 @@ from pinsing.kinematics.jacobian import (
     own_jacobians_and_derivatives,
     scale_rows,
     singular_values,
-    tip_placement,
+    tip_poses,
 )
 from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.task_rows import task_rows, turn_left
-from pinsing.kinematics.verdict import generic_rank, rank_of, ratio_of
+from pinsing.kinematics.verdict import (
+    SINGULAR_RTOL,
+    generic_rank,
+    rank_of,
+    ratio_of,
+    task_size,
+)
 from pinsing.robot.arm import Arm
 
 Kind = Literal["boundary", "interior", "undecided"]
@@ -136,7 +142,8 @@ def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind
     found: list[Kind | None] = [None] * len(Q)
     if r == J.shape[1]:
         U, sigma, Vt = np.linalg.svd(J)
-        once = [i for i in range(len(Q)) if rank_of(arm, sigma[i]) == r - 1]
+        zero = SINGULAR_RTOL * np.maximum(sigma[:, :1], task_size(arm))
+        once = np.flatnonzero((sigma > zero).sum(axis=1) == r - 1).tolist()
         clear = _clear_kinds(U[once, :, -1], Vt[once, r - 1 :], H[once])
         for i, kind in zip(once, clear, strict=True):
             found[i] = kind
@@ -280,29 +287,33 @@ def _critical_along(arm: Arm, q: Array, u: Array, kernel: Array) -> bool:
     """Tell if the tip can stay still, and u lost, along every direction of ``kernel`` (n, p)."""
     rng = np.random.default_rng(_SEED)
     mixed = kernel @ rng.standard_normal((kernel.shape[1], kernel.shape[1]))
-    for n in np.concatenate([kernel, mixed / np.linalg.norm(mixed, axis=0)], axis=1).T:
-        columns = own_scale(arm).columns
-        end = _slide(arm, q, u, q + _SLIDE * n * columns)
-        if end is None or abs(float(((end - q) / columns) @ n)) < _SLIDE / 2:
-            return False
-    return True
+    ways = np.concatenate([kernel, mixed / np.linalg.norm(mixed, axis=0)], axis=1).T
+    columns = own_scale(arm).columns
+    ends = _slide(arm, q, u, q + _SLIDE * ways * columns)
+    if ends is None:
+        return False
+    return bool((np.abs((((ends - q) / columns) * ways).sum(axis=1)) >= _SLIDE / 2).all())
 
 
-def _slide(arm: Arm, q: Array, u: Array, start: Array) -> Array | None:
-    """Configuration near ``start`` with the tip as at q and J^T u = 0, if there is one."""
+def _slide(arm: Arm, q: Array, u: Array, starts: Array) -> Array | None:
+    """Configurations near ``starts`` (N, n), tip as at q and J^T u = 0; None if one has none."""
     scale = own_scale(arm)
-    goal = tip_placement(arm, q)
-    now = start.copy()
+    place, turned = tip_poses(arm, q[None])
+    now = starts.copy()
+    moving = np.arange(len(starts))  # those that have not arrived
     for _ in range(20):
-        at = tip_placement(arm, now)
-        R = np.array(at.rotation)
-        turn = -turn_left(arm.task, R[None], np.array(goal.rotation))[0]
-        apart = np.concatenate([at.translation - goal.translation, turn])
-        error = task_rows(arm, apart[:, None], now, R)[:, 0] * scale.rows
-        J, H = own_jacobians_and_derivatives(arm, now)
-        F = np.concatenate([error, J[0].T @ u])
-        if np.abs(F).max() <= 1e-10:
+        Q = now[moving]
+        position, R = tip_poses(arm, Q)
+        turn = -turn_left(arm.task, R, turned[0])
+        apart = np.concatenate([position - place, turn], axis=1)
+        error = task_rows(arm, apart[:, :, None], Q, R)[:, :, 0] * scale.rows
+        J, H = own_jacobians_and_derivatives(arm, Q)
+        F = np.concatenate([error, np.swapaxes(J, 1, 2) @ u], axis=1)
+        left = np.abs(F).max(axis=1) > 1e-10
+        moving = moving[left]
+        if not len(moving):
             return now
-        slope = np.concatenate([J[0], np.einsum("r,rij->ij", u, H[0])])
-        now = now - np.linalg.lstsq(slope, F, rcond=1e-6)[0] * scale.columns
+        slope = np.concatenate([J, np.einsum("r,krij->kij", u, H)], axis=1)[left]
+        step = np.linalg.pinv(slope, rcond=1e-6) @ F[left, :, None]
+        now[moving] = Q[left] - step[:, :, 0] * scale.columns
     return None

@@ -29,6 +29,17 @@ def tip_placement(arm: Arm, q: npt.ArrayLike) -> pin.SE3:
     return pin.SE3(pin.updateFramePlacement(arm.model, data, arm.tip_id))
 
 
+def tip_poses(arm: Arm, Q: Array) -> tuple[Array, Array]:
+    """Positions (N, 3), metres, and rotations (N, 3, 3) of the tip in the base at Q (N, n)."""
+    model, data, tip = arm.model, arm.model.createData(), arm.tip_id
+    positions, rotations = np.empty((len(Q), 3)), np.empty((len(Q), 3, 3))
+    for i, q in enumerate(arm.model_q(Q)):
+        pin.forwardKinematics(model, data, q)
+        place = pin.updateFramePlacement(model, data, tip)
+        positions[i], rotations[i] = place.translation, place.rotation
+    return positions, rotations
+
+
 @checked
 def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     """Frame Jacobian of the tip at one configuration.
