@@ -11,9 +11,11 @@ import pytest
 from scipy.optimize import brentq
 
 from pinsing.configuration.axis_dependence import axis_dependences, dependent_axes
+from pinsing.configuration.column_ranks import ColumnRanks
 from pinsing.errors import ConfigurationError
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian
+from pinsing.kinematics.own_scale import own_scale
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.source import Coupling
@@ -305,3 +307,60 @@ def test_wrong_configuration_is_refused():
 def test_frame_jacobian_is_what_the_words_are_about():
     J = frame_jacobian(exact("puma560"), [0.1, 0.2, 0.3, 0.4, 0, 0.5])
     np.testing.assert_allclose(J[:, 3], J[:, 5], atol=1e-12)
+
+
+# Ranks of all sets of columns ------------------------------------------------------------
+
+
+def ranks_of(name: str, q: list[float]) -> ColumnRanks:
+    arm = exact(name)
+    generic = [own_scale(arm).apply(arm, frame_jacobian(arm, p), p) for p in GENERIC[:, : arm.n]]
+    return ColumnRanks(
+        arm, frame_jacobian(arm, q), np.array(q), 1e-8, np.array(generic), tuple(range(arm.n))
+    )
+
+
+GENERIC = np.random.default_rng(5).uniform(-3, 3, (4, 7))
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(
+    ("name", "q"),
+    [
+        ("puma560", [0.1, 0.2, 0.3, 0.4, 0, 0.5]),
+        ("stanford", [0.1, 0, 0.3, 0.4, 0, 0.5]),
+        ("iiwa14", [0.1, 0, 0.3, 1.4, np.pi / 2, 0, 0.5]),
+        ("ur5", [0, 0, 0, 0, 0, 0]),
+    ],
+)
+def test_ranks_of_all_sets_are_those_of_each(
+    name: str, q: list[float], compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All sets at once, with or without the kernel, and each set by LAPACK."""
+    if not compiled:
+        monkeypatch.setattr("pinsing._batch.engine._missing", "not installed")
+    found = ranks_of(name, q)
+    for size in range(1, len(q) + 1):
+        for ids in itertools.combinations(range(len(q)), size):
+            sigma = np.linalg.svd(found.J[:, ids], compute_uv=False)
+            assert found.rank(ids) == (sigma > found.zero).sum(), ids
+            general = np.linalg.svd(found.generic[:, :, ids], compute_uv=False)
+            assert found.generic_rank(ids) == (general > 1e-9 * general.max()).sum(axis=1).max()
+    assert found.lost > 0
+
+
+def test_many_columns_are_searched_set_by_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The way of long chains gives the same causes and pieces as that of short ones."""
+    for name, q in [
+        ("iiwa14", [0.1, 0, 0.3, 1.4, np.pi / 2, 0, 0.5]),
+        ("puma560", [0.1, 0.2, 0.3, 0.4, 0, 0.5]),
+        ("ur5", [0, 0, 0, 0, 0, 0]),
+    ]:
+        short = ranks_of(name, q)
+        with monkeypatch.context() as changed:
+            changed.setattr("pinsing.configuration.column_ranks._AT_ONCE", 0)
+            long = ranks_of(name, q)
+            assert long.causes() == short.causes() != []
+            assert [long.pieces(c) for c in long.causes()] == [
+                short.pieces(c) for c in short.causes()
+            ]

@@ -202,3 +202,40 @@ def test_a_long_common_divisor_may_be_handed_to_a_process_that_can_be_stopped():
     assert len(long) > 60
     assert r.monic(short) == r.gcd(long, short)
     assert asked
+
+
+@pytest.mark.parametrize("roots", [False, True])
+def test_what_no_configuration_makes_zero(roots: bool) -> None:
+    """Constants and products of x^2 + y^2, with and without square roots in the ring."""
+    r = ring(ROOT2) if roots else make_ring((False, False, True))
+    x1, y1, x2, y2, z = r.context.gens()[: r.nvars]
+    constant = r.number(ROOT2) if roots else r.number(Fraction(-3, 7))
+    w1, w2 = x1**2 + y1**2, x2**2 + y2**2
+    for poly in (r.one, constant, w1, constant * w1, w1**2 * w2, constant * w1 * w2**3):
+        assert r.nowhere_zero(r.reduce(poly)), poly
+    for poly in (
+        x1,
+        z,
+        z**2,
+        w1 * z,
+        x1**2 - y1**2,
+        2 * x1**2 + y1**2,
+        w1 + w2,
+        w1 * (x2**2 + 2 * y2**2),
+        x1**2 * y1**2,
+        w1 * x2 * y2,
+        w1**2 + x1**2 * y1**2,
+    ):
+        assert not r.nowhere_zero(r.reduce(poly)), poly
+        assert not r.nowhere_zero(r.reduce(constant * poly)), poly
+
+
+def test_values_are_put_where_they_occur() -> None:
+    """Putting a value in is substitution, whether the joint occurs or not."""
+    r = ring(ROOT3)
+    x1, y1, x2, _, z = gens(r)
+    put = r.putting({0: (Fraction(1), ROOT3), 2: (Fraction(2, 5),)})
+    assert put(x2) == x2
+    assert put(r.zero) == 0
+    assert r.reduce(put(x1**2 + y1**2)) == r.number(4)
+    assert r.reduce(put(x2 * y1 * z)) == r.reduce(x2 * r.number(ROOT3 * Fraction(2, 5)))

@@ -43,7 +43,7 @@ class Decomposition:
         self.ring = ring
         self.time = time
         self._apart = Apart(time, time.left + _TO_ASK * time.seconds)
-        self._found = FoundComponents(ring, lambda c: self._apart.tell(_packed(c, ring)))
+        self._found = FoundComponents(ring, self._tell)
         self._search = Search(ring, time, self._found)
         self.gaps = self._search.gaps
         self.stopped = False
@@ -81,6 +81,11 @@ class Decomposition:
             return self
         packed = [_packed(c, self.ring) for c in self.components]
         return packed, self.gaps, self.stopped, self.second, self.bound
+
+    def _tell(self, component: Component) -> None:
+        """What a child found, in case that it is stopped."""
+        if self._apart.child:
+            self._apart.tell(_packed(component, self.ring))
 
     def _take(self, found: Any) -> None:
         """What the child found."""

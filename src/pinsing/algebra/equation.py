@@ -21,7 +21,7 @@ from pinsing._types import Array
 from pinsing.algebra.equation_text import LATEX, PLAIN, Style, exact_sum, signed_sum
 from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
-from pinsing.geometry.surd import Exact, exact_of, exact_text, parts_of
+from pinsing.geometry.surd import Exact, Surd, exact_of, exact_text, parts_of
 from pinsing.robot.memory import Memory
 
 _NOTHING = 1e-15
@@ -184,6 +184,14 @@ class Equation(Memory):
                     pieces.append((coefficient, body))
         return pieces
 
+    def leading(self) -> float:
+        """The coefficient that is read first."""
+        for t in sorted(range(len(self.cos)), key=self._reading_order):
+            for coefficient in (float(self.cos[t]), float(self.sin[t])):
+                if t in self._constants or abs(coefficient) > _NOTHING * self.size:
+                    return coefficient
+        return 0.0
+
     @property
     def _constants(self) -> frozenset[int]:
         """Terms without any angle."""
@@ -232,10 +240,33 @@ class Equation(Memory):
 
 def _whole(pairs: Sequence[tuple[Exact, Exact]]) -> tuple[tuple[str, str], ...]:
     """Exact coefficients as text, times the number that makes them whole and as small as may be."""
+    if (plain := _integers(pairs)) is not None:
+        shared = math.gcd(*(x for pair in plain for x in pair)) or 1
+        return tuple((str(c // shared), str(s // shared)) for c, s in plain)
     numbers = [part for pair in pairs for c in pair for part in parts_of(c)]
     bottom = math.lcm(*(x.denominator for x in numbers))
     scale = Fraction(bottom, math.gcd(*(int(x * bottom) for x in numbers)) or 1)
     return tuple((exact_text(c * scale), exact_text(s * scale)) for c, s in pairs)
+
+
+def _rounded(pairs: Sequence[tuple[Exact, Exact]]) -> tuple[Array, Array]:
+    """Exact coefficients over the largest part of any, each rounded once."""
+    if (plain := _integers(pairs)) is not None:  # their quotients are rounded once, too
+        top = max(abs(x) for pair in plain for x in pair)
+        return np.array([c / top for c, _ in plain]), np.array([s / top for _, s in plain])
+    largest = max(abs(part) for pair in pairs for c in pair for part in parts_of(c))
+    cos, sin = (np.array([float(pair[i] / largest) for pair in pairs]) for i in (0, 1))
+    return cos, sin
+
+
+def _integers(pairs: Sequence[tuple[Exact, Exact]]) -> list[tuple[int, int]] | None:
+    """Coefficients that are all whole numbers, as such."""
+    plain = []
+    for c, s in pairs:
+        if isinstance(c, Surd) or isinstance(s, Surd) or c.denominator != 1 or s.denominator != 1:
+            return None
+        plain.append((c.numerator, s.numerator))
+    return plain
 
 
 def _negated(number: str) -> str:
@@ -264,20 +295,20 @@ def equation(poly: Poly, ring: Ring, joints: Sequence[str], offset: Array) -> Eq
     shift[np.abs(shift) < 1e-12] = 0.0
     n = len(ring.prismatic)
     terms = fourier(poly, ring, [int(k) for k in quarters])
-    largest = max(abs(part) for pair in terms.values() for c in pair for part in parts_of(c))
-    cos, sin = (np.array([float(pair[i] / largest) for pair in terms.values()]) for i in (0, 1))
+    pairs = list(terms.values())
+    cos, sin = _rounded(pairs)
     top = float(np.max(np.hypot(cos, sin)))
-    out = Equation(
+    draft = Equation(
         joints=tuple(joints),
         frequencies=np.array([k[0] for k in terms], dtype=np.int64).reshape(-1, n),
         powers=np.array([k[1] for k in terms], dtype=np.int64).reshape(-1, n),
         cos=cos / top,
         sin=sin / top,
         shift=shift,
-        exact=_whole(list(terms.values())),
     )
-    first = out._pieces(PLAIN)[0][0]
-    return out.scaled(-1.0) if first < 0 else out
+    if draft.leading() < 0:
+        draft, pairs = draft.scaled(-1.0), [(-c, -s) for c, s in pairs]
+    return replace(draft, exact=_whole(pairs))
 
 
 def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
@@ -292,20 +323,26 @@ def scale_to_lengths(equation: Equation, lengths: Sequence[float]) -> Equation:
     if len(found) < 2 or len(found) > _FEW or not known or equation.powers.any():
         return equation
     single = np.array(known)
-    pairs = np.array([abs(a + s * b) for a in known for b in known for s in (1, -1)] or [0.0])
+    pairs = np.sort([abs(a + s * b) for a in known for b in known for s in (1, -1)])
 
-    def matches(values: Array, targets: Array) -> npt.NDArray[np.bool_]:
-        close = np.abs(values[:, None] - targets[None, :]) < 1e-9 * values[:, None]
-        return np.asarray(close.any(axis=1))
+    largest = sorted(set(np.round(found, 14).tolist()), reverse=True)  # np.unique takes an import
+    factors = [length / c for c in largest for length in known]
+    scaled = found * np.array(factors)[:, None]
 
+    def matches(targets: Array) -> npt.NDArray[np.bool_]:
+        """Which of the values (factors, coefficients) are one of the targets, ascending."""
+        place = np.searchsorted(targets, scaled)
+        below, above = (
+            targets[np.maximum(place - 1, 0)],
+            targets[np.minimum(place, len(targets) - 1)],
+        )
+        close = np.minimum(np.abs(scaled - below), np.abs(scaled - above)) < 1e-9 * scaled
+        return np.asarray(close)
+
+    alone = matches(single)
+    points = alone.sum(axis=1) + 0.4 * (~alone & matches(pairs)).sum(axis=1)
     best, score = 1.0, 0.0
-    for c in sorted(set(np.round(found, 14).tolist()), reverse=True):  # np.unique takes an import
-        for length in known:
-            factor = length / c
-            scaled = found * factor
-            alone = matches(scaled, single)
-            summed = ~alone & matches(scaled, pairs)
-            points = float(alone.sum()) + 0.4 * float(summed.sum())
-            if points > score + 1e-9:
-                best, score = factor, points
+    for factor, count in zip(factors, points.tolist(), strict=True):
+        if count > score + 1e-9:
+            best, score = factor, count
     return equation.scaled(best) if score >= max(1.4, 0.6 * len(found)) else equation

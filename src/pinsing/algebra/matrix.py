@@ -7,11 +7,10 @@ where that of the given one does.
 from __future__ import annotations
 
 from collections import Counter
-from fractions import Fraction
+from typing import Any
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.ring import Monomial, Poly, Ring
-from pinsing.geometry.surd import Exact
 
 Matrix = list[list[Poly]]
 _Place = tuple[int, Monomial]  # column and monomial
@@ -37,20 +36,20 @@ def primitive(line: list[Poly], ring: Ring) -> list[Poly]:
 def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
     """Drop rows that are combinations of others with constant factors: no rank is lost."""
     doubtful = _sharing(matrix, ring)
-    basis: list[tuple[_Place, dict[_Place, Exact]]] = []
+    basis: list[tuple[_Place, dict[_Place, Any]]] = []
     kept = []
     for i, row in enumerate(matrix):
         if i not in doubtful:
             kept.append(row)
             continue
-        vector: dict[_Place, Exact] = {
-            (j, m): c for j, x in enumerate(row) for m, c in ring.terms(x).items()
+        vector: dict[_Place, Any] = {
+            (j, m): c for j, x in enumerate(row) for m, c in ring.coefficients(x).items()
         }
         for lead, other in basis:
             if lead in vector:
                 ratio = vector[lead] / other[lead]
                 for key, value in other.items():
-                    vector[key] = vector.get(key, Fraction(0)) - ratio * value
+                    vector[key] = vector.get(key, 0) - ratio * value
                 vector = {k: v for k, v in vector.items() if v != 0}
         if vector:
             basis.append((next(iter(vector)), vector))
@@ -135,9 +134,9 @@ def _unit(rows: Matrix, ring: Ring) -> tuple[int, int] | None:
     for i, row in enumerate(rows):
         in_row = sum(len(x) for x in row if x != 0)
         for j, x in enumerate(row):
-            plain = x != 0 and ring.is_constant(x)
-            if x == 0 or not (plain or ring.is_constant(ring.strip(x))):
+            if x == 0 or not ring.nowhere_zero(x):
                 continue
+            plain = ring.is_constant(x)
             column = [other[j] for k, other in enumerate(rows) if k != i and other[j] != 0]
             cost = sum(len(c) for c in column) * in_row + (0 if plain else 1000)
             if best is None or cost < best[0]:

@@ -72,7 +72,8 @@ class NearMinors:
             if self._whole is None:
                 self._whole = jacobian_matrix(self.geometry, ring, self.task, self.time)
             matrix = [[row[j] for j in joints] for row in self._whole]
-        matrix = [[ring.substitute(x, values) for x in row] for row in matrix]
+        put = ring.putting(values)
+        matrix = [[put(x) for x in row] for row in matrix]
         rows, rank = reduce_matrix(matrix, self.rank, ring, self.time)
         if rank == 0:
             return ring.one

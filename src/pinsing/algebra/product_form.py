@@ -95,12 +95,32 @@ def expressions(
         By function and multiple: ("cos", 1), ("sin", 1), ("pow", 1), ("one", 0), ("cos/2", 1).
         None where the exact coefficients are not known.
     """
+    if exact and not equation.exact:
+        return None
+    table, scale = equation.once(f"grouped by {joint}", lambda: _grouped(equation, joint))
+    factor = None if exact else scale
+    best: dict[tuple[str, int], dict[Product, Number]] = {}
+    for product, number in table.items():
+        mine = [(f, k) for j, f, k in product if j == joint]
+        key = mine[0] if mine else ("one", 0)
+        shown = _shown(number) if factor is None else float(number) * factor
+        best.setdefault(key, {})[tuple(x for x in product if x[0] != joint)] = shown
+    shift = tuple(float(s) for s in equation.shift)
+    return {
+        key: Expression(tuple((c, p) for p, c in part.items()), equation.joints, shift)
+        for key, part in best.items()
+    }
+
+
+def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], float | None]:
+    """The equation multiplied out, in the shortest of some ways, and what its numbers are times.
+
+    With exact coefficients where they are known.
+    """
     rough = list(zip(equation.cos.tolist(), equation.sin.tolist(), strict=True))
     numbers: list[tuple[Number, Number]] = rough
     if equation.exact:  # so that what cancels does so
         numbers = [(_plain(c), _plain(s)) for c, s in equation.exact]
-    elif exact:
-        return None
     largest = equation.size
     table = _products(equation, rough)
     doubled = sorted(
@@ -114,22 +134,9 @@ def expressions(
         if count < least:
             least, chosen = count, choice
     table = _rebased(_products(equation, numbers), dict(zip(doubled, chosen, strict=True)))
-    if equation.exact:
-        table = {p: c for p, c in table.items() if float(c)}
-    else:
-        table = _kept(table, largest)
-    factor = _factor(rough, numbers) if equation.exact and not exact else None
-    best: dict[tuple[str, int], dict[Product, Number]] = {}
-    for product, number in table.items():
-        mine = [(f, k) for j, f, k in product if j == joint]
-        key = mine[0] if mine else ("one", 0)
-        shown = _shown(number) if factor is None else float(number) * factor
-        best.setdefault(key, {})[tuple(x for x in product if x[0] != joint)] = shown
-    shift = tuple(float(s) for s in equation.shift)
-    return {
-        key: Expression(tuple((c, p) for p, c in part.items()), equation.joints, shift)
-        for key, part in best.items()
-    }
+    if not equation.exact:
+        return _kept(table, largest), None
+    return {p: c for p, c in table.items() if float(c)}, _factor(rough, numbers)
 
 
 def _plain(text: str) -> Number:

@@ -62,7 +62,7 @@ def _sign(poly: Poly, point: Sequence[int], ring: Ring) -> int:
 
 def _degree(poly: Poly, joint: int, ring: Ring) -> int:
     """Degree in both variables of a joint, in which the polynomial is homogeneous."""
-    m = next(iter(poly.to_dict()))
+    m = poly.monomial(0)
     return sum(int(m[v]) for v in ring.variables(joint))
 
 

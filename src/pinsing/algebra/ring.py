@@ -10,7 +10,8 @@ A prismatic joint has one variable, its value in metres.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -28,7 +29,8 @@ Value = tuple[Exact, ...]
 
 def rational(value: Fraction | int) -> Any:
     """Flint's rational for a Fraction or an int."""
-    value = Fraction(value)
+    if type(value) is not Fraction:  # making a Fraction of one takes longer than all the rest
+        value = Fraction(value)
     return fmpq(value.numerator, value.denominator)
 
 
@@ -128,13 +130,52 @@ class Ring:
 
     def substitute(self, poly: Poly, values: Mapping[int, Value]) -> Poly:
         """Put exact joint values into ``poly``."""
+        return self.putting(values)(poly)
+
+    def putting(self, values: Mapping[int, Value]) -> Callable[[Poly], Poly]:
+        """What puts exact joint values into one polynomial after the other."""
         names = self.context.names()
         found = {
-            names[v]: rational(x)  # type: ignore[arg-type]
+            v: rational(x)  # type: ignore[arg-type]
             for j, value in values.items()
             for v, x in zip(self.variables(j), value, strict=True)
         }
-        return poly.subs(found)
+        named = {names[v]: x for v, x in found.items()}
+
+        def put(poly: Poly) -> Poly:
+            degrees = poly.degrees()
+            return poly.subs(named) if any(degrees[v] for v in found) else poly
+
+        return put
+
+    def nowhere_zero(self, poly: Poly) -> bool:
+        """Whether a polynomial is a constant times x^2 + y^2 of joints, which no angle makes zero.
+
+        Not the zero polynomial.
+        """
+        if self.is_constant(poly):
+            return True
+        degrees = poly.degrees()
+        for first, slides in zip(self.start, self.prismatic, strict=True):
+            power = degrees[first]
+            if power and slides:
+                return False
+            if not slides and (power % 2 or power != degrees[first + 1]):
+                return False
+        return self._is_of_norms(poly)
+
+    def _is_of_norms(self, poly: Poly) -> bool:
+        """Whether a polynomial is a constant times the x^2 + y^2 that its degrees ask for."""
+        degrees = poly.degrees()
+        powers = [(w, degrees[s] // 2) for s, w in zip(self.start, self.w, strict=True) if w]
+        if len(poly) != math.prod(k + 1 for _, k in powers):
+            return False
+        wanted = math.prod((w**k for w, k in powers if k), start=self.one)
+        return bool(poly == wanted * poly.leading_coefficient())
+
+    def coefficients(self, poly: Poly) -> Mapping[Monomial, Any]:
+        """Exponents of the joints' variables, and coefficients that can be divided."""
+        return poly.to_dict()  # type: ignore[no-any-return]
 
     def divides(self, p: Poly, poly: Poly) -> bool:
         """Whether ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""

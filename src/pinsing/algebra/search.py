@@ -162,7 +162,8 @@ class Search:
 
     def _within(self, relations: Relations, place: SearchPlace, new: Mapping[int, Value]) -> None:
         """Go on at a place with all factors of what equations become at its ``new`` values."""
-        became = [self.ring.strip(self.ring.substitute(p, new)) for p in relations]
+        put = self.ring.putting(new)
+        became = [self.ring.strip(put(p)) for p in relations]
         factors = [self._factors(p) for p in became if p != 0]
         for combination in itertools.product(*factors):
             distinct = tuple({str(h): h for h in combination}.values())
@@ -265,7 +266,8 @@ class Search:
             fixed = self.ring.joint_value(h)
             if fixed is not None:
                 at = dict([fixed])
-                common = self.ring.gcd(self.ring.substitute(p, at), self.ring.substitute(g, at))
+                put = self.ring.putting(at)
+                common = self.ring.gcd(put(p), put(g))
                 there = self._at(place, at)
                 for e in self._factors(self.ring.strip(common)):
                     self._within((e,), there, {})
@@ -381,7 +383,8 @@ class Search:
 
     def _at(self, place: SearchPlace, new: Mapping[int, Value]) -> SearchPlace:
         """The place with some more joints at values."""
-        matrix = [[self.ring.substitute(x, new) for x in row] for row in place.matrix]
+        put = self.ring.putting(new)
+        matrix = [[put(x) for x in row] for row in place.matrix]
         return replace(place, values={**place.values, **new}, matrix=matrix)
 
     def _reduced(self, place: SearchPlace) -> SearchPlace | None:

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
@@ -114,19 +114,30 @@ class SurdRing(Ring):
         """Whether no joint occurs."""
         return all(d <= 0 for d in poly.degrees()[: self.nvars])
 
-    def substitute(self, poly: Poly, values: Mapping[int, Value]) -> Poly:
-        """Put exact joint values into ``poly``."""
+    def putting(self, values: Mapping[int, Value]) -> Callable[[Poly], Poly]:
+        """What puts exact joint values into one polynomial after the other."""
         plain = {j: v for j, v in values.items() if not any(isinstance(x, Surd) for x in v)}
-        if plain:
-            poly = super().substitute(poly, plain)
         left = {j: v for j, v in values.items() if j not in plain}
+        put_plain = super().putting(plain)
         if not left:
-            return poly
+            return put_plain
         images = list(self.context.gens())
         for j, value in left.items():
             for v, x in zip(self.variables(j), value, strict=True):
                 images[v] = self.number(x)
-        return self.reduce(poly.compose(*images, ctx=self.context))
+
+        def put(poly: Poly) -> Poly:
+            return self.reduce(put_plain(poly).compose(*images, ctx=self.context))
+
+        return put
+
+    def _is_of_norms(self, poly: Poly) -> bool:
+        """Whether a polynomial is a constant times the x^2 + y^2 that its degrees ask for."""
+        return self.is_constant(self.strip(poly))
+
+    def coefficients(self, poly: Poly) -> Mapping[Monomial, Any]:
+        """Exponents of the joints' variables, and coefficients that can be divided."""
+        return self.terms(poly)
 
     def monic(self, poly: Poly) -> Poly:
         """The multiple with a leading coefficient of 1; zero stays."""

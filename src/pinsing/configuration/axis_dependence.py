@@ -171,10 +171,12 @@ def _moving_columns(arm: Arm) -> tuple[int, ...]:
 def _generic_task(arm: Arm) -> Array:
     """Task Jacobians (k, m, n) of the nominal geometry at random configurations, without units."""
     exact = nominal(arm).arm
-    Q = random_turns(exact, _SAMPLES, _SEED)
-    return arm.once(
-        "generic_task", lambda: own_scale(exact).apply(exact, _generic_jacobians(exact), Q)
-    )
+
+    def compute() -> Array:
+        Q = random_turns(exact, _SAMPLES, _SEED)
+        return own_scale(exact).apply(exact, _generic_jacobians(exact), Q)
+
+    return arm.once("generic_task", compute)
 
 
 class _Reasons:

@@ -151,7 +151,7 @@ def singular_values(stack: Array) -> Array:
     """Singular values (N, k) of small matrices (N, m, n), in the compiled kernel if it is there."""
     if kernel.available() and min(stack.shape[1:]) > 0:
         return kernel.svdvals(stack, threads=1)
-    return np.linalg.svd(stack, compute_uv=False)
+    return np.asarray(np.linalg.svd(stack, compute_uv=False), dtype=np.float64)
 
 
 def of_all_sets(J: Array) -> Array:

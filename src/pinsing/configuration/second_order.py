@@ -10,6 +10,7 @@ configurations for redundant manipulators", ICRA 1990).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -125,7 +126,9 @@ def second_order_many(arm: Arm, Q: npt.ArrayLike) -> tuple[SecondOrder, ...]:
     # What is printed of it is at the length scale of the arm, and by its own joint speeds.
     at_scale = scale_rows(arm, frame_jacobians(arm, Q), Q)
     sigma = singular_values(arm, Q)
-    return tuple(_examine(arm, *row) for row in zip(Q, J, H, at_scale, sigma, strict=True))
+    spaces = [_spaces(arm, *row) for row in zip(Q, J, H, strict=True)]
+    kinds = _decided(arm, Q, spaces)
+    return tuple(_printed(arm, *row) for row in zip(spaces, kinds, at_scale, sigma, strict=True))
 
 
 def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind | None]:
@@ -149,8 +152,9 @@ def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind
             found[i] = kind
     rest = [i for i, kind in enumerate(found) if kind is None][:most]
     if rest:
-        for i, one in zip(rest, second_order_many(arm, Q[rest]), strict=True):
-            found[i] = one.kind
+        spaces = [_spaces(arm, *row) for row in zip(Q[rest], J[rest], H[rest], strict=True)]
+        for i, kind in zip(rest, _decided(arm, Q[rest], spaces), strict=True):
+            found[i] = kind
     return found
 
 
@@ -175,23 +179,53 @@ def _clear_kinds(lost: Array, still: Array, H: Array) -> list[Kind | None]:
     return found
 
 
-def _examine(
-    arm: Arm, q: Array, J: Array, H: Array, at_scale: Array, printed: Array
-) -> SecondOrder:
+@dataclass(frozen=True, eq=False)
+class _Spaces:
+    """Null spaces of one task Jacobian at the own scale, and what they say of the kind.
+
+    ``kind`` is None where it is a boundary if u (m,) stays lost along the kernel (n, p).
+    """
+
+    rank: int
+    ratio: float
+    lost: Array
+    still: Array
+    kind: Kind | None
+    u: Array
+    kernel: Array
+
+
+def _spaces(arm: Arm, q: Array, J: Array, H: Array) -> _Spaces:
     U, sigma, Vt = np.linalg.svd(J)
     r = generic_rank(arm)
     rank, ratio = rank_of(arm, sigma), float(ratio_of(arm, sigma))
     N = Vt[rank:].T
-    kind = _UNDECIDED
-    lost = np.zeros((len(J), 0))
-    if rank < r:
-        lost = _lost(arm, q, U[:, rank:], N, H, rank)
-        kind = _kind(arm, q, lost, N, H)
+    if rank >= r:
+        none = np.zeros((len(J), 0))
+        return _Spaces(rank, ratio, none, N, _UNDECIDED, none, none)
+    lost = _lost(arm, q, U[:, rank:], N, H, rank)
+    return _Spaces(rank, ratio, lost, N, *_kind(lost, N, H))
+
+
+def _decided(arm: Arm, Q: Array, spaces: Sequence[_Spaces]) -> list[Kind]:
+    """The kinds at Q (N, n); what has to be followed for a way is followed all at once."""
+    kinds = [s.kind or _UNDECIDED for s in spaces]
+    open_ = [i for i, s in enumerate(spaces) if s.kind is None]
+    if open_:
+        ways = [(Q[i], spaces[i].u, spaces[i].kernel) for i in open_]
+        for i, critical in zip(open_, _critical_along(arm, ways), strict=True):
+            kinds[i] = "boundary" if critical else _UNDECIDED
+    return kinds
+
+
+def _printed(arm: Arm, found: _Spaces, kind: Kind, at_scale: Array, printed: Array) -> SecondOrder:
     scale = own_scale(arm)
-    lost = _turned(lost, scale.rows * np.where(np.array(arm.task.rows) < 3, arm.length_scale, 1.0))
+    lengths = np.where(np.array(arm.task.rows) < 3, arm.length_scale, 1.0)
+    lost = _turned(found.lost, scale.rows * lengths)
     residual = float(np.linalg.norm(at_scale.T @ lost, axis=0).max(initial=0.0))
-    residual = residual if rank < r else float(printed[-1])
-    return SecondOrder(printed, ratio, rank, lost, _turned(N, scale.columns), residual, kind)
+    residual = residual if found.rank < generic_rank(arm) else float(printed[-1])
+    still = _turned(found.still, scale.columns)
+    return SecondOrder(printed, found.ratio, found.rank, lost, still, residual, kind)
 
 
 def _turned(basis: Array, factors: Array) -> Array:
@@ -201,7 +235,9 @@ def _turned(basis: Array, factors: Array) -> Array:
     return np.asarray(np.linalg.qr(factors[:, None] * basis)[0])
 
 
-def _kind(arm: Arm, q: Array, lost: Array, N: Array, H: Array) -> Kind:
+def _kind(lost: Array, N: Array, H: Array) -> tuple[Kind | None, Array, Array]:
+    """Kind, or None with the direction and the kernel that it depends on."""
+    none = np.zeros(0)
     B = np.tensordot(lost, H, (0, 0))  # [a, i, j]
     tol = _ZERO * float(np.abs(H).max())
     Q = N.T @ B @ N
@@ -209,19 +245,19 @@ def _kind(arm: Arm, q: Array, lost: Array, N: Array, H: Array) -> Kind:
     if np.abs(Q).max() <= tol:
         # No second order at all: every lost u must become attainable along some self-motion.
         reach = np.linalg.svd((B @ N).reshape(len(B), -1), compute_uv=False)
-        return "interior" if reach[-1] > tol else _UNDECIDED
+        return "interior" if reach[-1] > tol else _UNDECIDED, none, none
     best, directions = _most_definite(Q)
     if best > tol:
-        return "boundary"
+        return "boundary", none, none
     if best < -tol:
-        return "interior"
+        return "interior", none, none
     for u in directions:
         eigenvalues, Z = np.linalg.eigh(np.tensordot(u, Q, 1))
         kernel = N @ Z[:, np.abs(eigenvalues) <= 10 * tol]
         if np.abs(np.tensordot(u, B, 1) @ kernel).max(initial=0.0) > tol:
             continue
-        return "boundary" if _critical_along(arm, q, lost @ u, kernel) else _UNDECIDED
-    return "interior"
+        return None, lost @ u, kernel
+    return "interior", none, none
 
 
 def _lost(arm: Arm, q: Array, left: Array, N: Array, H: Array, rank: int) -> Array:
@@ -283,37 +319,51 @@ def _most_definite(Q: Array) -> tuple[float, Array]:
     return top, best_u[best_value >= top - 1e-6 * np.abs(Q).max()]
 
 
-def _critical_along(arm: Arm, q: Array, u: Array, kernel: Array) -> bool:
-    """Tell if the tip can stay still, and u lost, along every direction of ``kernel`` (n, p)."""
-    rng = np.random.default_rng(_SEED)
-    mixed = kernel @ rng.standard_normal((kernel.shape[1], kernel.shape[1]))
-    ways = np.concatenate([kernel, mixed / np.linalg.norm(mixed, axis=0)], axis=1).T
+def _critical_along(arm: Arm, ways: Sequence[tuple[Array, Array, Array]]) -> list[bool]:
+    """Tell if the tip can stay still, and u lost, along every direction of a kernel.
+
+    Of each way: its configuration (n,), u (m,), and the kernel (n, p).
+    """
     columns = own_scale(arm).columns
-    ends = _slide(arm, q, u, q + _SLIDE * ways * columns)
-    if ends is None:
-        return False
-    return bool((np.abs((((ends - q) / columns) * ways).sum(axis=1)) >= _SLIDE / 2).all())
+    parts = []
+    for _, _, kernel in ways:
+        rng = np.random.default_rng(_SEED)
+        mixed = kernel @ rng.standard_normal((kernel.shape[1], kernel.shape[1]))
+        parts.append(np.concatenate([kernel, mixed / np.linalg.norm(mixed, axis=0)], axis=1).T)
+    of = np.repeat(np.arange(len(ways)), [len(part) for part in parts])
+    at = np.array([q for q, _, _ in ways])[of]
+    along = np.concatenate(parts)
+    u = np.array([u for _, u, _ in ways])[of]
+    ends, arrived = _slide(arm, at, u, at + _SLIDE * along * columns)
+    far = np.abs((((ends - at) / columns) * along).sum(axis=1)) >= _SLIDE / 2
+    return [bool((arrived & far)[of == i].all()) for i in range(len(ways))]
 
 
-def _slide(arm: Arm, q: Array, u: Array, starts: Array) -> Array | None:
-    """Configurations near ``starts`` (N, n), tip as at q and J^T u = 0; None if one has none."""
+def _slide(arm: Arm, at: Array, u: Array, starts: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Configurations near ``starts`` (N, n) with the tip as at ``at`` (N, n) and J^T u = 0.
+
+    With which of them arrived.
+    """
     scale = own_scale(arm)
-    place, turned = tip_poses(arm, q[None])
+    place, turned = tip_poses(arm, at)
     now = starts.copy()
     moving = np.arange(len(starts))  # those that have not arrived
     for _ in range(20):
         Q = now[moving]
         position, R = tip_poses(arm, Q)
-        turn = -turn_left(arm.task, R, turned[0])
-        apart = np.concatenate([position - place, turn], axis=1)
+        turn = -turn_left(arm.task, R, turned[moving])
+        apart = np.concatenate([position - place[moving], turn], axis=1)
         error = task_rows(arm, apart[:, :, None], Q, R)[:, :, 0] * scale.rows
         J, H = own_jacobians_and_derivatives(arm, Q)
-        F = np.concatenate([error, np.swapaxes(J, 1, 2) @ u], axis=1)
+        F = np.concatenate([error, np.einsum("krj,kr->kj", J, u[moving])], axis=1)
         left = np.abs(F).max(axis=1) > 1e-10
         moving = moving[left]
         if not len(moving):
-            return now
-        slope = np.concatenate([J, np.einsum("r,krij->kij", u, H)], axis=1)[left]
+            break
+        curved = np.einsum("kr,krij->kij", u[moving], H[left])
+        slope = np.concatenate([J[left], curved], axis=1)
         step = np.linalg.pinv(slope, rcond=1e-6) @ F[left, :, None]
         now[moving] = Q[left] - step[:, :, 0] * scale.columns
-    return None
+    arrived = np.ones(len(starts), dtype=bool)
+    arrived[moving] = False
+    return now, arrived

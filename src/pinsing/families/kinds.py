@@ -44,7 +44,10 @@ def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tupl
     if len(counts) == 1:
         return (KindPart(found[0], "", 1.0, total),)
     owner = _owners(family, points)
-    by_branch = {b: Counter(k for k, o in zip(found, owner, strict=True) if o == b) for b in owner}
+    by_branch = {
+        b: Counter(k for k, o in zip(found, owner, strict=True) if o == b)
+        for b in dict.fromkeys(owner)
+    }
     if len(by_branch) == len(family.branches) and all(len(c) == 1 for c in by_branch.values()):
         places = {
             kind: _place([family.branches[b] for b, c in by_branch.items() if kind in c], maker)

@@ -242,7 +242,8 @@ def jacobian_derivative(J: npt.ArrayLike) -> Array:
     n = J.shape[-1]
     v, w = J[..., :3, :], J[..., 3:, :]
     later = np.arange(n)[:, None] >= np.arange(n)[None, :]  # [i, j]: j <= i
-    dv = np.where(later, each_cross(w, v), -each_cross(v, w))
+    moved = each_cross(w, v)  # [i, j]: w_j x v_i
+    dv = np.where(later, moved, np.swapaxes(moved, -1, -2))
     dw = np.where(later, each_cross(w, w), 0.0)
     return np.concatenate([dv, dw], axis=-3)
 
