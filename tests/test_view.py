@@ -27,7 +27,13 @@ import umsgpack
 from arms import planar, textbook, ur5
 from tiers import tiered
 
-from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
+from pinsing.errors import (
+    ArgumentError,
+    ConfigurationError,
+    OptionError,
+    OutputError,
+    UnknownNameError,
+)
 from pinsing.families import closed_form
 from pinsing.families.paths import along, into
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values
@@ -459,12 +465,34 @@ async def converse(url: str, *requests: Any, origin: str | None = None) -> list[
 
 
 def test_every_part_of_the_page_is_served(live: Viewer) -> None:
-    for part in ("", "page.css", "page.js", "meshcat.js", "page.json", "scene"):
+    for part in ("", "begin.js", "page.css", "page.js", "meshcat.js", "page.json", "scene"):
         status, body = get(live.url + part)
         assert status == 200
         assert body
     assert get(live.url + "nothing")[0] == 404
     assert get(live.url + "../pyproject.toml")[0] == 403
+
+
+def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None:
+    code = (
+        "import sys, pinsing.view.viewer as view, pinsing\n"
+        "view.Viewer(pinsing.load('urdf/planar3r.urdf'), skeleton=True).html()\n"
+        "late = ('IPython', 'pinsing.postures', 'pinsing.view.overlay')\n"
+        "assert not [name for name in late if name in sys.modules]\n"
+        "import meshcat.visualizer, IPython.display\n"
+        "made = meshcat.visualizer.HTML('<b>x</b>')\n"
+        "assert type(made) is IPython.display.HTML and made.data == '<b>x</b>'\n"
+        "assert IPython.__file__ and IPython.display.__file__\n"
+    )
+    root = Path(__file__).parents[1]
+    done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_postures_are_held_against_their_type() -> None:
+    arm = load("ur5")
+    with pytest.raises(ArgumentError, match=r"postures must be a PostureChanges, got 3: pinsing"):
+        Viewer(arm, postures=3, skeleton=True)  # type: ignore[arg-type]
 
 
 def test_the_link_tells_where_to_start(live: Viewer) -> None:

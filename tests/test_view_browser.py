@@ -20,6 +20,8 @@ from pinsing import closed_form
 from pinsing.robot.load import load
 from pinsing.view import Viewer
 from pinsing.view.picture import find_browser
+from pinsing.view.server import Server
+from pinsing.view.tab import hand_over
 
 pytest.importorskip("playwright.sync_api", reason="needs Playwright for Python")
 if find_browser() is None:
@@ -52,6 +54,43 @@ def test_the_page_loads_and_shows_numbers(page: Any, stanford: Viewer) -> None:
     assert "wrist centre" in text(page, "#why")
     pixels = picture(page)
     assert pixels.std() > 10  # something is drawn
+
+
+def test_the_browser_has_loaded_the_page_before_there_is_an_arm(page: Any) -> None:
+    # Its tab shows a turning wheel until then, which costs a slow machine more than the arm.
+    with Viewer(load("scara"), skeleton=True) as viewer:
+        server = Server("scara", port=0)
+        page.goto(server.url, wait_until="load")
+        page.wait_for_function("() => document.getElementById('busy').textContent === 'computing…'")
+        hand_over(viewer, server)
+        page.wait_for_selector("body[data-ready=yes]", timeout=90_000)
+        assert text(page, "#robot") == "scara"
+
+
+@pytest.mark.parametrize("missing", ["meshcat.js", "page.json"])
+def test_a_page_whose_program_ends_at_once_says_so(browser: Any, missing: str) -> None:
+    server = Server("scara", port=0)
+    with browser.new_page() as tab:
+        tab.route(f"**/{missing}", lambda route: route.abort())
+        tab.goto(server.url)
+        tab.wait_for_function(
+            "() => document.getElementById('busy').textContent.endsWith('this page has ended')"
+        )
+    server.close()
+
+
+def test_few_kinds_of_paint_come_before_the_first_picture(page: Any) -> None:
+    # Each is one more program for the graphics card, which a first picture waits for.
+    with Viewer(load("stanford"), skeleton=True) as viewer:
+        open_page(page, viewer.url)
+        programs = "() => window.pinsing.view.viewer.renderer.info.programs.map((p) => p.name)"
+        assert sorted(page.evaluate(programs)) == [
+            "LineBasicMaterial",
+            "MeshBasicMaterial",
+            "MeshPhongMaterial",  # outsides, and ellipsoids
+            "MeshPhongMaterial",  # ellipsoids from within
+            "ShaderMaterial",
+        ]
 
 
 @pytest.mark.slow

@@ -72,18 +72,6 @@ _STATIC_POLICY = (
 )
 
 
-# Asked for before the scripts run, which take longer than the answers.
-_AHEAD = "".join(
-    f'<link rel="preload" href="{name}" as="{kind}">\n'
-    for name, kind in (
-        ("meshcat.js", "script"),
-        ("page.js", "script"),
-        ("page.json", 'fetch" crossorigin="anonymous'),
-        ("scene", 'fetch" crossorigin="anonymous'),
-    )
-)
-
-
 @cache
 def asset(name: str) -> str:
     """Text of a file that belongs to the page."""
@@ -132,9 +120,8 @@ def live_html(title: str) -> str:
         title=html.escape(title),
         head=_policy(LIVE_POLICY) + '\n<link rel="icon" href="data:,">',
         style='<link rel="stylesheet" href="page.css">',
-        ahead=_AHEAD,
         data="",
-        scripts='<script src="meshcat.js"></script>\n<script src="page.js"></script>',
+        scripts='<script src="begin.js"></script>',
         links="",
     )
 
@@ -151,7 +138,6 @@ def static_html(title: str, page: dict[str, Any], scene: bytes, links: bytes) ->
         title=html.escape(title),
         head=_policy(_STATIC_POLICY) + '\n<link rel="icon" href="data:,">',
         style=f"<style>\n{asset('page.css')}\n</style>",
-        ahead="",
         data="\n".join(baked),
         scripts="\n".join(scripts),
         links=_baked("links", links),

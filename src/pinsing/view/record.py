@@ -6,9 +6,9 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-import meshcat
 import umsgpack
-from meshcat.path import Path
+
+from pinsing.view.drawing import meshcat
 
 _SHAPES = re.compile(r"/arm/\d+/visual/")
 
@@ -32,7 +32,7 @@ class Recorder:
 
     def visualizer(self) -> Any:
         """A meshcat visualizer at the root that draws into this recorder."""
-        return meshcat.Visualizer.view_into(self, Path(()))
+        return meshcat.Visualizer.view_into(self, meshcat.path.Path(()))
 
     def packed(self) -> bytes:
         """All commands, each after its length as 4 bytes, little endian."""

@@ -10,13 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import meshcat.geometry as mg
 import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.view.body import Body
+from pinsing.view.drawing import geometry as mg
 from pinsing.view.ellipsoids import Sizes, turn_z_to
 from pinsing.view.frame import ARROWS
 from pinsing.view.links import Links, base_placement, draw_links
@@ -31,6 +31,10 @@ AXIS = 0x6B7280
 BONE = 0x9AA5B1
 DRUM = 0x5B6673
 FLOOR = 0xC9D1D9
+
+# Of closed shapes three.js draws the outside alone: each other way of painting is one more program
+# that a graphics card has to be given before the first picture.
+OUTSIDE = 0
 
 _DISC = np.linspace(0.0, 2 * np.pi, 65)
 
@@ -60,9 +64,10 @@ def draw_scene(
         straight_arrow(node[f"lost/{k}/arrow"], size.reach)
         ring_arrow(node[f"lost/{k}/ring"], size.reach)
         line = DrawnRod(4 * size.reach, 0.0012 * size.reach)
-        node[f"lost/{k}/line"].set_object(line, mg.MeshBasicMaterial(color=LOST, opacity=0.4))
+        faint = mg.MeshBasicMaterial(color=LOST, opacity=0.64, side=OUTSIDE)
+        node[f"lost/{k}/line"].set_object(line, faint)
     tip = _Sphere(0.012 * size.reach)
-    node["tip"].set_object(tip, mg.MeshPhongMaterial(color=0x111827))
+    node["tip"].set_object(tip, mg.MeshPhongMaterial(color=0x111827, side=OUTSIDE))
     _floor(node["floor"], arm, size.reach)
     return (*links.notes, *notes)
 
@@ -74,7 +79,7 @@ def _ellipsoid(node: Any, color: int) -> None:
     c, s, o = np.cos(_DISC), np.sin(_DISC), np.zeros_like(_DISC)
     for name, circle in (("xy", (c, s, o)), ("yz", (o, c, s)), ("zx", (s, o, c))):
         points = np.array(circle, dtype=np.float32)
-        material = mg.LineBasicMaterial(color=_darker(color))
+        material = mg.LineBasicMaterial(color=_darker(color), side=OUTSIDE)
         node[name].set_object(mg.Line(mg.PointsGeometry(points), material))
 
 
@@ -86,7 +91,7 @@ def _darker(color: int) -> int:
 
 def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
     """Double arrow along z: translations both ways."""
-    material = mg.MeshPhongMaterial(color=color)
+    material = mg.MeshPhongMaterial(color=color, side=OUTSIDE)
     half, head = 0.22 * reach, 0.045 * reach
     node["shaft"].set_object(DrawnRod(2 * half, 0.0045 * reach), material)
     for name, sign in (("up", 1.0), ("down", -1.0)):
@@ -96,7 +101,7 @@ def straight_arrow(node: Any, reach: float, color: int = LOST) -> None:
 
 def ring_arrow(node: Any, reach: float, color: int = LOST) -> None:
     """Axis along z with a ring around it: rotations about it."""
-    material = mg.MeshPhongMaterial(color=color)
+    material = mg.MeshPhongMaterial(color=color, side=OUTSIDE)
     node["shaft"].set_object(DrawnRod(0.34 * reach, 0.0035 * reach), material)
     ring = torus(0.085 * reach, 0.0045 * reach)
     node["ring"].set_object(ring, material)
@@ -136,7 +141,7 @@ def _axes(node: Any, arm: Body, reach: float) -> None:
             ("axis", AXIS, 0.15, 0.002),
             ("hot", HOT, 0.42, 0.0025),
         ):
-            material = mg.MeshPhongMaterial(color=color)
+            material = mg.MeshPhongMaterial(color=color, side=OUTSIDE)
             here = node[f"{j}/{name}"]
             here.set_transform(turn)
             here["rod"].set_object(DrawnRod(length * reach, radius * reach), material)
@@ -150,8 +155,8 @@ def _axes(node: Any, arm: Body, reach: float) -> None:
 def _skeleton(node: Any, arm: Body, reach: float, frames: Sequence[int]) -> None:
     """Drums at the joints, and bones from each to the next and to the frames."""
     model = arm.model
-    bone = mg.MeshPhongMaterial(color=BONE)
-    drum = mg.MeshPhongMaterial(color=DRUM)
+    bone = mg.MeshPhongMaterial(color=BONE, side=OUTSIDE)
+    drum = mg.MeshPhongMaterial(color=DRUM, side=OUTSIDE)
     ends = [(int(model.parents[j]), model.jointPlacements[j]) for j in range(1, model.njoints)]
     last = [model.frames[i] for i in frames]
     ends += [(int(frame.parentJoint), frame.placement) for frame in last]
@@ -196,7 +201,7 @@ def _floor(node: Any, arm: Body, reach: float) -> None:
     for k in range(-half, half + 1):
         lines += [[k, -half, 0], [k, half, 0], [-half, k, 0], [half, k, 0]]
     points = (step * np.array(lines, dtype=np.float32)).T
-    material = mg.LineBasicMaterial(color=FLOOR)
+    material = mg.LineBasicMaterial(color=FLOOR, side=OUTSIDE)
     node.set_object(mg.LineSegments(mg.PointsGeometry(points), material))
     node.set_transform(floor_placement(arm))
 

@@ -186,6 +186,7 @@ def _texts(
 ) -> dict[str, tuple[str, Content | Future[Content]]]:
     return {
         "": ("text/html", live_html(f"pinsing: {title}")),
+        "begin.js": ("text/javascript", asset("begin.js")),
         "page.css": ("text/css", asset("page.css")),
         "page.js": ("text/javascript", script()),
         "meshcat.js": ("text/javascript", meshcat_script()),

@@ -12,12 +12,12 @@ from pathlib import Path
 from typing import Any
 
 import coal
-import meshcat.geometry as mg
 import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.view.collada import NotPlainError
+from pinsing.view.drawing import geometry as mg
 from pinsing.view.painted import as_object, read_painted
 
 _IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}

@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
-from pinsing.arguments import checked
-from pinsing.errors import OptionError
+from pinsing.arguments import checked, shown
+from pinsing.errors import ArgumentError, OptionError
 from pinsing.families import Family
 from pinsing.families.paths import FamilyLike
-from pinsing.postures.changes import PostureChanges
 from pinsing.robot.arm import Arm
 from pinsing.sweeps.finding import Finding
 from pinsing.view.ellipsoids import sizes
 from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import finding_entries
 from pinsing.view.links import Links, read_links, read_links_ahead
-from pinsing.view.overlay import Overlay
-from pinsing.view.posture_list import listed_postures
+from pinsing.view.posture_list import Posture, listed_postures
 from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import Stage
 from pinsing.view.tab import Tab, place_in_list
 from pinsing.view.way import thinned
+
+if TYPE_CHECKING:
+    from pinsing.postures.changes import PostureChanges
 
 
 class Viewer(Tab):
@@ -103,7 +104,7 @@ class Viewer(Tab):
             *finding_entries(arm, () if findings is None else findings),
         )
         size = sizes(arm, scale)
-        listed = () if postures is None else listed_postures(arm, postures)
+        listed = () if postures is None else _listed(arm, postures)
         links = Links(None) if skeleton else read_links(arm)
         recorder = Recorder()
         notes = draw_scene(recorder.visualizer(), arm, links, size)
@@ -113,7 +114,11 @@ class Viewer(Tab):
             known = [entry.family for entry in entries if isinstance(entry.family, Family)]
             way, samples = thinned(arm, known, Q), len(Q)
         self._stage = Stage(arm, entries, links, size, skeleton, notes, way, samples, listed)
-        self._overlay = None if visualizer is None else Overlay(visualizer, arm, size)
+        self._overlay = None
+        if visualizer is not None:
+            from pinsing.view.overlay import Overlay
+
+            self._overlay = Overlay(visualizer, arm, size)
         super().__init__(self._stage, *recorder.parts(), host, port)
         if self._overlay is not None:
             self._overlay.show(self._stage.frame(self._stage.q), self._stage.q, self._stage.mode)
@@ -214,3 +219,13 @@ class Viewer(Tab):
     def _index(self, family: FamilyLike | str | int, pose: int) -> int:
         wanted = family if isinstance(family, (int, str)) else family.name
         return place_in_list([(e.name, len(e.poses)) for e in self.entries], wanted, pose)
+
+
+def _listed(arm: Arm, postures: PostureChanges) -> tuple[Posture, ...]:
+    # Few pages have any, and a browser would wait for an import as long as that of the families.
+    from pinsing.postures.changes import PostureChanges
+
+    if not isinstance(postures, PostureChanges):
+        hint = "pinsing.posture_changes(arm, q) gives one"
+        raise ArgumentError("postures", "a PostureChanges", shown(postures), hint)
+    return listed_postures(arm, postures)

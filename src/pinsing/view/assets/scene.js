@@ -19,8 +19,9 @@ function* commandsOf(bytes) {
 class SceneView {
   constructor(element) {
     this.element = element;
-    const V = this.viewer = new MeshCat.Viewer(element);
+    const V = this.viewer = new MeshCat.Viewer(element, false); // frames begin with the arm
     V.gui.domElement.remove(); // our panel drives it
+    V.renderer.debug.checkShaderErrors = false; // each question waits until all is drawn that was asked before
     const fullSize = V.set_3d_pane_size.bind(V), size = [0, 0];
     // A size set anew is drawn anew: only where it changes.
     V.set_3d_pane_size = () => {
@@ -61,9 +62,9 @@ class SceneView {
   // when the arm comes. The canvas has its first, small size yet, which costs least.
   warmUp() {
     const { Group, Mesh, Line, SphereGeometry, MeshPhongMaterial, MeshBasicMaterial, LineBasicMaterial } = MeshCat.THREE;
-    const V = this.viewer, specks = new Group(), shape = new SphereGeometry(1e-3, 6, 4), side = 2;
-    for (const material of [new MeshPhongMaterial({ side }), new MeshPhongMaterial({ side, transparent: true, opacity: 0.4, depthWrite: false }),
-                            new MeshBasicMaterial({ side, transparent: true, opacity: 0.4 })]) specks.add(new Mesh(shape, material));
+    const V = this.viewer, specks = new Group(), shape = new SphereGeometry(1e-3, 6, 4);
+    for (const material of [new MeshPhongMaterial(), new MeshPhongMaterial({ side: 2, transparent: true, opacity: 0.4, depthWrite: false }),
+                            new MeshBasicMaterial({ transparent: true, opacity: 0.4 })]) specks.add(new Mesh(shape, material));
     specks.add(new Line(shape, new LineBasicMaterial()));
     V.scene.add(specks);
     V.renderer.render(V.scene, V.camera);
@@ -84,6 +85,7 @@ class SceneView {
     this.seenThrough();
     this.lights();
     this.paint();
+    this.viewer.animate();
   }
 
   // The shapes of links have come.

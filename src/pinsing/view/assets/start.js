@@ -1,6 +1,8 @@
 // Brings the page up.
 "use strict";
 
+const ENDED = "the program that serves this page has ended";
+
 async function unpack(element) {
   const text = atob(element.textContent.trim()), packed = new Uint8Array(text.length);
   for (let k = 0; k < text.length; k++) packed[k] = text.charCodeAt(k);
@@ -22,8 +24,8 @@ function parts() {
     };
   }
   const file = async (name) => {
-    const answer = await fetch(name).catch(() => null);
-    if (!answer?.ok) throw new Error("the program that serves this page has ended");
+    const answer = await ahead[name].catch(() => null);
+    if (!answer?.ok) throw new Error(ENDED);
     return answer;
   };
   const bytes = async (name) => new Uint8Array(await (await file(name)).arrayBuffer());
@@ -45,6 +47,7 @@ const onScreen = () => new Promise((resolve) => {
   busy.textContent = "loading the arm\u2026";
   if (taken.picture) body.classList.add("picture");
   try {
+    if (typeof MeshCat === "undefined") throw new Error(ENDED);
     const stream = $("baked-page") ? null : new LiveSource();
     const wanted = parts(), view = new SceneView($("view"));
     if (stream) {
