@@ -12,7 +12,15 @@ from mechanisms import URDF, from_model, planar_tree, shipped
 from test_pose_forms import hexapod
 
 from pinsing.cli import main
-from pinsing.mechanism import JointForms, analyze_mechanism, joint_forms, mechanism_at, refine
+from pinsing.mechanism import (
+    JointForms,
+    LoopForms,
+    PoseForms,
+    analyze_mechanism,
+    joint_forms,
+    mechanism_at,
+    refine,
+)
 from pinsing.mechanism.closure import Loops, random_closed
 from pinsing.mechanism.leg_wrenches import kind_of
 from pinsing.robot.load_mechanism import Loop
@@ -222,6 +230,24 @@ def test_they_survive_json_and_the_command_line(capsys):
     assert "determinant of 3 x 3 entries" in text
     assert "(-cos v1, -sin a1 sin v1, cos a1 sin v1)" in text
     assert "cos v2 = 0" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"), [("planar_3rpr", PoseForms), ("five_bar", LoopForms), ("bennett", None)]
+)
+def test_json_of_the_command_has_both(name, kind, capsys):
+    tree, loops = (str(URDF / f"{name}.{x}") for x in ("urdf", "loops.yaml"))
+    with pytest.raises(SystemExit) as ended:
+        main(["families", tree, "--loops", loops, "--json", "-"])
+    assert ended.value.code == 0
+    data = json.loads(capsys.readouterr().out)
+    if kind is None:
+        assert not JointForms.from_dict(data).complete
+        return
+    found = kind.from_dict(data)
+    assert found.complete
+    assert found.joint_forms is not None
+    assert str(found.joint_forms) == str(joint_forms(shipped(name)))
 
 
 def test_the_analysis_has_them():

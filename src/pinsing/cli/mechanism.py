@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import functools
 import math
 from collections.abc import Callable, Sequence
@@ -180,8 +181,10 @@ def families_loops(
             f"each leg pass one force; in the joint angles {'; '.join(joints.notes)}; analyze "
             "--loops finds singular points by numbers"
         )
+        emit_json(joints, json_target)
         return 0
-    if not emit_json(joints if found is None else found, json_target):
+    whole = joints if found is None else dataclasses.replace(found, joint_forms=joints)
+    if not emit_json(whole, json_target):
         emit(forms_text(mechanism.inputs, found, Page.of(), deg, exact, joints))
     architecture = getattr(found, "architecture", "")
     loci = joints.loci if found is None else found.loci

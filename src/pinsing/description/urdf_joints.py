@@ -27,6 +27,10 @@ class Mimic:
     offset: float
 
 
+NO_LIMITS = "no usable limits"
+"""How the note on such joints begins."""
+
+
 @dataclass(frozen=True)
 class JointEntry:
     """A joint as the file describes it.
@@ -48,6 +52,9 @@ class JointEntry:
     problem : str or None
         Why this joint can be locked but not analysed (no usable limits, say). Pinocchio gets
         limits [0, 0] for it, so nobody may take it into a chain.
+    endless : bool
+        Whether the problem is that it has no limits, or none that limit: a mechanism may move it
+        without end.
     """
 
     name: str
@@ -60,6 +67,7 @@ class JointEntry:
     mimic: Mimic | None = None
     line: int | None = None
     problem: str | None = None
+    endless: bool = False
 
 
 def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
@@ -178,9 +186,9 @@ def _without_limits(
         if entry.kind == "revolute"
         else "give it lower and upper"
     )
-    source.note("no usable limits, so it can be locked but not analysed: joint", show(entry.name))
+    source.note(f"{NO_LIMITS}, so it can be locked but not analysed: joint", show(entry.name))
     nothing = {"lower": "0", "upper": "0", "effort": "0", "velocity": "0"}
-    return replace(entry, problem=f"{reason}: {cure}"), [Node("limit", nothing, 0)]
+    return replace(entry, problem=f"{reason}: {cure}", endless=True), [Node("limit", nothing, 0)]
 
 
 def _effort_and_velocity(element: Node, source: UrdfSource, what: str, name: str) -> dict[str, str]:

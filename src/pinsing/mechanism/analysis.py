@@ -11,7 +11,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.mechanism.closure import Ranks, ranks
 from pinsing.mechanism.dyad import planar_dyad
-from pinsing.mechanism.feasible import Interval, curves, feasible, intervals
+from pinsing.mechanism.feasible import MOST_CURVES, Interval, curves, feasible, intervals
 from pinsing.mechanism.joint_loci import joint_forms
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.loci import LoopForms, loop_forms
@@ -89,6 +89,8 @@ def analyze_mechanism(
     for k, name in enumerate(moved.inputs if fixed else ()):
         found = curves(moved, q[list(moved.actuated)] if moved is not mechanism else asked, k)
         ranges[name] = intervals(moved, found, k)
+        if len(found) == MOST_CURVES:
+            notes.append(f"of the curves of {name} {MOST_CURVES} were followed; there are more")
         points += find_singular(mechanism, _measured(mechanism, moved, found))
     forms = loop_forms(mechanism)
     if not fixed:

@@ -24,6 +24,9 @@ CLOSED = 1e-11
 """A residual (metres over the length scale, radians) up to this counts as closed."""
 
 _SAMPLES = 12
+_FEW = 3
+_AROUND = (0.05, 0.2)
+_HUGE = 20.0
 _SEED = 5471
 
 
@@ -212,12 +215,42 @@ def random_closed(
     return out
 
 
+def _near_home(mechanism: Mechanism) -> list[Array]:
+    """Closed configurations from home and from starts around it."""
+    loops, rng = Loops(mechanism), np.random.default_rng(_SEED)
+    free = np.ones(mechanism.n, dtype=bool)
+    out = []
+    for away in (0.0, *np.repeat(_AROUND, 4)):
+        start = mechanism.home + away * rng.uniform(-1, 1, mechanism.n) * loops.column_scale
+        q, error = gauss_newton(loops, start, free)
+        if error <= CLOSED:
+            out.append(mechanism.space.wrap(q))
+    return out
+
+
+def _advice(mechanism: Mechanism) -> str:
+    """What to look at where no configuration closes the loops."""
+    model = mechanism.model
+    places = [m.translation for m in model.jointPlacements] + [
+        f.placement.translation for f in model.frames
+    ]
+    size = max(float(np.linalg.norm(p)) for p in places)
+    if size > _HUGE * mechanism.length_scale:
+        return (
+            f"lengths of the file are up to {size:.3g} m; if they are in millimetres, write them "
+            f"in metres or give a length scale (--length-scale {10 ** round(np.log10(size)):.0f})"
+        )
+    return "check the frames, the lengths and the kinds of the loops"
+
+
 def _ranks(mechanism: Mechanism) -> Ranks:
     samples = random_closed(mechanism, _SAMPLES, np.random.default_rng(_SEED))
+    if len(samples) < _FEW:
+        samples += _near_home(mechanism)
     if not samples:
         raise PinsingError(
             f"{mechanism.name}: the loops {', '.join(str(x) for x in mechanism.loops)} close "
-            "nowhere: check the frames, the lengths and the kinds of the loops"
+            f"nowhere, as far as was looked: {_advice(mechanism)}"
         )
     loops = Loops(mechanism)
     rank, best = 0, samples[0]

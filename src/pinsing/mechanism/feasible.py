@@ -20,6 +20,8 @@ from pinsing.robot.load_mechanism import Mechanism
 _SEED = 811
 _CLOSED = 1e-9
 _POINT = 1e-7
+MOST_CURVES = 24
+"""More curves of one input are not followed: free passive joints multiply them."""
 
 
 @dataclass(frozen=True)
@@ -90,9 +92,11 @@ def curves(
 
 
 def cover(mechanism: Mechanism, closed: Sequence[Array], moving: int) -> tuple[Trace, ...]:
-    """Curves through closed configurations, each curve once."""
+    """Curves through closed configurations, each curve once; the first `MOST_CURVES`."""
     out: list[Trace] = []
     for q in closed:
+        if len(out) == MOST_CURVES:
+            break
         if not any(t.passes(mechanism, q) for t in out):
             out.append(trace(mechanism, q, moving))
     return tuple(out)

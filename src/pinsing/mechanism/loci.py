@@ -13,7 +13,7 @@ common divisor leaves out what the order alone brings in.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any, ClassVar
 
@@ -24,6 +24,7 @@ from pinsing.algebra.equation import Equation, equation
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.errors import OptionError
 from pinsing.mechanism.dyad import Dyad, Side, planar_dyad
+from pinsing.mechanism.joint_forms import JointForms
 from pinsing.mechanism.loci_roots import roots
 from pinsing.mechanism.singular_points import SingularPoint, refine_point
 from pinsing.robot.load_mechanism import Mechanism
@@ -77,6 +78,9 @@ class LoopForms(JsonResult):
         Whether every closed singular configuration has its inputs on one of them.
     notes : tuple of str
         What was assumed or left out.
+    joint_forms : JointForms or None
+        Those in the joint angles, which ``families --loops --json`` writes with them; elsewhere
+        they are asked for by themselves, with `joint_forms`.
     """
 
     schema: ClassVar[str] = "pinsing/loop-forms/1"
@@ -84,6 +88,7 @@ class LoopForms(JsonResult):
     loci: tuple[Locus, ...]
     complete: bool
     notes: tuple[str, ...]
+    joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
 
     def __str__(self) -> str:
         return "\n".join([*(str(x) for x in self.loci), *self.notes])

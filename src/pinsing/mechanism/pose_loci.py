@@ -10,7 +10,7 @@ the general Gough-Stewart platform" (2000), who give its degree: three in the po
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.mechanism.every_position import PoseFamily, every_position
+from pinsing.mechanism.joint_forms import JointForms
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.pose import pose_of
@@ -80,6 +81,9 @@ class PoseForms(JsonResult):
         Whether every singular pose is on one of the loci.
     notes : tuple of str
         What was assumed, and what else must hold.
+    joint_forms : JointForms or None
+        Those in the joint angles, which ``families --loops --json`` writes with them; elsewhere
+        they are asked for by themselves, with `joint_forms`.
     """
 
     schema: ClassVar[str] = "pinsing/pose-forms/1"
@@ -91,6 +95,7 @@ class PoseForms(JsonResult):
     level: tuple[PoseLocus, ...]
     complete: bool
     notes: tuple[str, ...]
+    joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
 
     def __str__(self) -> str:
         lines = [self.architecture] if self.architecture else []

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -19,9 +20,11 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.arguments import checked
+from pinsing.description.urdf_joints import NO_LIMITS
 from pinsing.description.yaml_tree import YamlNode, compose, suggestion
 from pinsing.errors import JointError, OptionError, PinsingError
 from pinsing.robot.given import HasModel, given_file, given_model
+from pinsing.robot.idle_spins import without_idle_spins
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.loop_joints import replaced_joints
 from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
@@ -71,7 +74,8 @@ def load_mechanism(
     >>> mechanism.n, mechanism.inputs
     (4, ('q1', 'q2'))
     """
-    model, source, name, notes = _tree(robot, packages)
+    tree = _tree(robot, packages)
+    model, source = tree.model, tree.source
     if loops is None:
         if source.path is None:
             raise OptionError("a loop file is needed: give the path of a .loops.yaml file")
@@ -88,24 +92,27 @@ def load_mechanism(
     frame, rows, said = _output(keys, model)
     closed = _loops(keys["closed_loop"], keys["type"], model)
     _check_on_loop(model, frame, closed, keys.get("output", keys["closed_loop"]))
-    notes = (*notes, *said)
-    return Mechanism(
-        name=keys["name"].text() if "name" in keys else name,
+    actuated = _actuated(keys["name_mot"], joints)
+    _check_mimics(tree.follow, [joints[k] for k in actuated])
+    made = Mechanism(
+        name=keys["name"].text() if "name" in keys else tree.name,
         model=model,
         joints=joints,
         prismatic=prismatic,
         lower=lower,
         upper=upper,
-        actuated=_actuated(keys["name_mot"], joints),
+        actuated=actuated,
         loops=closed,
         output=frame,
         task=rows,
         length_scale=float(length_scale),
         home=_home(keys.get("home"), joints),
-        notes=notes,
+        notes=(*tree.notes, *said),
         source=source,
         loop_file=path,
     )
+    # An output that nobody named may be on a link that spins.
+    return without_idle_spins(made, keep_output="output" in keys)
 
 
 def _output(keys: dict[str, YamlNode], model: pin.Model) -> tuple[str, Task, tuple[str, ...]]:
@@ -142,10 +149,20 @@ def _check_on_loop(model: pin.Model, output: str, loops: tuple[Loop, ...], node:
         )
 
 
-def _tree(
-    robot: Any, packages: Mapping[str, str | Path] | None
-) -> tuple[pin.Model, Source, str, tuple[str, ...]]:
+@dataclass(frozen=True, eq=False)
+class _Tree:
+    """What a robot's own description says; ``follow``: joints that mimic others there."""
+
+    model: pin.Model
+    source: Source
+    name: str
+    notes: tuple[str, ...]
+    follow: tuple[str, ...]
+
+
+def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Tree:
     model = given_model(robot)
+    follows: tuple[str, ...] = ()
     if model is not None:
         label, path, xml, name = "pin.Model", None, None, model.name or "mechanism"
         dirs: tuple[Path, ...] = ()
@@ -155,15 +172,18 @@ def _tree(
 
         given = given_file(robot, packages)
         description = given.description
-        mimics = [j.name for j in description.joints if j.mimic is not None]
-        if mimics:
-            raise JointError(
-                mimics[0], "mimics another joint, which loops do not support: model it as a loop"
-            )
-        description.require_usable(j.name for j in description.joints if j.kind != "fixed")
+        moving = [j for j in description.joints if j.kind != "fixed"]
+        description.require_usable(j.name for j in moving if not j.endless)
         model = build_model(description)
+        endless = tuple(j.name for j in moving if j.endless)
+        _without_end(model, endless)
+        follows = tuple(j.name for j in moving if j.mimic is not None)
         label, path, xml = given.label, given.path, description.xml
-        dirs, name, notes = given.package_dirs, description.name, description.notes
+        dirs, name = given.package_dirs, description.name
+        # What the description says of such joints holds for arms, which need limits.
+        notes = tuple(x for x in description.notes if not (endless and x.startswith(NO_LIMITS)))
+        if endless:
+            notes = (*notes, f"no usable limits, so they move without end: {', '.join(endless)}")
     source = Source(
         label=label,
         path=path,
@@ -174,7 +194,24 @@ def _tree(
         reference=np.array(pin.neutral(model)),
         base="universe",
     )
-    return model, source, name, tuple(notes)
+    return _Tree(model, source, name, notes, follows)
+
+
+def _without_end(model: pin.Model, names: tuple[str, ...]) -> None:
+    """Take away the limits [0, 0] that Pinocchio was given for joints without any."""
+    for name in names:
+        index = model.joints[model.getJointId(name)].idx_q
+        model.lowerPositionLimit[index], model.upperPositionLimit[index] = -np.inf, np.inf
+
+
+def _check_mimics(follow: tuple[str, ...], inputs: list[str]) -> None:
+    """Raise unless each joint that mimics another is driven by itself here."""
+    for name in follow:
+        if name not in inputs:
+            raise JointError(
+                name, "mimics another joint, which loops do not support: model it as a loop, or "
+                "drive it (name_mot)"
+            )  # fmt: skip
 
 
 def _limits(model: pin.Model) -> tuple[Array, Array, npt.NDArray[np.bool_]]:

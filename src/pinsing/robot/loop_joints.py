@@ -12,13 +12,12 @@ import pinocchio as pin
 
 from pinsing.description.yaml_tree import YamlNode, suggestion
 from pinsing.errors import PinsingError
+from pinsing.robot.joint_space import model_q
 
 _TURNS = {
     "SPHERICAL": "XYZ",
     "CARDAN": "XY",
-    "UJOINT_XY": "XY",
-    "UJOINT_YZ": "YZ",
-    "UJOINT_ZX": "ZX",
+    **{f"UJOINT_{a}{b}": a + b for a in "XYZ" for b in "XYZ" if a != b},
     "FIXED": "",
 }
 
@@ -58,7 +57,17 @@ def _entries(node: YamlNode) -> list[YamlNode]:
     return [] if node.empty_list else node.items("joint")
 
 
-def _rebuilt(model: pin.Model, wanted: dict[str, str]) -> pin.Model:
+def without_joint(model: pin.Model, index: int, value: float) -> pin.Model:
+    """The model with a joint fixed at a value, radians or metres."""
+    data, q = model.createData(), np.zeros(model.nv)
+    q[model.joints[index].idx_v] = value
+    pin.forwardKinematics(model, data, model_q(model, q))
+    moved = model.jointPlacements[index].inverse() * data.liMi[index]
+    return _rebuilt(model, {model.names[index]: ""}, moved)
+
+
+def _rebuilt(model: pin.Model, wanted: dict[str, str], moved: pin.SE3 | None = None) -> pin.Model:
+    """Joints made others; one that is fixed stays ``moved`` from its place."""
     out = pin.Model()
     out.name = model.name
     # Where a joint of the old model is carried now: joint, and the place of its frame there.
@@ -82,7 +91,7 @@ def _rebuilt(model: pin.Model, wanted: dict[str, str]) -> pin.Model:
             parent = out.addJoint(parent, turn, place, f"{name}_{axis}")
             place = pin.SE3.Identity()
         # A fixed joint leaves its place to what it carries.
-        where.append((parent, place))
+        where.append((parent, place if moved is None else place * moved))
     for frame in list(model.frames)[1:]:
         parent, at = where[int(frame.parentJoint)]
         out.addFrame(pin.Frame(frame.name, parent, 0, at * frame.placement, frame.type), False)

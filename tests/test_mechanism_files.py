@@ -1,0 +1,181 @@
+"""Mechanisms as people write them: links that spin, welds in the middle of rods, no limits."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from mechanisms import URDF
+from tiers import tiered
+from urdf_text import J, X, ball, frame, loop_text, stewart, written
+
+import pinsing
+from pinsing.errors import JointError, OptionError
+from pinsing.mechanism import home, mechanism_at, pose_forms
+from pinsing.mechanism.closure import ranks, residual
+
+
+@pytest.fixture(scope="module")
+def points():
+    rng = np.random.default_rng(21)
+    base = np.round(rng.uniform(-1, 1, (6, 3)) * [1, 1, 0.1], 2)
+    return base, np.round(rng.uniform(-0.5, 0.5, (6, 3)) * [1, 1, 0.1], 2)
+
+
+def lengths(points):
+    """Of the legs, the platform level at (0.1, 0, 1)."""
+    base, platform = points
+    return np.linalg.norm(platform + np.array([0.1, 0, 1]) - base, axis=1)
+
+
+@pytest.mark.parametrize("axes", tiered(("xyz", "zyx"), ("zyx",)))
+def test_legs_between_two_balls_are_those_with_a_universal_joint(points, axes, tmp_path):
+    spun = pinsing.load_mechanism(
+        written(tmp_path, *stewart(*points, spin=True, axes=axes), name="sps")
+    )
+    plain = pinsing.load_mechanism(written(tmp_path, *stewart(*points), name="ups"))
+    # All six, the first between its own ball and the platform's.
+    assert any("6 links spin about the own line" in note for note in spun.notes)
+    assert spun.n == plain.n == 21
+    assert ranks(spun) == ranks(plain)
+    # What stays of a ball points the leg every way, and is well conditioned where it stands.
+    assert mechanism_at(spun, home(spun)).constraint_ratio > 1e-3
+    one, two = (pose_forms(x).loci[0].equation for x in (spun, plain))
+    assert one.coefficients == two.coefficients
+    rods = lengths(points)
+    found = [pinsing.assembly_modes(x, rods, starts=100).modes for x in (plain, spun)]
+    assert len(found[0]) == len(found[1]) > 0
+
+
+def four_bar_in_space(weld: bool) -> list[J]:
+    """A crank about z, a rod between two balls, a rocker about x: R-S-S-R, the rod in halves."""
+    crank = [J("crank", "base", "arm"), *ball("s", "arm", "near", (0.3, 0, 0))]
+    rocker = [
+        J("rocker", "base", "far_arm", (1, 0, 0), X),
+        frame("far_end", "far_arm", (0, 0.6, 0)),
+    ]
+    if not weld:
+        return [*crank, *rocker, frame("half", "near", (0.9, 0, 0))]
+    other = [*ball("t", "far_end", "far"), frame("other_half", "far", (-0.5, 0, 0))]
+    return [*crank, *rocker, frame("half", "near", (0.4, 0, 0)), *other]
+
+
+@pytest.mark.parametrize("weld", [False, True])
+def test_a_rod_between_two_balls_leaves_one_freedom(weld, tmp_path):
+    loop = [("half", "other_half" if weld else "far_end")]
+    text = loop_text(loop, ["crank"], "far_arm", "wx", "6d" if weld else "3d", {"rocker": 0.6})
+    mechanism = pinsing.load_mechanism(written(tmp_path, four_bar_in_space(weld), text))
+    assert ranks(mechanism).mobility == 1
+    assert any("1 link spins about the own line" in note for note in mechanism.notes)
+    assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-10
+    # The rocker's angle follows from the distance of the balls alone.
+    for mode in pinsing.assembly_modes(mechanism, [0.7]).modes:
+        r = mode.q[mechanism.joints.index("rocker")]
+        a = 0.3 * np.array([np.cos(0.7), np.sin(0.7), 0])
+        b = np.array([1, 0.6 * np.cos(r), 0.6 * np.sin(r)])
+        assert np.linalg.norm(b - a) == pytest.approx(0.9, abs=1e-9)
+
+
+def test_a_spin_of_the_output_or_of_a_leg_is_none_of_these(points, tmp_path):
+    joints, text = stewart(*points)
+    # The output is a rod that spins: its turning is asked for.
+    tree = four_bar_in_space(weld=False)
+    asked = loop_text([("half", "far_end")], ["crank"], "near", "vx, wx", "3d")
+    rod = pinsing.load_mechanism(written(tmp_path, tree, asked, "rod"))
+    with pytest.raises(OptionError, match="2 degrees of freedom, but 1 joint is actuated"):
+        pinsing.analyze_mechanism(rod)
+    # An actuator left out is no spin.
+    short = text.replace("name_mot: [p0, ", "name_mot: [")
+    slack = pinsing.load_mechanism(written(tmp_path, joints, short, "slack"))
+    with pytest.raises(OptionError, match="6 degrees of freedom, but 5 joints are actuated"):
+        pinsing.analyze_mechanism(slack)
+
+
+def test_a_pin_that_is_written_twice_turns_once(tmp_path):
+    """Both rods of a five-bar end in the same pin, and a weld holds the two halves together."""
+    joints = [
+        J("q1", "base", "arm1", (-0.5, 0, 0)),
+        J("b1", "arm1", "rod1", (0.8, 0, 0)),
+        J("pin1", "rod1", "half1", (1, 0, 0)),
+        J("q2", "base", "arm2", (0.5, 0, 0)),
+        J("b2", "arm2", "rod2", (0.8, 0, 0)),
+        J("pin2", "rod2", "half2", (1, 0, 0)),
+    ]
+    text = loop_text([("half1", "half2")], ["q1", "q2"], kind="6d")
+    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
+    assert (mechanism.n, ranks(mechanism).mobility) == (5, 2)
+
+
+def test_joints_without_limits_move_without_end(tmp_path):
+    joints = [
+        J("q1", "base", "arm", kind="revolute", more='<limit effort="1" velocity="20"/>'),
+        J("b1", "arm", "rod", (0.4, 0, 0), kind="revolute"),
+        J("q2", "base", "slide", (0.5, 0, 0), X, "prismatic", more='<limit effort="1"/>'),
+        frame("end", "rod", (0.6, 0, 0)),
+    ]
+    text = loop_text([("end", "slide")], ["q1"], "slide", "vx")
+    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
+    assert np.isinf(mechanism.lower).all()
+    assert np.isinf(mechanism.upper).all()
+    assert "no usable limits, so they move without end: q1, b1, q2" in mechanism.notes
+    assert not any("cannot be analysed" in n or "not analysed" in n for n in mechanism.notes)
+    slides = [m.q[2] for m in pinsing.assembly_modes(mechanism, [np.pi / 2]).modes]
+    reach = np.sqrt(0.6**2 - 0.4**2)
+    np.testing.assert_allclose(sorted(slides), [-0.5 - reach, -0.5 + reach], atol=1e-9)
+
+
+def test_a_joint_that_mimics_another_is_driven_or_refused(tmp_path):
+    joints = [
+        J("q1", "base", "arm", (-0.5, 0, 0)),
+        J("b1", "arm", "rod", (0.8, 0, 0)),
+        J("q2", "base", "arm2", (0.5, 0, 0), more='<mimic joint="q1"/>'),
+        J("b2", "arm2", "rod2", (0.8, 0, 0)),
+        frame("e1", "rod", (1, 0, 0)),
+        frame("e2", "rod2", (1, 0, 0)),
+    ]
+    loops = [("e1", "e2")]
+    path = written(tmp_path, joints, loop_text(loops, ["q1", "q2"], "e1", "vx, vy"))
+    assert ranks(pinsing.load_mechanism(path)).mobility == 2
+    path = written(tmp_path, joints, loop_text(loops, ["q1", "b2"], "e1", "vx, vy"), "other")
+    with pytest.raises(JointError, match=r"q2.*mimics another joint.*or drive it \(name_mot\)"):
+        pinsing.load_mechanism(path)
+
+
+def test_a_universal_joint_has_its_axes_in_either_order(tmp_path):
+    text = (URDF / "rssr.loops.yaml").read_text().partition("home:")[0]
+    text += "joint_name: [ball_x, ball_y]\njoint_type: [KIND, FIXED]\n"
+    for kind, names in (
+        ("UJOINT_ZY", ["ball_x_Z", "ball_x_Y"]),
+        ("ujoint_yx", ["ball_x_Y", "ball_x_X"]),
+    ):
+        path = tmp_path / f"{kind}.loops.yaml"
+        path.write_text(text.replace("KIND", kind))
+        mechanism = pinsing.load_mechanism(URDF / "rssr.urdf", path)
+        assert [n for n in mechanism.joints if n in names] == names
+
+
+def test_lengths_in_millimetres_are_suspected(tmp_path):
+    joints = [
+        J("q1", "base", "arm"),
+        J("b1", "arm", "rod", (400, 0, 0)),
+        J("q2", "base", "arm2", (1700, 0, 0)),
+        frame("e1", "rod", (500, 0, 0)),
+        frame("e2", "arm2", (300, 0, 0)),
+    ]
+    path = written(tmp_path, joints, loop_text([("e1", "e2")], ["q1"], "e2", "wz"))
+    with pytest.raises(pinsing.PinsingError, match=r"up to 1.7e\+03 m; if they are in millimetres"):
+        pinsing.analyze_mechanism(pinsing.load_mechanism(path))
+
+
+@pytest.mark.slow
+def test_a_platform_in_millimetres_is_that_in_metres(points, tmp_path):
+    joints, text = stewart(1000 * points[0], 1000 * points[1], limits=(100.0, 5000.0))
+    text = text.replace(": 1.0", ": 1000.0")
+    path = written(tmp_path, joints, text)
+    large = pinsing.load_mechanism(path, length_scale=1000.0)
+    plain = pinsing.load_mechanism(written(tmp_path, *stewart(*points), name="ups"))
+    inputs = lengths(points)
+    counts = [
+        len(pinsing.assembly_modes(x, s * inputs, starts=60).modes)
+        for x, s in ((large, 1000), (plain, 1))
+    ]
+    assert counts[0] == counts[1] > 0
