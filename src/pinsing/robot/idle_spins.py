@@ -66,7 +66,7 @@ def _holding(mechanism: Mechanism, joint: int) -> Mechanism:
 
 
 @dataclass(frozen=True, eq=False)
-class _Placed:
+class _Sampled:
     """Axes (n, 3) and places (n, 3) of the joints, and the frames, at some q."""
 
     axes: Array
@@ -74,7 +74,7 @@ class _Placed:
     frames: list[pin.SE3]
 
 
-class _Tree:
+class _SpanningTree:
     """The spanning tree: what hangs on each body, and what loops hold there."""
 
     def __init__(self, mechanism: Mechanism, keep_output: bool) -> None:
@@ -99,11 +99,11 @@ class _Tree:
         home = np.where(mechanism.prismatic & (mechanism.home == 0), 1.0, mechanism.home)
         self.samples = [self.at(q) for q in (*drawn, home)]
 
-    def at(self, q: Array) -> _Placed:
+    def at(self, q: Array) -> _Sampled:
         model, data = self.mechanism.model, self.mechanism.model.createData()
         pin.forwardKinematics(model, data, model_q(model, q))
         pin.updateFramePlacements(model, data)
-        return _Placed(
+        return _Sampled(
             np.array([data.oMi[j + 1].rotation @ a for j, a in enumerate(self.own)]),
             np.array([data.oMi[j + 1].translation for j in range(len(self.own))]),
             [pin.SE3(m) for m in data.oMf],
@@ -194,7 +194,7 @@ class _Tree:
 
 def _idle(mechanism: Mechanism, keep_output: bool) -> int | None:
     """A hinge to hold, or None where no link spins idly."""
-    tree = _Tree(mechanism, keep_output)
+    tree = _SpanningTree(mechanism, keep_output)
     for first in range(mechanism.n):
         run = tree.ball(first)
         if run is None:
@@ -210,7 +210,7 @@ def _idle(mechanism: Mechanism, keep_output: bool) -> int | None:
     return None
 
 
-def _twice(tree: _Tree, joint: int) -> bool:
+def _twice(tree: _SpanningTree, joint: int) -> bool:
     """Whether a hinge is written twice: a weld holds its link to another's on the same axis."""
     model = tree.mechanism.model
     for a, b, kind in tree.cuts[joint + 1]:
@@ -229,7 +229,7 @@ def _twice(tree: _Tree, joint: int) -> bool:
     return False
 
 
-def _best(tree: _Tree, run: tuple[int, int, int], near: Array, far: Array) -> int:
+def _best(tree: _SpanningTree, run: tuple[int, int, int], near: Array, far: Array) -> int:
     """Which of a ball's hinges the others do best without.
 
     The two that stay point the link: they reach every direction where the link is across the
@@ -248,7 +248,7 @@ def _best(tree: _Tree, run: tuple[int, int, int], near: Array, far: Array) -> in
     return run[max(scores)[2]]
 
 
-def _on_line(tree: _Tree, joint: int) -> bool:
+def _on_line(tree: _SpanningTree, joint: int) -> bool:
     """Whether a hinge's axis passes through the ball at the end of its link, slides along it."""
     here: int | None = joint
     while here is not None:
@@ -269,7 +269,7 @@ def _on_line(tree: _Tree, joint: int) -> bool:
     return False
 
 
-def _back_on_line(tree: _Tree, joint: int) -> bool:
+def _back_on_line(tree: _SpanningTree, joint: int) -> bool:
     """The same with the ball at the inner end of its link."""
     above = tree.before(joint)
     while above is not None and tree.mechanism.prismatic[above]:
@@ -281,7 +281,7 @@ def _back_on_line(tree: _Tree, joint: int) -> bool:
     return centre is not None and _through(tree, joint, centre)
 
 
-def _through(tree: _Tree, joint: int, points: Array) -> bool:
+def _through(tree: _SpanningTree, joint: int, points: Array) -> bool:
     return all(
         float(np.linalg.norm(np.cross(p - s.places[joint], s.axes[joint])))
         <= _SMALL * max(1.0, float(np.abs(p).max()))

@@ -150,7 +150,7 @@ def _check_on_loop(model: pin.Model, output: str, loops: tuple[Loop, ...], node:
 
 
 @dataclass(frozen=True, eq=False)
-class _Tree:
+class _Described:
     """What a robot's own description says; ``follow``: joints that mimic others there."""
 
     model: pin.Model
@@ -160,7 +160,7 @@ class _Tree:
     follow: tuple[str, ...]
 
 
-def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Tree:
+def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Described:
     model = given_model(robot)
     follows: tuple[str, ...] = ()
     if model is not None:
@@ -194,7 +194,7 @@ def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Tree:
         reference=np.array(pin.neutral(model)),
         base="universe",
     )
-    return _Tree(model, source, name, notes, follows)
+    return _Described(model, source, name, notes, follows)
 
 
 def _without_end(model: pin.Model, names: tuple[str, ...]) -> None:
