@@ -102,11 +102,12 @@ def test_the_page_loads_and_shows_a_mechanism(
     assert "assembly +" in text(page, "#rank")
     assert "is nearest" in text(page, "#nearest")
     assert page.locator("#entries > li").count() == len(viewer.groups)
-    sliders = page.locator(".joint input")
+    sliders = page.locator(".joint:not(.pose-row) input")
     assert sliders.count() == mechanism.n
     enabled = [sliders.nth(i).is_enabled() for i in range(mechanism.n)]
     assert enabled == [i < len(mechanism.inputs) for i in range(mechanism.n)]
-    assert page.locator(".band .reach").count() == len(mechanism.inputs)
+    assert page.locator(".joint:not(.pose-row) .band .reach").count() == len(mechanism.inputs)
+    assert page.locator(".pose-row .band .reach").count() > 0
     assert picture(page).std() > 10
     # Seen as a whole: no joint is outside of the picture.
     where = page.evaluate(
@@ -147,6 +148,60 @@ def test_a_slider_moves_the_mechanism_and_the_readings(
     assert text(page, "#two") == f"{mechanism_at(mechanism, after).input_ratio:.3g}"
     settled(page)
     assert "is nearest" in text(page, "#nearest")
+
+
+def lead(page: Any, k: int, value: float) -> None:
+    """Move a slider of the output's pose as a hand does, and let go."""
+    page.evaluate(
+        """([k, v]) => { const { slider } = window.pinsing.panel.pose.rows[k]; slider.value = v;
+             slider.dispatchEvent(new Event("input")); }""",
+        [k, value],
+    )
+    page.wait_for_function("() => window.pinsing.wanted === null")
+
+
+@pytest.mark.slow
+def test_the_output_is_led_by_sliders_of_its_pose(page: Any, five_bar: MechanismViewer) -> None:
+    mechanism = five_bar.mechanism
+    open_at_home(page, five_bar)
+    x, y = page.evaluate("() => window.pinsing.view.frame.pose")
+    lead(page, 0, x - 0.2)
+    tip = page.evaluate("() => window.pinsing.view.frame.tip")
+    np.testing.assert_allclose(tip[:2], [x - 0.2, y], atol=1e-10)
+    assert np.abs(residual(mechanism, shown(page))).max() < 1e-10
+    assert text(page, "#refused") == ""
+    assert "mm" in page.locator(".pose-row .value").first.inner_text()
+    settled(page)
+    assert page.locator(".pose-row .band .reach").count() == 2
+    # Where it cannot go on it stops, says why, and its slider goes back.
+    lead(page, 1, 2.5)
+    assert text(page, "#refused").startswith("infeasible: y = ")
+    assert "type 1 singularity: the leg of q" in text(page, "#refused").replace("\n", "")
+    assert np.abs(residual(mechanism, shown(page))).max() < 1e-10
+    page.evaluate(
+        "() => window.pinsing.panel.pose.rows[1].slider.dispatchEvent(new Event('change'))"
+    )
+    reached_y = page.evaluate("() => window.pinsing.view.frame.pose[1]")
+    value = page.evaluate("() => Number(window.pinsing.panel.pose.rows[1].slider.value)")
+    assert value == pytest.approx(reached_y, abs=1e-6)
+    # The pose goes with what is copied.
+    copied = page.evaluate("() => JSON.parse(window.pinsing.take.text('json'))")
+    assert copied["pose"] == pytest.approx({"x": x - 0.2, "y": reached_y}, abs=1e-8)
+
+
+@pytest.mark.slow
+def test_what_takes_long_is_computed_beside_the_page(page: Any, five_bar: MechanismViewer) -> None:
+    open_at_home(page, five_bar)
+    assert page.evaluate("() => window.pinsing.aside.worker !== null && window.pinsing.aside.able")
+    # Where a page may have no worker, it computes by itself.
+    page.evaluate(
+        """() => { const { aside } = window.pinsing;
+             aside.stop(); aside.able = false; aside.worker = null; }"""
+    )
+    drag(page, 0, slider(page, 0) - 10)
+    settled(page)
+    assert "is nearest" in text(page, "#nearest")
+    assert page.locator(".pose-row .band .reach").count() == 2
 
 
 @pytest.mark.slow

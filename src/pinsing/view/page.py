@@ -16,6 +16,7 @@ from typing import Any
 
 ENGINE = (
     "linear",
+    "orthogonal",
     "chain",
     "measures",
     "families",
@@ -31,6 +32,7 @@ ENGINE = (
     "loops",
     "mechanism",
     "drive",
+    "pose_drive",
     "curve",
     "singular_points",
     "dyad",
@@ -43,6 +45,7 @@ ENGINE = (
 
 SCRIPTS = (
     "labels.js",
+    "pace.js",
     "scene.js",
     "panel.js",
     "locus.js",
@@ -51,6 +54,8 @@ SCRIPTS = (
     "postures.js",
     "take.js",
     "main.js",
+    "aside.js",
+    "pose_sliders.js",
     "mechanism_panel.js",
     "mechanism.js",
     "start.js",
@@ -106,7 +111,9 @@ def engine_script() -> str:
         given = ", ".join(what for _, what in exported)
         parts.append(f"const engine_{name} = (() => {{\n{code}\nreturn {{ {given} }};\n}})();")
         names.append(f"...engine_{name}")
-    return "\n".join([*parts, f"const Engine = {{ {', '.join(names)} }};"])
+    # As a function, so that a worker beside the page can have its own.
+    inside = "\n".join([*parts, f"return {{ {', '.join(names)} }};"])
+    return f"function engineOf() {{\n{inside}\n}}\nconst Engine = engineOf();"
 
 
 def script() -> str:

@@ -118,6 +118,7 @@ class App {
   }
 
   frame(frame, dragged = -1) {
+    if (this.running || this.wanted) this.view.pace.moved();
     this.view.show(frame);
     this.panel.show(frame, dragged);
     if (dragged >= 0) this.postures.mark(-1);  // moved by hand: at none of them

@@ -5,6 +5,8 @@ const SETTLED = 120; // ms without a move
 
 class MechanismApp extends App {
   constructor(page, view, scene, stream) {
+    const { engine } = page;
+    engine.homePose = Engine.poseOf(engine, Engine.placeOf(engine, engine.home));
     super(page, view, scene, stream);
     document.body.classList.add("mechanism");
     // In a plane, what is drawn at the output lies inside the links.
@@ -19,7 +21,7 @@ class MechanismApp extends App {
 
   makePanel(actions) {
     return new MechanismPanel(this.page, {
-      ...actions, mode: (q) => this.go(q), release: () => this.release(),
+      ...actions, mode: (q) => this.go(q), release: () => this.release(), lead: (k, value) => this.lead(k, value),
     });
   }
 
@@ -27,24 +29,48 @@ class MechanismApp extends App {
 
   inputs(q) { return this.page.inputs.map((i) => q[i]); }
 
-  // Once at rest: how far the inputs go, one after the other, and the other modes.
+  // Once at rest: how far the inputs and the pose go, one after the other, and the other modes.
   async rest(frame) {
-    const { engine, inputs } = this.page, found = [], q = frame.q;
+    const { inputs, engine } = this.page, found = [], q = frame.q, aside = this.aside ??= new Aside(engine);
     const stale = () => frame !== this.view.frame || this.running || this.wanted !== null;
+    aside.stop();
     await new Promise((resolve) => setTimeout(resolve, SETTLED));
     for (const k of inputs.keys()) {
-      await nextTask();
       if (stale()) return;
-      found.push(Engine.stretch(engine, q, k));
+      found.push(await aside.ask("stretch", q, k));
+      if (stale()) return;
       if (found[k]) this.panel.stretch(frame, inputs[k], found[k]);
     }
-    await nextTask();
+    const modes = await aside.ask("modesAt", q);
     if (stale()) return;
-    const { assemblies, working } = Engine.modesAt(engine, q);
-    this.panel.menu(assemblies, working);
+    this.panel.menu(modes.assemblies, modes.working);
     this.stretches = found;
     if (frame.status !== "singular") this.panel.ahead(Engine.aheadOf(engine, q, found)?.text);
+    for (const k of engine.pose.rows.keys()) {
+      const reach = await aside.ask("poseStretch", q, k, this.page.settings.reach);
+      if (stale()) return;
+      this.panel.pose.stretch(frame, k, reach);
+    }
     this.known = frame;
+  }
+
+  // The output is led: of moves that come at once only the last counts.
+  async lead(k, value) {
+    if (this.path) { this.player.clear(); this.panel.playing(null); }
+    this.say("");
+    const { frame } = this.view, goal = this.wanted?.goal?.slice() ?? this.panel.pose.values(frame), idle = this.wanted === null;
+    goal[k] = value;
+    this.wanted = { goal, k, q: this.panel.values(frame) };
+    if (!idle) return;
+    const turn = ++this.turn;
+    await nextTask();
+    if (turn === this.turn) {
+      const { goal: last, k: led, q, joint } = this.wanted;
+      this.panel.led = last ? led : -1;
+      this.frame(last ? this.source.posed(q, last, led) : this.moved(q), joint);
+      this.panel.led = -1;
+    }
+    this.wanted = null;
   }
 
   // A pose out of an address: all joints, whose loops are closed, or the inputs alone.
@@ -66,10 +92,13 @@ class MechanismApp extends App {
   }
 
   poseTexts() {
-    const { q } = this.view.frame, flag = this.inputs(q), names = this.page.joints.map((j) => j.name);
+    const { q, pose } = this.view.frame, flag = this.inputs(q), names = this.page.joints.map((j) => j.name);
+    const { engine } = this.page, coordinates = pose.map((_, k) => Engine.poseName(engine, k));
     return { flag, link: q, python: `inputs = np.array([${trimmed(flag).join(", ")}])  # ${this.page.robot.inputs.join(", ")}\n` +
+               `pose = np.array([${trimmed(pose).join(", ")}])  # ${coordinates.join(", ")}, m and rad\n` +
                `q = np.array([${trimmed(q).join(", ")}])`,
-             json: { robot: this.page.robot.name, joints: names, q, inputs: this.page.robot.inputs } };
+             json: { robot: this.page.robot.name, joints: names, q, inputs: this.page.robot.inputs,
+                     pose: Object.fromEntries(coordinates.map((name, k) => [name, pose[k]])) } };
   }
 
   fileJoints() { return this.page.inputs.map((i) => this.page.engine.joints[i]); }
@@ -94,5 +123,6 @@ class MechanismApp extends App {
   release() {
     if (this.wanted) { setTimeout(() => this.release(), 30); return; }
     for (const i of this.page.inputs) this.panel.rows[i].slider.value = this.panel.value(this.view.frame, i);
+    this.panel.pose.show(this.view.frame, -1);
   }
 }

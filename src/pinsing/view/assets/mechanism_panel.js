@@ -10,6 +10,7 @@ const MECHANISM_NUMBERS = [
 const KIND_WORDS = { "type 1": "Type 1 singularity", "type 2": "Type 2 singularity",
                      "type 3": "Type 3 singularity", constraint: "Constraint singularity" };
 const TURN = 2 * Math.PI;
+const FEW = 4; // passive joints that are listed unasked
 
 class MechanismPanel extends Panel {
   head() {
@@ -54,7 +55,7 @@ class MechanismPanel extends Panel {
 
   joints() {
     const { page } = this;
-    const longest = Math.max(...page.joints.map((j) => j.symbol.length));
+    const longest = Math.max(...page.joints.map((j) => j.symbol.length), ...page.engine.pose.rows.map((_, k) => Engine.poseName(page.engine, k).length));
     $("joints").style.setProperty("--name", `${Math.min(Math.max(longest, 3), 12)}ch`);
     this.rows = [];
     this.windows = page.joints.map((j) => [j.lower, j.upper]);
@@ -69,15 +70,21 @@ class MechanismPanel extends Panel {
       $("joints").append(found.row);
       this.rows[index] = found;
     }
-    $("joints").append(make("h3", "", "Passive joints, solved"));
+    this.pose = new PoseSliders(page, this.actions);
+    $("joints").append(this.pose.node);
+    $("joints-note").textContent = "Green: within reach of this slider alone, in the present mode. " +
+      "Marks: singular poses on the way.";
+    const passive = make("details"), count = page.joints.length - page.inputs.length;
+    passive.id = "passive";
+    passive.open = count <= FEW;
+    passive.append(make("summary", "", `${count} passive joint${count === 1 ? "" : "s"}, solved`));
     page.joints.forEach((joint, index) => {
       if (page.inputs.includes(index)) return;
       this.rows[index] = this.row(joint, index, false);
       this.rows[index].row.classList.add("passive");
-      $("joints").append(this.rows[index].row);
+      passive.append(this.rows[index].row);
     });
-    $("joints-note").textContent = "Green: within reach of this slider in the present mode. " +
-      "Marks: singular poses on the way.";
+    $("joints-note").after(passive);
   }
 
   shown(index, value) {
@@ -91,6 +98,11 @@ class MechanismPanel extends Panel {
     const value = frame.q[joint];
     if (this.page.joints[joint].prismatic || (value >= low - 1e-9 && value <= high + 1e-9)) return value;
     return low + ((((value - low) % TURN) + TURN) % TURN);
+  }
+
+  show(frame, dragged = -1) {
+    super.show(frame, dragged);
+    this.pose.show(frame, this.led ?? -1);
   }
 
   verdict(frame) {

@@ -48,6 +48,7 @@ class SceneView {
     this.touched = false;
     V.controls.addEventListener("start", () => { this.touched = true; });
     this.labels = new Labels(element);
+    this.pace = new Pace(V);
     const render = V.render.bind(V);
     V.render = () => {
       if (!this.frame) return; // links that no pose has placed yet: nobody wants to see them
@@ -382,6 +383,7 @@ class SceneView {
 
   // The canvas with its legend and label, as a data address of a PNG.
   pictureWithLegend() {
+    this.pace.full();
     this.viewer.render();
     const source = this.viewer.renderer.domElement, ratio = source.width / this.element.clientWidth;
     const canvas = document.createElement("canvas");

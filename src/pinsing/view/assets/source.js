@@ -74,20 +74,31 @@ class MechanismSource extends EngineSource {
   compute(q) { return Engine.mechanismFrame(this.page.engine, q); }
 
   // Frame where the mechanism gets to from a closed q on the way to new inputs; `refused` says where it
-  // stopped.
+  // stopped, and why.
   driven(q, inputs) {
     const { engine } = this.page, { joints, actuated } = engine;
     const wanted = inputs.map((v, k) => Math.min(joints[actuated[k]].upper ?? Infinity, Math.max(joints[actuated[k]].lower ?? -Infinity, v)));
-    const found = Engine.drive(engine, wanted, q), frame = this.compute(found.q);
-    if (found.reached < 1) frame.refused = this.refused(wanted, q, found.q);
+    const found = Engine.driven(engine, wanted, q), frame = this.compute(found.q);
+    if (found.reached < 1) frame.refused = this.refused(wanted, q, found);
     return frame;
   }
 
-  refused(wanted, before, q) {
+  refused(wanted, before, { q, stop }) {
     const { engine } = this.page, far = wanted.map((v, k) => Math.abs(v - before[engine.actuated[k]]));
     const k = far.indexOf(Math.max(...far)), index = engine.actuated[k];
     return `infeasible: ${engine.joints[index].name} = ${Engine.inputText(engine, k, wanted[k])}. In this mode the loops close ` +
-      `up to ${Engine.inputText(engine, k, q[index], 2)}, the others held; the mechanism stays there.`;
+      `up to ${Engine.inputText(engine, k, q[index], 2)}, the others held (${Engine.stopWords(engine, stop)}); the mechanism stays there.`;
+  }
+
+  // The same with the output led to a pose; k: the coordinate that was moved.
+  posed(q, goal, k) {
+    const { engine } = this.page, found = Engine.posed(engine, goal, q), frame = this.compute(found.q);
+    if (found.stop) {
+      const name = Engine.poseName(engine, k);
+      frame.refused = `infeasible: ${name} = ${Engine.poseText(engine, k, goal[k])}. The output gets to ` +
+        `${Engine.poseText(engine, k, frame.pose[k], 2)} (${Engine.stopWords(engine, found.stop)}); the mechanism stays there.`;
+    }
+    return frame;
   }
 
   async path(entry, k, kind) {

@@ -12,7 +12,8 @@ export function placements(chain, q) {
   const out = [];
   for (const joint of chain.joints) {
     let value = joint.offset;
-    for (let k = 0; k < q.length; k++) value += joint.weights[k] * q[k];
+    const { weights } = joint;
+    for (let k = 0; k < q.length; k++) if (weights[k] !== 0) value += weights[k] * q[k];
     const own = joint.prismatic
       ? { R: joint.R, t: add(joint.t, scaled(times(joint.R, joint.axis), value)) }
       : { R: product(joint.R, rotation(joint.axis, value)), t: joint.t };
@@ -42,7 +43,11 @@ export function jacobianOf(chain, places, frame) {
   for (let j = frame.parent; j >= 0; j = chain.joints[j].parent) {
     const joint = chain.joints[j], axis = times(places[j].R, joint.axis);
     const twist = joint.prismatic ? [...axis, 0, 0, 0] : [...cross(axis, subtract(tip, places[j].t)), ...axis];
-    joint.weights.forEach((w, k) => { if (w) for (let i = 0; i < 6; i++) J[i][k] += w * twist[i]; });
+    const { weights } = joint;
+    for (let k = 0; k < n; k++) {
+      const w = weights[k];
+      if (w !== 0) for (let i = 0; i < 6; i++) J[i][k] += w * twist[i];
+    }
   }
   return J;
 }

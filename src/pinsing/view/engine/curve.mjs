@@ -1,9 +1,10 @@
 // Curves of closed configurations with one input free: pseudo-arclength continuation in the space of all
 // joints, so that a curve runs through type 2 singularities, where the moving input turns back.
 
-import { add, dot, leastNorm, scaled, subtract, svd, transpose } from "./linear.mjs";
+import { add, dot, scaled, subtract } from "./linear.mjs";
 import { CLOSED, closure, worst, wrap } from "./loops.mjs";
 import { motions } from "./mechanism.mjs";
+import { leastSquares, nullVector } from "./orthogonal.mjs";
 
 export const STEP = 0.04; // largest step, radians or length scales
 const MOST = 4000;
@@ -39,7 +40,7 @@ function curveOf(data, moving) {
 }
 
 function tangent({ data, index, held }, q, along) {
-  const { left } = svd(transpose([...closure(data, q).G, ...held])), t = left[left.length - 1];
+  const t = nullVector([...closure(data, q).G, ...held]);
   return (along ? dot(t, along) : t[index]) >= 0 ? t : scaled(t, -1);
 }
 
@@ -53,7 +54,7 @@ function correct({ data, held }, guess, along = null) {
     const { residual, G } = closure(data, q), size = worst(residual);
     if (size <= 1e-14 || (size <= CLOSED && size >= best)) return q;
     best = size;
-    q = moved(data, q, leastNorm([...G, ...rest], [...residual.map((v) => -v), ...rest.map(() => 0)], 1e-11));
+    q = moved(data, q, leastSquares([...G, ...rest], [...residual.map((v) => -v), ...rest.map(() => 0)], 1e-11));
     if (!q.every(Number.isFinite) || worst(subtract(q, guess)) > 1) break;
   }
   return worst(closure(data, q).residual) <= CLOSED ? q : null;

@@ -1,8 +1,9 @@
 // Driving a mechanism by hand: inputs move, the passive joints follow, no mode is jumped.
 
-import { leastNorm, subtract, svd, transpose } from "./linear.mjs";
+import { subtract, svd, transpose } from "./linear.mjs";
 import { CLOSED, closure, combined, everyJoint, gaussNewton, passiveOf, worst } from "./loops.mjs";
 import { assemblySign, motions } from "./mechanism.mjs";
+import { leastSquares } from "./orthogonal.mjs";
 
 const STEP = 0.05, SMALLEST = 1e-5, LEAVE = 0.02;
 export const AT_TYPE_2 = 1e-6;
@@ -57,7 +58,7 @@ function walk(data, target, start) {
 
 function predicted(data, q, move, free) {
   const { G } = closure(data, q), used = free.flatMap((on, j) => (on ? [j] : []));
-  const passive = leastNorm(G.map((row) => used.map((j) => row[j])),
+  const passive = leastSquares(G.map((row) => used.map((j) => row[j])),
     G.map((row) => -data.actuated.reduce((sum, j, k) => sum + row[j] * move[k], 0)), 1e-11);
   const longest = worst(passive), cut = longest > 2 * STEP ? (2 * STEP) / longest : 1, out = q.slice();
   used.forEach((j, i) => { out[j] += cut * passive[i] * data.metric[j]; });

@@ -7,7 +7,8 @@
 
 import { frameOf, jacobianOf, placements } from "./chain.mjs";
 import { generator } from "./families.mjs";
-import { dot, leastNorm, norm, product, quaternion, scaled, subtract, times, transpose } from "./linear.mjs";
+import { dot, norm, product, quaternion, scaled, subtract, times, transpose } from "./linear.mjs";
+import { leastSquares } from "./orthogonal.mjs";
 
 export const CLOSED = 1e-11; // a residual up to this counts as closed
 const ROWS = { planar: 2, "3d": 3, "6d": 6 }, FULL = 2 * Math.PI;
@@ -71,7 +72,7 @@ export function gaussNewton(data, start, free, steps = 60, reach = Infinity) {
     if (size >= best && best <= CLOSED) break;
     best = size;
     kept = q;
-    const step = leastNorm(G.map((row) => used.map((j) => row[j])), residual.map((v) => -v), 1e-11);
+    const step = leastSquares(G.map((row) => used.map((j) => row[j])), residual.map((v) => -v), 1e-11);
     const longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
     q = q.slice();
     used.forEach((j, i) => { q[j] += cut * step[i] * data.metric[j]; });

@@ -8,6 +8,7 @@
 import { placements } from "./chain.mjs";
 import { cross, dot, norm, subtract, svd, times, transpose } from "./linear.mjs";
 import { closure, determinant, output, worst } from "./loops.mjs";
+import { svdOfTransposed } from "./orthogonal.mjs";
 
 const STRAIGHT = 1e-9; // sine of an elbow up to which it counts as straight
 const OPEN = 1e-6; // loops that miss by more are not closed
@@ -17,7 +18,7 @@ const largest = (A) => (A.length ? svd(A).sigma[0] ?? 0 : 0);
 // Motions { basis (d vectors), inputs (n_a x d), outputs (m x d), size, constraint, two, one }.
 export function motions(data, q, known = closure(data, q)) {
   const { rtol } = data.judge, { ranks } = data;
-  const { sigma, left } = svd(transpose(known.G)), r = ranks.constraint;
+  const { sigma, left } = svdOfTransposed(known.G), r = ranks.constraint;
   const constraint = sigma[0] > 0 ? sigma[r - 1] / sigma[0] : 0;
   const basis = left.slice(constraint > rtol ? r : sigma.filter((s) => s > rtol * sigma[0]).length);
   const inputs = data.actuated.map((j) => basis.map((v) => v[j]));
@@ -75,12 +76,18 @@ export function elbowSines(data, q) {
 
 const sign = (value) => (Math.abs(value) <= STRAIGHT ? "0" : value > 0 ? "+" : "-");
 
-// "+" as at home, "-", "0" at a type 2 singularity, "?" where there is no sign.
-export function assemblySign(data, q) {
-  if (!data.assembly) return "?";
+// Determinant of the passive columns of the closure, positive at home; null where it has no sign.
+export function assemblyValue(data, q) {
+  if (!data.assembly) return null;
   const { rows, sign: home } = data.assembly, { G } = closure(data, q);
   const passive = data.joints.flatMap((_, j) => (data.actuated.includes(j) ? [] : [j]));
-  return sign(home * determinant(rows.map((r) => passive.map((j) => G[r][j]))));
+  return home * determinant(rows.map((r) => passive.map((j) => G[r][j])));
+}
+
+// "+" as at home, "-", "0" at a type 2 singularity, "?" where there is no sign.
+export function assemblySign(data, q) {
+  const value = assemblyValue(data, q);
+  return value === null ? "?" : sign(value);
 }
 
 // Assembly and working mode in words: "assembly +, elbows -+".

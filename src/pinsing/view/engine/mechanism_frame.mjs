@@ -5,6 +5,7 @@ import { combined, output } from "./loops.mjs";
 import { drawnRadii, ellipsoid, pureEllipsoids } from "./measures.mjs";
 import { stateAt } from "./mechanism.mjs";
 import { freeOf, lostOf } from "./mechanism_words.mjs";
+import { poseOf } from "./pose_drive.mjs";
 
 const LONGEST = 0.6; // of the mechanism: towards type 2 ellipses grow without end
 const MOVES = 1e-6, CLOSE = 1.5, ARROWS = 3;
@@ -25,7 +26,7 @@ export function mechanismFrame(data, q) {
   const sigma = regular && state.velocity ? speeds(data, state.velocity) : [];
   return {
     q: q.slice(), links: places.map(({ R, t }) => [...t, ...quaternion(R)]), tip: at,
-    ellipsoids: ellipses(data, state, lost),
+    pose: poseOf(data, state.place), ellipsoids: ellipses(data, state, lost),
     lost: lost.slice(0, ARROWS).map((m) => lineOf(data, m, at)), free: arrows(data, free, at),
     given: free.map((m) => m.words), hot, why: why(data, state, hot),
     status: regular ? (state.near ? "near-singular" : "regular") : "singular", kind: state.kind, mode: state.mode,

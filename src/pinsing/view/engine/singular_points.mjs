@@ -4,9 +4,10 @@
 // but one held, and unit velocities Z with G Z = 0 and J Z = 0 (type 1), S Z = 0 (type 2), or one motion
 // more than the mobility (constraint).
 
-import { leastNorm, norm, scaled, subtract, svd, transpose } from "./linear.mjs";
+import { norm, scaled, subtract, svd, transpose } from "./linear.mjs";
 import { closure, gapOf, output, worst, wrap } from "./loops.mjs";
 import { kindOf, motions } from "./mechanism.mjs";
+import { leastSquares, nullVector } from "./orthogonal.mjs";
 import { STEP } from "./curve.mjs";
 
 const MEASURE = { "type 1": "one", "type 2": "two", constraint: "constraint" };
@@ -108,7 +109,7 @@ function solved(system, start) {
   let Z = svd(transpose(matrix(system, x).M)).left.slice(-extra);
   let value = residualOf(system, x, Z), size = norm(value), stalled = 0;
   for (let k = 0; k < STEPS && size > 1e-15 && stalled < 2; k++) {
-    const step = leastNorm(slopes(system, x, Z), scaled(value, -1), 1e-9);
+    const step = leastSquares(slopes(system, x, Z), scaled(value, -1), 1e-9);
     let factor = Math.min(1, 0.3 / Math.max(worst(step), 1e-300)), better = null;
     for (let half = 0; half < 6 && !better; half++, factor /= 3) {
       const x1 = x.map((v, j) => v + factor * step[j]);
@@ -127,12 +128,12 @@ function solved(system, start) {
 // Whether the input has an extremum on its curve: steps to both sides move it the same way.
 function turnsBack(data, q, index, held) {
   const rows = held.map((j) => q.map((_, i) => (i === j ? 1 : 0)));
-  const { left } = svd(transpose([...closure(data, q).G, ...rows])), t = left[left.length - 1];
+  const t = nullVector([...closure(data, q).G, ...rows]);
   const sides = [1, -1].map((sign) => {
     let x = q.map((v, j) => v + sign * 1e-3 * t[j] * data.metric[j]);
     for (let k = 0; k < 6; k++) {
       const { residual, G } = closure(data, x), rest = [...rows, t];
-      const step = leastNorm([...G, ...rest], [...residual.map((v) => -v), ...rest.map(() => 0)], 1e-11);
+      const step = leastSquares([...G, ...rest], [...residual.map((v) => -v), ...rest.map(() => 0)], 1e-11);
       x = x.map((v, j) => v + step[j] * data.metric[j]);
     }
     return x[index] - q[index];

@@ -15,6 +15,7 @@ from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.tip import frame_index
 from pinsing.view.ellipsoids import Sizes
 from pinsing.view.engine_data import chain_data, frame_data, joint_data, numbers, sizes_data
+from pinsing.view.mechanism.led_pose import led_pose
 
 SCHEMA = "pinsing/mechanism-engine/1"
 
@@ -26,7 +27,8 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
     the two frames; ``task``, ``metric`` (what counts as one radian, per joint), ``joints``
     (limits, None where infinite), ``actuated``; ``ranks`` that are generic; ``judge``, tolerances
     of the verdict; ``home`` (n,), closed; ``assembly``, rows of the closure whose determinant
-    tells assembly modes apart, and its sign at home, or None; ``elbows``; ``dyad``, where two
+    tells assembly modes apart, and its sign at home, or None; ``pose``, coordinates in which the
+    output is led (see `led_pose`); ``elbows``; ``dyad``, where two
     links in a plane close the loop, or None; ``normal`` of the plane of a planar mechanism;
     ``sizes``.
 
@@ -63,6 +65,7 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         "judge": {"rtol": SINGULAR_RTOL, "nearRtol": NEAR_RTOL},
         "home": numbers(home(m)),
         "assembly": None if rows is None else {"rows": rows, "sign": sign},
+        "pose": led_pose(m),
         "elbows": [
             {"crank": e.crank - 1, "elbow": e.elbow - 1, "end": list(e.end)} for e in elbows(m)
         ],

@@ -1,0 +1,242 @@
+// The other way round: the output is led, and all joints follow.
+//
+// `data.pose` is { rows, turn }: the coordinates in which the output can be led (0 to 2: x, y, z; 3 to 5:
+// roll, pitch, yaw), and what the turning ones are: { kind: "full" } a rotation, led as one; "angles"
+// some of roll, pitch and yaw, whose others follow; "axis" an angle about base axis `row` counted on from
+// `at`, its value at the rotation `zero`. R = Rz(yaw) Ry(pitch) Rx(roll).
+
+import { frameOf, jacobianOf } from "./chain.mjs";
+import { dot, norm, product, quaternion, scaled, subtract, transpose } from "./linear.mjs";
+import { CLOSED, closure, worst } from "./loops.mjs";
+import { drive } from "./drive.mjs";
+import { assemblyValue, elbowSines, motions } from "./mechanism.mjs";
+import { leastSquares } from "./orthogonal.mjs";
+
+const STEP = 0.05, SMALLEST = 1e-7, TURN = 2 * Math.PI, INSIDE = 1e-9, RUN = 12, FAR = 0.2;
+const IN_LINE = 0.02, WEAK = 0.02;
+
+const COORDINATES = ["x", "y", "z", "roll", "pitch", "yaw"];
+const shortest = (angle) => angle - TURN * Math.round(angle / TURN);
+
+// Roll, pitch, yaw of a rotation, and its inverse.
+export function anglesOf(R) {
+  const pitch = Math.atan2(-R[2][0], Math.hypot(R[2][1], R[2][2]));
+  if (Math.hypot(R[2][1], R[2][2]) < 1e-12) return [0, pitch, Math.atan2(-R[0][1], R[1][1])];
+  return [Math.atan2(R[2][1], R[2][2]), pitch, Math.atan2(R[1][0], R[0][0])];
+}
+
+export function rotationOf([r, p, y]) {
+  const [a, b] = [Math.cos(r), Math.sin(r)], [c, d] = [Math.cos(p), Math.sin(p)], [e, f] = [Math.cos(y), Math.sin(y)];
+  return [[e * c, e * d * b - f * a, e * d * a + f * b], [f * c, f * d * b + e * a, f * d * a - e * b], [-d, c * b, c * a]];
+}
+
+const turningOf = (R) => {
+  const [x, y, z, w] = quaternion(R), size = norm([x, y, z]), angle = 2 * Math.atan2(size, Math.abs(w)) * (w < 0 ? -1 : 1);
+  return size > 0 ? scaled([x, y, z], angle / size) : [0, 0, 0];
+};
+
+// The led coordinates, in their order, of a placement of the output.
+export function poseOf({ pose }, { R, t }) {
+  const { turn } = pose, angles = turn?.kind === "axis" ? null : anglesOf(R);
+  return pose.rows.map((row) => {
+    if (row < 3) return t[row];
+    return angles ? angles[row - 3] : turn.at + aboutAxis(product(R, transpose(turn.zero)), row - 3);
+  });
+}
+
+function aboutAxis(R, k) {
+  const i = (k + 1) % 3, j = (k + 2) % 3;
+  return Math.atan2(R[j][i], R[i][i]);
+}
+
+// What is to vanish, without units, and its slopes: loops closed, and the coordinates at `goal`.
+function system(data, q, goal) {
+  const { residual, G, places } = closure(data, q), { pose, chain, metric, task } = data;
+  const full = jacobianOf(chain, places, chain.tip), place = frameOf(chain.tip, places), now = poseOf(data, place);
+  const slopes = (row, unit) => row.map((v, j) => v * metric[j] * unit);
+  const errors = [], rows = [], angles = pose.turn?.kind === "angles" ? rates(anglesOf(place.R)) : null;
+  pose.rows.forEach((row, k) => {
+    if (row < 3) {
+      errors.push((now[k] - goal[k]) / task.lengthScale);
+      rows.push(slopes(full[row], 1 / task.lengthScale));
+    } else if (pose.turn.kind !== "full") {
+      errors.push(shortest(now[k] - goal[k]));
+      rows.push(slopes(angles ? full[0].map((_, j) => dot(angles[row - 3], [full[3][j], full[4][j], full[5][j]])) : full[row], 1));
+    }
+  });
+  if (pose.turn?.kind === "full") {
+    const left = turningOf(product(place.R, transpose(rotationOf(goal.slice(-3)))));
+    left.forEach((v, k) => { errors.push(v); rows.push(slopes(full[3 + k], 1)); });
+  }
+  return { values: [...residual, ...errors], rows: [...G, ...rows] };
+}
+
+// Rows that send an angular velocity to the rates of roll, pitch and yaw.
+function rates([, p, y]) {
+  const [c, s, e, f] = [Math.cos(p), Math.sin(p), Math.cos(y), Math.sin(y)];
+  return [[e / c, f / c, 0], [-f, e, 0], [(e * s) / c, (f * s) / c, 1]];
+}
+
+// Newton from q, no joint further than FAR from there: { q, error }.
+function solved(values, data, start) {
+  let q = start, best = Infinity, kept = start;
+  for (let k = 0; k < RUN; k++) {
+    const found = values(q), size = worst(found.values);
+    if (!(size < best)) break;
+    best = size;
+    kept = q;
+    if (size <= 1e-15) break;
+    const step = leastSquares(found.rows, found.values.map((v) => -v), 1e-11), before = q;
+    q = before.map((v, j) => v + step[j] * data.metric[j]);
+    if (!q.every(Number.isFinite) || far(data, q, start) > FAR) break;
+  }
+  return { q: kept, error: best };
+}
+
+const far = (data, a, b) => worst(subtract(a, b).map((v, j) => v / data.metric[j]));
+
+// Lead the output from a closed q (n) to a pose, coordinate by coordinate as `poseOf`: { q, reached, stop },
+// reached from 0 to 1; `stop` says why it ends before: { why, joint }.
+export function posed(data, goal, q) {
+  const { pose, task } = data, start = poseOf(data, placeOf(data, q));
+  const way = goal.map((v, k) => (pose.rows[k] < 3 ? v - start[k] : shortest(v - start[k])));
+  const units = pose.rows.map((row) => (row < 3 ? task.lengthScale : 1));
+  return led(data, q, worst(way.map((v, k) => v / units[k])),
+    (x, part) => system(data, x, start.map((v, k) => v + part * way[k])));
+}
+
+// Lead one joint alone, the others as they least must: for more actuators than freedoms.
+export function ledJoint(data, joint, value, q) {
+  const begin = q[joint], unit = data.metric[joint];
+  return led(data, q, Math.abs(value - begin) / unit, (x, part) => {
+    const { residual, G } = closure(data, x);
+    return { values: [...residual, (x[joint] - begin - part * (value - begin)) / unit],
+             rows: [...G, x.map((_, j) => (j === joint ? 1 : 0))] };
+  });
+}
+
+// Steps on the straight way of what is led, cut where Newton would run off or a joint would pass its limit.
+function led(data, q, distance, values) {
+  const begin = solved((x) => values(x, 0), data, q), least = bounds(data, q);
+  if (begin.error > CLOSED) return { q: q.slice(), reached: 0, stop: reason(data, q, least) };
+  if (distance === 0) return { q: begin.q, reached: 1, stop: null };
+  const smallest = Math.min(1, SMALLEST / distance);
+  let at = begin.q, part = 0, step = Math.min(1, STEP / distance), cut = false;
+  while (part < 1) {
+    const ahead = Math.min(1, part + step), found = solved((x) => values(x, ahead), data, at);
+    const share = found.error <= CLOSED ? inside(least, at, found.q) : 0;
+    if (share >= 1) {
+      at = found.q;
+      part = ahead;
+      if (!cut) step = Math.min(2 * step, STEP / distance);
+      continue;
+    }
+    cut = true;
+    step = (ahead - part) * (found.error <= CLOSED ? Math.min(0.9, Math.max(0.02, share)) : 0.5);
+    if (step < smallest) break;
+  }
+  return { q: at, reached: part, stop: part < 1 ? reason(data, at, least) : null };
+}
+
+// Limits; where a joint is beyond one already, it is not to go further.
+const bounds = (data, q) => data.joints.map(({ lower, upper }, j) => [Math.min(lower ?? -Infinity, q[j]), Math.max(upper ?? Infinity, q[j])]);
+
+// How much of the way from a to b all limits allow, 1 or more: all.
+function inside(limits, a, b) {
+  let share = 1;
+  limits.forEach(([low, high], j) => {
+    const over = b[j] > high + INSIDE ? high : b[j] < low - INSIDE ? low : null;
+    if (over !== null) share = Math.min(share, (over - a[j]) / (b[j] - a[j]));
+  });
+  return share;
+}
+
+// Why it ends at q: a limit, a leg in line, loops that hold less, or loops that do not close.
+function reason(data, q, limits) {
+  const limit = q.findIndex((v, j) => Math.min(v - limits[j][0], limits[j][1] - v) <= 1e-5 * data.metric[j]);
+  if (limit >= 0) return { why: "limit", joint: limit, q };
+  const { one, two, constraint } = motions(data, q), straight = elbowSines(data, q).map(Math.abs);
+  const least = straight.indexOf(Math.min(...straight)), inLine = least >= 0 && straight[least] <= IN_LINE;
+  if (constraint <= WEAK) return { why: "constraint", q };
+  if (two <= Math.min(WEAK, one)) return { why: "type 2", q };
+  if (one <= WEAK || inLine) return { why: "type 1", joint: inLine ? data.elbows[least].crank : undefined, q };
+  return { why: "open", q };
+}
+
+// The same in words.
+export function stopWords(data, { why, joint, q }) {
+  const name = joint === undefined ? "" : data.joints[joint].name;
+  if (why === "limit") return `${name} is at its limit, ${valueText(data.joints[joint].prismatic, q[joint])}`;
+  if (why === "open") return "the loops do not close beyond";
+  return `${why} singularity${name && `: the leg of ${name} in line`}`;
+}
+
+const valueText = (slides, value, digits = 1) =>
+  (slides ? `${(1000 * value).toFixed(digits)} mm` : `${((value * 180) / Math.PI + 0).toFixed(digits)}\u00b0`);
+
+// Coordinate k of the pose by its name, and a value of it in words.
+export const poseName = ({ pose, normal }, k) => (pose.rows[k] > 2 && normal ? "turn" : COORDINATES[pose.rows[k]]);
+export const poseText = ({ pose }, k, value, digits = 1) => valueText(pose.rows[k] < 3, value, digits);
+
+// Placement of the output.
+export function placeOf(data, q) { return frameOf(data.chain.tip, closure(data, q).places); }
+
+// Inputs driven as by `drive`, to the first limit of a joint at most: { q, reached, stop }. With more
+// actuators than freedoms the one that moves most leads, and the others follow.
+export function driven(data, inputs, q) {
+  const { actuated, metric } = data;
+  if (actuated.length > data.ranks.mobility) {
+    const away = actuated.map((j, k) => Math.abs(inputs[k] - q[j]) / metric[j]), k = away.indexOf(Math.max(...away));
+    return ledJoint(data, actuated[k], inputs[k], q);
+  }
+  const limits = bounds(data, q), found = drive(data, inputs, q);
+  if (inside(limits, q, found.q) >= 1) return { ...found, stop: found.reached < 1 ? reason(data, found.q, limits) : null };
+  const begin = actuated.map((j) => q[j]), end = actuated.map((j) => found.q[j]);
+  let low = 0, high = 1, best = q;
+  for (let k = 0; k < 26; k++) {
+    const middle = (low + high) / 2, tried = drive(data, begin.map((v, i) => v + middle * (end[i] - v)), best);
+    if (tried.reached === 1 && inside(limits, q, tried.q) >= 1) { low = middle; best = tried.q; } else high = middle;
+  }
+  return { q: best, reached: low * found.reached, stop: reason(data, best, limits) };
+}
+
+// How far coordinate k of the pose goes from a closed q, the others held: { lower, upper, whole, below,
+// above (why it ends), points }: where the sign of type 2 changes on the way.
+export function poseStretch(data, q, k, reach) {
+  const row = data.pose.rows[k], here = poseOf(data, placeOf(data, q)), turns = row > 2;
+  // Pitch beyond a quarter of a turn is another roll and yaw.
+  const most = row === 4 && data.pose.turn.kind !== "axis" ? Math.PI / 2 - 1e-6 : Math.PI;
+  const ends = turns && most < 3 ? [-most, most] : turns ? [here[k] - Math.PI, here[k] + Math.PI] : [here[k] - 4 * reach, here[k] + 4 * reach];
+  const points = [], sides = ends.map((end) => walked(data, q, here, k, end, points));
+  const [below, above] = sides, whole = turns && most > 3 && !below.stop && !above.stop;
+  return { lower: below.value, upper: above.value, whole, below: below.stop, above: above.stop, points: points.sort((a, b) => a.value - b.value) };
+}
+
+// Step by step to one side, so that each is a small one, and crossings of type 2 are seen.
+function walked(data, q, here, k, end, points) {
+  const stride = (data.pose.rows[k] < 3 ? data.task.lengthScale : 1) * 0.1, count = Math.max(1, Math.ceil(Math.abs(end - here[k]) / stride));
+  const goal = (value) => here.map((v, i) => (i === k ? value : v));
+  // The last pose whose sign is more than rounding: on a crossing, and where all is singular, it is not.
+  const signed = (at, value) => (data.assembly && motions(data, at).two > data.judge.rtol ? { q: at, value, sign: assemblyValue(data, at) } : null);
+  let at = q, value = here[k], clear = signed(q, value);
+  for (let n = 1; n <= count; n++) {
+    const next = here[k] + ((end - here[k]) * n) / count, found = posed(data, goal(next), at);
+    at = found.q;
+    value += found.reached * (next - value);
+    const now = signed(at, value);
+    if (now && clear && now.sign * clear.sign < 0) points.push({ kind: "type 2", ...crossing(data, goal, clear, value) });
+    clear = now ?? clear;
+    if (found.stop) return { value, stop: found.stop };
+  }
+  return { value, stop: null };
+}
+
+function crossing(data, goal, { q, value, sign }, beyond) {
+  let low = value, high = beyond;
+  for (let n = 0; n < 40 && Math.abs(high - low) > 1e-10; n++) {
+    const middle = (low + high) / 2, found = posed(data, goal(middle), q);
+    if (found.reached < 1) break;
+    if (assemblyValue(data, found.q) * sign > 0) { low = middle; q = found.q; } else high = middle;
+  }
+  return { value: (low + high) / 2, q };
+}
