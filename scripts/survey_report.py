@@ -11,9 +11,9 @@ HEAD = """# Survey: every chain of every robot in example-robot-data
 
 Made by `scripts/survey.py` with pinsing {pinsing}, example-robot-data {data}, Pinocchio {pin}; each
 chain in a process of its own, {whole:g} s at most on the clock, of which {search:g} s for the
-search and {proof:g} s for a certificate. Chains of 2 to 9 joints that end in a leaf or a tool
-frame, from the root and from the last branching before the end (from every branching, where the
-whole is longer). The task is the pose.
+search for families, and {proof:g} s of processor time for that for a certificate. Chains of 2 to
+9 joints that end in a leaf or a tool frame, from the root and from the last branching before the
+end (from every branching, where the whole is longer). The task is the pose.
 
 - **families**: families of singular configurations, whether joint limits let them through or not.
 - **word**: *proven* (a certificate that the independent checker accepts; its size, and the

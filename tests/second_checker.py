@@ -77,7 +77,7 @@ class Ring:
     def parse(self, text):
         """A form or a number from its text."""
         need(type(text) is str, f"no text: {text!r}")
-        terms = {}
+        found = []
         for term in text.split(" "):
             match = TERM.fullmatch(term)
             need(match, f"no term: {term!r}")
@@ -89,10 +89,16 @@ class Ring:
                 need(name[0] != "s" or int(name[1:]) in self.roots, f"no root: {name}")
                 need(1 <= int(power or 1) <= 99, f"no power: {term!r}")
                 exponents[self.place_of[name]] += int(power or 1)
-            key = tuple(exponents)
-            terms[key] = terms.get(key, 0) + fmpq(int(top), int(bottom or 1))
+            found.append((exponents, fmpq(int(top), int(bottom or 1))))
+        for j in range(self.n):
+            whole = max(sum(exponents[2 * j : 2 * j + 2]) for exponents, _ in found)
+            for exponents, _ in found:
+                exponents[2 * j] += whole - sum(exponents[2 * j : 2 * j + 2])
+        terms = {}
+        for exponents, number in found:
+            terms[tuple(exponents)] = terms.get(tuple(exponents), 0) + number
         p = self.reduced(self.ctx.from_dict({k: c for k, c in terms.items() if c}))
-        need(self.is_form(p), f"no form: {text[:40]!r}")
+        assert self.is_form(p)
         return p
 
     def number(self, text):

@@ -20,6 +20,7 @@ from pinsing.proof import checker
 from pinsing.proof.checker import Certificate, Rejected, Ring, verify
 from pinsing.proof.combination import combination
 from pinsing.proof.produce import text_of
+from pinsing.proof.skeleton import form_text
 
 CHECKER = Path(checker.__file__)
 
@@ -388,6 +389,36 @@ def test_odd_numbers_are_rejected(number, certificates):
     data = certificates("ur5")
     data["chain"][1]["translation"][0] = number
     assert verdict(data)
+
+
+def test_powers_of_x_may_be_left_out():
+    """What docs/proof.md says of forms."""
+    ring = Ring([False, True, False], [2])
+    (x1, y1), (x2, y2), (x3, y3) = ring.pairs
+    s2 = ring.context.gens()[6]
+    assert ring.parse("2 -1/3y1^2y3s2") == 2 * x1 * x1 * x3 - y1 * y1 * y3 * s2 / 3
+    assert ring.parse("2x1^2x3 -1/3y1^2y3s2") == ring.parse("2 -1/3y1^2y3s2")
+    assert ring.parse("1x1y2 1") == x1 * y2 + x1 * x2
+    assert ring.parse("1x1 1") == 2 * x1
+    forms = [x1, y1, x1 * y2 + x1 * x2, x1 * x1 * y2 - s2 * y1 * x1 * x2, ring.one, 0 * x1]
+    forms += [(3 * x1 - y1) ** 2 * x3**2 * (x2 - s2 * y2) + y1 * x1 * x3 * y3 * x2]
+    for form in forms:
+        assert ring.parse(form_text(form)) == form
+
+
+@pytest.mark.parametrize("name", MUTATED)
+def test_powers_of_x_may_be_written(name, certificates):
+    """The same certificate with all powers of x in each term."""
+    data = certificates(name)
+    ring = Certificate(data).ring
+    whole = data["polynomials"]
+    for k, text in enumerate(whole):
+        whole[k] = " ".join(
+            str(c) + "".join(f"{v}^{e}" for v, e in zip(ring.names, m, strict=True) if e)
+            for m, c in ring.parse(text).to_dict().items()
+        )
+    assert "x" in "".join(whole)
+    assert verdict(data) == ""
 
 
 @pytest.mark.parametrize(

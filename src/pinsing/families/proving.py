@@ -44,7 +44,7 @@ def prove(
     ClosedForm
         The same, with ``proof``; complete and without gaps if the certificate was accepted.
     """
-    return _proven(form, Budget(seconds), progress)
+    return within(form, Budget(seconds), progress)
 
 
 def prove_briefly(
@@ -62,11 +62,11 @@ def prove_briefly(
         Told now and then how far the search is.
     """
     least, most = SHORT_ON_CLOCK
-    return _proven(form, Budget(max(least, min(seconds, most)), SHORT), progress)
+    return within(form, Budget(max(least, min(seconds, most)), SHORT), progress)
 
 
-def _proven(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | None) -> ClosedForm:
-    """With what became of the two ways to look for a certificate."""
+def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | None) -> ClosedForm:
+    """The same, in the time of a budget: first of families as stated, then of these in parts."""
     started = time.monotonic()
     reason = ""
     for in_parts in (False, True):

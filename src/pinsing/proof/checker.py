@@ -107,21 +107,24 @@ class Ring:
         self.unit = [x if slide else x * x + y * y for slide, (x, y) in both]
 
     def parse(self, text: str) -> Poly:
-        """Read a sum of terms, such as ``2x1^2y3 -1/3x1y1y3s2``."""
+        """Read a sum of terms, such as ``2 -1/3y1^2y3s2``: powers of x complete each of them."""
+        keys: list[list[int]] = []
+        numbers: list[Any] = []
         terms: dict[tuple[int, ...], Any] = {}
         for term in text.split(" "):
             if (match := TERM.fullmatch(term)) is None:
                 raise Rejected(f"no form: {text[:40]!r}")
-            key = [0] * len(self.names)
+            keys.append([0] * len(self.names))
+            numbers.append(fmpq(int(match[1]), int(match[2] or 1)))
             for name, power in POWER.findall(match[3]):
-                key[self.names.index(name)] += int(power or 1)
-            number = fmpq(int(match[1]), int(match[2] or 1))
-            terms[tuple(key)] = terms.get(tuple(key), 0) + number
-        form = self.reduced(self.context.from_dict(terms))
-        for j in range(len(self.pairs)):
-            degrees = {m[2 * j] + m[2 * j + 1] for m in form.monoms()}
-            need(len(degrees) < 2, f"terms differ in their degree in joint {j + 1}: {text[:40]!r}")
-        return form
+                keys[-1][self.names.index(name)] += int(power or 1)
+        for x in range(0, 2 * len(self.pairs), 2):
+            degree = max(key[x] + key[x + 1] for key in keys)
+            for key in keys:
+                key[x] = degree - key[x + 1]
+        for key, number in zip(map(tuple, keys), numbers, strict=True):
+            terms[key] = terms.get(key, 0) + number
+        return self.reduced(self.context.from_dict(terms))
 
     def number(self, text: str) -> Poly:
         """Read a number."""
@@ -239,10 +242,11 @@ class Ring:
         forms = [f for p in forms if (f := self.put(p, values)) != 0]
         for j in free:
             having = sorted((f for f in forms if self.degree(f, j)), key=len)
-            found = (self.resultant(*pair, j) for pair in combinations(having, 2))
             forms = [f for f in forms if not self.degree(f, j)]
-            if all(map(self.joints, forms)):  # else a number vanishes
-                forms += [f for f in found if f != 0]
+            for pair in combinations(having, 2):
+                if not all(map(self.joints, forms)):
+                    return True  # a number vanishes
+                forms += [f for f in [self.resultant(*pair, j)] if f != 0]
         return not all(map(self.joints, forms))
 
 

@@ -89,7 +89,7 @@ class Forms:
             return poly
         if isinstance(self._algebra, SurdRing):
             return self._algebra.monic(poly)
-        return poly / _content(poly)
+        return poly / content(poly)
 
     def parts(self, forms: Sequence[Poly]) -> list[Place]:
         """Common zeros of forms as the union of simpler ones: reduced by each other, factored.
@@ -164,10 +164,10 @@ class Forms:
         return self._algebra.number(1 / value)
 
 
-def _content(poly: Poly) -> Any:
-    """What all coefficients share, with the sign of the first."""
-    numbers = list(poly.to_dict().values())
+def content(*polys: Poly) -> Any:
+    """What all coefficients of some forms share, with the sign of the first."""
+    numbers = [c for p in polys for c in p.to_dict().values()]
     above = math.gcd(*(int(c.p) for c in numbers))
     below = math.lcm(*(int(c.q) for c in numbers))
-    sign = -1 if poly.leading_coefficient() < 0 else 1
+    sign = -1 if polys[0].leading_coefficient() < 0 else 1
     return fmpq(sign * above, below)

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 from pinsing.proof.checker import Certificate, Poly
+from pinsing.proof.forms import content
 from pinsing.proof.place import Place
 from pinsing.proof.skeleton import form_text
 
@@ -149,7 +150,13 @@ class _Minors:
                 yield i, extra, terms
 
     def _written(self, known: _Known) -> Sum:
-        """A sum as text, without units: it is compared without, and they make it long."""
-        first = len(self.family.values)
-        short = zip(known.terms, self.ring.stripped(*known.terms.values()), strict=True)
-        return [[form_text(c), first + at] for at, c in short]
+        """A sum as text, without units and in small numbers: it is compared without them."""
+        short = self.ring.stripped(*known.terms.values())
+        return sum_of(len(self.family.values), dict(zip(known.terms, short, strict=True)))
+
+
+def sum_of(first: int, multiples: Mapping[int, Poly]) -> Sum:
+    """A sum as text: what each form is multiplied by, which are counted from ``first``."""
+    terms = {k: c for k, c in multiples.items() if c != 0}
+    number = content(*terms.values())
+    return [[form_text(c / number), first + k] for k, c in terms.items()]

@@ -11,9 +11,8 @@ from pinsing.proof.checker import Certificate, Poly, Rejected
 from pinsing.proof.combination import combination
 from pinsing.proof.division import divisions
 from pinsing.proof.forms import Forms
-from pinsing.proof.laplace import Lines, Sum, sums_to_minors
+from pinsing.proof.laplace import Lines, Sum, sum_of, sums_to_minors
 from pinsing.proof.place import NotFound, Place, place_text
-from pinsing.proof.skeleton import form_text
 
 _TRIED = 12
 """Pivots that are tried, the shortest first."""
@@ -74,8 +73,7 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
         combined = combination(draft.ring, draft.ring.stripped(minor)[0], family.relations)
         if combined is None:
             break
-        first = len(family.values)
-        multiples.append([[form_text(c), first + k] for k, c in enumerate(combined) if c != 0])
+        multiples.append(sum_of(len(family.values), dict(enumerate(combined))))
         totals += draft.ring.stripped(minor)
     else:
         return Soundness(multiples=multiples)
@@ -86,13 +84,12 @@ def _by_division(
     draft: Certificate, tidy: Forms, family: Place, minor: Poly, found: Soundness
 ) -> bool:
     """Add a sum that a minor is a multiple of, but for what is zero on no component."""
-    ring, first = draft.ring, len(family.values)
+    ring = draft.ring
     for f, _ in tidy.factors(minor):
         for tops, times, multiples in divisions(ring, f, family.relations):
             if not _is_apart(draft, family, tops):
                 continue
-            terms = [[form_text(c), first + k] for k, c in enumerate(multiples) if c != 0]
-            found.multiples.append(terms)
+            found.multiples.append(sum_of(len(family.values), dict(enumerate(multiples))))
             for factor, power in tidy.factors(times):
                 found.apart += [factor] * (power - found.apart.count(factor))
             return True

@@ -31,13 +31,20 @@ def number_text(value: Exact | int) -> str:
 
 
 def form_text(form: Poly) -> str:
-    """A polynomial as certificates write it: ``2x1^2y3 -1/3x1y1y3``."""
-    names = form.context().names()
-    terms = [
-        "".join([str(c), *(f"{v}^{k}" if k > 1 else v for v, k in zip(names, m, strict=True) if k)])
-        for m, c in form.to_dict().items()
-    ]
-    return " ".join(terms) or "0"
+    """A polynomial as certificates write it: ``2 -1/3y1^2y3``.
+
+    Powers of x complete the degree in each joint, and are left out but where that of y is highest.
+    """
+    names, terms = form.context().names(), form.to_dict()
+    tops = [max((m[k] for m in terms), default=0) for k in range(len(names))]
+    texts = []
+    for m, c in terms.items():
+        text = str(c)
+        for k, (name, power) in enumerate(zip(names, m, strict=True)):
+            if power and (name[0] != "x" or m[k + 1] == tops[k + 1]):
+                text += f"{name}^{power}" if power > 1 else name
+        texts.append(text)
+    return " ".join(texts) or "0"
 
 
 def roots_in(geometry: Nominal) -> tuple[int, ...]:
