@@ -122,8 +122,8 @@ class Ring:
             degree = max(key[x] + key[x + 1] for key in keys)
             for key in keys:
                 key[x] = degree - key[x + 1]
-        for key, number in zip(map(tuple, keys), numbers, strict=True):
-            terms[key] = terms.get(key, 0) + number
+        for key, number in zip(keys, numbers, strict=True):
+            terms[tuple(key)] = terms.get(tuple(key), 0) + number
         return self.reduced(self.context.from_dict(terms))
 
     def number(self, text: str) -> Poly:
