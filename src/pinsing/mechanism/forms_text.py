@@ -116,6 +116,10 @@ def pose_lines(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
         yield "    ", (formula(written),)
     for family in forms.everywhere:
         yield "  ", (f"{family}",)
+    for locus in forms.inputs:
+        none = "" if locus.real else " (no real points found)"
+        written = locus.equation.exact() if exact else str(locus.equation)
+        yield "  ", (f"{locus.kind} {locus.words}{none}: ", formula(written))
     for locus in forms.level:
         yield "  ", (f"{locus.kind}, {locus.words}: ", formula(str(locus.equation)))
     for note in forms.notes:

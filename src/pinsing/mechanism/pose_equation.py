@@ -81,6 +81,9 @@ class PoseEquation:
 
     def __str__(self) -> str:
         if len(self.values) > _SHORT:
+            if not any(n in ("x", "y", "z") for n in self.names):
+                whole = self.degree(self.names)
+                return f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {whole}]"
             where = self.degree(("x", "y", "z"))
             turn = self.degree(("e0", "e1", "e2", "e3", *_ANGLE))
             more = f", {turn} in the rotation" if turn else ""

@@ -25,6 +25,7 @@ from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_equation import PoseEquation, planar_equation, pose_equation
 from pinsing.mechanism.pose_ring import PoseRing, cross, determinant
 from pinsing.mechanism.rods import Rod, Rods, rods
+from pinsing.mechanism.three_distances import degree_notes, input_loci
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -81,6 +82,9 @@ class PoseForms(JsonResult):
         Whether every singular pose is on one of the loci.
     notes : tuple of str
         What was assumed, and what else must hold.
+    inputs : tuple of PoseLocus
+        Type 2 over the inputs alone, the pose eliminated, where that was done: at inputs on it two
+        poses of the output meet, real or complex ones.
     joint_forms : JointForms or None
         Those in the joint angles, which ``families --loops --json`` writes with them; elsewhere
         they are asked for by themselves, with `joint_forms`.
@@ -95,11 +99,12 @@ class PoseForms(JsonResult):
     level: tuple[PoseLocus, ...]
     complete: bool
     notes: tuple[str, ...]
+    inputs: tuple[PoseLocus, ...] = field(default=(), metadata={"optional": True})
     joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
 
     def __str__(self) -> str:
         lines = [self.architecture] if self.architecture else []
-        lines += [str(x) for x in (*self.loci, *self.everywhere)]
+        lines += [str(x) for x in (*self.loci, *self.everywhere, *self.inputs)]
         return "\n".join([*lines, *self.notes])
 
 
@@ -181,8 +186,14 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     families = every_position(ring, together)
     return PoseForms(
         ring.names, "", tuple(loci), families, tuple(_at_home(mechanism, ring, together)), True,
-        tuple(notes),
+        tuple(notes), tuple(_over_inputs(mechanism)),
     )  # fmt: skip
+
+
+def _over_inputs(mechanism: Mechanism) -> Iterator[PoseLocus]:
+    words = "over the inputs, where two assembly modes meet"
+    for found in input_loci(mechanism):
+        yield PoseLocus("type 2", words, found, _real(found))
 
 
 def _together(ring: PoseRing) -> Any:
@@ -309,9 +320,10 @@ def _needs(ring: PoseRing) -> Iterator[str]:
         if ring.rods.planar and not mechanism.prismatic[list(ring.drivers)].any():
             yield (
                 "the pose alone: eliminating the three inputs by their closure (each quadratic) "
-                "multiplies eight working modes, to degree 42 in x and y at a given angle (Bonev "
-                "and Gosselin 2001); not done"
+                "multiplies eight working modes, to degree 44 in x and y at a given angle, 42 with "
+                "legs of equal lengths (Bonev and Gosselin 2001); not done"
             )
+            yield from degree_notes(mechanism)
     if any(rod.hinge is not None for rod in ring.rods.rods):
         yield (
             "poses of this mechanism keep the outer end of each leg in the plane across its hinge; "

@@ -23,6 +23,7 @@ from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.feasible import feasible
 from pinsing.mechanism.leg_solutions import leg_modes
 from pinsing.mechanism.likeness import SAME, output_pose
+from pinsing.mechanism.mode_counts import number_of_modes
 from pinsing.mechanism.modes import home, mode_at, mode_of
 from pinsing.mechanism.motion import motions
 from pinsing.mechanism.pose import pose_of, read_pose
@@ -59,7 +60,7 @@ class Modes(JsonResult):
     bound : int or None
         No more can exist, by algebra, limits left aside; None where no such number is known.
     complete : bool
-        Whether these are all: by a closed form, or since as many as ``bound`` were found.
+        Whether these are all: by a closed form, or since as many were found as algebra gives.
     statement : str
         All of this in words.
     """
@@ -281,8 +282,16 @@ def _sought(
     pairs = sorted(zip(modes, count, strict=True), key=lambda x: _order(x[0], mechanism))
     modes, count = [m for m, _ in pairs], [c for _, c in pairs]
     bound = _bound(mechanism) if problem == "direct" else None
-    complete = bound is not None and len(poses) >= bound and not spare
+    number, by = number_of_modes(mechanism, begin[list(mechanism.actuated)], target)
+    reached_all = number == (len(poses) if problem == "direct" else len(modes)) and not spare
+    complete = reached_all or (bound is not None and len(poses) >= bound and not spare)
     words = _words(problem, len(modes), starts, [hits[k] for k in kept], beyond, bound, complete)
+    if reached_all and not cut:
+        words = f"{len(modes)} {_noun(problem, len(modes))}: all there are, by {by}"
+        if beyond:
+            words += f"; {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
+    elif number is not None and target is None:
+        words += f"; there are {number}, by {by}"
     if spare:
         words = (
             f"the inputs do not fix the pose: at {len(spare) + 1} of {len(poses)} poses found from "

@@ -86,11 +86,13 @@ def most_assemblies(mechanism: Mechanism) -> int | None:
     """How many poses given inputs can have at most; None where no number is known.
 
     Three distances of a body in a plane: 6 (Gosselin and Sefrioui 1991); six in space: 40
-    (Raghavan 1991, Lazard 1992).
+    (Raghavan 1991, Lazard 1992); 3-RPS: 16 (Nanua, Waldron and Murthy 1990).
     """
     found = rods(mechanism)
-    if found is None or any(rod.hinge is not None for rod in found.rods):
+    if found is None:
         return None
+    if any(rod.hinge is not None for rod in found.rods):
+        return 16 if len(found.rods) == 3 and not found.planar else None
     return _MOST.get((found.planar, len(found.rods)))
 
 

@@ -1,0 +1,89 @@
+"""How many modes there are, by algebra, where each leg passes one force.
+
+Given the pose, each leg is by itself: its actuated joint has the two solutions of a quadratic
+equation. Given the inputs, three legs in a plane have as many poses as their polynomial of degree 6
+has real roots (`three_distances`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.mechanism.rods import Rod, rods
+from pinsing.mechanism.three_distances import count_poses, rod_length
+from pinsing.robot.mechanism import Mechanism
+
+_TOUCHING = 1e-9
+_PLANE, _SPACE = {0, 1, 5}, set(range(6))
+
+
+def number_of_modes(
+    mechanism: Mechanism,
+    inputs: Array,
+    target: tuple[Array, Array, tuple[int, ...]] | None,
+) -> tuple[int | None, str]:
+    """Poses at inputs (n_a,), limits left aside, or values of the inputs for a target pose.
+
+    With words for how they are counted; None where algebra does not tell.
+    """
+    if target is None:
+        return count_poses(mechanism, inputs), "the real roots of a polynomial of degree 6"
+    return count_working(mechanism, target[0], target[1]), "the two solutions of each leg"
+
+
+def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
+    """Values of the inputs for a pose R (3, 3), p (3,) within their limits; None where not told.
+
+    Passive joints have limits of their own, which may leave fewer.
+    """
+    found = rods(mechanism)
+    if found is None or set(mechanism.task.rows) != (_PLANE if found.planar else _SPACE):
+        return None
+    joints = [rod.joint for rod in found.rods]
+    if len(set(joints)) < len(joints) or any(rod.hinge is not None for rod in found.rods):
+        return None
+    count = 1
+    for rod in found.rods:
+        values = _values(mechanism, rod, p + R @ rod.outer, found.planar)
+        if values is None:
+            return None
+        count *= sum(_inside(mechanism, rod.joint, v) for v in values)
+    return count
+
+
+def _values(mechanism: Mechanism, rod: Rod, B: Array, planar: bool) -> tuple[float, ...] | None:
+    """What the actuated joint can be with the outer end at B; None where two solutions meet."""
+    keep = (1.0, 1.0, 0.0) if planar else (1.0, 1.0, 1.0)
+    e = (B - rod.inner) * keep
+    if rod.slides:
+        reach = float(np.linalg.norm(e))
+        return None if reach <= _TOUCHING else (reach, -reach)
+    first, second = rod.first * keep, rod.second * keep
+    length = rod_length(mechanism, rod)
+    if mechanism.prismatic[rod.joint]:
+        # |e - q a| = length.
+        middle, size = float(e @ first) / float(first @ first), float(first @ first)
+        left = middle**2 - (float(e @ e) - length**2) / size
+        if abs(left) <= _TOUCHING:
+            return None
+        return () if left < 0 else (middle + float(np.sqrt(left)), middle - float(np.sqrt(left)))
+    # (cos, sin) . (e . first, e . second) = known.
+    a, b = float(e @ first), float(e @ second)
+    known = (float(e @ e) + float(first @ first) - length**2) / 2
+    size = float(np.hypot(a, b))
+    if abs(size - abs(known)) <= _TOUCHING:
+        return None
+    if size < abs(known):
+        return ()
+    middle, spread = float(np.arctan2(b, a)), float(np.arccos(known / size))
+    return middle + spread, middle - spread
+
+
+def _inside(mechanism: Mechanism, joint: int, value: float) -> bool:
+    low, high = float(mechanism.lower[joint]), float(mechanism.upper[joint])
+    if mechanism.prismatic[joint]:
+        return low <= value <= high
+    if not np.isfinite([low, high]).all():
+        return True
+    return (value - low) % (2 * np.pi) <= high - low
