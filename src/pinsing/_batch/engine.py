@@ -30,6 +30,11 @@ except ImportError as error:  # not built at install time, or built for another 
     )
 else:
     _missing = why_stale(getattr(_kernel, "SOURCES", None), Path(__file__).parent)
+    if _missing is None and not _kernel.isa_names():
+        _missing = (
+            f"the compiled batch engine was built for {', '.join(_kernel.built_names())} alone, "
+            "which this processor does not have: install pinsing again on this machine"
+        )
 
 Floats = NDArray[np.float64]
 
@@ -68,6 +73,14 @@ def isa_names() -> tuple[str, ...]:
     "avx512" (F, DQ, VL, BW). Empty where the kernel is not available.
     """
     return () if _missing is not None else tuple(_kernel.isa_names())
+
+
+def built_names() -> tuple[str, ...]:
+    """Names of the instruction sets that were compiled, best last, whether they run here or not.
+
+    `scripts/setup` without tests compiles the best one of its machine only; wheels have all.
+    """
+    return () if _missing is not None else tuple(_kernel.built_names())
 
 
 def cpu_count() -> int:

@@ -75,7 +75,9 @@ struct Kernel {
                           double* upper, std::int64_t* family, double* each, double* scratch);
 };
 
+#if PINSING_HAVE_BASELINE
 extern const Kernel kernel_baseline;
+#endif
 #if PINSING_HAVE_AVX2
 extern const Kernel kernel_avx2;
 #endif

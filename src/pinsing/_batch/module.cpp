@@ -34,7 +34,10 @@ using pinsing::share_out;
 // The kernels that this machine can run, best last.
 const std::vector<const Kernel*>& kernels() {
     static const std::vector<const Kernel*> found = [] {
-        std::vector<const Kernel*> all{&pinsing::kernel_baseline};
+        std::vector<const Kernel*> all;
+#if PINSING_HAVE_BASELINE
+        all.push_back(&pinsing::kernel_baseline);
+#endif
 #if PINSING_HAVE_AVX2
         if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"))
             all.push_back(&pinsing::kernel_avx2);
@@ -212,6 +215,21 @@ std::vector<std::string> isa_names() {
     return names;
 }
 
+// Those that were compiled, best last: an installation for one machine has one.
+std::vector<std::string> built_names() {
+    std::vector<std::string> names;
+#if PINSING_HAVE_BASELINE
+    names.emplace_back("baseline");
+#endif
+#if PINSING_HAVE_AVX2
+    names.emplace_back("avx2");
+#endif
+#if PINSING_HAVE_AVX512
+    names.emplace_back("avx512");
+#endif
+    return names;
+}
+
 }  // namespace
 
 NB_MODULE(_kernel, m) {
@@ -224,6 +242,7 @@ NB_MODULE(_kernel, m) {
     m.attr("WALK_EQUATIONS") = pinsing::kWalkEquations;
     m.attr("SOURCES") = PINSING_SOURCES;  // of built_from.py
     m.def("isa_names", &isa_names);
+    m.def("built_names", &built_names);
     m.def("jacobians", &jacobians, "R"_a.noconvert(), "t"_a.noconvert(), "prismatic"_a.noconvert(),
           "Q"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a);
     m.def("singular_values", &singular_values, "R"_a.noconvert(), "t"_a.noconvert(),

@@ -82,6 +82,11 @@ def fixed_engine(arm: Arm, engine: str = "auto") -> str:
     if engine not in ENGINES:
         if engine in INSTRUCTION_SETS:
             has = ", ".join(here) or "no compiled kernel"
+            if here and engine not in kernel.built_names():
+                raise EngineError(
+                    f"engine {engine} was not compiled here; this installation has {has} "
+                    "(pip install -e . in the clone compiles all)"
+                )
             raise EngineError(f"engine {engine} does not run on this machine; it has {has}")
         names = dict.fromkeys((*ENGINES, *here))
         raise OptionError(f"unknown engine {engine!r}: use one of {', '.join(names)}")
