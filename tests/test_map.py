@@ -401,6 +401,19 @@ def test_a_worker_without_the_instruction_set_says_so(monkeypatch) -> None:
         fixed_engine(arms.ur5(), work.engine)
 
 
+def test_an_instruction_set_that_was_not_compiled_is_told_from_one_that_does_not_run(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As after scripts/setup, which compiles one of them."""
+    monkeypatch.setattr(kernel, "isa_names", lambda: ("avx2",))
+    monkeypatch.setattr(kernel, "built_names", lambda: ("avx2",))
+    with pytest.raises(EngineError, match=r"baseline was not compiled here.* has avx2 .*pip"):
+        fixed_engine(arms.ur5(), "baseline")
+    monkeypatch.setattr(kernel, "built_names", lambda: ("baseline", "avx2", "avx512"))
+    with pytest.raises(EngineError, match="avx512 does not run on this machine"):
+        fixed_engine(arms.ur5(), "avx512")
+
+
 def test_engines_agree_to_rounding() -> None:
     arm = arms.textbook("surgical7")
     found = [
