@@ -228,6 +228,7 @@ CALLS = {
         lambda: design().residuals, lambda: {"family": "F1", "q": Q, "lengths": {"q2_x": 0.5}}
     ),
     "ClosedForm.latex": Call(lambda: form().latex, lambda: {"legend": True}),
+    "ClosedForm.system": Call(lambda: form().system, lambda: {"language": "maple"}),
     "crossings": Call(
         lambda: pinsing.crossings,
         lambda: {"forms": form(), "motion": [Q, (0.2, -0.5, 0.7)]},

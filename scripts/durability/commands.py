@@ -77,6 +77,7 @@ COMMANDS: dict[str, Command] = {
     "families --certificate": Command(
         ("families", "planar3r", "--certificate", "OUT"), "certificate.json"
     ),
+    "families --system": Command(("families", "planar3r", "--system", "OUT"), "equations.sing"),
     "view --html": Command(("view", "planar3r", "--html", "OUT"), "page.html"),
     "plot .png": Command(
         ("plot", "ellipsoids", "planar3r", "--q", "0,1,0", "--dpi", "30", "--out", "OUT"),
@@ -133,7 +134,7 @@ BROWSER = {name for name, c in COMMANDS.items() if {"--png", "--pdf"} & set(c.wo
 
 # Options and arguments that name a file which is read.
 _READ = {"--loops", "--analysis", "--package", "file", "files", "table", "robot"}
-REFUSED = {("families --certificate", True), ("map --out", True)}
+REFUSED = {("families --certificate", True), ("families --system", True), ("map --out", True)}
 """Options that are refused for mechanisms, so that nothing is written."""
 
 

@@ -52,6 +52,20 @@ _REDRAW_SECONDS = 0.1
     metavar="FILE.json",
     help="Write the certificate there; `pinsing verify` checks it. Implies --prove.",
 )
+@click.option(
+    "--system",
+    type=OutputFile(dash=False),
+    metavar="FILE",
+    help="Write the exact equations there: for Singular (.sing), msolve (.ms), Maple (.mpl) or "
+    "Sage (.sage).",
+)
+@click.option(
+    "--family",
+    "chosen",
+    multiple=True,
+    metavar="NAME",
+    help="With --system: only this family; repeatable.",
+)
 @deg_option
 @json_option
 @fail_option
@@ -64,6 +78,8 @@ def families_command(
     algebra: dict[str, Any],
     prove: bool | None,
     certificate: Path | None,
+    system: Path | None,
+    chosen: tuple[str, ...],
     json_target: str | Path | None,
     fail_if_singular: bool,
 ) -> int:
@@ -78,12 +94,15 @@ def families_command(
     """
     if certificate is not None and prove is False:
         raise OptionError("--certificate and --no-prove exclude each other")
+    if chosen and system is None:
+        raise OptionError("--family goes with --system: it says which equations are written")
     if symbolic is not None:
-        if certificate is not None or prove:
+        if certificate is not None or prove or system is not None:
             raise OptionError(
-                "--prove and --certificate do not go with --symbolic: they need numbers"
+                "--prove, --certificate and --system do not go with --symbolic: they need numbers"
             )
         return _symbolic(request, symbolic, latex, algebra, json_target, fail_if_singular)
+    language = "" if system is None else _language(system, certificate, json_target)
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.families import prove as add_proof
@@ -109,6 +128,8 @@ def families_command(
         emit(proof_text(found, Page.of()))
     if certificate is not None:
         _write(found.certificate, found.proof.reason if found.proof else "", certificate)
+    if system is not None:
+        _write_system(found, language, chosen, system)
     return int(fail_if_singular and any(f.is_reachable for f in found.families))
 
 
@@ -127,6 +148,27 @@ def _symbolic(
     if json_target is None or not emit_json(found, json_target):
         emit("\n".join(f.latex for f in found.families) if latex else str(found))
     return int(fail_if_singular and bool(found.families))
+
+
+def _language(system: Path, *others: object) -> str:
+    """What a file of equations is for, told before anything is computed."""
+    from pinsing.families.system_text import language_of
+
+    if system in others:
+        raise OptionError(f"--system and another option both go to {system}")
+    return language_of(system)
+
+
+def _write_system(form: ClosedForm, language: str, chosen: tuple[str, ...], path: Path) -> None:
+    from pinsing.atomic_write import write_text
+    from pinsing.families.form import system_of
+
+    text, remarks = system_of(form, language, chosen or None)
+    write_text(path, text)
+    if language == "msolve":  # whose files have no comments
+        for line in remarks:
+            say(line.strip())
+    say(f"wrote {path}")
 
 
 def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:

@@ -160,6 +160,8 @@ def families_loops(
     latex: bool = False,
     prove: bool | None = None,
     certificate: Path | None = None,
+    system: Path | None = None,
+    chosen: tuple[str, ...] = (),
     **options: Any,
 ) -> int:
     """``families --loops``: the loci as equations, over inputs or pose, and in all joint angles."""
@@ -170,6 +172,11 @@ def families_loops(
         raise OptionError(
             "--latex, --prove and --certificate do not go with --loops: mechanisms have their "
             "equations as text, and no certificates"
+        )
+    if system is not None or chosen:
+        raise OptionError(
+            "--system and --family do not go with --loops: --json FILE has the equations of a "
+            "mechanism"
         )
     mechanism = read(loops, options)
     forms = loop_forms(mechanism)

@@ -3,9 +3,10 @@
 from pinsing.algebra.equation import Equation
 from pinsing.families.design_form import DesignChange, DesignFamily, DesignForm
 from pinsing.families.family import Family
-from pinsing.families.form import ClosedForm, Proof
+from pinsing.families.form import ClosedForm
 from pinsing.families.nearness import Distance
 from pinsing.families.parts import Branch, JointValue
+from pinsing.families.proof import Proof
 from pinsing.families.proving import prove
 from pinsing.families.solve import closed_form, joint_symbols
 

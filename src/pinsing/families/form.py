@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
@@ -17,46 +17,14 @@ from pinsing.errors import ConfigurationError
 from pinsing.families.family import Family, html_row
 from pinsing.families.family_text import exactly, latex_lines, meaning, written_out
 from pinsing.families.html import families_table
+from pinsing.families.proof import Proof
+from pinsing.families.system_text import SystemHead, system_text
 from pinsing.geometry.nominal import Nominal
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
 from pinsing.robot.arm_summary import ArmSummary
 from pinsing.serialization import JsonResult
-
-
-@dataclass(frozen=True)
-class Proof:
-    """What became of the search for a certificate.
-
-    Attributes
-    ----------
-    accepted : bool
-        Whether there is one, and the checker accepted it.
-    reason : str
-        Why there is none; empty where there is.
-    size : int
-        Bytes of the certificate; 0 if there is none.
-    places : int
-        Case splits and what ends them.
-    seconds : float
-        Time that finding it took.
-    check_seconds : float
-        Time that the checker took.
-    primes : tuple of int
-        Primes modulo which the families were found: what rests on, where there is none.
-    certificate : dict or None
-        It; not written to JSON with the rest, but to a file of its own.
-    """
-
-    accepted: bool
-    reason: str
-    size: int
-    places: int
-    seconds: float
-    check_seconds: float
-    primes: tuple[int, ...]
-    certificate: dict[str, Any] | None = field(default=None, repr=False, metadata={"json": False})
 
 
 @dataclass(frozen=True, eq=False)
@@ -209,6 +177,42 @@ class ClosedForm(JsonResult):
         said = [f"% {s} = {visible(joint)}" for s, joint in self.legend if legend and s != joint]
         return "\n".join([*said, r"\begin{align*}", " \\\\\n".join(rows), r"\end{align*}"])
 
+    @checked
+    def system(self, language: str = "singular", families: Sequence[str] | None = None) -> str:
+        """The exact equations of all families, as text for another program.
+
+        A revolute joint q2 is c2 = cos q2 and s2 = sin q2, a prismatic one d3 its metres;
+        coefficients are whole numbers, and what square roots they need are variables too.
+        Each family is an ideal, a list, or several where it is a union; the circles
+        c2^2 + s2^2 - 1 are among them. Comments say which robot and chain, and what was assumed.
+
+        Parameters
+        ----------
+        language : str
+            "singular", "maple", "sage", or "msolve". A file for msolve has no comments and one
+            system: several are told apart by a variable more, k = 1, 2, ...
+        families : sequence of str, optional
+            Which of them, such as ["F3"]; all if not given.
+
+        Raises
+        ------
+        OptionError
+            If the language is another one, there is no family, or this was read from a file.
+        UnknownNameError
+            If there is no family of a name.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> form = pinsing.closed_form(pinsing.load("stanford"))
+        >>> print(form.system("msolve", families=["F3"]), end="")
+        c5,s5
+        0
+        s5,
+        c5^2+s5^2-1
+        """
+        return system_of(self, language, families)[0]
+
     def _repr_latex_(self) -> str:
         """For notebooks."""
         return self.latex()
@@ -219,6 +223,22 @@ class ClosedForm(JsonResult):
 
     def __str__(self) -> str:
         return families_text(self, brief=True)
+
+
+def system_of(
+    form: ClosedForm, language: str, families: Sequence[str] | None = None
+) -> tuple[str, tuple[str, ...]]:
+    """As `ClosedForm.system`, and what its comments say, line by line."""
+    head = SystemHead(
+        form.arm,
+        form.generic_rank,
+        form.word,
+        form.gaps,
+        form.snaps,
+        form.jacobian_change,
+        form.symbols,
+    )
+    return system_text(head, form.families, form.geometry, language, families)
 
 
 def families_text(

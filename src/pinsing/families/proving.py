@@ -11,7 +11,8 @@ from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.families.form import ClosedForm, Proof
+from pinsing.families.form import ClosedForm
+from pinsing.families.proof import Proof
 from pinsing.proof.checker import Rejected, verify
 from pinsing.proof.place import NotFound
 from pinsing.proof.produce import Stated, certificate, text_of

@@ -230,8 +230,9 @@ class Arm(Memory):
     def q_of(self, full_q: npt.ArrayLike) -> Array:
         """Joint vector(s) of the arm in configuration(s) of the whole model it was taken from.
 
-        All functions that take ``q`` do this by themselves: they tell the two by their lengths,
-        which are equal only where both mean the same.
+        All functions that take ``q`` do this by themselves: they tell the two by their lengths. Of
+        equal lengths both mean the same, unless joints are traversed backwards: then these
+        functions take the chain's order, base to tip, and this one the whole model's.
 
         Parameters
         ----------
@@ -261,7 +262,9 @@ class Arm(Memory):
         """
         array = real_numbers(full_q, "full_q")
         self._whole.require_length(array, "full_q")
-        return self.check(array, "full_q")
+        own = self.check(array, "full_q")
+        # Of the same length, it is still in the order of the whole model.
+        return self._whole.q_of(array) if array.shape[-1] == self.n else own
 
     def full_q(self, q: npt.ArrayLike, others: npt.ArrayLike | None = None) -> Array:
         """Configuration(s) of the whole model with the arm at q: the way back from ``q_of``.

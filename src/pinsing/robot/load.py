@@ -6,6 +6,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING, Any
 
 import pinocchio as pin
@@ -13,6 +14,7 @@ import pinocchio as pin
 from pinsing.arguments import checked
 from pinsing.errors import ChainError, JointError, UnknownNameError
 from pinsing.robot.arm import Arm
+from pinsing.robot.backward import Way, turned_round, way_between
 from pinsing.robot.chain_limits import chain_limits, locked_at
 from pinsing.robot.given import HasModel, given_file, given_model
 from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
@@ -28,6 +30,15 @@ if TYPE_CHECKING:
 
 MAX_IN_A_ROW = 64
 """Joints of an arm; hours and gigabytes, not insight, lie beyond."""
+
+
+@dataclass(frozen=True)
+class _Ends:
+    """Where a chain begins and ends."""
+
+    tip: str
+    base: str
+    way: Way
 
 
 @dataclass(frozen=True)
@@ -75,8 +86,9 @@ def load(
         Frame whose motion is judged. By default the only arm's usual tool frame, or its
         farthest; several arms are refused with the list of them.
     base : str, optional
-        Frame that the chain starts from and whose axes the Jacobian is written in.
-        By default the root; joints before the base are locked.
+        Frame that the chain starts from and whose axes the Jacobian is written in, by default the
+        root. It may be anywhere: from a foot the chain goes up to the link where the way to the
+        tip turns off, joints backwards, and down to a hand. Joints off this way are locked.
     joints : sequence of str, optional
         Joints of the chain to keep free; the others between base and tip are locked.
     task : str, iterable of str or Task
@@ -113,6 +125,8 @@ def load(
     (6, 'tool0', 'pose')
     >>> pinsing.load("ur5", tip="wrist_3_link", task="position").task.rows
     (0, 1, 2)
+    >>> pinsing.load("talos", base="left_sole_link", tip="gripper_left_base_link").n
+    15
     """
     parsed_task = parse_task(task, tool_axis)
     if isinstance(joints, str):
@@ -128,22 +142,13 @@ def load(
         base_joint, base_frame = int(frame.parentJoint), base
     tip, last, why = _choose_tip(whole, tip, joints, base_joint)
     notes += why
-    try:
-        path = list(joint_path(model, last, base_joint))
-    except ChainError:
-        raise ChainError(
-            f"{whole.label}: base {base!r} is not on the way from the root to tip {tip!r}",
-            base=base,
-            tip=tip,
-        ) from None
-    before = joint_path(model, base_joint)
-    if before:
-        notes.append(f"joints before the base are locked: {_names(model, before)}")
-    free = _free_joints(whole, path, joints, notes)
-    many = long_chain_note(model, last, base_joint) if joints is None else ""
+    way = way_between(model, base_joint, last)
+    notes += way.told(model)
+    free = _free_joints(whole, way, joints, notes)
+    many = "" if way.up or joints is not None else long_chain_note(model, last, base_joint)
     notes += [many] if many else []
     return _build(
-        whole, tip, base_frame, path, free, parsed_task, float(length_scale), tuple(notes)
+        whole, _Ends(tip, base_frame, way), free, parsed_task, float(length_scale), tuple(notes)
     )
 
 
@@ -189,6 +194,12 @@ def _choose_tip(
     model = whole.model
     if tip is not None:
         last = int(model.frames[frame_index(model, tip)].parentJoint)
+        if tip == "universe" and base_joint:
+            raise ChainError(
+                f"{whole.label}: 'universe' is Pinocchio's world, which cannot be a tip: name a "
+                f"link or frame fixed to it, such as {root_name(model)!r}",
+                tip=tip,
+            )
         if last == base_joint:
             raise ChainError(
                 f"{whole.label}: no joint lies between the base and tip {tip!r}; "
@@ -202,19 +213,24 @@ def _choose_tip(
         last = max(ids, key=lambda j: len(joint_path(model, j)))
         chosen = choose_tip(model, last)
         return chosen, last, [f"tip {chosen} was chosen on the link of the last joint given"]
-    found = candidates(model, whole.mimics)
-    found = [c.beyond(base_joint) for c in found if base_joint in (0, *c.path[:-1])]
+    every = candidates(model, whole.mimics)
+    found = [c.beyond(base_joint) for c in every if base_joint in (0, *c.path[:-1])]
     if base_joint and not found:
-        raise ChainError(f"{whole.label}: no joint lies beyond the base; take one nearer the root")
+        tips = ", ".join(f"--tip {quote(c.tip)}" for c in every[:8] if base_joint not in c.path)
+        other = f", or name a tip that lies elsewhere: {tips}" if tips else ""
+        raise ChainError(
+            f"{whole.label}: no joint lies beyond the base; take one nearer the root{other}",
+            tips=tuple(c.tip for c in every if base_joint not in c.path),
+        )
     candidate, notes = choose_chain(found, whole.label, model)
     return candidate.tip, candidate.last, notes
 
 
 def _free_joints(
-    whole: _Whole, path: list[int], joints: Sequence[str] | None, notes: list[str]
+    whole: _Whole, way: Way, joints: Sequence[str] | None, notes: list[str]
 ) -> list[int]:
     """Which joints of the path stay: those asked for, or all with one degree of freedom."""
-    model = whole.model
+    model, path = whole.model, way.path
     on_path = [model.names[j] for j in path]
     if joints is not None:
         if len(set(joints)) < len(joints):
@@ -246,7 +262,7 @@ def _free_joints(
         joint = model.joints[j]
         if joint.nv == 1:
             kept.append(j)
-        elif int(model.parents[j]) == 0:
+        elif int(model.parents[j]) == 0 and not way.up:
             notes.append(
                 f"floating base: joint {model.names[j]} is locked; Jacobians are in the axes of "
                 "the body that it carries"
@@ -264,15 +280,13 @@ def _free_joints(
 
 def _build(
     whole: _Whole,
-    tip: str,
-    base: str,
-    path: list[int],
+    ends: _Ends,
     free: list[int],
     task: Task,
     length_scale: float,
     notes: tuple[str, ...],
 ) -> Arm:
-    model = whole.model
+    model, base, path = whole.model, ends.base, ends.way.path
     on_path = {model.names[j] for j in free}
     # A follower whose leader is locked is locked as well; one whose leader moves, follows.
     leaders = {
@@ -303,7 +317,10 @@ def _build(
         are = "joint outside the chain is" if len(off_path) == 1 else "joints outside the chain are"
         notes += (f"{len(off_path)} {are} locked (no effect on this chain)",)
     reduced = lock_joints(model, lock, reference)
-    if base != "universe":
+    if any(j in ends.way.up for j in kept):
+        at = [frame_index(reduced, name) for name in (base, ends.tip)]
+        reduced, _ = turned_round(reduced, *at)
+    elif base != "universe":
         reroot(reduced, base)
     names = list(reduced.names)[1:]
     independent = [n for n in names if n not in leaders]
@@ -320,7 +337,7 @@ def _build(
     return Arm(
         name=whole.name,
         model=reduced,
-        tip=tip,
+        tip=ends.tip,
         base=root_name(reduced) if base == "universe" else base,
         joints=tuple(independent),
         prismatic=prismatic[index],
@@ -336,6 +353,7 @@ def _build(
             package_dirs=whole.package_dirs,
             full_model=model,
             locked=tuple(lock),
+            kept=tuple(int(model.getJointId(name)) for name in names),
             reference=reference,
             base=base,
         ),

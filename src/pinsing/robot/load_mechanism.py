@@ -191,6 +191,7 @@ def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Described:
         package_dirs=dirs,
         full_model=model,
         locked=(),
+        kept=tuple(range(1, model.njoints)),
         reference=np.array(pin.neutral(model)),
         base="universe",
     )

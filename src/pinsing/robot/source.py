@@ -49,6 +49,8 @@ class Source:
         The model before any joint was locked.
     locked : tuple of int
         Indices of its joints that are locked in the arm.
+    kept : tuple of int
+        Indices of the others, in the order that the arm's own model has them: base to tip.
     reference : (nq,) array
         Its configuration at which they are locked.
     base : str
@@ -61,5 +63,6 @@ class Source:
     package_dirs: tuple[Path, ...]
     full_model: pin.Model
     locked: tuple[int, ...]
+    kept: tuple[int, ...]
     reference: Array
     base: str

@@ -2,7 +2,8 @@
 
 The whole model's configuration is Pinocchio's: (nq,) numbers in the model's order, seven for a
 floating base, cosine and sine for a continuous joint. The lengths n and nq are equal only where
-the arm is the whole model and every joint is one number, and then both mean the same.
+the arm is the whole model and every joint is one number; then both mean the same, but for their
+order where joints are traversed backwards.
 """
 
 from __future__ import annotations
@@ -13,9 +14,10 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
+from pinsing.robot.backward import way_between
 from pinsing.robot.joint_space import require_values
 from pinsing.robot.source import Coupling, Source
-from pinsing.robot.tip import frame_index, joint_path
+from pinsing.robot.tip import frame_index
 
 _SAME = 1e-6
 """Radians or metres: a locked or following joint this close to where it belongs is there."""
@@ -97,7 +99,7 @@ class WholeModel:
             in ``full_q`` than the arm has it; or if a continuous joint has no angle.
         """
         whole, locked = self.source.full_model, set(self.source.locked)
-        kept = [j for j in range(1, whole.njoints) if j not in locked]
+        kept = self.source.kept
         values = np.stack([self._value(j, full_q) for j in kept], axis=-1)
         names = [whole.names[j] for j in kept]
         q = values[..., [names.index(name) for name in self.joints]]
@@ -107,7 +109,7 @@ class WholeModel:
                 self._require(j, values[..., row], there[..., row], "follows another joint")
         base = int(whole.frames[frame_index(whole, self.source.base)].parentJoint)
         last = int(whole.frames[frame_index(whole, self.tip)].parentJoint)
-        for j in joint_path(whole, last, base):
+        for j in way_between(whole, base, last).path:
             if j in locked and whole.joints[j].nv == 1:  # a floating base carries the arm's axes
                 at = self._value(j, self.source.reference)
                 self._require(j, self._value(j, full_q), at, "is locked in this arm")
@@ -115,11 +117,10 @@ class WholeModel:
 
     def full_q(self, q: Array, others: Array) -> Array:
         """Configurations (..., nq): ``others`` (nq,) with the arm at q (..., n)."""
-        whole, locked = self.source.full_model, set(self.source.locked)
+        whole = self.source.full_model
         values = self.values(q)
         out = np.broadcast_to(others, (*q.shape[:-1], whole.nq)).copy()
-        kept = [j for j in range(1, whole.njoints) if j not in locked]
-        for row, j in enumerate(kept):
+        for row, j in enumerate(self.source.kept):
             i, value = whole.joints[j].idx_q, values[..., row]
             if whole.joints[j].nq == 2:
                 out[..., i], out[..., i + 1] = np.cos(value), np.sin(value)

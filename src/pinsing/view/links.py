@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.robot.backward import turned_round
 from pinsing.robot.reduced_model import make_names_unique
 from pinsing.robot.tip import frame_index
 from pinsing.view.body import Body
@@ -67,8 +68,17 @@ def _read_links(arm: Body) -> Links:
         reason = " ".join(str(error).split())
         return Links(None, (f"its meshes cannot be read, so a skeleton stands for it: {reason}",))
     full = source.full_model.copy()
+    base = frame_index(full, source.base)
     original = make_names_unique(full)  # as `lock_joints` does
     reduced, geometry = pin.buildReducedModel(full, whole, list(source.locked), source.reference)
+    named = full.frames[base].name
+    base = next((i for i, f in enumerate(reduced.frames) if f.name == named), 0)
+    if reduced.frames[base].parentJoint:
+        _, carried = turned_round(reduced, base)
+        for g in geometry.geometryObjects:
+            carrier, place = carried[int(g.parentJoint)]
+            g.parentJoint, g.placement = carrier, place * g.placement
+        return Links(geometry, notes)
     back = base_placement(arm).inverse()
     for g in geometry.geometryObjects:
         joint = int(g.parentJoint)
@@ -80,13 +90,17 @@ def _read_links(arm: Body) -> Links:
     return Links(geometry, notes)
 
 
-def base_placement(arm: Body) -> pin.SE3:
-    """Placement of the arm's base in the world of the full model."""
+def base_placement(arm: Body, full_q: Array | None = None) -> pin.SE3:
+    """Placement of the arm's base in the world of the full model.
+
+    At its configuration ``full_q`` (nq,), or the reference: joints that are traversed backwards
+    move the base there.
+    """
     if arm.base == "universe":
         return pin.SE3.Identity()
     model = arm.source.full_model
     data = model.createData()
-    pin.forwardKinematics(model, data, arm.source.reference)
+    pin.forwardKinematics(model, data, arm.source.reference if full_q is None else full_q)
     return pin.SE3(pin.updateFramePlacement(model, data, frame_index(model, arm.base)))
 
 

@@ -94,7 +94,9 @@ class Overlay:
         if list(model.names) == list(arm.model.names):
             self._display(arm.model_q(q))
         elif list(model.names) == list(arm.source.full_model.names):
-            self._display(full_configuration(arm, q))
+            full = full_configuration(arm, q)
+            self._display(full)
+            self._node.set_transform(base_placement(arm, full).homogeneous)
 
 
 def full_configuration(arm: Arm, q: Array) -> Array:

@@ -1,0 +1,271 @@
+"""Families as exact polynomial equations in sines and cosines, for other programs.
+
+Inside, a revolute joint is a pair (x, y) in which polynomials are homogeneous, x : y = cos(q/2) :
+sin(q/2). Of even degree they are polynomials in c = cos q and s = sin q: x x = (1 + c)/2,
+x y = s/2, y y = (1 - c)/2. One of odd degree is zero where it is zero times x and times y, because
+x and y are never zero together; these two are even. Nothing is rounded.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from flint import Ordering, fmpq, fmpq_mpoly_ctx
+
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.components import Component
+from pinsing.algebra.jacobian_matrix import constants
+from pinsing.algebra.mimic import own_offsets
+from pinsing.algebra.ring import Poly, Ring, Value, rational
+from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.family import Family
+from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.surd import SQUARES, Exact, parts_of
+
+_SECONDS = 10.0
+_NOISE = 1e-12
+_TURNED = ((0, 1), (1, -1), (0, -1), (1, 1))
+"""Cosine of q plus some right angles: cosine (0) or sine (1) of q, and its sign."""
+
+
+Terms = tuple[tuple[int, tuple[int, ...]], ...]
+"""A polynomial: whole coefficients, and the exponents of all variables."""
+
+
+@dataclass(frozen=True)
+class FamilySystem:
+    """One family, as the union of the real zeros of systems of equations.
+
+    Attributes
+    ----------
+    family : Family
+        It.
+    parts : tuple of tuple of Terms
+        Of each system the polynomials that vanish.
+    """
+
+    family: Family
+    parts: tuple[tuple[Terms, ...], ...]
+
+
+@dataclass(frozen=True)
+class Systems:
+    """Families as systems of equations in the same variables.
+
+    Attributes
+    ----------
+    variables : tuple of (str, str)
+        Each variable, and what it stands for: ``c2``, ``cos(q2)``.
+    circles : tuple of Terms
+        Polynomials that vanish at all configurations: ``c2^2 + s2^2 - 1``, ``r2^2 - 2``.
+    families : tuple of FamilySystem
+        The families.
+    roots : tuple of str
+        Variables that stand for square roots: only solutions where they are positive are meant.
+    free : tuple of str
+        Symbols of the arm's other joints, which may be anywhere.
+    """
+
+    variables: tuple[tuple[str, str], ...]
+    circles: tuple[Terms, ...]
+    families: tuple[FamilySystem, ...]
+    roots: tuple[str, ...]
+    free: tuple[str, ...]
+
+
+def systems(families: Sequence[Family], geometry: Nominal, symbols: Sequence[str]) -> Systems:
+    """Families as systems of equations.
+
+    Parameters
+    ----------
+    families : sequence of Family
+        With their exact components.
+    geometry : Nominal
+        Of the arm that they are of.
+    symbols : sequence of str
+        Of its joints.
+    """
+    return _SystemMaker(families, geometry, symbols).systems()
+
+
+class _SystemMaker:
+    """Takes the polynomials of one arm over into the ring of sines and cosines."""
+
+    def __init__(self, chosen: Sequence[Family], geometry: Nominal, symbols: Sequence[str]) -> None:
+        self.symbols, self.chosen = symbols, chosen
+        self.prismatic = tuple(bool(p) for p in geometry.arm.prismatic)
+        numbers = constants(geometry, geometry.arm.task)
+        self.ring = ring_of(self.prismatic, numbers, Budget(_SECONDS))
+        self.joints = sorted(
+            {j for f in chosen for c in f.components for j in _involved(c, self.ring)}
+        )
+        offset = [float(a) for a in own_offsets(geometry)]
+        self.quarters = [round(a / (math.pi / 2)) for a in offset]
+        self.shift = [a - k * math.pi / 2 for a, k in zip(offset, self.quarters, strict=True)]
+        roots = getattr(self.ring, "roots", ())
+        named = [(f"r{d}", f"sqrt({d})") for d in roots]
+        for j in self.joints:
+            named += self._named(j)
+        self.variables = tuple(named)
+        self.context = fmpq_mpoly_ctx.get([name for name, _ in named], Ordering.degrevlex)
+        gens = iter(self.context.gens())
+        self.root = {d: next(gens) for d in roots}
+        self.own = {
+            j: tuple(next(gens) for _ in range(1 if self.prismatic[j] else 2)) for j in self.joints
+        }
+        self._powers: dict[tuple[int, int, int], Poly] = {}
+
+    def _named(self, j: int) -> list[tuple[str, str]]:
+        """Variables of a joint, and what they stand for."""
+        symbol = self.symbols[j]
+        if self.prismatic[j]:
+            return [(symbol, f"{symbol}, metres")]
+        angle, number = symbol, symbol[1:]
+        if abs(self.shift[j]) > _NOISE:
+            angle += f" {'+' if self.shift[j] > 0 else '-'} {abs(self.shift[j]):.17g}"
+        return [(f"c{number}", f"cos({angle})"), (f"s{number}", f"sin({angle})")]
+
+    def systems(self) -> Systems:
+        """All that is written."""
+        circles = [g * g - d for d, g in self.root.items()]
+        circles += [p[0] ** 2 + p[1] ** 2 - 1 for p in self.own.values() if len(p) == 2]
+        return Systems(
+            variables=self.variables,
+            circles=tuple(_whole(p) for p in circles),
+            families=tuple(FamilySystem(f, self._parts(f)) for f in self.chosen),
+            roots=tuple(f"r{d}" for d in self.root),
+            free=tuple(s for j, s in enumerate(self.symbols) if j not in self.joints),
+        )
+
+    def _parts(self, family: Family) -> tuple[tuple[Terms, ...], ...]:
+        """Systems of a family; mirror images that differ in one joint's value are one."""
+        parts = []
+        for values, relations in _joined(family.components):
+            polys = [p for j, several in values.items() for p in self._value(j, several)]
+            polys += [p for r in relations for p in self._even(self.ring.terms(r))]
+            parts.append(tuple(dict.fromkeys(_whole(p) for p in polys if p != 0)))
+        return tuple(dict.fromkeys(parts))
+
+    def _value(self, j: int, several: Sequence[Value]) -> list[Poly]:
+        """That a joint has one of some exact values."""
+        if self.prismatic[j]:
+            product = self.context.constant(1)
+            for (value,) in several:
+                product = product * (self.own[j][0] - self._number(value))
+            return [product]
+        if len(several) == 1:
+            x, y = several[0]
+            square = x * x + y * y
+            c, s = self._circle(j)
+            cos, sin = (x * x - y * y) / square, 2 * (x * y) / square
+            return [c - self._number(cos), s - self._number(sin)]
+        form: list[Exact] = [Fraction(1)]  # of x^(d-k) y^k, the product of y0 x - x0 y
+        for x, y in several:
+            form = [
+                (form[k] * y if k < len(form) else Fraction(0))
+                - (form[k - 1] * x if k > 0 else Fraction(0))
+                for k in range(len(form) + 1)
+            ]
+        degree = len(several)
+        total = self.context.constant(0)
+        for k, number in enumerate(form):
+            total = total + self._number(number) * self._power(j, degree - k, k)
+        return [total]
+
+    def _even(self, terms: Mapping[tuple[int, ...], Exact]) -> list[Poly]:
+        """A polynomial, times x and times y of each joint in which its degree is odd."""
+        some = next(iter(terms))
+        turning = [j for j in self.joints if not self.prismatic[j]]
+        odd = [j for j in turning if sum(some[v] for v in self.ring.variables(j)) % 2]
+        polys = []
+        for choice in range(2 ** len(odd)):
+            more = {j: choice >> i & 1 for i, j in enumerate(odd)}
+            total = self.context.constant(0)
+            for m, number in terms.items():
+                term = self._number(number)
+                for j in self.joints:
+                    exponents = [int(m[v]) for v in self.ring.variables(j)]
+                    if self.prismatic[j]:
+                        term = term * self.own[j][0] ** exponents[0]
+                        continue
+                    if j in more:
+                        exponents[more[j]] += 1
+                    if any(exponents):
+                        term = term * self._power(j, *exponents)
+                total = total + term
+            polys.append(total)
+        return polys
+
+    def _power(self, j: int, a: int, b: int) -> Poly:
+        """x^a y^b in sine and cosine, for a + b even."""
+        if (j, a, b) not in self._powers:
+            c, s = self._circle(j)
+            half = self.context.constant(fmpq(1, 2))
+            out = (half * (1 + c)) ** (a // 2) * (half * (1 - c)) ** (b // 2)
+            self._powers[j, a, b] = half * out * s if a % 2 else out
+        return self._powers[j, a, b]
+
+    def _circle(self, j: int) -> tuple[Poly, Poly]:
+        """Cosine and sine of the ring's angle, which is some right angles more than the joint's."""
+        k = self.quarters[j]
+        (of_cos, sign), (of_sin, other) = _TURNED[k % 4], _TURNED[(k - 1) % 4]
+        return sign * self.own[j][of_cos], other * self.own[j][of_sin]
+
+    def _number(self, value: Exact) -> Poly:
+        """A constant; square roots are variables."""
+        out = self.context.constant(0)
+        for square, part in zip(SQUARES, parts_of(value), strict=True):
+            if part:
+                term = self.context.constant(rational(part))
+                for d, root in self.root.items():
+                    term = term * root if square % d == 0 else term
+                out = out + term
+        return out
+
+
+def _involved(component: Component, ring: Ring) -> set[int]:
+    return set(component.values).union(*(ring.joints_of(r) for r in component.relations))
+
+
+def _joined(
+    components: Iterable[Component],
+) -> list[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]]:
+    """Components as values of joints and relations; some values of one joint in place of one.
+
+    Two systems that differ in one condition alone are together the system with the product.
+    """
+    found: list[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]] = []
+    for c in components:
+        found.append(({j: (v,) for j, v in sorted(c.values.items())}, c.relations))
+    while pair := _pair(found):
+        (i, k, j) = pair
+        values = found[i][0] | {j: found[i][0][j] + found[k][0][j]}
+        found[i] = values, found[i][1]
+        del found[k]
+    return found
+
+
+def _pair(
+    found: Sequence[tuple[dict[int, tuple[Value, ...]], tuple[Poly, ...]]],
+) -> tuple[int, int, int] | None:
+    """Two systems that differ in the values of one joint, and that joint."""
+    for k, (values, relations) in enumerate(found):
+        for i, (other, same) in enumerate(found[:k]):
+            if values.keys() != other.keys() or set(map(str, relations)) != set(map(str, same)):
+                continue
+            different = [j for j in values if values[j] != other[j]]
+            if len(different) == 1 and len(values[different[0]]) == len(other[different[0]]):
+                return i, k, different[0]
+    return None
+
+
+def _whole(poly: Poly) -> Terms:
+    """The multiple with whole coefficients that share no factor, the first one positive."""
+    terms = [(int(c.p), int(c.q), tuple(int(e) for e in m)) for m, c in poly.terms()]
+    bottom = math.lcm(*(q for _, q, _ in terms))
+    top = math.gcd(*(p * (bottom // q) for p, q, _ in terms))
+    sign = -1 if terms[0][0] < 0 else 1
+    return tuple((sign * p * (bottom // q) // top, m) for p, q, m in terms)

@@ -1,0 +1,290 @@
+"""Chains from anywhere to anywhere in a tree, joints on the way up backwards."""
+
+from __future__ import annotations
+
+import functools
+import re
+from importlib.metadata import distribution
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from click.testing import CliRunner
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.errors import ChainError, JointError
+from pinsing.view.links import read_links
+from pinsing.view.meshes import read_geometry
+
+TREE = """<robot name="tree">
+<link name="pelvis"/><link name="thigh"/><link name="shank"/><link name="foot"/>
+<link name="chest"/><link name="upper"/><link name="fore"/><link name="hand"/>
+<joint name="hip" type="revolute"><parent link="pelvis"/><child link="thigh"/>
+ <origin xyz="0 0.1 -0.2" rpy="0.3 0 0"/><axis xyz="0 1 0"/>
+ <limit lower="-1" upper="2" effort="1" velocity="1"/></joint>
+<joint name="knee" type="prismatic"><parent link="thigh"/><child link="shank"/>
+ <origin xyz="0.05 0 -0.4" rpy="0 0.2 0.1"/><axis xyz="0 0.6 0.8"/>
+ <limit lower="-0.1" upper="0.3" effort="1" velocity="1"/></joint>
+<joint name="ankle" type="continuous"><parent link="shank"/><child link="foot"/>
+ <origin xyz="0 0 -0.3"/><axis xyz="1 0 0"/></joint>
+<joint name="waist" type="revolute"><parent link="pelvis"/><child link="chest"/>
+ <origin xyz="0 0 0.3"/><axis xyz="0 0 -1"/>
+ <limit lower="-0.5" upper="1.5" effort="1" velocity="1"/>{mimic}</joint>
+<joint name="shoulder" type="continuous"><parent link="chest"/><child link="upper"/>
+ <origin xyz="0 0.2 0.1" rpy="0 0 0.4"/><axis xyz="0 1 0"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="fore"/>
+ <origin xyz="0.3 0 0"/><axis xyz="0 0 1"/>
+ <limit lower="-2" upper="2" effort="1" velocity="1"/></joint>
+<joint name="slide" type="prismatic"><parent link="fore"/><child link="hand"/>
+ <origin xyz="0.2 0 0.05"/><axis xyz="1 0 0"/>
+ <limit lower="0" upper="0.4" effort="1" velocity="1"/></joint>
+</robot>"""
+MIMIC = '<mimic joint="hip" multiplier="-2" offset="0.25"/>'
+TOWARDS = {"tree": TREE.format(mimic=""), "mimic": TREE.format(mimic=MIMIC)}
+
+HUMANOIDS = (
+    ("talos", "left_sole_link", "gripper_left_base_link"),
+    ("talos", "right_sole_link", "gripper_left_base_link"),
+    ("icub", "l_sole", "r_hand"),
+    ("g1", "left_ankle_roll_link", "right_rubber_hand"),
+    ("pr2", "l_gripper_tool_frame", "r_gripper_tool_frame"),
+    ("ur5", "tool0", "base_link"),
+    ("ur5", "wrist_3_link", "forearm_link"),
+)
+
+
+@functools.cache
+def chain(name, base, tip):
+    return pinsing.load(TOWARDS.get(name, name), base=base, tip=tip)
+
+
+def frames(arm):
+    """The whole model, and indices of base and tip, told by name in Pinocchio itself."""
+    model = arm.source.full_model
+    kinds = (pin.FrameType.BODY, pin.FrameType.OP_FRAME)
+    at = [
+        next(i for i, f in enumerate(model.frames) if f.name == name and f.type in kinds)
+        for name in (arm.base, arm.tip)
+    ]
+    return model, *at
+
+
+def placement(arm, q):
+    """Tip in the base, by Pinocchio, of the whole model."""
+    model, base, tip = frames(arm)
+    data = model.createData()
+    pin.framesForwardKinematics(model, data, arm.full_q(q))
+    return data.oMf[base].inverse() * data.oMf[tip]
+
+
+def relative_jacobian(arm, q):
+    """J_tip - X J_base in the axes of the base, one column a joint of the arm."""
+    model, base, tip = frames(arm)
+    data = model.createData()
+    pin.computeJointJacobians(model, data, arm.full_q(q))
+    pin.updateFramePlacements(model, data)
+    J_tip, J_base = (
+        pin.getFrameJacobian(model, data, f, pin.LOCAL_WORLD_ALIGNED) for f in (tip, base)
+    )
+    X = np.eye(6)
+    X[:3, 3:] = -pin.skew(data.oMf[tip].translation - data.oMf[base].translation)
+    J = np.kron(np.eye(2), data.oMf[base].rotation.T) @ (J_tip - X @ J_base)
+    ids = [model.joints[model.getJointId(name)].idx_v for name in list(arm.model.names)[1:]]
+    J = J[:, ids]
+    return J if arm.coupling is None else J @ arm.coupling.matrix
+
+
+def drawn(arm, rng, count):
+    return rng.uniform(np.maximum(arm.lower, -3), np.minimum(arm.upper, 3), (count, arm.n))
+
+
+CHAINS = (
+    *HUMANOIDS,
+    *((t, b, e) for t in TOWARDS for b, e in (("foot", "hand"), ("hand", "foot"))),
+)
+
+
+@pytest.mark.parametrize(("name", "base", "tip"), CHAINS)
+def test_jacobians_are_those_of_the_tip_seen_from_the_base(name, base, tip, rng):
+    arm = chain(name, base, tip)
+    for q in drawn(arm, rng, 4):
+        J = pinsing.frame_jacobian(arm, q)
+        np.testing.assert_allclose(J, relative_jacobian(arm, q), atol=1e-12)
+        np.testing.assert_allclose(pinsing.frame_jacobians(arm, q[None])[0], J, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", TOWARDS)
+@pytest.mark.parametrize(
+    ("base", "tip"), [("foot", "hand"), ("shank", "pelvis"), ("fore", "chest")]
+)
+def test_jacobians_are_slopes_of_the_placement(name, base, tip, rng):
+    arm = chain(name, base, tip)
+    step = 1e-6
+    for q in drawn(arm, rng, 3):
+        J = pinsing.frame_jacobian(arm, q)
+        for j in range(arm.n):
+            away = step * np.eye(arm.n)[j]
+            after, before = placement(arm, q + away), placement(arm, q - away)
+            moved = (after.translation - before.translation) / (2 * step)
+            turned = pin.log3(after.rotation @ before.rotation.T) / (2 * step)
+            np.testing.assert_allclose(J[:, j], [*moved, *turned], atol=1e-8)
+
+
+@pytest.mark.parametrize(("name", "base", "tip"), CHAINS)
+def test_joints_keep_names_limits_and_values(name, base, tip, rng):
+    arm = chain(name, base, tip)
+    model = arm.source.full_model
+    for j, joint in enumerate(arm.joints):
+        here = model.joints[model.getJointId(joint)]
+        if here.nq == 1 and joint != "hip":  # whose follower's limits count as well
+            assert arm.lower[j] == model.lowerPositionLimit[here.idx_q]
+            assert arm.upper[j] == model.upperPositionLimit[here.idx_q]
+    for q in drawn(arm, rng, 4):
+        full = arm.full_q(q)
+        for j, joint in enumerate(arm.joints):
+            here = model.joints[model.getJointId(joint)]
+            value = full[here.idx_q : here.idx_q + here.nq]
+            expected = [q[j]] if here.nq == 1 else [np.cos(q[j]), np.sin(q[j])]
+            np.testing.assert_allclose(value, expected, atol=1e-12)
+        turn = 2 * np.pi * np.round((arm.q_of(full) - q) / (2 * np.pi))
+        np.testing.assert_allclose(arm.q_of(full) - turn, q, atol=1e-12)
+
+
+def test_a_whole_arm_seen_from_its_tool_has_the_same_singularities(rng):
+    there, back = pinsing.load("ur5", tip="tool0"), chain("ur5", "tool0", "base_link")
+    assert back.joints == there.joints[::-1]
+    one, other = pinsing.closed_form(there), pinsing.closed_form(back, prove=True)
+    assert other.word == "proven"
+    assert len(one.families) == len(other.families)
+    for family in one.families:
+        for q in family.points(5, rng):
+            assert other.family_of(q[::-1]) is not None
+            assert pinsing.at(back, q[::-1]).singular
+
+
+@pytest.mark.parametrize(
+    ("base", "tip", "joints"), [("shank", "chest", 3), ("upper", "thigh", 3), ("foot", "fore", 6)]
+)
+def test_short_chains_across_are_complete(base, tip, joints, rng):
+    arm = pinsing.load(TOWARDS["tree"], base=base, tip=tip)
+    form = pinsing.closed_form(arm)
+    assert arm.n == joints
+    assert form.complete
+    rank = form.generic_rank
+    for q in drawn(arm, rng, 20):
+        sizes = np.linalg.svd(relative_jacobian(arm, q), compute_uv=False)
+        assert (sizes[rank - 1] < 1e-9) == (form.family_of(q) is not None)
+    for family in form.families:
+        for q in family.points(5, rng):
+            sizes = np.linalg.svd(relative_jacobian(arm, q), compute_uv=False)
+            assert sizes[rank - 1] < 1e-8
+
+
+def test_a_floating_base_drops_out(rng):
+    path = "cmeel.prefix/share/example-robot-data/robots/talos_data/robots/talos_reduced.urdf"
+    file = str(distribution("example-robot-data").locate_file(path))
+    fixed = pin.buildModelFromUrdf(file)
+    floating = pin.buildModelFromUrdf(file, pin.JointModelFreeFlyer())
+    ends = {"base": "left_sole_link", "tip": "gripper_right_base_link"}
+    arms = [pinsing.load(model, **ends) for model in (fixed, floating)]
+    assert arms[0].joints == arms[1].joints
+    q = drawn(arms[0], rng, 1)[0]
+    J = [pinsing.frame_jacobian(arm, q) for arm in arms]
+    np.testing.assert_array_equal(*J)
+    anywhere = pin.randomConfiguration(
+        floating, np.full(floating.nq, -1.0), np.full(floating.nq, 1.0)
+    )
+    np.testing.assert_allclose(
+        pinsing.frame_jacobian(arms[1], anywhere),
+        pinsing.frame_jacobian(arms[1], arms[1].q_of(anywhere)),
+    )
+
+
+def test_only_some_joints_of_the_way(rng):
+    arm = pinsing.load(
+        TOWARDS["tree"], base="foot", tip="hand", joints=["slide", "knee", "shoulder"]
+    )
+    assert arm.joints == ("knee", "shoulder", "slide")
+    for q in drawn(arm, rng, 3):
+        J = relative_jacobian(arm, q)
+        np.testing.assert_allclose(pinsing.frame_jacobian(arm, q), J, atol=1e-12)
+    alone = pinsing.load(TOWARDS["tree"], base="foot", tip="hand", joints=["elbow", "slide"])
+    for q in drawn(alone, rng, 3):
+        J = relative_jacobian(alone, q)
+        np.testing.assert_allclose(pinsing.frame_jacobian(alone, q), J, atol=1e-12)
+
+
+def test_links_are_drawn_where_they_are(rng):
+    box = '<visual><origin xyz="0.1 0.2 0.3" rpy="1 2 3"/><geometry><box size="1 1 1"/></geometry>'
+    dressed = re.sub(r'<link name="(\w+)"/>', rf'<link name="\1">{box}</visual></link>', TREE)
+    arm = pinsing.load(dressed.format(mimic=""), base="foot", tip="hand")
+    geometry = read_links(arm).geometry
+    whole, base, _ = frames(arm)
+    visual, _ = read_geometry(whole, arm.source.xml)
+    places = {g.name: (g.parentJoint, g.placement) for g in visual.geometryObjects}
+    q = drawn(arm, rng, 1)[0]
+    here, there = arm.model.createData(), whole.createData()
+    pin.forwardKinematics(arm.model, here, arm.model_q(q))
+    pin.framesForwardKinematics(whole, there, arm.full_q(q))
+    assert len(geometry.geometryObjects) == len(places) == 8
+    carriers = set()
+    for g in geometry.geometryObjects:
+        joint, place = places[g.name]
+        expected = there.oMf[base].inverse() * there.oMi[joint] * place
+        found = here.oMi[g.parentJoint] * g.placement
+        np.testing.assert_allclose(found.homogeneous, expected.homogeneous, atol=1e-12)
+        carriers.add(int(g.parentJoint))
+    assert carriers == set(range(8))
+
+
+def test_the_text_says_which_joints_are_backwards():
+    arm = chain("tree", "foot", "hand")
+    assert any(
+        note.startswith(
+            "from the base towards the root, so traversed backwards: ankle, knee, hip, then waist"
+        )
+        for note in arm.notes
+    )
+    assert not any("backwards" in note for note in pinsing.load("ur5").notes)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"base": "foot", "tip": "foot"}, "no joint lies between the base and tip 'foot'"),
+        ({"base": "hand"}, "no joint lies beyond the base; .* or name a tip .*--tip foot"),
+        ({"base": "foot", "tip": "universe"}, "name a link or frame fixed to it, such as 'pelvis'"),
+        ({"base": "foot", "tip": "pelvis", "joints": ["waist"]}, "'waist' is not between"),
+        ({"base": "foot", "tip": "nose"}, "unknown frame 'nose'"),
+        ({"base": "toe", "tip": "hand"}, "unknown frame 'toe'"),
+    ],
+)
+def test_what_is_no_chain(options, said):
+    with pytest.raises(Exception, match=said) as caught:
+        pinsing.load(TOWARDS["tree"], **options)
+    assert isinstance(caught.value, pinsing.PinsingError)
+
+
+def test_a_ball_on_the_way_back_is_refused():
+    model = pin.Model()
+    root = model.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "root")
+    ball = model.addJoint(root, pin.JointModelSpherical(), pin.SE3.Identity(), "ball")
+    hand = model.addJoint(root, pin.JointModelRX(), pin.SE3.Identity(), "wrist")
+    for name, joint in (("foot", ball), ("hand", hand)):
+        model.addFrame(pin.Frame(name, joint, 0, pin.SE3.Random(), pin.FrameType.OP_FRAME))
+    with pytest.raises(JointError, match="ball"):
+        pinsing.load(model, base="foot", tip="hand")
+    model.addFrame(pin.Frame("world", 0, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    with pytest.raises((ChainError, JointError)):
+        pinsing.load(model, base="foot", tip="world")
+
+
+def test_the_command_takes_it(tmp_path):
+    file = tmp_path / "tree.urdf"
+    file.write_text(TOWARDS["tree"])
+    done = CliRunner().invoke(
+        command, ["info", str(file), "--base", "foot", "--tip", "hand"], prog_name="pinsing"
+    )
+    assert done.exit_code == 0
+    assert "traversed backwards: ankle, knee, hip" in done.stdout + done.stderr

@@ -1,0 +1,286 @@
+"""Families as files of exact equations: what they say is what the families say."""
+
+from __future__ import annotations
+
+import functools
+import re
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import sympy
+from arms import planar
+from click.testing import CliRunner
+from test_closed_form_mimic import follows, robot
+from test_closed_form_twists import HOLLOW, arm_of
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.errors import OptionError, UnknownNameError
+from pinsing.families import ClosedForm
+
+EXACT = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
+
+
+@pytest.fixture(scope="module")
+def forms():
+    return {name: pinsing.closed_form(pinsing.load(name)) for name in ("ur5", "stanford", "panda")}
+
+
+def read(text, language):
+    """Names of variables, and the polynomials of each system by its name."""
+    if language == "msolve":
+        names, zero, rest = text.split("\n", 2)
+        assert zero == "0"
+        assert not set("()#") & set(rest)
+        return names.split(","), {"": [polynomial(p) for p in rest.split(",")]}
+    mark = {"singular": "//", "maple": "#", "sage": "#"}[language]
+    plain = "\n".join(line for line in text.splitlines() if not line.startswith(mark))
+    if language == "singular":
+        names = re.search(r"ring R = 0,\(([^)]*)\),dp;", plain)[1].split(",")
+        found = re.findall(r"ideal (\w+) =([^;]*);", plain)
+    elif language == "maple":
+        names = re.search(r"vars := \[([^]]*)\]:", plain)[1].split(", ")
+        found = re.findall(r"(F\w+) := \[([^]]*)\]:", plain)
+    else:
+        names = re.findall(r'"(\w+)"', plain)
+        found = re.findall(r"(F\w+) = R.ideal\(\[([^]]*)\]\)", plain)
+    return names, {name: [polynomial(p) for p in body.split(",")] for name, body in found}
+
+
+def polynomial(text):
+    return sympy.sympify(text.strip().replace("^", "**"))
+
+
+def meaning(form, text):
+    """What each variable is at q, from the comments of a file."""
+    (line,) = re.findall(r"// variables: (.*)", text)
+    pieces = re.findall(r"(\w+) = (cos|sin|sqrt)\(([^)]*)\)|(d\d+) = d\d+, metres", line)
+    joint = {s: i for i, s in enumerate(form.symbols)}
+
+    def value(name, function, inner, slide, q):
+        if slide:
+            return slide, q[joint[slide]]
+        if function == "sqrt":
+            return name, float(inner) ** 0.5
+        symbol, *turn = inner.split(" ")
+        angle = q[joint[symbol]] + (float("".join(turn)) if turn else 0.0)
+        return name, getattr(np, function)(angle)
+
+    return lambda q: dict(value(*piece, q) for piece in pieces)
+
+
+def largest(polys, names, at):
+    """The largest polynomial at a point, each over the sum of its terms' sizes."""
+    values = [at[name] for name in names]
+    sizes = [abs(v) for v in values]
+    out = []
+    for p in polys:
+        numbers, powers = terms(p, tuple(names))
+        total = np.abs(numbers) @ np.prod(np.power(sizes, powers), axis=1)
+        real = numbers @ np.prod(np.power(values, powers), axis=1)
+        out.append(abs(real) / max(total, 1.0))
+    return max(out)
+
+
+@functools.cache
+def terms(poly, names):
+    """Coefficients (T,) and exponents (T, variables)."""
+    found = sympy.Poly(poly, *sympy.symbols(names)).terms()
+    return np.array([float(c) for _, c in found]), np.array([m for m, _ in found])
+
+
+def systems_of(systems, family):
+    return [p for name, p in systems.items() if re.fullmatch(rf"{family.name}(_\d+)?", name)]
+
+
+def agree(form, count=8):
+    """Systems vanish on the families, not elsewhere, and vanish together nowhere else."""
+    text = form.system()
+    names, systems = read(text, "singular")
+    at = meaning(form, text)
+    rng = np.random.default_rng(7)
+    for family in form.families:
+        own = systems_of(systems, family)
+        points = family.points(count, rng)
+        assert len(points)
+        for q in points:
+            assert min(largest(p, names, at(q)) for p in own) < 1e-8, family
+        for q in rng.uniform(-3, 3, (count, len(form.symbols))):
+            assert min(largest(p, names, at(q)) for p in own) > 1e-8, family
+    assert sum(len(systems_of(systems, f)) for f in form.families) == len(systems)
+    return names, systems, at
+
+
+def solved(form, name, polys, names, at, rng):
+    """A configuration where polynomials vanish, by least squares from a random one."""
+    from scipy.optimize import least_squares
+
+    symbols = sympy.symbols(names)
+    sizes = [max(abs(c) for c in sympy.Poly(p).coeffs()) for p in polys]
+    f = sympy.lambdify([symbols], [p / k for p, k in zip(polys, sizes, strict=True)], "numpy")
+
+    def residual(q):
+        values = at(q)
+        return np.array(f([values[n] for n in names]), dtype=float)
+
+    for _ in range(30):
+        found = least_squares(residual, rng.uniform(-2, 2, len(form.symbols)), **EXACT)
+        if np.abs(found.fun).max() < 1e-9:
+            return found.x
+    return None
+
+
+@pytest.mark.parametrize("name", ["ur5", "stanford", "panda"])
+def test_equations_vanish_on_the_families_and_nowhere_else(forms, name):
+    form = forms[name]
+    names, systems, at = agree(form)
+    rng = np.random.default_rng(5)
+    for family in form.families:
+        for polys in systems_of(systems, family):
+            q = solved(form, family.name, polys, names, at, rng)
+            assert q is not None, family
+            assert family.contains(q, tol=1e-4), (family, q)
+
+
+@pytest.mark.parametrize("language", ["singular", "maple", "sage"])
+def test_all_languages_say_the_same(forms, language):
+    form = forms["panda"]
+    assert read(form.system(language), language) == read(form.system(), "singular")
+
+
+def test_one_system_for_msolve_is_the_family_itself(forms):
+    form = forms["panda"]
+    names, systems = read(form.system(families=["F4"]), "singular")
+    assert read(form.system("msolve", families=["F4"]), "msolve") == (names, {"": systems["F4"]})
+
+
+def test_several_systems_for_msolve_are_told_apart_by_a_number(forms):
+    form = forms["panda"]
+    names, systems = read(form.system(), "singular")
+    more, told = read(form.system("msolve"), "msolve")
+    assert more == ["k", *names]
+    k = sympy.Symbol("k")
+    circles = set(systems["F1"]) & set(systems["F2"]) & set(systems["F4"])
+    assert len(circles) == 5
+    for number, polys in enumerate(systems.values(), 1):
+        left = {sympy.expand(p.subs(k, number)) for p in told[""]} - {0}
+        monic = {sympy.Poly(p).monic() for p in left}
+        assert monic == {sympy.Poly(p).monic() for p in polys}
+    (which,) = [p for p in told[""] if p.free_symbols == {k}]
+    assert sorted(sympy.solve(which, k)) == list(range(1, len(systems) + 1))
+
+
+def test_twists_of_60_degrees_need_roots_as_variables():
+    form = pinsing.closed_form(arm_of(HOLLOW))
+    names, systems, _ = agree(form, count=3)
+    assert "r3" in names
+    assert "meant are solutions with r3 > 0 alone" in form.system()
+    assert all(any(str(p) == "r3**2 - 3" for p in polys) for polys in systems.values())
+
+
+def test_joints_turned_about_their_axes_are_said_to_be(tmp_path):
+    model = pin.Model()
+    model.name = "turned"
+    parent = 0
+    for i, (turn, x) in enumerate([(0.0, 0.0), (0.3, 0.5), (np.pi / 2, 0.4), (0.2, 0.3)]):
+        place = pin.SE3(pin.utils.rotate("z", turn), np.array([x, 0.1 * i, 0.0]))
+        parent = model.addJoint(parent, pin.JointModelRZ(), place, f"j{i + 1}")
+        model.lowerPositionLimit[i], model.upperPositionLimit[i] = -3, 3
+    end = pin.SE3(np.eye(3), np.array([0.2, 0.0, 0.0]))
+    model.addFrame(pin.Frame("tip", parent, 0, end, pin.FrameType.OP_FRAME))
+    form = pinsing.closed_form(pinsing.load(model, tip="tip", task="vx,vy,wz"))
+    agree(form)
+    assert re.search(r"cos\(q\d [+-] 0\.\d+\)", form.system())
+
+
+def test_mimic_joints(tmp_path):
+    z, l = "0 0 1", "0.4 0 0"  # noqa: E741
+    joints = [
+        ("revolute", z, "0 0 0", "0 0 0", ""),
+        ("revolute", z, l, "0 0 0", ""),
+        ("revolute", z, l, "0 0 0", follows(2, 2, 0.3)),
+    ]
+    form = pinsing.closed_form(robot(tmp_path, joints, "vx,vy"))
+    assert form.families
+    agree(form)
+
+
+def test_half_angle_conditions_are_exact():
+    form = pinsing.closed_form(planar((0.5, 0.4, 0.3)))
+    agree(form)
+    (family,) = form.families
+    assert read(form.system(), "singular")[1]["F1"][:2] == list(sympy.symbols("s2 s3"))
+    assert family.codimension == 2
+
+
+def test_what_cannot_be_written_is_said(forms):
+    form = forms["ur5"]
+    with pytest.raises(UnknownNameError, match="unknown family 'F9'"):
+        form.system(families=["F9"])
+    with pytest.raises(OptionError, match="no language 'mathematica'; there are singular"):
+        form.system("mathematica")
+    with pytest.raises(OptionError, match="read from a file"):
+        ClosedForm.from_json(form.to_json()).system()
+    with pytest.raises(OptionError, match="planar1r, task wz: there is no family to write"):
+        pinsing.closed_form(planar((0.3,), task="wz")).system()
+
+
+def test_names_with_line_breaks_stay_within_their_comment(forms):
+    from dataclasses import replace
+
+    form = forms["stanford"]
+    odd = replace(form, arm=replace(form.arm, name="a\nideal F1 = 1;", tip="t\rquit;"))
+    assert read(odd.system(), "singular") == read(form.system(), "singular")
+
+
+def test_the_command_writes_what_the_library_says(tmp_path, forms):
+    file = tmp_path / "stanford.sing"
+    done = CliRunner().invoke(
+        command, ["families", "stanford", "--no-prove", "--system", str(file), "--family", "F2"]
+    )
+    assert done.exit_code == 0
+    assert "q5 = 0° or 180°" in done.stdout
+    assert f"wrote {file}" in done.stderr
+    text = file.read_text()
+    assert read(text, "singular") == read(forms["stanford"].system(families=["F2"]), "singular")
+    assert "robot stanford, base base_link, tip tool0, task pose" in text
+
+
+def test_the_command_says_for_msolve_what_has_no_place_in_the_file(tmp_path):
+    file = tmp_path / "stanford.ms"
+    done = CliRunner().invoke(
+        command, ["families", "stanford", "--no-prove", "--system", str(file)]
+    )
+    assert done.exit_code == 0
+    assert "1 = F1, 2 = F2, 3 = F3" in done.stderr
+    assert file.read_text().startswith("k,c2,s2,d3,c5,s5\n0\n")
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        (["--system", "x.txt"], "ends in '.txt'; take .sing for Singular"),
+        (["--system", "x"], "has no suffix"),
+        (["--system", "nowhere/x.sing"], "there is no folder nowhere"),
+        (["--family", "F1"], "--family goes with --system"),
+        (["--symbolic", "all", "--system", "x.sing"], "do not go with --symbolic"),
+        (["--system", "x.sing", "--json", "x.sing"], "both go to x.sing"),
+        (["--system", "x.sing", "--family", "F7"], "unknown family 'F7'"),
+    ],
+)
+def test_what_does_not_go_together(tmp_path, monkeypatch, options, said):
+    monkeypatch.chdir(tmp_path)
+    done = CliRunner().invoke(command, ["families", "stanford", "--no-prove", *options])
+    assert done.exit_code == 2
+    assert said in done.stderr
+    assert not list(tmp_path.iterdir())
+
+
+def test_mechanisms_have_no_such_file(tmp_path):
+    done = CliRunner().invoke(
+        command,
+        ["families", "four_bar", "--loops", "x.yaml", "--system", str(tmp_path / "x.sing")],
+    )
+    assert done.exit_code == 2
+    assert "do not go with --loops" in done.stderr
