@@ -174,6 +174,10 @@ def open_a_path(page: Any) -> None:
     bad = {"name": "bad.csv", "mimeType": "text/csv", "buffer": b"1,2,3"}
     page.locator("#path-file").set_input_files(bad)
     until(page, "#playing", "3 columns for 6 joints")
+    turned = {"name": "turned.csv", "mimeType": "text/csv", "buffer": b"0,-90,0.3,90,45,0"}
+    page.locator("#path-file").set_input_files(turned)
+    until(page, "#playing", "turned.csv: 1 sample, nearest: ")
+    until(page, "#playing", "some are outside the limits (radians and metres are expected)")
 
 
 def look_at_parts(page: Any) -> None:
@@ -188,8 +192,23 @@ def see_where_the_tip_gets_to(page: Any) -> None:
     page.wait_for_function("() => document.body.dataset.cloud === 'drawn'")
     parts = "() => window.pinsing.view.drawnCloud.map((p) => p.geometry.attributes.position.count)"
     assert sum(page.evaluate(parts)) == 6000
+    until(page, "#key-cloud", "red within 3° of a family")
+    page.locator("#fit").click()  # all of it is in the picture
+    farthest = """() => {
+      const { view } = window.pinsing, { Vector3 } = MeshCat.THREE, camera = view.viewer.camera;
+      view.viewer.scene.updateMatrixWorld(true);
+      let most = 0;
+      for (const part of view.drawnCloud) for (let k = 0; k < 200; k++) {
+        const p = new Vector3().fromBufferAttribute(part.geometry.attributes.position, k);
+        p.applyMatrix4(part.matrixWorld).project(camera);
+        most = Math.max(most, Math.abs(p.x), Math.abs(p.y));
+      }
+      return most;
+    }"""
+    assert 0.5 < page.evaluate(farthest) < 1
     page.locator("#show-cloud").uncheck()
     assert page.evaluate("() => window.pinsing.view.drawnCloud.length") == 0
+    assert page.locator("#key-cloud").is_hidden()
 
 
 ACTIONS = [

@@ -157,6 +157,48 @@ def test_the_lower_bound_is_never_too_long(name: str) -> None:
             assert here[k]["lower"] <= here[k]["upper"] + 1e-12
 
 
+JOINTS = [{"name": "a"}, {"name": "b"}]
+
+
+@needs_node
+def test_a_path_is_read_as_it_stands() -> None:
+    texts = [
+        "1,2\n3,4\n",
+        "b,t,a\r\n2,9,1\r\n4,9,3\r\n",
+        "# said first\n\n0,1,2\n0.1,3,4",
+        "1;2\n3;4",
+        '"a"\t"b"\n1\t2e0\n3.\t4',
+    ]
+    read = "(m, {texts, joints}) => texts.map((t) => m.parseTrajectory(t, joints))"
+    assert run(read, {"texts": texts, "joints": JOINTS}) == [[[1, 2], [3, 4]]] * len(texts)
+
+
+@needs_node
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("", "the file is empty"),
+        ("a,b\n", "the file has no samples"),
+        ("1\n", "1 columns for 2 joints"),
+        ("a,b\n1,2\n\n1\n", "line 4: 1 values for 2 columns"),
+        ("a,b\n1,2,3\n", "line 2: 3 values for 2 columns"),
+        ("a;b\n0;0,5\n", "line 2: 0,5 is not a number"),
+        ("a,b\n0x10,1\n", "line 2: 0x10 is not a number"),
+        ("a,b\n1,\n", "line 2: nothing is not a number"),
+        ("nan,1\n", "line 1: nan is not a number"),
+        ("1,1e400\n", "line 1: 1e400 is not a number"),
+        ("a,c\n1,2\n", "no column for b"),
+        ("a,b,a\n1,2,3\n", "two columns for a"),
+        ("\x89PNG\x00", "the file is no text"),
+    ],
+)
+def test_a_path_that_is_none_is_told(text: str, said: str) -> None:
+    tried = """(m, {text, joints}) => {
+      try { return m.parseTrajectory(text, joints); } catch (error) { return error.message; }
+    }"""
+    assert run(tried, {"text": text, "joints": JOINTS}) == said
+
+
 @needs_node
 def test_the_cloud_is_of_tips_within_reach() -> None:
     """Against the engine itself at the same poses, and the reach of the arm."""

@@ -64,12 +64,14 @@ class App {
   async cloud(wanted) {
     const turn = this.clouds = (this.clouds ?? 0) + 1;
     this.view.cloud(null);
-    if (!wanted) return;
+    delete document.body.dataset.cloud;
+    if (!wanted) { this.view.fitAgain(); return; }
     for (const points of this.source.cloud()) {
       this.view.cloud(points);
       await nextTask();
       if (turn !== this.clouds) return;
     }
+    this.view.fitAgain();
     document.body.dataset.cloud = "drawn";
   }
 
@@ -209,7 +211,9 @@ class App {
     const frames = rows.map((q) => this.source.compute(q));
     const worst = frames.reduce((a, b) => ((b.verdict?.value ?? Infinity) < (a.verdict?.value ?? Infinity) ? b : a));
     this.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity));
-    this.say(`${name}: ${count} samples, nearest: ${worst.verdict ? worst.verdict.text : "no family"}`);
+    const { joints } = this.page, beyond = (v, { limited, lower, upper }) => limited !== false && (v < lower - 1e-6 || v > upper + 1e-6);
+    const outside = rows.some((q) => q.some((v, j) => beyond(v, joints[j]))) ? "; some are outside the limits (radians and metres are expected)" : "";
+    this.say(`${name}: ${count} sample${count === 1 ? "" : "s"}, nearest: ${worst.verdict ? worst.verdict.text : "no family"}${outside}`);
   }
 
   showWay(frames, clearance) {

@@ -282,6 +282,10 @@ class SceneView {
     const side = this.side(frames, points, new Vector3(...this.settings.side).normalize());
     const right = new Vector3(0, 1, 0).cross(side).normalize();
     const up = side.clone().cross(right);
+    for (const { geometry } of this.drawnCloud ?? []) {
+      const at = geometry.attributes.position;
+      for (let k = 0; k < at.count; k++) points.push(new Vector3(at.getX(k), at.getZ(k), -at.getY(k)));
+    }
     const centre = new Vector3();
     for (const axis of [right, up, side]) {
       const places = points.map((p) => p.dot(axis));
@@ -303,6 +307,9 @@ class SceneView {
     this.fitted = { frames, frame: this.frame };
     this.viewer.set_dirty();
   }
+
+  // The same with what has come or gone since; not for who has moved the camera.
+  fitAgain() { if (!this.touched && this.fitted) this.fit(this.fitted.frame === this.frame ? this.fitted.frames : [this.frame]); }
 
   // Where to look from: obliquely at the flat ellipsoid, so that it is seen to be flat, with the
   // tool in front of the arm; from the usual side where nothing is flat.
@@ -349,8 +356,9 @@ class SceneView {
   // Points coloured by clearance, added to those that are there; null takes them away.
   cloud(points) {
     const { PointsMaterial, Points } = MeshCat.THREE;
+    document.getElementById("key-cloud").hidden = !points;
     if (!points) { for (const part of this.drawnCloud ?? []) this.remove(part); this.drawnCloud = []; this.viewer.set_dirty(); return; }
-    const dots = new Points(this.coloured(points), new PointsMaterial({ vertexColors: true, size: 0.011 * this.settings.reach, transparent: true, opacity: 0.7 }));
+    const dots = new Points(this.coloured(points), new PointsMaterial({ vertexColors: true, size: 0.02 * this.settings.reach, transparent: true, opacity: 0.75 }));
     (this.drawnCloud ??= []).push(dots);
     this.add(dots);
   }

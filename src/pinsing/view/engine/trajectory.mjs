@@ -1,24 +1,34 @@
 // Joint positions out of a CSV text: names in the first line, in any order, or none at all.
 
+const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i, NO_NUMBER = /^[-+]?(nan|inf|infinity)$/i;
+
+// Lines that say something, each with its number in the file, split at what its first one is split at.
+function cellsOf(text) {
+  const lines = text.split(/\r\n|\r|\n/).map((line, i) => [line, i + 1]).filter(([line]) => line.trim() && !line.trim().startsWith("#"));
+  if (!lines.length) throw new Error("the file is empty");
+  const mark = ["\t", ";", ","].find((c) => lines[0][0].includes(c)) ?? ",";
+  return lines.map(([line, at]) => [line.split(mark).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1")), at]);
+}
+
 // Rows (n each) in the order of `joints`, radians and metres.
 export function parseTrajectory(text, joints) {
-  const lines = text.split(/\r?\n/).filter((line) => line.trim() && !line.trim().startsWith("#"));
-  if (!lines.length) throw new Error("the file is empty");
-  const split = (line) => line.split(/[,;\t]/).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1"));
+  if (text.includes("\0")) throw new Error("the file is no text");
+  const lines = cellsOf(text), [head] = lines[0];
   let columns = joints.map((_, j) => j), first = 0;
-  const head = split(lines[0]);
-  if (head.some((cell) => !Number.isFinite(Number(cell)))) {
+  if (head.some((cell) => /[a-z]/i.test(cell) && !NUMBER.test(cell) && !NO_NUMBER.test(cell))) {
     first = 1;
     columns = joints.map(({ name }) => head.indexOf(name));
     const lacking = joints.filter((_, j) => columns[j] < 0).map(({ name }) => name);
     if (lacking.length) throw new Error(`no column for ${lacking.join(", ")}`);
+    const twice = joints.find(({ name }) => head.indexOf(name) !== head.lastIndexOf(name));
+    if (twice) throw new Error(`two columns for ${twice.name}`);
   } else if (head.length === joints.length + 1) columns = columns.map((j) => j + 1); // a time before
   else if (head.length !== joints.length) throw new Error(`${head.length} columns for ${joints.length} joints`);
-  const rows = lines.slice(first).map((line, i) => {
-    const cells = split(line);
+  const rows = lines.slice(first).map(([cells, at]) => {
+    if (cells.length !== head.length) throw new Error(`line ${at}: ${cells.length} values for ${head.length} columns`);
     return columns.map((c) => {
-      const value = cells[c] === "" || cells[c] === undefined ? NaN : Number(cells[c]);
-      if (!Number.isFinite(value)) throw new Error(`line ${first + i + 1}: ${cells[c] ?? "nothing"} is not a number`);
+      const value = Number(cells[c]);
+      if (!NUMBER.test(cells[c]) || !Number.isFinite(value)) throw new Error(`line ${at}: ${cells[c] || "nothing"} is not a number`);
       return value;
     });
   });
