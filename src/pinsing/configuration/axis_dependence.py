@@ -17,6 +17,7 @@ from pinsing.configuration.line_geometry import (
     dependent,
     find_centres,
     joints_of,
+    numbers,
     one_complex,
     one_line,
     orientation_reason,
@@ -36,6 +37,10 @@ DEPENDENCE_RTOL = 10 * SINGULAR_RTOL
 
 _SEED = 40823
 _SAMPLES = 4
+
+
+_FEW_LINKS = 3
+"""Axes of which each three that lie in a plane need not be named."""
 
 
 @dataclass(frozen=True)
@@ -193,6 +198,8 @@ class _Reasons:
         self.nearly = "" if rtol <= DEPENDENCE_RTOL else "nearly "
 
     def reason(self, ids: tuple[int, ...]) -> str:
+        if len(ids) > _FEW_LINKS and (words := self._in_line(ids)):
+            return words
         parts = self.columns.pieces(ids)
         if parts == [ids]:
             return self._one(ids)
@@ -217,6 +224,16 @@ class _Reasons:
             who = "together they" if said else joints_of(ids)
             said.append(f"{who} give {rank} independent {several} instead of {general}")
         return "; ".join(dict.fromkeys(said))
+
+    def _in_line(self, ids: tuple[int, ...]) -> str:
+        """What is said of parallel axes that turn, and lie in one plane; nothing of others."""
+        task = self.task == "pose" or (self.task != "position" and self._as_twists(ids))
+        if self.coupled or not task or self.axes.prismatic[list(ids)].any():
+            return ""
+        if not self.axes.parallel(ids, self.tol) or not self.axes.in_one_plane(ids, self.tol):
+            return ""
+        which = "all axes" if len(ids) == self.arm.n else f"axes {numbers(ids)}"
+        return f"links {self.nearly}in line: {which} are parallel and lie in one plane"
 
     def _one(self, ids: tuple[int, ...]) -> str:
         if self.coupled:

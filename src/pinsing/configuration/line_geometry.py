@@ -376,6 +376,10 @@ def _common_line(
 def position_reason(axes: JointAxes, ids: tuple[int, ...], tol: float, nearly: str = "") -> str:
     """Say why joints move the tip in fewer directions than their number would allow."""
     rank = axes.velocity_rank(ids, axes.tip, tol)
+    every = len(ids) == len(axes.prismatic) > 2 and not axes.prismatic.any()
+    if rank == 1 and every and axes.parallel(ids, tol):
+        same = f"{joints_of(ids)} {nearly}move the tip along the same line"
+        return f"all links {nearly}in line: {same}"
     if len(ids) <= 3 and rank < len(ids):
         return _centre_words(axes, ids, axes.tip, "the tip", tol, nearly)
     if rank == 0:

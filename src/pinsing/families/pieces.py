@@ -87,6 +87,8 @@ class PieceMaker:
         """Systems that stay equations because time was over."""
         self.confirm: Confirm | None = None
         """Which points of equations are singular, where that is to be asked; see ``Family``."""
+        self.products = False
+        """Whether relations may be products, whose roots are not to be listed."""
         self._met: dict[int, tuple[Branch, bool]] = {}
         self._made: dict[int, tuple[Poly, Equation]] = {}
         arm = geometry.arm
@@ -105,8 +107,9 @@ class PieceMaker:
         What neither is proven to be empty nor has a point that was found is a piece of its own.
         """
         fixed = [self._value(j, v) for j, v in component.values.items()]
-        solved, others = self._solvable(component)
-        real = None if solved or len(others) != 1 else self._real_part(others[0])
+        products = self.products
+        solved, others = ([], list(component.relations)) if products else self._solvable(component)
+        real = None if products or solved or len(others) != 1 else self._real_part(others[0])
         if real is not None:  # smaller than the set of complex zeros
             combinations = real
             minimal: list[Equation] = []

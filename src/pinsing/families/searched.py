@@ -17,6 +17,7 @@ from pinsing.algebra.second_prime import RandomSteps
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
+from pinsing.families.planar_chain import planar_chain
 from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.geometry.surd import Surd
 from pinsing.kinematics.verdict import ratios
@@ -27,6 +28,8 @@ MAX_JOINTS = 12
 _SEED = 20
 _MANY = 9
 """Joints from which on all minors have half of the time, and near ones the rest."""
+_LINKS = 6
+"""Joints from which on a planar chain is not searched: each condition would double its branches."""
 _NEAR = 0.7
 """Share of the time that is left for near ones: families of many joints take long to describe."""
 _CONFIRMED = 1e-6
@@ -89,6 +92,10 @@ def searched(
         Time and tolerances.
     """
     started = time.monotonic()
+    if arm.n >= _LINKS and arm.coupling is None:
+        in_line = _in_line(geometry, arm, rank, symbols, limits)
+        if in_line is not None:
+            return in_line
     every = arm.n <= MAX_JOINTS
     near = arm.n >= _MANY and arm.coupling is None
     found: Decomposition | None = None
@@ -133,6 +140,21 @@ def searched(
 
     maker.confirm = singular
     return Searched(geometry, ring, components, gaps, maker, steps)
+
+
+def _in_line(
+    geometry: Nominal, arm: Arm, rank: int, symbols: Sequence[str], limits: Allowed
+) -> Searched | None:
+    """The singular set of a planar chain, whatever its length; None if the chain is none."""
+    slides = tuple(bool(p) for p in arm.prismatic)
+    ring = ring_of(slides, constants(geometry, arm.task), Budget(limits.seconds))
+    found = planar_chain(geometry, arm.task, rank, ring)
+    if found is None:
+        return None
+    rest = Budget(limits.seconds)
+    maker = PieceMaker(geometry, ring, rank, symbols, _SEED, rest, limits.angle_tol)
+    maker.products = True
+    return Searched(geometry, ring, list(found), [], maker, RandomSteps(0, (), ()))
 
 
 def _all_minors(

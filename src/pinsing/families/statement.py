@@ -15,6 +15,11 @@ from pinsing.families.parts import Branch
 from pinsing.families.pieces import SolvedPiece
 from pinsing.families.solved_for import LONG, long_form
 
+_MANY = 3
+"""Joints that are each at 0 or 180 degrees, beyond which these are not listed one by one."""
+_WHOLE = 2
+"""Twice the multiple of an angle that occurs as itself."""
+
 
 def mirror_key(piece: SolvedPiece) -> object:
     """Equal for pieces that are mirror images: values up to sign and half turns."""
@@ -77,6 +82,10 @@ def _and(conditions: list[str], latex: bool) -> str:
 
 def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
     """Equations that hold at once: the short ones, and of several long ones how many."""
+    straight = [e for e in equations if _half_turns(e)]
+    if len(straight) > _MANY:
+        rest = _written([e for e in equations if e not in straight], latex)
+        return (_each_straight(straight, latex), *rest)
     long = long_ones(equations)
     if len(long) < 2:
         return tuple(_write(e, latex, len(equations) == 1) for e in equations)
@@ -89,6 +98,39 @@ def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
     else:
         said = f"{len(long)} equations at once in {listed(names)} [{size} terms]"
     return (*(_write(e, latex, False) for e in equations if e not in long), said)
+
+
+def _half_turns(equation: Equation) -> bool:
+    """Whether an equation says that one joint is at 0 or 180 degrees: sin q = 0."""
+    return (
+        len(equation.involved) == 1
+        and len(equation.cos) == 1
+        and not equation.powers.any()
+        and abs(int(equation.frequencies[0][equation.involved[0]])) == _WHOLE
+        and float(equation.cos[0]) == 0.0
+        and not equation.shift[equation.involved[0]]
+    )
+
+
+def _each_straight(equations: Sequence[Equation], latex: bool) -> str:
+    """``q2 to q20 each 0° or 180°``, of many joints."""
+    joints = sorted({e.involved[0] for e in equations})
+    runs: list[list[int]] = []
+    for j in joints:
+        if runs and j == runs[-1][-1] + 1:
+            runs[-1].append(j)
+        else:
+            runs.append([j])
+    symbols = equations[0].joints
+    named = [latex_symbol(s) for s in symbols] if latex else list(symbols)
+    to = r"\ \text{to}\ " if latex else " to "
+    said = []
+    for run in runs:
+        ends = [named[j] for j in run]
+        said += [f"{ends[0]}{to}{ends[-1]}"] if len(run) > 2 else ends
+    if latex:
+        return rf"{', '.join(said)}\ \text{{each}}\ 0^\circ\ \text{{or}}\ 180^\circ"
+    return f"{listed(said)} each 0° or 180°"
 
 
 def _write(equation: Equation, latex: bool, alone: bool) -> str:

@@ -1,0 +1,231 @@
+"""Planar chains of any length: singular where all links are in line.
+
+All axes that turn are parallel, and all that slide are perpendicular to them. Seen along the axes,
+joint j moves a point at right angles to the vector from it, so that the differences of neighbouring
+columns are the links between them, turned by a right angle. Position is lost where all links up
+to the tip and all directions of slides are parallel; position and orientation together where
+those between the first and the last turning joint are. What lies between two turning joints has
+one direction; each with the next gives one condition, on the sum of the angles between them, and
+slides between the same two joints one on their lengths. No joint is in two of these: they are
+independent, and nothing else is singular.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from pinsing.algebra.components import Component
+from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.surd import Exact
+from pinsing.robot.task import Task
+
+Vector = tuple[Exact, Exact, Exact]
+Rows = tuple[Vector, Vector, Vector]
+_ZERO: Vector = (Fraction(0), Fraction(0), Fraction(0))
+
+
+@dataclass(frozen=True)
+class _Stretch:
+    """What turns together: all between two turning joints.
+
+    Attributes
+    ----------
+    link : Vector or None
+        From one axis to the next, or to the tip, with slides at zero; None where it does not count.
+    slides : tuple of (int, Vector)
+        Prismatic joints of it, and their directions.
+    """
+
+    link: Vector | None
+    slides: tuple[tuple[int, Vector], ...]
+
+
+def planar_chain(
+    geometry: Nominal, task: Task, rank: int, ring: Ring
+) -> tuple[Component, ...] | None:
+    """The singular set of a planar chain; None where the chain, or its task, is none.
+
+    Parameters
+    ----------
+    geometry : Nominal
+        A chain without mimic joints.
+    task : Task
+        Rows that count.
+    rank : int
+        Singular means: rank below this.
+    ring : Ring
+        Of its polynomials.
+
+    Returns
+    -------
+    tuple of Component or None
+        One, or none where the rank is the same everywhere. Its relations are products: sin q2,
+        which is zero at 0 and at 180 degrees.
+    """
+    axes, places, tip_turn = _home(geometry)
+    prismatic = geometry.prismatic
+    turning = [j for j, slides in enumerate(prismatic) if not slides]
+    if not turning:
+        return None
+    normal = axes[turning[0]]
+    if any(_cross(axes[j], normal) != _ZERO for j in turning):
+        return None
+    if any(slides and _dot(axes[j], normal) for j, slides in enumerate(prismatic)):
+        return None
+    turns = _counted(task, normal, tip_turn)
+    if turns is None or rank != 2 + turns:
+        return None
+    stretches = _stretches(axes, places, prismatic, normal, turns)
+    values: dict[int, Value] = {}
+    relations: list[Poly] = []
+    directions: list[tuple[int, Vector]] = []
+    for last, stretch in stretches:
+        found = _direction(stretch, normal, ring, values, relations)
+        if found is None:
+            return ()
+        directions += [(last, found)] if found != _ZERO else []
+    if not directions:
+        return None
+    signs = [1 if _dot(axes[j], normal) == 1 else -1 for j in range(len(prismatic))]
+    for (first, v), (last, w) in itertools.pairwise(directions):
+        between = [j for j in turning if first < j <= last]
+        relations.append(_parallel(v, w, between, signs, normal, ring))
+    if not values and not relations:
+        return None
+    return (Component(values, tuple(relations), True, len(values) + len(relations)),)
+
+
+def _home(geometry: Nominal) -> tuple[list[Vector], list[Vector], Rows]:
+    """Axes, points on them with the tip's as the last, and the tip's axes, at the ring's zero."""
+    one, zero = Fraction(1), Fraction(0)
+    turn: Rows = ((one, zero, zero), (zero, one, zero), (zero, zero, one))
+    at, axes, places = _ZERO, list[Vector](), list[Vector]()
+    for rotation, translation in zip(geometry.rotation, geometry.translation, strict=True):
+        at = _plus(at, _times(turn, translation))
+        turn = _product(turn, rotation)
+        places.append(at)
+        axes.append((turn[0][2], turn[1][2], turn[2][2]))
+    return axes[:-1], places, _product(turn, geometry.tip_rotation)
+
+
+def _counted(task: Task, normal: Vector, tip: Rows) -> bool | None:
+    """Whether turns count besides both directions of the plane; None if one of these does not."""
+    at_tip = tuple(sum((tip[i][k] * normal[i] for i in range(3)), Fraction(0)) for k in range(3))
+    marked = list(zip(task.rows, task.tip_rows, strict=True))
+    kinds = {flag for row, flag in marked if row < 3}
+    if len(kinds) != 1:
+        return None
+    along = at_tip if kinds == {True} else normal
+    missing = [k for k in range(3) if k not in task.rows]
+    if len(missing) > 1 or any(not along[k] for k in missing):
+        return None
+    return any((at_tip if flag else normal)[row - 3] != 0 for row, flag in marked if row >= 3)
+
+
+def _stretches(
+    axes: Sequence[Vector],
+    places: Sequence[Vector],
+    prismatic: Sequence[bool],
+    normal: Vector,
+    turns: bool,
+) -> list[tuple[int, _Stretch]]:
+    """Each with the last turning joint before it; -1 is the base."""
+    ends = [-1, *(j for j, slides in enumerate(prismatic) if not slides), len(prismatic)]
+    out = []
+    for before, after in itertools.pairwise(ends):
+        slides = tuple((j, axes[j]) for j in range(before + 1, after))
+        counts = before >= 0 and not (turns and after == len(prismatic))
+        link = None
+        if counts:
+            link = _plus(places[after], places[before], -1)
+            link = _plus(link, tuple(_dot(link, normal) * x for x in normal), -1)
+        out.append((before, _Stretch(link, slides)))
+    return out
+
+
+def _direction(
+    stretch: _Stretch,
+    normal: Vector,
+    ring: Ring,
+    values: dict[int, Value],
+    relations: list[Poly],
+) -> Vector | None:
+    """Where its columns point, zero if it has none; None where they are never parallel.
+
+    What its slides have to be goes into ``values`` or ``relations``.
+    """
+    across = _ZERO if stretch.link is None else _cross(normal, stretch.link)
+    if not stretch.slides:
+        return across
+    _, d = stretch.slides[0]
+    if any(_cross(d, e) != _ZERO for _, e in stretch.slides):
+        return None
+    if stretch.link is None:
+        return d
+    # The link has to be perpendicular to the slides, for its column to be along them.
+    shares = [(j, _dot(d, e)) for j, e in stretch.slides]
+    rest = _dot(d, stretch.link)
+    if len(shares) == 1:
+        (j, share) = shares[0]
+        values[j] = (-rest / share,)
+    else:
+        gens = ring.context.gens()
+        total = ring.number(rest)
+        for j, share in shares:
+            total = total + ring.number(share) * gens[ring.variables(j)[0]]
+        relations.append(total)
+    return d
+
+
+def _parallel(
+    v: Vector,
+    w: Vector,
+    between: Sequence[int],
+    signs: Sequence[int],
+    normal: Vector,
+    ring: Ring,
+) -> Poly:
+    """That v is parallel to w, turned by the joints between: a polynomial in their half-angles."""
+    gens = ring.context.gens()
+    cos, sin = ring.one, ring.zero
+    for j in between:
+        x, y = (gens[k] for k in ring.variables(j))
+        c, s = x * x - y * y, 2 * signs[j] * x * y
+        cos, sin = cos * c - sin * s, sin * c + cos * s
+    apart = ring.number(_dot(normal, _cross(v, w)))
+    along = ring.number(_dot(v, w))
+    product = ring.one
+    for factor in ring.factors(ring.reduce(cos * apart + sin * along)):
+        product = ring.reduce(product * factor)
+    return product
+
+
+def _plus(a: Vector, b: Sequence[Exact], sign: int = 1) -> Vector:
+    return (a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2])
+
+
+def _product(rows: Rows, other: Sequence[Sequence[Exact]]) -> Rows:
+    columns = tuple(zip(*other, strict=True))
+    a, b, c = (_times(columns, row) for row in rows)
+    return (a, b, c)
+
+
+def _times(rows: Sequence[Sequence[Exact]], v: Sequence[Exact]) -> Vector:
+    x, y, z = (sum((row[i] * v[i] for i in range(3)), Fraction(0)) for row in rows)
+    return (x, y, z)
+
+
+def _dot(a: Sequence[Exact], b: Sequence[Exact]) -> Exact:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def _cross(a: Vector, b: Vector) -> Vector:
+    return (
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    )

@@ -1,0 +1,138 @@
+"""Planar chains of any length: singular where all links are in line, and nowhere else."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from arms import planar
+
+import pinsing
+from pinsing.kinematics.jacobian import singular_values
+
+LENGTHS = tuple(0.3 + 0.01 * i for i in range(20))
+
+
+def chain(kinds, task, turn=None, tip=(0.4, 0.0, 0.0)):
+    """Joints R, P along x, Q along y, r about -z, in a plane that ``turn`` (3, 3) tilts."""
+    model = pin.Model()
+    model.name = "planar"
+    parent, place = 0, pin.SE3.Identity() if turn is None else pin.SE3(turn, np.array([1.0, 2, 3]))
+    for i, (kind, x, y) in enumerate(kinds):
+        axis = {"R": [0, 0, 1], "r": [0, 0, -1], "P": [1, 0, 0], "Q": [0, 1, 0]}[kind]
+        make = pin.JointModelRevoluteUnaligned if kind in "Rr" else pin.JointModelPrismaticUnaligned
+        parent = model.addJoint(parent, make(np.array(axis, dtype=float)), place, f"j{i + 1}")
+        model.lowerPositionLimit[i], model.upperPositionLimit[i] = -3, 3
+        place = pin.SE3(np.eye(3), np.array([x, y, 0.1]))
+    place = place * pin.SE3(np.eye(3), np.array(tip))
+    model.addFrame(pin.Frame("tip", parent, 0, place, pin.FrameType.OP_FRAME))
+    return pinsing.load(model, tip="tip", task=task)
+
+
+def ratio(arm, q, rank):
+    s = singular_values(arm, np.atleast_2d(q))
+    return s[:, rank - 1] / s[:, 0]
+
+
+def agree(form, arm, rng):
+    """Its points are singular, all that a search meets is on it, and it is one set."""
+    assert form.complete, form.gaps
+    (family,) = form.families
+    rank = form.generic_rank
+    points = family.points(30, rng)
+    assert len(points) == 30
+    assert ratio(arm, points, rank).max() < 1e-8
+    Q = rng.uniform(-3, 3, (200, arm.n))
+    assert ratio(arm, Q, rank).min() > 1e-8
+    assert not family.contains(Q).any()
+    for branch in family.branches:
+        # One condition after the other is left: none of them is idle.
+        for skipped in branch.equations:
+            q = points[0].copy()
+            q[skipped.involved[-1]] += 0.3
+            assert ratio(arm, q, rank)[0] > 1e-8
+            assert not family.contains(q)
+    return family
+
+
+@pytest.mark.parametrize("n", [6, 7, 9, 12, 13, 20])
+def test_position_of_nr(n, rng):
+    arm = planar(LENGTHS[:n])
+    form = pinsing.closed_form(arm)
+    family = agree(form, arm, rng)
+    assert family.codimension == n - 1
+    assert family.text == f"q2 to q{n} each 0° or 180°"
+    assert family.reason.startswith("all links in line: joints 1, 2,")
+    assert family.is_reachable
+    q = rng.uniform(-1, 1, n)
+    near = family.distance(q)
+    np.testing.assert_allclose(near.q[1:], 0, atol=1e-9)
+    assert near.q[0] == pytest.approx(q[0])
+    told = form.system("singular")
+    assert all(f"  s{j},\n" in told for j in range(2, n + 1))
+
+
+@pytest.mark.parametrize("task", ["vx,vy,wz", "pose"])
+def test_pose_of_nr(task, rng):
+    arm = planar(LENGTHS[:9], task=task)
+    family = agree(pinsing.closed_form(arm), arm, rng)
+    assert family.text == "q2 to q8 each 0° or 180°"
+    assert family.reason == "links in line: all axes are parallel and lie in one plane"
+
+
+def test_words_of_short_ones():
+    (family,) = pinsing.closed_form(planar(LENGTHS[:4])).families
+    said = "all links in line: joints 1, 2, 3 and 4 move the tip along the same line"
+    assert family.reason == said
+
+
+def test_links_of_no_length_join_angles(rng):
+    lengths = (0.3, 0.2, 0.0, 0.4, 0.1, 0.0, 0.2)
+    arm = planar(lengths)
+    family = agree(pinsing.closed_form(arm), arm, rng)
+    assert family.codimension == 4
+    involved = {e.involved for b in family.branches for e in b.equations}
+    assert involved == {(1,), (2, 3), (4,), (5, 6)}
+
+
+def test_a_tip_on_the_last_axis(rng):
+    arm = planar((0.3, 0.2, 0.25, 0.4, 0.1, 0.2, 0.0))
+    family = agree(pinsing.closed_form(arm), arm, rng)
+    assert family.text == "q2 to q6 each 0° or 180°"
+
+
+@pytest.mark.parametrize("task", ["position", "pose"])
+@pytest.mark.parametrize("tilted", [False, True])
+def test_links_that_are_bent_axes_upside_down_and_planes_that_lean(task, tilted, rng):
+    turn = pin.rpy.rpyToMatrix(np.pi / 3, np.pi / 2, 0.0) if tilted else None
+    kinds = [("R", 0.3, 0.1), ("r", 0.2, -0.2), ("R", 0, 0.4), ("R", 0.1, 0.1), ("r", 0.3, 0)]
+    arm = chain([*kinds, ("R", 0.25, 0.05), ("R", 0.1, 0.3)], task, turn)
+    agree(pinsing.closed_form(arm), arm, rng)
+
+
+@pytest.mark.parametrize("task", ["position", "pose"])
+@pytest.mark.parametrize(
+    "kinds",
+    ["RPRRRR", "PRRRRR", "RRRPRR", "RRRRRP", "RPPRRRR", "QRRPRRR", "PPRRRRR", "RRPRQRR"],
+)
+def test_slides(kinds, task, rng):
+    sizes = [(0.3, 0.1), (0.2, -0.2), (0.1, 0.4), (0.1, 0.1), (0.3, 0.0), (0.2, 0.1), (0.15, 0.3)]
+    arm = chain([(k, *s) for k, s in zip(kinds, sizes, strict=False)], task)
+    agree(pinsing.closed_form(arm), arm, rng)
+
+
+@pytest.mark.parametrize("kinds", ["RPQRRRR", "PQRRRRR", "RRRRRPQ"])
+def test_two_ways_to_slide_between_two_axes_are_never_lost(kinds, rng):
+    arm = chain([(k, 0.2, 0.1) for k in kinds], "position")
+    form = pinsing.closed_form(arm)
+    assert form.complete
+    assert not form.families
+    assert ratio(arm, rng.uniform(-3, 3, (200, arm.n)), form.generic_rank).min() > 1e-3
+
+
+def test_chains_that_only_look_planar_are_searched(rng):
+    kinds = [("R", 0.3, 0.1), ("R", 0.2, -0.2), ("R", 0, 0.4), ("R", 0.1, 0.1), ("R", 0.3, 0)]
+    arm = chain([*kinds, ("P", 0.2, 0.1)], "vx")
+    form = pinsing.closed_form(arm, seconds=1)
+    assert form.generic_rank == 1
+    assert not any("each 0°" in family.text for family in form.families)
