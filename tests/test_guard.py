@@ -408,6 +408,8 @@ def test_where_families_are_missing_nothing_is_clear(tmp_path: Path) -> None:
             assert python.clearance(q) == 0.0
         assert python.known_clearance(np.full(7, 1.0)) > 0
         assert "#define PANDA_COMPLETE 0" in made.text
+        assert '#define PANDA_WORD "not complete"' in made.text
+        assert made.word == python.WORD == "not complete"
         for note in made.notes:
             assert note.split()[0] in made.text
 
@@ -468,6 +470,24 @@ def test_forms_of_two_tasks_and_of_another_arm() -> None:
         pinsing.export_guard(pinsing.load_mechanism("urdf/five_bar.urdf"))  # type: ignore[arg-type]
 
 
+def test_a_guard_of_two_tasks_is_as_sure_as_the_less_sure_one() -> None:
+    arm = arm_of("ur5")
+    proven = pinsing.closed_form(arm, prove=True)
+    assert make_guard(arm, "c", forms=proven).word == "proven"
+    probable = pinsing.closed_form(arm.with_task("position"))
+    made = make_guard(arm, "c", forms=[proven, probable])
+    assert made.word == "probable"
+    assert made.complete
+    assert any("no certificate was looked for" in note for note in made.notes)
+
+
+def test_no_guard_promises_more_than_the_families_it_lists() -> None:
+    for language in ("c", "python"):
+        text = make_guard(arm_of("ur5"), language, forms=closed("ur5")).text
+        assert "proven distance to the nearest singular configuration" not in text.lower()
+        assert "proven distance to the nearest of the families listed" in text
+
+
 def run(*words: str) -> Result:
     return CliRunner().invoke(command, list(words), prog_name="pinsing")
 
@@ -478,13 +498,32 @@ class TestCommand:
         done = run("export", "ur5", "--c", str(h), "--python", str(py))
         assert done.exit_code == 0, done.stderr
         assert f"wrote {h}" in done.stderr
-        assert h.read_text() == pinsing.export_guard(arm_of("ur5"), forms=closed("ur5"))
+        proven = pinsing.closed_form(arm_of("ur5"), prove=True)
+        assert h.read_text() == pinsing.export_guard(arm_of("ur5"), forms=proven)
         script = "import guard; print(guard.clearance([0, -1.2, 1.3, -1, -1.4, 0]) > 0.1)"
         said = subprocess.run(
             [sys.executable, "-W", "error", "-c", script], cwd=tmp_path, capture_output=True,
             text=True,
         )  # fmt: skip
         assert said.stdout == "True\n", said.stderr
+
+    def test_how_sure_it_is_stands_in_the_files_and_on_stderr(self, tmp_path: Path) -> None:
+        h, py = tmp_path / "guard.h", tmp_path / "guard.py"
+        words = "export", "ur5", "--c", str(h), "--python", str(py)
+        done = run(*words, "--no-prove")
+        assert done.exit_code == 0
+        assert "is probable, not proven: no certificate was looked for" in done.stderr
+        assert "--prove looks for a certificate" in done.stderr
+        assert '#define UR5_WORD "probable"' in h.read_text()
+        assert "is probable, not proven" in h.read_text()
+        guard = module(py.read_text(), tmp_path)
+        assert (guard.WORD, guard.COMPLETE) == ("probable", True)
+        assert any("probable" in note for note in guard.NOTES)
+        done = run(*words, "--prove")
+        assert done.exit_code == 0
+        assert "probable" not in done.stderr
+        assert '#define UR5_WORD "proven"' in h.read_text()
+        assert module(py.read_text(), tmp_path).WORD == "proven"
 
     def test_to_stdout(self) -> None:
         done = run("export", "scara", "--c", "-")

@@ -49,6 +49,15 @@ class Budget:
         """Whether the time has run out."""
         return time.monotonic() > self._deadline or time.process_time() > self._last
 
+    @property
+    def allowed(self) -> str:
+        """The time that was allowed, in words: that which is used up, or nearer to it."""
+        clock = (self._deadline - time.monotonic()) / max(self.seconds, 1e-300)
+        used = (self._last - time.process_time()) / max(self.processor, 1e-300)
+        if math.isfinite(self.processor) and used <= clock:
+            return f"{self.processor:.3g} s of processor time"
+        return f"{self.seconds:.3g} s"
+
     def part(self, share: float) -> Budget:
         """A share of what is left."""
         on_clock, used = self._deadline - time.monotonic(), self._last - time.process_time()

@@ -9,6 +9,7 @@ import click
 from pinsing.atomic_write import write_text
 from pinsing.cli.options import RobotRequest, arm_options
 from pinsing.cli.output import STDOUT, OutputFile, say
+from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError
 
 
@@ -38,6 +39,12 @@ from pinsing.errors import OptionError
     metavar="S",
     help="Time for the closed form.",
 )
+@click.option(
+    "--prove/--no-prove",
+    default=None,
+    help="Look for a certificate that no family is missing, for up to a minute, or not at all.  "
+    "[default: for up to 2 s of processor time]",
+)
 def export_command(
     request: RobotRequest,
     c: str | Path | None,
@@ -45,11 +52,13 @@ def export_command(
     families: tuple[str, ...],
     prefix: str | None,
     seconds: float,
+    prove: bool | None,
 ) -> None:
     """Write the singular families of ROBOT as one file without dependencies.
 
     It tells a control loop how far a configuration is from all of them, proven, rounding
-    included: f, gradient and lower bound of each family.
+    included: f, gradient and lower bound of each family. The file says how sure it is that
+    no family is missing: proven, probable or not complete.
 
     Example: pinsing export ur5 --c guard.h --python guard.py
     """
@@ -62,7 +71,9 @@ def export_command(
     from pinsing.families import closed_form
     from pinsing.proximity.guard import make_guard
 
-    form = closed_form(arm, seconds=seconds)
+    with waiting() as step:
+        step("looking for families")
+        form = closed_form(arm, seconds=seconds, prove=prove)
     asked = families or None
     made = {
         language: (target, make_guard(arm, language, forms=form, families=asked, prefix=prefix))
@@ -74,6 +85,8 @@ def export_command(
         say(f"note: {note}")
     if not guard.complete:
         say("note: families are missing, so nothing is ever clear to this guard")
+    if guard.word == "probable" and not prove:
+        say("note: --prove looks for a certificate for up to a minute")
     for target, one in made.values():
         if target == STDOUT:
             click.echo(one.text, nl=False)

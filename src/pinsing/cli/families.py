@@ -15,6 +15,7 @@ from pinsing.cli.mechanism import families_loops, loops_option
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, fail_option, json_option
 from pinsing.cli.output import OutputFile, emit, emit_json, say
 from pinsing.cli.singularities import algebra_options
+from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.prose import Page, is_terminal
 
@@ -106,18 +107,20 @@ def families_command(
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.families import prove as add_proof
-    from pinsing.families.form import families_text, proof_text
+    from pinsing.families.form import certainty, families_text
 
-    def written(form: ClosedForm) -> str:
+    def written(form: ClosedForm, undecided: bool = False) -> str:
         if latex:
             return form.latex(legend=True, exact=exact)
-        return families_text(form, Page.of(), deg, exact=exact)
+        return families_text(form, Page.of(), deg, exact=exact, undecided=undecided)
 
     long = prove is True or certificate is not None
-    found = closed_form(arm, **algebra, prove=False if prove is False else None)
+    with waiting() as step:
+        step("looking for families")
+        found = closed_form(arm, **algebra, prove=False if prove is False else None)
     again = long and found.word != "proven"
     if json_target is None:
-        emit(written(found))
+        emit(written(found, undecided=again))
     if again:
         with _progress() as progress:
             found = add_proof(found, progress=progress)
@@ -125,7 +128,7 @@ def families_command(
         if not emit_json(found, json_target):
             emit(written(found))
     elif again and not latex:
-        emit(proof_text(found, Page.of()))
+        emit(certainty(found, Page.of()))
     if certificate is not None:
         _write(found.certificate, found.proof.reason if found.proof else "", certificate)
     if system is not None:

@@ -247,6 +247,7 @@ def families_text(
     degrees: bool = False,
     brief: bool = False,
     exact: bool = False,
+    undecided: bool = False,
 ) -> str:
     """The list of families with what each means, and a configuration of each to paste.
 
@@ -262,12 +263,12 @@ def families_text(
         The conditions alone, with the arm that they are of.
     exact : bool
         Exact coefficients, where an equation has some.
+    undecided : bool
+        Leave out how sure it is that none is missing: a proof is still looked for.
     """
-    lines = [page.paragraph(*_head(forms, brief))]
-    for gap in forms.gaps:
-        lines.append(page.paragraph(caution("not complete"), f": {gap}", first="  "))
-    if forms.word != "not complete" and not brief:
-        lines.append(proof_text(forms, page))
+    lines = [page.paragraph(*_head(forms, brief, undecided))]
+    if not undecided and (forms.gaps or not brief):
+        lines.append(certainty(forms, page))
     for family in forms.families:
         lines.append(page.paragraph(formula(family.text), first=f"  {family.name}  "))
         if not brief:
@@ -291,16 +292,19 @@ def families_text(
     return "\n".join(lines)
 
 
-def _head(forms: ClosedForm, brief: bool) -> tuple[Span, ...]:
+def _head(forms: ClosedForm, brief: bool, undecided: bool) -> tuple[Span, ...]:
     count = len(forms.families)
     took = unbroken(f"{1e3 * forms.seconds:.0f} ms")
     arm = f"{forms.arm.name}, task {forms.arm.task} (generic rank {forms.generic_rank}): "
-    if not count and forms.complete:
+    if not count and forms.complete and not undecided:
         what = "no singular configurations: the rank is the same everywhere ("
         if brief:
             return arm, what, _word(forms), ")"
         return what.capitalize(), _word(forms), f"; closed forms, {took})."
-    what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations, "
+    what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations"
+    if undecided:
+        return (f"{what} (closed forms, {took}); whether these are all stands at the end:",)
+    what += ", "
     if brief:
         return arm, what, _word(forms)
     return what, _word(forms), f" (closed forms, {took}):"
@@ -311,6 +315,14 @@ def _word(forms: ClosedForm) -> Span:
     if forms.word == "proven":
         return good("proven")
     return "probable" if forms.complete else caution("NOT complete")
+
+
+def certainty(forms: ClosedForm, page: Page = PLAIN) -> str:
+    """How sure it is that none is missing, and what that rests on, or what is missing."""
+    if forms.word != "not complete":
+        return proof_text(forms, page)
+    said = (caution("not complete"), ": ")
+    return "\n".join(page.paragraph(*said, gap, first="  ") for gap in forms.gaps)
 
 
 def proof_text(forms: ClosedForm, page: Page = PLAIN) -> str:

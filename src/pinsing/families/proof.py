@@ -28,6 +28,8 @@ class Proof:
         Primes modulo which the families were found: what rests on, where there is none.
     certificate : dict or None
         It; not written to JSON with the rest, but to a file of its own.
+    out_of_time : bool
+        Whether there is none because the search was stopped; more time may find one.
     """
 
     accepted: bool
@@ -38,3 +40,4 @@ class Proof:
     check_seconds: float
     primes: tuple[int, ...]
     certificate: dict[str, Any] | None = field(default=None, repr=False, metadata={"json": False})
+    out_of_time: bool = field(default=False, metadata={"optional": True})

@@ -63,15 +63,21 @@ def prove_briefly(
         Told now and then how far the search is.
     """
     least, most = SHORT_ON_CLOCK
-    return within(form, Budget(max(least, min(seconds, most)), SHORT), progress)
+    budget = Budget(max(least, min(seconds, most)), SHORT)
+    found = within(form, budget, progress)
+    if found.proof is None or found.proof.accepted or not found.proof.out_of_time:
+        return found
+    said = f"{found.proof.reason}; --prove, or prove=True, looks for one for {LONG:g} s"
+    return replace(found, proof=replace(found.proof, reason=said))
 
 
 def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | None) -> ClosedForm:
     """The same, in the time of a budget: first of families as stated, then of these in parts."""
     started = time.monotonic()
-    reason = ""
+    reason, stopped = "", False
     for in_parts in (False, True):
         if budget.over:
+            stopped = True
             break
         try:
             # Half of the time for the first way, so that some is left for the second.
@@ -81,10 +87,12 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
             text = text_of(data)
             verify(text)
         except NotFound as problem:
-            reason = str(problem)
+            reason, stopped = str(problem), stopped or share.over
         except Rejected as problem:
             reason = f"the checker says: {problem}"
-        except (BudgetExceeded, OverflowError, RecursionError) as problem:
+        except BudgetExceeded:
+            stopped = True
+        except (OverflowError, RecursionError) as problem:
             reason = f"the search for one was given up: {problem}"
         else:
             proof = Proof(
@@ -98,7 +106,9 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
                 certificate=data,
             )
             return replace(form, proof=proof, complete=True, gaps=())
-    return replace(form, proof=_none(form, reason, time.monotonic() - started))
+    if stopped:
+        reason = f"none was found in the {budget.allowed} allowed"
+    return replace(form, proof=_none(form, reason, stopped, time.monotonic() - started))
 
 
 def _made(
@@ -122,6 +132,6 @@ def _made(
     )
 
 
-def _none(form: ClosedForm, reason: str, seconds: float) -> Proof:
+def _none(form: ClosedForm, reason: str, stopped: bool, seconds: float) -> Proof:
     primes = () if form.random_steps is None else form.random_steps.primes
-    return Proof(False, reason, 0, 0, seconds, 0.0, primes)
+    return Proof(False, reason, 0, 0, seconds, 0.0, primes, out_of_time=stopped)

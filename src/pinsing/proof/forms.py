@@ -32,7 +32,7 @@ class Forms:
     certificate : Certificate
         Its ring, and which roots of numbers are in it.
     budget : Budget
-        Time for what is factored.
+        Time for what is factored, and for what asks `require_time`.
     """
 
     def __init__(self, certificate: Certificate, budget: Budget) -> None:
@@ -50,6 +50,10 @@ class Forms:
         if not roots:
             return Ring(ring.context, flat, start, norms)
         return SurdRing(ring.context, flat, start, norms, roots, self._budget)
+
+    def require_time(self) -> None:
+        """Raise BudgetExceeded once the time is over."""
+        self._budget.check()
 
     def place_of(self, forms: Sequence[Poly], points: bool = False) -> Place:
         """A place by its forms, in the one way that it is written."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pinsing.proof.checker import Certificate, Poly
-from pinsing.proof.forms import content
+from pinsing.proof.forms import Forms, content
 from pinsing.proof.place import Place
 from pinsing.proof.skeleton import form_text
 
@@ -37,7 +37,7 @@ class _Known:
     depth: int
 
 
-def sums_to_minors(draft: Certificate, family: Place) -> tuple[list[Sum], list[Poly]]:
+def sums_to_minors(draft: Certificate, tidy: Forms, family: Place) -> tuple[list[Sum], list[Poly]]:
     """Sums of multiples of a family's forms that are minors, but for units; and what they are.
 
     A row of the matrix with one more column than a minor has gives a sum that is zero: its
@@ -47,13 +47,14 @@ def sums_to_minors(draft: Certificate, family: Place) -> tuple[list[Sum], list[P
     """
     if draft.sides[1] <= draft.rank or not family.relations:
         return [], []
-    return _Minors(draft, family).sums()
+    return _Minors(draft, tidy, family).sums()
 
 
 class _Minors:
     """The minors of a certificate's matrix on one family."""
 
-    def __init__(self, draft: Certificate, family: Place) -> None:
+    def __init__(self, draft: Certificate, tidy: Forms, family: Place) -> None:
+        self.tidy = tidy
         self.draft, self.ring, self.family = draft, draft.ring, family
         values = family.values
         self.entries = [[self.ring.put(x, values) for x in row] for row in draft.matrix]
@@ -62,6 +63,7 @@ class _Minors:
         minor: Callable[..., Poly] = draft.at(values)
         self.minors: dict[Lines, Poly] = {}
         for lines in itertools.product(*chosen):
+            tidy.require_time()
             self.ring.work = 0  # what is counted is one step here, the whole check there
             self.minors[lines] = minor(*lines)
         self.known: dict[Lines, _Known] = {}
@@ -76,6 +78,7 @@ class _Minors:
         found: list[Sum] = []
         totals: list[Poly] = []
         for lines, known in sorted(self.known.items(), key=lambda item: item[1].depth):
+            self.tidy.require_time()
             minor = self.minors[lines]
             self.ring.work = 0
             if known.depth == 0 or any(self.ring.divides(p, minor) for p in totals):
@@ -103,6 +106,7 @@ class _Minors:
 
     def _sum(self, lines: Lines) -> _Known | None:
         """The shortest of the sums that a minor is by what is known."""
+        self.tidy.require_time()
         self.ring.work = 0
         ways = [
             (sum(len(c) for _, known, _ in terms for c in known.terms.values()), n, i, extra, terms)

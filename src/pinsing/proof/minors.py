@@ -44,28 +44,35 @@ def soundness(draft: Certificate, tidy: Forms, family: Place, codimension: int) 
     ------
     NotFound
         If that was not seen.
+    BudgetExceeded
+        If the time of ``tidy`` is over.
     """
-    minors = dict(_minors(draft, family, draft.rank))
+    minors = dict(_minors(draft, tidy, family, draft.rank))
     place = (family.values, family.relations)
-    plain = {lines for lines, minor in minors.items() if draft.ring.vanishes(minor, place)}
+    plain: set[Lines] = set()
+    for lines, minor in minors.items():
+        tidy.require_time()
+        if draft.ring.vanishes(minor, place):
+            plain.add(lines)
     if len(plain) == len(minors):
         return Soundness()
     # Only of as many forms as its codimension is a family known to have nothing smaller.
     exact = codimension == len(family.forms)
     tried: set[Lines] = set()
-    pivot = _pivot(draft, family, plain, tried) if exact else None
+    pivot = _pivot(draft, tidy, family, plain, tried) if exact else None
     if pivot is not None:
         return Soundness(pivot)
     found = Soundness()
     for lines, minor in sorted(minors.items(), key=lambda item: len(item[1])) if exact else ():
         if lines not in plain and _by_division(draft, tidy, family, minor, found):
             plain.add(lines)
-            pivot = _pivot(draft, family, plain, tried)
+            pivot = _pivot(draft, tidy, family, plain, tried)
             if pivot is not None:
                 found.pivot = pivot
                 return found
-    multiples, totals = sums_to_minors(draft, family)
+    multiples, totals = sums_to_minors(draft, tidy, family)
     for minor in minors.values():
+        tidy.require_time()
         draft.ring.work = 0  # what is counted is one step here, the whole check there
         place = (family.values, [*family.relations, *totals])
         if draft.ring.vanishes(minor, place):
@@ -86,6 +93,7 @@ def _by_division(
     """Add a sum that a minor is a multiple of, but for what is zero on no component."""
     ring = draft.ring
     for f, _ in tidy.factors(minor):
+        tidy.require_time()
         for tops, times, multiples in divisions(ring, f, family.relations):
             if not _is_apart(draft, family, tops):
                 continue
@@ -108,13 +116,18 @@ def _is_apart(draft: Certificate, family: Place, form: Poly) -> bool:
         draft.ring.work = 0
 
 
-def _minors(draft: Certificate, family: Place, size: int) -> Iterator[tuple[Lines, Poly]]:
+def _minors(
+    draft: Certificate, tidy: Forms, family: Place, size: int
+) -> Iterator[tuple[Lines, Poly]]:
     for rows in itertools.combinations(range(draft.sides[0]), size):
         for columns in itertools.combinations(range(draft.sides[1]), size):
+            tidy.require_time()
             yield (rows, columns), draft.at(family.values)(rows, columns)
 
 
-def _pivot(draft: Certificate, family: Place, plain: set[Lines], tried: set[Lines]) -> Lines | None:
+def _pivot(
+    draft: Certificate, tidy: Forms, family: Place, plain: set[Lines], tried: set[Lines]
+) -> Lines | None:
     """A minor of one line less, zero on no component, that only plain ones have: the shortest.
 
     Without lines where all are plain.
@@ -122,7 +135,7 @@ def _pivot(draft: Certificate, family: Place, plain: set[Lines], tried: set[Line
     if len(plain) == math.comb(draft.sides[0], draft.rank) * math.comb(draft.sides[1], draft.rank):
         return (), ()
     found = []
-    for lines, minor in _minors(draft, family, draft.rank - 1):
+    for lines, minor in _minors(draft, tidy, family, draft.rank - 1):
         wider = (
             [tuple(sorted((*part, k))) for k in range(count) if k not in part]
             for part, count in zip(lines, draft.sides, strict=True)
@@ -130,6 +143,7 @@ def _pivot(draft: Certificate, family: Place, plain: set[Lines], tried: set[Line
         if minor != 0 and lines not in tried and plain.issuperset(itertools.product(*wider)):
             found.append((len(draft.ring.stripped(minor)[0]), lines))
     for _, lines in sorted(found)[:_TRIED]:
+        tidy.require_time()
         tried.add(lines)
         if _is_apart(draft, family, draft.at(family.values)(*lines)):
             return lines

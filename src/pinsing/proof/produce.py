@@ -70,9 +70,11 @@ def certificate(
         raise NotFound(str(reason)) from None
     try:
         data, jacobian = without_dependent_lines(data)
+        budget.check()
         draft = Draft(data, jacobian)
         polynomials, tidy = _Table(), Forms(draft, budget)
         for s in stated:
+            tidy.require_time()
             forms = [*_linear(draft, s.component.values)]
             forms += [form_of(p, ring, draft.ring.context, roots) for p in s.component.relations]
             forms = _without_implied(draft, tidy.place_of(forms))

@@ -40,7 +40,9 @@ class Guard:
     prefix : str
         What its names begin with (C).
     complete : bool
-        Whether it knows all singular configurations; else nothing is ever clear to it.
+        Whether no singular configuration is known to be missing; else nothing is ever clear to it.
+    word : str
+        How sure it is that none is missing: "proven", "probable" or "not complete".
     notes : tuple of str
         What is missing, and what was assumed.
     """
@@ -48,6 +50,7 @@ class Guard:
     text: str
     prefix: str
     complete: bool
+    word: str
     notes: tuple[str, ...]
 
 
@@ -64,8 +67,9 @@ def export_guard(
 
     It holds f, gradient and proven distance of each family, the joint names and limits, the
     tolerance, the version and a hash of the robot; C99 without any allocation, or Python with
-    NumPy. Its clearance is never above the true one, rounding included; where families may be
-    missing it is 0.
+    NumPy. Its clearance is never above the distance to the families, rounding included; where
+    some are known to be missing it is 0. How sure it is that they are all singular
+    configurations is a constant of the file: "proven", "probable" or "not complete".
 
     Parameters
     ----------
@@ -74,7 +78,8 @@ def export_guard(
     language : str
         "c" or "python".
     forms : ClosedForm or sequence of ClosedForm, optional
-        Of the arm, such as those of two tasks; computed if not given.
+        Of the arm, such as those of two tasks; if not given they are computed, with a
+        certificate where one is found in two seconds.
     families : sequence of str, optional
         Names of the families that count; by default all. A guard of some is not complete.
     prefix : str, optional
@@ -118,7 +123,7 @@ def make_guard(
         )
     if forms is not None:
         require_forms_of(forms, arm)
-    forms = closed_form(arm) if forms is None else forms
+    forms = closed_form(arm, prove=None) if forms is None else forms
     all_of_them = every_name(forms)
     watched = watch(forms, all_of_them if families is None else families)
     every = [forms] if isinstance(forms, ClosedForm) else list(forms)
@@ -141,6 +146,9 @@ def make_guard(
         else:
             kept.append((name, family))
     complete = not notes
+    word = _word(every) if complete else "not complete"
+    if word == "probable":
+        notes.append(f"that no family is missing is probable, not proven: {_unproven(every)}")
     change = max(form.jacobian_change for form in every)
     if change > 1e-12:
         notes.append(
@@ -162,10 +170,26 @@ def make_guard(
         families=tuple((name, family.text) for name, family in kept),
         conditions=_conditions([family for _, family in kept], arm, watched.weight),
         complete=complete,
+        word=word,
         notes=tuple(notes),
     )
     text = c_text(source) if language == "c" else python_text(source)
-    return Guard(text, prefix, complete, tuple(notes))
+    return Guard(text, prefix, complete, word, tuple(notes))
+
+
+def _word(forms: Sequence[ClosedForm]) -> str:
+    """The word that is true of all of them, none of which is not complete."""
+    return "proven" if all(form.word == "proven" for form in forms) else "probable"
+
+
+def _unproven(forms: Sequence[ClosedForm]) -> str:
+    """Why there is no certificate."""
+    reasons = [
+        "no certificate was looked for" if form.proof is None else form.proof.reason
+        for form in forms
+        if form.word != "proven"
+    ]
+    return "; ".join(dict.fromkeys(reasons))
 
 
 def _conditions(families: Sequence[Family], arm: Arm, weight: np.ndarray) -> Conditions:

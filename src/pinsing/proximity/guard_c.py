@@ -31,6 +31,7 @@ def c_text(source: GuardSource) -> str:
         "families": str(len(families)),
         "equations": str(len(c.noise)),
         "complete": str(int(source.complete)),
+        "word": _string(source.word),
         "version": _string(source.version),
         "hash": _string(source.robot_hash),
         "tolerance": _number(source.tolerance),

@@ -25,6 +25,7 @@ def python_text(source: GuardSource) -> str:
         "FAMILIES": [name for name, _ in source.families],
         "TEXTS": [text for _, text in source.families],
         "COMPLETE": source.complete,
+        "WORD": source.word,
         "NOTES": source.notes,
         "TOLERANCE": source.tolerance,
         "JACOBIAN_CHANGE": source.change,
@@ -32,7 +33,8 @@ def python_text(source: GuardSource) -> str:
         "TURN": c.turn.tolist(),
     }
     said = {
-        "COMPLETE": "False: families may be missing, so that clearance is always 0",
+        "COMPLETE": "False: families are known to be missing, so that clearance is always 0",
+        "WORD": "that FAMILIES are all of them is proven, probable, or not complete; see NOTES",
         "TOLERANCE": "radians: angles of the description were moved by at most this",
         "JACOBIAN_CHANGE": "which changes no column of the Jacobian by more than this",
         "WEIGHT": "what joint differences are multiplied by",

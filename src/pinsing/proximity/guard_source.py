@@ -44,7 +44,9 @@ class GuardSource:
     conditions : Conditions
         Of these families.
     complete : bool
-        Whether nothing is missing.
+        Whether nothing is known to be missing.
+    word : str
+        How sure that is: "proven", "probable" or "not complete".
     notes : tuple of str
         What one should know.
     """
@@ -63,6 +65,7 @@ class GuardSource:
     families: tuple[tuple[str, str], ...]
     conditions: Conditions
     complete: bool
+    word: str
     notes: tuple[str, ...]
 
 
