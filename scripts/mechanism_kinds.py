@@ -144,7 +144,7 @@ def _ups(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
         )
         low.bar((0, 0, 0), (0, 0, 0.5 * length), 1.4 * size, "blue")
         rod = tree.add(f"p{k}", "prismatic", f"cylinder{k}", f"rod{k}", (0, 0, 0), Z, slide, length)
-        rod.bar((0, 0, -0.6 * length), (0, 0, 0), size, "light")
+        rod.bar((0, 0, -0.8 * length), (0, 0, 0), size, "light")
         tree.driven.append(f"p{k}")
         if k == 1:
             leg = _about((1, 0, 0), first) @ _about((0, 1, 0), second)
@@ -172,7 +172,7 @@ def _rps(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
         low = tree.add(f"r{k}", kind, "base_link", f"cylinder{k}", a, axis, turn, value)
         low.bar((0, 0, 0), (0, 0, 0.5 * length), 1.4 * size, "blue")
         rod = tree.add(f"p{k}", "prismatic", f"cylinder{k}", f"rod{k}", (0, 0, 0), Z, slide, length)
-        rod.bar((0, 0, -0.6 * length), (0, 0, 0), size, "light")
+        rod.bar((0, 0, -0.8 * length), (0, 0, 0), size, "light")
         tree.driven.append(f"p{k}")
         if k == 1:
             _ball(tree, "rod1", (0, 0, 0), _about(axis, value).T @ R, turn)
@@ -188,7 +188,7 @@ def _rpr(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
     base, platform = _points(keys["base"]), _points(keys["platform"])
     at, R = _pose(keys)
     slide = _limits(keys, "length")
-    size = float(np.abs(base[0]).max()) * 0.02
+    size = float(np.abs(base).max()) * 0.012
     _outline(tree.links["base_link"], base, size, "dark")
     for k, (a, b) in enumerate(zip(base, platform, strict=True), 1):
         reach = at + R @ b - a
@@ -198,7 +198,7 @@ def _rpr(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
         rod = tree.add(
             f"p{k}", "prismatic", f"cylinder{k}", f"rod{k}", (0, 0, 0), (1, 0, 0), slide, length
         )
-        rod.bar((-0.6 * length, 0, 0), (0, 0, 0), size, "light")
+        rod.bar((-0.8 * length, 0, 0), (0, 0, 0), size, "light")
         tree.driven.append(f"p{k}")
         if k == 1:
             turned = math.atan2(R[1, 0], R[0, 0]) - value

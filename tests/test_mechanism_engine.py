@@ -21,9 +21,11 @@ from pinsing.mechanism import (
     refine,
     residual,
     stretch,
+    working_modes,
 )
 from pinsing.mechanism.closure import Loops, random_closed
 from pinsing.mechanism.dyad import planar_dyad
+from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.lost_motion import free_motions, lost_motions
 from pinsing.robot.load_mechanism import Loop, Mechanism
 from pinsing.view.mechanism.engine_data import mechanism_data
@@ -304,8 +306,16 @@ def test_modes_agree(name: str) -> None:
     assert len(listed) == len(expected)
     assert sum(mode["here"] for mode in found["assemblies"]) == 1
     dyad = planar_dyad(mechanism)
-    working = [] if dyad is None else list(dyad.working_modes(dyad.point(q)))
+    if dyad is not None:
+        working = list(dyad.working_modes(dyad.point(q)))
+    else:
+        working = [s.q for s in working_modes(mechanism, output_pose(mechanism, q)).modes]
     assert len(found["working"]) == len(working)
+    driven = list(mechanism.actuated)
+    reachable = np.array([mode["q"] for mode in found["working"]])
+    for there in working:
+        assert np.abs(mechanism.fold(reachable - there)[:, driven]).max(axis=1).min() < 1e-6
+    assert len({mode["name"] for mode in found["working"]}) == len(working)
     place = mechanism_at(mechanism, q).position
     for mode in found["working"]:
         reached = mechanism_at(mechanism, mode["q"]).position

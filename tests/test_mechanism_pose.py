@@ -11,9 +11,10 @@ import pytest
 from mechanisms import analyzed, from_model, planar_tree, shipped
 from node import needs_node, run
 
-from pinsing.mechanism import home, mechanism_at
+from pinsing.mechanism import home, mechanism_at, working_modes
 from pinsing.mechanism.closure import Loops
 from pinsing.mechanism.likeness import output_pose
+from pinsing.mechanism.modes import elbows, mode_of
 from pinsing.mechanism.pose import read_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
 from pinsing.view.mechanism.engine_data import mechanism_data
@@ -265,3 +266,42 @@ def test_singular_poses_of_the_list_can_be_led_away_from() -> None:
     assert [f["reached"] for f in found] == [1, 1]
     for f in found:
         assert f["kind"] == mechanism_at(mechanism, f["q"]).kind
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["agile_eye", pytest.param("delta", marks=pytest.mark.slow)])
+def test_all_working_modes_of_the_pose_are_listed_by_name(name: str) -> None:
+    """Those that Python finds, each with the pose kept, the loops closed and a name of its own."""
+    mechanism = shipped(name)
+    q = home(mechanism)
+    found = run(
+        "(m, {data, q}) => m.modesAt(data, q).working",
+        {"data": data_of(mechanism), "q": q.tolist()},
+    )
+    pose = output_pose(mechanism, q)
+    expected = np.array([s.inputs for s in working_modes(mechanism, pose).modes])
+    # A Delta's platform can be twisted at the same place: the page seeks from fewer starts.
+    assert len(found) == len(expected) if name == "agile_eye" else len(found) >= 1
+    assert len({mode["name"] for mode in found}) == len(found)
+    driven = list(mechanism.actuated)
+    for mode in found:
+        there = np.array(mode["q"])
+        assert np.abs(Loops(mechanism).scaled(there)[0]).max() <= 1e-10
+        reached = output_pose(mechanism, there)
+        np.testing.assert_allclose(reached.translation, pose.translation, atol=1e-8)
+        assert not mechanism.space.outside(there).any()
+        gap = np.sin((expected - there[driven]) / 2)
+        assert np.abs(gap).max(axis=1).min() < 1e-6
+    if name == "agile_eye":
+        assert len(found) == 8
+        signs = {mode["name"].split("elbows ")[1] for mode in found}
+        assert len(signs) == 8
+        assert not any("0" in s for s in signs)
+
+
+def test_a_leg_on_a_sphere_has_an_elbow_and_a_ball_has_none() -> None:
+    eye, rssr = shipped("agile_eye"), shipped("rssr")
+    assert mode_of(eye, home(eye)) == "assembly +, elbows ---"
+    assert elbows(rssr) == ()
+    # The leg that is in line at a type 1 singularity is named only where it is.
+    assert mode_of(rssr, home(rssr)) == "assembly +"

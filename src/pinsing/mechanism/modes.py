@@ -16,12 +16,14 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.mechanism.closure import CLOSED, Loops, Mask, gauss_newton, random_closed, ranks
+from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.load_mechanism import Mechanism
 
 STRAIGHT = 1e-9
 """Sine of an elbow angle up to which it counts as straight."""
 
 _SEED = 947
+_POINT = 1e-9
 _ORDER = {"+": 0, "0": 0, "-": 1, "?": 2}
 
 
@@ -36,7 +38,8 @@ class Elbow:
     end_joint : int
         Joint of the model whose placement ``end`` is given in.
     end : tuple of float
-        Where the distal link leads to: the next joint, or the frame that closes the loop.
+        Where the distal link leads to: the next joint, or the frame that closes the loop. Where
+        all axes meet in one point, the direction of the third one.
     """
 
     crank: int
@@ -84,6 +87,11 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
         beyond = [j for j in range(1, model.njoints) if parents[j] == elbow]
         if beyond:
             end = model.jointPlacements[beyond[0]].translation
+            if np.linalg.norm(end) <= _POINT:
+                # Two axes through one point: a ball has no elbow, a leg on a sphere has.
+                if np.linalg.norm(model.jointPlacements[elbow].translation) > _POINT:
+                    continue
+                end = model.jointPlacements[beyond[0]].rotation @ _axis(model, beyond[0])
         else:
             names = {f.name: f for f in model.frames}
             closing = [names[n] for x in mechanism.loops for n in (x.frame_a, x.frame_b)]
@@ -96,8 +104,16 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
     return tuple(out)
 
 
+def _axis(model: pin.Model, joint: int) -> Array:
+    """Direction of a joint's axis in its own frame."""
+    return np.asarray(joint_axis(model.joints[joint], model.names[joint])[0])
+
+
 def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
-    """Sine of each elbow angle at q (n,): positive to the left about the crank's axis."""
+    """Sine of each elbow angle at q (n,): positive to the left about the crank's axis.
+
+    Of a leg whose axes meet in one point it is the volume of their directions: crank, elbow, end.
+    """
     model = mechanism.model
     data = model.createData()
     pin.computeJointJacobians(model, data, mechanism.model_q(q))
@@ -107,6 +123,10 @@ def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
         first = b - a
         second = data.oMi[e.end_joint].act(np.array(e.end)) - b
         axis = np.array(data.J)[3:, model.joints[e.crank].idx_v]
+        if np.linalg.norm(first) <= _POINT:
+            bent = np.array(data.J)[3:, model.joints[e.elbow].idx_v]
+            out.append(float(np.cross(axis, bent) @ second / max(np.linalg.norm(second), _POINT)))
+            continue
         lengths = float(np.linalg.norm(first) * np.linalg.norm(second))
         out.append(float(np.cross(first, second) @ axis) / lengths if lengths > 0 else 0.0)
     return np.array(out)

@@ -36,6 +36,7 @@ ENGINE = (
     "curve",
     "singular_points",
     "dyad",
+    "working_modes",
     "surroundings",
     "mechanism_words",
     "mechanism_frame",

@@ -45,7 +45,10 @@ class MechanismApp extends App {
     if (stale()) return;
     this.panel.menu(modes.assemblies, modes.working);
     this.stretches = found;
-    if (frame.status !== "singular") this.panel.ahead(Engine.aheadOf(engine, q, found)?.text);
+    if (frame.status !== "singular") {
+      const none = found.every((one) => one && !one.points.length);
+      this.panel.ahead(none ? "no input alone leads to a singular pose" : Engine.aheadOf(engine, q, found)?.text);
+    }
     for (const k of engine.pose.rows.keys()) {
       const reach = await aside.ask("poseStretch", q, k, this.page.settings.reach);
       if (stale()) return;

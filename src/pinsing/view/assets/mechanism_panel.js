@@ -121,7 +121,7 @@ class MechanismPanel extends Panel {
   }
 
   menu(assemblies, working) {
-    const groups = [["At these inputs (assembly modes)", assemblies], ["At this output position (working modes)", working]];
+    const groups = [["At these inputs (assembly modes)", assemblies], ["At this pose (working modes)", working]];
     $("mode-menu").replaceChildren(...groups.filter(([, modes]) => modes.length > 1 || modes === assemblies).map(([title, modes]) => {
       const group = make("optgroup");
       group.label = title;

@@ -10,6 +10,7 @@ import { cross, dot, norm, subtract, svd, times, transpose } from "./linear.mjs"
 import { closure, determinant, output, worst } from "./loops.mjs";
 import { svdOfTransposed } from "./orthogonal.mjs";
 
+const POINT = 1e-9; // metres: axes that come closer meet
 const STRAIGHT = 1e-9; // sine of an elbow up to which it counts as straight
 const OPEN = 1e-6; // loops that miss by more are not closed
 
@@ -63,14 +64,15 @@ function velocityOf(data, outputs, drive) {
     drive.sigma.reduce((sum, s, k) => sum + (moved[k][i] * drive.right[k][a]) / s, 0) / (unit * data.metric[j])));
 }
 
-// Sine of each elbow angle: positive to the left about the crank's axis.
+// Sine of each elbow angle: positive to the left about the crank's axis. Of a leg whose axes meet in one
+// point, the volume of their directions.
 export function elbowSines(data, q) {
-  const places = placements(data.chain, q);
+  const places = placements(data.chain, q), axisOf = (j) => times(places[j].R, data.chain.joints[j].axis);
   return data.elbows.map(({ crank, elbow, end }) => {
-    const a = places[crank].t, b = places[elbow].t, first = subtract(b, a);
-    const second = times(places[elbow].R, end);
+    const a = places[crank].t, b = places[elbow].t, first = subtract(b, a), second = times(places[elbow].R, end);
+    if (norm(first) <= POINT) return dot(cross(axisOf(crank), axisOf(elbow)), second) / Math.max(norm(second), POINT);
     const lengths = norm(first) * norm(second);
-    return lengths > 0 ? dot(cross(first, second), times(places[crank].R, data.chain.joints[crank].axis)) / lengths : 0;
+    return lengths > 0 ? dot(cross(first, second), axisOf(crank)) / lengths : 0;
   });
 }
 

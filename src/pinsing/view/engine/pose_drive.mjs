@@ -240,3 +240,23 @@ function crossing(data, goal, { q, value, sign }, beyond) {
   }
   return { value: (low + high) / 2, q };
 }
+
+// Newton from anywhere to the pose, steps cut at half a radian: { q, error }.
+export function heldPose(data, goal, start) {
+  let q = start, best = Infinity, kept = start;
+  for (let k = 0; k < 40; k++) {
+    const found = system(data, q, goal), size = worst(found.values);
+    if (!Number.isFinite(size) || (size >= best && best <= CLOSED)) break;
+    if (size < best) { best = size; kept = q; }
+    if (size <= 1e-15) break;
+    const step = leastSquares(found.rows, found.values.map((v) => -v), 1e-11), longest = worst(step), cut = longest > 0.5 ? 0.5 / longest : 1;
+    q = q.map((v, j) => v + cut * step[j] * data.metric[j]);
+  }
+  return { q: kept, error: best };
+}
+
+// Greatest difference of the led coordinates of two configurations, without units.
+export function poseGap(data, a, b) {
+  const [p, r] = [a, b].map((q) => poseOf(data, placeOf(data, q)));
+  return worst(data.pose.rows.map((row, k) => (row < 3 ? (p[k] - r[k]) / data.task.lengthScale : shortest(p[k] - r[k]))));
+}

@@ -7,6 +7,7 @@ import { add, scaled, subtract } from "./linear.mjs";
 import { CLOSED, closure, gapOf, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
 import { assemblySign, modeOf, modeOrder, motions } from "./mechanism.mjs";
 import { singularAlong } from "./singular_points.mjs";
+import { workingByLegs } from "./working_modes.mjs";
 
 const FULL = 2 * Math.PI, SAME = 1e-4, HERE = 1e-7, DISTINCT = 1e-7, STARTS = 48;
 
@@ -89,7 +90,8 @@ export function aheadOf(data, q, stretches) {
 // Modes [{ name, q, here }]: all ways within the limits to close the loops at these inputs (`assemblies`), and to
 // reach this output (`working`), those of one name numbered; the present one is among them.
 export function modesAt(data, q) {
-  return { assemblies: named(data, q, assembliesAt(data, q)), working: data.dyad ? named(data, q, workingModes(data, q)) : [] };
+  const working = data.dyad ? workingModes(data, q) : workingByLegs(data, q);
+  return { assemblies: named(data, q, assembliesAt(data, q)), working: named(data, q, working, inputsText) };
 }
 
 function assembliesAt(data, q) {
@@ -104,14 +106,17 @@ function assembliesAt(data, q) {
   return found.map((_, i) => i).sort(before).map((i) => found[i]);
 }
 
-function named(data, q, found) {
+const inputsText = (data, q) => data.actuated.map((j, k) => `${data.joints[j].name} ${inputText(data, k, q[j], 0)}`).join(", ");
+
+function named(data, q, found, more = null) {
   const away = found.map((x) => worst(wrap(data, subtract(x, q))));
   let here = away.indexOf(Math.min(...away)), all = found;
   if (here < 0 || away[here] > SAME) { all = [q, ...found]; here = 0; }
   const names = all.map((x, i) => modeOf(data, i === here ? q : x));
   return all.map((x, i) => {
     const same = names.filter((n) => n === names[i]).length;
-    const name = same === 1 ? names[i] : `${names[i]} (${names.slice(0, i + 1).filter((n) => n === names[i]).length})`;
+    const which = () => (more ? `: ${more(data, x)}` : ` (${names.slice(0, i + 1).filter((n) => n === names[i]).length})`);
+    const name = same === 1 ? names[i] : `${names[i]}${which()}`;
     return { name, q: i === here ? q : x, here: i === here };
   });
 }

@@ -11,6 +11,7 @@ from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.mechanism.closure import ranks
 from pinsing.mechanism.dyad import Side, planar_dyad
 from pinsing.mechanism.modes import assembly_rows, elbows, home
+from pinsing.mechanism.structure import structure
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.tip import frame_index
 from pinsing.view.ellipsoids import Sizes
@@ -28,7 +29,7 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
     (limits, None where infinite), ``actuated``; ``ranks`` that are generic; ``judge``, tolerances
     of the verdict; ``home`` (n,), closed; ``assembly``, rows of the closure whose determinant
     tells assembly modes apart, and its sign at home, or None; ``pose``, coordinates in which the
-    output is led (see `led_pose`); ``elbows``; ``dyad``, where two
+    output is led (see `led_pose`); ``legs``, the joints of each; ``elbows``; ``dyad``, where two
     links in a plane close the loop, or None; ``normal`` of the plane of a planar mechanism;
     ``sizes``.
 
@@ -66,6 +67,7 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         "home": numbers(home(m)),
         "assembly": None if rows is None else {"rows": rows, "sign": sign},
         "pose": led_pose(m),
+        "legs": [list(leg.joints) for leg in structure(m).legs],
         "elbows": [
             {"crank": e.crank - 1, "elbow": e.elbow - 1, "end": list(e.end)} for e in elbows(m)
         ],

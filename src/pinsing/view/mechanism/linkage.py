@@ -95,12 +95,20 @@ def linkage_sizes(mechanism: Mechanism, scale: float = 1.0) -> Sizes:
             if state.velocity is not None and part.any():
                 fast[turns].append(float(np.linalg.norm(state.velocity[part], 2)))
     reach = _extent(mechanism, samples[0])
-    fastest, turning = (float(np.median(fast[k])) if fast[k] else 1.0 for k in (False, True))
+    fastest, turning = (_usual(fast[k]) for k in (False, True))
     return Sizes(
         reach=reach,
         translation=scale * 0.2 * reach / max(fastest, 1e-9),
         rotation=scale * 0.2 * reach / max(turning, 1e-9),
     )
+
+
+def _usual(speeds: list[float]) -> float:
+    """The median of speeds, the first of which, home's, is to be seen well: at most twice it."""
+    if not speeds:
+        return 1.0
+    middle = float(np.median(speeds))
+    return min(middle, 2 * speeds[0]) if speeds[0] > 0 else middle
 
 
 def _extent(mechanism: Mechanism, q: Array) -> float:
