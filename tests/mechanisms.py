@@ -101,7 +101,17 @@ def from_model(
         length_scale=1.0,
         home=np.linspace(0.4, 1.1, n),
         notes=(),
-        source=Source("test", None, None, (), model, (), pin.neutral(model), "universe"),
+        source=Source(
+            label="test",
+            path=None,
+            xml=None,
+            package_dirs=(),
+            full_model=model,
+            locked=(),
+            kept=tuple(range(1, model.njoints)),
+            reference=pin.neutral(model),
+            base="universe",
+        ),
     )
 
 
