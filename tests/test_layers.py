@@ -301,8 +301,30 @@ def test_a_cold_closed_form_pulls_in_no_masked_arrays_urllib_or_meshes():
         check=True,
         env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
     )
-    heavy = "numpy.ma asyncio urllib.request yaml ssl pinocchio.visualize pinsing.view pinsing.plot"
+    heavy = (
+        "numpy.ma asyncio urllib.request yaml ssl pinocchio.visualize pinsing.view pinsing.plot "
+        "subprocess tempfile shutil html pinsing.families.design_form"
+    )
     assert set(run.stdout.split()).isdisjoint(heavy.split())
+
+
+def test_a_command_pulls_in_no_browser_no_processes_and_no_log():
+    """`families` prints: what other commands open, start or keep from the terminal can wait."""
+    script = (
+        "import sys; from pinsing.cli.app import command; "
+        "command(['families', 'ur5', '--no-prove'], standalone_mode=False); "
+        "print(*sorted(sys.modules), file=sys.stderr)"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", script],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
+    )
+    heavy = "webbrowser subprocess tempfile shutil logging html asyncio yaml http.server matplotlib"
+    assert "3 families" in run.stdout
+    assert set(run.stderr.split()).isdisjoint(heavy.split())
 
 
 def test_an_analysis_pulls_in_no_event_loop_no_pool_of_processes_and_no_masked_arrays():

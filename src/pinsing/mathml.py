@@ -7,7 +7,6 @@ Anything else (it may come out of a file) is shown as it is written.
 
 from __future__ import annotations
 
-import html
 import re
 from collections.abc import Iterator
 
@@ -24,6 +23,13 @@ _UPRIGHT = ("mathrm", "operatorname")
 _DEEPEST = 12
 
 
+def escaped(words: str) -> str:
+    """Words without what HTML would take for its own."""
+    import html  # with all names of characters: a command without a page can do without
+
+    return html.escape(words)
+
+
 class _Unknown(ValueError):
     """LaTeX beyond what pinsing writes."""
 
@@ -38,7 +44,7 @@ def mathml(latex: str) -> str:
     try:
         pieces = list(_pieces(_Reader(latex).row(0)))
     except _Unknown:
-        return f'<code class="tex2jax_ignore mathjax_ignore">{html.escape(latex)}</code>'
+        return f'<code class="tex2jax_ignore mathjax_ignore">{escaped(latex)}</code>'
     return " ".join(f"<math>{' '.join(piece)}</math>" for piece in pieces)
 
 
@@ -125,9 +131,9 @@ class _Reader:
             return [_operator("−" if token == "-" else token)]
         command = token[1:]
         if command == "text":
-            return [f"<mtext>{html.escape(self._words())}</mtext>"]
+            return [f"<mtext>{escaped(self._words())}</mtext>"]
         if command in _UPRIGHT:
-            upright = f'<mi mathvariant="normal">{html.escape(self._words())}</mi>'
+            upright = f'<mi mathvariant="normal">{escaped(self._words())}</mi>'
             return [upright, _gap(_THIN)] if command == "operatorname" else [upright]
         if command == "sqrt":
             return [f"<msqrt>{''.join(self._group(depth))}</msqrt>"]
@@ -195,7 +201,7 @@ def _begins(row: list[str]) -> bool:
 
 def _operator(sign: str) -> str:
     fixed = ' stretchy="false"' if sign in "()" else ""
-    return f"<mo{fixed}>{html.escape(sign)}</mo>"
+    return f"<mo{fixed}>{escaped(sign)}</mo>"
 
 
 def _gap(width: str) -> str:

@@ -7,10 +7,9 @@ which MathJax leaves alone: a name is neither an element nor mathematics.
 
 from __future__ import annotations
 
-import html
 from collections.abc import Iterable, Sequence
 
-from pinsing.mathml import mathml
+from pinsing.mathml import escaped, mathml
 from pinsing.prose import visible
 
 _COLORS = {"alarm": "#b00020", "caution": "#8a5a00", "good": "#1b6e3c"}
@@ -30,12 +29,12 @@ def one_line(kind: str, text: str) -> str:
 
 def text(words: str) -> str:
     """Words as HTML that no page takes for mathematics."""
-    return f'<span class="tex2jax_ignore mathjax_ignore">{html.escape(words)}</span>'
+    return f'<span class="tex2jax_ignore mathjax_ignore">{escaped(words)}</span>'
 
 
 def name(words: str) -> str:
     """A name out of a file."""
-    return f'<code class="tex2jax_ignore mathjax_ignore">{html.escape(words)}</code>'
+    return f'<code class="tex2jax_ignore mathjax_ignore">{escaped(words)}</code>'
 
 
 def formula(latex: str, short: str = "") -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import logging
 import os
 import warnings
 from pathlib import Path
@@ -23,6 +22,8 @@ def off_screen() -> None:
     """Have figures drawn into files only, whatever windows the environment asks for."""
     os.environ["MPLBACKEND"] = "agg"  # it is read, and may be refused, when matplotlib comes in
     _leave_out_what_is_no_file()
+    import logging  # here, as it comes with matplotlib
+
     # Where it keeps its fonts is of no interest to who wants a figure.
     logging.getLogger("matplotlib").setLevel(logging.ERROR)
     import matplotlib

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import functools
-import logging
 import math
 import shlex
 import sys
@@ -229,6 +228,8 @@ def _lines(meter: Meter) -> Callable[[int, int], None]:
 @contextlib.contextmanager
 def _only_our_lines() -> Iterator[None]:
     """Keep a library's log and warnings from the terminal: what matters we say ourselves."""
+    import logging  # for commands that run long
+
     before = logging.root.manager.disable
     logging.disable(logging.CRITICAL)
     try:

@@ -8,7 +8,6 @@ import json
 import os
 import sys
 import time
-import webbrowser
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -29,6 +28,8 @@ def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Itera
 
     Warns first where others can reach the page.
     """
+    import webbrowser  # with subprocess and shutil: for commands that open one
+
     from pinsing.view.server import Server, is_loopback
 
     if not is_loopback(host):

@@ -22,7 +22,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import subprocess
 import sys
 import threading
 from collections.abc import Mapping
@@ -127,6 +126,8 @@ def expand_xacro(
 
 def _converse(path: Path, request: dict[str, Any], files: XacroFiles) -> dict[str, Any]:
     """Start the child, answer its questions, and return its answer."""
+    import subprocess  # most robots are no xacro, and a start can do without
+
     try:
         child = subprocess.Popen(
             [sys.executable, "-I", "-B", str(_WORKER)],

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import overload
+from typing import TYPE_CHECKING, overload
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
@@ -16,7 +16,6 @@ from pinsing.algebra.second_prime import RandomSteps
 from pinsing.arguments import checked, not_loaded
 from pinsing.errors import OptionError
 from pinsing.families.describe import describe
-from pinsing.families.design_form import DesignForm
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.hints import SNAP, small_offset, snap_hint, unsolved_hint
@@ -30,6 +29,9 @@ from pinsing.geometry.snap import Snap
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
+
+if TYPE_CHECKING:
+    from pinsing.families.design_form import DesignForm
 
 _FOR_SEARCH = 0.9
 """Share of the time that there is for finding components; describing them needs some too."""

@@ -5,11 +5,10 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-import tempfile
 import threading
 from collections.abc import Iterator
 from io import BytesIO
-from typing import BinaryIO
+from typing import BinaryIO, cast
 
 import pinocchio as pin
 
@@ -69,7 +68,7 @@ def diagnose(description: Description) -> list[str]:
 @contextlib.contextmanager
 def _stderr_of_c() -> Iterator[_Captured]:
     """Catch what C++ prints to file descriptor 2; a process without one is left as it is."""
-    with _CAPTURE, tempfile.TemporaryFile() as store:
+    with _CAPTURE, _store() as store:
         sys.stderr.flush()
         try:
             saved = os.dup(2)
@@ -82,6 +81,16 @@ def _stderr_of_c() -> Iterator[_Captured]:
         finally:
             os.dup2(saved, 2)
             os.close(saved)
+
+
+def _store() -> BinaryIO:
+    """A file without a name, in memory where there is such a thing."""
+    if hasattr(os, "memfd_create"):
+        with contextlib.suppress(OSError):  # some sandboxes refuse it
+            return os.fdopen(os.memfd_create("stderr of pinsing"), "w+b")
+    import tempfile  # with shutil and its archives: a start of half a second can do without
+
+    return cast("BinaryIO", tempfile.TemporaryFile())
 
 
 class _Captured:
