@@ -357,6 +357,8 @@ def test_regions_of_a_slice_are_parted_by_the_loci_alone():
 def test_a_slice_of_coordinates_that_are_tied_is_refused():
     with pytest.raises(OptionError, match="its hinges tie the coordinates"):
         pose_map(shipped("rps3"), ("roll", "pitch"), samples=5)
+    with pytest.raises(OptionError, match="its map is over the inputs: leave --over out"):
+        pose_map(shipped("five_bar"), ("x", "y"), samples=5)
 
 
 @pytest.mark.slow

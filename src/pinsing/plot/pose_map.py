@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.errors import OptionError
+from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.pose import Pose, pose_of
@@ -64,6 +65,11 @@ def pose_map(
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
     forms, found = pose_forms(mechanism), rods(mechanism)
+    if found is None and planar_dyad(mechanism) is not None:
+        raise OptionError(
+            f"{mechanism.name}: two links in a plane close its loop, so that its map is over the "
+            "inputs: leave --over out"
+        )
     if forms is None or found is None or not (forms.loci or forms.architecture):
         raise OptionError(
             f"{mechanism.name}: a map over the pose needs legs that pass one force each, and this "
@@ -115,7 +121,7 @@ def pose_map(
         ax.fill([], [], color=shade, label=f"aspect {number}{more}")
     if len(signs) > _MOST_NAMED:
         ax.fill([], [], color="none", label=f"and {len(signs) - _MOST_NAMED} more")
-    ax.legend(loc="upper right", fontsize=8)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2, fontsize=8)
     names = [
         f"{COORDINATES[k]} [{'m' if k < 3 else '°' if degrees else 'rad'}]" for k in (first, second)
     ]
@@ -123,6 +129,12 @@ def pose_map(
     ax.set_ylabel(names[1])
     if first < 3 and second < 3:
         ax.set_aspect("equal")
+    # Beyond what is reached there is nothing to see.
+    for k, name, side, axis in ((first, "x", x, 0), (second, "y", y, 1)):
+        there = np.flatnonzero(inside.any(axis=axis))
+        if k < 3 and len(there):
+            low, high = side[there[0]], side[there[-1]]
+            ax.set(**{f"{name}lim": (low - 0.12 * (high - low), high + 0.12 * (high - low))})
     title = "every pose is singular" if forms.architecture else "singular poses of the output"
     ax.set_title(f"{mechanism.name}: {title}", fontsize=10)
     return ax
