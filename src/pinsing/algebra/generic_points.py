@@ -144,13 +144,16 @@ def slice_points(
     rng: np.random.Generator,
     values: Mapping[int, Value],
     check: Callable[[float], None],
+    count: int | None = None,
+    patient: bool = True,
 ) -> Iterator[SlicePoint]:
-    """Common zeros of k polynomials on a random slice for every k joints.
+    """Common zeros of polynomials on a random slice for every k joints.
 
     Parameters
     ----------
     polys : sequence of Poly
-        Polynomials whose common zeros all have codimension k.
+        Polynomials whose common zeros all have codimension k, or more where there are more
+        polynomials than k.
     residues : Residues
         Their images.
     rng : Generator
@@ -159,6 +162,10 @@ def slice_points(
         Joints that are at fixed values already (and occur in no polynomial).
     check : callable
         Asked before each long step; ends the search by an exception.
+    count : int, optional
+        k, if it is not the number of the polynomials.
+    patient : bool
+        Whether to try again, and in other ways, where points are not told apart at once.
 
     Raises
     ------
@@ -167,14 +174,15 @@ def slice_points(
     """
     ring = residues.ring
     having = [set(ring.joints_of(p)) for p in polys]
-    for chosen in itertools.combinations(sorted(set().union(*having)), len(polys)):
+    for chosen in itertools.combinations(sorted(set().union(*having)), count or len(polys)):
         if not all(joints.intersection(chosen) for joints in having):
             continue  # one of them is a constant on this slice
-        for attempt in range(_ATTEMPTS):
+        attempts = _ATTEMPTS if patient else 1
+        for attempt in range(attempts):
             try:
-                points = _points_on(polys, chosen, residues, rng, values, check)
+                points = _points_on(polys, chosen, residues, rng, values, check, patient)
             except Undecided:
-                if attempt + 1 == _ATTEMPTS:
+                if attempt + 1 == attempts:
                     raise
             else:
                 yield from points
@@ -188,6 +196,7 @@ def _points_on(
     rng: np.random.Generator,
     values: Mapping[int, Value],
     check: Callable[[float], None],
+    patient: bool,
 ) -> list[SlicePoint]:
     """Common zeros in the chosen joints, the others at random values.
 
@@ -223,7 +232,7 @@ def _points_on(
     }
     points = []
     terms: dict[int, tuple[Poly, list[tuple[Any, int]]]] = {}
-    for zero in zeros(on_slice, range(len(chosen)), circles, rng, check):
+    for zero in zeros(on_slice, range(len(chosen)), circles, rng, check, patient):
         solved = {
             v: x
             for i, j in enumerate(chosen)

@@ -71,13 +71,13 @@ class Minors:
         """Factors of a minor that vanishes at none of some points, simple if there is a choice."""
         left = iter(self)
         while batch := list(itertools.islice(left, _LOOKED_AT)):
-            for minor in sorted(batch, key=lambda m: self._effort(self.factors(m))):
+            for minor in sorted(batch, key=lambda m: self.effort(self.factors(m))):
                 self.time.check()
                 if not any(s.is_zero(minor) for s in regular):
                     return self.factors(minor)
         return None
 
-    def _effort(self, factors: list[Poly]) -> tuple[int, int]:
+    def effort(self, factors: list[Poly]) -> tuple[int, int]:
         """How much work it makes to cut with these factors; joint values make none."""
         return cost([f for f in factors if self.ring.joint_value(f) is None])
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from pinsing.algebra.generic_points import SlicePoint
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Value
 
@@ -23,12 +24,29 @@ class SearchPlace:
         Singular means: rank below this.
     limit : int
         Largest codimension of what is looked for; the joints at values count.
+    whole : (Matrix, int) or None
+        The matrix and the rank that singular means, where ``matrix`` is a part of it only.
     """
 
     values: Mapping[int, Value]
     matrix: Matrix
     rank: int
     limit: int
+    whole: tuple[Matrix, int] | None = None
+
+    @property
+    def judged(self) -> tuple[Matrix, int]:
+        """The matrix that says what is singular, and the rank below which it is."""
+        return self.whole or (self.matrix, self.rank)
+
+    def singular(self, point: SlicePoint) -> bool:
+        """Whether a point is singular."""
+        matrix, rank = self.judged
+        return point.rank(matrix) < rank
+
+    def beside(self, matrix: Matrix, rank: int) -> SearchPlace:
+        """The same place, looked at by a part of the matrix."""
+        return replace(self, matrix=matrix, rank=rank, whole=self.judged)
 
     @property
     def room(self) -> int:

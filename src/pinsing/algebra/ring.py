@@ -193,6 +193,14 @@ class Ring:
         """Resultant with respect to a variable."""
         return p.resultant(g, self.context.names()[variable])
 
+    def eliminated(self, p: Poly, g: Poly, joint: int) -> Poly:
+        """Resultant of two forms in the variables of one joint."""
+        variables = self.variables(joint)
+        if len(variables) == 2:
+            put = {self.context.names()[variables[0]]: 1}
+            p, g = p.subs(put), g.subs(put)
+        return self.resultant(p, g, variables[-1])
+
     def strip(self, poly: Poly) -> Poly:
         """Divide out every x^2 + y^2, which no real angle makes zero."""
         degrees = poly.degrees()

@@ -23,10 +23,12 @@ import numpy as np
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Backing, FoundComponents
+from pinsing.algebra.corner import Corner, corner
 from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors, cost
 from pinsing.algebra.place import SearchPlace, bound
+from pinsing.algebra.regular_part import regular_parts
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.second_prime import FIRST_SEED, Question
 from pinsing.algebra.zeros import Undecided
@@ -120,21 +122,45 @@ class Search:
             self._hypersurface(f, values)
         if reduced.room < 2:
             return
-        for f in minors.simplest_cofactor(common):
+        found = corner(reduced.matrix, self.ring, self.time)
+        if found is None or found.determinant == 0:
+            self._branches(minors.simplest_cofactor(common), shared, reduced, minors)
+            return
+        # Where the determinant of the corner is not zero, what is left has to drop its rank.
+        self._rest(found, reduced)
+        self._branches(self._factors(found.determinant), shared, reduced, minors)
+
+    def _rest(self, found: Corner, place: SearchPlace) -> None:
+        """Components on which the rank of what is left beside a corner drops."""
+        size = len(found.rows)
+        rest = self._reduced(place.beside(found.rest, place.rank - size))
+        if rest is None:
+            return
+        minors = self._minors(rest)
+        common = self._common_factor(minors)
+        if common is not None and rest.room >= 2:
+            self._branches(minors.simplest_cofactor(common), (), rest, minors)
+
+    def _branches(
+        self, factors: Sequence[Poly], shared: Sequence[Poly], place: SearchPlace, minors: Minors
+    ) -> None:
+        """Go on inside each of some factors, but for those that are components themselves."""
+        for f in factors:
             if f in shared:
                 continue
             fixed = self.ring.joint_value(f)
             if fixed is not None:
-                self._search(self._at(reduced, dict([fixed])))
+                self._search(self._at(place, dict([fixed])))
             else:
-                self._relation(f, reduced, minors)
+                self._relation(f, place, minors)
 
     def _relation(self, p: Poly, place: SearchPlace, minors: Minors) -> None:
         """Components inside p = 0."""
-        key = (frozenset(place.values.items()), str(p))
+        key = (frozenset(place.values.items()), str(p), place.rank)
         if key in self._seen or self._found.covers(place.values, (p,)):
             return
         self._seen.add(key)
+        place, minors = self._zeroed((p,), place, minors)
         others = []
         for minor in minors:
             if not self.ring.divides(p, minor):
@@ -150,15 +176,17 @@ class Search:
         if place.room < 2:
             return
         for g in min(others, key=cost):
-            self._and((p,), g, place, minors)
+            self._and((p,), g, place, minors, 1)
 
-    def _and(self, relations: Relations, g: Poly, place: SearchPlace, minors: Minors) -> None:
-        """Components inside some equations and one more."""
+    def _and(
+        self, relations: Relations, g: Poly, place: SearchPlace, minors: Minors, count: int
+    ) -> None:
+        """Components inside some equations of codimension ``count``, and one more."""
         fixed = self.ring.joint_value(g)
         if fixed is not None:
             self._within(relations, self._at(place, dict([fixed])), dict([fixed]))
         else:
-            self._system((*relations, g), place, minors)
+            self._system((*relations, g), place, minors, count + 1)
 
     def _within(self, relations: Relations, place: SearchPlace, new: Mapping[int, Value]) -> None:
         """Go on at a place with all factors of what equations become at its ``new`` values."""
@@ -180,7 +208,7 @@ class Search:
                 if len(independent) == 1:
                     self._relation(independent[0], reduced, minors)
                 else:
-                    self._system(independent, reduced, minors)
+                    self._system(independent, reduced, minors, len(independent))
 
     def _independent(self, relations: Relations, values: Mapping[int, Value]) -> Relations:
         """Some of the relations, of which each cuts the common zeros of those before it.
@@ -199,33 +227,38 @@ class Search:
                 kept.append(g)
         return tuple(kept)
 
-    def _system(self, relations: Relations, place: SearchPlace, minors: Minors) -> None:
-        """Components inside the common zeros of two equations or more.
+    def _system(
+        self, relations: Relations, place: SearchPlace, minors: Minors, count: int
+    ) -> None:
+        """Components inside the common zeros, of codimension ``count``, of two equations or more.
 
         Those that are such common zeros themselves are stated by as few joints as can be found.
         Where none is, one more minor cuts the rest down by one dimension.
         """
-        key = (frozenset(place.values.items()), frozenset(map(str, relations)))
-        if key in self._seen or place.room < len(relations):
+        key = (frozenset(place.values.items()), frozenset(map(str, relations)), place.rank)
+        if key in self._seen or place.room < count:
             return
         self._seen.add(key)
-        if len(relations) > 2:  # what is larger, and found at less cost, first
-            run = functools.partial(self._common_zeros, relations, place, minors)
-            self._later.append((len(relations), run))
+        if count > 2:  # what is larger, and found at less cost, first
+            run = functools.partial(self._common_zeros, relations, place, minors, count)
+            self._later.append((count, run))
         else:
-            self._common_zeros(relations, place, minors)
+            self._common_zeros(relations, place, minors, count)
 
-    def _common_zeros(self, relations: Relations, place: SearchPlace, minors: Minors) -> None:
+    def _common_zeros(
+        self, relations: Relations, place: SearchPlace, minors: Minors, count: int
+    ) -> None:
         """See ``_system``."""
         self.time.check()
         try:
-            points = list(self._points(relations, place.values))
+            points = list(self._points(relations, place.values, count))
         except Undecided:
             self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
             return
-        codimension = len(place.values) + len(relations)
-        singular = [s for s in points if s.rank(place.matrix) < place.rank]
-        self.asked.append(Question(relations, place.values, place.matrix, place.rank))
+        codimension = len(place.values) + count
+        matrix, rank = place.judged
+        singular = [s for s in points if s.rank(matrix) < rank]
+        self.asked.append(Question(relations, place.values, matrix, rank, count))
         if singular:
             if len(relations) == 2:
                 self._eliminate(*relations, place, singular)
@@ -235,33 +268,56 @@ class Search:
                 state = functools.partial(self._statement, relations, minors=minors)
                 backing = Backing(missed, known, state)
                 if known:
-                    stated = self._shortened(state(missed, known), len(relations), place)
+                    stated = self._shortened(state(missed, known), count, place)
                 else:
                     stated = relations
                 self._found.add(place.values, stated, False, codimension, backing)
-        if len(singular) == len(points) or place.room == len(relations):
-            return
+        regular = [s for s in points if s not in singular]
+        if regular and place.room > count:
+            self._cut(relations, singular, regular, place, minors, count)
+
+    def _cut(
+        self,
+        relations: Relations,
+        singular: list[SlicePoint],
+        regular: list[SlicePoint],
+        place: SearchPlace,
+        minors: Minors,
+        count: int,
+    ) -> None:
+        """Go on inside what is regular of some equations, cut by one minor more."""
+        parts = [(relations, regular)]
         if singular:
-            self.gaps.append(
-                f"sets of codimension {codimension + 1} or more inside the regular part of "
-                f"{len(relations)} equations were not searched"
-            )
-            return
-        cutting = minors.cutting(points)
-        if cutting is None:
-            self.gaps.append(
-                f"no single minor cut all of the common zeros of {len(relations)} equations"
-            )
-            return
-        for g in cutting:
-            self._and(relations, g, place, minors)
+            parts = regular_parts(relations, singular, regular, self.ring, self.time)
+            if not parts:
+                self.gaps.append(
+                    f"sets of codimension {len(place.values) + count + 1} or more inside the "
+                    f"regular part of {len(relations)} equations were not searched"
+                )
+        for stated, on in parts:
+            fixed = next((v for f in stated if (v := self.ring.joint_value(f))), None)
+            if fixed is not None:  # all of it is searched there
+                self._search(self._at(place, dict([fixed])))
+                continue
+            ways = [(place, minors)]
+            if (zeroed := self._zeroed(stated, place, minors))[1] is not minors:
+                ways.append(zeroed)
+            cuts = [(c, *way) for way in ways if (c := way[1].cutting(on)) is not None]
+            if not cuts:
+                self.gaps.append(
+                    f"no single minor cut all of the common zeros of {len(relations)} equations"
+                )
+                continue
+            cutting, there, its = min(cuts, key=lambda c: minors.effort(c[0]))
+            for g in cutting:
+                self._and(stated, g, there, its, count)
 
     def _eliminate(self, p: Poly, g: Poly, place: SearchPlace, singular: list[SlicePoint]) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
         shared = self._common_joints(p, g)
         if not shared or len(p) * len(g) > _RESULTANT_TERMS:
             return
-        resultant = self.ring.strip(self._resultant(p, g, shared[0]))
+        resultant = self.ring.strip(self.ring.eliminated(p, g, shared[0]))
         for h in self._factors(resultant):
             fixed = self.ring.joint_value(h)
             if fixed is not None:
@@ -274,7 +330,7 @@ class Search:
             elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
                 for other in sorted((p, g), key=len):
                     points = list(self._points((h, other), place.values))
-                    if not points or not all(s.rank(place.matrix) < place.rank for s in points):
+                    if not points or not all(place.singular(s) for s in points):
                         continue
                     if all(s.transversal((h, other)) for s in points):
                         backing = Backing(points, [])
@@ -288,10 +344,11 @@ class Search:
         )
 
     def _points(
-        self, relations: Sequence[Poly], values: Mapping[int, Value]
+        self, relations: Sequence[Poly], values: Mapping[int, Value], count: int | None = None
     ) -> Iterator[SlicePoint]:
-        """Generic points of the common zeros of some equations."""
-        return slice_points(relations, self._residues, self._rng, values, self.time.check)
+        """Generic points of the common zeros of some equations, of codimension ``count``."""
+        check = self.time.check
+        return slice_points(relations, self._residues, self._rng, values, check, count)
 
     def _shortened(self, relations: Relations, count: int, place: SearchPlace) -> Relations:
         """As few equations as the codimension, if some say the same.
@@ -307,10 +364,14 @@ class Search:
     def _states(self, relations: Relations, place: SearchPlace) -> bool:
         """Whether all common zeros are singular, and none is on a component that is known."""
         found = False
+        check = self.time.check
+        points = slice_points(
+            relations, self._residues, self._rng, place.values, check, patient=False
+        )
         try:
-            for s in self._points(relations, place.values):
+            for s in points:
                 self.time.check()
-                if s.rank(place.matrix) >= place.rank or self._found.holds(s):
+                if not place.singular(s) or self._found.holds(s):
                     return False
                 found = True
         except Undecided:
@@ -373,19 +434,12 @@ class Search:
 
         return sorted(shared, key=degree)
 
-    def _resultant(self, p: Poly, g: Poly, joint: int) -> Poly:
-        """Resultant of two forms in the variables of one joint."""
-        variables = self.ring.variables(joint)
-        if len(variables) == 2:
-            put = {self.ring.context.names()[variables[0]]: 1}
-            p, g = p.subs(put), g.subs(put)
-        return self.ring.resultant(p, g, variables[-1])
-
     def _at(self, place: SearchPlace, new: Mapping[int, Value]) -> SearchPlace:
         """The place with some more joints at values."""
+        whole, rank = place.judged
         put = self.ring.putting(new)
-        matrix = [[put(x) for x in row] for row in place.matrix]
-        return replace(place, values={**place.values, **new}, matrix=matrix)
+        matrix = [[put(x) for x in row] for row in whole]
+        return SearchPlace({**place.values, **new}, matrix, rank, place.limit)
 
     def _reduced(self, place: SearchPlace) -> SearchPlace | None:
         """The place with a smaller matrix, unless all of it is singular (noted), or none."""
@@ -396,7 +450,28 @@ class Search:
             self._found.add(place.values, (), True)
             return None
         limit = min(place.limit, len(place.values) + bound(matrix, rank))
-        return SearchPlace(place.values, matrix, rank, limit)
+        return replace(place, matrix=matrix, rank=rank, limit=limit)
+
+    def _zeroed(
+        self, relations: Relations, place: SearchPlace, minors: Minors
+    ) -> tuple[SearchPlace, Minors]:
+        """The place with entries that are multiples of the relations at zero: they are, there.
+
+        Minors are shorter so, and fall into factors.
+        """
+        matrix = [
+            [
+                self.ring.zero
+                if x != 0 and any(self.ring.divides(r, x) for r in relations if len(r) <= len(x))
+                else x
+                for x in row
+            ]
+            for row in place.matrix
+        ]
+        if matrix == place.matrix:
+            return place, minors
+        there = place.beside(matrix, place.rank)
+        return there, self._minors(there)
 
     def _minors(self, place: SearchPlace) -> Minors:
         return Minors(place.matrix, place.rank, self.ring, self.time)

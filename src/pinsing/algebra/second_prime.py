@@ -39,12 +39,15 @@ class Question:
         What becomes of the Jacobian there.
     rank : int
         Singular means: rank below this.
+    count : int
+        The codimension of the equations' common zeros.
     """
 
     relations: tuple[Poly, ...]
     values: Mapping[int, Value]
     matrix: Matrix
     rank: int
+    count: int
 
 
 @dataclass(frozen=True)
@@ -80,7 +83,7 @@ def ask_again(
     told = f"random points modulo a second prime, {SECOND_PRIME},"
     try:
         for q in asked:
-            for s in slice_points(q.relations, residues, rng, q.values, time.check):
+            for s in slice_points(q.relations, residues, rng, q.values, time.check, q.count):
                 time.check()
                 singular = s.rank(q.matrix) < q.rank
                 if singular != on_any(components, s):

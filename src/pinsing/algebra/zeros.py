@@ -53,6 +53,7 @@ def zeros(
     nonzero: Mapping[int, Any],
     rng: np.random.Generator,
     check: Callable[[float], None],
+    patient: bool = True,
 ) -> list[Zero]:
     """Find every common zero.
 
@@ -69,6 +70,8 @@ def zeros(
         For combinations of the polynomials.
     check : callable
         Asked, with the number of term products, before each long step.
+    patient : bool
+        Whether to try other orders of elimination, and mixed equations, where one does not do.
 
     Raises
     ------
@@ -76,7 +79,7 @@ def zeros(
         If there are infinitely many, or an eliminant is too long.
     """
     prime = int(polys[0].context().modulus())
-    return _Solver(nonzero, rng, check, prime).solve(polys, variables)
+    return _Solver(nonzero, rng, check, prime, patient).solve(polys, variables)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +90,7 @@ class _Solver:
     rng: np.random.Generator
     check: Callable[[float], None]
     prime: int
+    patient: bool
 
     def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
         """See ``zeros``."""
@@ -97,22 +101,37 @@ class _Solver:
         if not variables:
             return [Zero(_field(self.prime), {})]
         having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
-        v = min(variables, key=lambda v: (len(having[v]), sum(f.degrees()[v] for f in having[v])))
+        cost = {v: (len(having[v]), sum(f.degrees()[v] for f in having[v])) for v in variables}
+        ordered = sorted(variables, key=cost.__getitem__)
+        for v in ordered[:-1] if self.patient else ():
+            try:
+                return self._solved(polys, variables, v, having[v])
+            except Undecided:
+                # Zeros that are not wanted may be whole curves; some variable, eliminated first,
+                # leaves them where they are known.
+                continue
+        v = ordered[-1 if self.patient else 0]
+        return self._solved(polys, variables, v, having[v])
+
+    def _solved(
+        self, polys: Sequence[Any], variables: Sequence[int], v: int, having: Sequence[Any]
+    ) -> list[Zero]:
+        """Zeros, with one variable eliminated first."""
         rest = [u for u in variables if u != v]
-        if not having[v]:  # none, or as many as there are values of v
+        if not having:  # none, or as many as there are values of v
             if self.solve(polys, rest):
                 raise Undecided
             return []
         if not rest:
             below = self.solve([], [])
-        elif len(having[v]) == 1:
-            below = self.solve([f for f in polys if f is not having[v][0]], rest)
+        elif len(having) == 1:
+            below = self.solve([f for f in polys if f is not having[0]], rest)
         else:
-            below = self._eliminated(polys, having[v], v, rest)
+            below = self._eliminated(polys, having, v, rest)
         found = []
         for zero in below:
             self.check(0.0)
-            found += [z for z in _above(zero, having[v], v) if self._wanted(z, v)]
+            found += [z for z in _above(zero, having, v) if self._wanted(z, v)]
         return found
 
     def _eliminated(
@@ -124,7 +143,7 @@ class _Solver:
         try:
             return self.solve([*free, *self._resultants(ordered, v)], rest)
         except Undecided:
-            if len(having) < 3:
+            if len(having) < 3 or not self.patient:
                 raise
         # Over a whole curve the pivot may share one root with one of the others, and another
         # with the next. Not so where they are mixed.
