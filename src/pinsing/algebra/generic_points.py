@@ -76,6 +76,8 @@ class SlicePoint:
         The variables that were solved for, by index.
     on_slice : dict
         Polynomials with those values in them: by id, with their terms. Shared by its points.
+    monomials : dict
+        Those that were asked for, with their values: the entries of a matrix share most of them.
     """
 
     residues: Residues
@@ -83,21 +85,27 @@ class SlicePoint:
     field: Any
     free: Mapping[int, Any]
     on_slice: dict[int, tuple[Poly, list[tuple[Any, int]]]] = field(default_factory=dict)
+    monomials: dict[Any, Any] = field(default_factory=dict)
 
     def value(self, poly: Poly) -> Any:
         """Value of a polynomial of the ring."""
         total = self.field.zero()
         if poly == 0:
             return total
-        powers: dict[tuple[int, int], Any] = {}
         for monomial, c in self._terms(poly):
-            term = self.field(c)
-            for key in monomial:
-                if key not in powers:
-                    powers[key] = self.free[key[0]] ** key[1]
-                term = term * powers[key]
-            total = total + term
+            total = total + self._monomial(monomial) * c
         return total
+
+    def _monomial(self, monomial: tuple[tuple[int, int], ...]) -> Any:
+        """Value of a product of powers (variable, exponent)."""
+        if monomial not in self.monomials:
+            if len(monomial) < 2:
+                powers = [self.free[v] ** e for v, e in monomial]
+                self.monomials[monomial] = powers[0] if powers else self.field.one()
+            else:
+                before = self._monomial(monomial[:-1])
+                self.monomials[monomial] = before * self._monomial(monomial[-1:])
+        return self.monomials[monomial]
 
     def _terms(self, poly: Poly) -> list[tuple[Any, int]]:
         """Powers (variable, exponent) and coefficient of each term in the free variables."""

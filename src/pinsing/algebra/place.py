@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from pinsing.algebra.generic_points import SlicePoint
 from pinsing.algebra.matrix import Matrix
-from pinsing.algebra.ring import Value
+from pinsing.algebra.ring import Poly, Ring, Value
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,29 +24,44 @@ class SearchPlace:
         Singular means: rank below this.
     limit : int
         Largest codimension of what is looked for; the joints at values count.
-    whole : (Matrix, int) or None
-        The matrix and the rank that singular means, where ``matrix`` is a part of it only.
+    whole : SearchPlace or None
+        The place with the matrix that says what is singular, where ``matrix`` is a part of it.
     """
 
     values: Mapping[int, Value]
     matrix: Matrix
     rank: int
     limit: int
-    whole: tuple[Matrix, int] | None = None
+    whole: SearchPlace | None = None
 
     @property
-    def judged(self) -> tuple[Matrix, int]:
-        """The matrix that says what is singular, and the rank below which it is."""
-        return self.whole or (self.matrix, self.rank)
+    def judge(self) -> SearchPlace:
+        """The place that says what is singular."""
+        return self.whole or self
 
     def singular(self, point: SlicePoint) -> bool:
         """Whether a point is singular."""
-        matrix, rank = self.judged
-        return point.rank(matrix) < rank
+        return point.rank(self.judge.matrix) < self.judge.rank
 
     def beside(self, matrix: Matrix, rank: int) -> SearchPlace:
         """The same place, looked at by a part of the matrix."""
-        return replace(self, matrix=matrix, rank=rank, whole=self.judged)
+        return replace(self, matrix=matrix, rank=rank, whole=self.judge)
+
+    def zeroed(self, relations: Sequence[Poly], ring: Ring) -> SearchPlace:
+        """The same place with entries that are multiples of some equations at zero.
+
+        They are, where these hold; minors fall into factors so.
+        """
+        matrix = [
+            [
+                ring.zero
+                if x != 0 and any(len(r) <= len(x) and ring.divides(r, x) for r in relations)
+                else x
+                for x in row
+            ]
+            for row in self.matrix
+        ]
+        return self if matrix == self.matrix else self.beside(matrix, self.rank)
 
     @property
     def room(self) -> int:

@@ -193,6 +193,15 @@ class Ring:
         """Resultant with respect to a variable."""
         return p.resultant(g, self.context.names()[variable])
 
+    def shared_joints(self, p: Poly, g: Poly) -> list[int]:
+        """Joints that occur in both, those by which a resultant is simplest first."""
+
+        def degree(j: int) -> int:
+            v = self.variables(j)[-1]
+            return int(p.degrees()[v]) * int(g.degrees()[v])
+
+        return sorted(set(self.joints_of(p)) & set(self.joints_of(g)), key=degree)
+
     def eliminated(self, p: Poly, g: Poly, joint: int) -> Poly:
         """Resultant of two forms in the variables of one joint."""
         variables = self.variables(joint)

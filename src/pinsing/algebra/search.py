@@ -31,10 +31,9 @@ from pinsing.algebra.place import SearchPlace, bound
 from pinsing.algebra.regular_part import regular_parts
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.second_prime import FIRST_SEED, Question
+from pinsing.algebra.stating import Stating
 from pinsing.algebra.zeros import Undecided
 
-_SHORTEST = 5
-"""Equations of a long system among which fewer that say the same are looked for."""
 _RESULTANT_TERMS = 2_000
 """Largest product of term counts for which a symbolic resultant is tried."""
 
@@ -64,6 +63,7 @@ class Search:
         self.depth = 0
         self._rng = np.random.default_rng(FIRST_SEED)
         self._residues = Residues(ring)
+        self._stating = Stating(ring, time, found, self._residues, self._rng)
         self._seen: set[object] = set()
         self._later: list[tuple[int, Callable[[], None]]] = []
 
@@ -227,9 +227,7 @@ class Search:
                 kept.append(g)
         return tuple(kept)
 
-    def _system(
-        self, relations: Relations, place: SearchPlace, minors: Minors, count: int
-    ) -> None:
+    def _system(self, relations: Relations, place: SearchPlace, minors: Minors, count: int) -> None:
         """Components inside the common zeros, of codimension ``count``, of two equations or more.
 
         Those that are such common zeros themselves are stated by as few joints as can be found.
@@ -256,25 +254,27 @@ class Search:
             self.gaps.append(f"the common points of {len(relations)} equations were not told apart")
             return
         codimension = len(place.values) + count
-        matrix, rank = place.judged
-        singular = [s for s in points if s.rank(matrix) < rank]
-        self.asked.append(Question(relations, place.values, matrix, rank, count))
+        singular = [s for s in points if s.rank(place.matrix) < place.rank]
+        whole = place.judge
+        self.asked.append(Question(relations, place.values, whole.matrix, whole.rank, count))
         if singular:
             if len(relations) == 2:
                 self._eliminate(*relations, place, singular)
             missed = [s for s in singular if not self._found.holds(s)]
             if missed:
                 known = [s for s in points if s not in missed]
-                state = functools.partial(self._statement, relations, minors=minors)
+                state = functools.partial(self._stating.statement, relations, minors=minors)
                 backing = Backing(missed, known, state)
                 if known:
-                    stated = self._shortened(state(missed, known), count, place)
+                    stated = self._stating.shortened(state(missed, known), count, place)
                 else:
                     stated = relations
                 self._found.add(place.values, stated, False, codimension, backing)
-        regular = [s for s in points if s not in singular]
+        # What is singular beside the part of the matrix that is looked at is searched by itself.
+        regular = [s for s in points if s not in singular and not place.singular(s)]
         if regular and place.room > count:
-            self._cut(relations, singular, regular, place, minors, count)
+            others = [s for s in points if s not in regular]
+            self._cut(relations, others, regular, place, minors, count)
 
     def _cut(
         self,
@@ -314,7 +314,7 @@ class Search:
 
     def _eliminate(self, p: Poly, g: Poly, place: SearchPlace, singular: list[SlicePoint]) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
-        shared = self._common_joints(p, g)
+        shared = self.ring.shared_joints(p, g)
         if not shared or len(p) * len(g) > _RESULTANT_TERMS:
             return
         resultant = self.ring.strip(self.ring.eliminated(p, g, shared[0]))
@@ -350,58 +350,6 @@ class Search:
         check = self.time.check
         return slice_points(relations, self._residues, self._rng, values, check, count)
 
-    def _shortened(self, relations: Relations, count: int, place: SearchPlace) -> Relations:
-        """As few equations as the codimension, if some say the same.
-
-        Common zeros of so many equations have no parts of lower dimension: where generic points
-        of all parts are singular, and new, all is.
-        """
-        for few in itertools.combinations(relations[:_SHORTEST], count):
-            if self._states(few, place):
-                return few
-        return relations
-
-    def _states(self, relations: Relations, place: SearchPlace) -> bool:
-        """Whether all common zeros are singular, and none is on a component that is known."""
-        found = False
-        check = self.time.check
-        points = slice_points(
-            relations, self._residues, self._rng, place.values, check, patient=False
-        )
-        try:
-            for s in points:
-                self.time.check()
-                if not place.singular(s) or self._found.holds(s):
-                    return False
-                found = True
-        except Undecided:
-            return False
-        return found
-
-    def _statement(
-        self,
-        relations: Relations,
-        singular: list[SlicePoint],
-        others: list[SlicePoint],
-        minors: Minors,
-    ) -> tuple[Poly, ...]:
-        """Equations of the singular part of the common zeros of some equations.
-
-        One factor of every minor, that all of the singular part shares, and of the rest as
-        little as can be: where these vanish all minors do, so that not even a part of lower
-        dimension is stated that is regular.
-        """
-        stated = list(relations)
-        for minor in minors:
-            self.time.check()
-            if any(self.ring.divides(r, minor) for r in stated):
-                continue
-            whole = [f for f in self._factors(minor) if all(s.is_zero(f) for s in singular)]
-            if len(whole) > 1:
-                whole.sort(key=lambda f: (sum(s.is_zero(f) for s in others), len(f)))
-            stated.append(whole[0] if whole else minor)
-        return tuple(sorted(stated, key=len))
-
     # Pieces -------------------------------------------------------------------------
 
     def _factors(self, poly: Poly) -> list[Poly]:
@@ -425,21 +373,11 @@ class Search:
                 break
         return common
 
-    def _common_joints(self, p: Poly, g: Poly) -> list[int]:
-        shared = set(self.ring.joints_of(p)) & set(self.ring.joints_of(g))
-
-        def degree(j: int) -> int:
-            v = self.ring.variables(j)[-1]
-            return int(p.degrees()[v]) * int(g.degrees()[v])
-
-        return sorted(shared, key=degree)
-
     def _at(self, place: SearchPlace, new: Mapping[int, Value]) -> SearchPlace:
         """The place with some more joints at values."""
-        whole, rank = place.judged
-        put = self.ring.putting(new)
-        matrix = [[put(x) for x in row] for row in whole]
-        return SearchPlace({**place.values, **new}, matrix, rank, place.limit)
+        whole, put = place.judge, self.ring.putting(new)
+        matrix = [[put(x) for x in row] for row in whole.matrix]
+        return replace(whole, values={**whole.values, **new}, matrix=matrix)
 
     def _reduced(self, place: SearchPlace) -> SearchPlace | None:
         """The place with a smaller matrix, unless all of it is singular (noted), or none."""
@@ -455,23 +393,9 @@ class Search:
     def _zeroed(
         self, relations: Relations, place: SearchPlace, minors: Minors
     ) -> tuple[SearchPlace, Minors]:
-        """The place with entries that are multiples of the relations at zero: they are, there.
-
-        Minors are shorter so, and fall into factors.
-        """
-        matrix = [
-            [
-                self.ring.zero
-                if x != 0 and any(self.ring.divides(r, x) for r in relations if len(r) <= len(x))
-                else x
-                for x in row
-            ]
-            for row in place.matrix
-        ]
-        if matrix == place.matrix:
-            return place, minors
-        there = place.beside(matrix, place.rank)
-        return there, self._minors(there)
+        """The place with multiples of the relations at zero: minors are shorter so."""
+        there = place.zeroed(relations, self.ring)
+        return (place, minors) if there is place else (there, self._minors(there))
 
     def _minors(self, place: SearchPlace) -> Minors:
         return Minors(place.matrix, place.rank, self.ring, self.time)

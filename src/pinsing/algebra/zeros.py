@@ -8,6 +8,7 @@ those have no common root above them, and fall away.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -79,18 +80,26 @@ def zeros(
         If there are infinitely many, or an eliminant is too long.
     """
     prime = int(polys[0].context().modulus())
-    return _Solver(nonzero, rng, check, prime, patient).solve(polys, variables)
+    if patient:
+        with contextlib.suppress(Undecided):
+            return _Solver(nonzero, rng, check, prime, True, False).solve(polys, variables)
+    return _Solver(nonzero, rng, check, prime, patient, patient).solve(polys, variables)
 
 
 @dataclass(frozen=True, eq=False)
 class _Solver:
-    """What all steps of an elimination share: parameters of ``zeros``, and the prime."""
+    """What all steps of an elimination share: parameters of ``zeros``, and the prime.
+
+    With ``orders`` other orders of elimination are tried where one does not do, with ``mixing``
+    combinations of the polynomials.
+    """
 
     nonzero: Mapping[int, Any]
     rng: np.random.Generator
     check: Callable[[float], None]
     prime: int
-    patient: bool
+    orders: bool
+    mixing: bool
 
     def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
         """See ``zeros``."""
@@ -103,14 +112,14 @@ class _Solver:
         having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
         cost = {v: (len(having[v]), sum(f.degrees()[v] for f in having[v])) for v in variables}
         ordered = sorted(variables, key=cost.__getitem__)
-        for v in ordered[:-1] if self.patient else ():
+        for v in ordered[:-1] if self.orders else ():
             try:
                 return self._solved(polys, variables, v, having[v])
             except Undecided:
                 # Zeros that are not wanted may be whole curves; some variable, eliminated first,
                 # leaves them where they are known.
                 continue
-        v = ordered[-1 if self.patient else 0]
+        v = ordered[-1 if self.orders else 0]
         return self._solved(polys, variables, v, having[v])
 
     def _solved(
@@ -143,7 +152,7 @@ class _Solver:
         try:
             return self.solve([*free, *self._resultants(ordered, v)], rest)
         except Undecided:
-            if len(having) < 3 or not self.patient:
+            if len(having) < 3 or not self.mixing:
                 raise
         # Over a whole curve the pivot may share one root with one of the others, and another
         # with the next. Not so where they are mixed.

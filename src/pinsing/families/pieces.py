@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 
 import numpy as np
@@ -146,6 +146,30 @@ class PieceMaker:
         return all(
             any(self._at_exact_values_of(b, c) for c in others) for p in pieces for b in p.branches
         )
+
+    def own(
+        self, component: Component, pieces: Sequence[SolvedPiece], components: Sequence[Component]
+    ) -> list[SolvedPiece]:
+        """The pieces without isolated values that a simpler or a larger component has, too.
+
+        A system that was found before such a component may have some of its points.
+        """
+        others = [
+            c
+            for c in components
+            if c.codimension < component.codimension
+            or (c.codimension == component.codimension and component.relations and not c.relations)
+        ]
+        left = []
+        for piece in pieces:
+            kept = tuple(
+                b
+                for b in piece.branches
+                if b.equations or not any(self._at_exact_values_of(b, c) for c in others)
+            )
+            if kept:
+                left.append(piece if kept == piece.branches else replace(piece, branches=kept))
+        return left
 
     def _at_exact_values_of(self, branch: Branch, component: Component) -> bool:
         """Whether rational joint values put a branch of nothing else into a component."""

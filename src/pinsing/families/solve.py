@@ -146,7 +146,7 @@ def closed_form(
         steps = search.steps
         left = max(seconds - (time.monotonic() - started), _TO_DESCRIBE * seconds)
         maker.time = Budget(left)
-        pieces = [maker.make(c) for c in search.components]
+        pieces = [maker.own(c, maker.make(c), search.components) for c in search.components]
         unsolved = maker.unsolved
         left_out = [c for c, p in zip(search.components, pieces, strict=True) if not p]
         inside = [

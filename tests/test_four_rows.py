@@ -1,0 +1,150 @@
+"""Tasks of four rows of six-joint arms: complete, against wrenches and finite fields."""
+
+from __future__ import annotations
+
+import importlib
+import sys
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from tiers import tiered
+
+import pinsing
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.corner import corner
+from pinsing.algebra.decompose import Decomposition
+from pinsing.algebra.ring import make_ring
+
+TASK = "vx,vy,vz,wz"
+OFFSET_WRIST = str(Path(__file__).parent.parent / "examples" / "offset_wrist.dh.yaml")
+ARMS = ("stanford", "ur5", "irb1400", "kinova", "z1", OFFSET_WRIST)
+SECONDS = 300.0
+"""More than enough on a busy machine; idle it takes 1 to 8 s."""
+
+
+@pytest.fixture(scope="module", params=tiered(list(ARMS), ("stanford",)))
+def found(request):
+    arm = pinsing.load(request.param, task=TASK)
+    return arm, pinsing.closed_form(arm, seconds=SECONDS)
+
+
+def jacobian(arm, q):
+    """Pinocchio's, of the four rows."""
+    data = arm.model.createData()
+    six = pin.computeFrameJacobian(
+        arm.model, data, arm.model_q(q), arm.tip_id, pin.LOCAL_WORLD_ALIGNED
+    )
+    return six[[0, 1, 2, 5]]
+
+
+def by_wrenches(arm, count, rng):
+    """Singular configurations, by Newton in joints and a wrench that does no work at any joint."""
+    found = []
+    for q in arm.space.sample(count, rng):
+        u = np.linalg.svd(jacobian(arm, q))[0][:, 3]
+        for _ in range(60):
+            J = jacobian(arm, q)
+            step = 1e-6
+            slopes = np.stack(
+                [
+                    u @ (jacobian(arm, q + step * e) - jacobian(arm, q - step * e)) / (2 * step)
+                    for e in np.eye(arm.n)
+                ],
+                axis=1,
+            )
+            A = np.block([[slopes, J.T], [np.zeros((1, arm.n)), u[None]]])
+            move = np.linalg.lstsq(A, -np.append(u @ J, 0.0), rcond=1e-9)[0]
+            move *= min(1.0, 0.5 / np.abs(move).max())
+            q, u = q + move[: arm.n], u + move[arm.n :]
+            u /= np.linalg.norm(u)
+            if np.abs(move).max() < 1e-13:
+                break
+        if np.linalg.svd(jacobian(arm, q), compute_uv=False)[3] < 1e-13:
+            found.append(q)
+    return np.array(found)
+
+
+def test_nothing_is_left_open(found):
+    _, form = found
+    assert form.complete
+    assert form.gaps == ()
+    assert form.word == "probable"
+
+
+def test_points_of_families_are_singular_and_near_misses_are_not(found, rng):
+    arm, form = found
+    for family in form.families:
+        for q in family.points(5, rng):
+            sigma = np.linalg.svd(jacobian(arm, q), compute_uv=False)
+            assert sigma[3] < 1e-9 * sigma[0]
+            beside = q + rng.choice([-1, 1], arm.n) * rng.uniform(0.02, 0.05, arm.n)
+            assert np.linalg.svd(jacobian(arm, beside), compute_uv=False)[3] > 1e-9 * sigma[0]
+            assert not family.contains(beside)
+
+
+def test_where_newton_ends_is_on_a_family(found, rng):
+    arm, form = found
+    singular = by_wrenches(arm, 40, rng)
+    assert len(singular) > 10
+    for q in singular:
+        # Where several families meet, the singular value is small far around.
+        on = any(f.contains(q) for f in form.families)
+        assert on or min(f.distance(q).upper for f in form.families) < 1e-3, q
+
+
+def test_finite_fields_say_the_same(found):
+    arm, form = found
+    sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
+    try:
+        field = importlib.import_module("oracle_field")
+    finally:
+        sys.path.pop(0)
+    components = [c for f in form.families for c in f.components] + list(form.left_out)
+
+    def missed(stated):
+        """At how many of six primes a singular point is on none of these."""
+        primes = field.PRIMES + field.MORE_PRIMES
+        rows = arm.task.rows
+        told = [*field.verdicts(form.geometry, rows, 4, stated, 40_000, 0, primes)]
+        assert all(not len(v.false) and v.rank == 4 for v in told)
+        return sum(len(v.missed) > 0 for v in told)
+
+    # A prime may divide a sum of lengths (161 mm of the Z1 by 23), and then makes a special arm
+    # of it: not most of them.
+    assert missed(components) <= 2
+    one_less = [c for c in components if c is not components[0]]
+    if components[0].codimension < 3:  # one of three is met too seldom
+        assert missed(one_less) >= 4
+
+
+def test_a_corner_beside_which_rows_are_zero():
+    ring = make_ring((True,) * 4)
+    a, b, c, d = (ring.context.gens()[ring.variables(j)[0]] for j in range(4))
+    zero = ring.zero
+    matrix = [[zero, a + b, b, c], [a, zero, b, d], [zero, zero, zero, c]]
+    found = corner(matrix, ring, Budget(9))
+    assert (found.rows, found.columns) == ((1,), (0,))  # beside it all other rows are zero
+    assert found.determinant == a
+    assert found.rest == [[a + b, b, c], [zero, zero, c]]
+    assert corner([[a, b], [c, d]], ring, Budget(9)) is None
+
+
+def test_the_regular_part_of_a_system_is_searched(rng):
+    """Inside x (y + z) = 0 and x (y - w) = 0 the part x = 0 is singular, and a curve is not all."""
+    ring = make_ring((True,) * 4)
+    x, y, z, w = (ring.context.gens()[ring.variables(j)[0]] for j in range(4))
+    matrix = [[x, y + z, ring.zero], [ring.zero, x * (z - 1), y - w]]
+    result = Decomposition(matrix, 2, ring, Budget(60))
+    assert not result.gaps
+    for _ in range(2000):
+        point = [int(v) for v in rng.integers(-2, 3, 4)]
+        values = [[0 if e == 0 else int(str(e(*point))) for e in row] for row in matrix]
+        singular = np.linalg.matrix_rank(np.array(values, dtype=float)) < 2
+        on = any(
+            all(point[j] == v[0] for j, v in c.values.items())
+            and all(r(*point) == 0 for r in c.relations)
+            for c in result.components
+        )
+        assert on == singular, point
