@@ -52,9 +52,9 @@ def corner(matrix: Matrix, ring: Ring, time: Budget) -> Corner | None:
     ]
     for size in range(1, len(matrix)):
         found = [
-            (sum(len(matrix[i][j]) for j in columns for i in rows), sorted(rows), columns)
+            (sum(len(matrix[i][j]) for j in columns for i in used), sorted(used), columns)
             for columns in itertools.combinations(range(len(support)), size)
-            if len(rows := frozenset().union(*(support[j] for j in columns))) == size
+            if len(used := frozenset().union(*(support[j] for j in columns))) == size
         ]
         if found:
             _, rows, columns = min(found)

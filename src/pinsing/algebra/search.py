@@ -132,8 +132,7 @@ class Search:
 
     def _rest(self, found: Corner, place: SearchPlace) -> None:
         """Components on which the rank of what is left beside a corner drops."""
-        size = len(found.rows)
-        rest = self._reduced(place.beside(found.rest, place.rank - size))
+        rest = self._reduced(place.beside(found.rest, place.rank - len(found.rows)))
         if rest is None:
             return
         minors = self._minors(rest)
@@ -255,8 +254,8 @@ class Search:
             return
         codimension = len(place.values) + count
         singular = [s for s in points if s.rank(place.matrix) < place.rank]
-        whole = place.judge
-        self.asked.append(Question(relations, place.values, whole.matrix, whole.rank, count))
+        judge = place.judge
+        self.asked.append(Question(relations, place.values, judge.matrix, judge.rank, count))
         if singular:
             if len(relations) == 2:
                 self._eliminate(*relations, place, singular)
@@ -347,8 +346,8 @@ class Search:
         self, relations: Sequence[Poly], values: Mapping[int, Value], count: int | None = None
     ) -> Iterator[SlicePoint]:
         """Generic points of the common zeros of some equations, of codimension ``count``."""
-        check = self.time.check
-        return slice_points(relations, self._residues, self._rng, values, check, count)
+        given = relations, self._residues, self._rng, values, self.time.check, count
+        return slice_points(*given)
 
     # Pieces -------------------------------------------------------------------------
 
