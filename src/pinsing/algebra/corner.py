@@ -20,7 +20,7 @@ from pinsing.algebra.ring import Poly, Ring
 
 
 @dataclass(frozen=True, eq=False)
-class Corner:
+class SquareCorner:
     """A corner B of a matrix.
 
     Attributes
@@ -39,7 +39,7 @@ class Corner:
     rest: Matrix
 
 
-def corner(matrix: Matrix, ring: Ring, time: Budget) -> Corner | None:
+def corner(matrix: Matrix, ring: Ring, time: Budget) -> SquareCorner | None:
     """The smallest square corner beside which rows are zero, the shortest of these.
 
     Raises
@@ -59,7 +59,7 @@ def corner(matrix: Matrix, ring: Ring, time: Budget) -> Corner | None:
         if found:
             _, rows, columns = min(found)
             square = [[matrix[i][j] for j in columns] for i in rows]
-            return Corner(
+            return SquareCorner(
                 tuple(rows),
                 columns,
                 ring.strip(determinant(square, ring, time)),

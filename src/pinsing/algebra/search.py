@@ -23,7 +23,7 @@ import numpy as np
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Backing, FoundComponents
-from pinsing.algebra.corner import Corner, corner
+from pinsing.algebra.corner import SquareCorner, corner
 from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors, cost
@@ -130,7 +130,7 @@ class Search:
         self._rest(found, reduced)
         self._branches(self._factors(found.determinant), shared, reduced, minors)
 
-    def _rest(self, found: Corner, place: SearchPlace) -> None:
+    def _rest(self, found: SquareCorner, place: SearchPlace) -> None:
         """Components on which the rank of what is left beside a corner drops."""
         rest = self._reduced(place.beside(found.rest, place.rank - len(found.rows)))
         if rest is None:

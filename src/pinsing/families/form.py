@@ -18,6 +18,7 @@ from pinsing.families.family import Family, html_row
 from pinsing.families.family_text import exactly, latex_lines, meaning, written_out
 from pinsing.families.html import families_table
 from pinsing.families.proof import Proof
+from pinsing.families.slice_count import SliceCount
 from pinsing.families.system_text import SystemHead, system_text
 from pinsing.geometry.nominal import Nominal
 from pinsing.joint_text import typed
@@ -67,6 +68,9 @@ class ClosedForm(JsonResult):
         equations, modulo which primes, by which seeds; None where no search was begun.
     proof : Proof or None
         What became of the search for a certificate; None where there was none.
+    slice_count : SliceCount or None
+        Of a long chain that is not complete: singular configurations on random slices over a
+        small finite field, and how many of them lie on the families. Evidence, no proof.
 
     Examples
     --------
@@ -102,6 +106,7 @@ class ClosedForm(JsonResult):
     proof: Proof | None = field(default=None)
     hints: tuple[str, ...] = ()
     random_steps: RandomSteps | None = None
+    slice_count: SliceCount | None = None
 
     @property
     def word(self) -> str:
@@ -322,7 +327,10 @@ def certainty(forms: ClosedForm, page: Page = PLAIN) -> str:
     if forms.word != "not complete":
         return proof_text(forms, page)
     said = (caution("not complete"), ": ")
-    return "\n".join(page.paragraph(*said, gap, first="  ") for gap in forms.gaps)
+    lines = [page.paragraph(*said, gap, first="  ") for gap in forms.gaps]
+    if forms.slice_count is not None and not forms.slice_count.off:
+        lines.append(page.paragraph(forms.slice_count.evidence(), first="  "))
+    return "\n".join(lines)
 
 
 def proof_text(forms: ClosedForm, page: Page = PLAIN) -> str:
@@ -393,6 +401,8 @@ def families_html(forms: ClosedForm) -> str:
     gaps = "".join(
         f"<p>{notebook.verdict('not complete:', 'caution')} {text(g)}</p>" for g in forms.gaps
     )
+    if forms.slice_count is not None and not forms.slice_count.off:
+        gaps += f"<p>{text(forms.slice_count.evidence())}</p>"
     rows = [html_row(f) for f in forms.families]
     shown = families_table(rows, forms.legend) if rows else ""
     return f"<p>{head}</p>{shown}{gaps}"

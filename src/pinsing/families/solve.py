@@ -22,7 +22,8 @@ from pinsing.families.hints import SNAP, small_offset, snap_hint, unsolved_hint
 from pinsing.families.pieces import SolvedPiece
 from pinsing.families.proving import prove as add_proof
 from pinsing.families.proving import prove_briefly
-from pinsing.families.searched import MAX_JOINTS, Allowed, searched
+from pinsing.families.searched import MAX_JOINTS, Allowed, Searched, searched
+from pinsing.families.slice_count import SliceCount, count_on_slices
 from pinsing.families.statement import mirror_key
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.geometry.snap import Snap
@@ -37,6 +38,12 @@ _FOR_SEARCH = 0.9
 """Share of the time that there is for finding components; describing them needs some too."""
 _TO_DESCRIBE = 0.1
 """Share of the time that there is for describing families, however long finding them took."""
+
+
+_TO_COUNT = 0.2
+"""Share of the time that there is for counting on slices what a long chain's families miss."""
+_LONG = 7
+"""Joints from which on singular configurations on slices are counted."""
 
 
 @overload
@@ -135,6 +142,7 @@ def closed_form(
     left_out: list[Component] = []
     steps: RandomSteps | None = None
     unsolved = 0
+    search: Searched | None = None
     obstacle, moved = _obstacle(geometry)
     if obstacle is not None:
         gaps.append(obstacle)
@@ -159,6 +167,14 @@ def closed_form(
         )
         families = [describe(group, maker, arm, geometry) for group in grouped]
         families = [_named(f, i) for i, f in enumerate(sorted(families, key=_order), 1)]
+    counted: SliceCount | None = None
+    if gaps and search is not None and _on_slices(arm, rank):
+        left = max(seconds - (time.monotonic() - started), _TO_COUNT * seconds)
+        counted = count_on_slices(
+            search.geometry, maker.ring, search.components, arm.n - rank + 1, Budget(left)
+        )
+        if counted is not None and counted.off:
+            gaps.append(f"{counted.sentence()}: something is missing")
     hints: tuple[str, ...] = ()
     left = (1 - _FOR_SEARCH) * seconds + seconds - (time.monotonic() - started)
     if snap_length == 0 and (offset := small_offset(geometry)):
@@ -186,6 +202,7 @@ def closed_form(
         seconds=time.monotonic() - started,
         hints=hints,
         random_steps=steps,
+        slice_count=counted,
     )
     if prove is False:
         return found
@@ -234,6 +251,11 @@ def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
             f"{geometry.arm.n}: choose a shorter one with another base, or fewer joints"
         ), ()
     return None, moved
+
+
+def _on_slices(arm: Arm, rank: int) -> bool:
+    """Whether singular configurations of an arm are counted on slices where some may be missing."""
+    return arm.task.name == "pose" and rank == 6 and arm.n >= _LONG and arm.coupling is None
 
 
 def joint_symbols(arm: Arm) -> tuple[str, ...]:

@@ -134,6 +134,8 @@ def proof(c: Content, certificate: str | None) -> Section:
     else:
         parts.append(paragraph(said, text("What is missing:")))
         parts.append(bullets(text(gap) for gap in forms.gaps))
+        if forms.slice_count is not None and not forms.slice_count.off:
+            parts.append(paragraph(text(f"{forms.slice_count.evidence().capitalize()}.")))
     rounded = [f for f in forms.families if f.raw_ratio is not None]
     if rounded:
         rows = [(name(f.name), text(f"{f.raw_ratio:.1e}")) for f in rounded]
