@@ -230,6 +230,9 @@ def _pose_checks(
         points = tuple(
             p for p in points if pose_of(output_pose(mechanism, p.q)).quaternion[0] > 1 - _AGREE
         )
+    if not any(locus.kind == "type 1" for locus in forms.loci):
+        # What else is of type 1 the notes say.
+        points = tuple(p for p in points if p.kind != "type 1")
     if not points:
         return []
     worst = max(float(locus_distance(mechanism, forms, p.q)) for p in points)

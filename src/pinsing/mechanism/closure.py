@@ -215,7 +215,7 @@ def random_closed(
     return out
 
 
-def _near_home(mechanism: Mechanism) -> list[Array]:
+def near_home(mechanism: Mechanism) -> list[Array]:
     """Closed configurations from home and from starts around it."""
     loops, rng = Loops(mechanism), np.random.default_rng(_SEED)
     free = np.ones(mechanism.n, dtype=bool)
@@ -246,7 +246,7 @@ def _advice(mechanism: Mechanism) -> str:
 def _ranks(mechanism: Mechanism) -> Ranks:
     samples = random_closed(mechanism, _SAMPLES, np.random.default_rng(_SEED))
     if len(samples) < _FEW:
-        samples += _near_home(mechanism)
+        samples += near_home(mechanism)
     if not samples:
         raise PinsingError(
             f"{mechanism.name}: the loops {', '.join(str(x) for x in mechanism.loops)} close "

@@ -38,7 +38,9 @@ def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
     Passive joints have limits of their own, which may leave fewer.
     """
     found = rods(mechanism)
-    if found is None or set(mechanism.task.rows) != (_PLANE if found.planar else _SPACE):
+    if found is None or found.tilted or any(rod.bends for rod in found.rods):
+        return None
+    if set(mechanism.task.rows) != (_PLANE if found.planar else _SPACE):
         return None
     joints = [rod.joint for rod in found.rods]
     if len(set(joints)) < len(joints) or any(rod.hinge is not None for rod in found.rods):

@@ -15,7 +15,15 @@ import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.mechanism.closure import CLOSED, Loops, Mask, gauss_newton, random_closed, ranks
+from pinsing.mechanism.closure import (
+    CLOSED,
+    Loops,
+    Mask,
+    gauss_newton,
+    near_home,
+    random_closed,
+    ranks,
+)
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.load_mechanism import Mechanism
 
@@ -205,6 +213,10 @@ def _home(mechanism: Mechanism) -> Array:
             return found
     if not spare:
         spare = random_closed(mechanism, 30, np.random.default_rng(_SEED))
+    if not spare:
+        # The reason is said there; where ranks are known, loops close near home.
+        ranks(mechanism)
+        spare = near_home(mechanism)
     return mechanism.space.fold(spare[0])
 
 

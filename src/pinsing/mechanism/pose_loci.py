@@ -17,15 +17,17 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.mechanism.closure import ranks
 from pinsing.mechanism.every_position import PoseFamily, every_position
 from pinsing.mechanism.joint_forms import JointForms
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_equation import PoseEquation, planar_equation, pose_equation
+from pinsing.mechanism.pose_notes import needs
 from pinsing.mechanism.pose_ring import PoseRing, cross, determinant
 from pinsing.mechanism.rods import Rod, Rods, rods
-from pinsing.mechanism.three_distances import degree_notes, input_loci
+from pinsing.mechanism.three_distances import input_loci
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -120,10 +122,16 @@ def pose_forms(mechanism: Mechanism) -> PoseForms | None:
     -------
     PoseForms or None
         With ``str()``: the equations in words.
+
+    Raises
+    ------
+    PinsingError
+        If the loops close nowhere.
     """
     found = rods(mechanism)
     if found is None:
         return None
+    ranks(mechanism)
     return mechanism.once("pose_forms", lambda: _forms(mechanism, found))
 
 
@@ -135,7 +143,9 @@ def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
 
 def variables_at(mechanism: Mechanism, forms: PoseForms, q: Array) -> dict[str, float]:
     """Values of the variables of equations at a configuration q (n,)."""
-    pose = pose_of(output_pose(mechanism, q))
+    found = rods(mechanism)
+    there = output_pose(mechanism, q)
+    pose = pose_of(there if found is None else found.placed(there))
     out = dict(zip("xyz", pose.position, strict=True))
     out |= {f"e{k}": e for k, e in enumerate(pose.quaternion)}
     out["cos φ"], out["sin φ"] = float(np.cos(pose.angles[2])), float(np.sin(pose.angles[2]))
@@ -171,7 +181,7 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     if ring.off > 1e-12:
         notes.append(f"coordinates were made exact, by at most {ring.off:.1e} m")
     together = _together(ring)
-    notes += list(_needs(ring))
+    notes += list(needs(ring))
     if together != 0 and _always(found):
         notes.append(
             "the coordinates of the file make the lines dependent to 1e-9 of their size, at every "
@@ -305,33 +315,6 @@ def _real(found: PoseEquation) -> bool:
     return bool((values > 0).any() and (values < 0).any())
 
 
-def _needs(ring: PoseRing) -> Iterator[str]:
-    mechanism = ring.rods.mechanism
-    legs = [rod for rod in ring.rods.rods if rod.slides]
-    if legs:
-        reach = mechanism.lower[[rod.joint for rod in legs]] > 0
-        away = ", which the limits exclude" if reach.all() else ""
-        yield f"type 1: where a leg has no length{away}; nowhere else"
-    if any(rod.moved for rod in ring.rods.rods):
-        yield (
-            "the equations are in the pose and the inputs together: a pose and inputs that close "
-            "the loops are singular if and only if one of them is zero"
-        )
-        if ring.rods.planar and not mechanism.prismatic[list(ring.drivers)].any():
-            yield (
-                "the pose alone: eliminating the three inputs by their closure (each quadratic) "
-                "multiplies eight working modes, to degree 44 in x and y at a given angle, 42 with "
-                "legs of equal lengths (Bonev and Gosselin 2001); not done"
-            )
-            yield from degree_notes(mechanism)
-    if any(rod.hinge is not None for rod in ring.rods.rods):
-        yield (
-            "poses of this mechanism keep the outer end of each leg in the plane across its hinge; "
-            "such a pose is singular if and only if the equation holds"
-        )
-    yield "exact over the rationals at each step; certificates cover arms only"
-
-
 def _rod_names(found: Sequence[Rod]) -> str:
     numbers = [str(k) for k in range(1, len(found) + 1)]
     return f"the lines of legs {', '.join(numbers[:-1])} and {numbers[-1]}"
@@ -382,16 +365,17 @@ def _at_home(mechanism: Mechanism, ring: PoseRing, together: Any) -> Iterator[Po
     """The locus where the output is turned as at home, if that is not at all."""
     if ring.level or any(rod.moved for rod in ring.rods.rods):
         return
-    if np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max() > 1e-9:
+    there = ring.rods.placed(output_pose(mechanism, home(mechanism)))
+    if np.abs(there.rotation - np.eye(3)).max() > 1e-9:
         return
     gens = ring.context.names()
     values = {
         gens[k]: int(n == "e0") for k, n in enumerate(ring.names) if n[0] == "e" and n[1:].isdigit()
     }
-    there = together.subs(values)
-    if there == 0:
+    left = together.subs(values)
+    if left == 0:
         return
-    for factor, _ in there.factor()[1]:
+    for factor, _ in left.factor()[1]:
         if not factor.is_constant():
             found = pose_equation(factor, ring.names, ring.odd, ring.square)
             yield PoseLocus("type 2", "with the output turned as at home", found, _real(found))

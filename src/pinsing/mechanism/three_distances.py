@@ -21,7 +21,7 @@ from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, fraction, rational
-from pinsing.mechanism.exact_points import exact_points
+from pinsing.mechanism.exact_points import ExactPoints, exact_points
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.pose_equation import PoseEquation
@@ -31,6 +31,7 @@ from pinsing.robot.mechanism import Mechanism
 _TURNS = ((1, 0), (Fraction(4, 5), Fraction(3, 5)), (Fraction(5, 13), Fraction(12, 13)))
 _SAMPLES = 6
 _ZERO = 1e-7
+_LONGEST = 10**5
 _SEED = 5077
 Point = tuple[Any, Any]
 
@@ -54,7 +55,9 @@ class InputDegrees:
 def planar_rods(mechanism: Mechanism) -> Rods | None:
     """The three forces of a planar mechanism; None for another one."""
     found = rods(mechanism)
-    return found if found is not None and found.planar and len(found.rods) == 3 else None
+    if found is None or not found.planar or len(found.rods) != 3:
+        return None
+    return None if any(rod.bends for rod in found.rods) else found
 
 
 def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
@@ -112,7 +115,14 @@ def input_degrees(mechanism: Mechanism) -> InputDegrees | None:
 
 
 def degree_notes(mechanism: Mechanism) -> Iterator[str]:
-    """The same in words."""
+    """The same in words, and why a locus over three distances is left out."""
+    slid = planar_rods(mechanism)
+    if slid is not None and all(r.slides for r in slid.rods) and not input_loci(mechanism):
+        yield (
+            "the inputs alone: eliminating the pose leaves a polynomial, in general of degree 12 "
+            "in the squares of the inputs; not written out where coordinates have more than five "
+            "decimals"
+        )
     found = input_degrees(mechanism)
     if found is None:
         return
@@ -128,15 +138,15 @@ def degree_notes(mechanism: Mechanism) -> Iterator[str]:
 def rod_length(mechanism: Mechanism, rod: Rod) -> float:
     """Distance of the ends of a rod that is no actuator, metres; in the plane if that is level."""
     q = home(mechanism)
-    pose = output_pose(mechanism, q)
+    found = rods(mechanism)
+    assert found is not None  # the rod is one of them
+    pose = found.placed(output_pose(mechanism, q))
     value = float(q[rod.joint])
     slides = mechanism.prismatic[rod.joint]
     c, s = (value, 0.0) if slides else (float(np.cos(value)), float(np.sin(value)))
     C = rod.inner + c * rod.first + s * rod.second
     B = np.array(pose.translation) + np.array(pose.rotation) @ rod.outer
-    found = rods(mechanism)
-    flat = found is not None and found.planar
-    return float(np.linalg.norm((B - C)[:2] if flat else B - C))
+    return float(np.linalg.norm((B - C)[:2] if found.planar else B - C))
 
 
 def _poses(
@@ -187,6 +197,8 @@ def _univariate(poly: Poly) -> fmpq_poly:
 def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
     points = [p for rod in found.rods for p in (rod.outer, rod.inner)]
     exact = exact_points(points)
+    if not _written_short(exact):
+        return ()
     context = fmpq_mpoly_ctx.get(["t", "r0", "r1", "r2"], Ordering.degrevlex)
     plane = [tuple(context.constant(rational(v)) for v in p[:2]) for p in exact.vectors]
     squares = list(context.gens()[1:])
@@ -204,6 +216,11 @@ def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
         if any(_vanishes(factor, at) for at in samples):
             kept.append(_in_inputs(factor, names))
     return tuple(kept)
+
+
+def _written_short(exact: ExactPoints) -> bool:
+    """Whether the coefficients stay of a length that is found in seconds."""
+    return max(v.denominator for p in exact.vectors for v in p[:2]) <= _LONGEST
 
 
 def _singular_squares(found: Rods) -> list[Array]:
@@ -233,8 +250,10 @@ def _singular_squares(found: Rods) -> list[Array]:
 
 def _vanishes(factor: Poly, at: Array) -> bool:
     total, size = 0j, 0.0
-    for monomial, c in factor.to_dict().items():
-        term = complex(float(fraction(c)))
+    terms = {m: fraction(c) for m, c in factor.to_dict().items()}
+    lead = max(terms.values(), key=abs)
+    for monomial, c in terms.items():
+        term = complex(float(c / lead))
         for value, power in zip(at, tuple(monomial)[1:], strict=True):
             term *= complex(value) ** int(power)
         total, size = total + term, size + abs(term)

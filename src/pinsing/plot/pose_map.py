@@ -13,7 +13,7 @@ from pinsing.errors import OptionError
 from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.modes import home
-from pinsing.mechanism.pose import Pose, pose_of
+from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_loci import PoseForms, pose_forms
 from pinsing.mechanism.rods import Rod, Rods, rods
 from pinsing.plot.mechanism import TYPE_1, TYPE_2
@@ -82,7 +82,8 @@ def pose_map(
             "map --loops --over poses"
         )
     first, second = _chosen(over, found, forms)
-    start = np.array([*_home(mechanism).position, *_home(mechanism).angles])
+    at_home = pose_of(found.placed(output_pose(mechanism, home(mechanism))))
+    start = np.array([*at_home.position, *at_home.angles])
     sides = [_side(mechanism, found, start, k, samples) for k in (first, second)]
     grid = np.broadcast_to(start, (samples, samples, 6)).copy()
     grid[..., first], grid[..., second] = np.meshgrid(*sides)
@@ -138,10 +139,6 @@ def pose_map(
     title = "every pose is singular" if forms.architecture else "singular poses of the output"
     ax.set_title(f"{mechanism.name}: {title}", fontsize=10)
     return ax
-
-
-def _home(mechanism: Mechanism) -> Pose:
-    return pose_of(output_pose(mechanism, home(mechanism)))
 
 
 def _chosen(over: Sequence[str], found: Rods, forms: PoseForms) -> tuple[int, int]:
