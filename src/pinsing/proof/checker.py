@@ -206,9 +206,9 @@ class Ring:
         """A form without a joint that is zero wherever two forms with it are."""
         x, y = self.names[2 * joint : 2 * joint + 2]
         size = self.degree(p, joint) + self.degree(g, joint)
-        if len(p) * len(g) * size > LONG:
+        self.spend(1000 + min(work := len(p) * len(g) * size, LONG))
+        if work > LONG:
             return self.zero  # which tells nothing
-        self.spend(len(p) * len(g) * size)
         tops = [f.subs({x: 0, y: 1}) for f in (p, g)]  # x = 0 counts, too
         found = self.reduced(p.subs({x: 1}).resultant(g.subs({x: 1}), y))
         return found if all(tops) else self.times(found, sum(tops, self.zero))
@@ -240,13 +240,13 @@ class Ring:
         """Whether forms are shown to have no common zero with some joints at integers."""
         values = {j: (self.one, self.one * (a + 3 * j)) for j in held}
         forms = [f for p in forms if (f := self.put(p, values)) != 0]
-        for j in free:
+        for j in free if all(map(self.joints, forms)) else ():  # else a number vanishes
             having = sorted((f for f in forms if self.degree(f, j)), key=len)
             forms = [f for f in forms if not self.degree(f, j)]
             for pair in combinations(having, 2):
-                if not all(map(self.joints, forms)):
-                    return True  # a number vanishes
                 forms += [f for f in [self.resultant(*pair, j)] if f != 0]
+                if not all(map(self.joints, forms[-1:])):
+                    return True
         return not all(map(self.joints, forms))
 
 

@@ -12,6 +12,9 @@ from pinsing.proof.skeleton import number_text
 
 _POSITION = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (1, 1): 3}
 
+_KEPT = 1_000_000
+"""Terms of resultants that are kept: some hundred megabytes."""
+
 
 class Draft(Certificate):
     """A certificate in the making: the Jacobian of its chain is found once for all drafts."""
@@ -20,13 +23,18 @@ class Draft(Certificate):
         self.known_jacobian = jacobian
         super().__init__(data)
         self._resultants: dict[tuple[str, str, int], Poly] = {}
+        self._kept = 0
         self._resultant, self.ring.resultant = self.ring.resultant, self._known_resultant  # type: ignore[method-assign]
 
     def _known_resultant(self, p: Poly, g: Poly, joint: int) -> Poly:
         """As the checker finds it; a search asks for the same ones again and again."""
+        if self._kept > _KEPT:
+            return self._resultant(p, g, joint)
         key = (str(p), str(g), joint)
+        self.ring.spend(1000)  # finding it again takes time, too
         if key not in self._resultants:
             self._resultants[key] = self._resultant(p, g, joint)
+            self._kept += len(p) + len(g) + len(self._resultants[key])
         return self._resultants[key]
 
     def jacobian(self) -> Matrix:

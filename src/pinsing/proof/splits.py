@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 
 from pinsing.algebra.ring import Poly
-from pinsing.proof.division import top_of, vanishes
+from pinsing.proof.division import shown, top_of, vanishes
 from pinsing.proof.forms import Forms
 from pinsing.proof.place import Place, Split
 from pinsing.proof.skeleton import form_text
@@ -129,12 +130,17 @@ class Splits:
                         Split([(self.ring.one, {**source, "at": at})], poly),
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):
-            if not vanishes(self.ring, split.form, place.relations):
+            if not self._vanishes(split.form, place.relations):
                 # Units are numbers where free joints are at points: the checker has them, too.
                 ((_, source),) = split.sum
                 minor = self.certificate.at(place.values)(*map(tuple, source["minor"]))
                 poly = self.ring.put(minor, self.ring.where(source["at"])[0])
                 yield Split(split.sum, self.ring.stripped(poly)[0])
+
+    def _vanishes(self, form: Poly, relations: Sequence[Poly]) -> bool:
+        """Whether a form is soon seen to vanish where relations do."""
+        self._tick()
+        return shown(self.ring, functools.partial(vanishes, self.ring, form, relations))
 
     def _point(self, k: int) -> tuple[Poly, Poly]:
         zero, one = self.ring.zero, self.ring.one
@@ -182,7 +188,7 @@ class Splits:
             for family in self.families
             for p in family
             for f in ring.stripped(ring.put(p, place.values))
-            if f != 0 and ring.joints(f) and not vanishes(ring, f, relations)
+            if f != 0 and ring.joints(f) and not ring.vanishes(f, ({}, relations))
         }
         for f in wanted.values():
             for a, p in enumerate(relations):

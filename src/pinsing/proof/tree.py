@@ -14,8 +14,8 @@ from typing import Any
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.ring import Poly
-from pinsing.proof.checker import MOST_WORK, Certificate, Rejected, Ring
-from pinsing.proof.division import divisions, empty, vanishes
+from pinsing.proof.checker import Certificate, Rejected, Ring
+from pinsing.proof.division import divisions, empty, shown, vanishes
 from pinsing.proof.forms import Forms
 from pinsing.proof.place import NotFound, Place, Split, place_text
 from pinsing.proof.skeleton import form_text
@@ -34,8 +34,6 @@ _TRIED, _MANY, _TRIED_THERE = 8, 5, 3
 are so many that fewer are tried."""
 _DENSE = 400
 """Terms of all relations beyond which nothing long is tried with them."""
-_STEP = 10_000_000
-"""Products of terms that one question may take: a small part of what the checker spends in all."""
 
 
 class Tree:
@@ -103,13 +101,7 @@ class Tree:
     def _shown(self, question: Callable[[], bool]) -> bool:
         """Whether something is seen, and not only after long."""
         self._check_time()
-        self.ring.work = MOST_WORK - _STEP
-        try:
-            return question()
-        except Rejected:
-            return False
-        finally:
-            self.ring.work = 0
+        return shown(self.ring, question)
 
     def _closed_around(self, forms: set[str], points: bool) -> Place | None:
         """A place that is closed and has some of these forms only: it holds this one."""
