@@ -18,6 +18,7 @@ from pinsing.families.parts import Branch
 from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.solved_for import solved_for
 from pinsing.families.statement import statement
+from pinsing.families.value_reach import ValueReach, values_reached
 from pinsing.families.zero_set import gradients, proven_empty
 from pinsing.geometry.nominal import Nominal
 from pinsing.measures import Reachability
@@ -84,6 +85,22 @@ def describe(
     return _described(draft, reachability, inside, points, arm, geometry, maker)
 
 
+def _value_reach(
+    family: Family, reachability: Reachability, inside: Array, maker: PieceMaker
+) -> tuple[ValueReach, ...]:
+    """Which of the values that joints are at lie within the limits."""
+    rng = np.random.default_rng(_SEED)
+
+    def met(branch: Branch) -> bool:
+        if any(_on(family, branch, q) for q in inside):
+            return True
+        alone = replace(family, branches=(branch,), reachability=reachability)
+        return bool(len(alone.points(1, rng, within_limits=True, rounds=maker.rounds())))
+
+    limits = family.limits
+    return values_reached(family.branches, limits, family.prismatic, reachability, met)
+
+
 def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, ...]:
     """Which limits a point lies beyond, within the tolerance, with both numbers."""
     said = []
@@ -133,6 +150,7 @@ def _described(
     kinds = kinds_of(draft, points, exact, maker)
     return replace(
         draft,
+        value_reach=_value_reach(draft, reachability, inside, maker),
         at_once=() if (said := at_once(branch, generic, maker.symbols)) is None else (said,),
         codimension=_codimension(branch, generic, draft.codimension),
         reachability=reachability,

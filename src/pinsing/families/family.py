@@ -17,6 +17,7 @@ from pinsing.families.members import Members
 from pinsing.families.nearness import Confirm
 from pinsing.families.parts import Branch, KindPart
 from pinsing.families.solved_for import LONG, SolvedFor, long_form
+from pinsing.families.value_reach import ValueReach, reach_words
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
@@ -49,6 +50,8 @@ class Family(Members, JsonResult):
         (proven), or "none found".
     limit_tolerance : (n,) array or None
         By how much the limits count as wider; None: by nothing.
+    value_reach : tuple of ValueReach
+        Each value that the family fixes a joint at, and whether the limits allow it.
     limits_met : tuple of str
         Limits that the family lies a little beyond, with both numbers.
     witness : (n,) array or None
@@ -124,6 +127,7 @@ class Family(Members, JsonResult):
     solved: tuple[SolvedFor, ...] = field(default=(), metadata={"optional": True})
     at_once: tuple[AtOnce, ...] = field(default=(), metadata={"optional": True})
     arm: Arm | None = field(default=None, repr=False, metadata={"json": False})
+    value_reach: tuple[ValueReach, ...] = field(default=(), metadata={"optional": True})
 
     def __getstate__(self) -> dict[str, Any]:
         # Exact polynomials live in a ring of this process: like JSON, pickles go without them,
@@ -134,6 +138,11 @@ class Family(Members, JsonResult):
     def is_reachable(self) -> bool | None:
         """True, False (proven), or None if no point within the limits was found."""
         return self.reachability.known
+
+    @property
+    def reach(self) -> str:
+        """Reachability in words, with the joint values that it is true of where not of all."""
+        return reach_words(self.reachability, self.value_reach, self.prismatic)
 
     @property
     def equations(self) -> tuple[Equation, ...]:
@@ -173,4 +182,5 @@ def html_row(family: Family) -> tuple[str, ...]:
     varies = family.kind == "varies"
     kind = "; ".join(str(part) for part in family.kinds) if varies else family.kind
     short = family.text if family.solved or family.abridged else ""
-    return family_row(family.name, family.latex, short, kind, family.reachability, family.reason)
+    cells = family.name, family.latex, short, kind
+    return family_row(*cells, family.is_reachable, family.reach, family.reason)

@@ -84,7 +84,7 @@ def meaning(family: Family) -> Iterator[str]:
         kind = f"{family.kind}, " if family.kind != "undecided" else ""
     size = f"codimension {family.codimension} of {n}"
     proof = "" if family.proof == "algebra" else ", checked at generic points"
-    yield f"{kind}{family.reachability.words}; {size}{proof}"
+    yield f"{kind}{family.reach}; {size}{proof}"
     yield from family.limits_met
     if family.reason:
         yield family.reason

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 from pinsing.algebra.equation_text import latex_symbol
-from pinsing.measures import Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
 
 _HEADER = ("", "singular where", "kind", "reachable", "why")
@@ -19,9 +18,9 @@ def families_table(rows: Iterable[Sequence[str]], named: Iterable[tuple[str, str
 
 
 def family_row(
-    called: str, latex: str, short: str, kind: str, reach: Reachability, reason: str
+    called: str, latex: str, short: str, kind: str, inside: bool | None, reach: str, reason: str
 ) -> tuple[str, ...]:
     """The cells of a family: its equations behind ``short``, where that is given."""
-    tone = _TONES.get(reach.known)
-    reachable = marked(reach.words, tone) if tone else text(reach.words)
+    tone = _TONES.get(inside)
+    reachable = marked(reach, tone) if tone else text(reach)
     return name(called), formula(latex, short), text(kind), reachable, text(reason)

@@ -31,7 +31,8 @@ class FamilyDistance:
     q : (n,) array
         The nearest configuration of it that was found.
     reachability : str
-        Whether the family has points within the joint limits, in words.
+        Whether the family has points within the joint limits, in words, and with which joint
+        values where not with all.
     """
 
     family: str
@@ -86,8 +87,7 @@ def distances(forms: Forms, q: npt.ArrayLike, *, seconds: float = SECONDS) -> Di
     found = []
     for name, family in zip(watched.names, watched.families, strict=True):
         d = family.distance(x, seconds=seconds)
-        words = family.reachability.words
-        found.append(FamilyDistance(name, d.lower, d.upper, d.q, words))
+        found.append(FamilyDistance(name, d.lower, d.upper, d.q, family.reach))
     found.sort(key=lambda d: (d.upper, d.lower))
     return Distances(x, tuple(found), watched.complete)
 

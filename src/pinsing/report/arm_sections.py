@@ -88,7 +88,7 @@ def summary(c: Content) -> Section:
             f'<a href="#{f.name}">{text(f.name)}</a>',
             text(f.text) if f.solved or f.abridged else formula(f.latex),
             text(_kind(f)),
-            badge(f.reachability.words, _REACHED[f.reachability]),
+            badge(f.reach, _REACHED[f.reachability]),
         )
         for f in families
     ]
@@ -236,7 +236,7 @@ def _family(
     n = family.n
     facts = [
         ("kind", text(_kind(family))),
-        ("reachable", badge(family.reachability.words, _REACHED[family.reachability])),
+        ("reachable", badge(family.reach, _REACHED[family.reachability])),
         (
             "size",
             text(f"codimension {family.codimension} of {n}: " + _extent(n - family.codimension)),

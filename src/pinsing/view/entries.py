@@ -45,6 +45,8 @@ class Entry:
         Motions lost at a generic point.
     reachable : bool or None
         Whether the limits allow it; None where that is not known.
+    reach : str
+        In words, where they allow it with some of its joint values only; else empty.
     family : FamilyLike or None
         The family itself, where there is one.
     """
@@ -60,6 +62,7 @@ class Entry:
     codimension: int | None = None
     lost: tuple[str, ...] = ()
     reachable: bool | None = True
+    reach: str = ""
     family: FamilyLike | None = None
 
     def where(self, q: Array) -> str:
@@ -116,6 +119,7 @@ def family_entries(arm: Arm, families: Iterable[FamilyLike], poses: int = 3) -> 
                 codimension=getattr(family, "codimension", None),
                 lost=tuple(getattr(family, "lost", ())),
                 reachable=True if chosen else reachable,
+                reach=_reach(family),
                 family=family,
             )
         )
@@ -134,6 +138,13 @@ def pose_entries(arm: Arm, configurations: Iterable[npt.ArrayLike]) -> tuple[Ent
         everything = tuple(range(arm.n))
         out.append(Entry(f"P{number}", text, (q,), everything, symbols, arm.prismatic))
     return tuple(out)
+
+
+def _reach(family: FamilyLike) -> str:
+    """What there is to say of the limits beside that they allow the family, or do not."""
+    if not isinstance(family, Family) or family.reach == family.reachability.words:
+        return ""
+    return family.reach
 
 
 def _kind(family: FamilyLike) -> str:

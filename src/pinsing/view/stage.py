@@ -170,6 +170,8 @@ def _more(entry: Entry) -> Iterator[str]:
         yield entry.kind
     if entry.codimension:
         yield f"codimension {entry.codimension}"
+    if entry.reach:
+        yield entry.reach
     if entry.reachable is False:
         yield "out of reach of the limits"
     if entry.reachable is None:
