@@ -111,21 +111,23 @@ def count_on_slices(
     Returns
     -------
     SliceCount or None
-        None where the field does not know the chain's numbers: square roots, denominators.
+        None where the field does not know the chain's numbers (square roots, denominators), or
+        one field contradicts and there is no time to ask the other.
     """
     if not ring.rational:
         return None
-    counted = None
+    counted: list[SliceCount] = []
     for prime in FIELDS:
         try:
             again = _counted(geometry, ring, components, most, time, prime)
         except ValueError:  # a denominator that the prime divides
             continue
-        if again.slices and (counted is None or not again.off):
-            counted = again
-        if counted is None or not counted.off:
-            break
-    return counted if counted is not None and counted.slices else None
+        if again.slices:
+            counted.append(again)
+        if not again.off:
+            return counted[-1] if counted and not counted[-1].off else None
+    # What one field alone contradicts may be its own doing: then nothing is said.
+    return counted[-1] if len(counted) == len(FIELDS) else None
 
 
 def _counted(

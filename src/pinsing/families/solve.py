@@ -174,7 +174,7 @@ def closed_form(
             search.geometry, maker.ring, search.components, arm.n - rank + 1, Budget(left)
         )
         if counted is not None and counted.off:
-            gaps.append(f"{counted.sentence()}: something is missing")
+            gaps.append(f"{counted.sentence()}, and so it is over another: something is missing")
     hints: tuple[str, ...] = ()
     left = (1 - _FOR_SEARCH) * seconds + seconds - (time.monotonic() - started)
     if snap_length == 0 and (offset := small_offset(geometry)):
