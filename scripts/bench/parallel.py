@@ -130,7 +130,7 @@ def part(mechanism: Mechanism, name: str) -> str:
     forms = pose_forms(mechanism) if loops is None else loops
     joints = joint_forms(mechanism)
     if forms is None:
-        lines += ["No closed form over the pose: the legs are of another kind than those that pass one force each.", ""]
+        lines += ["No closed form over the pose: the legs do not pass one force each.", ""]
     lines += ["```", forms_text(mechanism.inputs, forms, joints=short(joints)), "```", ""]
     if name in SLICES:
         lines += [f"![Aspects of a slice over {SLICES[name]}](images/parallel_{name}.png)", ""]
