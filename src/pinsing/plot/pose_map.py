@@ -85,9 +85,13 @@ def pose_map(
     at_home = pose_of(found.placed(output_pose(mechanism, home(mechanism))))
     start = np.array([*at_home.position, *at_home.angles])
     sides = [_side(mechanism, found, start, k, samples) for k in (first, second)]
-    grid = np.broadcast_to(start, (samples, samples, 6)).copy()
-    grid[..., first], grid[..., second] = np.meshgrid(*sides)
-    values, inside = _variables(mechanism, found, grid)
+    inside = _variables(mechanism, found, _grid(start, (first, second), sides))[1]
+    # Beyond what is reached there is nothing to see.
+    sides = [
+        side if k > 2 else _cropped(side, inside.any(axis=axis))
+        for k, side, axis in ((first, sides[0], 0), (second, sides[1], 1))
+    ]
+    values, inside = _variables(mechanism, found, _grid(start, (first, second), sides))
     ax = plt.subplots(figsize=(6, 5.4))[1] if ax is None else ax
     unit = [180 / np.pi if degrees and k > 2 else 1.0 for k in (first, second)]
     x, y = sides[0] * unit[0], sides[1] * unit[1]
@@ -130,15 +134,26 @@ def pose_map(
     ax.set_ylabel(names[1])
     if first < 3 and second < 3:
         ax.set_aspect("equal")
-    # Beyond what is reached there is nothing to see.
-    for k, name, side, axis in ((first, "x", x, 0), (second, "y", y, 1)):
-        there = np.flatnonzero(inside.any(axis=axis))
-        if k < 3 and len(there):
-            low, high = side[there[0]], side[there[-1]]
-            ax.set(**{f"{name}lim": (low - 0.12 * (high - low), high + 0.12 * (high - low))})
     title = "every pose is singular" if forms.architecture else "singular poses of the output"
     ax.set_title(f"{mechanism.name}: {title}", fontsize=10)
     return ax
+
+
+def _grid(start: Array, chosen: tuple[int, int], sides: list[Array]) -> Array:
+    """Poses (n2, n1, 6): two coordinates over their sides, the others as at the start."""
+    grid = np.broadcast_to(start, (len(sides[1]), len(sides[0]), 6)).copy()
+    grid[..., chosen[0]], grid[..., chosen[1]] = np.meshgrid(*sides)
+    return grid
+
+
+def _cropped(side: Array, reached: Array) -> Array:
+    """As many values, but from a little before the first that is reached to a little after."""
+    there = np.flatnonzero(reached)
+    if not len(there):
+        return side
+    low, high = side[there[0]], side[there[-1]]
+    more = max(0.12 * (high - low), float(side[1] - side[0]))
+    return np.linspace(low - more, high + more, len(side))
 
 
 def _chosen(over: Sequence[str], found: Rods, forms: PoseForms) -> tuple[int, int]:
