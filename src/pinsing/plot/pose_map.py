@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
+import numpy.typing as npt
 import pinocchio as pin
 
 from pinsing._types import Array
@@ -146,7 +147,7 @@ def _grid(start: Array, chosen: tuple[int, int], sides: list[Array]) -> Array:
     return grid
 
 
-def _cropped(side: Array, reached: Array) -> Array:
+def _cropped(side: Array, reached: npt.ArrayLike) -> Array:
     """As many values, but from a little before the first that is reached to a little after."""
     there = np.flatnonzero(reached)
     if not len(there):
