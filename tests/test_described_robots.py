@@ -127,6 +127,34 @@ def test_nothing_is_downloaded(package):
         pinsing.load("rd:far_description")
 
 
+def test_a_clone_that_is_not_whole_fetches_nothing(package, tmp_path):
+    """A folder that holds a `.git` alone: the package would ask the network for the rest."""
+    folder = tmp_path / "robot_descriptions"
+    (folder / "_cache.py").write_text(
+        "def clone_to_directory(repo_url, target_dir, commit=None):\n"
+        "    raise SystemExit('the network was asked')\n"
+        "def clone_to_cache(name, commit=None):\n"
+        f"    return clone_to_directory('url', {str(tmp_path / 'cache' / 'here')!r}).working_dir\n"
+    )
+    (folder / "puma_description.py").write_text(
+        "from os import path\n"
+        "from ._cache import clone_to_cache\n"
+        "URDF_PATH = path.join(clone_to_cache('here'), 'puma.urdf')\n"
+    )
+    (tmp_path / "cache" / "here" / ".git").mkdir()
+    done = CliRunner().invoke(command, ["info", "rd:puma_description"])
+    assert done.exit_code == 2
+    assert "puma.urdf. What is missing would have to be downloaded" in done.stderr
+    assert "`robot_descriptions pull puma_description` does it" in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
+    text = (URDF / "puma560.urdf").read_text()
+    (tmp_path / "cache" / "here" / "puma.urdf").write_text(text)
+    assert pinsing.load("rd:puma_description").n == 6
+    cache = sys.modules["robot_descriptions._cache"]
+    with pytest.raises(SystemExit):
+        cache.clone_to_directory("url", "folder")
+
+
 @pytest.mark.parametrize(
     ("name", "said"),
     [

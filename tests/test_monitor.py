@@ -355,3 +355,30 @@ def test_contact_of_nothing() -> None:
     conditions = closed("ur5").families[0].conditions()
     x = np.zeros(6)
     assert contact.contact_along(conditions, 0, x, np.zeros(6), 1.0) == (np.inf, 0.0)
+
+
+def test_speeds_of_the_whole_model_do_as_well() -> None:
+    arm = pinsing.load("ur5", base="upper_arm_link")
+    whole = pinsing.load("ur5")
+    form = pinsing.closed_form(arm)
+    rng = np.random.default_rng(5)
+    for _ in range(5):
+        q, dq = rng.uniform(-1, 1, (2, 6))
+        own = [whole.joints.index(name) for name in arm.joints]
+        monitor = pinsing.Monitor(form)
+        one, other = monitor.update(q, dq), monitor.update(q[own], dq[own])
+        assert one.rate == other.rate
+        assert one.time_to_contact == other.time_to_contact
+    with pytest.raises(ConfigurationError, match="or the whole model's 6; got shape"):
+        monitor.update(q[own], np.zeros(8))
+
+
+def test_a_locked_joint_of_the_chain_must_be_at_rest() -> None:
+    whole = pinsing.load("ur5").joints
+    arm = pinsing.load("ur5", joints=[*whole[:2], *whole[3:]])
+    monitor = pinsing.Monitor(pinsing.closed_form(arm))
+    q, dq = np.array([0.1, 0.2, 0.0, 0.4, 0.5, 0.6]), np.zeros(6)
+    monitor.update(q, dq)
+    dq[2] = 0.1
+    with pytest.raises(ConfigurationError, match="is locked in this arm, but the whole model's dq"):
+        monitor.update(q, dq)

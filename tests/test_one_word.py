@@ -10,7 +10,8 @@ import pinsing
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.cli.app import command
 from pinsing.families import proving
-from pinsing.families.form import certainty, families_text
+from pinsing.families.certainty import certainty
+from pinsing.families.form import families_text
 from pinsing.families.proving import prove_briefly, within
 from pinsing.proof import produce
 from pinsing.proof.forms import Forms

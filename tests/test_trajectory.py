@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import warnings
 from pathlib import Path
 
@@ -212,6 +213,66 @@ def test_files_of_all_kinds_read_alike(tmp_path: Path) -> None:
             np.testing.assert_array_equal(read.t, t)
     degrees = read_trajectory(tmp_path / "a.npy", arm, degrees=True)
     np.testing.assert_allclose(degrees.Q, np.radians(Q))
+
+
+def test_each_number_of_the_details_has_a_unit() -> None:
+    arm = arm_of("stanford")
+    step = np.array([0.5, 0.1, 0.9, 0, 0, 0])
+    Q = np.array([[0, 1, 0.3, 1, 1, 0]]) + np.arange(4)[:, None] * step
+    check = pinsing.check_trajectory(arm, Q, np.arange(4) * 0.01, forms=closed("stanford"))
+    for degrees, turning in ((True, "deg"), (False, "rad")):
+        text = details(check, degrees)
+        lines = [line for line in text.splitlines() if "(limit " in line]
+        assert any(f" {turning}/s at t" in line and f" {turning}/s)," in line for line in lines)
+        for line in lines:
+            slides = line.split(":")[0].strip() == arm.joints[2]
+            unit = "m" if slides else turning
+            assert re.search(rf"(-?[0-9.e+]+) {unit}(/s)? at t = .* {unit}(/s)?\),", line), line
+        assert any(line.split(":")[0].strip() == arm.joints[2] for line in lines)
+    assert "tip speed 1 (m/s, rad/s)" in details(check)
+
+
+class TestTheWholeRobotsColumns:
+    """A log of all joint states has columns of joints that are not on the chain."""
+
+    def test_joints_before_the_base_are_passed_over_and_named(self, tmp_path: Path) -> None:
+        arm = pinsing.load("ur5", base="upper_arm_link")
+        whole = arm_of("ur5").joints
+        table = np.degrees(np.random.default_rng(3).uniform(-1, 1, (5, 6)))
+        path = tmp_path / "log.csv"
+        np.savetxt(path, table, delimiter=",", header=",".join(whole), comments="")
+        read = read_trajectory(path, arm, degrees=True)
+        left = [name for name in whole if name not in arm.joints]
+        assert left
+        columns = [whole.index(name) for name in arm.joints]
+        np.testing.assert_allclose(read.Q, np.radians(table[:, columns]))
+        said = ", ".join(f"{name!r}" for name in left)
+        assert f"the chain leaves out {said}: not used" in read.notes
+
+    def test_what_no_joint_is_called_stays_an_error(self, tmp_path: Path) -> None:
+        path = tmp_path / "log.csv"
+        path.write_text("t,rail,a\n0,1,2\n")
+        with pytest.raises(ConfigurationError, match="unknown column 'rail'"):
+            read_trajectory(path, arm_of("ur5"))
+
+    def test_a_joint_that_is_locked_on_the_chain_has_to_stay_there(self, tmp_path: Path) -> None:
+        whole = arm_of("ur5")
+        locked = whole.joints[2]
+        arm = pinsing.load("ur5", joints=[name for name in whole.joints if name != locked])
+        Q = np.full((3, 6), 0.1)
+        path = tmp_path / "log.csv"
+        for value, right in ((0.0, True), (0.1, False)):
+            Q[:, 2] = value
+            np.savetxt(
+                path, np.degrees(Q), delimiter=",", header=",".join(whole.joints), comments=""
+            )
+            if right:
+                np.testing.assert_allclose(read_trajectory(path, arm, True).Q, 0.1)
+            else:
+                with pytest.raises(
+                    ConfigurationError, match=f"log.csv: joint '{locked}' is locked"
+                ):
+                    read_trajectory(path, arm, True)
 
 
 @pytest.mark.slow

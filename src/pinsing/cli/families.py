@@ -107,7 +107,8 @@ def families_command(
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.families import prove as add_proof
-    from pinsing.families.form import certainty, families_text
+    from pinsing.families.certainty import certainty
+    from pinsing.families.form import families_text
 
     def written(form: ClosedForm, undecided: bool = False) -> str:
         if latex:

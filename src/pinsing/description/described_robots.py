@@ -11,7 +11,7 @@ import importlib
 import importlib.util
 import io
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -22,6 +22,8 @@ from pinsing.errors import RobotFileError, UnknownNameError
 PREFIX = "rd:"
 PACKAGE = "robot_descriptions"
 _CACHE = "ROBOT_DESCRIPTIONS_CACHE"
+_CLONE = "clone_to_directory"
+"""What the package calls that clones a repository, or fetches a commit into one."""
 
 
 @dataclass(frozen=True)
@@ -111,13 +113,42 @@ def _missing(what: Any) -> str:
 def _module(name: str, plain: str) -> ModuleType:
     """Import the module of a robot whose repository is here; what it prints is dropped."""
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
+        with contextlib.redirect_stdout(io.StringIO()), _without_git():
             return importlib.import_module(f"{PACKAGE}.{plain}")
     except Exception as error:  # git, the network, or the module itself: all of another package
         reason = " ".join(str(error).split())[:200]
         raise RobotFileError(
             f"the package {PACKAGE} fails: {reason or type(error).__name__}", Path(name)
         ) from None
+
+
+@dataclass(frozen=True)
+class _Clone:
+    """As much of a clone as the package asks for."""
+
+    working_dir: str
+
+
+@contextlib.contextmanager
+def _without_git() -> Iterator[None]:
+    """Let the package take folders of its cache as they are, whole or not, and fetch nothing."""
+    try:
+        cache = importlib.import_module(f"{PACKAGE}._cache")
+    except ModuleNotFoundError as error:
+        if error.name != f"{PACKAGE}._cache":
+            raise
+        yield
+        return
+    before = getattr(cache, _CLONE, None)
+
+    def here(repo_url: str, target_dir: str, commit: str | None = None) -> _Clone:
+        return _Clone(target_dir)
+
+    setattr(cache, _CLONE, here)
+    try:
+        yield
+    finally:
+        setattr(cache, _CLONE, before)
 
 
 def _paths(module: ModuleType, name: str) -> Described:
@@ -127,6 +158,13 @@ def _paths(module: ModuleType, name: str) -> Described:
             break
     else:
         raise RobotFileError("comes neither as a URDF, a xacro nor a MuJoCo model", Path(name))
+    if not Path(path).is_file():
+        plain = name.removeprefix(PREFIX)
+        raise RobotFileError(
+            f"is not whole on this computer: there is no {path}. What is missing would have to be "
+            f"downloaded, which pinsing does not do; `robot_descriptions pull {plain}` does it",
+            Path(name),
+        )
     folders = [
         Path(folder).parent if key == "PACKAGE_PATH" else Path(folder)
         for key in ("PACKAGE_PATH", "REPOSITORY_PATH")

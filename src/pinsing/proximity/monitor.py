@@ -17,6 +17,7 @@ from pinsing.bounds.two_sided import two_sided
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.notebook import one_line
 from pinsing.proximity.watched import Forms, every_name, watch
+from pinsing.robot.whole_model import WholeModel
 
 CLEAR, WARN, STOP = LEVELS = ("clear", "warn", "stop")
 
@@ -189,8 +190,8 @@ class Monitor:
         q : (n,) or (nq,) array_like
             Radians and metres, or a configuration of the whole model; an array (n,) of floats is
             fastest.
-        dq : (n,) array_like, optional
-            Joint speeds.
+        dq : (n,) or (nv,) array_like, optional
+            Joint speeds, rad/s and m/s, or those of the whole model.
 
         Returns
         -------
@@ -252,6 +253,9 @@ class Monitor:
             array = real_numbers(values, name)
             if name == "q" and array.ndim == 1:
                 array = self._watched.check(array, name)
+            elif name == "dq" and (arm := self._watched.arm) is not None:
+                whole = WholeModel(arm.source, arm.joints, arm.tip, arm.coupling)
+                array = whole.chain_dq(array, name)
             if array.shape != self._shape:
                 raise ConfigurationError(
                     f"{name} needs {len(self.joints)} values for {', '.join(self.joints)}; got "

@@ -6,8 +6,8 @@ import io
 import os
 import re
 import tokenize
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -40,19 +40,24 @@ class TrajectoryFile:
         Times, as they are in the file.
     notes : tuple of str
         How its columns were read.
+    others : mapping of str to (N,) array
+        Columns of joints of the whole model that the arm leaves out, as they are in the file.
     """
 
     Q: Array
     t: Array | None
     notes: tuple[str, ...]
+    others: Mapping[str, Array] = field(default_factory=dict)
 
 
 def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFile:
     """Read a trajectory for an arm.
 
     A CSV file has a header with the names of all joints, in any order, and perhaps a column of
-    times (t, time, ...); or none, and then one column a joint, base to tip, perhaps after one of
-    times. An NPY file has an array like that; an NPZ file arrays ``q`` (N, n) and perhaps ``t``.
+    times (t, time, ...); columns of joints of the whole model that the chain leaves out are
+    passed over, which is said, unless one is locked on the chain and moves. Or it has none, and
+    then one column a joint, base to tip, perhaps after one of times. An NPY file has an array like
+    that; an NPZ file arrays ``q`` (N, n) and perhaps ``t``.
 
     Parameters
     ----------
@@ -92,10 +97,36 @@ def read_trajectory(path: Path, arm: Arm, degrees: bool = False) -> TrajectoryFi
         raise ConfigurationError(f"cannot read {path}: {reason:.200}") from None
     if not len(found.Q):
         raise ConfigurationError(f"{path}: no sample in it")
-    if not degrees:
-        return found
-    Q = np.where(arm.prismatic, found.Q, np.radians(found.Q))
-    return TrajectoryFile(Q, found.t, found.notes)
+    if degrees:
+        found = replace(found, Q=np.where(arm.prismatic, found.Q, np.radians(found.Q)))
+    if found.others:
+        _require_others(path, arm, found, degrees)
+    return found
+
+
+def _others(arm: Arm) -> tuple[str, ...]:
+    """Joints of the whole model, of one value each, that the arm does not list."""
+    whole = arm.source.full_model
+    names = (str(whole.names[j]) for j in range(1, whole.njoints) if whole.joints[j].nv == 1)
+    return tuple(name for name in names if name not in arm.joints)
+
+
+def _require_others(path: Path, arm: Arm, found: TrajectoryFile, degrees: bool) -> None:
+    """Refuse what the whole model's configuration would be refused for: see ``Arm.q_of``."""
+    whole = arm.source.full_model
+    full = arm.full_q(found.Q)
+    for name, column in found.others.items():
+        joint = whole.joints[whole.getJointId(name)]
+        slides = "P" in joint.shortname().removeprefix("JointModel")[:1]
+        value = np.radians(column) if degrees and not slides else column
+        if joint.nq == 2:
+            full[:, joint.idx_q], full[:, joint.idx_q + 1] = np.cos(value), np.sin(value)
+        else:
+            full[:, joint.idx_q] = value
+    try:
+        arm.q_of(full)
+    except ConfigurationError as error:
+        raise ConfigurationError(f"{path}: {error}") from None
 
 
 def _columns(path: Path, arm: Arm, array: npt.NDArray[Any]) -> TrajectoryFile:
@@ -187,7 +218,12 @@ def _text(path: Path, arm: Arm) -> TrajectoryFile:
     if not named:
         return _columns(path, arm, table)
     notes = () if time is not None else ("no column of times",)
-    return TrajectoryFile(table[:, order], None if time is None else table[:, time], notes)
+    others = {w: table[:, words.index(w)] for w in _others(arm) if w in words}
+    if others:
+        left = ", ".join(f"{name!r:.80}" for name in others)
+        notes += (f"the chain leaves out {left}: not used",)
+    t = None if time is None else table[:, time]
+    return TrajectoryFile(table[:, order], t, notes, others)
 
 
 def _rows(path: Path, file: io.TextIOBase, separator: str | None, width: int, first: int) -> Array:
@@ -231,8 +267,9 @@ def _line_of(path: Path, first: int, row: int) -> int:
 
 def _order(path: Path, arm: Arm, words: Sequence[str]) -> tuple[list[int], int | None]:
     """Column of each joint, and that of times."""
-    time = [i for i, w in enumerate(words) if w not in arm.joints and _TIME.fullmatch(w)]
-    unknown = [w for i, w in enumerate(words) if w not in arm.joints and i not in time]
+    known = {*arm.joints, *_others(arm)}
+    time = [i for i, w in enumerate(words) if w not in known and _TIME.fullmatch(w)]
+    unknown = [w for i, w in enumerate(words) if w not in known and i not in time]
     if unknown:
         raise ConfigurationError(
             f"{path}: unknown column {unknown[0]!r:.80}: the joints are {', '.join(arm.joints)}, "

@@ -28,7 +28,7 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             lines.append(f"  t = {c.t:.6g}{until}: {c.kind} {c.family}, q = {q}")
         lines += _more(len(check.crossings), check.cut)
     if check.aspect_changes:
-        lines.append("changes of aspect:")
+        lines.append("changes of aspect (as `pinsing aspects` numbers them):")
         for a in check.aspect_changes[:_LISTED]:
             before, after = _called(a.before, a.names_before), _called(a.after, a.names_after)
             where = ", ".join(a.families)
@@ -46,16 +46,18 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             least = f"{_angle(s.clearance)} from {s.family}"
             lines.append(f"  t = {s.t:.6g} to {s.t_end:.6g}: at least {least}")
         lines += _more(len(check.stretches), False)
-    for name, found in (
-        ("joint speeds above their limits", check.too_fast),
-        ("joint accelerations above the limits given", check.too_abrupt),
-        (f"tip speed {check.tip_speed:g} not possible in every direction", check.costly),
-        ("jumps between two samples", check.jumps),
-        ("outside the joint limits", check.outside),
+    tip = f"tip speed {check.tip_speed:g} (m/s, rad/s)"
+    for name, per, found in (
+        ("joint speeds above their limits", "/s", check.too_fast),
+        ("joint accelerations above the limits given", "/s²", check.too_abrupt),
+        (f"joint speeds that {tip} takes in the worst direction", "/s", check.costly),
+        ("jumps between two samples", "", check.jumps),
+        ("outside the joint limits", "", check.outside),
     ):
         if found:
-            lines.append(f"{name}:")
-            lines += [f"  {_excess(e)}" for e in found[:_LISTED]]
+            often = len({e.joint for e in found}) < len(found)
+            lines.append(f"{name}{', one line a stretch of time' if often else ''}:")
+            lines += [f"  {_excess(check, e, per, degrees)}" for e in found[:_LISTED]]
             lines += _more(len(found), False)
     return "\n".join([*lines, *(f"note: {n}" for n in check.notes)])
 
@@ -89,10 +91,15 @@ def _more(count: int, cut: bool) -> list[str]:
     return [f"  and {count - _LISTED} more" + (" and others" if cut else "")]
 
 
-def _excess(e: Excess) -> str:
+def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:
+    """One excess, ``per`` second or second squared or as it is, in the units of its joint."""
+    slides = bool(check.arm.prismatic[check.arm.joints.index(e.joint)])
+    unit, factor = ("m", 1.0) if slides else ("rad", 1.0)
+    if degrees and not slides:
+        unit, factor = "deg", 180 / math.pi
+    worst, limit = (f"{factor * x:.4g} {unit}{per}" for x in (e.worst, e.limit))
     return (
-        f"{e.joint}: {e.worst:.4g} at t = {e.t_worst:.6g} (limit {e.limit:.4g}), "
-        f"t = {e.t:.6g} to {e.t_end:.6g}"
+        f"{e.joint}: {worst} at t = {e.t_worst:.6g} (limit {limit}), t = {e.t:.6g} to {e.t_end:.6g}"
     )
 
 
@@ -171,8 +178,8 @@ def _advice(check: TrajectoryCheck) -> str:
     if check.costly:
         e = check.costly[0]
         return (
-            f"Keep tip speeds below {check.tip_speed:g} around t = {e.t_worst:.6g} ({e.joint}), "
-            "or take another posture."
+            f"Keep tip speeds below {check.tip_speed:g} (m/s, rad/s) around t = {e.t_worst:.6g} "
+            f"({e.joint}), or take another posture."
         )
     if not check.complete:
         return "The closed form is not complete: look at singular values along it as well."

@@ -69,6 +69,52 @@ class WholeModel:
         require_values(q, self.joints, called, int(self.source.full_model.nq))
         return q if q.shape[-1] == len(self.joints) else self.q_of(q)
 
+    def chain_dq(self, dq: Array, called: str) -> Array:
+        """Joint speeds (n,), out of such or of speeds (nv,) of the whole model.
+
+        Parameters
+        ----------
+        dq : (n,) or (nv,) array
+            rad/s and m/s; of the whole model in its own order.
+        called : str
+            What messages call it.
+
+        Raises
+        ------
+        ConfigurationError
+            If it has neither of these lengths, or a joint that is locked between base and tip
+            moves.
+        """
+        whole = self.source.full_model
+        if dq.shape == (len(self.joints),):
+            return dq
+        if dq.shape != (whole.nv,):
+            raise ConfigurationError(
+                f"{called} needs {len(self.joints)} values for {', '.join(self.joints)}, or the "
+                f"whole model's {whole.nv}; got shape {dq.shape}",
+                lengths=(len(self.joints), int(whole.nv)),
+            )
+        for j in self._on_the_way():
+            speed = float(dq[whole.joints[j].idx_v])
+            if abs(speed) > _SAME:
+                name = whole.names[j]
+                raise ConfigurationError(
+                    f"joint {name!r} is locked in this arm, but the whole model's {called} moves "
+                    f"it at {speed:g}: load the arm with that joint as it is",
+                    joint=name,
+                    value=speed,
+                )
+        return np.array([dq[whole.joints[whole.getJointId(name)].idx_v] for name in self.joints])
+
+    def _on_the_way(self) -> list[int]:
+        """Joints of one value that are locked between base and tip."""
+        whole, locked = self.source.full_model, set(self.source.locked)
+        base = int(whole.frames[frame_index(whole, self.source.base)].parentJoint)
+        last = int(whole.frames[frame_index(whole, self.tip)].parentJoint)
+        # A floating base carries the arm's axes.
+        path = way_between(whole, base, last).path
+        return [j for j in path if j in locked and whole.joints[j].nv == 1]
+
     def require_length(self, q: Array, called: str) -> None:
         """Raise a ConfigurationError unless ``q`` is (..., nq)."""
         whole = int(self.source.full_model.nq)
@@ -98,7 +144,7 @@ class WholeModel:
             If a joint that is locked between base and tip, or follows another one, is elsewhere
             in ``full_q`` than the arm has it; or if a continuous joint has no angle.
         """
-        whole, locked = self.source.full_model, set(self.source.locked)
+        whole = self.source.full_model
         kept = self.source.kept
         values = np.stack([self._value(j, full_q) for j in kept], axis=-1)
         names = [whole.names[j] for j in kept]
@@ -107,12 +153,9 @@ class WholeModel:
             there = self.values(q)
             for row, j in enumerate(kept):
                 self._require(j, values[..., row], there[..., row], "follows another joint")
-        base = int(whole.frames[frame_index(whole, self.source.base)].parentJoint)
-        last = int(whole.frames[frame_index(whole, self.tip)].parentJoint)
-        for j in way_between(whole, base, last).path:
-            if j in locked and whole.joints[j].nv == 1:  # a floating base carries the arm's axes
-                at = self._value(j, self.source.reference)
-                self._require(j, self._value(j, full_q), at, "is locked in this arm")
+        for j in self._on_the_way():
+            at = self._value(j, self.source.reference)
+            self._require(j, self._value(j, full_q), at, "is locked in this arm")
         return q
 
     def full_q(self, q: Array, others: Array) -> Array:

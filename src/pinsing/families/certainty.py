@@ -1,0 +1,60 @@
+"""How sure a closed form is, in words: what that rests on, or what is missing."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from pinsing.prose import PLAIN, Page, caution, good, unbroken
+
+if TYPE_CHECKING:
+    from pinsing.families.form import ClosedForm
+
+
+def certainty(forms: ClosedForm, page: Page = PLAIN) -> str:
+    """How sure it is that none is missing, and what that rests on, or what is missing."""
+    if forms.word != "not complete":
+        return proof_text(forms, page)
+    said = (caution("not complete"), ": ")
+    lines = [page.paragraph(*said, gap, first="  ") for gap in forms.gaps]
+    if forms.slice_count is not None and not forms.slice_count.off:
+        lines.append(page.paragraph(forms.slice_count.evidence(), first="  "))
+    return "\n".join(lines)
+
+
+def proof_text(forms: ClosedForm, page: Page = PLAIN) -> str:
+    """What the word rests on: a certificate, or random points."""
+    proof = forms.proof
+    if proof is not None and proof.accepted:
+        size = unbroken(f"{proof.size / 1e3:.1f} kB")
+        took = unbroken(f"{1e3 * proof.check_seconds:.0f} ms")
+        return page.paragraph(
+            good("proven"), f": certificate of {size}, checked in {took}", first="  "
+        )
+    if proof is None:
+        return page.paragraph("probable: no certificate was looked for", first="  ")
+    return page.paragraph(
+        f"probable: nothing is known to be missing, but {_random_steps(forms)}; "
+        f"no certificate: {proof.reason}",
+        first="  ",
+    )
+
+
+CHANCE = 1e-12
+"""Bound of the chance that a random point modulo one prime misleads: degree / prime (Schwartz,
+1980; Zippel, 1979), with degrees
+below 4e6 (eliminants are cut off at 3,000) and primes of 62 bits."""
+
+
+def _random_steps(forms: ClosedForm) -> str:
+    """What rests on random points of finite fields, with primes and seeds."""
+    steps = forms.random_steps
+    if steps is None or not steps.systems:
+        return "no step of the search rested on random points"
+    primes = " and ".join(str(p) for p in steps.primes)
+    seeds = " and ".join(str(s) for s in steps.seeds)
+    systems = "one system" if steps.systems == 1 else f"{steps.systems} systems"
+    return (
+        f"{systems} of equations rested on random points modulo {primes} (seeds {seeds}), "
+        f"where one is wrong with a chance below {CHANCE:.0e} unless a prime divides what must not "
+        "vanish"
+    )
