@@ -96,9 +96,10 @@ def closed_form(
     angle_tol, snap_length : float
         As in ``nominal``: radians, metres.
     prove : bool or None
-        Whether to look for a certificate that nothing is missing, for up to a minute; None: for
-        up to two seconds of processor time, and eight on the clock or what ``seconds`` leaves of
-        them. It comes after the answer: `prove` adds one to an answer that is there.
+        Whether to look for a certificate that nothing is missing, for up to a minute; None, as
+        on the command line: for up to two seconds of processor time, and eight on the clock or
+        what ``seconds`` leaves of them. With False, as here by default, ``word`` is at most
+        "probable", whatever the command line says of the same arm. It comes after the answer: `prove` adds one to an answer that is there.
     progress : callable
         Told now and then how far the search for a certificate is.
 
@@ -122,8 +123,10 @@ def closed_form(
     >>> form = pinsing.closed_form(pinsing.load("stanford"))
     >>> [family.text for family in form.families]
     ['q2 = 0° or 180°', 'd3 = 0', 'q5 = 0° or 180°']
-    >>> form.complete
-    True
+    >>> form.complete, form.word
+    (True, 'probable')
+    >>> pinsing.closed_form(pinsing.load("stanford"), prove=True).word
+    'proven'
     """
     if not seconds > 0:
         raise OptionError(f"seconds must be positive, got {seconds!r}")

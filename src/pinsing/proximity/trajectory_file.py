@@ -217,7 +217,7 @@ def _text(path: Path, arm: Arm) -> TrajectoryFile:
     table = np.concatenate(parts) if parts else np.zeros((0, len(words)))
     if not named:
         return _columns(path, arm, table)
-    notes = () if time is not None else ("no column of times",)
+    notes: tuple[str, ...] = () if time is not None else ("no column of times",)
     others = {w: table[:, words.index(w)] for w in _others(arm) if w in words}
     if others:
         left = ", ".join(f"{name!r:.80}" for name in others)
