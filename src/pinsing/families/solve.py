@@ -99,7 +99,8 @@ def closed_form(
         Whether to look for a certificate that nothing is missing, for up to a minute; None, as
         on the command line: for up to two seconds of processor time, and eight on the clock or
         what ``seconds`` leaves of them. With False, as here by default, ``word`` is at most
-        "probable", whatever the command line says of the same arm. It comes after the answer: `prove` adds one to an answer that is there.
+        "probable", whatever the command line says of the same arm. It comes after the answer:
+        `prove` adds one to an answer that is there.
     progress : callable
         Told now and then how far the search for a certificate is.
 
