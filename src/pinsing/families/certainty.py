@@ -2,15 +2,34 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
+from pinsing.algebra.second_prime import RandomSteps
+from pinsing.families.proof import Proof
 from pinsing.prose import PLAIN, Page, caution, good, unbroken
 
-if TYPE_CHECKING:
-    from pinsing.families.form import ClosedForm
+
+class Answer(Protocol):
+    """What of a ``ClosedForm`` says how sure it is."""
+
+    @property
+    def word(self) -> str:
+        """Proven, probable, or not complete."""
+
+    @property
+    def gaps(self) -> tuple[str, ...]:
+        """Why not complete."""
+
+    @property
+    def proof(self) -> Proof | None:
+        """What became of the search for a certificate."""
+
+    @property
+    def random_steps(self) -> RandomSteps | None:
+        """What rests on random points."""
 
 
-def certainty(forms: ClosedForm, page: Page = PLAIN) -> str:
+def certainty(forms: Answer, page: Page = PLAIN) -> str:
     """How sure it is that none is missing, and what that rests on, or what is missing."""
     if forms.word != "not complete":
         return proof_text(forms, page)
@@ -21,7 +40,7 @@ def certainty(forms: ClosedForm, page: Page = PLAIN) -> str:
     return "\n".join(lines)
 
 
-def proof_text(forms: ClosedForm, page: Page = PLAIN) -> str:
+def proof_text(forms: Answer, page: Page = PLAIN) -> str:
     """What the word rests on: a certificate, or random points."""
     proof = forms.proof
     if proof is not None and proof.accepted:
@@ -45,7 +64,7 @@ CHANCE = 1e-12
 below 4e6 (eliminants are cut off at 3,000) and primes of 62 bits."""
 
 
-def _random_steps(forms: ClosedForm) -> str:
+def _random_steps(forms: Answer) -> str:
     """What rests on random points of finite fields, with primes and seeds."""
     steps = forms.random_steps
     if steps is None or not steps.systems:
