@@ -6,6 +6,7 @@ from typing import Protocol
 
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.families.proof import Proof
+from pinsing.families.slice_count import SliceCount
 from pinsing.prose import PLAIN, Page, caution, good, unbroken
 
 
@@ -27,6 +28,10 @@ class Answer(Protocol):
     @property
     def random_steps(self) -> RandomSteps | None:
         """What rests on random points."""
+
+    @property
+    def slice_count(self) -> SliceCount | None:
+        """What random slices told."""
 
 
 def certainty(forms: Answer, page: Page = PLAIN) -> str:
