@@ -253,6 +253,9 @@ def test_rounded_file_is_told_apart_from_the_exact_geometry():
     assert not raw.singular
     assert raw.notes[0].startswith("singular if the rounded numbers of the file are made exact")
     assert exact.notes == ()
+    head = str(raw).split("nearly lost")[0]
+    assert "singular but for the rounding of the file" in " ".join(head.split())
+    assert "but for" not in str(exact)
 
 
 @pytest.mark.parametrize(("name", "q", "task"), SINGULAR_Q[:6])

@@ -488,3 +488,37 @@ def test_the_legend_never_covers_the_label(page: Any, stanford: Viewer) -> None:
             (left, top, right, bottom), (x0, y0, x1, y1) = boxes
             if right > left:
                 assert right <= x0 or left >= x1 or bottom <= y0 or top >= y1
+
+
+def test_a_narrow_page_shows_its_legend_while_it_loads(page: Any, static: Path) -> None:
+    page.set_viewport_size({"width": 400, "height": 800})
+    open_page(page, static.as_uri())
+    busy, *others = page.evaluate(
+        """() => {
+             const busy = document.getElementById("busy");
+             busy.hidden = false;
+             busy.textContent = "loading the shapes of links…";
+             busy.classList.add("aside");
+             return ["busy", "legend", "player", "panel"].map((id) => {
+               const b = document.getElementById(id).getBoundingClientRect();
+               return [b.left, b.top, b.right, b.bottom]; }); }"""
+    )
+    assert busy[2] > busy[0]
+    for x0, y0, x1, y1 in others:
+        assert busy[2] <= x0 or busy[0] >= x1 or busy[3] <= y0 or busy[1] >= y1
+
+
+def test_rounding_that_hides_a_singularity_is_said_at_the_verdict(
+    page: Any, tmp_path: Path
+) -> None:
+    q = [0.2, 0.0, np.pi / 2, 0.9, np.pi / 2, 0.0, 0.1]
+    with Viewer(load("xarm7"), skeleton=True) as viewer:
+        viewer.show(q)
+        open_page(page, viewer.url)
+        assert text(page, "#status") == "Near-singular"
+        assert "singular but for the rounding of the file" in text(page, "#rank")
+        viewer.save_html(tmp_path / "page.html")
+    # and without Python, as soon as a joint is moved there
+    open_page(page, (tmp_path / "page.html").as_uri())
+    page.evaluate("(q) => window.pinsing.go(q)", q)
+    assert "singular but for the rounding of the file" in text(page, "#rank")

@@ -108,8 +108,8 @@ def _usage(error: click.UsageError) -> int:
 def command() -> None:
     """Find, state, prove and show the singular configurations of robot arms.
 
-    ROBOT is a URDF or xacro file, or a name out of `pinsing list`. Results go to stdout,
-    messages to stderr.
+    ROBOT is a URDF, xacro, MuJoCo (.xml) or DH table (.yaml) file, or a name out of
+    `pinsing list`. Results go to stdout, messages to stderr.
 
     \b
     Exit codes:  0  done

@@ -21,6 +21,7 @@ from pinsing.configuration.lost_motion import EXACT_TOL, LostMotion, Tool, lost_
 from pinsing.configuration.state import (
     NEAR_SINGULAR,
     REGULAR,
+    ROUNDED_AWAY,
     SINGULAR,
     SelfMotion,
     State,
@@ -272,7 +273,7 @@ def _notes(arm: Arm, q: Array, r: int, ratio: float, rtol: float) -> Iterator[st
     there = float(ratios(exact.arm, q)[0])
     if there <= rtol:
         yield (
-            "singular if the rounded numbers of the file are made exact (nominal geometry, which "
+            f"{ROUNDED_AWAY} are made exact (nominal geometry, which "
             f"changes no Jacobian column by more than {exact.jacobian_change:.1e}): "
             f"sigma_{r}/sigma_1 = {there:.1e} there"
         )

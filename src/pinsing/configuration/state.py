@@ -18,6 +18,8 @@ from pinsing.robot.task import parse_task
 from pinsing.serialization import JsonResult
 
 SINGULAR, NEAR_SINGULAR, REGULAR = "singular", "near-singular", "regular"
+ROUNDED_AWAY = "singular if the rounded numbers of the file"
+"""What the note begins with where only rounding keeps a configuration from being singular."""
 
 LABEL = 18
 """Width of the labels of a state's lines."""
@@ -224,6 +226,8 @@ def _lines(state: State, degrees: bool) -> Iterator[Line]:
     yield from _joints(state, degrees)
     yield "", ""
     yield "status", _verdict(state)
+    if any(note.startswith(ROUNDED_AWAY) for note in state.notes):
+        yield "", "(singular but for the rounding of the file, see the note)"
     yield from _meaning(state)
     yield "", ""
     yield "sigma", "  ".join(_short(s) for s in state.sigma)

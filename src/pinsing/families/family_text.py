@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from pinsing.families.family import Family
 from pinsing.families.solved_for import LONG, long_form
@@ -11,6 +11,8 @@ from pinsing.families.solved_for import LONG, long_form
 _TERM = re.compile(r"(?= [+-] )")
 _WIDE = 80
 """Characters of a line that a printed page has room for."""
+_HALF = re.compile(r"(?:cos|sin)\(([^()/]*|\([^()/]*\))/2\)")
+_SYMBOL = re.compile(r"q[0-9]+")
 _COMMAND = re.compile(r"\\[a-zA-Z]+ ?|[{}_^\\]")
 
 
@@ -88,3 +90,21 @@ def meaning(family: Family) -> Iterator[str]:
     yield from family.limits_met
     if family.reason:
         yield family.reason
+
+
+def half_angles(families: Iterable[Family]) -> Iterator[str]:
+    """Why there are half angles in equations that are printed, where there are any."""
+    where: dict[str, set[str]] = {}
+    for family in families:
+        for line in (family.text, *written_out(family)):
+            for angle in _HALF.findall(line):
+                where.setdefault(family.name, set()).update(_SYMBOL.findall(angle))
+    if not where:
+        return
+    joints = sorted(set().union(*where.values()), key=lambda symbol: int(symbol[1:]))
+    yield (
+        f"half of {', '.join(joints)} in {', '.join(where)}: equations are factors of a longer "
+        "one, and in a factor half of an angle may be left, as where another is zero at a single "
+        "value of that joint; a whole turn changes the sign of such an equation, "
+        "never whether it holds"
+    )

@@ -16,7 +16,7 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
 from pinsing.families.certainty import certainty
 from pinsing.families.family import Family, html_row
-from pinsing.families.family_text import exactly, latex_lines, meaning, written_out
+from pinsing.families.family_text import exactly, half_angles, latex_lines, meaning, written_out
 from pinsing.families.html import families_table
 from pinsing.families.proof import Proof
 from pinsing.families.slice_count import SliceCount
@@ -275,6 +275,9 @@ def families_text(
     lines = [page.paragraph(*_head(forms, brief, undecided))]
     if not undecided and (forms.gaps or not brief):
         lines.append(certainty(forms, page))
+    named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]
+    if named and forms.families:
+        lines.append(page.paragraph("joints: " + ", ".join(named), first="  ", rest=" " * 10))
     for family in forms.families:
         lines.append(page.paragraph(formula(family.text), first=f"  {family.name}  "))
         if not brief:
@@ -291,9 +294,8 @@ def families_text(
                 first="  ",
             )
         )
-    named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]
-    if named and forms.families:
-        lines.append(page.paragraph("where " + ", ".join(named), first="  "))
+    if not brief:
+        lines += [page.paragraph(t, first="  ") for t in half_angles(forms.families)]
     lines += [page.paragraph(hint, first="  ") for hint in forms.hints]
     return "\n".join(lines)
 

@@ -34,6 +34,9 @@ function thickened({ drawn, radii }, scale) {
   return thin === 1 ? "a disc, thickened" : thin === 2 ? "a line, thickened" : "";
 }
 
+// What the note begins with where only the rounding of the file keeps a pose from being singular.
+const ROUNDED_AWAY = "singular if the rounded numbers of the file";
+
 const WORDS = { singular: "Singular", "near-singular": "Near-singular", regular: "Regular" };
 
 // What is read at an arm: label, title, and where it goes.
@@ -230,7 +233,9 @@ class Panel {
   verdict(frame) {
     $("verdict").className = frame.status;
     $("status").textContent = WORDS[frame.status];
-    $("rank").textContent = `\u00b7 rank ${frame.rank} of ${frame.genericRank}`;
+    const rounded = frame.notes.some((note) => note.startsWith(ROUNDED_AWAY));
+    $("rank").textContent = `\u00b7 rank ${frame.rank} of ${frame.genericRank}` +
+      (rounded ? " \u00b7 singular but for the rounding of the file" : "");
     if (frame.verdict) formula($("nearest"), frame.verdict.text);
     else $("nearest").textContent = "";
   }
