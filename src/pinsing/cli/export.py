@@ -85,7 +85,7 @@ def export_command(
         say(f"note: {note}")
     if not guard.complete:
         say("note: families are missing, so nothing is ever clear to this guard")
-    if guard.word == "probable" and not prove:
+    if guard.word == "probable" and prove is False:
         say("note: --prove looks for a certificate for up to a minute")
     for target, one in made.values():
         if target == STDOUT:
