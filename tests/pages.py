@@ -139,9 +139,7 @@ class Reader:
 
 @pytest.fixture
 def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reader:
-    """A reader in a folder of their own, with the robots of the repository and with patience."""
-    (tmp_path / "urdf").symlink_to(ROOT / "urdf")
-    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    """A reader in an empty folder, not in a clone, and with patience."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
     # What is shown as proven must not hang on how busy the machine is.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
@@ -40,6 +41,17 @@ QUICK = {
 @pytest.mark.parametrize("page", tiered(RUN, QUICK))
 def test_a_page_does_what_it_shows(page: str, reader: Reader):
     reader.read((DOCS / page).read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("page", [*PAGES, "../README.md"])
+def test_a_block_pasted_alone_has_its_imports(page: str):
+    for block in blocks((DOCS / page).read_text(encoding="utf-8")):
+        if block.kind == "python":
+            tree = list(ast.walk(ast.parse(block.text)))
+            used = {node.id for node in tree if isinstance(node, ast.Name)}
+            found = [a for n in tree if isinstance(n, ast.Import | ast.ImportFrom) for a in n.names]
+            imported = {(a.asname or a.name).partition(".")[0] for a in found}
+            assert used & {"pinsing", "pin", "np", "plt", "Path"} <= imported, block.text
 
 
 def test_reports_are_those_of_the_list():
