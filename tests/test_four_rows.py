@@ -24,7 +24,11 @@ SECONDS = 300.0
 """More than enough on a busy machine; idle it takes 1 to 8 s."""
 
 
-@pytest.fixture(scope="module", params=tiered(list(ARMS), ("stanford",)))
+def _name(source: str) -> str:
+    return Path(source).stem.removesuffix(".dh")
+
+
+@pytest.fixture(scope="module", params=tiered(list(ARMS), ("stanford",)), ids=_name)
 def found(request):
     arm = pinsing.load(request.param, task=TASK)
     return arm, pinsing.closed_form(arm, seconds=SECONDS)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions
@@ -273,17 +273,26 @@ class Members:
         lower, upper = self.box(within_limits)
         box = (lower, upper) if within_limits else None
         usable = [(b, v) for b in self.branches for v in b.held(self.space, box)]
+        below, above = self._loose_ends(within_limits)
         for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
-            far = np.where(self.prismatic, widen * self.length_scale, 0.0)
-            found = self._own(spread(usable, lower - far, upper + far, n, rng, rounds))
+            far = widen * self.length_scale
+            low, high = lower - far * below, upper + far * above
+            found = self._own(spread(usable, low, high, n, rng, rounds))
             for _ in range(_AGAIN if 0 < len(found) < n and self.confirm is not None else 0):
-                more = spread(usable, lower - far, upper + far, n, rng, rounds)
+                more = spread(usable, low, high, n, rng, rounds)
                 found = np.concatenate([found, self._own(more)])[:n]
             if not len(found) and self.confirm is not None:
-                found = self._thrown(usable, lower - far, upper + far, n, rng, within_limits)
-            if len(found) or within_limits or not self.prismatic.any():
+                found = self._thrown(usable, low, high, n, rng, within_limits)
+            if len(found) or not (below.any() or above.any()):
                 break
         return found
+
+    def _loose_ends(self, within_limits: bool) -> tuple[Bool, Bool]:
+        """Which sliders may go on below and above the range that points are drawn from."""
+        if not within_limits:
+            return self.prismatic, self.prismatic
+        below, above = np.isinf(self.lower), np.isinf(self.upper)
+        return self.prismatic & below, self.prismatic & above
 
     def _thrown(
         self,
@@ -317,7 +326,8 @@ class Members:
     def box(self, within_limits: bool) -> tuple[Array, Array]:
         """Range of each joint that points are drawn from: the limits, or whole circles.
 
-        Where a limit is infinite, a whole turn (or two length scales) from the other one.
+        Where a limit is infinite, a whole turn (or two length scales) from the other one; a slider
+        without a limit goes as far beyond as a value takes it that a branch fixes it at.
 
         Parameters
         ----------
@@ -329,7 +339,14 @@ class Members:
         (n,) array, (n,) array
             Lower and upper ends, radians and metres.
         """
-        lower, upper = self.space.range(not within_limits)
+        lower, upper = (np.array(end) for end in self.space.range(not within_limits))
+        below, above = self._loose_ends(within_limits=True)
+        for value in (v for branch in self.branches for v in branch.values):
+            j = value.joint
+            if below[j]:
+                lower[j] = min(lower[j], value.value - self.length_scale)
+            if above[j]:
+                upper[j] = max(upper[j], value.value + self.length_scale)
         if within_limits and self.limit_tolerance is not None:
             return lower - self.limit_tolerance, upper + self.limit_tolerance
         return lower, upper
