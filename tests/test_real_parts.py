@@ -119,7 +119,7 @@ def test_a_system_of_as_many_equations_as_its_codimension_falls_into_parts():
     What is left are four points (q4, q5) with q3 = 0, and a curve with q2 = 90 degrees.
     """
     arm = load("ur5", task="position")
-    form = closed_form(arm)
+    form = closed_form(arm, seconds=300.0)
     assert form.complete
     assert form.fully_decomposed
     points = next(f for f in form.families if "q3 = 0° and q4 = -130.419°" in f.text)
