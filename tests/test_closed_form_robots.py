@@ -119,7 +119,7 @@ def test_no_family_lies_in_another(name: str) -> None:
 def test_budget_is_kept_and_said(monkeypatch: pytest.MonkeyPatch) -> None:
     """By a clock of its own: each look at it is a millisecond, and soon nothing looks any more."""
     looks = itertools.count()
-    clock = SimpleNamespace(monotonic=lambda: next(looks) * 1e-3)
+    clock = SimpleNamespace(monotonic=lambda: next(looks) * 1e-3, process_time=lambda: 0.0)
     monkeypatch.setattr("pinsing.algebra.budget.time", clock)
     form = closed_form(arm_of("g1"), seconds=0.05)
     assert not form.complete

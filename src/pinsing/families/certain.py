@@ -7,7 +7,7 @@ in the middle to reach zero within. Every one of these is checked again with bal
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from flint import arb
 
@@ -21,14 +21,22 @@ _MOST = 400_000
 """Terms times boxes that there is time for."""
 
 
-def certainly_empty(equations: Sequence[Equation], lower: Array, upper: Array) -> bool:
-    """Whether equations of angles have no common zero in a box: proven, or False."""
+def certainly_empty(
+    equations: Sequence[Equation],
+    lower: Array,
+    upper: Array,
+    stop: Callable[[], bool] | None = None,
+) -> bool:
+    """Whether equations of angles have no common zero in a box: proven, or False.
+
+    It is not proven once ``stop`` says so.
+    """
     if any(e.powers.any() for e in equations):
         return False
     if any(never_zero(e) for e in equations):
         return True
     boxes: list[Box] = []
-    if not proven_empty(equations, lower, upper, boxes.append):
+    if not proven_empty(equations, lower, upper, boxes.append, stop):
         return False
     balls = [_Balls(e) for e in equations]
     count = sum(len(box.centers) * len(equations[box.equation].cos) for box in boxes)

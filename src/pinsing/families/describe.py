@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.algebra.budget import Budget
 from pinsing.configuration.at import Loss, loss_at
 from pinsing.configuration.state import State
 from pinsing.families.at_once import at_once
@@ -19,7 +20,7 @@ from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.solved_for import solved_for
 from pinsing.families.statement import statement
 from pinsing.families.value_reach import ValueReach, values_reached
-from pinsing.families.zero_set import gradients, proven_empty
+from pinsing.families.zero_set import Stop, gradients, proven_empty
 from pinsing.geometry.nominal import Nominal
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
@@ -28,6 +29,9 @@ _SEED = 20
 _WITNESSES = 32
 _LENGTH_TOL = 1e-6
 """Metres by which a family may lie beyond the limit of a prismatic joint and be at it."""
+_LOOKS = 0.4, 0.6, 0.8
+"""Shares of a family's time by which looks within its limits, a little beyond them, and for a
+proof that there is nothing have ended: what is left is for points anywhere."""
 _SAME = 1e-9
 _INDEPENDENT = 1e-7
 """Singular values of gradients that count, relative to the largest."""
@@ -70,18 +74,22 @@ def describe(
     if not draft.real:
         return draft
     rng = np.random.default_rng(_SEED)
-    inside = draft.points(_WITNESSES, rng, within_limits=True, rounds=maker.rounds())
+    looks = [maker.time.part(share) for share in _LOOKS]
+    inside = draft.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[0]))
     reachability = Reachability.INSIDE if len(inside) else Reachability.UNKNOWN
     if not len(inside):
         tolerance = np.where(arm.prismatic, _LENGTH_TOL, maker.angle_tol)
         wider = replace(draft, limit_tolerance=tolerance)
-        inside = wider.points(_WITNESSES, rng, within_limits=True, rounds=maker.rounds())
+        inside = wider.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[1]))
         if len(inside):
             draft, reachability = wider, Reachability.AT_LIMIT
             draft = replace(draft, limits_met=_limits_met(draft, inside[0], maker.symbols))
         elif not maker.time.over:
-            reachability = _unreachable(wider)
-    points = inside if len(inside) else draft.points(_WITNESSES, rng, rounds=maker.rounds())
+            reachability = _unreachable(wider, _until(looks[2]))
+    anywhere = _until(maker.time)
+    points = inside
+    if not len(inside):
+        points = draft.points(_WITNESSES, rng, rounds=maker.rounds(), stop=anywhere)
     return _described(draft, reachability, inside, points, arm, geometry, maker)
 
 
@@ -95,7 +103,7 @@ def _value_reach(
         if any(_on(family, branch, q) for q in inside):
             return True
         alone = replace(family, branches=(branch,), reachability=reachability)
-        return bool(len(alone.points(1, rng, within_limits=True, rounds=maker.rounds())))
+        return bool(len(alone.points(1, rng, True, maker.rounds(), _until(maker.time))))
 
     limits = family.limits
     return values_reached(family.branches, limits, family.prismatic, reachability, met)
@@ -115,14 +123,18 @@ def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, 
     return tuple(said)
 
 
-def _unreachable(family: Family) -> Reachability:
+def _until(time: Budget) -> Stop:
+    return lambda: time.over
+
+
+def _unreachable(family: Family, stop: Stop) -> Reachability:
     """Whether that no point lies within the limits can be proven."""
     lower, upper = family.box(within_limits=True)
     endless = family.prismatic & ~(np.isfinite(family.lower) & np.isfinite(family.upper))
     for branch in family.branches:
         cut = any(endless[list(e.involved)].any() for e in branch.equations)
         if branch.held(family.space, (lower, upper)) and not (
-            branch.equations and not cut and proven_empty(branch.equations, lower, upper)
+            branch.equations and not cut and proven_empty(branch.equations, lower, upper, stop=stop)
         ):
             return Reachability.UNKNOWN
     return Reachability.OUTSIDE

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -16,7 +16,7 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.nearness import Confirm, Distance, near, nearest, own_nearest
 from pinsing.families.parts import Branch
 from pinsing.families.points import spread
-from pinsing.families.zero_set import ROUNDS, thrown
+from pinsing.families.zero_set import ROUNDS, Stop, thrown
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_space import JointSpace, require_values
@@ -234,6 +234,7 @@ class Members:
         rng: np.random.Generator,
         within_limits: bool = False,
         rounds: int = ROUNDS,
+        stop: Callable[[], bool] | None = None,
     ) -> Array:
         """Configurations of the family, over whole circles unless ``within_limits``.
 
@@ -247,6 +248,9 @@ class Members:
             Whether only configurations within the joint limits count, as in ``sample``.
         rounds : int
             Number of batches of random starts after which a branch is given up.
+        stop : callable, optional
+            Asked now and then; once it returns True the search ends with what it has. A first look
+            at short equations is taken all the same.
 
         Returns
         -------
@@ -277,12 +281,14 @@ class Members:
         for widen in (0.0, 1.0, 10.0):  # sliders may have to leave their limits
             far = widen * self.length_scale
             low, high = lower - far * below, upper + far * above
-            found = self._own(spread(usable, low, high, n, rng, rounds))
+            found = self._own(spread(usable, low, high, n, rng, rounds, stop))
             for _ in range(_AGAIN if 0 < len(found) < n and self.confirm is not None else 0):
-                more = spread(usable, low, high, n, rng, rounds)
+                if stop is not None and stop():
+                    break
+                more = spread(usable, low, high, n, rng, rounds, stop)
                 found = np.concatenate([found, self._own(more)])[:n]
             if not len(found) and self.confirm is not None:
-                found = self._thrown(usable, low, high, n, rng, within_limits)
+                found = self._thrown(usable, low, high, n, rng, within_limits, stop)
             if len(found) or not (below.any() or above.any()):
                 break
         return found
@@ -302,6 +308,7 @@ class Members:
         n: int,
         rng: np.random.Generator,
         within_limits: bool,
+        stop: Stop | None,
     ) -> Array:
         """Its own points (k, n), from random starts, where drawing meets none."""
         parts = [np.zeros((0, self.n))]
@@ -309,7 +316,7 @@ class Members:
             free = np.ones(self.n, dtype=bool)
             free[[v.joint for v in branch.values]] = False
             count = max(_THROWN, 4 * n)
-            q = self._own(thrown(branch.equations, lower, upper, free, fixed, count, rng))
+            q = self._own(thrown(branch.equations, lower, upper, free, fixed, count, rng, stop))
             if within_limits:
                 q = self.space.fold(q)
                 q = q[((q >= lower - 1e-9) & (q <= upper + 1e-9)).all(axis=-1)]

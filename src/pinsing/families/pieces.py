@@ -260,6 +260,7 @@ class PieceMaker:
             count,
             self.rng,
             self.rounds(rounds),
+            lambda: self.time.over,
         )
         if self.confirm is None:
             return found
@@ -284,7 +285,8 @@ class PieceMaker:
         Not one equation after the other, as ``find`` goes: so all real parts are met.
         """
         fixed, free = self._start(branch)
-        return thrown(branch.equations, self.lower, self.upper, free, fixed, count, self.rng)
+        box = self.lower, self.upper
+        return thrown(branch.equations, *box, free, fixed, count, self.rng, lambda: self.time.over)
 
     def branch_of(self, values: Mapping[int, Value], relations: Sequence[Poly]) -> Branch:
         """Joints at exact values, and polynomials that vanish, as what points are found on."""
@@ -353,7 +355,7 @@ class PieceMaker:
             return False
         if self.time.over or any(e.powers.any() for e in branch.equations):
             return False  # no box holds all values of a slider
-        return certainly_empty(branch.equations, self.lower, self.upper)
+        return certainly_empty(branch.equations, self.lower, self.upper, lambda: self.time.over)
 
 
 def _distinct(equations: Sequence[Equation]) -> list[Equation]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.families.parts import Branch
-from pinsing.families.zero_set import search
+from pinsing.families.zero_set import Stop, search
 
 _PASSES = 4
 
@@ -20,6 +20,7 @@ def spread(
     count: int,
     rng: np.random.Generator,
     rounds: int,
+    stop: Stop | None = None,
 ) -> Array:
     """Up to ``count`` points (k, n) in a box, about as many of each branch.
 
@@ -35,6 +36,8 @@ def spread(
         Where they are drawn from.
     rounds : int
         Number of batches of random starts after which a branch is given up.
+    stop : callable, optional
+        As in ``search``.
     """
     alive = [held[i] for i in rng.permutation(len(held))]
     parts = [np.zeros((0, len(lower)))]
@@ -47,11 +50,11 @@ def spread(
                 continue
             free = np.ones(len(lower), dtype=bool)
             free[[v.joint for v in branch.values]] = False
-            part = search(branch.equations, lower, upper, free, fixed, int(some), rng, rounds)
+            part = search(branch.equations, lower, upper, free, fixed, int(some), rng, rounds, stop)
             parts.append(part)
             missing -= len(part)
             if not len(part):
                 alive = [a for a in alive if a[1] is not fixed or a[0] is not branch]
-        if missing == 0 or not alive:
+        if missing == 0 or not alive or (stop is not None and stop()):
             break
     return np.concatenate(parts)

@@ -38,7 +38,8 @@ _FOR_SEARCH = 0.9
 """Share of the time that there is for finding components; describing them needs some too."""
 _TO_DESCRIBE = 0.1
 """Share of the time that there is for describing families, however long finding them took."""
-
+_OF_ONE = 0.5
+"""Share of what is left for describing families that one of them may take."""
 
 _TO_COUNT = 0.2
 """Share of the time that there is for counting on slices what a long chain's families miss."""
@@ -169,7 +170,12 @@ def closed_form(
         grouped = _join(
             [p for parts, within in zip(pieces, inside, strict=True) if not within for p in parts]
         )
-        families = [describe(group, maker, arm, geometry) for group in grouped]
+        for i, group in enumerate(grouped, 1):
+            whole = maker.time
+            # Most take little; one that takes long leaves as much to the others.
+            maker.time = whole if i == len(grouped) else whole.part(_OF_ONE)
+            families.append(describe(group, maker, arm, geometry))
+            maker.time = whole
         families = [_named(f, i) for i, f in enumerate(sorted(families, key=_order), 1)]
     counted: SliceCount | None = None
     if gaps and search is not None and _on_slices(arm, rank):

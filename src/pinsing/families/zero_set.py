@@ -32,6 +32,11 @@ ROUNDS = 12
 _DRAWS = 6
 """Batches of points in closed form before random starts are brought to the set instead."""
 _FEWEST = 8
+_CHEAP = 500
+"""Terms of a system up to which a first look at it is taken though the time is over."""
+
+Stop = Callable[[], bool]
+"""Whether a search is to end with what it has; asked between its steps."""
 
 
 class System:
@@ -105,6 +110,7 @@ def project(
     start: Array,
     free: npt.NDArray[np.bool_],
     iterations: int = 60,
+    stop: Stop | None = None,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Move points (N, n) onto the common zeros of ``equations``, along ``free`` joints.
 
@@ -129,7 +135,7 @@ def project(
         better = worst < least[left]
         best[left[better]], least[left[better]] = q[left[better]], worst[better]
         left, f = left[worst > _ON], f[worst > _ON]
-        if not len(left) or iteration == iterations:
+        if not len(left) or iteration == iterations or (stop is not None and stop()):
             break
         A = system.gradients(q[left]) * free
         # All but on the set, what is left of f is rounding: not to be divided by small slopes.
@@ -154,6 +160,7 @@ def search(
     count: int,
     rng: np.random.Generator,
     rounds: int = ROUNDS,
+    stop: Stop | None = None,
 ) -> Array:
     """Points of the zero set inside a box: (k, n) with k up to ``count``.
 
@@ -166,28 +173,36 @@ def search(
         The box.
     free : (n,) array of bool
         Joints that may move; the others stay at ``fixed``.
+    stop : callable, optional
+        Once it says so no more is looked for. A first look at a short system is taken all the same.
     """
     found: list[Array] = []
     missing = count
+    cheap = sum(len(e.cos) for e in equations) <= _CHEAP
+    within = None if cheap else stop
     ways = orders(equations, free)
     for attempt in range(_DRAWS if ways else 0):
         way = ways[attempt % len(ways)]
         q = draw(way, lower, upper, free, fixed, max(_FEWEST, 4 * missing), rng)
         # Most are there, up to rounding, unless equations are left that no joint was solved from.
-        q, ok = project(equations, q, free, iterations=3 if len(way) == len(equations) else 20)
+        iterations = 3 if len(way) == len(equations) else 20
+        q, ok = project(equations, q, free, iterations, within)
         inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
         found.append(q[ok & inside][:missing])
         missing -= len(found[-1])
         if missing <= 0:
             return np.concatenate(found)
+        if within is not None and within():
+            break
     short = _shortest(equations)
     for _ in range(rounds):
         q = rng.uniform(lower, upper, (max(32, 2 * missing), len(lower)))
         q = np.where(free, q, fixed)
-        found.append(_from_random(equations, short, q, lower, upper, free)[:missing])
+        found.append(_from_random(equations, short, q, lower, upper, free, within)[:missing])
         missing -= len(found[-1])
-        if missing <= 0:
+        if missing <= 0 or (stop is not None and stop()):
             break
+        within = stop
     return np.concatenate(found) if found else np.zeros((0, len(lower)))
 
 
@@ -199,13 +214,15 @@ def thrown(
     fixed: Array,
     count: int,
     rng: np.random.Generator,
+    stop: Stop | None = None,
 ) -> Array:
     """Points (k, n) that ``count`` random starts in a box were brought to, wherever they end.
 
     Not one equation after the other, as ``search`` goes: so every real part is met.
     """
     q = np.where(free, rng.uniform(lower, upper, (count, len(lower))), fixed)
-    q, ok = project(equations, q, free, iterations=40)
+    cheap = sum(len(e.cos) for e in equations) <= _CHEAP
+    q, ok = project(equations, q, free, 40, None if cheap else stop)
     return np.asarray(q[ok])
 
 
@@ -216,18 +233,19 @@ def _from_random(
     lower: Array,
     upper: Array,
     free: npt.NDArray[np.bool_],
+    stop: Stop | None,
 ) -> Array:
     """Those of the points q (N, n) that projections bring onto the zero set within the box."""
     if short:
-        q, _ = project(short, q, free, iterations=20)
-    q, ok = project(equations, q, free, iterations=30)
+        q, _ = project(short, q, free, 20, stop)
+    q, ok = project(equations, q, free, 30, stop)
     for _ in range(12):  # back into the box, and onto the set again
         inside = ((q >= lower - 1e-12) & (q <= upper + 1e-12) | ~free).all(axis=-1)
         out = np.flatnonzero(ok & ~inside)
         if not len(out):
             break
         clipped = np.where(free, np.clip(q[out], lower, upper), q[out])
-        q[out], ok[out] = project(equations, clipped, free, iterations=30)
+        q[out], ok[out] = project(equations, clipped, free, 30, stop)
     inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
     return np.asarray(q[ok & inside])
 
@@ -277,13 +295,14 @@ def proven_empty(
     lower: Array,
     upper: Array,
     tell: Callable[[Box], None] | None = None,
+    stop: Stop | None = None,
 ) -> bool:
     """Whether the equations have no common zero in a box, proven by subdivision.
 
     A box in which some equation is larger at the centre than its slopes allow it to change
     within holds no zero; any other is halved. Every comparison leaves room for rounding (a sum
     of thousands of terms is right to 1e-12 of their sizes). False means: not proven. ``tell`` hears
-    of all boxes, whose union is the whole.
+    of all boxes, whose union is the whole. Once ``stop`` says so it is not proven.
     """
     used = np.zeros(len(lower), dtype=bool)
     for e in equations:
@@ -299,7 +318,7 @@ def proven_empty(
     seen = 0
     while len(centers):
         seen += len(centers)
-        if seen > _BOXES:
+        if seen > _BOXES or (stop is not None and stop()):
             return False
         alive = np.ones(len(centers), dtype=bool)
         worst = np.zeros_like(centers)
