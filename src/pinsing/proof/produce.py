@@ -69,7 +69,7 @@ def certificate(
     except NotStated as reason:
         raise NotFound(str(reason)) from None
     try:
-        data, jacobian = without_dependent_lines(data)
+        data, jacobian = without_dependent_lines(data, budget)
         budget.check()
         draft = Draft(data, jacobian)
         polynomials, tidy = _Table(), Forms(draft, budget)

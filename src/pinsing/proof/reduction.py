@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from fractions import Fraction
 from typing import Any
 
+from pinsing.algebra.budget import Budget
 from pinsing.geometry.surd import Exact, surd
 from pinsing.proof.checker import Certificate, Matrix, Poly, flipped
 from pinsing.proof.skeleton import number_text
@@ -17,10 +18,16 @@ _KEPT = 1_000_000
 
 
 class Draft(Certificate):
-    """A certificate in the making: the Jacobian of its chain is found once for all drafts."""
+    """A certificate in the making: the Jacobian of its chain is found once for all drafts.
 
-    def __init__(self, data: dict[str, Any], jacobian: Matrix | None = None) -> None:
+    Finding it, which takes long for many joints, ends with the time of a budget.
+    """
+
+    def __init__(
+        self, data: dict[str, Any], jacobian: Matrix | None = None, budget: Budget | None = None
+    ) -> None:
         self.known_jacobian = jacobian
+        self._budget = budget
         super().__init__(data)
         self._resultants: dict[tuple[str, str, int], Poly] = {}
         self._kept = 0
@@ -40,24 +47,43 @@ class Draft(Certificate):
     def jacobian(self) -> Matrix:
         """As the checker finds it, which does so by itself in the end."""
         if self.known_jacobian is None:
+            spend = self.ring.spend
+            self.ring.spend = self._in_time  # type: ignore[method-assign]
             self.known_jacobian = super().jacobian()
+            self.ring.spend = spend  # type: ignore[method-assign]
         return self.known_jacobian
 
+    def _in_time(self, work: int) -> None:
+        """Count as the checker does, unless so many products of terms would outlast the time."""
+        if self._budget is not None:
+            self._budget.check(work)
+        type(self.ring).spend(self.ring, work)
 
-def without_dependent_lines(data: Mapping[str, Any]) -> tuple[dict[str, Any], Matrix]:
-    """The certificate with the steps that make dependent lines zero, and its whole Jacobian."""
-    whole = Draft({**data, "rank": 1, "row_steps": [], "column_steps": []})
-    rows = _steps(whole, whole.jacobian())
-    columns = _steps(whole, flipped(whole.without_dependent(whole.jacobian(), rows)))
+
+def without_dependent_lines(
+    data: Mapping[str, Any], budget: Budget
+) -> tuple[dict[str, Any], Matrix]:
+    """The certificate with the steps that make dependent lines zero, and its whole Jacobian.
+
+    Raises
+    ------
+    BudgetExceeded
+        If there is no time for it.
+    """
+    whole = Draft({**data, "rank": 1, "row_steps": [], "column_steps": []}, budget=budget)
+    rows = _steps(whole, whole.jacobian(), budget)
+    columns = _steps(whole, flipped(whole.without_dependent(whole.jacobian(), rows)), budget)
     return {**data, "row_steps": rows, "column_steps": columns}, whole.jacobian()
 
 
-def _steps(certificate: Certificate, lines: Matrix) -> list[list[Any]]:
+def _steps(certificate: Certificate, lines: Matrix, budget: Budget) -> list[list[Any]]:
     """Which multiple of which line is taken from which."""
-    vectors = [_vector(certificate, line) for line in lines]
-    return [
-        [i, k, number_text(c)] for i, terms in _dependent(vectors).items() for k, c in terms.items()
-    ]
+    vectors = []
+    for line in lines:
+        budget.check()
+        vectors.append(_vector(certificate, line))
+    found = _dependent(vectors, budget)
+    return [[i, k, number_text(c)] for i, terms in found.items() for k, c in terms.items()]
 
 
 def _vector(certificate: Certificate, line: list[Any]) -> dict[Any, Exact]:
@@ -74,7 +100,7 @@ def _vector(certificate: Certificate, line: list[Any]) -> dict[Any, Exact]:
     return {key: surd(*four) for key, four in parts.items()}
 
 
-def _dependent(lines: list[dict[Any, Exact]]) -> dict[int, dict[int, Exact]]:
+def _dependent(lines: list[dict[Any, Exact]], budget: Budget) -> dict[int, dict[int, Exact]]:
     """Lines that are sums of multiples of earlier ones that stay, and these multiples."""
     basis: list[tuple[Any, dict[Any, Exact], dict[int, Exact]]] = []
     found: dict[int, dict[int, Exact]] = {}
@@ -82,6 +108,7 @@ def _dependent(lines: list[dict[Any, Exact]]) -> dict[int, dict[int, Exact]]:
         vector, terms = dict(line), dict[int, Exact]({i: Fraction(1)})
         for lead, other, other_terms in basis:
             if lead in vector:
+                budget.check()
                 ratio = vector[lead] / other[lead]
                 vector = _less(vector, ratio, other)
                 terms = _less(terms, ratio, other_terms)
