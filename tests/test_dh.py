@@ -20,7 +20,7 @@ from tiers import tiered
 
 import pinsing
 from pinsing.description.dh_table import DHRow
-from pinsing.description.dh_urdf import DHTable, dh_to_urdf, read_dh, urdf_folder
+from pinsing.description.dh_urdf import DHTable, bare_urdf, dh_to_urdf, read_dh, urdf_folder
 from pinsing.description.yaml_tree import parse_number
 from pinsing.errors import RobotFileError
 
@@ -117,6 +117,31 @@ def test_random_tables_equal_dh(seed: int, tmp_path: Path) -> None:
     urdf.write_text(dh_to_urdf(read_dh(table)))
     model = pin.buildModelFromUrdf(str(urdf))
     assert_same_kinematics(reference.read(table), model, rng, 20)
+
+
+def assert_bare_is_the_same(table: DHTable) -> None:
+    """Bit for bit: joints, placements, limits and frames of the URDF without shapes."""
+    full, bare = (pin.buildModelFromXML(f(table)) for f in (dh_to_urdf, bare_urdf))
+    assert list(bare.names) == list(full.names)
+    assert [j.shortname() for j in bare.joints] == [j.shortname() for j in full.joints]
+    assert [f.name for f in bare.frames] == [f.name for f in full.frames]
+    for a, b in zip(bare.jointPlacements, full.jointPlacements, strict=True):
+        assert (a.homogeneous == b.homogeneous).all()
+    for f, g in zip(bare.frames, full.frames, strict=True):
+        assert (f.placement.homogeneous == g.placement.homogeneous).all()
+    for limit in ("lowerPositionLimit", "upperPositionLimit", "velocityLimit", "effortLimit"):
+        assert (getattr(bare, limit) == getattr(full, limit)).all()
+
+
+@pytest.mark.parametrize("name", ["stanford", "iiwa14", "irb1400"])
+def test_a_table_without_shapes_is_the_same_chain(name: str) -> None:
+    assert_bare_is_the_same(read_dh(table_path(name)))
+
+
+def test_a_table_with_a_tool_without_shapes_is_the_same_chain(tmp_path: Path) -> None:
+    path = tmp_path / "arm.dh.yaml"
+    path.write_text(GOOD + "tool: {xyz: [0.1, 0, 0.25], rpy: [0, 0.3, 0]}\n")
+    assert_bare_is_the_same(read_dh(path))
 
 
 @pytest.mark.slow

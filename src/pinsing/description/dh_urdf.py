@@ -20,6 +20,7 @@ import tempfile
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import Element, SubElement, tostring
 
 import yaml
 
@@ -30,7 +31,15 @@ from pinsing.description.placement import Placement, Vector, cos_sin, pointing, 
 from pinsing.description.xacro import expand_xacro
 from pinsing.errors import OutputError
 
-__all__ = ["DHRow", "DHTable", "dh_to_urdf", "joint_placements", "read_dh", "urdf_folder"]
+__all__ = [
+    "DHRow",
+    "DHTable",
+    "bare_urdf",
+    "dh_to_urdf",
+    "joint_placements",
+    "read_dh",
+    "urdf_folder",
+]
 
 # A URDF demands a speed and an effort; where the table is silent, these stand in.
 DEFAULT_VELOCITY = 1.0
@@ -91,6 +100,27 @@ def dh_to_urdf(table: DHTable) -> str:
     return f"{declaration}\n{_banner(table)}{start}{robot.rstrip()}\n"
 
 
+def bare_urdf(table: DHTable) -> str:
+    """The URDF of a table without shapes: links and joints as in `dh_to_urdf`, written at once.
+
+    For chains that nobody looks at; no xacro runs and no file is written.
+    """
+    names, joints = _chain(table)
+    robot = Element("robot", name=table.name)
+    for name in names:
+        SubElement(robot, "link", name=name)
+    for joint in joints:
+        element = SubElement(robot, "joint", name=joint["name"], type=joint["type"])
+        SubElement(element, "origin", xyz=joint["xyz"], rpy=joint["rpy"])
+        SubElement(element, "parent", link=joint["parent"])
+        SubElement(element, "child", link=joint["child"])
+        if joint["type"] != "fixed":
+            SubElement(element, "axis", xyz="0 0 1")
+            limits = ("lower", "upper", "velocity", "effort")
+            SubElement(element, "limit", {k: joint[k] for k in limits if k in joint})
+    return tostring(robot, encoding="unicode")
+
+
 def _folder() -> tempfile.TemporaryDirectory[str]:
     try:
         return tempfile.TemporaryDirectory(prefix="pinsing-")
@@ -106,12 +136,8 @@ def _banner(table: DHTable) -> str:
     return f"<!--{words}-->"
 
 
-def _arm(table: DHTable) -> dict[str, Any]:
-    """Return the numbers that the xacro reads: text of joints, shapes, and the arm's size [m].
-
-    Placements of joints are written in full (repr); shapes, which only the eye judges, are
-    rounded to a nanometre so that no libm shows in the file.
-    """
+def _chain(table: DHTable) -> tuple[list[str], list[dict[str, Any]]]:
+    """Return names of the links and text of the joints; placements are written in full (repr)."""
     placements, last = joint_placements(table)
     count = len(table.rows)
     names = [BASE, *(f"link{i}" for i in range(1, count + 1))]
@@ -131,7 +157,18 @@ def _arm(table: DHTable) -> dict[str, Any]:
     ]
     for joint, (parent, child) in zip(joints, pairwise(names), strict=True):
         joint.update(parent=parent, child=child)
+    return names, joints
 
+
+def _arm(table: DHTable) -> dict[str, Any]:
+    """Return the numbers that the xacro reads: text of joints, shapes, and the arm's size [m].
+
+    Shapes, which only the eye judges, are rounded to a nanometre so that no libm shows in the file.
+    """
+    names, joints = _chain(table)
+    placements, last = joint_placements(table)
+    count = len(table.rows)
+    ends = [*placements, last, *([] if table.tool is None else [table.tool])]
     links: list[dict[str, Any]] = [{"name": name, "bones": []} for name in names]
     for i, end in enumerate(ends):
         knee = _knee(table, i, end) if i <= count else end.xyz

@@ -13,7 +13,7 @@ from fractions import Fraction
 from pathlib import Path
 
 from pinsing.description.dh_table import DHTable, read_dh
-from pinsing.description.dh_urdf import dh_to_urdf
+from pinsing.description.dh_urdf import bare_urdf
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.geometry.nominal import Length3, Nominal, nominal
 from pinsing.robot.arm import Arm
@@ -140,7 +140,7 @@ def _with(table: DHTable, values: dict[str, float]) -> DHTable:
 
 def _geometry(table: DHTable, angle_tol: float) -> Nominal:
     try:
-        return nominal(load(dh_to_urdf(table), tip="tool0"), angle_tol)
+        return nominal(load(bare_urdf(table), tip="tool0"), angle_tol)
     except PinsingError as error:
         raise OptionError(f"the table makes no chain: {error}") from None
 
