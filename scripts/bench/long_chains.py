@@ -1,0 +1,163 @@
+"""Closed forms of long chains and of positions: what is found in a given time.
+
+    python scripts/bench/long_chains.py [CHAIN ...] [--seconds 60]
+    python scripts/bench/long_chains.py --write docs/long_chains.md
+
+Chains from a foot to a hand, torso and arm, planar arms of many links, positions of arms with seven
+joints. The search ends by the clock, so that on a busy machine less is found.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import platform
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pinocchio as pin
+
+from pinsing.families import ClosedForm, closed_form
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+
+CHAINS: dict[str, dict[str, str]] = {
+    "UR5, from the tool back to the base": {"robot": "ur5", "base": "tool0", "tip": "base_link"},
+    "Talos, left foot to right foot": {
+        "robot": "talos",
+        "base": "left_sole_link",
+        "tip": "right_sole_link",
+    },
+    "iCub, torso and left arm": {"robot": "icub", "base": "root_link", "tip": "l_hand"},
+    "Talos, left foot to left hand": {
+        "robot": "talos",
+        "base": "left_sole_link",
+        "tip": "gripper_left_base_link",
+    },
+    "Unitree G1, left foot to left hand": {
+        "robot": "g1",
+        "base": "left_ankle_roll_link",
+        "tip": "left_rubber_hand",
+    },
+    "Baxter, left arm, position": {"robot": "baxter", "tip": "left_gripper", "task": "position"},
+    "Unitree G1, left arm, position": {
+        "robot": "g1",
+        "tip": "left_rubber_hand",
+        "base": "torso_link",
+        "task": "position",
+    },
+    "Tiago Pro, left arm, position": {
+        "robot": "tiago_pro",
+        "tip": "arm_left_tool_link",
+        "base": "torso_lift_link",
+        "task": "position",
+    },
+}
+PLANAR = (6, 12, 20)
+_SHOWN = 8
+"""Families that are written out."""
+_WIDE = 150
+
+PAGE = """# Long chains and positions
+
+Written by `python scripts/bench/long_chains.py --write docs/long_chains.md` on {date},
+Python {python}, load {load:.0f} on {cores} processors, {seconds:g} s on the clock a chain.
+The search ends by the clock: with more time, or on an idle machine, more is found. Where it is not
+complete, no families means that none was found in time, not that there is none. What a word
+rests on is in [proof.md](proof.md).
+
+A chain from a foot to a hand goes up to the pelvis, joints backwards, and down:
+`--base left_sole_link --tip gripper_left_base_link`. Planar arms, judged by the position of the
+tip, are singular where all links are in line. `pinsing families ... --system FILE.sing` writes the
+exact equations of any family.
+
+{table}
+
+{families}
+"""
+
+
+def planar(n: int) -> Arm:
+    """A planar arm of n links from 0.3 m on, each 10 mm longer than the one before it."""
+    model = pin.Model()
+    model.name = f"planar {n}R"
+    parent, x = 0, 0.0
+    for i in range(n):
+        place = pin.SE3(pin.SE3.Identity().rotation, x * pin.utils.eye(3)[:, 0])
+        parent = model.addJoint(parent, pin.JointModelRZ(), place, f"q{i + 1}")
+        model.lowerPositionLimit[i], model.upperPositionLimit[i] = -3, 3
+        x = 0.3 + 0.01 * i
+    place = pin.SE3(pin.SE3.Identity().rotation, x * pin.utils.eye(3)[:, 0])
+    model.addFrame(pin.Frame("tip", parent, 0, place, pin.FrameType.OP_FRAME))
+    return load(model, tip="tip", task="position")
+
+
+def chains() -> Iterator[tuple[str, Arm]]:
+    """Name and arm of each row."""
+    for n in PLANAR:
+        yield f"planar {n}R, position", planar(n)
+    for name, spec in CHAINS.items():
+        yield name, load(**spec)
+
+
+def row(name: str, form: ClosedForm) -> str:
+    """Its line of the table."""
+    codimensions = sorted(f.codimension for f in form.families)
+    said = ", ".join(
+        f"{codimensions.count(c)} of codimension {c}" for c in sorted(set(codimensions))
+    )
+    count = f"{len(form.families)} ({said})" if said else "0"
+    chain = f"{form.arm.base} to {form.arm.tip}"
+    return f"| {name} | {chain} | {form.arm.n} | {form.generic_rank} | {count} | {form.word} |"
+
+
+def families(name: str, form: ClosedForm) -> Iterator[str]:
+    """What was found, family by family, and what is missing."""
+    yield f"## {name}\n"
+    for gap in form.gaps:
+        yield f"- not complete: {gap}"
+    for family in form.families[:_SHOWN]:
+        text = family.text if len(family.text) <= _WIDE else f"{family.text[:_WIDE]} ..."
+        yield f"- {family.name}, codimension {family.codimension}: {text}"
+    if len(form.families) > _SHOWN:
+        yield f"- and {len(form.families) - _SHOWN} more"
+    yield ""
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("chains", nargs="*", metavar="CHAIN", help="part of a name; default all")
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--write", type=Path, metavar="FILE")
+    options = parser.parse_args()
+    rows, texts = [], []
+    for name, arm in chains():
+        if options.chains and not any(c.lower() in name.lower() for c in options.chains):
+            continue
+        started = time.process_time()
+        form = closed_form(arm, seconds=options.seconds, prove=None)
+        took = time.process_time() - started
+        rows.append(row(name, form))
+        texts += families(name, form)
+        print(f"{rows[-1]} {took:.1f} s of processor time", file=sys.stderr, flush=True)
+    head = "| arm | chain | joints | rank | families | word |\n|---|---|---|---|---|---|"
+    page = PAGE.format(
+        date=datetime.datetime.now(tz=datetime.timezone.utc).date(),
+        python=platform.python_version(),
+        load=os.getloadavg()[0],
+        cores=os.cpu_count(),
+        seconds=options.seconds,
+        table="\n".join([head, *rows]),
+        families="\n".join(texts),
+    )
+    if options.write:
+        options.write.write_text(page.rstrip() + "\n", encoding="utf-8")
+    else:
+        print(page)
+
+
+if __name__ == "__main__":
+    main()
