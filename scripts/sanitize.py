@@ -103,7 +103,7 @@ def build(folder: Path, isas: list[str], jobs: int) -> Path:
     common = [
         *FLAGS,
         *(f"-I{p}" for p in includes),
-        *(f"-DPINSING_HAVE_{i.upper()}=1" for i in isas),
+        *(f"-DPINSING_HAVE_{i.upper()}=1" for i in ("baseline", *isas)),
     ]
     batch = ROOT / "src/pinsing/_batch"
     common.append(f'-DPINSING_SOURCES="{_fingerprint(batch)}"')
