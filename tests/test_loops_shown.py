@@ -20,7 +20,7 @@ from pinsing.cli.mechanism import (
     read,
     view_loops,
 )
-from pinsing.errors import ConfigurationError, OptionError
+from pinsing.errors import ConfigurationError, OptionError, PinsingError
 from pinsing.mechanism import assemblies, curves, find_singular, home, loop_forms
 from pinsing.plot.mechanism import draw_linkage, input_map, measure_curves
 
@@ -142,6 +142,35 @@ def test_loops_option_turns_a_command_over():
     runner = CliRunner()
     assert runner.invoke(command, ["x.urdf"]).output == "arm x.urdf\n"
     assert runner.invoke(command, ["x.urdf", "--loops", "y.yaml"]).output == "y.yaml x.urdf\n"
+
+
+def test_loops_alone_means_the_file_beside_and_its_absence_is_said():
+    @click.command()
+    @loops_option(lambda loops, **options: click.echo(f"{loops.name} {sorted(options.items())}"))
+    @click.argument("robot")
+    @click.option("--html")
+    def command(robot: str, html: str | None) -> None:
+        click.echo(f"arm {robot}")
+
+    runner = CliRunner()
+    for words in (
+        ["gough_stewart", "--loops", "--html", "a"],
+        ["gough_stewart", "--html", "a", "--loops"],
+    ):
+        done = runner.invoke(command, words, catch_exceptions=False)
+        assert (
+            done.output == "gough_stewart.loops.yaml [('html', 'a'), ('robot', 'gough_stewart')]\n"
+        )
+    # Without it the loops are left out, and that is said with the command that takes them in.
+    done = runner.invoke(command, ["gough_stewart"], prog_name="view", catch_exceptions=False)
+    assert done.stdout == "arm gough_stewart\n"
+    said = " ".join(done.stderr.split())
+    assert "has closed loops, in" in said
+    assert said.endswith("pinsing view gough_stewart --loops")
+    for robot in ("ur5", ".", "<robot/>"):
+        assert runner.invoke(command, [robot]).output == f"arm {robot}\n"
+        refused = runner.invoke(command, [robot, "--loops"]).exception
+        assert isinstance(refused, PinsingError)
 
 
 def test_modes_are_drawn_apart():

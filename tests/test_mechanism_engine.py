@@ -425,3 +425,28 @@ def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     assert (q >= mechanism.lower - 1e-9).all()
     assert (q <= mechanism.upper + 1e-9).all()
     assert min(measures) > 0.05
+
+
+@needs_node
+def test_whole_turns_are_left_out_and_what_is_too_far_is_refused() -> None:
+    """A link that asks for a million radians once took minutes of steps."""
+    mechanism = slider_crank()
+    assert not np.isfinite(mechanism.lower[list(mechanism.actuated)]).any()
+    values = [100.0, 1e6, -1e6, 1e9, 1e308]
+    found = run(
+        """(m, {data, values}) => values.map((v) => { const f = m.driven(data, [v], data.home);
+             return { ...f, words: f.stop ? m.stopWords(data, f.stop) : null }; })""",
+        {"data": data_of(mechanism), "values": values},
+    )
+    joint = mechanism.actuated[0]
+    for value, one in zip(values, found, strict=True):
+        q = np.array(one["q"])
+        assert np.abs(Loops(mechanism).scaled(q)[0]).max() <= 1e-10
+        if abs(value) <= 1e6:
+            assert one["reached"] == 1
+            assert np.cos(q[joint] - value) == pytest.approx(1, abs=1e-12)
+            assert abs(q[joint] - home(mechanism)[joint]) < 2 * np.pi
+        else:
+            assert one["reached"] == 0
+            assert one["words"] == "it is moved by at most 1000000 rad at once"
+            assert q == pytest.approx(home(mechanism))

@@ -81,7 +81,8 @@ class MechanismApp extends App {
     const { engine, inputs, joints } = this.page;
     if (q.length === joints.length) {
       const { q: closed, error } = Engine.gaussNewton(engine, q, Engine.passiveOf(engine));
-      return error <= 1e-9 ? this.source.compute(closed) : null;
+      if (error <= 1e-9) return this.source.compute(closed);
+      return { ...this.source.compute(engine.home), refused: "refused: with the values in the address the loops do not close; this is home." };
     }
     return q.length === inputs.length ? this.source.driven(engine.home, q) : null;
   }

@@ -85,6 +85,7 @@ class MechanismSource extends EngineSource {
 
   refused(wanted, before, { q, stop }) {
     const { engine } = this.page, far = wanted.map((v, k) => Math.abs(v - before[engine.actuated[k]]));
+    if (stop?.why === "far") return `refused: the value of ${engine.joints[stop.joint].name} is too large; ${Engine.stopWords(engine, stop)}. The mechanism stays where it was.`;
     const k = far.indexOf(Math.max(...far)), index = engine.actuated[k];
     return `infeasible: ${engine.joints[index].name} = ${Engine.inputText(engine, k, wanted[k])}. In this mode the loops close ` +
       `up to ${Engine.inputText(engine, k, q[index], 2)}, the others held (${Engine.stopWords(engine, stop)}); the mechanism stays there.`;

@@ -13,6 +13,7 @@ import { assemblyValue, elbowSines, motions } from "./mechanism.mjs";
 import { leastSquares } from "./orthogonal.mjs";
 
 const STEP = 0.05, SMALLEST = 1e-7, TURN = 2 * Math.PI, INSIDE = 1e-9, RUN = 12, FAR = 0.2;
+const MOST_ANGLE = 1e6, MOST_WAY = 1000; // radians; radians or length scales
 const IN_LINE = 0.02, WEAK = 0.02;
 
 const COORDINATES = ["x", "y", "z", "roll", "pitch", "yaw"];
@@ -168,6 +169,7 @@ export function stopWords(data, { why, joint, q }) {
   const name = joint === undefined ? "" : data.joints[joint].name;
   if (why === "limit") return `${name} is at its limit, ${valueText(data.joints[joint].prismatic, q[joint])}`;
   if (why === "open") return "the loops do not close beyond";
+  if (why === "far") return `it is moved by at most ${data.joints[joint].prismatic ? `${MOST_WAY * data.task.lengthScale} m` : `${MOST_ANGLE} rad`} at once`;
   return `${why} singularity${name && `: the leg of ${name} in line`}`;
 }
 
@@ -183,8 +185,11 @@ export function placeOf(data, q) { return frameOf(data.chain.tip, closure(data, 
 
 // Inputs driven as by `drive`, to the first limit of a joint at most: { q, reached, stop }. With more
 // actuators than freedoms the one that moves most leads, and the others follow.
-export function driven(data, inputs, q) {
-  const { actuated, metric } = data;
+//
+// Whole turns of a joint without limits lead to where it is, and are left out.
+export function driven(data, wanted, q) {
+  const { actuated, metric } = data, { inputs, far } = shortWay(data, wanted, q);
+  if (far >= 0) return { q: q.slice(), reached: 0, stop: { why: "far", joint: actuated[far], q: q.slice() } };
   if (actuated.length > data.ranks.mobility) {
     const away = actuated.map((j, k) => Math.abs(inputs[k] - q[j]) / metric[j]), k = away.indexOf(Math.max(...away));
     return ledJoint(data, actuated[k], inputs[k], q);
@@ -198,6 +203,19 @@ export function driven(data, inputs, q) {
     if (tried.reached === 1 && inside(limits, q, tried.q) >= 1) { low = middle; best = tried.q; } else high = middle;
   }
   return { q: best, reached: low * found.reached, stop: reason(data, best, limits) };
+}
+
+// The same inputs with less than a turn to go, and which of them is too far (-1: none): of an angle beyond
+// MOST_ANGLE the digits say little, and a way is as many steps as it is long.
+function shortWay(data, wanted, q) {
+  const inputs = data.actuated.map((j, k) => {
+    const { prismatic, lower, upper } = data.joints[j], gap = wanted[k] - q[j];
+    const free = !prismatic && (lower ?? null) === null && (upper ?? null) === null;
+    return free && Math.abs(gap) > TURN ? q[j] + (gap % TURN) : wanted[k];
+  });
+  const far = data.actuated.findIndex((j, k) => !(Math.abs(wanted[k]) <= MOST_ANGLE || data.joints[j].prismatic) ||
+    !(Math.abs(inputs[k] - q[j]) <= MOST_WAY * data.metric[j]));
+  return { inputs, far };
 }
 
 // How far coordinate k of the pose goes from a closed q, the others held: { lower, upper, whole, below,
