@@ -6,7 +6,6 @@ import contextlib
 import dataclasses
 import functools
 import math
-import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -14,9 +13,10 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from pinsing.cli.figure import check_figure, off_screen, save_figure
+from pinsing.cli.loop_file import loops_beside, tell_of_loops
 from pinsing.cli.options import parse_numbers, whole_number
 from pinsing.cli.output import STDOUT, emit, emit_json, say
-from pinsing.errors import ConfigurationError, OptionError, PinsingError, ResultError
+from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
@@ -55,45 +55,13 @@ def loops_option(run: Run) -> Callable[[F], F]:
         @functools.wraps(command)
         def wrapper(*args: Any, loops: Path | None = None, **options: Any) -> Any:
             if loops is None:
-                _tell_of_loops(str(options["robot"]))
+                tell_of_loops(str(options["robot"]))
                 return command(*args, **options)
-            return run(_beside(str(options["robot"])) if loops == Path() else loops, **options)
+            return run(loops_beside(str(options["robot"])) if loops == Path() else loops, **options)
 
         return wrapper  # type: ignore[return-value]
 
     return decorate
-
-
-def _loop_file(robot: str) -> Path:
-    """``NAME.loops.yaml`` beside the file of a robot, whether it exists or not."""
-    from pinsing.description.catalog import locate_robot
-
-    found = locate_robot(robot)
-    path = found if isinstance(found, Path) else found.path
-    return path.parent / f"{path.name.partition('.')[0]}.loops.yaml"
-
-
-def _beside(robot: str) -> Path:
-    """The loop file that ``--loops`` alone means."""
-    path = None if robot.lstrip().startswith("<") else _loop_file(robot)
-    if path is None or not path.is_file():
-        where = "" if path is None else f": there is no {path}"
-        raise OptionError(f"--loops needs the name of a loop file{where}; give --loops FILE.yaml")
-    return path
-
-
-def _tell_of_loops(robot: str) -> None:
-    """Say that a robot that is taken as an arm has closed loops, which are left out."""
-    try:
-        path = None if robot.lstrip().startswith("<") else _loop_file(robot)
-    except (PinsingError, OSError, ValueError):
-        return  # the command says what is wrong
-    if path is not None and path.is_file():
-        command = click.get_current_context().info_name
-        say(
-            f"note: {robot} has closed loops, in {path}; without --loops they are left out and a "
-            f"serial chain is taken. With them: pinsing {command} {shlex.quote(robot)} --loops"
-        )
 
 
 def joints_option(command: F) -> F:
