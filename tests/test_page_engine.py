@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import arms
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -13,7 +14,8 @@ from node import needs_node, run
 from numpy.typing import NDArray
 from tiers import tiered
 
-from pinsing import closed_form, load, singular_values
+from pinsing import at, closed_form, load, singular_values
+from pinsing.configuration.refine import refine
 from pinsing.kinematics.verdict import ratios, status_of
 from pinsing.robot.arm import Arm
 from pinsing.view.ellipsoids import sizes
@@ -301,3 +303,51 @@ def test_the_bundle_is_the_modules(page: Any) -> None:
     assert {"frameAt", "svd", "distance", "into", "along", "meetings"} <= set(names)
     sigma = page.evaluate("() => Engine.svd([[3, 0], [0, 4]]).sigma")
     assert sigma == [4, 3]
+
+
+@needs_node
+def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
+    """Several equations: what is found is an upper bound, which the words call one."""
+    data = {"joints": [{"prismatic": False}] * 2, "task": {"lengthScale": 1}}
+
+    def family(entry: int, branch: dict[str, Any]) -> dict[str, Any]:
+        found = {"entry": entry, "name": f"F{entry + 1}", "text": "here", "where": ["here"]}
+        return {**found, "moved": [0, 1], "branches": [branch]}
+
+    wave = {"frequencies": [[2, 2], [2, 0]], "powers": None}
+    wave |= {"cos": [0, 0], "sin": [1, 0.4], "shift": [0, 0]}
+    slide = {"frequencies": [[2, 0]], "powers": [[0, 1]], "cos": [0], "sin": [1], "shift": [0, 0]}
+    lone = family(0, {"values": [{"joint": 0, "value": 0}], "equations": []})
+    bent = family(0, {"values": [], "equations": [wave]})
+    free = family(1, {"values": [], "equations": [slide]})
+    asked = [[lone], [bent], [free], [lone, free]]
+    found = run(
+        "(m, {data, asked, q}) => asked.map((f) => m.nearestFamily(data, q, f))",
+        {"data": data, "asked": asked, "q": [0.3, 0.9]},
+    )
+    assert found[0]["text"] == "17.2° from F1: here"
+    assert found[1]["text"].startswith("between ")
+    assert found[1]["lower"] < found[1]["value"]
+    assert found[2]["text"].startswith("at most ")
+    assert found[3]["least"] == 0
+    assert found[3]["text"].startswith("at most ")
+
+
+@needs_node
+def test_a_path_with_a_huge_value_is_refused() -> None:
+    tried = """(m, {text, joints}) => {
+      try { return m.parseTrajectory(text, joints); } catch (error) { return error.message; }
+    }"""
+    said = run(tried, {"text": "1,2\n1,-1e308\n", "joints": JOINTS})
+    assert said == "line 2: -1e308 is too large (radians and metres, up to 1e6)"
+
+
+@needs_node
+def test_what_is_missing_everywhere_is_counted_as_in_python() -> None:
+    """Five joints and a pose task: one of the two motions is missing wherever it stands."""
+    arm = arms.arm_of("so101")
+    data, _ = engine(arm)
+    q = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1]).q
+    here = run("(m, {data, q}) => m.frameAt(data, q)", {"data": data, "q": q.tolist()})
+    assert here["alwaysMissing"] == at(arm, q).always_missing == 1
+    assert len(here["lost"]) == 2

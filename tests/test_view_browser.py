@@ -258,6 +258,28 @@ def test_the_static_page_opens_from_a_file(page: Any, static: Path) -> None:
     assert "° from F1" in text(page, "#nearest")
 
 
+def test_an_address_that_is_no_pose_is_told(page: Any, static: Path) -> None:
+    """At once as the page opens, and later; the same words."""
+    for asked, said in [
+        ("NaN,0,0,0", "value 1 of the address is not a number: NaN"),
+        (",,,", "value 1 of the address is not a number: nothing"),
+        ("0,1e308,0,0", "value 2 of the address is too large: 1e308"),
+        ("1,2", "the address holds 2 values; this robot has 4 joints"),
+    ]:
+        if said.endswith("NaN"):
+            open_page(page, static.as_uri() + f"#q={asked}")
+        else:
+            page.evaluate("(q) => { location.hash = `q=${q}`; }", asked)
+        page.wait_for_function(
+            "(w) => document.getElementById('refused').textContent.includes(w)", arg=said
+        )
+        assert page.locator("#refused").is_visible()
+    page.evaluate("() => { location.hash = 'q=6.5,0.5,0.1,0.2'; }")
+    page.wait_for_function("() => document.getElementById('refused').hidden")
+    assert "but for whole turns" in text(page, "#outside")
+    assert page.locator(".joint.beyond").count() == 1
+
+
 @pytest.mark.slow
 def test_meshes_are_drawn_whole(page: Any) -> None:
     with Viewer(load("ur5"), poses=[[0, -1.2, 1.4, 0.3, 0.8, 0]]) as viewer:

@@ -106,6 +106,7 @@ class App {
     this.frame(frame);
     this.view.fit([frame]);
     const { way } = this.page;
+    if (this.problem) this.refuse(this.problem);
     if (way && !shared) this.follow("path", way.rows, way.samples);
     else if (this.entry !== null) this.lookForMeetings(entry, pose);
   }
@@ -122,6 +123,7 @@ class App {
   frame(frame, dragged = -1) {
     if (this.running || this.wanted) this.view.pace.moved();
     this.view.show(frame);
+    $("refused").hidden = true;
     this.panel.show(frame, dragged);
     if (dragged >= 0) this.postures.mark(-1);  // moved by hand: at none of them
     this.settle();
@@ -147,20 +149,32 @@ class App {
     this.frame(this.source.compute(q));
   }
 
-  // The pose in the address, as a frame.
+  // The pose in the address, as a frame; `problem` says why there is none.
   shared() {
-    const { q } = asked();
-    return q ? this.framed(q) : null;
+    const { q, problem } = asked(), frame = q ? this.framed(q) : null;
+    this.problem = problem || (q && !frame ? this.misfit(q) : "");
+    return frame;
   }
 
   framed(q) { return q.length === this.page.joints.length ? this.source.compute(q) : null; }
 
+  misfit(q) {
+    const one = q.length === 1, alone = this.page.joints.length === 1;
+    return `the address holds ${q.length} value${one ? "" : "s"}; this robot has ${this.page.joints.length} joint${alone ? "" : "s"}`;
+  }
+
+  // What was asked for and is not shown; until something else is.
+  refuse(words) {
+    this.say(words);
+    $("refused").textContent = `${words}; this pose is another`;
+    $("refused").hidden = false;
+  }
+
   readAddress() {
-    const { q, picture } = asked();
-    document.body.classList.toggle("picture", picture);
-    const frame = q ? this.framed(q) : null;
-    if (q && !frame) this.say(`the address holds ${q.length} values; this robot has ${this.page.joints.length} joints`);
-    if (frame) this.go(frame.q, frame);
+    document.body.classList.toggle("picture", asked().picture);
+    const frame = this.shared();
+    if (this.problem) this.refuse(this.problem);
+    else if (frame) this.go(frame.q, frame);
   }
 
   // To the nearest singular pose, and back.

@@ -87,6 +87,12 @@ class MechanismApp extends App {
     return q.length === inputs.length ? this.source.driven(engine.home, q) : null;
   }
 
+  misfit(q) {
+    const { joints, inputs } = this.page, fits = q.length === joints.length;
+    return fits ? "the loops do not close near the joint values of the address"
+      : `the address holds ${q.length} value${q.length === 1 ? "" : "s"}; this mechanism has ${joints.length} joints, ${inputs.length} of them inputs`;
+  }
+
   // The way starts where the mechanism is, in the turn that its sliders show.
   moved(q) { return this.source.driven(this.panel.values(this.view.frame), this.inputs(q)); }
 

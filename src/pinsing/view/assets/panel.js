@@ -214,16 +214,27 @@ class Panel {
     this.readings(frame);
     $("why").textContent = frame.why.length ? `because ${frame.why.join("; ")}` : "";
     $("remarks").textContent = frame.notes.join("; ");
-    $("outside").hidden = !frame.outside.length;
-    $("outside").textContent = `outside the limits: ${frame.outside.join(", ")}`;
+    const turned = this.beyond(frame), away = turned.filter((name) => !frame.outside.includes(name));
+    $("outside").hidden = !frame.outside.length && !turned.length;
+    $("outside").textContent = [
+      ...(frame.outside.length ? [`outside the limits: ${frame.outside.join(", ")}`] : []),
+      ...(away.length ? [`beyond the limits, within them but for whole turns: ${away.join(", ")}`] : []),
+    ].join("; ");
     this.rows.forEach(({ row, slider, value }, i) => {
       const joint = this.page.joints[i];
       const shown = this.value(frame, i);
       row.classList.toggle("hot", frame.hot.includes(i));
+      row.classList.toggle("beyond", turned.includes(joint.name) || frame.outside.includes(joint.name));
       if (i !== dragged) slider.value = shown;
       value.textContent = joint.prismatic ? `${(1000 * shown).toFixed(1)} mm`
         : `${((shown * 180) / Math.PI).toFixed(2).replace(/^-0\.00$/, "0.00")}\u00b0`;
     });
+  }
+
+  // Joints whose values as they stand are beyond their limits, be it by whole turns.
+  beyond(frame) {
+    return this.page.joints.filter(({ limited, lower, upper }, i) =>
+      limited !== false && (frame.q[i] < lower - 1e-6 || frame.q[i] > upper + 1e-6)).map(({ name }) => name);
   }
 
   value(frame, joint) { return frame.q[joint]; }
@@ -252,7 +263,10 @@ class Panel {
       bar.append(make("span", "", zero && i >= frame.rank ? "0" : number(Number(s.toPrecision(2)))));
       return bar;
     }));
-    this.losses(frame.lost.map((m) => m.words));
+    const always = frame.alwaysMissing, all = frame.lost.length;
+    this.losses([...frame.lost.map((m) => m.words), ...(always
+      ? [`(${always} of these ${all} ${always === 1 ? "is" : "are"} missing at every configuration: the arm reaches rank ` +
+         `${frame.genericRank} in a task of ${this.page.engine.task.rows.length} rows)`] : [])]);
   }
 
   losses(words) {

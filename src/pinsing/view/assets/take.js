@@ -3,11 +3,19 @@
 
 const trimmed = (q) => q.map((v) => Number(v.toFixed(9)));
 
-// What the address asks for: #q=0.1,0.2,... and #picture.
+const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$/;
+const HUGE = 1e6; // radians and metres: beyond it the digits of an angle are gone
+
+// What the address asks for: #q=0.1,0.2,... and #picture; `problem` says why its q is none.
 function asked() {
   const parts = location.hash.slice(1).split("&"), found = parts.find((part) => part.startsWith("q="));
-  const q = found && /^q=[-+0-9.eE,]+$/.test(found) ? found.slice(2).split(",").map(Number) : null;
-  return { q: q && q.every(Number.isFinite) ? q : null, picture: parts.includes("picture") };
+  const picture = parts.includes("picture"), texts = found?.slice(2).replace(/%2c/gi, ",").split(",");
+  if (!texts) return { q: null, picture, problem: "" };
+  const wrong = texts.findIndex((t) => !NUMBER.test(t)), far = texts.findIndex((t) => Math.abs(Number(t)) > HUGE);
+  const shown = (k) => (texts[k].length > 24 ? `${texts[k].slice(0, 24)}\u2026` : texts[k]);
+  const problem = wrong >= 0 ? `value ${wrong + 1} of the address is not a number: ${shown(wrong) || "nothing"}`
+    : far >= 0 ? `value ${far + 1} of the address is too large: ${shown(far)} (radians and metres, up to 1e6)` : "";
+  return { q: problem ? null : texts.map(Number), picture, problem };
 }
 
 class Take {

@@ -45,6 +45,7 @@ export function frameAt(data, q, families = data.families) {
       kind: m.kind, turn: turnZTo(m.direction), at: m.point, words: m.words,
       close: norm(subtract(m.point, tip.t)) <= 1.5 * sizes.reach,
     })),
+    alwaysMissing: lost.length ? Math.max(0, task.rows.length - task.rank - task.never.length) : 0,
     hot: [...new Set(dependent.flat())].sort((a, b) => a - b),
     why: reasons(dependent, on, J, task, Math.min(0.05, Math.max(STRUCTURE, 30 * zero)), status === "near-singular" ? "nearly " : ""),
     status, rank: rankAt(judge.rtol), genericRank: task.rank, sigma, ratio,
@@ -125,19 +126,30 @@ function ellipsoids(J, sizes, lost, rtol) {
 
 // Nearest family among those that the arm can reach: { entry, lower, value, on, text, q } or null.
 export function nearestFamily(data, q, families = data.families) {
-  let best = null;
+  let best = null, least = Infinity;
   for (const family of families) {
     if (family.reachable === false) continue;
     const found = distance(family, q, data.joints, data.task.lengthScale);
+    least = Math.min(least, found ? found.lower : 0);
     if (!found || (best && found.upper >= best.value)) continue;
     const on = found.upper <= ON;
     const words = family.where[found.branch] ?? family.text;
     const slides = family.moved.length && family.moved.every((j) => data.joints[j].prismatic);
-    const far = slides ? `${short(found.upper * data.task.lengthScale * 1000)} mm` : `${short((found.upper * 180) / Math.PI)}\u00b0`;
-    best = { entry: family.entry, lower: found.lower, value: found.upper, on, q: found.q,
-             text: `${on ? "on" : `${far} from`} ${family.name}: ${words}` };
+    const far = (v) => (slides ? `${short(v * data.task.lengthScale * 1000)} mm` : `${short((v * 180) / Math.PI)}\u00b0`);
+    best = { entry: family.entry, lower: found.lower, value: found.upper, on, q: found.q, far, place: `${family.name}: ${words}` };
   }
-  return best;
+  if (!best) return null;
+  const { far, place, ...rest } = best;
+  return { ...rest, least, text: `${best.on ? "on" : howFar(best, least, far)} ${place}` };
+}
+
+// The distance as far as it is known: what is found is an upper bound, `lower` is certain, and
+// `least` is so for the families together.
+function howFar({ lower, value }, least, far) {
+  const sure = Math.min(lower, least);
+  if (far(sure) === far(value)) return `${far(value)} from`;
+  if (sure <= 0) return `at most ${far(value)} from`;
+  return least < lower ? `between ${far(sure)} and ${far(value)} from the nearest family; found:` : `between ${far(sure)} and ${far(value)} from`;
 }
 
 const short = (v) => (v >= 20 ? v.toFixed(0) : v >= 0.1 ? v.toFixed(1) : String(Number(v.toPrecision(2))));

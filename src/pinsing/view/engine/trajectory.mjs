@@ -1,6 +1,7 @@
 // Joint positions out of a CSV text: names in the first line, in any order, or none at all.
 
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i, NO_NUMBER = /^[-+]?(nan|inf|infinity)$/i;
+const HUGE = 1e6; // beyond it the digits of an angle are gone
 
 // Lines that say something, each with its number in the file, split at what its first one is split at.
 function cellsOf(text) {
@@ -29,6 +30,7 @@ export function parseTrajectory(text, joints) {
     return columns.map((c) => {
       const value = Number(cells[c]);
       if (!NUMBER.test(cells[c]) || !Number.isFinite(value)) throw new Error(`line ${at}: ${cells[c] || "nothing"} is not a number`);
+      if (Math.abs(value) > HUGE) throw new Error(`line ${at}: ${cells[c]} is too large (radians and metres, up to 1e6)`);
       return value;
     });
   });
