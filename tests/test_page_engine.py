@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import arms
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -345,7 +344,7 @@ def test_a_path_with_a_huge_value_is_refused() -> None:
 @needs_node
 def test_what_is_missing_everywhere_is_counted_as_in_python() -> None:
     """Five joints and a pose task: one of the two motions is missing wherever it stands."""
-    arm = arms.arm_of("so101")
+    arm = load("so101")
     data, _ = engine(arm)
     q = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1]).q
     here = run("(m, {data, q}) => m.frameAt(data, q)", {"data": data, "q": q.tolist()})
