@@ -350,3 +350,35 @@ def test_what_is_missing_everywhere_is_counted_as_in_python() -> None:
     here = run("(m, {data, q}) => m.frameAt(data, q)", {"data": data, "q": q.tolist()})
     assert here["alwaysMissing"] == at(arm, q).always_missing == 1
     assert len(here["lost"]) == 2
+
+
+@needs_node
+def test_the_nearest_singular_pose_is_singular_and_within_the_limits() -> None:
+    arm = load("stanford")
+    data, entries = engine(arm)
+    Q = np.random.default_rng(2).uniform(*arm.span, (6, arm.n))
+    found = run(
+        "(m, {data, Q}) => Q.map((q) => m.nearestSingular(data, q))",
+        {"data": data, "Q": Q.tolist()},
+    )
+    for q, here in zip(Q, found, strict=True):
+        assert arm.within_limits(here["q"])
+        assert at(arm, here["q"]).singular
+        nearest = nearest_family(arm, q, entries)
+        assert nearest is not None
+        assert here["least"] <= nearest.value + 1e-9
+
+
+@needs_node
+def test_the_clearest_pose_is_no_worse_than_those_given() -> None:
+    arm = load("scara")
+    data, _ = engine(arm)
+    given = np.random.default_rng(2).uniform(*arm.span, (3, arm.n)).tolist()
+    found = run(
+        """(m, {data, given}) => ({ best: m.clearestPose(data, given, 40),
+             all: given.map((q) => m.clearanceOf(data, q)) })""",
+        {"data": data, "given": given},
+    )
+    assert arm.within_limits(found["best"]["q"])
+    assert found["best"]["lower"] >= max(found["all"]) - 1e-12
+    assert found["best"]["lower"] <= found["best"]["upper"] + 1e-9

@@ -6,7 +6,7 @@ import contextlib
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import click
 
@@ -109,7 +109,7 @@ def view_command(
         from pinsing.view.viewer import Viewer
 
         with waiting() as at:
-            families, findings = _find(arm, at) if saved is None else saved
+            families, findings, coverage = _find(arm, at) if saved is None else saved
             at("preparing the page")
             viewer = stack.enter_context(
                 Viewer(
@@ -117,6 +117,7 @@ def view_command(
                     families,
                     vectors,
                     findings,
+                    coverage=coverage,
                     scale=scale,
                     skeleton=skeleton,
                     host=host,
@@ -133,24 +134,29 @@ def view_command(
             stay(viewer, stack.enter_context(page) if server is None else server)
 
 
-def _find(arm: Arm, at: Callable[[str], None]) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
+_Listed: TypeAlias = "tuple[tuple[Family, ...], tuple[Finding, ...], str]"
+"""Families, findings, and how sure it is that these are all."""
+
+
+def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
     """Families by algebra; where that has gaps, what a sweep finds as well."""
     from pinsing.families import closed_form
+    from pinsing.families.certainty import coverage_words
 
     at("finding the singular families")
     found = closed_form(arm)
     at("")
     if found.complete:
-        return found.families, ()
+        return found.families, (), coverage_words(found)
     for gap in found.gaps:
         say(f"note: the closed forms have a gap, so a sweep runs too: {gap}")
     from pinsing.analysis.analyze import analyze
 
     at("sweeping")
-    return _parts(analyze(arm))
+    return *_parts(analyze(arm)), coverage_words(found)
 
 
-def _read(path: Path, arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:
+def _read(path: Path, arm: Arm) -> _Listed:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
     from pinsing.analysis.result import Analysis
     from pinsing.families import ClosedForm
@@ -167,7 +173,11 @@ def _read(path: Path, arm: Arm) -> tuple[tuple[Family, ...], tuple[Finding, ...]
             f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
             f"not of this arm with {', '.join(arm.joints)}"
         )
-    return (saved.families, ()) if isinstance(saved, ClosedForm) else _parts(saved)
+    if isinstance(saved, ClosedForm):
+        from pinsing.families.certainty import coverage_words
+
+        return saved.families, (), coverage_words(saved)
+    return *_parts(saved), ""
 
 
 def _parts(analysis: Analysis) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:

@@ -34,6 +34,18 @@ class Answer(Protocol):
         """What random slices told."""
 
 
+def coverage_words(forms: Answer) -> str:
+    """How sure it is that none is missing, in a few words for a page that lists families."""
+    if forms.word == "proven":
+        return "Proven: there are no others."
+    if forms.word == "probable":
+        return "Probable: nothing is known to be missing, but there is no certificate here."
+    return (
+        f"NOT complete: {'; '.join(forms.gaps)}. Distances are to what is listed: other singular "
+        "configurations may be nearer."
+    )
+
+
 def certainty(forms: Answer, page: Page = PLAIN) -> str:
     """How sure it is that none is missing, and what that rests on, or what is missing."""
     if forms.word != "not complete":

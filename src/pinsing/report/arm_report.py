@@ -80,9 +80,14 @@ def arm_report(
 
 
 def _page(content: Content, skeleton: bool) -> str:
+    from pinsing.families.certainty import coverage_words
     from pinsing.view.viewer import Viewer
 
-    with Viewer(content.arm, content.forms.families, skeleton=skeleton) as viewer:
+    forms, clearest = content.forms, content.clearest
+    said = coverage_words(forms)
+    with Viewer(
+        content.arm, forms.families, skeleton=skeleton, coverage=said, clearest=clearest
+    ) as viewer:
         return viewer.html()
 
 

@@ -24,6 +24,7 @@ ENGINE = (
     "reasons",
     "arm",
     "paths",
+    "nearest",
     "clearance",
     "cloud",
     "trajectory",

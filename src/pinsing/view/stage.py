@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,6 +20,9 @@ from pinsing.view.entries import Entry
 from pinsing.view.frame import ARROWS, make_frame
 from pinsing.view.links import Links
 from pinsing.view.posture_list import Posture, posture_data
+
+if TYPE_CHECKING:
+    from pinsing.proximity.suggestion import Suggestion
 
 KINDS = ("into", "along")
 
@@ -51,6 +54,10 @@ class Stage:
         How many samples that motion has.
     postures : tuple of Posture
         Inverse solutions of one pose, and ways to them.
+    coverage : str
+        How sure it is that the list holds all; empty where that is not known.
+    clearest : Suggestion, optional
+        The clearest configuration that was found before.
     q : (n,) array
         The configuration shown.
     chosen : (entry, pose) or None
@@ -66,6 +73,8 @@ class Stage:
     way: Array | None = None
     samples: int = 0
     postures: tuple[Posture, ...] = ()
+    coverage: str = ""
+    clearest: Suggestion | None = None
     q: Array = field(init=False)
     chosen: tuple[int, int] | None = field(init=False)
 
@@ -138,6 +147,10 @@ class Stage:
             "entries": [_entry(e, self.arm.n) for e in self.entries],
             "engine": engine_data(self.arm, self.entries, self.sizes),
             "notes": list(self.notes),
+            "coverage": self.coverage,
+            "clearest": None
+            if self.clearest is None
+            else {"q": self.clearest.q.tolist(), "lower": float(self.clearest.lower)},
         }
 
     def _symbols(self) -> Sequence[str]:

@@ -12,6 +12,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked, shown
 from pinsing.errors import ArgumentError, OptionError
 from pinsing.families import Family
+from pinsing.families.certainty import coverage_words
 from pinsing.families.paths import FamilyLike
 from pinsing.robot.arm import Arm
 from pinsing.sweeps.finding import Finding
@@ -28,6 +29,7 @@ from pinsing.view.way import thinned
 
 if TYPE_CHECKING:
     from pinsing.postures.changes import PostureChanges
+    from pinsing.proximity.suggestion import Suggestion
 
 
 class Viewer(Tab):
@@ -55,6 +57,11 @@ class Viewer(Tab):
     postures : PostureChanges, optional
         Inverse solutions of one pose, by `posture_changes`: pages list them, and play the way to
         each that can be reached without a singularity.
+    coverage : str
+        How sure it is that the families are all, which pages say above the list; by default what
+        ``closed_form(arm)`` says where the families are its own.
+    clearest : Suggestion, optional
+        A clear configuration, by `suggest`: the page's button leads to none that is worse.
     visualizer : pinocchio MeshcatVisualizer or meshcat.Visualizer, optional
         Draw into this one as well: axes, ellipsoids and lost motions below its node
         ``pinsing``. One that displays the robot of the arm is moved along.
@@ -83,6 +90,8 @@ class Viewer(Tab):
         *,
         path: npt.ArrayLike | None = None,
         postures: PostureChanges | None = None,
+        coverage: str = "",
+        clearest: Suggestion | None = None,
         visualizer: Any = None,
         scale: float = 1.0,
         skeleton: bool = False,
@@ -97,12 +106,15 @@ class Viewer(Tab):
         if families is None and poses is None and findings is None:
             from pinsing.families import closed_form
 
-            families = closed_form(arm).families
+            form = closed_form(arm)
+            families, coverage = form.families, coverage or coverage_words(form)
         entries = (
             *pose_entries(arm, () if poses is None else poses),
             *family_entries(arm, () if families is None else families),
             *finding_entries(arm, () if findings is None else findings),
         )
+        if clearest is not None:
+            _check_clearest(arm, clearest)
         size = sizes(arm, scale)
         listed = () if postures is None else _listed(arm, postures)
         links = Links(None) if skeleton else read_links(arm)
@@ -114,6 +126,7 @@ class Viewer(Tab):
             known = [entry.family for entry in entries if isinstance(entry.family, Family)]
             way, samples = thinned(arm, known, Q), len(Q)
         self._stage = Stage(arm, entries, links, size, skeleton, notes, way, samples, listed)
+        self._stage.coverage, self._stage.clearest = coverage, clearest
         self._overlay = None
         if visualizer is not None:
             from pinsing.view.overlay import Overlay
@@ -219,6 +232,17 @@ class Viewer(Tab):
     def _index(self, family: FamilyLike | str | int, pose: int) -> int:
         wanted = family if isinstance(family, (int, str)) else family.name
         return place_in_list([(e.name, len(e.poses)) for e in self.entries], wanted, pose)
+
+
+def _check_clearest(arm: Arm, clearest: Suggestion) -> None:
+    from pinsing.proximity.suggestion import Suggestion
+
+    if not isinstance(clearest, Suggestion):
+        raise ArgumentError(
+            "clearest", "a Suggestion", shown(clearest), "pinsing.suggest(arm) gives one"
+        )
+    if clearest.arm.joints != arm.joints:
+        raise OptionError("clearest is of another arm")
 
 
 def _listed(arm: Arm, postures: PostureChanges) -> tuple[Posture, ...]:

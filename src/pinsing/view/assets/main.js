@@ -205,7 +205,7 @@ class App {
   clearest() {
     this.say("looking for the clearest pose\u2026");
     setTimeout(() => {
-      const { q, words } = this.source.clearest();
+      const { q, words } = this.source.clearest(this.view.frame.q);
       if (q) this.go(q);
       this.say(words);
     }, 20);

@@ -65,6 +65,11 @@ class Panel {
     }));
     $("scale").textContent = this.scale();
     $("count").textContent = page.entries.length ? `(${page.entries.length})` : "";
+    if (page.coverage) {
+      $("coverage").textContent = page.coverage;
+      $("coverage").hidden = false;
+      $("coverage").classList.toggle("warning", page.coverage.startsWith("NOT"));
+    }
     if (page.notes.length) {
       $("notes-box").hidden = false;
       $("notes").append(...page.notes.map((n) => make("li", "", n)));

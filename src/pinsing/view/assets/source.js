@@ -45,9 +45,13 @@ class EngineSource {
 
   // A family, or a listed pose that belongs to no family, as a search finds them.
   nearest(q) {
-    const found = Engine.nearestFamily(this.page.engine, q), listed = this.nearestListed(q);
+    const { engine, entries } = this.page, known = entries.flatMap((e, i) => (this.familyOf(i) ? e.q : []));
+    const found = Engine.nearestSingular(engine, q, known), listed = this.nearestListed(q);
     if (listed && !(found && found.value <= listed.upper)) return listed;
-    return found ? { q: found.q, on: found.on } : null;
+    if (!found) return null;
+    const degrees = (v) => `${((v * 180) / Math.PI).toFixed(1)}\u00b0`, sure = found.value - found.least < 1e-3;
+    return { q: found.q, on: found.value <= 1e-7, words: sure ? "" : `the nearest within the limits that was found, ${degrees(found.value)} away; ` +
+      (found.least > 0 ? `no listed family is nearer than ${degrees(found.least)}` : "there may be nearer ones") };
   }
 
   nearestListed(q) {
@@ -62,11 +66,16 @@ class EngineSource {
 
   cloud() { return Engine.cloud(this.page.engine); }
 
-  clearest() {
-    const { q, lower } = Engine.clearestPose(this.page.engine);
-    return { q, words: lower < 1e-9 ? "no pose clear of all families was found"
-      : lower === Infinity ? "nothing is singular: every pose is clear"
-      : `at least ${((lower * 180) / Math.PI).toFixed(1)}\u00b0 from every family` };
+  // As good as the pose shown, and as one that was computed before (`page.clearest`).
+  clearest(here) {
+    const { engine, clearest: before, coverage } = this.page, degrees = (v) => ((v * 180) / Math.PI).toFixed(1);
+    const found = Engine.clearestPose(engine, [here, ...(before ? [before.q] : [])]);
+    const every = (coverage ?? "").startsWith("NOT") ? "every family listed (the list is NOT complete)" : "every family";
+    const { q, lower, upper } = before && before.lower >= found.lower ? { ...before, upper: before.lower } : found;
+    return { q, words: upper < 1e-9 ? "no pose clear of all families was found"
+      : lower === Infinity ? (engine.families.length ? "no listed family is within the limits" : "no family is listed to be clear of")
+      : degrees(lower) === degrees(upper) ? `at least ${degrees(lower)}\u00b0 from ${every}`
+      : `at least ${degrees(lower)}\u00b0 from ${every}; the nearest found is ${degrees(upper)}\u00b0 away` };
   }
 }
 

@@ -1,0 +1,62 @@
+// The nearest singular configuration within the limits that is found, with what is certain.
+
+import { apart, distance, freeOf, project } from "./families.mjs";
+import { measure } from "./arm.mjs";
+
+const SLACK = 1e-9, ROUNDS = 4, LISTED = 12;
+
+// { q, value, least } or null: `q` is singular and within the limits, at `value`; no family is nearer
+// than `least`. Beside points of the families near q, poses that are known (`listed`) are tried.
+export function nearestSingular(data, q, listed = []) {
+  const { joints, task } = data, tried = [];
+  let least = Infinity;
+  for (const family of data.families) {
+    if (family.reachable === false) continue;
+    const found = distance(family, q, joints, task.lengthScale);
+    least = Math.min(least, found ? found.lower : 0);
+    if (found) tried.push(settled(data, family.branches[found.branch], found.q));
+  }
+  const far = (x) => Math.hypot(...x.map((v, j) => apart(v, q[j], joints[j].prismatic) / (joints[j].prismatic ? task.lengthScale : 1)));
+  tried.push(...listed.slice().sort((a, b) => far(a) - far(b)).slice(0, LISTED));
+  const good = tried.filter((x) => x && inside(data, x) && singularAt(data, x)).map((x) => ({ q: x, value: far(x), least }));
+  return good.length ? good.reduce((a, b) => (b.value < a.value ? b : a)) : null;
+}
+
+const ends = ({ lower, upper }) => [lower ?? -Infinity, upper ?? Infinity];
+
+const inside = ({ joints }, q) => joints.every((joint, j) => {
+  const [low, high] = ends(joint);
+  return q[j] >= low - SLACK && q[j] <= high + SLACK;
+});
+
+// Also where only the rounding of the file keeps it from being singular.
+const singularAt = (data, q) => measure(data, q).status === "singular" ||
+  (data.nominal !== null && data.nominal !== undefined && measure({ ...data, chain: data.nominal }, q).status === "singular");
+
+// A point of the branch within the limits: whole turns first, then joints at their limits are held.
+function settled({ joints }, branch, start) {
+  let q = start.map((v, j) => turned(v, joints[j]));
+  const free = freeOf(branch, q.length);
+  for (let round = 0; round < ROUNDS; round++) {
+    const beyond = joints.map((joint, j) => {
+      const [low, high] = ends(joint);
+      return q[j] < low - SLACK ? low : q[j] > high + SLACK ? high : null;
+    });
+    if (beyond.every((end) => end === null)) return q;
+    if (beyond.some((end, j) => end !== null && branch.values.some((v) => v.joint === j))) return null;
+    q = q.map((v, j) => beyond[j] ?? v);
+    beyond.forEach((end, j) => { if (end !== null) free[j] = false; });
+    if (!branch.equations.length) continue;
+    q = project(branch.equations, q, free);
+    if (!q) return null;
+  }
+  return null;
+}
+
+// The same angle within the limits, where there is one.
+function turned(v, joint) {
+  const [low, high] = ends(joint);
+  if (joint.prismatic || (v >= low && v <= high) || !Number.isFinite(low) || !Number.isFinite(high)) return v;
+  const middle = (low + high) / 2;
+  return middle + apart(v, middle, false);
+}
