@@ -191,6 +191,8 @@ def test_a_path_is_read_as_it_stands() -> None:
         ("a,c\n1,2\n", "no column for b"),
         ("a,b,a\n1,2,3\n", "two columns for a"),
         ("\x89PNG\x00", "the file is no text"),
+        ("time,a,b\n1,0,0\n\n0.5,0,0\n", "line 4: time runs backwards, from 1 to 0.5"),
+        ("1,0,0\n1,0,0\n0,0,0\n", "line 3: time runs backwards, from 1 to 0"),
     ],
 )
 def test_a_path_that_is_none_is_told(text: str, said: str) -> None:
@@ -198,6 +200,37 @@ def test_a_path_that_is_none_is_told(text: str, said: str) -> None:
       try { return m.parseTrajectory(text, joints); } catch (error) { return error.message; }
     }"""
     assert run(tried, {"text": text, "joints": JOINTS}) == said
+
+
+@needs_node
+def test_what_a_path_crosses_between_its_samples_is_said() -> None:
+    data, _ = engine(load("stanford"))
+    wrist = next(f for f in data["families"] if f["branches"][0]["values"])
+    joint = wrist["branches"][0]["values"][0]["joint"]
+    start = [0.3, 0.9, 0.4, 0.2, 0.7, 0.1]
+
+    def crossed(*values: float) -> list[dict[str, Any]]:
+        rows = [[*start[:joint], value, *start[joint + 1 :]] for value in values]
+        call = "(m, {d, rows}) => m.crossings(d.families, rows, d.joints, d.task.lengthScale)"
+        found: list[dict[str, Any]] = run(call, {"d": data, "rows": rows})
+        return [f for f in found if f["name"] == wrist["name"]]
+
+    # The values of the branches are 0 and half a turn.
+    assert crossed(0.3, -0.3) == [{"name": wrist["name"], "after": 0, "count": 1}]
+    assert crossed(0.5, 0.3, 0.1) == []
+    assert crossed(0.5, 0.3, -0.1, 0.2) == [{"name": wrist["name"], "after": 1, "count": 2}]
+    assert crossed(0.1, 0.1 + 2 * np.pi) == [{"name": wrist["name"], "after": 0, "count": 2}]
+    words = "(m, found) => m.crossingWords(found)"
+    assert run(words, []) == ""
+    assert run(words, [{"name": "F2", "after": 3, "count": 3}]).endswith(
+        "it crosses F2 between samples 4 and 5 (and 2 more times)"
+    )
+    # By the sign of an equation, also where it changes twice.
+    equation = {"frequencies": [[2]], "cos": [1.0], "sin": [0.0], "shift": [0.0], "powers": None}
+    family = {"name": "E", "branches": [{"values": [], "equations": [equation]}]}
+    call = "(m, {f, rows}) => m.crossings([f], rows, [{prismatic: false}], 1)"
+    assert run(call, {"f": family, "rows": [[0.1], [3.1], [2.9]]})[0]["count"] == 1
+    assert run(call, {"f": family, "rows": [[0.1], [6.2]]})[0]["count"] == 2
 
 
 @needs_node

@@ -63,6 +63,9 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
   nav ol { columns: 1; }
   dl > div, .maps { grid-template-columns: 1fr; gap: 0; }
   iframe { height: 90vh; }
+  .badge { white-space: normal; }
+  .wide table { font-size: .85rem; }
+  .wide th, .wide td { overflow-wrap: anywhere; padding-right: .4rem; }
 }
 @page { size: A4; margin: 16mm 15mm 18mm; }
 @media print {

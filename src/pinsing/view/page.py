@@ -28,6 +28,7 @@ ENGINE = (
     "clearance",
     "cloud",
     "trajectory",
+    "crossings",
     "meet",
     "locus",
     "loops",

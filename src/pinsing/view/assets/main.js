@@ -221,13 +221,16 @@ class App {
   fileJoints() { return this.page.engine.joints; }
 
   // The way of a trajectory: its path through the tip, coloured by clearance, ready to be played.
-  follow(name, rows, count) {
+  follow(name, rows, count, all = rows) {
     const frames = rows.map((q) => this.source.compute(q));
     const worst = frames.reduce((a, b) => ((b.verdict?.value ?? Infinity) < (a.verdict?.value ?? Infinity) ? b : a));
     this.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity));
     const { joints } = this.page, beyond = (v, { limited, lower, upper }) => limited !== false && (v < lower - 1e-6 || v > upper + 1e-6);
     const outside = rows.some((q) => q.some((v, j) => beyond(v, joints[j]))) ? "; some are outside the limits (radians and metres are expected)" : "";
-    this.say(`${name}: ${count} sample${count === 1 ? "" : "s"}, nearest: ${worst.verdict ? worst.verdict.text : "no family"}${outside}`);
+    const { engine } = this.page, crossed = Engine.crossingWords(Engine.crossings(engine.families, all, engine.joints, engine.task.lengthScale));
+    // What is shown may be poses between the samples, or some of them.
+    const said = crossed && all.length !== count ? crossed.replace(/ between samples \d+ and \d+/g, "") : crossed;
+    this.say(`${name}: ${count} sample${count === 1 ? "" : "s"}, nearest: ${worst.verdict ? worst.verdict.text : "no family"}${said && `; ${said}`}${outside}`);
   }
 
   showWay(frames, clearance) {

@@ -64,6 +64,8 @@ class Panel {
       return box;
     }));
     $("scale").textContent = this.scale();
+    const own = this.ownScale();
+    if (own) $("numbers").after(make("p", "note own-scale", own));
     $("count").textContent = page.entries.length ? `(${page.entries.length})` : "";
     if (page.coverage) {
       $("coverage").textContent = page.coverage;
@@ -86,6 +88,15 @@ class Panel {
   }
 
   numbers() { return ARM_NUMBERS; }
+
+  // The verdict and its ratio do not hang on the user's length scale; the other numbers do.
+  ownScale() {
+    const { judge, task } = this.page.engine;
+    if (!judge.columns || judge.length === task.lengthScale && judge.columns.every((c) => c === 1)) return "";
+    const sliders = judge.columns.some((c) => c !== 1) ? " (joints that slide are scaled by it too)" : "";
+    return `Verdict and \u03c3min/\u03c3max: at the arm\u2019s own length of ${number(judge.length)} m${sliders}; ` +
+      `the other numbers: at L = ${number(task.lengthScale)} m.`;
+  }
 
   scale() {
     const { translation, rotation, thickness } = this.page.settings;
@@ -181,8 +192,10 @@ class Panel {
 
   limits(joint) {
     if (joint.limited === false) return "no limits";
-    const ends = [joint.lower, joint.upper].map((v) => joint.prismatic ? Math.round(1000 * v) : Math.round((v * 180) / Math.PI));
-    return `${ends[0]} \u2026 ${ends[1]}${joint.prismatic ? " mm" : "\u00b0"}`;
+    // As many digits as they need, at most two.
+    const ends = [joint.lower, joint.upper].map((v) => Number((joint.prismatic ? 1000 * v : (v * 180) / Math.PI).toFixed(2)) + 0);
+    const unit = joint.prismatic ? " mm" : "\u00b0";
+    return ends[0] === ends[1] ? `cannot move: ${ends[0]}${unit}` : `${ends[0]} \u2026 ${ends[1]}${unit}`;
   }
 
   // Where each slider alone would meet a family.

@@ -62,7 +62,7 @@ class Take {
     try {
       const rows = Engine.parseTrajectory(await file.text(), app.fileJoints());
       const step = Math.max(1, Math.ceil(rows.length / 400));
-      app.follow(file.name, rows.filter((_, i) => i % step === 0 || i === rows.length - 1), rows.length);
+      app.follow(file.name, rows.filter((_, i) => i % step === 0 || i === rows.length - 1), rows.length, rows);
     } catch (error) {
       app.say(`${file.name}: ${error.message}`);
     }

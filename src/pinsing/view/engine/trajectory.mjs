@@ -1,5 +1,6 @@
 // Joint positions out of a CSV text: names in the first line, in any order, or none at all.
 
+const TIME = /^(t|time|stamp|timestamp|seconds)([ _.([]|$)/i;
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i, NO_NUMBER = /^[-+]?(nan|inf|infinity)$/i;
 const HUGE = 1e6; // beyond it the digits of an angle are gone
 
@@ -15,18 +16,23 @@ function cellsOf(text) {
 export function parseTrajectory(text, joints) {
   if (text.includes("\0")) throw new Error("the file is no text");
   const lines = cellsOf(text), [head] = lines[0];
-  let columns = joints.map((_, j) => j), first = 0;
+  let columns = joints.map((_, j) => j), first = 0, clock = -1;
   if (head.some((cell) => /[a-z]/i.test(cell) && !NUMBER.test(cell) && !NO_NUMBER.test(cell))) {
     first = 1;
     columns = joints.map(({ name }) => head.indexOf(name));
+    clock = head.findIndex((cell, c) => TIME.test(cell) && !columns.includes(c));
     const lacking = joints.filter((_, j) => columns[j] < 0).map(({ name }) => name);
     if (lacking.length) throw new Error(`no column for ${lacking.join(", ")}`);
     const twice = joints.find(({ name }) => head.indexOf(name) !== head.lastIndexOf(name));
     if (twice) throw new Error(`two columns for ${twice.name}`);
-  } else if (head.length === joints.length + 1) columns = columns.map((j) => j + 1); // a time before
+  } else if (head.length === joints.length + 1) { columns = columns.map((j) => j + 1); clock = 0; } // a time before
   else if (head.length !== joints.length) throw new Error(`${head.length} columns for ${joints.length} joints`);
+  let last = -Infinity;
   const rows = lines.slice(first).map(([cells, at]) => {
     if (cells.length !== head.length) throw new Error(`line ${at}: ${cells.length} values for ${head.length} columns`);
+    const time = clock < 0 || !NUMBER.test(cells[clock]) ? last : Number(cells[clock]);
+    if (time < last) throw new Error(`line ${at}: time runs backwards, from ${last} to ${time}`);
+    last = time;
     return columns.map((c) => {
       const value = Number(cells[c]);
       if (!NUMBER.test(cells[c]) || !Number.isFinite(value)) throw new Error(`line ${at}: ${cells[c] || "nothing"} is not a number`);
