@@ -512,5 +512,5 @@ def test_an_error_about_chains_carries_what_could_be_asked_for():
         assert (other.value.tips, other.value.lengths) == ((), ())
     assert pickle.loads(pickle.dumps(error)).tips == error.tips
     with pytest.raises(ChainError) as apart:
-        pinsing.load("pr2", base="l_gripper_palm_link", tip="r_gripper_palm_link")
-    assert (apart.value.base, apart.value.tip) == ("l_gripper_palm_link", "r_gripper_palm_link")
+        pinsing.load("pr2", base="l_wrist_roll_link", tip="l_gripper_palm_link")
+    assert (apart.value.base, apart.value.tip) == ("l_wrist_roll_link", "l_gripper_palm_link")

@@ -63,7 +63,7 @@ def verdict(words: str, tone: str) -> str:
 def marked(words: str, tone: str) -> str:
     """Words behind a dot of a colour, for the many rows of a table."""
     dot = f'<span style="color:{_DOTS[tone]}">●</span>'
-    return f'<span style="white-space:nowrap">{dot}&#160;{text(words)}</span>'
+    return f"<span>{dot}&#160;{text(words)}</span>"
 
 
 def table(rows: Iterable[Sequence[str]], header: Sequence[str] = ()) -> str:

@@ -140,7 +140,7 @@ def load(
     if base is not None:
         frame = model.frames[frame_index(model, base)]
         base_joint, base_frame = int(frame.parentJoint), base
-    tip, last, why = _choose_tip(whole, tip, joints, base_joint)
+    tip, last, why = _choose_tip(whole, tip, joints, (base_frame, base_joint))
     notes += why
     way = way_between(model, base_joint, last)
     notes += way.told(model)
@@ -188,10 +188,11 @@ def _read(
 
 
 def _choose_tip(
-    whole: _Whole, tip: str | None, joints: Sequence[str] | None, base_joint: int
+    whole: _Whole, tip: str | None, joints: Sequence[str] | None, base: tuple[str, int]
 ) -> tuple[str, int, list[str]]:
     """Name of the tip frame, index of the joint that carries it, and notes."""
     model = whole.model
+    base_frame, base_joint = base
     if tip is not None:
         last = int(model.frames[frame_index(model, tip)].parentJoint)
         if tip == "universe" and base_joint:
@@ -204,6 +205,7 @@ def _choose_tip(
             raise ChainError(
                 f"{whole.label}: no joint lies between the base and tip {tip!r}; "
                 "choose a tip farther out",
+                base=base_frame,
                 tip=tip,
             )
         return tip, last, []
