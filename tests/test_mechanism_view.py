@@ -194,6 +194,7 @@ def test_the_command_serves_until_it_is_ended() -> None:
         assert process.stdout is not None
         url = process.stdout.readline().strip()
         assert get(url)[0] == 200
+        assert get(url + "page.json")[0] == 200  # comes when there is a mechanism to ask for
         (start,) = asyncio.run(converse(url, {"id": 1, "want": "start"}))
         assert start["answer"]["q"][0] == pytest.approx(np.radians(40))
         process.send_signal(signal.SIGINT)
