@@ -43,8 +43,9 @@ def regular_parts(
     Returns
     -------
     list of (relations, points)
-        Parts that make up the regular one, each with more equations than the system and its
-        generic points; none if they were not told apart.
+        What contains the regular part, with its generic points: the system and more equations,
+        or one value of a joint alone, within which the search goes on; none if they were not
+        told apart.
     """
     telling = [f for f in _projections(relations, ring, time) if not _zero(f, singular)]
     groups: dict[frozenset[int], list[SlicePoint]] = {}

@@ -57,8 +57,9 @@ def values_reached(
         Whether a configuration within the limits was found on a branch whose values are.
     """
     known: dict[tuple[int, float], Reachability] = {}
+    exact = {(v.joint, round(v.value, 9)): v.value for b in branches for v in b.values}
     if reached in (Reachability.OUTSIDE, Reachability.UNKNOWN):
-        known |= {(v.joint, round(v.value, 9)): reached for b in branches for v in b.values}
+        known |= dict.fromkeys(exact, reached)
     else:
         for branch in branches:
             # A branch is where all its values are, so one that is outside takes it all there.
@@ -71,7 +72,7 @@ def values_reached(
                     here = Reachability.OUTSIDE
                 key = v.joint, round(v.value, 9)
                 known[key] = _better(known.get(key), here) if inside else Reachability.OUTSIDE
-    return tuple(ValueReach(j, value, known[j, value]) for j, value in sorted(known))
+    return tuple(ValueReach(key[0], exact[key], known[key]) for key in sorted(known))
 
 
 def _better(a: Reachability | None, b: Reachability) -> Reachability:
