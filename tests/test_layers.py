@@ -256,6 +256,21 @@ def test_heavy_imports_wait_until_they_are_needed(library):
     assert not wrong, "\n".join(wrong)
 
 
+def modules_after(code: str) -> tuple[str, set[str]]:
+    """What a line of Python prints, and the modules that it has loaded.
+
+    In a process of its own, since here everything is imported already.
+    """
+    run = subprocess.run(
+        [sys.executable, "-c", f"{code}; import sys; print(*sys.modules, file=sys.stderr)"],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
+    )
+    return run.stdout, set(run.stderr.split())
+
+
 @pytest.mark.parametrize(
     ("code", "heavy"),
     [
@@ -276,72 +291,39 @@ def test_heavy_imports_wait_until_they_are_needed(library):
     ],
 )
 def test_what_an_import_pulls_in(code, heavy):
-    """In a process of its own, since here everything is imported already."""
-    script = f"import sys; {code}; print(*sorted({{m.partition('.')[0] for m in sys.modules}}))"
-    run = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
-    )
-    assert set(run.stdout.split()).isdisjoint(heavy.split())
+    packages = {module.partition(".")[0] for module in modules_after(code)[1]}
+    assert packages.isdisjoint(heavy.split())
 
 
 def test_a_cold_closed_form_pulls_in_no_masked_arrays_urllib_or_meshes():
     """NumPy imports the first by itself in some functions: 25 ms of a start of half a second."""
-    script = (
-        "import sys, pinsing; f = pinsing.closed_form(pinsing.load('ur5')); "
-        "str(f); print(*sorted(sys.modules))"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
-    )
+    _, loaded = modules_after("import pinsing; str(pinsing.closed_form(pinsing.load('ur5')))")
     heavy = (
         "numpy.ma asyncio urllib.request yaml ssl pinocchio.visualize pinsing.view pinsing.plot "
         "subprocess tempfile shutil html pinsing.families.design_form"
     )
-    assert set(run.stdout.split()).isdisjoint(heavy.split())
+    assert loaded.isdisjoint(heavy.split())
 
 
 def test_a_command_pulls_in_no_browser_no_processes_and_no_log():
     """`families` prints: what other commands open, start or keep from the terminal can wait."""
-    script = (
-        "import sys; from pinsing.cli.app import command; "
-        "command(['families', 'ur5', '--no-prove'], standalone_mode=False); "
-        "print(*sorted(sys.modules), file=sys.stderr)"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
+    said, loaded = modules_after(
+        "from pinsing.cli.app import command; "
+        "command(['families', 'ur5', '--no-prove'], standalone_mode=False)"
     )
     heavy = "webbrowser subprocess tempfile shutil logging html asyncio yaml http.server matplotlib"
-    assert "3 families" in run.stdout
-    assert set(run.stderr.split()).isdisjoint(heavy.split())
+    assert "3 families" in said
+    assert loaded.isdisjoint(heavy.split())
 
 
 def test_an_analysis_pulls_in_no_event_loop_no_pool_of_processes_and_no_masked_arrays():
     """They are for clusters, for --workers, and for nobody: a tenth of a second of a short one."""
-    script = (
-        "import sys, pinsing; arm = pinsing.load('planar3r'); "
-        "str(pinsing.analyze(arm, random_starts=50)); print(*sorted(sys.modules))"
-    )
-    run = subprocess.run(
-        [sys.executable, "-c", script],
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"PYTHONPATH": str(SOURCE.parent), "PATH": ""},
+    _, loaded = modules_after(
+        "import pinsing; arm = pinsing.load('planar3r'); "
+        "str(pinsing.analyze(arm, random_starts=50))"
     )
     heavy = "asyncio concurrent.futures.process numpy.ma yaml ssl http email scipy matplotlib"
-    assert set(run.stdout.split()).isdisjoint(heavy.split())
+    assert loaded.isdisjoint(heavy.split())
 
 
 def test_every_public_name_exists():
