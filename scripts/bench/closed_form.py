@@ -277,6 +277,7 @@ PAGE = """# Closed forms, arm by arm
 Written by `python scripts/bench/closed_form.py --write docs/closed_forms.md`;
 `--check` instead of `--write` fails if anything but a time has changed.
 Chains from foot to hand, planar arms of many links and positions: [long_chains.md](long_chains.md).
+Tasks of four and five rows of six-joint arms: [tasks.md](tasks.md).
 
 *Families*: components of the real singular set over whole circles, mirror images joined.
 *Reachable*: how many of them have a configuration inside the joint limits.

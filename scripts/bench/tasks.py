@@ -1,0 +1,178 @@
+"""Closed forms of six-joint arms for tasks of four and five rows, with the time that they take.
+
+    python scripts/bench/tasks.py [ARM ...] [--task vx,vy,vz,wz] [--seconds 60]
+    python scripts/bench/tasks.py --write docs/tasks.md
+
+All arms of six joints in urdf/ and example-robot-data, and arms of published tables.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import os
+import platform
+import resource
+import sys
+import time
+from collections.abc import Iterator
+from math import pi
+from pathlib import Path
+
+from postures import arms as with_offset_wrists
+
+from pinsing.description.dh_table import DHRow, DHTable
+from pinsing.description.dh_urdf import bare_urdf
+from pinsing.families import closed_form
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+
+TASKS = ("vx,vy,vz,wz", "tool-axis", "position", "orientation")
+LOADED = {
+    "Stanford arm": "stanford",
+    "PUMA 560": "puma560",
+    "ABB IRB 1400": "irb1400",
+    "UR3": "ur3",
+    "UR5": "ur5",
+    "UR10": "ur10",
+    "Kinova Jaco j2s6s200": "kinova",
+    "Unitree Z1": "z1",
+    "Talos, left arm of 6 joints": "talos_arm",
+}
+OFFSET_WRISTS = ("Fanuc CRX-10iA/L", "ABB GoFa 5")
+
+Rows = list[tuple[float, float, float]]
+
+
+def _anthropomorphic(
+    a: tuple[float, float, float], d: tuple[float, float, float], shoulder: float = 0.0
+) -> Rows:
+    """Alpha (degrees), a, d of an arm with a spherical wrist: the usual industrial one."""
+    return [
+        (-90, a[0], d[0]),
+        (0, a[1], shoulder),
+        (-90, a[2], 0),
+        (90, 0, d[1]),
+        (-90, 0, 0),
+        (0, 0, d[2]),
+    ]
+
+
+# Lengths as in data sheets, metres; zeros of the joints are of no account here.
+PUBLISHED: dict[str, Rows] = {
+    "ABB IRB 1600-6/1.2": _anthropomorphic((0.15, 0.475, 0), (0.4865, 0.6, 0.065)),
+    "ABB IRB 2600-12/1.65": _anthropomorphic((0.15, 0.7, 0.115), (0.445, 0.795, 0.085)),
+    "KUKA KR 6 R900": _anthropomorphic((0.025, 0.455, 0.035), (0.4, 0.42, 0.08)),
+    "Fanuc LR Mate 200iD": _anthropomorphic((0.05, 0.33, 0.035), (0.33, 0.335, 0.08)),
+    "Stäubli TX60": _anthropomorphic((0, 0.29, 0), (0.375, 0.31, 0.07), shoulder=0.02),
+    "UR5e": [
+        (90, 0, 0.1625),
+        (0, -0.425, 0),
+        (0, -0.3922, 0),
+        (90, 0, 0.1333),
+        (-90, 0, 0.0997),
+        (0, 0, 0.0996),
+    ],
+    "UFACTORY xArm 6": [
+        (-90, 0, 0.267),
+        (0, 0.28948866, 0),
+        (-90, 0.0775, 0),
+        (90, 0, 0.3425),
+        (-90, 0.076, 0),
+        (0, 0, 0.097),
+    ],
+}
+
+PAGE = """# Tasks of four and five rows
+
+Written by `python scripts/bench/tasks.py --write docs/tasks.md` on {date}, Python {python}, load
+{load:.0f} on {cores} processors, at most {seconds:g} s on the clock an answer.
+
+Arms of six joints, and tasks that leave motions free: `vx,vy,vz,wz` (a tool that stays upright
+turns about the vertical), `tool-axis` (drilling, welding, polishing: the turn about the tool's own
+axis is free; `--tool-axis x` for another axis), `position` and `orientation`. Each cell has the
+word, the number of families and the seconds of processor time of the closed form, its child
+process included. *probable*: the search ended and nothing is known to be missing; a certificate was
+not looked for here.
+
+{said}
+
+{table}
+
+{gaps}\
+CRX-10iA/L and GoFa 5 have the lengths of Elias and Wen (arXiv 2501.18505), the arms from ABB IRB
+1600 on those of their data sheets; the others are of `pinsing list`.
+"""
+
+
+def arms() -> Iterator[tuple[str, Arm]]:
+    """Name and arm of each row."""
+    for name, robot in LOADED.items():
+        yield name, load(robot)
+    yield from with_offset_wrists(list(OFFSET_WRISTS)).items()
+    for name, rows in PUBLISHED.items():
+        table = DHTable(
+            name="arm",
+            convention="standard",
+            rows=tuple(
+                DHRow(alpha * pi / 180, a, d, 0.0, "revolute", f"q{i}", -pi, pi)
+                for i, (alpha, a, d) in enumerate(rows, 1)
+            ),
+        )
+        yield name, load(bare_urdf(table), tip="tool0")
+
+
+def processor_seconds() -> float:
+    """Of this process, and of its children that have ended."""
+    children = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return time.process_time() + children.ru_utime + children.ru_stime
+
+
+def main() -> None:
+    """Print or write the table."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("arms", nargs="*", metavar="ARM", help="part of a name; default all")
+    parser.add_argument("--task", action="append", help="default all four")
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--write", type=Path, metavar="FILE")
+    options = parser.parse_args()
+    tasks = options.task or list(TASKS)
+    lines, gaps = list[str](), list[str]()
+    took, missing = dict[str, list[float]](), dict[str, int]()
+    for name, arm in arms():
+        if options.arms and not any(a.lower() in name.lower() for a in options.arms):
+            continue
+        cells = []
+        for task in tasks:
+            start = processor_seconds()
+            form = closed_form(arm.with_task(task), seconds=options.seconds)
+            seconds = processor_seconds() - start
+            took.setdefault(task, []).append(seconds)
+            missing[task] = missing.get(task, 0) + (not form.complete)
+            cells.append(f"{form.word}, {len(form.families)}, {seconds:.2f}")
+            gaps += [f"- Not complete: {name}, `{task}`: {gap}." for gap in form.gaps]
+        lines.append(f"| {name} | {' | '.join(cells)} |")
+        print(lines[-1], file=sys.stderr, flush=True)
+    said = "; ".join(
+        f"`{task}` complete on {len(s) - missing[task]} of {len(s)}, at most {max(s):.1f} s"
+        for task, s in took.items()
+    )
+    head = f"| arm | {' | '.join(f'`{t}`' for t in tasks)} |\n|---|{'---|' * len(tasks)}"
+    page = PAGE.format(
+        date=datetime.datetime.now(tz=datetime.timezone.utc).date(),
+        python=platform.python_version(),
+        load=os.getloadavg()[0],
+        cores=os.cpu_count(),
+        seconds=options.seconds,
+        said=f"{said[:1].upper()}{said[1:]}.",
+        table="\n".join([head, *lines]),
+        gaps="\n".join(gaps) + "\n\n" if gaps else "",
+    )
+    if options.write:
+        options.write.write_text(page.rstrip() + "\n", encoding="utf-8")
+    else:
+        print(page)
+
+
+if __name__ == "__main__":
+    main()
