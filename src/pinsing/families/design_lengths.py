@@ -15,7 +15,8 @@ from pathlib import Path
 from pinsing.description.dh_table import DHTable, read_dh
 from pinsing.description.dh_urdf import bare_urdf
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
-from pinsing.geometry.nominal import Length3, Nominal, nominal
+from pinsing.geometry.exact_placements import Length3
+from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 

@@ -10,7 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.geometry.nominal import Length3, Matrix, Nominal
+from pinsing.geometry.exact_placements import Length3, Matrix
+from pinsing.geometry.nominal import Nominal
 from pinsing.geometry.surd import Exact
 
 Vector = tuple[Exact, Exact, Exact]
