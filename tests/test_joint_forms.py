@@ -9,11 +9,15 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from mechanisms import URDF, from_model, planar_tree, shipped
+from test_parallel_geometry import Way, planar
 from test_pose_forms import hexapod
+from urdf_text import J, frame, loop_text, stewart, written
 
+import pinsing
 from pinsing.cli import main
 from pinsing.mechanism import (
     JointForms,
+    JointLocus,
     LoopForms,
     PoseForms,
     analyze_mechanism,
@@ -22,6 +26,8 @@ from pinsing.mechanism import (
     refine,
 )
 from pinsing.mechanism.closure import Loops, random_closed
+from pinsing.mechanism.closure_forms import closure_forms
+from pinsing.mechanism.joint_loci import _matrix
 from pinsing.mechanism.leg_wrenches import kind_of
 from pinsing.robot.load_mechanism import Loop
 
@@ -206,14 +212,102 @@ def test_slides_before_the_rods(rng):
     assert sum(x.kind == "type 1" for x in forms.loci) == 3
 
 
-def test_why_there_is_none_is_said():
-    found = joint_forms(shipped("bennett"))
-    assert not found.complete
-    assert not found.loci
-    assert "overconstrained" in found.notes[0]
+CLOSURES = ["bennett", "five_bar", "planar_3rpr", "rps3", "agile_eye", "rssr"]
+
+
+@pytest.mark.parametrize("name", [*CLOSURES, pytest.param("delta", marks=pytest.mark.slow)])
+def test_closure_equations_of_any_legs_are_those_of_pinocchio(name, rng):
+    """The exact matrices have the ranks of the Jacobians; without a change of point the values."""
+    mechanism = shipped(name).without_limits()
+    made = closure_forms(mechanism)
+    held, rest = (
+        JointLocus("", "", (), None, _matrix(rows, made.ring, mechanism))
+        for rows in (made.held, made.at_rest)
+    )
+    loops = Loops(mechanism)
+    found = random_closed(mechanism, 3, rng)
+    assert found
+    point = refine(mechanism, found[0], "type 1")
+    for q in [*found, *([point.q] if point.converged else [])]:
+        G, J = loops.at(q)[1], loops.output(q)[1]
+        pairs = (
+            (held, G[:, list(mechanism.passive)]),
+            (rest, np.vstack([G, J])),
+        )
+        for locus, known in pairs:
+            mine = np.linalg.svd(locus.entries(q, mechanism.joints), compute_uv=False)
+            theirs = np.linalg.svd(known, compute_uv=False)[: len(mine)]
+            if name != "bennett" and locus is held:
+                np.testing.assert_allclose(mine, theirs, atol=1e-11)
+            assert (mine > 1e-6).sum() == (theirs > 1e-6).sum()
+
+
+ODD = {
+    "from the platform": lambda folder: planar(folder, Way("rpr", from_platform=(1, 2))),
+    "cut at the elbow": lambda folder: planar(
+        folder, Way("rrr", cut_at_elbow=(1, 2), rpy=(0.4, 0.3, 0.2))
+    ),
+    "driven at the base": lambda folder: planar(folder, Way("rpr", driven="r")),
+    "driven twice": lambda folder: shipped("planar_3rrr").with_actuated(["a1", "b1", "a2", "a3"]),
+    "overconstrained": lambda folder: shipped("bennett"),
+    "legs from the platform": lambda folder: pinsing.load_mechanism(
+        written(folder, *stewart(*POINTS, hanging=(1, 2, 3, 4, 5)))
+    ),
+}
+POINTS = np.round(np.random.default_rng(8).uniform(-1, 1, (2, 6, 3)) * [1, 1, 0.2], 2) * [
+    [[1.0]], [[0.5]]
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_however_a_mechanism_is_written_and_driven(case, tmp_path, rng):
+    """Zero at singular configurations, found by the Jacobians, and at no other."""
+    mechanism = ODD[case](tmp_path).without_limits()
+    forms = joint_forms(mechanism)
+    assert forms.complete
+    met = 0
+    for q in random_closed(mechanism, 4, rng):
+        state = mechanism_at(mechanism, q)
+        if min(state.output_ratio, state.input_ratio, state.constraint_ratio) > 1e-3:
+            assert min(x.ratio(q, forms.joints) for x in forms.loci) > 1e-6
+        for kind in ("type 1", "type 2"):
+            point = refine(mechanism, q, kind)
+            if point.converged and point.kind == kind:
+                met += 1
+                assert min(x.ratio(point.q, forms.joints) for x in forms.loci) < 1e-8
+    assert met or case == "overconstrained"
+
+
+def test_what_holds_everywhere_and_what_nowhere_is_said():
+    assert "type 2: nowhere" in joint_forms(shipped("bennett")).notes
+    (always,) = [x for x in joint_forms(shipped("griffis_duffy")).notes if "singular every" in x]
+    assert "type 2 holds" in always
     extra = shipped("planar_3rrr").with_actuated(["a1", "b1", "a2", "a3"])
-    (note,) = joint_forms(extra).notes
-    assert "4 forces where 3" in note
+    forms = joint_forms(extra)
+    assert "rank of 4 x 3 entries below 3" in str(forms)
+    assert any("4 forces where 3" in x for x in forms.notes)
+
+
+def test_what_is_left_of_rounded_axes_is_no_term(tmp_path):
+    """A slide along a direction that is not exact: no term comes of its last decimals."""
+    joints, loops = [], []
+    corners = [(0.0, 0.0, 0), (1.0, 0.1, 0), (0.4, 0.9, 0)]
+    ends = [(-0.2, -0.1, 0), (0.25, -0.1, 0), (0.0, 0.3, 0)]
+    for k, at in enumerate(corners):
+        along = np.array([np.cos(0.3 + 2.1 * k), np.sin(0.3 + 2.1 * k), 0]).round(6)
+        joints.append(J(f"p{k}", "base", f"s{k}", at, along, "prismatic", (-2, 2)))
+        joints.append(J(f"b{k}", f"s{k}", f"rod{k}"))
+        if k == 0:
+            joints.append(J("turn", "rod0", "platform", (0.6, 0, 0)))
+        else:
+            joints.append(frame(f"e{k}", f"rod{k}", (0.6, 0, 0)))
+            joints.append(frame(f"v{k}", "platform", np.subtract(ends[k], ends[0])))
+            loops.append((f"e{k}", f"v{k}"))
+    text = loop_text(loops, ["p0", "p1", "p2"], "platform", "vx, vy, wz")
+    forms = joint_forms(pinsing.load_mechanism(written(tmp_path, joints, text)))
+    for locus in forms.loci:
+        size = np.concatenate([np.abs(locus.equation.cos), np.abs(locus.equation.sin)])
+        assert size[size > 0].min() > 1e-9 * size.max()
 
 
 def test_they_survive_json_and_the_command_line(capsys):
@@ -233,7 +327,8 @@ def test_they_survive_json_and_the_command_line(capsys):
 
 
 @pytest.mark.parametrize(
-    ("name", "kind"), [("planar_3rpr", PoseForms), ("five_bar", LoopForms), ("bennett", None)]
+    ("name", "kind"),
+    [("planar_3rpr", PoseForms), ("five_bar", LoopForms), ("bennett", JointForms)],
 )
 def test_json_of_the_command_has_both(name, kind, capsys):
     tree, loops = (str(URDF / f"{name}.{x}") for x in ("urdf", "loops.yaml"))
@@ -241,11 +336,11 @@ def test_json_of_the_command_has_both(name, kind, capsys):
         main(["families", tree, "--loops", loops, "--json", "-"])
     assert ended.value.code == 0
     data = json.loads(capsys.readouterr().out)
-    if kind is None:
-        assert not JointForms.from_dict(data).complete
-        return
     found = kind.from_dict(data)
     assert found.complete
+    if kind is JointForms:
+        assert str(found) == str(joint_forms(shipped(name)))
+        return
     assert found.joint_forms is not None
     assert str(found.joint_forms) == str(joint_forms(shipped(name)))
 

@@ -13,7 +13,7 @@ from urdf_text import J, X, Z, frame, loop_text, stewart, written
 import pinsing
 from pinsing.mechanism import mechanism_at, pose_forms, ranks, refine
 from pinsing.mechanism.closure import random_closed, residual
-from pinsing.mechanism.pose_loci import variables_at
+from pinsing.mechanism.pose_loci import locus_distance, variables_at
 
 BASE = np.array([[0, 0], [1, 0.1], [0.4, 0.9]])
 PLATFORM = np.array([[-0.2, -0.1], [0.25, -0.1], [0, 0.3]])
@@ -201,6 +201,24 @@ def test_similar_hexagons_are_singular_everywhere_on_a_conic_only(tmp_path):
         else:
             # Not turned about the normal they are dependent all the same.
             assert any(str(x.equation) == "e3 = 0" for x in forms.loci)
+
+
+def test_an_equation_of_one_term_says_how_near_it_is(tmp_path, monkeypatch):
+    """A platform like its base: not turned at all it is singular at every position."""
+    import test_parallel_geometry as here
+
+    monkeypatch.setattr(here, "PLATFORM", 0.5 * (BASE - BASE.mean(axis=0)))
+    mechanism = planar(tmp_path, Way("rpr"))
+    forms = pose_forms(mechanism)
+    assert any(len(x.equation.values) == 1 for x in forms.loci)
+    found = pinsing.analyze_mechanism(mechanism)
+    assert found.points
+    assert all(check.passed for check in found.checks)
+    distances = [locus_distance(mechanism, forms, p.q) for p in found.points]
+    assert max(distances) < 1e-7
+    for q in random_closed(mechanism, 6, np.random.default_rng(3)):
+        if mechanism_at(mechanism, q).input_ratio > 1e-2:
+            assert locus_distance(mechanism, forms, q) > 1e-4
 
 
 def test_loops_that_cannot_close_are_said(tmp_path):

@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +16,6 @@ import yaml
 
 import pinsing
 from pinsing.mechanism import (
-    JointForms,
     home,
     joint_forms,
     loop_forms,
@@ -131,7 +129,7 @@ def part(mechanism: Mechanism, name: str) -> str:
     joints = joint_forms(mechanism)
     if forms is None:
         lines += ["No closed form over the pose: the legs do not pass one force each.", ""]
-    lines += ["```", forms_text(mechanism.inputs, forms, joints=short(joints)), "```", ""]
+    lines += ["```", forms_text(mechanism.inputs, forms, joints=joints, longest=1_500), "```", ""]
     if name in SLICES:
         lines += [f"![Aspects of a slice over {SLICES[name]}](images/parallel_{name}.png)", ""]
         slice_of(mechanism, name)
@@ -142,21 +140,6 @@ def part(mechanism: Mechanism, name: str) -> str:
         lines.append("")
     print(f"{name}: {time.process_time() - began:.1f} s of processor time")
     return "\n".join(lines)
-
-
-def short(forms: JointForms) -> JointForms:
-    """Determinants of very long entries by their size alone: `families --loops` has them whole."""
-    return replace(
-        forms,
-        loci=tuple(
-            replace(x, matrix=x.matrix[:0])
-            if x.equation is not None and not x.matrix
-            else x if sum(map(len, x.rows())) < 1_500
-            else replace(x, words=f"{x.words}; rows too long for this page",
-                         matrix=tuple(() for _ in x.matrix))
-            for x in forms.loci
-        ),
-    )  # fmt: skip
 
 
 def slice_of(mechanism: Mechanism, name: str) -> None:

@@ -25,6 +25,7 @@ def forms_text(
     degrees: bool = False,
     exact: bool = False,
     joints: JointForms | None = None,
+    longest: int | None = None,
 ) -> str:
     """The loci of a mechanism alone, as text.
 
@@ -42,6 +43,8 @@ def forms_text(
         Whole equations over the pose with exact coefficients, however long.
     joints : JointForms, optional
         The loci in the joint angles, whose determinants are written out.
+    longest : int, optional
+        Characters beyond which a determinant is given by its size alone.
     """
     lines: list[Line] = []
     if isinstance(forms, PoseForms):
@@ -50,7 +53,7 @@ def forms_text(
         lines += loop_lines(inputs, forms, Values(degrees, frozenset()), page)
     if joints is not None:
         lines += [("", ())] if lines else []
-        lines += joint_lines(joints, True)
+        lines += joint_lines(joints, True, longest)
     return "\n".join(
         page.paragraph(*spans, first=indent, rest=indent + "  ") for indent, spans in lines
     )
@@ -126,8 +129,8 @@ def pose_lines(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
         yield "  ", (note,)
 
 
-def joint_lines(forms: JointForms, whole: bool) -> Iterator[Line]:
-    """Loci in the joint angles; determinants written out on request."""
+def joint_lines(forms: JointForms, whole: bool, longest: int | None = None) -> Iterator[Line]:
+    """Loci in the joint angles; determinants written out on request, up to a length."""
     if not forms.complete:
         yield "", (f"Closed forms in the joint angles: {'; '.join(forms.notes)}",)
         return
@@ -138,9 +141,12 @@ def joint_lines(forms: JointForms, whole: bool) -> Iterator[Line]:
             continue
         yield "  ", (f"{locus.kind}: {locus.words}",)
         yield "    ", (formula(locus.statement()),)
-        if whole:
-            for row in locus.rows():
-                yield "      ", (formula(row),)
+        rows = locus.rows() if whole else []
+        if longest is not None and sum(map(len, rows)) > longest:
+            yield "      ", ("rows too long for this page: families --loops writes them out",)
+            continue
+        for row in rows:
+            yield "      ", (formula(row),)
     own: dict[str, list[str]] = {}
     for locus in forms.loci:
         if locus.kind == "passive":

@@ -14,6 +14,9 @@ from pinsing.algebra.equation import Equation
 from pinsing.mechanism.pose_equation import PoseEquation
 from pinsing.serialization import JsonResult
 
+_VANISHES = 1e-6
+"""A row shorter than this, relative to the sum of its coefficients, is not made longer."""
+
 
 @dataclass(frozen=True, eq=False)
 class JointLocus:
@@ -31,8 +34,9 @@ class JointLocus:
     equation : Equation or None
         Zero exactly there; None where the determinant is left as it is.
     matrix : tuple of tuple of PoseEquation
-        Entries of the determinant that is zero exactly there; empty where ``equation`` is short,
-        or one of several factors.
+        Entries of the determinant that is zero exactly there; with more rows than columns its
+        columns are dependent exactly there. Empty where ``equation`` is short, or one of several
+        factors.
     """
 
     kind: str
@@ -42,7 +46,7 @@ class JointLocus:
     matrix: tuple[tuple[PoseEquation, ...], ...] = field(default=(), metadata={"optional": True})
 
     def entries(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
-        """The matrix (..., k, k) at configurations q (..., n) of joints with these names."""
+        """The matrix (..., k, m) at configurations q (..., n) of joints with these names."""
         q = np.asarray(q, dtype=float)
         at = {}
         for k, name in enumerate(joints):
@@ -61,6 +65,23 @@ class JointLocus:
             rows.append(np.stack(entries, axis=-1))
         return np.stack(rows, axis=-2)
 
+    def scaled(self, M: Array) -> Array:
+        """The matrix (..., k, m) with rows of unit length; those that vanish stay small."""
+        sums = [[np.abs(x.values).sum() for x in row] for row in self.matrix]
+        whole = np.linalg.norm(np.array(sums, dtype=float), axis=1)
+        size = np.maximum(np.linalg.norm(M, axis=-1), _VANISHES * whole)
+        return np.asarray(M / np.where(size > 0, size, 1.0)[..., None])
+
+    def ratio(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
+        """How near it is (...) at q (..., n): a value over its size, or the least singular value.
+
+        Zero on the locus, 1 at most.
+        """
+        if self.equation is not None:
+            return np.asarray(np.abs(self.equation(q)) / self.equation.size)
+        sigma = np.linalg.svd(self.scaled(self.entries(q, joints)), compute_uv=False)
+        return np.asarray(sigma[..., -1] / np.maximum(sigma[..., 0], _VANISHES))
+
     def __str__(self) -> str:
         return f"{self.kind}, {self.words}: {self.statement()}"
 
@@ -68,7 +89,9 @@ class JointLocus:
         """The equation, or the size of the determinant and the joints in it."""
         if self.equation is not None and not self.matrix:
             return str(self.equation)
-        size = len(self.matrix)
+        size, columns = len(self.matrix), len(self.matrix[0])
+        if size > columns:
+            return f"rank of {size} x {columns} entries below {columns} in {', '.join(self.joints)}"
         return f"determinant of {size} x {size} entries = 0 in {', '.join(self.joints)}"
 
     def rows(self) -> list[str]:
@@ -102,7 +125,9 @@ class JointForms(JsonResult):
     def values(self, q: npt.ArrayLike) -> Array:
         """Left sides (..., number of loci) at configurations q (..., n), radians and metres.
 
-        Those of determinants have their rows scaled to unit length first.
+        Those of determinants have their rows scaled to unit length first, rows of rounding aside.
+        Of a matrix with more rows than columns it is the product of the singular values, which is
+        never negative.
         """
         q = np.asarray(q, dtype=float)
         out = []
@@ -111,8 +136,11 @@ class JointForms(JsonResult):
                 out.append(locus.equation(q) / locus.equation.size)
                 continue
             M = locus.entries(q, self.joints)
-            size = np.linalg.norm(M, axis=-1, keepdims=True)
-            out.append(np.linalg.det(M / np.where(size > 0, size, 1.0)))
+            M = locus.scaled(M)
+            if M.shape[-2] > M.shape[-1]:
+                out.append(np.prod(np.linalg.svd(M, compute_uv=False), axis=-1))
+            else:
+                out.append(np.linalg.det(M))
         return np.stack(out, axis=-1) if out else np.zeros((*q.shape[:-1], 0))
 
     def __str__(self) -> str:

@@ -9,15 +9,18 @@ multiplied out and factored.
 
 from __future__ import annotations
 
+import functools
+import itertools
 from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
-from pinsing.algebra.equation import equation
+from pinsing.algebra.equation import Equation, equation
 from pinsing.algebra.real_roots import real_roots
 from pinsing.algebra.ring import Poly, Ring, rational
-from pinsing.mechanism.closure import ranks
+from pinsing.mechanism.closure import near_home, random_closed, ranks
+from pinsing.mechanism.closure_forms import closure_forms
 from pinsing.mechanism.joint_forms import JointForms, JointLocus
 from pinsing.mechanism.leg_chain import Row, cross
 from pinsing.mechanism.leg_wrenches import (
@@ -37,9 +40,13 @@ from pinsing.mechanism.trig_polynomial import trig_polynomial
 from pinsing.robot.mechanism import Mechanism
 
 _MOST_JOINTS = 7
-_MOST_TERMS = 20_000
+_MOST_TERMS = 4e8
 _ROUNDING = 1e-12
 _READ = 24
+_TRIED = 6
+_FEW = 4
+_ALWAYS = 1e-10
+_SEED = 6203
 
 
 def joint_forms(mechanism: Mechanism) -> JointForms:
@@ -61,22 +68,64 @@ def joint_forms(mechanism: Mechanism) -> JointForms:
 
 def _forms(mechanism: Mechanism) -> JointForms:
     generic = ranks(mechanism)
+    notes = [
+        "a configuration that closes the loops is singular if and only if one of these is zero"
+    ]
     try:
         if kind_of(mechanism) == SPACE and generic.constraint < mechanism.rows:
             raise NotThisKind(
                 f"of {mechanism.rows} closure equations {generic.constraint} are independent, and "
-                "that only where the loops close: overconstrained loops have no one determinant"
+                "that only where the loops close"
             )
         legs = leg_wrenches(mechanism)
         loci = [*_type2(mechanism, legs), *_type1(mechanism, legs), *_passive(mechanism, legs)]
+        off = legs.off
     except NotThisKind as error:
-        return JointForms(mechanism.joints, (), False, (f"none: {error}",))
-    notes = [
-        "a configuration that closes the loops is singular if and only if one of these is zero"
-    ]
-    if legs.off > 1e-12:
-        notes.append(f"coordinates were made exact, by at most {legs.off:.1e}")
-    return JointForms(mechanism.joints, tuple(loci), True, tuple(notes))
+        if generic.output < generic.mobility:
+            why = "the output does not show each of the freedoms"
+            return JointForms(mechanism.joints, (), False, (f"none: {why}",))
+        loci, off = _of_closure(mechanism)
+        notes[0] = notes[0].replace("zero", "zero, or of less than full rank") if any(
+            len(x.matrix) > len(x.matrix[0]) for x in loci if x.matrix
+        ) else notes[0]  # fmt: skip
+        notes.append(f"from the closure equations as they are, since {error}")
+    else_ = " else" if any(x.kind == "passive" for x in loci) else ""
+    kinds = {x.kind for x in loci}
+    notes += [f"{k}: nowhere{else_}" for k in ("type 1", "type 2") if k not in kinds]
+    if off > 1e-12:
+        notes.append(f"coordinates were made exact, by at most {off:.1e}")
+    found = JointForms(mechanism.joints, tuple(loci), True, tuple(notes))
+    always = _everywhere(mechanism, found)
+    return replace(found, notes=(*found.notes, always)) if always else found
+
+
+def _everywhere(mechanism: Mechanism, forms: JointForms) -> str:
+    """What is to be said where one of them holds at every configuration that was tried."""
+    tried = near_home(mechanism) + random_closed(mechanism, _TRIED, np.random.default_rng(_SEED))
+    if len(tried) < _FEW:
+        return ""
+    at = np.array(tried)
+    kinds = dict.fromkeys(
+        x.kind for x in forms.loci if x.ratio(at, forms.joints).max() <= _ALWAYS
+    )  # fmt: skip
+    if not kinds:
+        return ""
+    return (
+        f"at each of the {len(tried)} closed configurations tried the condition of "
+        f"{' and '.join(kinds)} holds: taken for singular everywhere"
+    )
+
+
+def _of_closure(mechanism: Mechanism) -> tuple[list[JointLocus], float]:
+    """Both conditions as matrices of the closure equations, for legs of any kind."""
+    made = closure_forms(mechanism)
+    return [
+        *_loci(made.ring, mechanism, "type 2", "joints move with the actuators held", made.held),
+        *_loci(
+            made.ring, mechanism, "type 1", "a motion of the joints leaves the output at rest",
+            made.at_rest,
+        ),
+    ], made.off  # fmt: skip
 
 
 def _type2(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
@@ -225,20 +274,30 @@ def _loci(
     ring: Ring, mechanism: Mechanism, kind: str, words: str, rows: list[Row]
 ) -> list[JointLocus]:
     """A determinant multiplied out and factored where it is small; as it is where not."""
-    rows = [_level(row, ring) for row in rows]
     joints = sorted({j for row in rows for x in row if x != 0 for j in ring.joints_of(x)})
-    size = float(np.prod([max(len(x) for x in row) + 1.0 for row in rows]))
-    if len(joints) <= _MOST_JOINTS and size <= _MOST_TERMS:
-        value = determinant(rows, ring.one)
-        if value == 0:
-            raise NotThisKind("the forces of the legs are dependent at every configuration")
-        found = _factored(ring, mechanism, kind, words, value)
-        if len(found) > 1 or len(found[0].equation.cos) <= _READ:  # type: ignore[union-attr]
-            return found
-        # One long factor: the determinant says more.
-        return [replace(found[0], matrix=_matrix(rows, ring, mechanism))]
     names = tuple(mechanism.joints[j] for j in joints)
-    return [JointLocus(kind, words, names, None, _matrix(rows, ring, mechanism))]
+    whole = JointLocus(kind, words, names, None, _matrix(rows, ring, mechanism))
+    if len(rows) > len(rows[0]) and len(joints) > 1:
+        return [whole]
+    if len(joints) > _MOST_JOINTS:
+        return [whole]
+    rows = [_level(row, ring) for row in rows]
+    size = float(np.prod([max(len(x) for x in row) + 1.0 for row in rows]))
+    if size > _MOST_TERMS:
+        return [whole]
+    # Of one joint all largest minors vanish together where what they share does.
+    minors = [
+        determinant([rows[k] for k in chosen], ring.one)
+        for chosen in itertools.combinations(range(len(rows)), len(rows[0]))
+    ]
+    value = functools.reduce(lambda a, b: a.gcd(b), minors)
+    if value == 0:
+        return [whole]
+    found = _factored(ring, mechanism, kind, words, value)
+    if len(found) == 1 and len(found[0].equation.cos) > _READ:  # type: ignore[union-attr]
+        # One long factor: the determinant says more.
+        return [replace(found[0], matrix=whole.matrix)]
+    return found
 
 
 def _matrix(
@@ -259,10 +318,26 @@ def _factored(
 ) -> list[JointLocus]:
     out = []
     for factor in _together(ring, ring.factors(ring.strip(value))):
-        found = equation(factor, ring, mechanism.joints, np.zeros(mechanism.n))
+        found = _plain(equation(factor, ring, mechanism.joints, np.zeros(mechanism.n)))
         names = tuple(mechanism.joints[j] for j in ring.joints_of(factor))
         out.append(JointLocus(kind, words, names, found))
     return out
+
+
+def _plain(found: Equation) -> Equation:
+    """An equation without what is left of numbers that were made rational."""
+    least = _ROUNDING * max(np.abs(found.cos).max(initial=0.0), np.abs(found.sin).max(initial=0.0))
+    cos = np.where(np.abs(found.cos) >= least, found.cos, 0.0)
+    sin = np.where(np.abs(found.sin) >= least, found.sin, 0.0)
+    kept = (cos != 0) | (sin != 0)
+    exact = [
+        ("0" if c == 0 else e[0], "0" if s == 0 else e[1])
+        for e, c, s in zip(found.exact, cos.tolist(), sin.tolist(), strict=False)
+    ]
+    return replace(
+        found, frequencies=found.frequencies[kept], powers=found.powers[kept], cos=cos[kept],
+        sin=sin[kept], exact=tuple(itertools.compress(exact, kept.tolist())),
+    )  # fmt: skip
 
 
 def _together(ring: Ring, factors: Sequence[Poly]) -> list[Poly]:

@@ -137,13 +137,18 @@ def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
 
 def kind_of(mechanism: Mechanism) -> str:
     """``space``, ``plane`` or ``sphere``: what the motions of all its joints have room in."""
-    return _kind(mechanism, structure(mechanism))[0]
+    return room_of(mechanism)[0]
+
+
+def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
+    """The same, the turn that makes the plane's normal z, and the sphere's centre."""
+    return mechanism.once("room", lambda: _kind(mechanism, structure(mechanism)))
 
 
 def _wrenches(mechanism: Mechanism) -> LegWrenches:
     built = structure(mechanism)
-    zero = _AtZero(mechanism, built)
-    kind, turn, centre = _kind(mechanism, built)
+    zero = AtZero(mechanism, built)
+    kind, turn, centre = room_of(mechanism)
     ring = make_ring(mechanism.prismatic.tolist())
     ways = _ways(mechanism, built, zero, kind)
     seen: set[int] = set()
@@ -155,7 +160,7 @@ def _wrenches(mechanism: Mechanism) -> LegWrenches:
     wrenches: list[LegWrench] = []
     passive: list[Passive] = []
     off = 0.0
-    path = _path(mechanism, built.output)
+    path = path_to(mechanism, built.output)
     carrier = zero.chain(ring, path, turn)
     at = np.array(zero.frames[mechanism.output_id].translation)
     output = carrier.placed(carrier.point(at), carrier.scale)
@@ -177,8 +182,16 @@ def _wrenches(mechanism: Mechanism) -> LegWrenches:
     )  # fmt: skip
 
 
-class _AtZero:
-    """Everything with all joints at zero, in the base."""
+class AtZero:
+    """Everything with all joints at zero, in the base.
+
+    Attributes
+    ----------
+    joints, frames : sequences of pin.SE3
+        Placements.
+    axes, origins : (n, 3) arrays
+        Axes of the joints, and points on them, metres.
+    """
 
     def __init__(self, mechanism: Mechanism, built: Structure) -> None:
         data = mechanism.model.createData()
@@ -219,7 +232,8 @@ def _kind(mechanism: Mechanism, built: Structure) -> tuple[str, Turn, Array]:
     return SPACE, rational_turn(still), none
 
 
-def _path(mechanism: Mechanism, body: int) -> list[int]:
+def path_to(mechanism: Mechanism, body: int) -> list[int]:
+    """The joints on the tree's way from the base to a body."""
     path: list[int] = []
     while body:
         path.insert(0, body - 1)
@@ -228,7 +242,7 @@ def _path(mechanism: Mechanism, body: int) -> list[int]:
 
 
 def _ways(
-    mechanism: Mechanism, built: Structure, zero: _AtZero, kind: str
+    mechanism: Mechanism, built: Structure, zero: AtZero, kind: str
 ) -> list[tuple[list[int], Array | None, tuple[int, ...]]]:
     """Each way from the base to the output: joints before its end, the end, hinges of a ball.
 
@@ -236,7 +250,7 @@ def _ways(
     """
     if built.output == 0:
         raise NotThisKind("the output is the base")
-    path = _path(mechanism, built.output)
+    path = path_to(mechanism, built.output)
     if kind == SPHERE:
         return [(path, None, ()), *_closing(mechanism, built, zero, kind)]
     last = next((c for c in built.centres if built.output - 1 in c.joints), None)
@@ -254,7 +268,7 @@ def _ways(
 
 
 def _closing(
-    mechanism: Mechanism, built: Structure, zero: _AtZero, kind: str
+    mechanism: Mechanism, built: Structure, zero: AtZero, kind: str
 ) -> list[tuple[list[int], Array | None, tuple[int, ...]]]:
     """The ways through the loops."""
     out: list[tuple[list[int], Array | None, tuple[int, ...]]] = []
@@ -268,7 +282,7 @@ def _closing(
             raise NotThisKind("a loop closes away from the output")
         if loop.kind != ("planar" if kind == PLANE else "3d") and loop.kind != "3d":
             raise NotThisKind(f"a loop of type {loop.kind} leaves no ball, pin or hinge")
-        joints = _path(mechanism, int(a.parentJoint))
+        joints = path_to(mechanism, int(a.parentJoint))
         if not joints or built.output - 1 in joints:
             raise NotThisKind("a loop ties the output to the base or to itself")
         out.append((joints, np.array(zero.frames[numbers[a.name]].translation), ()))

@@ -35,6 +35,7 @@ _TRIES = 400
 _POSES = 6
 _DEPENDENT = 1e-9
 _SEED = 2718
+_TURNS = ("e0", "e1", "e2", "e3")
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,9 +137,17 @@ def pose_forms(mechanism: Mechanism) -> PoseForms | None:
 
 
 def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
-    """The least of the equations' values at q (n,), each over the size of its terms there."""
+    """The least of the equations' values at q (n,), each over the size that its terms can have.
+
+    Lengths count with the size of the mechanism, all else with 1: a term that is zero by itself,
+    as in ``e3 = 0``, says how near it is.
+    """
     at = variables_at(mechanism, forms, q)
-    return min(_relative(locus.equation, at) for locus in forms.loci)
+    found = rods(mechanism)
+    places = [] if found is None else [p for r in found.rods for p in (r.inner, r.outer)]
+    reach = max((float(np.linalg.norm(p)) for p in places), default=mechanism.length_scale)
+    reach = max(reach, *(abs(at[n]) for n in "xyz"))
+    return min(_relative(locus.equation, at, reach) for locus in forms.loci)
 
 
 def variables_at(mechanism: Mechanism, forms: PoseForms, q: Array) -> dict[str, float]:
@@ -155,9 +164,11 @@ def variables_at(mechanism: Mechanism, forms: PoseForms, q: Array) -> dict[str, 
     return out
 
 
-def _relative(equation: PoseEquation, at: dict[str, float]) -> float:
+def _relative(equation: PoseEquation, at: dict[str, float], reach: float) -> float:
     x = np.array([at[n] for n in equation.names])
-    size = float(np.abs(np.prod(x**equation.powers, axis=1) * equation.values).sum())
+    turning = [n in _TURNS or n.startswith(("cos ", "sin ")) for n in equation.names]
+    most = np.where(turning, 1.0, np.maximum(np.abs(x), reach))
+    size = float(np.abs(np.prod(most**equation.powers, axis=1) * equation.values).max())
     return abs(float(equation(x))) / size if size > 0 else 0.0
 
 
