@@ -55,7 +55,7 @@ class ClosureForms:
 def closure_forms(mechanism: Mechanism) -> ClosureForms:
     """The matrices of a mechanism, whatever its legs are."""
     ring = make_ring(mechanism.prismatic.tolist())
-    made = _Rows(mechanism, ring)
+    made = _Velocities(mechanism, ring)
     rows = [row for loop in mechanism.loops for row in made.loop(loop)]
     held = [[row[j] for j in mechanism.passive] for row in rows]
     whole = [*rows, *made.output()]
@@ -66,7 +66,7 @@ def _not_zero(rows: list[Row]) -> list[Row]:
     return [row for row in rows if any(x != 0 for x in row)]
 
 
-class _Rows:
+class _Velocities:
     """Rows of Jacobians: velocities by all joints, seen from a body between them."""
 
     def __init__(self, mechanism: Mechanism, ring: Ring) -> None:
