@@ -37,30 +37,36 @@ class Budget:
         """Called before a step when the computation has become long, or is about to."""
         self._began = time.monotonic()
         self._deadline = self._began + seconds
-        self._last = time.process_time() + processor
+        # To ask for processor time is a call into the system: not where any will do.
+        self._last = time.process_time() + processor if processor < math.inf else math.inf
 
     @property
     def left(self) -> float:
         """Seconds left, 0 if there are none."""
-        return max(0.0, min(self._deadline - time.monotonic(), self._last - time.process_time()))
+        return max(0.0, min(self._deadline - time.monotonic(), self._processor_left))
 
     @property
     def over(self) -> bool:
         """Whether the time has run out."""
-        return time.monotonic() > self._deadline or time.process_time() > self._last
+        return time.monotonic() > self._deadline or self._processor_left < 0.0
+
+    @property
+    def _processor_left(self) -> float:
+        """Seconds of processor time left, negative once they are over."""
+        return math.inf if self._last == math.inf else self._last - time.process_time()
 
     @property
     def allowed(self) -> str:
         """The time that was allowed, in words: that which is used up, or nearer to it."""
         clock = (self._deadline - time.monotonic()) / max(self.seconds, 1e-300)
-        used = (self._last - time.process_time()) / max(self.processor, 1e-300)
+        used = self._processor_left / max(self.processor, 1e-300)
         if math.isfinite(self.processor) and used <= clock:
             return f"{self.processor:.3g} s of processor time"
         return f"{self.seconds:.3g} s"
 
     def part(self, share: float) -> Budget:
         """A share of what is left."""
-        on_clock, used = self._deadline - time.monotonic(), self._last - time.process_time()
+        on_clock, used = self._deadline - time.monotonic(), self._processor_left
         return Budget(share * max(0.0, on_clock), share * max(0.0, used))
 
     def at_least(self, share: float) -> Budget:
@@ -73,7 +79,7 @@ class Budget:
         now = time.monotonic()
         if now + expected > self._deadline:
             raise BudgetExceeded(f"the time budget of {self.seconds:.3g} s ran out")
-        if time.process_time() + expected > self._last:
+        if expected > self._processor_left:
             raise BudgetExceeded(f"the budget of {self.processor:.3g} s of processor time ran out")
         if self.when_long is not None and max(now - self._began, expected) > _LONG:
             self.when_long()

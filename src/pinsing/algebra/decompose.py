@@ -63,7 +63,7 @@ class Decomposition:
             given = matrix() if callable(matrix) else matrix
             rows, reduced = reduce_matrix(given, rank, self.ring, self.time)
             self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
-            everywhere = SearchPlace({}, rows, reduced, self.bound)
+            everywhere = SearchPlace({}, rows, reduced, self.bound, reduced=True)
             search.confirm(everywhere, rank)
             search.run(everywhere)
         except BudgetExceeded as reason:

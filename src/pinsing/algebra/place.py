@@ -24,6 +24,8 @@ class SearchPlace:
         Singular means: rank below this.
     limit : int
         Largest codimension of what is looked for; the joints at values count.
+    reduced : bool
+        Whether all pivots of the matrix are used up, and its rows are independent.
     whole : SearchPlace or None
         The place with the matrix that says what is singular, where ``matrix`` is a part of it.
     """
@@ -32,6 +34,7 @@ class SearchPlace:
     matrix: Matrix
     rank: int
     limit: int
+    reduced: bool = False
     whole: SearchPlace | None = None
 
     @property
@@ -45,7 +48,7 @@ class SearchPlace:
 
     def beside(self, matrix: Matrix, rank: int) -> SearchPlace:
         """The same place, looked at by a part of the matrix."""
-        return replace(self, matrix=matrix, rank=rank, whole=self.judge)
+        return replace(self, matrix=matrix, rank=rank, reduced=False, whole=self.judge)
 
     def zeroed(self, relations: Sequence[Poly], ring: Ring) -> SearchPlace:
         """The same place with entries that are multiples of some equations at zero.

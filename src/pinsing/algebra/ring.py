@@ -55,14 +55,14 @@ class Ring:
     w : tuple of Poly or None
         x^2 + y^2 of each revolute joint.
     known : dict
-        Factors of the polynomials, as text, that were asked for before.
+        Factors of the polynomials that were asked for before, these by size and degrees.
     """
 
     context: Any
     prismatic: tuple[bool, ...]
     start: tuple[int, ...]
     w: tuple[Poly | None, ...]
-    known: dict[str, list[Poly]] = field(
+    known: dict[object, list[tuple[Poly, list[Poly]]]] = field(
         default_factory=dict, init=False, compare=False, repr=False
     )
 
@@ -228,10 +228,12 @@ class Ring:
 
     def factors(self, poly: Poly) -> list[Poly]:
         """Irreducible factors, without multiplicity and without any x^2 + y^2."""
-        key = str(poly)
-        if key not in self.known:
-            self.known[key] = self._factors(poly)
-        return list(self.known[key])
+        alike = self.known.setdefault((len(poly), poly.degrees()), [])
+        for other, factors in alike:
+            if other == poly:
+                return list(factors)
+        alike.append((poly, self._factors(poly)))
+        return list(alike[-1][1])
 
     def _factors(self, poly: Poly) -> list[Poly]:
         """Over Q."""

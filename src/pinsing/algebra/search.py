@@ -66,6 +66,7 @@ class Search:
         self._stating = Stating(ring, time, found, self._residues, self._rng)
         self._seen: set[object] = set()
         self._later: list[tuple[int, Callable[[], None]]] = []
+        self._known_minors: dict[tuple[int, int], Minors] = {}
 
     def run(self, place: SearchPlace) -> None:
         """Find all components at a place.
@@ -84,12 +85,14 @@ class Search:
     def confirm(self, place: SearchPlace, rank: int) -> None:
         """Say so unless ``rank`` is the generic rank of the matrix before rows were used up.
 
-        One point modulo a prime shows that it is no less; that all larger minors are zero
-        polynomials, that it is no more.
+        A minor that is no zero polynomial shows that it is no less; that all larger ones are, that
+        it is no more.
         """
         rows, reduced = place.matrix, place.rank
         short = min(len(rows), len(rows[0])) if rows else 0
-        less = reduced > 0 and (short < reduced or not self._regular(place))
+        less = reduced > 0 and (
+            short < reduced or not any(True for _ in self._minors(place))
+        )
         more = short > max(reduced, 0) and any(
             True for _ in Minors(rows, max(reduced, 0) + 1, self.ring, self.time)
         )
@@ -376,18 +379,20 @@ class Search:
         """The place with some more joints at values."""
         whole, put = place.judge, self.ring.putting(new)
         matrix = [[put(x) for x in row] for row in whole.matrix]
-        return replace(whole, values={**whole.values, **new}, matrix=matrix)
+        return replace(whole, values={**whole.values, **new}, matrix=matrix, reduced=False)
 
     def _reduced(self, place: SearchPlace) -> SearchPlace | None:
         """The place with a smaller matrix, unless all of it is singular (noted), or none."""
-        matrix, rank = reduce_matrix(place.matrix, place.rank, self.ring, self.time)
+        matrix, rank = place.matrix, place.rank
+        if not place.reduced:
+            matrix, rank = reduce_matrix(matrix, rank, self.ring, self.time)
         if rank <= 0:
             return None
         if not matrix or min(len(matrix), len(matrix[0])) < rank:
             self._found.add(place.values, (), True)
             return None
         limit = min(place.limit, len(place.values) + bound(matrix, rank))
-        return replace(place, matrix=matrix, rank=rank, limit=limit)
+        return replace(place, matrix=matrix, rank=rank, limit=limit, reduced=True)
 
     def _zeroed(
         self, relations: Relations, place: SearchPlace, minors: Minors
@@ -397,4 +402,8 @@ class Search:
         return (place, minors) if there is place else (there, self._minors(there))
 
     def _minors(self, place: SearchPlace) -> Minors:
-        return Minors(place.matrix, place.rank, self.ring, self.time)
+        """Those of a place, so that each is computed once."""
+        key = id(place.matrix), place.rank
+        if key not in self._known_minors:  # they keep the matrix, so that its id stays its own
+            self._known_minors[key] = Minors(place.matrix, place.rank, self.ring, self.time)
+        return self._known_minors[key]

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget
 from pinsing.configuration.at import Loss, loss_at
 from pinsing.configuration.state import State
@@ -15,6 +15,7 @@ from pinsing.families.at_once import at_once
 from pinsing.families.example import readable
 from pinsing.families.family import Family
 from pinsing.families.kinds import kinds_of
+from pinsing.families.nearness import near
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.solved_for import solved_for
@@ -33,6 +34,8 @@ _LOOKS = 0.4, 0.6, 0.8
 """Shares of a family's time by which looks within its limits, a little beyond them, and for a
 proof that there is nothing have ended: what is left is for points anywhere."""
 _SAME = 1e-9
+_ON_BRANCH = 1e-6
+"""Distance in joint space up to which a point is on a branch."""
 _INDEPENDENT = 1e-7
 """Singular values of gradients that count, relative to the largest."""
 
@@ -100,7 +103,7 @@ def _value_reach(
     rng = np.random.default_rng(_SEED)
 
     def met(branch: Branch) -> bool:
-        if any(_on(family, branch, q) for q in inside):
+        if _on(family, branch, inside).any():
             return True
         alone = replace(family, branches=(branch,), reachability=reachability)
         return bool(len(alone.points(1, rng, True, maker.rounds(), _until(maker.time))))
@@ -152,7 +155,10 @@ def _described(
     if not len(points):
         return replace(draft, reachability=reachability)
     exact = geometry.arm
-    branch = next((b for b in draft.branches if _on(draft, b, points[0])), draft.branches[0])
+    branches = draft.branches
+    branch = branches[0]
+    if len(branches) > 1:
+        branch = next((b for b in branches if _on(draft, b, points[:1])[0]), branch)
     strictly = bool(len(inside)) and reachability is Reachability.INSIDE
     generic = readable(draft, branch, points[0], exact, within_limits=strictly)
     loss = loss_at(exact, generic, rtol=1e-8)
@@ -184,8 +190,9 @@ def missing_everywhere(loss: Loss | State) -> list[str]:
     return [f"{loss.always_missing} of these {len(loss.lost)} is missing at every configuration"]
 
 
-def _on(family: Family, branch: Branch, q: Array) -> bool:
-    return bool(replace(family, branches=(branch,)).contains(q))
+def _on(family: Family, branch: Branch, points: Array) -> Bool:
+    """Which of some points (N, n) of a family are on one of its branches."""
+    return near((branch,), family.space, points, _ON_BRANCH, family.confirm)
 
 
 def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:

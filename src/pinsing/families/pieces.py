@@ -344,6 +344,8 @@ class PieceMaker:
 
     def _has_point(self, branch: Branch) -> bool:
         """Whether a point of a branch is found; looked for once."""
+        if not branch.equations and self.confirm is None:
+            return True
         if id(branch) not in self._met:  # the branch is kept, so that its id stays its own
             self._met[id(branch)] = branch, bool(self.find(branch, 1).size)
         return self._met[id(branch)][1]

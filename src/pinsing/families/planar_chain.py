@@ -26,6 +26,11 @@ from pinsing.robot.task import Task
 Vector = tuple[Exact, Exact, Exact]
 Rows = tuple[Vector, Vector, Vector]
 _ZERO: Vector = (Fraction(0), Fraction(0), Fraction(0))
+_ROWS: Rows = (
+    (Fraction(1), Fraction(0), Fraction(0)),
+    (Fraction(0), Fraction(1), Fraction(0)),
+    (Fraction(0), Fraction(0), Fraction(1)),
+)
 
 
 @dataclass(frozen=True)
@@ -99,10 +104,22 @@ def planar_chain(
     return (Component(values, tuple(relations), True, len(values) + len(relations)),)
 
 
+def turn_alike(geometry: Nominal) -> bool:
+    """Whether all turning joints have parallel axes, found out from the first that has not."""
+    turn: Rows | None = None  # from the first turning joint on
+    for rotation, slides in zip(geometry.rotation, geometry.prismatic, strict=False):
+        if turn is not None:
+            turn = _product(turn, rotation)
+            if not slides and (turn[0][2] != 0 or turn[1][2] != 0):
+                return False
+        elif not slides:
+            turn = _ROWS
+    return True
+
+
 def _home(geometry: Nominal) -> tuple[list[Vector], list[Vector], Rows]:
     """Axes, points on them with the tip's as the last, and the tip's axes, at the ring's zero."""
-    one, zero = Fraction(1), Fraction(0)
-    turn: Rows = ((one, zero, zero), (zero, one, zero), (zero, zero, one))
+    turn: Rows = _ROWS
     at, axes, places = _ZERO, list[Vector](), list[Vector]()
     for rotation, translation in zip(geometry.rotation, geometry.translation, strict=True):
         at = _plus(at, _times(turn, translation))

@@ -17,7 +17,7 @@ from pinsing.algebra.second_prime import RandomSteps
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
-from pinsing.families.planar_chain import planar_chain
+from pinsing.families.planar_chain import planar_chain, turn_alike
 from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.geometry.surd import Surd
 from pinsing.kinematics.verdict import ratios
@@ -92,7 +92,7 @@ def searched(
         Time and tolerances.
     """
     started = time.monotonic()
-    if arm.n >= _LINKS and arm.coupling is None:
+    if arm.n >= _LINKS and arm.coupling is None and turn_alike(geometry):
         in_line = _in_line(geometry, arm, rank, symbols, limits)
         if in_line is not None:
             return in_line
