@@ -15,7 +15,8 @@ import itertools
 from dataclasses import dataclass
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.matrix import Matrix, determinant
+from pinsing.algebra.determinant import determinant
+from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Poly, Ring
 
 

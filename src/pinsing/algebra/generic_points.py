@@ -18,6 +18,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -30,11 +31,15 @@ from pinsing.algebra.prime_field import (
     modular_context,
     rank_over,
     residue,
+    residues_of,
 )
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.zeros import Undecided, zeros
 
 _ATTEMPTS = 4
+
+Powers = tuple[tuple[int, int], ...]
+"""Variables and exponents of a term."""
 
 
 class Residues:
@@ -43,12 +48,24 @@ class Residues:
     def __init__(self, ring: Ring, prime: int = WORD_PRIME) -> None:
         self.ring, self.prime = ring, prime
         self._images: dict[int, tuple[Poly, Any]] = {}
+        self._terms: dict[int, tuple[Poly, list[tuple[Powers, int]]]] = {}
 
     def of(self, poly: Poly) -> Any:
         """The image of a polynomial."""
         if id(poly) not in self._images:  # the polynomial is kept, so that its id stays its own
             self._images[id(poly)] = (poly, image(poly, self.ring, self.prime))
         return self._images[id(poly)][1]
+
+    def terms(self, poly: Poly) -> list[tuple[Powers, int]]:
+        """Its terms, without making a polynomial of them."""
+        if id(poly) not in self._terms:  # as above
+            listed = [
+                (tuple([(v, e) for v, e in enumerate(m) if e]), c)
+                for m, c in residues_of(poly, self.ring, self.prime).items()
+                if c
+            ]
+            self._terms[id(poly)] = (poly, listed)
+        return self._terms[id(poly)][1]
 
     def generic_rank(self, matrix: Matrix, rng: np.random.Generator) -> int:
         """Rank of a matrix at a random point: never more than the generic one, over any field."""
@@ -84,7 +101,7 @@ class SlicePoint:
     fixed: Mapping[str, int]
     field: Any
     free: Mapping[int, Any]
-    on_slice: dict[int, tuple[Poly, list[tuple[Any, int]]]] = field(default_factory=dict)
+    on_slice: dict[int, tuple[Poly, list[tuple[Powers, int]]]] = field(default_factory=dict)
     monomials: dict[Any, Any] = field(default_factory=dict)
 
     def value(self, poly: Poly) -> Any:
@@ -96,7 +113,7 @@ class SlicePoint:
             total = total + self._monomial(monomial) * c
         return total
 
-    def _monomial(self, monomial: tuple[tuple[int, int], ...]) -> Any:
+    def _monomial(self, monomial: Powers) -> Any:
         """Value of a product of powers (variable, exponent)."""
         if monomial not in self.monomials:
             if len(monomial) < 2:
@@ -107,16 +124,29 @@ class SlicePoint:
                 self.monomials[monomial] = before * self._monomial(monomial[-1:])
         return self.monomials[monomial]
 
-    def _terms(self, poly: Poly) -> list[tuple[Any, int]]:
+    def _terms(self, poly: Poly) -> list[tuple[Powers, int]]:
         """Powers (variable, exponent) and coefficient of each term in the free variables."""
         if id(poly) not in self.on_slice:  # the polynomial is kept, so that its id stays its own
-            terms = self.residues.of(poly).subs(self.fixed).to_dict()
-            listed = [
-                (tuple((v, int(e)) for v, e in enumerate(monomial) if e), int(c))
-                for monomial, c in terms.items()
-            ]
+            prime, known = self.residues.prime, self._known
+            gathered: dict[Powers, int] = {}
+            for powers, c in self.residues.terms(poly):
+                left = []
+                for v, e in powers:
+                    if v in self.free:
+                        left.append((v, e))
+                    else:
+                        c = c * known[v] ** e % prime
+                key = tuple(left)
+                gathered[key] = gathered.get(key, 0) + c
+            listed = [(key, c % prime) for key, c in gathered.items()]
             self.on_slice[id(poly)] = (poly, listed)
         return self.on_slice[id(poly)][1]
+
+    @cached_property
+    def _known(self) -> dict[int, int]:
+        """The variables at random values, by index."""
+        names = self.residues.ring.context.names()
+        return {v: self.fixed[name] for v, name in enumerate(names) if name in self.fixed}
 
     def is_zero(self, poly: Poly) -> bool:
         """Whether a polynomial vanishes there."""

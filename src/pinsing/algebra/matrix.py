@@ -1,4 +1,4 @@
-"""Matrices of polynomials: smaller ones whose rank drops in the same places, and determinants.
+"""Matrices of polynomials: smaller ones whose rank drops in the same places.
 
 Constant entries are used up as pivots: what is left is a smaller matrix whose rank drops exactly
 where that of the given one does.
@@ -35,12 +35,15 @@ def primitive(line: list[Poly], ring: Ring) -> list[Poly]:
 
 def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
     """Drop rows that are combinations of others with constant factors: no rank is lost."""
-    doubtful = _sharing(matrix, ring)
+    doubtful = _alike(matrix, ring)
+    if len(doubtful) > 1:
+        doubtful = _sharing(matrix, doubtful, ring)
     basis: list[tuple[_Place, dict[_Place, Any]]] = []
     kept = []
     for i, row in enumerate(matrix):
         if i not in doubtful:
-            kept.append(row)
+            if any(x != 0 for x in row):
+                kept.append(row)
             continue
         vector: dict[_Place, Any] = {
             (j, m): c for j, x in enumerate(row) for m, c in ring.coefficients(x).items()
@@ -57,14 +60,40 @@ def independent_rows(matrix: Matrix, ring: Ring) -> Matrix:
     return kept
 
 
-def _sharing(matrix: Matrix, ring: Ring) -> set[int]:
+def _alike(matrix: Matrix, ring: Ring) -> set[int]:
+    """Rows that may be combinations of others, as far as their leading terms tell.
+
+    The one that begins before all others, or with a monomial before theirs, is in no combination
+    of zero; and so on with the rest, from either side. That is seen from a term or two of a row.
+    """
+    left = {i for i, row in enumerate(matrix) if any(x != 0 for x in row)}
+    width = len(matrix[0]) if matrix else 0
+    ways = (range(width), range(width - 1, -1, -1))
+    leads: list[dict[int, tuple[int, Monomial]]] = [{}, {}]
+    found = True
+    while len(left) > 1 and found:
+        found = False
+        for way, lead in zip(ways, leads, strict=True):
+            for i in left - lead.keys():
+                k, j = next((k, j) for k, j in enumerate(way) if matrix[i][j] != 0)
+                lead[i] = -k, ring.rank_of_lead(matrix[i][j])
+            first = max(lead[i] for i in left)
+            those = [i for i in left if lead[i] == first]
+            if len(those) == 1:
+                left.discard(those[0])
+                found = True
+                break
+    return left if len(left) > 1 else set()
+
+
+def _sharing(matrix: Matrix, among: set[int], ring: Ring) -> set[int]:
     """Rows that may be combinations of others: all of their monomials occur in others of these.
 
     A row with one that no other has is in no combination of zero.
     """
     places = {
-        i: {(j, m) for j, x in enumerate(row) if x != 0 for m in ring.monomials(x)}
-        for i, row in enumerate(matrix)
+        i: {(j, m) for j, x in enumerate(matrix[i]) if x != 0 for m in ring.monomials(x)}
+        for i in among
     }
     while True:
         counts = Counter(place for own in places.values() for place in own)
@@ -142,40 +171,3 @@ def _unit(rows: Matrix, ring: Ring) -> tuple[int, int] | None:
             if best is None or cost < best[0]:
                 best = (cost, i, j)
     return None if best is None else (best[1], best[2])
-
-
-def determinant(matrix: Matrix, ring: Ring, budget: Budget) -> Poly:
-    """Determinant by Bareiss' fraction-free elimination, sparsest rows first.
-
-    Square roots are variables like others here, so that all divisions go without a remainder.
-
-    Raises
-    ------
-    BudgetExceeded
-        If it would take longer than the budget allows.
-    """
-    rows = [list(row) for row in matrix]
-    size = len(rows)
-    previous = ring.one
-    sign = 1
-    for k in range(size - 1):
-        choice = min(
-            ((len(rows[i][k]), i) for i in range(k, size) if rows[i][k] != 0), default=None
-        )
-        if choice is None:
-            return ring.zero
-        i = choice[1]
-        if i != k:
-            rows[k], rows[i] = rows[i], rows[k]
-            sign = -sign
-        pivot = rows[k][k]
-        for i in range(k + 1, size):
-            head = rows[i][k]
-            for j in range(k + 1, size):
-                budget.check(len(rows[i][j]) * len(pivot) + len(head) * len(rows[k][j]))
-                value = rows[i][j] * pivot
-                if head != 0 and rows[k][j] != 0:
-                    value = value - head * rows[k][j]
-                rows[i][j] = value / previous if k else value
-        previous = pivot
-    return ring.reduce(rows[-1][-1] * sign)

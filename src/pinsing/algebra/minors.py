@@ -6,8 +6,9 @@ import itertools
 from collections.abc import Iterator, Sequence
 
 from pinsing.algebra.budget import Budget
+from pinsing.algebra.determinant import Expansion
 from pinsing.algebra.generic_points import SlicePoint
-from pinsing.algebra.matrix import Matrix, determinant
+from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Poly, Ring
 
 _LOOKED_AT = 12
@@ -28,6 +29,7 @@ class Minors:
         terms = {c: sum(length[i][j] for i in c[0] for j in c[1]) for c in choices}
         self._left = sorted(choices, key=lambda c: terms[c])
         self._done: list[Poly] = []
+        self._expansion = Expansion(matrix, ring, time)
 
     def __len__(self) -> int:
         return len(self._done) + len(self._left)
@@ -45,8 +47,7 @@ class Minors:
 
     def _compute(self) -> None:
         rows, columns = self._left[0]
-        chosen = [[self.matrix[i][j] for j in columns] for i in rows]
-        minor = determinant(chosen, self.ring, self.time)
+        minor = self._expansion.minor(rows, columns)
         self._left.pop(0)
         if minor != 0:
             self._done.append(self.ring.strip(minor))

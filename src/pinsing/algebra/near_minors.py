@@ -10,8 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from pinsing.algebra.budget import Budget
+from pinsing.algebra.determinant import determinant
 from pinsing.algebra.jacobian_matrix import jacobian_matrix, neighbouring_screws
-from pinsing.algebra.matrix import Matrix, determinant, reduce_matrix
+from pinsing.algebra.matrix import Matrix, reduce_matrix
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.geometry.nominal import Nominal
 from pinsing.robot.task import Task

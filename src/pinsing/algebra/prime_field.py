@@ -22,12 +22,20 @@ __all__ = [
     "modular_context",
     "rank_over",
     "residue",
+    "residues_of",
     "root_modulo",
 ]
 
 
 def image(poly: Poly, ring: Ring, prime: int) -> Any:
     """A polynomial modulo a prime, in the joints' variables."""
+    names = tuple(ring.context.names()[: ring.nvars])
+    terms = residues_of(poly, ring, prime)
+    return modular_context(names, prime).from_dict({m: c for m, c in terms.items() if c})
+
+
+def residues_of(poly: Poly, ring: Ring, prime: int) -> dict[Any, int]:
+    """Exponents of the joints' variables, and coefficients modulo a prime, some perhaps zero."""
     if ring.rational:
         inverse: dict[Any, int] = {}
         terms = {}
@@ -35,10 +43,8 @@ def image(poly: Poly, ring: Ring, prime: int) -> Any:
             if c.q not in inverse:
                 inverse[c.q] = pow(int(c.q), -1, prime)
             terms[m] = int(c.p) * inverse[c.q] % prime
-    else:
-        terms = {m: residue(c, prime) for m, c in ring.terms(poly).items()}
-    names = tuple(ring.context.names()[: ring.nvars])
-    return modular_context(names, prime).from_dict({m: c for m, c in terms.items() if c})
+        return terms
+    return {m: residue(c, prime) for m, c in ring.terms(poly).items()}
 
 
 @functools.cache

@@ -116,6 +116,11 @@ class Ring:
         """Exponents of the joints' variables in each term; some perhaps several times."""
         return list(poly.monoms())
 
+    def rank_of_lead(self, poly: Poly) -> Monomial:
+        """Numbers that are as much greater, in order, as a polynomial's leading monomial is."""
+        m = poly.monomial(0)
+        return (sum(m), *[-e for e in reversed(m)])  # by degree, the last variables least
+
     def packed(self, poly: Poly) -> Packed:
         """The polynomial as plain integers, for another process."""
         return [(tuple(map(int, m)), int(c.p), int(c.q)) for m, c in poly.to_dict().items()]

@@ -98,6 +98,10 @@ class SurdRing(Ring):
         """Exponents of the joints' variables in each term; some perhaps several times."""
         return [m[: self.nvars] for m in poly.monoms()]
 
+    def rank_of_lead(self, poly: Poly) -> Monomial:
+        """Numbers that are as much greater, in order, as a polynomial's leading monomial is."""
+        return poly.monomial(0)[: self.nvars]  # type: ignore[no-any-return]
+
     def _poly(self, terms: Mapping[Monomial, Exact | int]) -> Poly:
         """The polynomial of these terms."""
         found: dict[Monomial, Any] = {}
