@@ -17,7 +17,7 @@ _MOST_KEPT = 100_000
 """Terms of minors that are kept at a time."""
 
 
-class Expansion:
+class RowExpansion:
     """Minors of one matrix, each from smaller ones.
 
     Parameters
@@ -88,7 +88,7 @@ def determinant(matrix: Matrix, ring: Ring, time: Budget) -> Poly:
         If it would take longer than the budget allows.
     """
     every = range(len(matrix))
-    return Expansion(matrix, ring, time).minor(every, every)
+    return RowExpansion(matrix, ring, time).minor(every, every)
 
 
 def _odd(places: Sequence[int]) -> bool:

@@ -6,7 +6,7 @@ import itertools
 from collections.abc import Iterator, Sequence
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.determinant import Expansion
+from pinsing.algebra.determinant import RowExpansion
 from pinsing.algebra.generic_points import SlicePoint
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Poly, Ring
@@ -29,7 +29,7 @@ class Minors:
         terms = {c: sum(length[i][j] for i in c[0] for j in c[1]) for c in choices}
         self._left = sorted(choices, key=lambda c: terms[c])
         self._done: list[Poly] = []
-        self._expansion = Expansion(matrix, ring, time)
+        self._expansion = RowExpansion(matrix, ring, time)
 
     def __len__(self) -> int:
         return len(self._done) + len(self._left)

@@ -90,9 +90,7 @@ class Search:
         """
         rows, reduced = place.matrix, place.rank
         short = min(len(rows), len(rows[0])) if rows else 0
-        less = reduced > 0 and (
-            short < reduced or not any(True for _ in self._minors(place))
-        )
+        less = reduced > 0 and (short < reduced or not any(True for _ in self._minors(place)))
         more = short > max(reduced, 0) and any(
             True for _ in Minors(rows, max(reduced, 0) + 1, self.ring, self.time)
         )
