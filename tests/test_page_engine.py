@@ -145,7 +145,7 @@ def test_the_lower_bound_is_never_too_long(name: str) -> None:
     Q = rng.uniform(-np.pi, np.pi, (8, arm.n))
     found = run(
         """(m, {data, Q}) => Q.map((q) => data.families.map((f) =>
-             m.distance(f, q, data.joints, data.task.lengthScale)))""",
+             m.distance(data, f, q)))""",
         {"data": data, "Q": Q.tolist()},
     )
     for k, entry in enumerate(entries):
@@ -353,16 +353,71 @@ def test_what_is_said_of_the_distance_is_no_more_than_is_known() -> None:
     bent = family(0, {"values": [], "equations": [wave]})
     free = family(1, {"values": [], "equations": [slide]})
     asked = [[lone], [bent], [free], [lone, free]]
-    found = run(
-        "(m, {data, asked, q}) => asked.map((f) => m.nearestFamily(data, q, f))",
-        {"data": data, "asked": asked, "q": [0.3, 0.9]},
-    )
+    call = "(m, {data, asked, q, terms}) => asked.map((f) => m.nearestFamily(data, q, f, terms))"
+    given = {"data": data, "asked": asked, "q": [0.3, 0.9]}
+    found = run(call, {**given, "terms": 0})
     assert found[0]["text"] == "17.2° from F1: here"
     assert found[1]["text"].startswith("between ")
     assert found[1]["lower"] < found[1]["value"]
     assert found[2]["text"].startswith("at most ")
     assert found[3]["least"] == 0
     assert found[3]["text"].startswith("at most ")
+    assert not found[1]["sure"]
+    # With some work both bounds are one: the slide is 0.3 rad from where its angle is zero.
+    found = run(call, {**given, "terms": 20000})
+    assert [f["sure"] for f in found] == [True] * 4
+    assert found[1]["text"] == "44° from F1: here"
+    assert abs(found[2]["least"] - 0.3) < 1e-6
+    assert found[3]["text"] == "17.2° from F1: here"
+
+
+@needs_node
+@pytest.mark.parametrize("name", tiered(["ur5", "puma560", "surgical7", "panda"], ("puma560",)))
+def test_the_distance_is_that_which_the_program_proves(name: str) -> None:
+    arm = load(name)
+    data, entries = engine(arm)
+    Q = np.random.default_rng(4).uniform(*arm.span, (6, arm.n))
+    found = run(
+        "(m, {data, Q}) => Q.map((q) => m.nearestFamily(data, q, data.families, 3e6))",
+        {"data": data, "Q": Q.tolist()},
+    )
+    for q, here in zip(Q, found, strict=True):
+        there = [
+            e.family.distance(q, seconds=60)  # type: ignore[union-attr, call-arg]
+            for e in entries
+            if e.reachable is not False
+        ]
+        assert here["sure"]
+        assert abs(here["least"] - min(d.lower for d in there)) < 3e-6  # type: ignore[attr-defined]
+        assert abs(here["value"] - min(d.upper for d in there)) < 3e-6  # type: ignore[attr-defined]
+
+
+@needs_node
+def test_only_singular_poses_count_where_equations_hold_at_others_too() -> None:
+    """sin(q1) sin(q5) = 0 holds at q1 = 0, where the arm is regular."""
+    arm = load("ur5")
+    data, _ = engine(arm)
+    q = [0.2, -1.2, 1.1, -0.4, 0.7, 0.3]
+    waves = [[2, 0, 0, 0, -2, 0], [2, 0, 0, 0, 2, 0]]
+    equation = {"frequencies": waves, "cos": [0.5, -0.5], "sin": [0, 0], "shift": [0] * 6}
+    family = {
+        "entry": 0,
+        "name": "F1",
+        "text": "here",
+        "where": ["here"],
+        "moved": [0, 4],
+        "branches": [{"values": [], "equations": [{**equation, "powers": None}]}],
+    }
+    asked = [[family], [{**family, "confirm": True}]]
+    either, own = run(
+        "(m, {data, asked, q}) => asked.map((f) => m.nearestFamily(data, q, f))",
+        {"data": data, "asked": asked, "q": q},
+    )
+    assert either["text"] == "11.5° from F1: here"  # to where the arm is regular
+    assert abs(own["value"] - 0.7) < 1e-6
+    assert at(arm, own["q"]).singular
+    assert own["least"] <= 0.2 + 1e-9
+    assert own["text"] == "between 11.5° and 40° from F1: here"
 
 
 @needs_node
@@ -415,3 +470,31 @@ def test_the_clearest_pose_is_no_worse_than_those_given() -> None:
     assert arm.within_limits(found["best"]["q"])
     assert found["best"]["lower"] >= max(found["all"]) - 1e-12
     assert found["best"]["lower"] <= found["best"]["upper"] + 1e-9
+
+
+ELBOW = """<robot name="elbow">
+  <link name="base"/><link name="a"/><link name="b"/><link name="c"/><link name="tool"/>
+  <joint name="spin" type="continuous"><parent link="base"/><child link="a"/>
+    <origin xyz="0 0 0.2"/><axis xyz="0 0 1"/></joint>
+  <joint name="lift" type="revolute"><parent link="a"/><child link="b"/>
+    <origin xyz="0.1 0 0.1"/><axis xyz="0 1 0"/>
+    <limit lower="-1.5" upper="1.5" velocity="1" effort="1"/></joint>
+  <joint name="bend" type="continuous"><parent link="b"/><child link="c"/>
+    <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/></joint>
+  <joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
+    <origin xyz="0.3 0 0"/></joint>
+</robot>"""
+
+
+@needs_node
+def test_the_clearest_pose_is_as_clear_as_can_be(tmp_path: Path) -> None:
+    """The elbow at a right angle, and the tool far from the axis of the first joint."""
+    path = tmp_path / "elbow.urdf"
+    path.write_text(ELBOW)
+    arm = load(path, task="position")
+    data, entries = engine(arm)
+    found = run("(m, {data}) => m.clearestPose(data)", {"data": data})
+    assert arm.within_limits(found["q"])
+    there = [e.family.distance(found["q"], seconds=60).lower for e in entries]  # type: ignore
+    assert abs(found["lower"] - min(there)) < 3e-6
+    assert np.degrees(found["lower"]) > 89.5  # 90 is the most that the elbow allows

@@ -35,6 +35,7 @@ from pinsing.errors import (
     UnknownNameError,
 )
 from pinsing.families import closed_form
+from pinsing.families.nearness import Distance
 from pinsing.families.paths import along, into
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.measures import SINGULAR_RTOL, velocity_ellipsoid
@@ -179,6 +180,46 @@ def test_the_verdict_names_the_nearest_family_and_the_distance() -> None:
     q[2] = 0.0
     assert nearest_family(arm, q, entries).on  # type: ignore[union-attr]
     assert nearest_family(arm, q, pose_entries(arm, [q])) is None
+
+
+@pytest.mark.parametrize(
+    ("bounds", "said"),
+    [
+        ([(0.5, 0.5)], "29° from F1: here"),
+        ([(0.3, 0.5)], "between 17.2° and 29° from F1: here"),
+        ([(0.0, 0.5)], "at most 29° from F1: here"),
+        (
+            [(0.5, 0.5), (0.2, 0.9)],
+            "between 11.5° and 29° from the nearest family; found: F1: here",
+        ),
+        ([(0.5, 0.5), (0.5, np.inf)], "29° from F1: here"),
+        ([(0.4, np.inf)], "at least 23° from every family; no point of one was found"),
+    ],
+)
+def test_an_upper_bound_is_never_called_the_distance(
+    bounds: list[tuple[float, float]], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The same words as the page's."""
+    arm, entries = entries_of("puma560")
+    q = np.array([0.2, -1.1, 0.9, 0.4, 0.8, 0.1])
+
+    class Known:
+        def __init__(self, lower: float, upper: float) -> None:
+            self.bounds = lower, upper
+
+        def distance(self, q: np.ndarray) -> Distance:
+            lower, upper = self.bounds
+            return Distance(upper, q, False, lower, upper)
+
+    monkeypatch.setattr(Entry, "where", lambda self, q: "here")
+    listed = [
+        replace(entry, family=Known(*pair), reachable=True)  # type: ignore[arg-type]
+        for entry, pair in zip(entries, bounds, strict=False)
+    ]
+    found = nearest_family(arm, q, listed)
+    assert found is not None
+    assert found.text == said
+    assert found.least == min(lower for lower, _ in bounds)
 
 
 def test_findings_of_a_sweep_are_listed() -> None:

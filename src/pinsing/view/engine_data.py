@@ -32,7 +32,8 @@ def engine_data(arm: Arm, entries: Sequence[Entry], sizes: Sizes) -> dict[str, A
     joints that ever move it, task directions that are never produced, (k, 6)); ``judge``
     (tolerances of the verdict, and the arm's own scale that it is taken at);
     ``joints`` (limits, None where infinite); ``families`` (branches: joint values and equations
-    as in `Equation`); ``centres`` (joints whose axes always meet, with a name); ``sizes``.
+    as in `Equation`; ``confirm``: only those of their zeros count at which the arm is singular,
+    and ``points`` are some); ``centres`` (joints whose axes always meet, with a name); ``sizes``.
     """
     exact = nominal(arm)
     never = np.zeros((0, 6))
@@ -144,6 +145,9 @@ def joint_data(
 
 def _family(index: int, entry: Entry) -> dict[str, Any]:
     branches: Sequence[Branch] = getattr(entry.family, "branches", ())
+    # Families that were read from a file do not say that their equations are not enough.
+    confirm = getattr(entry.family, "confirm", None) is not None
+    confirm = confirm or any(len(b.equations) > 1 for b in branches)
     return {
         "entry": index,
         "name": entry.name,
@@ -151,6 +155,8 @@ def _family(index: int, entry: Entry) -> dict[str, Any]:
         "reason": entry.reason,
         "reachable": entry.reachable is not False,
         "moved": list(entry.moved),
+        "confirm": confirm,
+        "points": [pose.tolist() for pose in entry.poses] if confirm else [],
         "where": [entry.where_branch(b) for b in branches],
         "branches": [_branch(b) for b in branches],
     }
@@ -166,6 +172,7 @@ def _branch(branch: Branch) -> dict[str, Any]:
                 "cos": numbers(e.cos),
                 "sin": numbers(e.sin),
                 "shift": numbers(e.shift),
+                "accuracy": float(e.accuracy),
             }
             for e in branch.equations
         ],

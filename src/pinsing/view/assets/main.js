@@ -1,6 +1,7 @@
 // Ties the view, the panel, the player and the source of frames together.
 "use strict";
 
+const SHARPER = [1e6, 1e7]; // terms of equations, one after the other, that a pose at rest is worth
 const PATH_WORDS = { into: "approach", along: "move within" };
 
 class App {
@@ -138,6 +139,21 @@ class App {
   rest(frame) {
     this.panel.ticks(this.source.marks(frame.q));
     if (this.entry !== null) this.panel.curve(this.entry, this.source.familyOf(this.entry), frame.q);
+    this.sharpen(frame);
+  }
+
+  // What is certain of the distance, and what is found, brought together beside the page.
+  async sharpen(frame) {
+    const { engine } = this.page, aside = this.aside ??= new Aside(engine), onWay = ["into", "along"].includes(this.path?.kind);
+    aside.stop();
+    for (const terms of SHARPER) {
+      if (onWay || !frame.verdict || frame.verdict.sure || (terms > SHARPER[0] && !aside.able)) return;
+      const found = await aside.ask("sharpened", frame.q, frame.verdict, terms);
+      if (!found || frame !== this.view.frame || this.running || this.wanted) return;
+      Engine.remember(engine, found);
+      frame.verdict = found;
+      this.panel.verdict(frame);
+    }
   }
 
   // Joints put at values, the others as they are: [[joint, value], ...].
@@ -202,13 +218,14 @@ class App {
     if (!this.view.touched) this.view.fit([frame]);
   }
 
-  clearest() {
+  async clearest() {
+    const turn = ++this.turn;
     this.say("looking for the clearest pose\u2026");
-    setTimeout(() => {
-      const { q, words } = this.source.clearest(this.view.frame.q);
-      if (q) this.go(q);
-      this.say(words);
-    }, 20);
+    await new Promise((resolve) => setTimeout(resolve, 20)); // the page says first what it does
+    const found = await this.source.clearest(this.view.frame.q);
+    if (!found || turn !== this.turn) return;
+    if (found.q) this.go(found.q);
+    this.say(found.words);
   }
 
   // The pose as each kind of text has it.

@@ -67,9 +67,12 @@ class EngineSource {
   cloud() { return Engine.cloud(this.page.engine); }
 
   // As good as the pose shown, and as one that was computed before (`page.clearest`).
-  clearest(here) {
+  async clearest(here) {
     const { engine, clearest: before, coverage } = this.page, degrees = (v) => ((v * 180) / Math.PI).toFixed(1);
-    const found = Engine.clearestPose(engine, [here, ...(before ? [before.q] : [])]);
+    const aside = this.aside ??= new Aside(engine);
+    aside.stop();
+    const found = await aside.ask("clearestPose", [here, ...(before ? [before.q] : [])]);
+    if (!found) return null; // asked once more meanwhile
     const every = (coverage ?? "").startsWith("NOT") ? "every family listed (the list is NOT complete)" : "every family";
     const { q, lower, upper } = before && before.lower >= found.lower ? { ...before, upper: before.lower } : found;
     return { q, words: upper < 1e-9 ? "no pose clear of all families was found"

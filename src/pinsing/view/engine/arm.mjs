@@ -5,24 +5,19 @@
 // sizes }. The verdict is taken at the arm's own scale (`length`, `columns`), sigma at the task's.
 
 import { jacobian, placements, tipOf } from "./chain.mjs";
-import { apart, distance } from "./families.mjs";
+import { nearestOf } from "./distance.mjs";
+import { apart } from "./families.mjs";
 import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
 import { causes, EXACT, lostMotions, meetingPoint } from "./lost.mjs";
-import { drawnRadii, ellipsoid, flatDirection, inBase, pureEllipsoids, taskRows, verdictOf } from "./measures.mjs";
+import { measure, ownTask } from "./measured.mjs";
+import { drawnRadii, ellipsoid, flatDirection, inBase, pureEllipsoids, verdictOf } from "./measures.mjs";
 import { reasons } from "./reasons.mjs";
 
 const ON = 1e-7; // radians: closer is on the family
+const ALIKE = 2e-6; // radians: bounds no farther apart are one distance
+const KNOWN = 50, AT_ONCE = 20000; // AT_ONCE: terms of equations that a frame looks at for its distance
 const STRUCTURE = 2e-5; // radians, and share of the arm's length: geometry that is so at every configuration
 const FLAT = 1e-5; // share of the largest semi-axis at which one counts as flat
-
-// Kinematics and verdict at q (n): the part that is cheap.
-export function measure(data, q) {
-  const { task, judge } = data;
-  const places = placements(data.chain, q), tip = tipOf(data.chain, places);
-  const J = jacobian(data.chain, places), Js = taskRows(J, task, tip.R);
-  const at = svd(Js), own = ownScale(data) ? { Js, ...at } : ownTask(data, J, tip.R);
-  return { places, tip, J, sigma: at.sigma, own, ...verdictOf(own.sigma, task.rank, judge) };
-}
 
 // Numbers, placements, ellipsoids and words at q (n).
 export function frameAt(data, q, families = data.families) {
@@ -54,15 +49,6 @@ export function frameAt(data, q, families = data.families) {
     outside: outside(data, q), notes: notes(data, q, ratio),
     verdict: here,
   };
-}
-
-// Whether the scale of the task is the arm's own, which verdicts are taken at.
-const ownScale = ({ judge, task }) => judge.length === task.lengthScale && judge.columns.every((c) => c === 1);
-
-// The task Jacobian at the arm's own scale, without units, and its decomposition.
-function ownTask({ judge, task }, J, R) {
-  const Js = taskRows(J, { ...task, lengthScale: judge.length }, R).map((row) => row.map((x, i) => x * judge.columns[i]));
-  return { Js, ...svd(Js) };
 }
 
 // Joints outside their limits, whole turns aside.
@@ -124,32 +110,40 @@ function ellipsoids(J, sizes, lost, rtol) {
   return { all: pair(all), pure: pair(pure) };
 }
 
-// Nearest family among those that the arm can reach: { entry, lower, value, on, text, q } or null.
-export function nearestFamily(data, q, families = data.families) {
-  let best = null, least = Infinity;
-  for (const family of families) {
-    if (family.reachable === false) continue;
-    const found = distance(family, q, data.joints, data.task.lengthScale);
-    least = Math.min(least, found ? found.lower : 0);
-    if (!found || (best && found.upper >= best.value)) continue;
-    const on = found.upper <= ON;
-    const words = family.where[found.branch] ?? family.text;
-    const slides = family.moved.length && family.moved.every((j) => data.joints[j].prismatic);
-    const far = (v) => (slides ? `${short(v * data.task.lengthScale * 1000)} mm` : `${short((v * 180) / Math.PI)}\u00b0`);
-    best = { entry: family.entry, lower: found.lower, value: found.upper, on, q: found.q, far, place: `${family.name}: ${words}` };
-  }
-  if (!best) return null;
-  const { far, place, ...rest } = best;
-  return { ...rest, least, text: `${best.on ? "on" : howFar(best, least, far)} ${place}` };
+// Nearest family among those that the arm can reach: { entry, lower, value, on, text, q } or null. To bring
+// what is found and what is certain together, up to `terms` terms of equations are looked at.
+export function nearestFamily(data, q, families = data.families, terms = AT_ONCE) {
+  const { joints, task } = data, within = families.filter((f) => f.reachable !== false);
+  const { lower: least, best } = nearestOf(data, within, q, terms);
+  if (!best) return within.length ? { entry: null, lower: least, least, value: Infinity, on: false, q: null, sure: false,
+    text: `at least ${short((least * 180) / Math.PI)}\u00b0 from every family; no point of one was found` } : null;
+  const { family, branch, lower, upper: value } = best, on = value <= ON;
+  const slides = family.moved.length && family.moved.every((j) => joints[j].prismatic);
+  const far = (v) => (slides ? `${short(v * task.lengthScale * 1000)} mm` : `${short((v * 180) / Math.PI)}\u00b0`);
+  const place = `${family.name}: ${family.where[branch] ?? family.text}`;
+  const sure = on || far(Math.min(lower, least)) === far(value) || value - Math.min(lower, least) <= ALIKE;
+  return { entry: family.entry, lower, value, on, q: best.q, least, sure, text: `${on ? "on" : howFar({ lower, value, sure }, least, far)} ${place}` };
+}
+
+// The same with more time for it; `before` is what is known already.
+export function sharpened(data, q, before, terms) {
+  remember(data, before);
+  return nearestFamily(data, q, data.families, terms);
+}
+
+// A point of a family whose own points are not easily found is a place to begin from.
+export function remember(data, { entry, q }) {
+  const family = q && data.families.find((f) => f.entry === entry);
+  if (family?.confirm) family.points = [q, ...(family.points ?? []).slice(0, KNOWN)];
 }
 
 // The distance as far as it is known: what is found is an upper bound, `lower` is certain, and
 // `least` is so for the families together.
-function howFar({ lower, value }, least, far) {
-  const sure = Math.min(lower, least);
-  if (far(sure) === far(value)) return `${far(value)} from`;
-  if (sure <= 0) return `at most ${far(value)} from`;
-  return least < lower ? `between ${far(sure)} and ${far(value)} from the nearest family; found:` : `between ${far(sure)} and ${far(value)} from`;
+function howFar({ lower, value, sure }, least, far) {
+  const certain = Math.min(lower, least);
+  if (sure) return `${far(value)} from`;
+  if (certain <= 0) return `at most ${far(value)} from`;
+  return least < lower ? `between ${far(certain)} and ${far(value)} from the nearest family; found:` : `between ${far(certain)} and ${far(value)} from`;
 }
 
 const short = (v) => (v >= 20 ? v.toFixed(0) : v >= 0.1 ? v.toFixed(1) : String(Number(v.toPrecision(2))));

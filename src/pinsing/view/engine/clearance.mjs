@@ -1,76 +1,105 @@
 // How clear a pose is of all families, and the clearest one that a search finds.
 
-import { distance, generator } from "./families.mjs";
+import { nearestOf, quickBound, weightsOf } from "./distance.mjs";
+import { apart, freeOf, generator } from "./families.mjs";
 
 // No family within reach is nearer to q than this, radians (metres over the length scale).
 export function clearanceOf(data, q) {
+  const weight = weightsOf(data.joints, data.task.lengthScale);
   let least = Infinity;
-  for (const family of data.families) {
-    if (family.reachable === false) continue;
-    const found = bound(family, q, data);
-    if (found < least) least = found;
-  }
+  for (const family of within(data)) least = Math.min(least, quickBound(family, q, data.joints, weight));
   return least;
 }
 
-function bound(family, q, data) {
-  // Only the bound: points of the families are not looked for.
-  const bare = family.bare ?? (family.bare = family.branches.map((branch) => ({ branches: [branch] })));
-  return Math.min(...bare.map((one) => distance(one, q, data.joints, data.task.lengthScale, true).lower));
-}
+const within = (data) => data.families.filter((f) => f.reachable !== false);
 
-// Distance that is found to the nearest family, which is an upper bound of it.
-function foundAt(data, q) {
-  const found = data.families.filter((f) => f.reachable !== false)
-    .map((f) => distance(f, q, data.joints, data.task.lengthScale)?.upper ?? Infinity);
-  return Math.min(Infinity, ...found);
-}
+const LOOK = 20000, LAST = 5e6; // terms of equations for a pose that is tried, and for the one that is taken
+const ROUNDS = 90, WORK = 9000; // poses tried at most, and times the terms of all equations
+const ENOUGH = 1e-3; // radians: what is promised beyond the best
 
-const TERMS = 6000; // of equations, times poses looked at where the bound is not the distance
-
-// Pose { q, lower, upper } within the limits: the best of many and of those `given`, made better
-// joint by joint, and then all joints at once. Where the bound falls short of the distance, the
-// middle of both is climbed.
-export function clearestPose(data, given = [], tries = 1500) {
-  const random = generator(11), L = data.task.lengthScale;
-  const unit = data.joints.map((joint) => (joint.prismatic ? L : 1));
-  const limits = data.joints.map((joint) => {
-    const reach = joint.prismatic ? L : Math.PI, low = joint.lower ?? -reach, high = joint.upper ?? reach;
-    // Beyond a turn nothing new is found.
-    return joint.prismatic ? [low, high] : [Math.max(low, -Math.PI), Math.min(high, Math.PI)].map((v, i, all) => (all[0] < all[1] ? v : [low, high][i]));
-  });
+// Pose { q, lower, upper } within the limits, no worse than those `given`.
+//
+// Points of families that are known ("sites") promise a bound of the distance, which is cheap to tell:
+// where it is largest the distance is looked for, which gives one more site, and the promise falls until
+// it is that of the best pose.
+export function clearestPose(data, given = [], tries = 400) {
+  const random = generator(11), sites = new Sites(data), families = within(data);
+  const limits = data.joints.map((joint) => spanOf(joint, data.task.lengthScale));
+  const inside = (q) => q.every((v, j) => v >= (data.joints[j].lower ?? -Infinity) - 1e-9 && v <= (data.joints[j].upper ?? Infinity) + 1e-9);
+  const looked = (q, terms) => {
+    const { lower, best } = nearestOf(data, families, q, terms);
+    if (best) sites.add(best.family.branches[best.branch], best.q);
+    return { q, lower, upper: best ? best.upper : Infinity };
+  };
+  const score = ({ lower, upper }) => lower + Math.min(upper, 1e9), better = (a, b) => (a && score(a) >= score(b) ? a : b);
   const draw = () => limits.map(([low, high]) => low + random() * (high - low));
-  const judged = (q) => ({ q, lower: clearanceOf(data, q) });
-  const within = (q) => q.every((v, j) => v >= (data.joints[j].lower ?? -Infinity) - 1e-9 && v <= (data.joints[j].upper ?? Infinity) + 1e-9);
-  const kept = given.filter(within).map((q) => judged(q.slice()));
-  const start = Array.from({ length: tries }, () => judged(draw())).sort((a, b) => b.lower - a.lower).slice(0, 4);
-  const best = [...start, ...kept];
-  const moved = (q, step) => q.map((v, j) => {
-    const [low, high] = limits[j], x = v + step[j] * unit[j];
-    return step[j] ? Math.min(high, Math.max(low, x)) : v;
-  });
-  for (const pose of best) {
-    const climb = (step) => {
-      const next = judged(moved(pose.q, step));
-      if (next.lower <= pose.lower) return false;
-      Object.assign(pose, next);
-      return true;
-    };
-    for (let size = 0.4; size > 1e-3; size *= 0.7) for (let j = 0; j < pose.q.length; j++) for (const way of [-1, 1]) {
-      climb(pose.q.map((_, i) => (i === j ? way * size : 0)));
+  let top = null;
+  for (const q of given.filter(inside)) top = better(top, looked(q.slice(), LOOK));
+  const terms = families.reduce((sum, f) => sum + f.branches.reduce((t, b) => t + b.equations.reduce((s, e) => s + e.cos.length, 0), 0), 0);
+  const rounds = terms ? Math.min(ROUNDS, Math.max(10, Math.floor(WORK / terms))) : 3;
+  for (let round = 0; round < rounds; round++) {
+    const starts = Array.from({ length: tries }, () => { const q = draw(); return { q, promise: sites.promise(q) }; });
+    starts.sort((a, b) => b.promise - a.promise);
+    const climbed = starts.slice(0, 3).concat(top ? [{ q: top.q, promise: sites.promise(top.q) }] : []).map((s) => climb(s, sites, limits, random));
+    const next = climbed.reduce((a, b) => (b.promise > a.promise ? b : a));
+    if (top && next.promise <= top.lower + ENOUGH) break;
+    top = better(top, looked(next.q, LOOK));
+  }
+  return terms ? looked(top.q, LAST) : top;
+}
+
+// A hill of the promise: joint by joint, then all joints at once, in smaller and smaller steps.
+function climb({ q, promise }, sites, limits, random) {
+  let here = { q, promise };
+  const tried = (step) => {
+    const x = here.q.map((v, j) => (step[j] ? Math.min(limits[j][1], Math.max(limits[j][0], v + step[j] * sites.unit[j])) : v));
+    const found = sites.promise(x);
+    if (found <= here.promise) return false;
+    here = { q: x, promise: found };
+    return true;
+  };
+  for (let size = 0.5; size > 2e-4; size *= 0.6) for (let j = 0; j < q.length; j++) for (const way of [-1, 1]) {
+    tried(q.map((_, i) => (i === j ? way * size : 0)));
+  }
+  for (let k = 0, size = 0.2; k < 150 && size > 1e-5; k++) size *= tried(q.map(() => size * (2 * random() - 1))) ? 1.6 : 0.93;
+  return here;
+}
+
+// Points of families, each with the joints that make it one: the others are free.
+class Sites {
+  constructor(data) {
+    this.joints = data.joints;
+    this.unit = data.joints.map((joint) => (joint.prismatic ? data.task.lengthScale : 1));
+    this.points = [];
+    for (const { branches } of within(data)) for (const branch of branches) if (!branch.equations.length) this.add(branch, []);
+  }
+
+  add({ values, equations }, q) {
+    const free = equations.length ? freeOf({ equations }, this.joints.length) : [];
+    this.points.push([...values.map((v) => [v.joint, v.value]), ...free.flatMap((on, j) => (on ? [[j, q[j]]] : []))]);
+  }
+
+  // No family is farther from q than this.
+  promise(q) {
+    let least = Infinity;
+    for (const point of this.points) {
+      let square = 0;
+      for (const [j, value] of point) {
+        square += (apart(q[j], value, this.joints[j].prismatic) / this.unit[j]) ** 2;
+        if (square >= least) break;
+      }
+      if (square < least) least = square;
     }
-    for (let k = 0, size = 0.2; k < 400 && size > 1e-5; k++) size *= climb(pose.q.map(() => size * (2 * random() - 1))) ? 1.6 : 0.93;
+    return Math.sqrt(least);
   }
-  const terms = data.families.reduce((sum, f) => sum + f.branches.reduce((t, b) => t + b.equations.reduce((s, e) => s + e.cos.length, 0), 0), 0);
-  const full = (pose) => ({ ...pose, upper: terms ? foundAt(data, pose.q) : pose.lower });
-  const score = ({ lower, upper }) => lower + upper, better = (a, b) => (score(b) > score(a) ? b : a);
-  let top = [...best, ...given.filter(within).map((q) => judged(q.slice()))].map(full).reduce(better);
-  const looks = terms ? Math.min(300, Math.floor(TERMS / terms)) : 0;
-  for (let k = 0; k < looks; k++) top = better(top, full(judged(draw())));
-  for (let k = 0, size = 0.3; k < looks && size > 1e-3; k++) {
-    const next = full(judged(moved(top.q, top.q.map(() => size * (2 * random() - 1)))));
-    size *= score(next) > score(top) ? 1.5 : 0.95;
-    top = better(top, next);
-  }
-  return top;
+}
+
+// From where to where a joint is drawn: beyond a turn nothing new is found.
+function spanOf(joint, lengthScale) {
+  const reach = joint.prismatic ? lengthScale : Math.PI;
+  const low = joint.lower ?? (joint.upper === null || joint.upper === undefined ? -reach : joint.upper - 2 * reach);
+  const high = joint.upper ?? low + 2 * reach;
+  if (joint.prismatic) return [low, high];
+  const [from, to] = [Math.max(low, -Math.PI), Math.min(high, Math.PI)];
+  return from < to ? [from, to] : [low, high];
 }

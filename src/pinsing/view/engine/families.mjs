@@ -1,4 +1,4 @@
-// Families of singular configurations: equations, points on them, and how far away they are.
+// Families of singular configurations: equations, and points on them.
 //
 // A family is { branches: [{ values: [{ joint, value }], equations }] }; an equation holds
 // frequencies (T x n, twice the multiple of each angle), powers (T x n, of prismatic joints),
@@ -101,46 +101,6 @@ export function project(equations, q, free, iterations = 60) {
 export const apart = (q, value, prismatic) =>
   (prismatic ? q - value : q - value - FULL * Math.round((q - value) / FULL));
 
-// Distance { lower, upper, q, branch } from q to a family, in radians (metres over the length
-// scale): nothing is nearer than `lower`, and `q` is at `upper`. Joint values: both are equal.
-export function distance(family, q, joints, lengthScale, boundOnly = false) {
-  const weight = joints.map((j) => (j.prismatic ? 1 / lengthScale : 1));
-  let best = null, lower = Infinity;
-  for (const [index, branch] of family.branches.entries()) {
-    const placed = q.slice();
-    let fixed = 0;
-    for (const v of branch.values) {
-      const off = apart(q[v.joint], v.value, joints[v.joint].prismatic);
-      placed[v.joint] = q[v.joint] - off;
-      fixed += (off * weight[v.joint]) ** 2;
-    }
-    let under = Math.sqrt(fixed);
-    if (branch.equations.length) {
-      const bounds = branch.equations.map((e) => lowerBound(e, placed));
-      under = Math.sqrt(fixed + Math.max(...bounds) ** 2);
-    }
-    lower = Math.min(lower, under);
-    if (boundOnly || (best && under >= best.upper)) continue;
-    const found = branch.equations.length ? nearest(branch, placed, weight, Math.max(1e-9, under * (1 + 1e-6))) : placed;
-    if (!found) continue;
-    const upper = norm(found.map((x, j) =>
-      weight[j] * (branch.values.some((v) => v.joint === j) ? apart(q[j], x, joints[j].prismatic) : x - q[j])));
-    if (!best || upper < best.upper) best = { upper, q: found, branch: index };
-  }
-  if (boundOnly) return { lower };
-  return best ? { ...best, lower: Math.min(lower, best.upper) } : null;
-}
-
-// Nearest to q of single poses, in the same measure: { index, upper, q }, or null where there is none.
-export function nearestPose(poses, q, joints, lengthScale) {
-  let best = null;
-  poses.forEach((pose, index) => {
-    const upper = Math.hypot(...pose.map((v, j) => apart(q[j], v, joints[j].prismatic) / (joints[j].prismatic ? lengthScale : 1)));
-    if (!best || upper < best.upper) best = { index, upper, q: pose };
-  });
-  return best;
-}
-
 export const freeOf = (branch, n) => {
   const free = new Array(n).fill(false);
   for (const e of branch.equations) for (let j = 0; j < n; j++) {
@@ -148,55 +108,6 @@ export const freeOf = (branch, n) => {
   }
   return free;
 };
-
-// Nearest point of a branch that a few starts lead to: x <- q + A^+ (A (x - q) - f), the pull
-// along the set back towards q, in weighted coordinates.
-function nearest(branch, q, weight, close) {
-  const free = freeOf(branch, q.length);
-  let best = null, least = Infinity;
-  const terms = branch.equations.reduce((sum, e) => sum + e.cos.length, 0);
-  for (const start of starts(q, free, weight, terms > 200 ? 1 : 8)) {
-    let x = project(branch.equations, start, free, 25);
-    if (!x) continue;
-    x = settle(branch.equations, x, q, free, weight) ?? x;
-    const gap = norm(x.map((v, j) => (v - q[j]) * weight[j]));
-    if (gap < least) { least = gap; best = x; }
-    if (least <= close) break; // no other start can end nearer
-  }
-  return best;
-}
-
-function settle(equations, x, q, free, weight) {
-  let relax = 1, before = null;
-  for (let k = 0; k < 60; k++) {
-    const found = equations.map((e) => evaluate(e, x));
-    const A = found.map((r, i) => free.map((on, j) => (on ? r.gradient[j] / sizeOf(equations[i]) / weight[j] : 0)));
-    const f = found.map((r, i) => r.value / sizeOf(equations[i]));
-    const delta = x.map((v, j) => (free[j] ? (v - q[j]) * weight[j] : 0));
-    const along = leastNorm(A, A.map((row) => dot(row, delta)), 1e-9);
-    const pull = along.map((v, j) => v - delta[j]);
-    if (before && dot(pull, before) < 0) relax /= 2;
-    before = pull;
-    const back = leastNorm(A, f, 1e-9);
-    const step = pull.map((v, j) => (free[j] ? relax * v - back[j] : 0));
-    const size = norm(step), cut = Math.min(1, 0.5 / Math.max(size, 1e-300));
-    x = x.map((v, j) => v + (cut * step[j]) / weight[j]);
-    if (size < 1e-12) break;
-  }
-  return project(equations, x, free, 20);
-}
-
-// Places to begin from: q itself, and a few to all sides; the same at every call.
-function* starts(q, free, weight, count) {
-  yield q;
-  const joints = free.flatMap((on, j) => (on ? [j] : []));
-  const random = generator(7);
-  for (let k = 0; k < count; k++) {
-    const x = q.slice(), size = 0.3 * (k + 1);
-    for (const j of joints) x[j] += (size * (2 * random() - 1)) / weight[j];
-    yield x;
-  }
-}
 
 // Numbers in [0, 1) that are the same everywhere (mulberry32).
 export function generator(seed) {

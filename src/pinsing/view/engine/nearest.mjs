@@ -1,9 +1,10 @@
 // The nearest singular configuration within the limits that is found, with what is certain.
 
-import { apart, distance, freeOf, project } from "./families.mjs";
-import { measure } from "./arm.mjs";
+import { measure } from "./measured.mjs";
+import { distance } from "./distance.mjs";
+import { apart, freeOf, project } from "./families.mjs";
 
-const SLACK = 1e-9, ROUNDS = 4, LISTED = 12;
+const SLACK = 1e-9, ROUNDS = 4, LISTED = 12, LOOK = 200000; // LOOK: terms of each family
 
 // { q, value, least } or null: `q` is singular and within the limits, at `value`; no family is nearer
 // than `least`. Beside points of the families near q, poses that are known (`listed`) are tried.
@@ -12,9 +13,9 @@ export function nearestSingular(data, q, listed = []) {
   let least = Infinity;
   for (const family of data.families) {
     if (family.reachable === false) continue;
-    const found = distance(family, q, joints, task.lengthScale);
-    least = Math.min(least, found ? found.lower : 0);
-    if (found) tried.push(settled(data, family.branches[found.branch], found.q));
+    const found = distance(data, family, q, LOOK);
+    least = Math.min(least, found.lower);
+    if (found.q) tried.push(settled(data, family.branches[found.branch], found.q));
   }
   const far = (x) => Math.hypot(...x.map((v, j) => apart(v, q[j], joints[j].prismatic) / (joints[j].prismatic ? task.lengthScale : 1)));
   tried.push(...listed.slice().sort((a, b) => far(a) - far(b)).slice(0, LISTED));

@@ -2,7 +2,8 @@
 
 import { frameAt } from "./arm.mjs";
 import { jacobian, placements, tipOf } from "./chain.mjs";
-import { apart, distance, freeOf, generator, project } from "./families.mjs";
+import { distance } from "./distance.mjs";
+import { apart, freeOf, generator, project } from "./families.mjs";
 import { norm, svd } from "./linear.mjs";
 import { taskRows } from "./measures.mjs";
 
@@ -91,7 +92,7 @@ function smooth(path, limits) {
 // How far q is from fulfilling a branch.
 const off = (branch, q, data) =>
   norm(branch.values.map((v) => apart(q[v.joint], v.value, data.joints[v.joint].prismatic))) +
-  (branch.equations.length ? (distance({ branches: [branch] }, q, data.joints, data.task.lengthScale)?.upper ?? 10) : 0);
+  (branch.equations.length ? Math.min(10, distance(data, { branches: [branch] }, q).upper) : 0);
 
 // Frames of a path; the verdict looks at one family only.
 export function framesOf(data, path, family) {
