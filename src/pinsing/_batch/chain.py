@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from pinsing._dataclass import dataclass
 
 _ROTATION_TOL = 1e-9
 

@@ -16,9 +16,10 @@ import sys
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
 
 if TYPE_CHECKING:

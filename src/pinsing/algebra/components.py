@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.generic_points import SlicePoint
 from pinsing.algebra.restate import divided, restated

@@ -12,8 +12,8 @@ through the reference point moves it nowhere.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.determinant import determinant
 from pinsing.algebra.matrix import Matrix

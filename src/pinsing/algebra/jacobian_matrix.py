@@ -8,10 +8,10 @@ real angle makes zero.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 from typing import Any
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.matrix import Matrix, primitive
 from pinsing.algebra.mimic import Drive, drives

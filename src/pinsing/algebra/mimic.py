@@ -8,11 +8,11 @@ with half of an angle, a whole turn of the leader is none of the follower.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.geometry.nominal import Nominal
 from pinsing.geometry.snap import Snap

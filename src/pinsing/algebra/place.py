@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.generic_points import SlicePoint
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Poly, Ring, Value

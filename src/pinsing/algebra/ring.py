@@ -12,12 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from typing import Any
 
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
+from pinsing._dataclass import dataclass
 from pinsing.geometry.surd import Exact, Surd
 
 Poly = Any  # fmpq_mpoly; python-flint ships no types

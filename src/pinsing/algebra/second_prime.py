@@ -9,10 +9,10 @@ regular ones must not.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, on_any
 from pinsing.algebra.generic_points import Residues, slice_points

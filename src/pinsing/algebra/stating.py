@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import FoundComponents
 from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points

@@ -11,12 +11,12 @@ from __future__ import annotations
 import contextlib
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_poly
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.prime_field import modular_context
 
 _ATTEMPTS = 4

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.families import ClosedForm, Family
 from pinsing.families.form import families_text

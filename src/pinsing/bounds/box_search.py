@@ -6,10 +6,10 @@ What the compiled engine does, for installations without it: many boxes at a tim
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.two_sided import Sum, sum_at

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinsing._batch import engine
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.bounds.box_search import Limits, search
 from pinsing.bounds.conditions import Conditions

@@ -13,11 +13,10 @@ their linearised zeros has.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinsing._batch import engine
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.bounds.conditions import Conditions
 

@@ -7,11 +7,10 @@ tell; else the interval is halved, until f cannot be told from zero on it.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinsing._batch import engine
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.two_sided import sum_at

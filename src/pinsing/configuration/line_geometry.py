@@ -9,12 +9,12 @@ through one point; a wrist centre on another axis; all of them met by one line.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.configuration.vectors import cross, cross_rows, length
 

@@ -11,12 +11,12 @@ configurations for redundant manipulators", ICRA 1990).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.jacobian import (

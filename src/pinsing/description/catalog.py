@@ -10,9 +10,10 @@ import re
 import sys
 from collections import Counter
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 
+from pinsing._dataclass import dataclass
 from pinsing.description.described_robots import (
     PACKAGE,
     PREFIX,

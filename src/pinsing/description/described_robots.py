@@ -12,11 +12,11 @@ import importlib.util
 import io
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from pinsing._dataclass import dataclass
 from pinsing.errors import RobotFileError, UnknownNameError
 
 PREFIX = "rd:"

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 from typing import Literal, cast
 
+from pinsing._dataclass import dataclass
 from pinsing.description.placement import Placement, Vector, modified_row, screw
 from pinsing.description.yaml_tree import YamlNode, compose
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from pinsing._dataclass import dataclass
 
 Vector = tuple[float, float, float]
 

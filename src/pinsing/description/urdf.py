@@ -8,9 +8,9 @@ joint in every message, and what is not kinematics is mended or left out with a 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
+from pinsing._dataclass import dataclass
 from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.urdf_joints import JointEntry, Mimic, check_joint, check_mimics
 from pinsing.description.urdf_links import Meshes, check_link, check_material

@@ -5,9 +5,10 @@ from __future__ import annotations
 import difflib
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal, cast, get_args
 
+from pinsing._dataclass import dataclass
 from pinsing.description.urdf_source import LARGEST, UrdfSource, show
 from pinsing.description.xml_tree import Node
 from pinsing.errors import RobotFileError

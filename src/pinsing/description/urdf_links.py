@@ -7,9 +7,10 @@ to the file that was found, so that no later reader looks for them elsewhere.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
+from pinsing._dataclass import dataclass
 from pinsing.description.collada import ColladaProblem, image_references
 from pinsing.description.ros_packages import MeshProblem, PackageIndex
 from pinsing.description.urdf_source import LARGEST_INERTIA, UrdfSource, show

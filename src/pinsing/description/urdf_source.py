@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import re
 import unicodedata
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
+from pinsing._dataclass import dataclass
 from pinsing.description.xml_tree import Node
 from pinsing.errors import RobotFileError
 

@@ -15,9 +15,9 @@ import functools
 import operator
 import unicodedata  # noqa: F401 (the parser asks for it where a name is not ASCII)
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from pinsing._dataclass import dataclass
 from pinsing.description.xacro_values import (
     CONTAINERS,
     NUMBERS,

@@ -12,8 +12,9 @@ import math
 import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
+
+from pinsing._dataclass import dataclass
 
 LONGEST_TEXT = 1_000_000
 _HALVES = re.compile("[\ud800-\udfff]")

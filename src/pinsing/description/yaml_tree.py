@@ -11,12 +11,12 @@ import difflib
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
 
 import yaml
 
+from pinsing._dataclass import dataclass
 from pinsing.description.yaml_depth import Loader, NestedError
 from pinsing.errors import RobotFileError
 

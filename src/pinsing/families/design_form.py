@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.arguments import checked

@@ -8,10 +8,11 @@ wherever the way from table to placements puts it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
+from pinsing._dataclass import dataclass
 from pinsing.description.dh_table import DHTable, read_dh
 from pinsing.description.dh_urdf import bare_urdf
 from pinsing.errors import OptionError, PinsingError, UnknownNameError

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing import notebook
+from pinsing._dataclass import dataclass
 from pinsing.algebra.components import Component
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.arguments import checked

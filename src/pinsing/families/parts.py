@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.equation import Equation
 from pinsing.robot.joint_space import JointSpace

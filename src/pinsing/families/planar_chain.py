@@ -14,9 +14,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.geometry.nominal import Nominal

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents

@@ -18,13 +18,13 @@ import itertools
 import math
 import random
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from flint import nmod_mat
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Poly, Ring

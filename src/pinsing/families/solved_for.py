@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import JointForm, joint_form
 

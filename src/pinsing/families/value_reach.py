@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.equation_text import format_angle
 from pinsing.families.parts import Branch

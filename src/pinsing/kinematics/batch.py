@@ -6,12 +6,11 @@ Q (N, n) that have been checked.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinsing._batch import engine as kernel
 from pinsing._batch.chain import FlatChain
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import EngineError
 from pinsing.kinematics.engine import (

@@ -7,10 +7,9 @@ along ``u_i`` is ``gain_i sigma_i`` of what is asked for.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import OptionError
 

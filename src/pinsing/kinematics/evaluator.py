@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing._version import __version__
 from pinsing.geometry.chain import flatten

@@ -9,10 +9,10 @@ is called singular.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.geometry.chain import flatten
 from pinsing.kinematics.engine import pinocchio_jacobians

@@ -6,12 +6,12 @@ import functools
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.kinematics.evaluator import Evaluator, run_identity

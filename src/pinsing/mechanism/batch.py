@@ -5,11 +5,10 @@ The same numbers as Pinocchio's constraint models give one by one, for arrays of
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.mechanism.structure import structure
 from pinsing.robot.mechanism import Mechanism

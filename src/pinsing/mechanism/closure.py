@@ -7,12 +7,11 @@ the axes of its first frame; translations before rotations.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import OptionError, PinsingError
 from pinsing.measures import SINGULAR_RTOL

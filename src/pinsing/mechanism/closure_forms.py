@@ -10,11 +10,11 @@ than freedoms) all their largest minors vanish there together.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Ring, make_ring, rational
 from pinsing.mechanism.closure import ranks

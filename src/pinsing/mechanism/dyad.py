@@ -6,12 +6,11 @@ passive angles follow from the intersection of two circles, and all modes can be
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.robot.load_mechanism import Mechanism
 

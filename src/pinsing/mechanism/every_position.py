@@ -11,11 +11,11 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing.mechanism.pose_equation import PoseEquation, pose_equation
 from pinsing.mechanism.pose_ring import PoseRing
 

@@ -8,11 +8,11 @@ point of each orbit is rounded, the others follow exactly.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from fractions import Fraction
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 
 _SAME = 1e-9

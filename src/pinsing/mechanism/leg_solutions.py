@@ -6,10 +6,9 @@ do is the product.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.mechanism.batch import BatchLoops, newton
 from pinsing.mechanism.likeness import likeness, same

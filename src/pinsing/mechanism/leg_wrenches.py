@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational
 from pinsing.mechanism.leg_chain import (

@@ -13,12 +13,13 @@ common divisor leaves out what the order alone brings in.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from fractions import Fraction
 from typing import Any, ClassVar
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation, equation
 from pinsing.algebra.ring import Poly, Ring, make_ring, rational

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.mechanism.motion import MechanismState
 from pinsing.robot.mechanism import Mechanism

@@ -17,12 +17,12 @@ constraint singularity
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL

@@ -10,12 +10,13 @@ the general Gough-Stewart platform" (2000), who give its degree: three in the po
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, ClassVar
 
 import numpy as np
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.mechanism.closure import ranks
 from pinsing.mechanism.every_position import PoseFamily, every_position

@@ -6,13 +6,13 @@ N. With y in units of a root, e1 and e3 are as well, and all stays rational.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from flint import Ordering, fmpq_mpoly_ctx
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.ring import Poly, rational
 from pinsing.mechanism.exact_points import ExactPoints, Vector, exact_points
 from pinsing.mechanism.rods import Rod, Rods

@@ -8,12 +8,12 @@ that what is found of one leg counts for all.
 from __future__ import annotations
 
 import itertools
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError

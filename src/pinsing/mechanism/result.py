@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
+from pinsing._dataclass import dataclass
 from pinsing.mechanism.feasible import Interval
 from pinsing.mechanism.forms_text import Line, Values, joint_lines, loop_lines, pose_lines
 from pinsing.mechanism.joint_forms import JointForms

@@ -9,11 +9,10 @@ that joint's axis.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.mechanism.structure import Centre, Structure, structure
 from pinsing.robot.mechanism import Mechanism

@@ -7,10 +7,9 @@ range of an input are therefore points of the curve like any other.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import PinsingError
 from pinsing.measures import SINGULAR_RTOL

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import textwrap
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.configuration.lost_motion import LostMotion
 from pinsing.configuration.state import State

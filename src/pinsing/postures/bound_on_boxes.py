@@ -8,10 +8,9 @@ most ``|c| M (|k v| + sum p_j |v_j| / X_j) S``. Rounding is covered by a share o
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.algebra.equation import Equation
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.postures.hubs import row_between, tree_to_hubs
 from pinsing.postures.partition import Arc, Part

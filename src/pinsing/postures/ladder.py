@@ -27,10 +27,9 @@ is not zero unless the arm is singular for a reason that the step names.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.geometry.exact_rank import exact_generic_rank
 from pinsing.geometry.nominal import Nominal

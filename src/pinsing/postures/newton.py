@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from pinsing._batch.chain import FlatChain
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError
 from pinsing.geometry.chain import flatten

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.postures.partition import Arc, Part
 

@@ -7,11 +7,11 @@ counted, exactly where its discriminant is negative. That is shown box by box wi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 
 MOST = 800_000

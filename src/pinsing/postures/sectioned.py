@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.postures.bound_on_boxes import Terms
 from pinsing.postures.boxes import Leaves

@@ -13,11 +13,11 @@ tangencies that limits of the hub would make. The sets themselves are looked at 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.postures.bound_on_boxes import Terms
 from pinsing.postures.boxes import Ground, Leaves

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 
 

@@ -17,10 +17,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.geometry.nominal import Nominal
 from pinsing.kinematics.jacobian import tip_placement

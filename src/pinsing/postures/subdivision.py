@@ -14,11 +14,11 @@ changes its sign there.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Bool, Ints
 from pinsing.postures.boxes import Ground, Leaves
 from pinsing.postures.growth import is_regular

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from pinsing._dataclass import dataclass
 from pinsing.proof.checker import Certificate, Poly
 from pinsing.proof.forms import Forms, content
 from pinsing.proof.place import Place

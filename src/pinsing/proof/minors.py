@@ -5,8 +5,9 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from pinsing._dataclass import dataclass
 from pinsing.proof.checker import Certificate, Poly, Rejected
 from pinsing.proof.combination import combination
 from pinsing.proof.division import divisions

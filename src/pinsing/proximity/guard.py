@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._version import __version__
 from pinsing.arguments import checked
 from pinsing.bounds.conditions import Conditions

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.bounds.conditions import Conditions
 from pinsing.prose import visible

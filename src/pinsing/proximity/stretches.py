@@ -9,10 +9,10 @@ stretches, and they reach beyond it by no more than a short step and the slack o
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.bounds.two_sided import two_sided
 from pinsing.proximity.crossings import Crossing

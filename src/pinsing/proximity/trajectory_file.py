@@ -7,13 +7,14 @@ import os
 import re
 import tokenize
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing.geometry.nominal import nominal
 from pinsing.geometry.snap import Snap
 from pinsing.kinematics.engine import engine_name

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.mechanism import MechanismAnalysis, MechanismState
 from pinsing.mechanism.dyad import planar_dyad

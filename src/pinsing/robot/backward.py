@@ -9,11 +9,11 @@ motion to the tip, its Jacobian is J_tip - X J_base in the axes of the base.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing.robot.joint_axis import axis_rotation, joint_axis
 from pinsing.robot.subchains import LONGEST
 from pinsing.robot.tip import joint_path

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing.description.catalog import CatalogEntry, locate_robot
 from pinsing.description.urdf import Description, parse_description, read_description
 from pinsing.description.urdf_source import has_control

@@ -7,11 +7,12 @@ freedom of the mechanism. One passive hinge is held where it is at home, and tha
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.joint_space import model_q

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import shlex
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing.robot.tip import candidates, choose_tip, joint_path, tip_frames
 
 LONGEST = 9

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from shlex import quote
 
 import numpy as np
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing.errors import ChainError, UnknownNameError
 
 # Names in use for the working frame of an arm, the usual first.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 from collections.abc import Callable
 from concurrent.futures import Executor
-from dataclasses import dataclass
+
+from pinsing._dataclass import dataclass
 
 Folder = str | os.PathLike[str]
 

@@ -7,11 +7,11 @@ that moves in turn. The Jacobian of sample s of curve c has the number c * sampl
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.sweeps.plan import NOT_ASKED, PlannedLevel, SweepPlan
 

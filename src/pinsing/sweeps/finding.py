@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import ClassVar
 
+from pinsing._dataclass import dataclass
 from pinsing.configuration.refine import SingularConfiguration
 from pinsing.kinematics.verdict import SINGULAR_RTOL, Status
 from pinsing.measures import Reachability

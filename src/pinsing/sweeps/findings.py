@@ -11,11 +11,11 @@ import itertools
 import math
 import time
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked, whole_number
 from pinsing.configuration.rank_drop import approach

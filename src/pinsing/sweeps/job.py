@@ -10,11 +10,11 @@ from __future__ import annotations
 import functools
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.kinematics.evaluator import Evaluator, run_identity
 from pinsing.runs.chunk_file import Record

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+
+from pinsing._dataclass import dataclass
 
 _TURN = 2 * math.pi
 

@@ -11,11 +11,10 @@ grouped, since a candidate that stays out of a part stays out of the whole.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.runs.chunk_file import Record

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import xml.etree.ElementTree as ET
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 
 _SPACE = "{http://www.collada.org/2005/11/COLLADASchema}"

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.configuration.pure_motions import pure_ellipsoids as pure_ellipsoids
 from pinsing.kinematics.jacobian import frame_jacobians

@@ -13,13 +13,14 @@ import hmac
 import json
 from collections.abc import Callable, Mapping
 from concurrent.futures import Future
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol
 
 from tornado.iostream import StreamClosedError
 from tornado.web import HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
+from pinsing._dataclass import dataclass
 from pinsing.view.messages import BadMessage, read_message
 
 MOST_PAGES = 64

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 from uuid import uuid1
@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 from umsgpack import Ext
 
+from pinsing._dataclass import dataclass
 from pinsing.view.collada import Paint, PaintedPart, read_collada
 from pinsing.view.mesh_cache import cache_folder, content_key, keep, kept
 

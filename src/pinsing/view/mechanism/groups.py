@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.mechanism.loci import Locus
 from pinsing.mechanism.modes import STRAIGHT, elbow_sines, elbows, home
