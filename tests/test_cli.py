@@ -20,6 +20,7 @@ import pinsing
 from pinsing.analysis.result import Analysis
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.cli.app import command
+from pinsing.cli.commands import COMMANDS
 from pinsing.cli.options import parse_numbers
 from pinsing.configuration.at import at
 from pinsing.configuration.state import State
@@ -55,6 +56,26 @@ class TestProcess:
         )
         done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
         assert (done.returncode, done.stdout, done.stderr) == (0, "\n", "")
+
+    def test_a_command_imports_no_other_and_the_list_none(self):
+        code = (
+            "import sys; from pinsing.cli.app import command\n"
+            "from pinsing.cli.commands import COMMANDS\n"
+            "for words in (['--help'], ['info', '--help']):\n"
+            "    try: command(words)\n"
+            "    except SystemExit: pass\n"
+            "    have = {m for m in sys.modules if m.startswith('pinsing.cli.')}\n"
+            "    parts = {f'pinsing.cli.{place}' for place, _ in COMMANDS.values()}\n"
+            "    print(*sorted(have & parts), file=sys.stderr)"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+        assert (done.returncode, done.stderr) == (0, "\npinsing.cli.robots\n")
+
+    def test_every_command_is_there_with_its_line(self):
+        assert sorted(command.commands) == sorted(one.name for one in command.commands.values())
+        for name, one in command.commands.items():
+            assert (one.name, one.short_help) == (name, COMMANDS[name][1])
+            assert one.help
 
     def test_results_and_messages_do_not_mix(self):
         done = process("at", "ur5", "--q", "0,-1,1,0,0,0", "--json", "-")

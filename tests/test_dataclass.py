@@ -2,21 +2,16 @@
 
 from __future__ import annotations
 
-import ast
 import copy
 import dataclasses
 import inspect
 import pickle
 from dataclasses import field
-from pathlib import Path
 from typing import ClassVar
 
 import pytest
 
-import pinsing
 from pinsing._dataclass import dataclass
-
-SOURCE = Path(pinsing.__file__).parent
 
 
 def described(decorate, **how):
@@ -176,23 +171,3 @@ def test_nothing_is_compiled_before_it_is_asked_for(monkeypatch):
     repr(one)
     arm("c")
     assert len(compiled) == 3
-
-
-def test_all_of_pinsing_uses_it():
-    """But for what has slots, which the standard library makes as a new class."""
-    wrong = []
-    for path in sorted(SOURCE.rglob("*.py")):
-        tree = ast.parse(path.read_text())
-        names = {
-            alias.name
-            for node in ast.walk(tree)
-            if isinstance(node, ast.ImportFrom) and node.module == "dataclasses"
-            for alias in node.names
-        }
-        if (
-            "dataclass" in names
-            and path.stem != "_dataclass"
-            and "slots=True" not in path.read_text()
-        ):
-            wrong.append(path.name)
-    assert wrong == []

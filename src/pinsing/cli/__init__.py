@@ -15,7 +15,7 @@ __all__ = ["main", "program"]
 
 _STOPPED = 130
 _SAID = b"pinsing: stopped\n"
-_YOUNG = 50_000
+_YOUNG = 200_000
 """Objects made before a look for cycles among them: imports alone make some hundred thousand."""
 
 

@@ -15,22 +15,10 @@ import click
 
 from pinsing._version import __version__
 from pinsing.atomic_write import why
-from pinsing.cli.at import at_command
-from pinsing.cli.check import check_command
-from pinsing.cli.export import export_command
-from pinsing.cli.families import families_command, verify_command
-from pinsing.cli.line import line_command
-from pinsing.cli.map import map_command
+from pinsing.cli.commands import COMMANDS, Commands
 from pinsing.cli.output import STOPPED, complain, say
-from pinsing.cli.plot import plot_command
-from pinsing.cli.postures import aspects_command, cuspidal_command, postures_command
-from pinsing.cli.report import report_command
-from pinsing.cli.robots import dh_command, info_command, list_command
 from pinsing.cli.running import WORDS
-from pinsing.cli.singularities import analyze_command, sweep_command
 from pinsing.cli.streams import READER_GONE, StdoutError, give_up_stdout, guard_streams
-from pinsing.cli.suggest import suggest_command
-from pinsing.cli.view import view_command
 from pinsing.errors import PinsingError, UnknownNameError, shown_path
 
 BAD_INPUT = 2
@@ -38,6 +26,10 @@ BAD_INPUT = 2
 
 class PinsingGroup(click.Group):
     """A click group that turns every expected failure into one line and an exit code."""
+
+    def __init__(self, *args: Any, **extra: Any) -> None:
+        super().__init__(*args, **extra)
+        self.commands = Commands()
 
     def main(self, args: Sequence[str] | None = None, **extra: Any) -> NoReturn:  # type: ignore[override]
         """Run a command line and exit."""
@@ -92,6 +84,11 @@ class PinsingGroup(click.Group):
             raise UnknownNameError("command", args[0], self.list_commands(ctx))
         return super().resolve_command(ctx, args)
 
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """List the commands with what they are for; none is imported."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, COMMANDS[name][1]) for name in self.list_commands(ctx)])
+
 
 def _usage(error: click.UsageError) -> int:
     if error.ctx is not None and not error.ctx.args and type(error).__name__.startswith("NoArgs"):
@@ -118,30 +115,6 @@ def command() -> None:
                130  stopped with Ctrl-C, or out of time: what is missing is said
                141  whoever reads the output has gone
     """  # noqa: D301
-
-
-for _part in (
-    info_command,
-    analyze_command,
-    at_command,
-    check_command,
-    line_command,
-    suggest_command,
-    aspects_command,
-    postures_command,
-    cuspidal_command,
-    export_command,
-    sweep_command,
-    map_command,
-    families_command,
-    verify_command,
-    view_command,
-    plot_command,
-    report_command,
-    dh_command,
-    list_command,
-):
-    command.add_command(_part)
 
 
 def main(args: Sequence[str] | None = None) -> NoReturn:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
 
 
-@click.command("at", short_help="Everything about one configuration.")
+@click.command("at")
 @arm_options
 @once_option(
     "--q",

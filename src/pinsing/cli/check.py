@@ -38,7 +38,7 @@ def angle(text: str, option: str) -> float:
     return math.radians(value) if match and match.group(2) in ("deg", "°") else value
 
 
-@click.command("check", short_help="Whether a trajectory meets or nears singularities.")
+@click.command("check")
 @arm_options
 @click.argument("file", type=click.Path(path_type=Path))
 @deg_option

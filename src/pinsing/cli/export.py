@@ -13,7 +13,7 @@ from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError
 
 
-@click.command("export", short_help="A guard for a control loop, in C or Python.")
+@click.command("export")
 @arm_options
 @click.option(
     "--c", "c", type=OutputFile(), metavar="FILE.h|-", help="Write a C99 header; - for stdout."

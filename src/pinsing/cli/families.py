@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _REDRAW_SECONDS = 0.1
 
 
-@click.command("families", short_help="All families as equations.")
+@click.command("families")
 @loops_option(families_loops)
 @arm_options
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
@@ -185,7 +185,7 @@ def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
     say(f"wrote {path}")
 
 
-@click.command("verify", short_help="Check certificates.")
+@click.command("verify")
 @click.argument(
     "files", metavar="FILE.json...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )

@@ -30,7 +30,7 @@ _STILL = 1e-6
 """Share of the speed asked for below which an allowed speed is none."""
 
 
-@click.command("line", short_help="Whether the tip can follow a straight line (MoveL).")
+@click.command("line")
 @arm_options
 @once_option(
     "--q",

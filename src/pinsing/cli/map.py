@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
 
 
-@click.command("map", short_help="Singular values over a grid or sample of any size.")
+@click.command("map")
 @loops_option(map_loops)
 @arm_options
 @click.option(

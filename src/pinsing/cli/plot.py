@@ -23,7 +23,7 @@ KINDS = ("curves", "map", "locus", "ellipsoids", "along", "workspace", "aspects"
 _STEPS = 400
 
 
-@click.command("plot", short_help="Curves, maps and ellipsoids as PNG, SVG or PDF.")
+@click.command("plot")
 @click.argument("kind", type=click.Choice(KINDS))
 @loops_option(plot_loops)
 @arm_options

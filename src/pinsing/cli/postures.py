@@ -24,7 +24,7 @@ _ignore_limits = click.option(
 )
 
 
-@click.command("aspects", short_help="The pieces that singularities cut joint space into.")
+@click.command("aspects")
 @arm_options
 @_ignore_limits
 @deg_option
@@ -47,7 +47,7 @@ def aspects_command(
         emit_lines(found.text(deg))
 
 
-@click.command("postures", short_help="The other postures of a pose, and ways to them.")
+@click.command("postures")
 @arm_options
 @once_option(
     "--q",
@@ -102,7 +102,7 @@ def postures_command(
         show(Viewer(arm, form.families, postures=found, host="127.0.0.1"), html, view, no_open)
 
 
-@click.command("cuspidal", short_help="Whether the arm changes posture without a singularity.")
+@click.command("cuspidal")
 @arm_options
 @click.option(
     "--poses", type=int, default=60, show_default=True, metavar="N", help="Random poses to try."

@@ -78,7 +78,7 @@ def out_options(command: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
-@click.command("report", short_help="One file that explains it all, to send on.")
+@click.command("report")
 @loops_option(_report_loops)
 @arm_options
 @out_options

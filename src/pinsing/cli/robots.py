@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pinsing.description.catalog import CatalogEntry
 
 
-@click.command("info", short_help="What pinsing makes of a robot, before any analysis.")
+@click.command("info")
 @arm_options
 @deg_option
 @json_option
@@ -72,7 +72,7 @@ def _show_chains(request: RobotRequest) -> None:
         emit(chains_text(chains, words))
 
 
-@click.command("list", short_help="Robots known by name.")
+@click.command("list")
 @click.argument("word", required=False, default="", shell_complete=completion.known)
 @click.option("--json", "json_target", type=OutputFile(), metavar="FILE|-", help="As JSON.")
 def list_command(word: str, json_target: str | Path | None) -> None:
@@ -107,7 +107,7 @@ def _what(entry: CatalogEntry) -> str:
     return f"{text} ({entry.note})" if entry.note else text
 
 
-@click.command("dh", short_help="DH table to URDF.")
+@click.command("dh")
 @click.argument("table", shell_complete=completion.files)
 @click.option(
     "-o",

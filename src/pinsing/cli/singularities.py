@@ -189,7 +189,7 @@ def _levels(text: str) -> tuple[int, ...]:
     return tuple(sorted(found))
 
 
-@click.command("sweep", short_help="The joint-angle parameterization method.")
+@click.command("sweep")
 @arm_options
 @sweep_options()
 @geometry_options
@@ -286,7 +286,7 @@ def sweep_command(
     return int(fail_if_singular and met)
 
 
-@click.command("analyze", short_help="Find all singular configurations.")
+@click.command("analyze")
 @loops_option(analyze_loops)
 @joints_option
 @arm_options

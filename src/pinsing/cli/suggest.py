@@ -19,7 +19,7 @@ from pinsing.cli.output import emit_json, emit_lines
 from pinsing.errors import OptionError
 
 
-@click.command("suggest", short_help="A configuration far from all singular ones.")
+@click.command("suggest")
 @arm_options
 @click.option(
     "--near",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pinsing.sweeps.finding import Finding
 
 
-@click.command("view", short_help="See singular poses and velocity ellipsoids in a browser.")
+@click.command("view")
 @loops_option(view_loops)
 @arm_options
 @click.option(
