@@ -10,11 +10,13 @@ import pinocchio as pin
 import pytest
 from mechanisms import URDF, from_model, planar_tree, shipped
 from tiers import tiered
+from urdf_text import J, frame, loop_text, written
 
+import pinsing
 from pinsing.cli import main
 from pinsing.cli.mechanism import plot_loops
 from pinsing.errors import OptionError
-from pinsing.mechanism import PoseForms, mechanism_at, pose_forms, working_modes
+from pinsing.mechanism import PoseForms, mechanism_at, pose_forms, refine, working_modes
 from pinsing.mechanism.closure import Loops, random_closed
 from pinsing.mechanism.pose_loci import variables_at
 from pinsing.plot.mechanism import TYPE_2
@@ -274,8 +276,79 @@ def test_loci_agree_with_the_measures_of_3rps(rng):
         assert np.abs(loops.scaled(q)[0]).max() < 1e-10
 
 
+def rps(folder, base, hinges, platform, rows="vz, wx, wy"):
+    """A general 3-RPS: feet, hinge axes (level) and platform points."""
+    joints, loops = [], []
+    for k, (a, n) in enumerate(zip(base, hinges, strict=True)):
+        joints.append(J(f"r{k}", "base", f"c{k}", a, n))
+        joints.append(J(f"p{k}", f"c{k}", f"rod{k}", axis=(0, 0, 1), kind="prismatic",
+                        limits=(0.3, 3)))  # fmt: skip
+        if k == 0:
+            for axis, link in zip(np.eye(3), ("wa", "wb", "platform"), strict=True):
+                joints.append(J(f"s{link}", joints[-1].child, link, axis=axis))
+        else:
+            joints.append(frame(f"b{k}", "platform", platform[k] - platform[0]))
+            loops.append((f"rod{k}", f"b{k}"))
+    joints.append(frame("out", "platform", -platform[0]))
+    home = {f"p{k}": 0.8 for k in range(3)}
+    text = loop_text(loops, ["p0", "p1", "p2"], "out", rows, home=home)
+    return pinsing.load_mechanism(written(folder, joints, text))
+
+
+@pytest.mark.parametrize("seed", tiered(range(4), (2,)))
+def test_type_1_of_random_3rps_is_in_the_motions_that_the_hinges_allow(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    turns = np.array([0.0, 2.0, 4.2]) + rng.uniform(-0.2, 0.2, 3)
+    hinges = np.stack([-np.sin(turns), np.cos(turns), 0 * turns], axis=1).round(2)
+    base = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1).round(2)
+    platform = 0.5 * base + np.round(rng.uniform(-0.1, 0.1, (3, 3)), 2)
+    mechanism = rps(tmp_path, base, hinges, platform).without_limits()
+    forms = pose_forms(mechanism)
+    assert forms.complete
+    ones = [x for x in forms.loci if x.kind == "type 1"]
+    assert ones
+    ratios, met = [], 0
+    for q in random_closed(mechanism, 8, rng):
+        for start in (q, refine(mechanism, q, "type 1").q):
+            at = variables_at(mechanism, forms, start)
+            value = np.prod([x.equation([at[n] for n in x.equation.names]) for x in ones])
+            place = np.array([at[n] for n in "xyz"])
+            ends = platform @ rotation([at[f"e{k}"] for k in range(4)]).T
+            # What the hinges leave of the motions about the output's origin, on vz, wx, wy.
+            ties = np.array([[*n, *np.cross(b, n)] for n, b in zip(hinges, ends, strict=True)])
+            rest = np.eye(6)[[2, 3, 4]]
+            own = np.linalg.det(np.vstack([ties, rest]))
+            assert np.isfinite(place).all()
+            if start is q:
+                ratios.append(value / own)
+                continue
+            point = mechanism_at(mechanism, start) if closed(mechanism, start) else None
+            if point is not None and point.kind == "type 1" and legs(mechanism, start) > 1e-3:
+                met += 1
+                assert abs(own) < 1e-7
+                assert abs(value) < 1e-7
+    assert met
+    np.testing.assert_allclose(ratios, ratios[0], rtol=1e-6)
+
+
+def closed(mechanism, q):
+    return np.abs(Loops(mechanism).scaled(q)[0]).max() < 1e-10
+
+
+def legs(mechanism, q):
+    return np.abs(q[list(mechanism.actuated)]).min()
+
+
+def test_rows_that_leave_type_1_of_hinged_legs_open_are_said(tmp_path):
+    base = np.array([[1, 0, 0], [-0.5, 0.87, 0], [-0.5, -0.87, 0]])
+    hinges = np.array([[0, 1, 0], [-0.87, -0.5, 0], [0.87, -0.5, 0]])
+    forms = pose_forms(rps(tmp_path, base, hinges, 0.5 * base, "vx, vy, vz, wx, wy, wz"))
+    assert not forms.complete
+    assert any("type 1 is not in these equations" in x for x in forms.notes)
+
+
 def test_what_passes_more_than_a_force_has_no_such_form():
-    for name in ("agile_eye", "bennett", "rssr"):
+    for name in ("bennett", "rssr"):
         assert pose_forms(shipped(name)) is None
 
 

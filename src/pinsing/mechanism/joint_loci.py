@@ -36,6 +36,7 @@ from pinsing.mechanism.leg_wrenches import (
 )
 from pinsing.mechanism.pose_equation import PoseEquation
 from pinsing.mechanism.pose_ring import determinant
+from pinsing.mechanism.sphere_loci import type1_alone
 from pinsing.mechanism.trig_polynomial import trig_polynomial
 from pinsing.robot.mechanism import Mechanism
 
@@ -80,6 +81,12 @@ def _forms(mechanism: Mechanism) -> JointForms:
         legs = leg_wrenches(mechanism)
         loci = [*_type2(mechanism, legs), *_type1(mechanism, legs), *_passive(mechanism, legs)]
         off = legs.off
+        if type1_alone(mechanism):
+            ones = " or ".join(str(x.equation) for x in loci if x.kind == "type 1")
+            notes.append(
+                f"type 2 needs one of type 1 (proven over the orientation): singular if and only "
+                f"if {ones}"
+            )
     except NotThisKind as error:
         if generic.output < generic.mobility:
             why = "the output does not show each of the freedoms"

@@ -25,9 +25,11 @@ from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_equation import PoseEquation, planar_equation, pose_equation
+from pinsing.mechanism.pose_hinges import counts_hinges, hinged_type1
 from pinsing.mechanism.pose_notes import needs
 from pinsing.mechanism.pose_ring import PoseRing, cross, determinant
 from pinsing.mechanism.rods import Rod, Rods, rods
+from pinsing.mechanism.sphere_loci import SphereLoci, sphere_loci, squares_note
 from pinsing.mechanism.three_distances import input_loci
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
@@ -52,8 +54,8 @@ class PoseLocus:
     equation : PoseEquation
         Zero exactly there, on poses that the mechanism has with the inputs that they need.
     real : bool
-        Whether the equation changes its sign over real poses; otherwise it is zero at isolated
-        or no real ones, as far as was looked.
+        Whether the equation changes its sign over real poses, or is a sum of squares with real
+        zeros; otherwise it is zero at isolated or no real ones, as far as was looked.
     """
 
     kind: str
@@ -115,6 +117,8 @@ class PoseForms(JsonResult):
 def pose_forms(mechanism: Mechanism) -> PoseForms | None:
     """Closed forms over the pose; None where a leg passes more, or other things, than one force.
 
+    A spherical mechanism of three legs has them over its orientation.
+
     Parameters
     ----------
     mechanism : Mechanism
@@ -131,10 +135,45 @@ def pose_forms(mechanism: Mechanism) -> PoseForms | None:
         If the loops close nowhere.
     """
     found = rods(mechanism)
+    sphere = sphere_loci(mechanism) if found is None else None
+    if sphere is not None:
+        ranks(mechanism)
+        return mechanism.once("pose_forms", lambda: _of_sphere(mechanism, sphere))
     if found is None:
         return None
     ranks(mechanism)
     return mechanism.once("pose_forms", lambda: _forms(mechanism, found))
+
+
+def _of_sphere(mechanism: Mechanism, found: SphereLoci) -> PoseForms:
+    """Over the orientation, and the inputs where they do not drop out."""
+    parts = [("type 2", "the planes of the outer links meet in one line", found.type2)]
+    for k, (leg, poly) in enumerate(zip(found.legs, found.type1, strict=True), 1):
+        name = mechanism.joints[leg.joint]
+        parts.append(("type 1", f"leg {k} is folded or stretched: {name} turns nothing", poly))
+    squares = squares_note(found)
+    loci = [
+        # Sums of squares have real zeros too: turns by which an outer axis meets a base axis.
+        PoseLocus(kind, words, equation, bool(squares) or _real(equation))
+        for kind, words, poly in parts if poly != 0
+        for factor, _ in poly.factor()[1]
+        for equation in [pose_equation(factor, found.names, (), 1)]
+    ]  # fmt: skip
+    notes = [squares] if squares else []
+    if len(found.names) > 4:
+        notes.append(
+            "the equations are in the orientation and the inputs together: an orientation and "
+            "inputs that close the loops are singular if and only if one of them is zero"
+        )
+    else:
+        notes.append("both links of each leg are quarter circles: the inputs drop out")
+    if found.off > 1e-12:
+        notes.append(f"axes were made exact, by at most {found.off:.1e}")
+    notes.append("exact over the rationals at each step; certificates cover arms only")
+    always = "" if found.type2 != 0 else (
+        "architecture singularity: the moments of the legs lie in a plane at every orientation"
+    )  # fmt: skip
+    return PoseForms(found.names, always, tuple(loci), (), (), True, tuple(notes))
 
 
 def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
@@ -206,9 +245,10 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
         return PoseForms(ring.names, words, alone, (), (), True, tuple(notes))
     loci = [*_split(ring, together), *_type1(ring)]
     families = every_position(ring, together)
+    tied = any(rod.hinge is not None for rod in found.rods)
     return PoseForms(
-        ring.names, "", tuple(loci), families, tuple(_at_home(mechanism, ring, together)), True,
-        tuple(notes), tuple(_over_inputs(mechanism)),
+        ring.names, "", tuple(loci), families, tuple(_at_home(mechanism, ring, together)),
+        not tied or counts_hinges(ring), tuple(notes), tuple(_over_inputs(mechanism)),
     )  # fmt: skip
 
 
@@ -286,6 +326,9 @@ def _parallelograms(ring: PoseRing) -> tuple[Any, Any] | None:
 
 def _type1(ring: PoseRing) -> Iterator[PoseLocus]:
     seen: list[Any] = []
+    for factor, _ in hinged_type1(ring).factor()[1] if counts_hinges(ring) else ():
+        words = "a motion that the hinges allow leaves the rows of the output at rest"
+        yield _locus(ring, "type 1", factor, words)
     for k, rod in enumerate(ring.rods.rods, 1):
         if not rod.moved:
             continue

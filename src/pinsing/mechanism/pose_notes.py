@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pinsing._types import Array
+from pinsing.mechanism.pose_hinges import counts_hinges
 from pinsing.mechanism.pose_ring import PoseRing
 from pinsing.mechanism.three_distances import degree_notes
 
@@ -20,7 +21,15 @@ def needs(ring: PoseRing) -> Iterator[str]:
     if legs:
         reach = mechanism.lower[[rod.joint for rod in legs]] > 0
         away = ", which the limits exclude" if reach.all() else ""
-        yield f"type 1: where a leg has no length{away}; nowhere else"
+        tied = any(rod.hinge is not None for rod in ring.rods.rods)
+        open_ = tied and not counts_hinges(ring)
+        if open_:
+            yield (
+                "type 1 is not in these equations: the rows of the output and the hinges are not "
+                "six together; the equations in the joint angles have it"
+            )
+        if not open_:
+            yield f"type 1: {'also ' if tied else ''}where a leg has no length{away}; nowhere else"
     bent = [str(k) for k, rod in enumerate(ring.rods.rods, 1) if rod.bends]
     if bent:
         which = f"leg {bent[0]} is" if len(bent) == 1 else f"one of legs {', '.join(bent)} is"
@@ -47,6 +56,6 @@ def needs(ring: PoseRing) -> Iterator[str]:
     if any(rod.hinge is not None for rod in ring.rods.rods):
         yield (
             "poses of this mechanism keep the outer end of each leg in the plane across its hinge; "
-            "such a pose is singular if and only if the equation holds"
+            "such a pose is singular if and only if one of the equations holds"
         )
     yield "exact over the rationals at each step; certificates cover arms only"
