@@ -221,6 +221,34 @@ def test_an_equation_of_one_term_says_how_near_it_is(tmp_path, monkeypatch):
             assert locus_distance(mechanism, forms, q) > 1e-4
 
 
+def rod_on_three_cranks(folder, third=0.4, crank=1.0):
+    """The coupling rod of a locomotive on three cranks; rigid where one has another length."""
+    pivots, joints = [(0.0, 0.0), (1.0, 0.0), (0.5, 0.2)], []
+    for k, (x, y) in enumerate(pivots):
+        joints.append(J(f"r{k}", "base", f"crank{k}", (x, y, 0)))
+    joints.append(J("rod", "crank0", "rod_link", (0.4, 0, 0)))
+    for k, (x, y) in enumerate(pivots[1:], 1):
+        joints.append(frame(f"on{k}", "rod_link", (x, y, 0)))
+        joints.append(frame(f"end{k}", f"crank{k}", (0.4 if k == 1 else third, 0, 0)))
+    home = {"r0": crank, "r1": crank, "r2": crank, "rod": -crank}
+    loops = [(f"on{k}", f"end{k}") for k in (1, 2)]
+    text = loop_text(loops, ["r0"], "rod_link", "vx", home=home)
+    return pinsing.load_mechanism(written(folder, joints, text))
+
+
+@pytest.mark.parametrize("crank", tiered([1.0, 2.5, -0.7], (1.0,)))
+def test_a_loop_that_moves_only_on_the_branch_of_home_moves(crank, tmp_path):
+    mechanism = rod_on_three_cranks(tmp_path, crank=crank)
+    found = ranks(mechanism)
+    assert (found.mobility, found.constraint, found.output) == (1, 3, 1)
+    q = np.full(4, 0.3)
+    q[mechanism.joints.index("rod")] = -0.3
+    assert np.abs(residual(mechanism, q)).max() < 1e-12
+    assert mechanism_at(mechanism, q).kind == "regular"
+    with pytest.raises(pinsing.PinsingError, match=r"leave no motion|close nowhere"):
+        ranks(rod_on_three_cranks(tmp_path, third=0.41))
+
+
 def test_loops_that_cannot_close_are_said(tmp_path):
     """Legs in layers, held as points in space: never at one height."""
     for run in (pose_forms, pinsing.analyze_mechanism, pinsing.assembly_modes):

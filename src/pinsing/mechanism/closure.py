@@ -27,6 +27,10 @@ _FEW = 3
 _AROUND = (0.05, 0.2)
 _HUGE = 20.0
 _SEED = 5471
+_AT_HOME = 1e-6
+_STEP = 0.03
+_STEPS = 4
+_LOOSE = 1e-7
 
 
 class Loops:
@@ -227,6 +231,43 @@ def near_home(mechanism: Mechanism) -> list[Array]:
     return out
 
 
+def _beside_home(mechanism: Mechanism, loops: Loops) -> list[Array]:
+    """Closed configurations on the branch of a home that closes the loops, beside it: few or none.
+
+    Only where fewer constraints are independent there than at other closed configurations, and
+    motions of a finite length show that this is no single point.
+    """
+    q = mechanism.home.copy()
+    if np.abs(loops.scaled(q)[0]).max() > _AT_HOME:
+        return []
+    q, error = gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool))
+    if error > CLOSED:
+        return []
+    counted = {_rank(loops, q)}
+    out = [q]
+    for away in (_STEP, -_STEP):
+        at = q
+        for _ in range(_STEPS):
+            G = loops.scaled(at)[1]
+            free = np.linalg.svd(G)[2][_rank(loops, at) :]
+            if not len(free):
+                return []
+            drawn = np.random.default_rng(_SEED).normal(size=len(free)) @ free
+            start = at + away * drawn / np.linalg.norm(drawn) * loops.column_scale
+            at, error = gauss_newton(loops, start, np.ones(mechanism.n, dtype=bool))
+            if error > CLOSED or np.abs((at - start) / loops.column_scale).max() > _STEP / 2:
+                return []
+            counted.add(_rank(loops, at))
+            out.append(at)
+    # A rank that changes at once is that of a singular point: the others tell what is generic.
+    return out if len(counted) == 1 else []
+
+
+def _rank(loops: Loops, q: Array) -> int:
+    sigma = np.linalg.svd(loops.scaled(q)[1], compute_uv=False)
+    return int((sigma > _LOOSE * sigma[0]).sum())
+
+
 def _advice(mechanism: Mechanism) -> str:
     """What to look at where no configuration closes the loops."""
     model = mechanism.model
@@ -252,14 +293,16 @@ def _ranks(mechanism: Mechanism) -> Ranks:
             f"nowhere, as far as was looked: {_advice(mechanism)}"
         )
     loops = Loops(mechanism)
+    # Branches may differ in their mobility: that of home is meant, where home closes the loops.
+    around = _beside_home(mechanism, loops)
     rank, best = 0, samples[0]
-    for q in samples:
+    for q in around or samples:
         sigma = np.linalg.svd(loops.scaled(q)[1], compute_uv=False)
         here = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
         if here > rank:
             rank, best = here, q
     output = 0
-    for q in [best, *samples]:
+    for q in [best, *(around or samples)]:
         G = loops.scaled(q)[1]
         sigma = np.linalg.svd(G, compute_uv=False)
         if int((sigma > SINGULAR_RTOL * sigma[0]).sum()) < rank or rank == mechanism.n:
