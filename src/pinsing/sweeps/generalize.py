@@ -203,10 +203,10 @@ class ConditionTester:
     ) -> Array:
         """Greatest sigma_r / sigma_1 for each subset held at its entries of values (S, n)."""
         count = self.samples if samples is None else samples
-        others = self.others[:count]
-        Q = np.repeat(others[None], len(subsets), axis=0)
-        for i, subset in enumerate(subsets):
-            Q[i][:, list(subset)] = values[i, list(subset)]
+        held = np.zeros((len(subsets), self.arm.n), dtype=bool)
+        of = np.repeat(np.arange(len(subsets)), [len(subset) for subset in subsets])
+        held[of, np.fromiter(itertools.chain.from_iterable(subsets), np.intp, len(of))] = True
+        Q = np.where(held[:, None], values[:, None], self.others[None, :count])
         ratio = ratios(self.arm, Q.reshape(-1, self.arm.n))
         return np.asarray(ratio.reshape(len(subsets), count).max(axis=1))
 
