@@ -15,6 +15,7 @@ from tiers import tiered
 
 from pinsing import at, closed_form, load, singular_values
 from pinsing.configuration.refine import refine
+from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.kinematics.verdict import ratios, status_of
 from pinsing.robot.arm import Arm
 from pinsing.view.ellipsoids import sizes
@@ -436,8 +437,58 @@ def test_what_is_missing_everywhere_is_counted_as_in_python() -> None:
     data, _ = engine(arm)
     q = refine(arm, [0.0, 0.3, 0.1, -0.2, 0.1]).q
     here = run("(m, {data, q}) => m.frameAt(data, q)", {"data": data, "q": q.tolist()})
-    assert here["alwaysMissing"] == at(arm, q).always_missing == 1
-    assert len(here["lost"]) == 2
+    assert len(here["always"]) == at(arm, q).always_missing == 1
+    assert len(here["lost"]) + len(here["always"]) == len(at(arm, q).lost) == 2
+    assert here["mixed"] == 0
+
+
+FOUR = """name: four
+convention: modified
+units: {angle: deg, length: m}
+rows:
+  - {alpha: 0, a: 0, d: 0.4, theta: 0, type: revolute, limits: [-170, 170]}
+  - {alpha: -90, a: 0.1, d: 0, theta: -90, type: revolute, limits: [-120, 120]}
+  - {alpha: 0, a: 0.45, d: 0, theta: 0, type: revolute, limits: [-150, 150]}
+  - {alpha: -90, a: 0.05, d: 0.4, theta: 0, type: prismatic, limits: [0.1, 0.5]}
+"""
+
+
+@needs_node
+def test_what_is_lost_is_told_from_what_is_missing_everywhere(tmp_path: Path) -> None:
+    """Four joints: two motions are missing everywhere, and a third where the arm is singular."""
+    path = tmp_path / "four.dh.yaml"
+    path.write_text(FOUR)
+    arm = load(path)
+    data, entries = engine(arm)
+    rng = np.random.default_rng(6)
+    singular = entries[0].family.sample(3, rng)  # type: ignore[union-attr]
+    Q = [*singular, *rng.uniform(arm.lower, arm.upper, (3, arm.n))]
+    found = run(
+        "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", {"data": data, "Q": rows_of(Q)}
+    )
+    for q, here in zip(Q, found, strict=True):
+        assert here["mixed"] == 0
+        assert len(here["always"]) == 2
+        assert len(here["lost"]) == (1 if here["status"] == "singular" else 0)
+        if here["status"] != "singular":
+            continue
+        # A short way off, whichever way, the force on the line lost needs torque again.
+        lost = here["lost"][0]
+        assert lost["kind"] == "line"
+        x, y, z, w = lost["turn"]
+        force = np.array([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x * x + y * y)])
+
+        def torque(q: Floats, force: Floats = force, at: Any = lost["at"]) -> float:
+            J, place = frame_jacobian(arm, q), np.array(tip_placement(arm, q).translation)
+            return float(np.abs(J.T @ [*force, *np.cross(at - place, force)]).max())
+
+        assert torque(np.array(q)) < 1e-9
+        off = [torque(np.array([q[0], q[1], q[2] + step, q[3]])) for step in (1e-4, -1e-4)]
+        assert min(off) > 1e-5
+
+
+def rows_of(Q: list[Floats]) -> list[list[float]]:
+    return [q.tolist() for q in Q]
 
 
 @needs_node

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import base64
+import gzip
+import json
+import re
 from typing import Any
 
 import numpy as np
@@ -94,5 +98,9 @@ def test_the_command_writes_a_page(cuspidal, tmp_path):
     run = CliRunner().invoke(command, [*words, "--html", str(out)])
     assert run.exit_code == 0, run.output
     assert out.stat().st_size > 100_000
+    packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', out.read_text(encoding="utf-8"))
+    assert packed is not None
+    shown = json.loads(gzip.decompress(base64.b64decode(packed[1])))
+    assert shown["coverage"].startswith(("Proven", "Probable", "NOT"))
     run = CliRunner().invoke(command, [*words, "--html", "-"])
     assert run.exit_code == 2

@@ -27,6 +27,7 @@ import umsgpack
 from arms import planar, textbook, ur5
 from tiers import tiered
 
+from pinsing.analysis.analyze import analyze
 from pinsing.errors import (
     ArgumentError,
     ConfigurationError,
@@ -35,6 +36,7 @@ from pinsing.errors import (
     UnknownNameError,
 )
 from pinsing.families import closed_form
+from pinsing.families.certainty import coverage_words
 from pinsing.families.nearness import Distance
 from pinsing.families.paths import along, into
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values
@@ -720,6 +722,31 @@ def test_listening_to_the_network_is_warned_about() -> None:
     assert "warning: listening on 0.0.0.0" in said
 
 
+def coverage_in(page: Path) -> str:
+    packed = re.search(r'id="baked-page"[^>]*>([^<]+)<', page.read_text(encoding="utf-8"))
+    assert packed is not None
+    return str(json.loads(gzip.decompress(base64.b64decode(packed[1])))["coverage"])
+
+
+@pytest.mark.parametrize("what", ["check", pytest.param("analysis", marks=pytest.mark.slow)])
+def test_every_page_says_how_complete_its_list_is(tmp_path: Path, what: str) -> None:
+    from click.testing import CliRunner
+
+    from pinsing.cli.app import command
+
+    page, given = tmp_path / "page.html", tmp_path / "given"
+    if what == "check":
+        given.write_text("0,0.1,0.2\n0.1,0.3,0.9\n")
+        words = ["check", "planar3r", str(given)]
+    else:
+        given.write_text(analyze(load("planar3r")).to_json())
+        words = ["view", "planar3r", "--analysis", str(given), "--skeleton"]
+    result = CliRunner().invoke(command, [*words, "--html", str(page)])
+    assert result.exit_code == 0, result.output
+    # An analysis looks for a certificate.
+    assert coverage_in(page).startswith("Proven" if what == "analysis" else ("Probable", "Proven"))
+
+
 def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
     from click.testing import CliRunner
 
@@ -734,6 +761,7 @@ def test_a_saved_analysis_is_shown(tmp_path: Path) -> None:
     )
     assert result.exit_code == 0, result.output
     assert page.stat().st_size > 800_000
+    assert coverage_in(page) == coverage_words(found)
     result = CliRunner().invoke(
         view_command, ["stanford", "--analysis", str(saved), "--html", str(page)]
     )

@@ -6,6 +6,7 @@ Needs Chromium (or Chrome) and Playwright for Python; without them the tests are
 from __future__ import annotations
 
 import http.server
+import io
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -544,3 +545,89 @@ def test_rounding_that_hides_a_singularity_is_said_at_the_verdict(
     open_page(page, (tmp_path / "page.html").as_uri())
     page.evaluate("(q) => window.pinsing.go(q)", q)
     assert "singular but for the rounding of the file" in text(page, "#rank")
+
+
+STUCK = """<robot name="stuck">
+  <link name="base"/><link name="a"/><link name="b"/><link name="c"/><link name="tool"/>
+  <joint name="spin" type="continuous"><parent link="base"/><child link="a"/>
+    <origin xyz="0 0 0.2"/><axis xyz="0 0 1"/></joint>
+  <joint name="lift" type="revolute"><parent link="a"/><child link="b"/>
+    <origin xyz="0.1 0 0.1"/><axis xyz="0 1 0"/>
+    <limit lower="0.5" upper="0.5" velocity="1" effort="1"/></joint>
+  <joint name="bend" type="continuous"><parent link="b"/><child link="c"/>
+    <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/></joint>
+  <joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
+    <origin xyz="0.3 0 0"/></joint>
+</robot>"""
+
+
+@pytest.mark.slow
+def test_what_is_not_there_is_said(page: Any, tmp_path: Path) -> None:
+    """No family, and whether that is proven; motions missing everywhere; a joint that is stuck."""
+    path, out = tmp_path / "stuck.urdf", tmp_path / "stuck.html"
+    path.write_text(STUCK)
+    with Viewer(load(path), skeleton=True) as viewer:
+        viewer.save_html(out)
+    open_page(page, out.as_uri() + "#q=0.3,0.5,1.2")
+    listed = text(page, "#entries")
+    assert text(page, "#status") == "Regular"
+    if text(page, "#coverage").startswith("Proven"):
+        assert listed == "None: this arm has no singular configuration for this task."
+    else:
+        assert listed == "None was found, and nothing is known to be missing."
+    assert text(page, "#always").startswith("3 motions are missing at every configuration; here: ")
+    seen = "() => window.pinsing.view.node('lost/0/arrow').visible"
+    assert page.evaluate(seen) is False
+    assert "WARNING: joint lift cannot move" in text(page, "#notes")
+    page.evaluate(
+        """() => { const { panel } = window.pinsing; panel.page.coverage = ""; panel.entries(); }"""
+    )
+    assert "that there are none is not said" in text(page, "#entries")
+
+
+@pytest.mark.slow
+def test_a_printed_page_has_its_picture(page: Any, stanford: Viewer) -> None:
+    from PIL import Image
+
+    open_page(page, stanford.url)
+    page.emulate_media(media="print")
+    page.evaluate("() => window.dispatchEvent(new Event('beforeprint'))")
+    shot = Image.open(io.BytesIO(page.screenshot()))
+    stage = page.locator("#stage").bounding_box()
+    box = [stage["x"], stage["y"], stage["x"] + stage["width"], stage["y"] + stage["height"]]
+    pixels = np.asarray(shot.crop(box).convert("RGB"), dtype=float)
+    assert near(pixels, BLUE) > 200
+    assert near(pixels, PINK) > 60
+    assert page.locator("#player").is_hidden()
+    panel = page.locator("#panel").bounding_box()
+    assert panel["height"] > 500  # all of it, and not what fits a screen
+    page.evaluate("() => window.dispatchEvent(new Event('afterprint'))")
+    assert page.locator("#printed canvas").count() == 0
+
+
+@pytest.mark.slow
+def test_a_pose_at_rest_is_told_its_distance_for_sure(page: Any, tmp_path: Path) -> None:
+    """What a frame has no time for is brought together beside the page."""
+    out = tmp_path / "panda.html"
+    with Viewer(load("panda"), skeleton=True) as viewer:
+        viewer.save_html(out)
+    open_page(page, out.as_uri())
+    # Without the work of a frame there is more to do at rest.
+    q = [0.3, -0.6, 0.8, -1.4, 0.6, 1.9, 0.2]
+    page.evaluate(
+        """(q) => {
+             const { source } = window.pinsing, { engine } = source.page;
+             source.compute = (x) => {
+               const frame = Engine.frameAt(engine, x);
+               return { ...frame, verdict: Engine.nearestFamily(engine, x, engine.families, 0) };
+             };
+             window.pinsing.go(q);
+           }""",
+        q,
+    )
+    assert "between" in text(page, "#nearest")
+    page.wait_for_function("() => window.pinsing.view.frame.verdict.sure")
+    assert "between" not in text(page, "#nearest")
+    shown = page.evaluate("() => window.pinsing.view.frame.verdict")
+    there = [f.distance(q, seconds=60) for f in closed_form(load("panda")).families]
+    assert abs(shown["least"] - min(d.lower for d in there)) < 3e-6

@@ -141,7 +141,10 @@ def check_command(
     if not emit_json(check, json_target):
         emit_lines(summary(check, deg) + "\n\n" + details(check, deg))
     if view or html is not None:
+        from pinsing.families.certainty import coverage_words
         from pinsing.view.viewer import Viewer
 
-        show(Viewer(arm, form.families, path=read.Q, host="127.0.0.1"), html, view, no_open)
+        said = coverage_words(form)
+        viewer = Viewer(arm, form.families, path=read.Q, coverage=said, host="127.0.0.1")
+        show(viewer, html, view, no_open)
     return int(fail is not None and not check.clearance > fail)

@@ -97,9 +97,12 @@ def postures_command(
     if not emit_json(found, json_target):
         emit_lines(found.text(deg))
     if view or html is not None:
+        from pinsing.families.certainty import coverage_words
         from pinsing.view.viewer import Viewer
 
-        show(Viewer(arm, form.families, postures=found, host="127.0.0.1"), html, view, no_open)
+        said = coverage_words(form)
+        viewer = Viewer(arm, form.families, postures=found, coverage=said, host="127.0.0.1")
+        show(viewer, html, view, no_open)
 
 
 @click.command("cuspidal")

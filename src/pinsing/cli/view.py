@@ -173,11 +173,11 @@ def _read(path: Path, arm: Arm) -> _Listed:
             f"{path} is of {saved.arm.name} with joints {', '.join(saved.arm.joints)}, "
             f"not of this arm with {', '.join(arm.joints)}"
         )
-    if isinstance(saved, ClosedForm):
-        from pinsing.families.certainty import coverage_words
+    from pinsing.families.certainty import coverage_words
 
+    if isinstance(saved, ClosedForm):
         return saved.families, (), coverage_words(saved)
-    return *_parts(saved), ""
+    return *_parts(saved), coverage_words(saved.closed_form)
 
 
 def _parts(analysis: Analysis) -> tuple[tuple[Family, ...], tuple[Finding, ...]]:

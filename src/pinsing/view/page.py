@@ -25,6 +25,7 @@ ENGINE = (
     "boxes",
     "distance",
     "lost",
+    "missing",
     "reasons",
     "arm",
     "paths",

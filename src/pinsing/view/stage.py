@@ -147,7 +147,7 @@ class Stage:
             },
             "entries": [_entry(e, self.arm.n) for e in self.entries],
             "engine": engine_data(self.arm, self.entries, self.sizes),
-            "notes": list(self.notes),
+            "notes": [*self.arm.notes, *self.notes],
             "coverage": self.coverage,
             "clearest": None
             if self.clearest is None

@@ -59,6 +59,8 @@ class App {
     $("clearest-pose").addEventListener("click", () => this.clearest());
     document.addEventListener("keydown", (event) => this.key(event));
     window.addEventListener("hashchange", () => this.readAddress());
+    window.addEventListener("beforeprint", () => $("printed").replaceChildren(this.view.still()));
+    window.addEventListener("afterprint", () => $("printed").replaceChildren());
   }
 
   // Where the tip gets to, drawn while it is computed.

@@ -68,13 +68,16 @@ class Panel {
     if (own) $("numbers").after(make("p", "note own-scale", own));
     $("count").textContent = page.entries.length ? `(${page.entries.length})` : "";
     if (page.coverage) {
-      $("coverage").textContent = page.coverage;
+      // An empty list says itself that there are no others.
+      $("coverage").textContent = page.entries.length ? page.coverage : page.coverage.replace("Proven: there are no others.", "Proven.");
       $("coverage").hidden = false;
       $("coverage").classList.toggle("warning", page.coverage.startsWith("NOT"));
     }
     if (page.notes.length) {
       $("notes-box").hidden = false;
-      $("notes").append(...page.notes.map((n) => make("li", "", n)));
+      const warns = (n) => n.startsWith("WARNING");
+      $("notes").append(...page.notes.map((n) => make("li", warns(n) ? "warning" : "", n)));
+      $("notes-box").open = page.notes.some(warns);
     }
     this.entries();
     this.joints();
@@ -115,7 +118,7 @@ class Panel {
   }
 
   entries() {
-    if (!this.page.entries.length) $("entries").append(make("li", "note", "None is listed for this arm and task."));
+    if (!this.page.entries.length) $("entries").append(make("li", "note", this.noEntries()));
     this.items = this.page.entries.map((entry, index) => {
       const item = make("li", entry.poses ? "" : "away");
       const button = make("button", "entry");
@@ -150,6 +153,14 @@ class Panel {
       $("entries").append(item);
       return item;
     });
+  }
+
+  // What an empty list means hangs on how sure it is.
+  noEntries() {
+    const { coverage } = this.page;
+    return !coverage ? "None is listed; that there are none is not said here."
+      : coverage.startsWith("Proven") ? "None: this arm has no singular configuration for this task."
+      : coverage.startsWith("NOT") ? "None was found." : "None was found, and nothing is known to be missing.";
   }
 
   // A button for the poses where this entry's family meets another.
@@ -281,10 +292,12 @@ class Panel {
       bar.append(make("span", "", zero && i >= frame.rank ? "0" : number(Number(s.toPrecision(2)))));
       return bar;
     }));
-    const always = frame.alwaysMissing, all = frame.lost.length;
-    this.losses([...frame.lost.map((m) => m.words), ...(always
-      ? [`(${always} of these ${all} ${always === 1 ? "is" : "are"} missing at every configuration: the arm reaches rank ` +
+    const { mixed, always } = frame, all = frame.lost.length;
+    this.losses([...frame.lost.map((m) => m.words), ...(mixed
+      ? [`(${mixed} of these ${all} ${mixed === 1 ? "is" : "are"} missing at every configuration: the arm reaches rank ` +
          `${frame.genericRank} in a task of ${this.page.engine.task.rows.length} rows)`] : [])]);
+    $("always").hidden = !always.length;
+    $("always").textContent = `${always.length} motion${always.length === 1 ? " is" : "s are"} missing at every configuration; here: ${always.join("; ")}`;
   }
 
   losses(words) {

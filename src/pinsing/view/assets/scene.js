@@ -389,15 +389,19 @@ class SceneView {
     return geometry;
   }
 
-  // The canvas with its legend and label, as a data address of a PNG.
-  pictureWithLegend() {
+  // A picture that stays: what a printer gets, for which a view is not drawn again.
+  still() {
+    const { pen, canvas } = this.copied(0);
+    this.labels.draw(pen);
+    return canvas;
+  }
+
+  // What is in the view, `above` pixels below the upper edge of a canvas, and a pen whose origin is that of the view.
+  copied(above) {
     this.pace.full();
     this.viewer.render();
     const source = this.viewer.renderer.domElement, ratio = source.width / this.element.clientWidth;
     const canvas = document.createElement("canvas");
-    // On a narrow screen the legend stands above the view, and so it does in the picture.
-    const here = this.element.getBoundingClientRect(), legend = document.getElementById("legend");
-    const above = Math.max(0, here.top - legend.getBoundingClientRect().top);
     Object.assign(canvas, { width: source.width, height: source.height + Math.ceil(above * ratio) });
     const pen = canvas.getContext("2d");
     pen.fillStyle = getComputedStyle(document.body).backgroundColor;
@@ -405,8 +409,17 @@ class SceneView {
     pen.scale(ratio, ratio);
     pen.translate(0, above);
     pen.drawImage(source, 0, 0, this.element.clientWidth, source.height / ratio);
-    pen.font = `${getComputedStyle(legend).fontSize} system-ui, sans-serif`;
     pen.textBaseline = "middle";
+    pen.font = "600 12px system-ui, sans-serif";
+    return { pen, canvas };
+  }
+
+  // The canvas with its legend and label, as a data address of a PNG.
+  pictureWithLegend() {
+    // On a narrow screen the legend stands above the view, and so it does in the picture.
+    const here = this.element.getBoundingClientRect(), legend = document.getElementById("legend");
+    const { pen, canvas } = this.copied(Math.max(0, here.top - legend.getBoundingClientRect().top));
+    pen.font = `${getComputedStyle(legend).fontSize} system-ui, sans-serif`;
     for (const key of document.querySelectorAll("#legend .key")) {
       const box = key.getBoundingClientRect();
       if (!box.height) continue;

@@ -73,6 +73,7 @@ class EngineSource {
     aside.stop();
     const found = await aside.ask("clearestPose", [here, ...(before ? [before.q] : [])]);
     if (!found) return null; // asked once more meanwhile
+    if (found.near) Engine.remember(engine, found.near);
     const every = (coverage ?? "").startsWith("NOT") ? "every family listed (the list is NOT complete)" : "every family";
     const { q, lower, upper } = before && before.lower >= found.lower ? { ...before, upper: before.lower } : found;
     return { q, words: upper < 1e-9 ? "no pose clear of all families was found"

@@ -7,10 +7,11 @@
 import { jacobian, placements, tipOf } from "./chain.mjs";
 import { nearestOf } from "./distance.mjs";
 import { apart } from "./families.mjs";
-import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
-import { causes, EXACT, lostMotions, meetingPoint } from "./lost.mjs";
+import { norm, quaternion, subtract, transpose, turnZTo } from "./linear.mjs";
+import { causes } from "./lost.mjs";
 import { measure, ownTask } from "./measured.mjs";
-import { drawnRadii, ellipsoid, flatDirection, inBase, pureEllipsoids, verdictOf } from "./measures.mjs";
+import { drawnRadii, ellipsoid, flatDirection, pureEllipsoids, verdictOf } from "./measures.mjs";
+import { missingAt } from "./missing.mjs";
 import { reasons } from "./reasons.mjs";
 
 const ON = 1e-7; // radians: closer is on the family
@@ -28,7 +29,7 @@ export function frameAt(data, q, families = data.families) {
   const rankAt = (tol) => own.sigma.filter((s) => s > tol * largest).length;
   const rank = rankAt(zero), here = nearestFamily(data, q, families);
   const on = here?.on ? families.find((f) => f.entry === here.entry) : null;
-  const lost = status === "regular" ? [] : losses(data, J, own.left.slice(rank), { tip, status, ratio });
+  const { lost, always, mixed } = missingAt(data, q, { J, own, rank, tip, status, ratio });
   const dependent = status === "regular" ? []
     : causes(own.Js, task.used, task.rank, (status === "near-singular" ? zero : Math.max(1e-8, judge.rtol)) * largest);
   return {
@@ -40,7 +41,7 @@ export function frameAt(data, q, families = data.families) {
       kind: m.kind, turn: turnZTo(m.direction), at: m.point, words: m.words,
       close: norm(subtract(m.point, tip.t)) <= 1.5 * sizes.reach,
     })),
-    alwaysMissing: lost.length ? Math.max(0, task.rows.length - task.rank - task.never.length) : 0,
+    always: always.map((m) => m.words), mixed,
     hot: [...new Set(dependent.flat())].sort((a, b) => a - b),
     why: reasons(dependent, on, J, task, Math.min(0.05, Math.max(STRUCTURE, 30 * zero)), status === "near-singular" ? "nearly " : ""),
     status, rank: rankAt(judge.rtol), genericRank: task.rank, sigma, ratio,
@@ -63,39 +64,6 @@ export function outside(data, q) {
     return !inside(middle + apart(q[i], middle, false));
   }).map((joint) => joint.name);
 }
-
-function losses(data, J, missing, { tip, status, ratio }) {
-  const { task, judge } = data, hardly = status === "near-singular";
-  const rows = missing.map((u) => {
-    const out = new Array(6).fill(0);
-    task.rows.forEach((r, i) => { out[r] = u[i]; });
-    return out;
-  });
-  // What the arm can produce nowhere is not lost here.
-  const never = task.never;
-  const rest = rows.map((u) => never.reduce((r, d) => subtract(r, scaled(d, dot(d, u))), u))
-    .map((u) => inBase(u, task, tip.R));
-  let basis = [];
-  if (rest.length) {
-    const { sigma, left } = svd(transpose(rest));
-    basis = left.filter((_, k) => (sigma[k] ?? 0) > 0.5);
-  }
-  const tool = { position: tip.t, rotation: tip.R, size: sizeOf(J), landmarks: landmarks(data, J, tip.t) };
-  const tol = hardly ? Math.max(EXACT, Math.min(3 * ratio, 0.05)) : EXACT;
-  return lostMotions(basis, J, judge.length, tool, tol, hardly);
-}
-
-// Greatest speed of the tip at unit speed of one turning joint: how long the arm is, metres.
-function sizeOf(J) {
-  let most = 0;
-  J[0].forEach((_, i) => {
-    if (J[3][i] || J[4][i] || J[5][i]) most = Math.max(most, Math.hypot(J[0][i], J[1][i], J[2][i]));
-  });
-  return most || 1;
-}
-
-const landmarks = (data, J, tip) =>
-  data.centres.map(({ name, joints }) => ({ name: `the ${name}`, at: meetingPoint(J, joints, tip) }));
 
 function ellipsoids(J, sizes, lost, rtol) {
   const drawn = (e, scale) => ({

@@ -17,7 +17,8 @@ const LOOK = 20000, LAST = 5e6; // terms of equations for a pose that is tried, 
 const ROUNDS = 90, WORK = 9000; // poses tried at most, and times the terms of all equations
 const ENOUGH = 1e-3; // radians: what is promised beyond the best
 
-// Pose { q, lower, upper } within the limits, no worse than those `given`.
+// Pose { q, lower, upper, near } within the limits, no worse than those `given`; `near` is the nearest point
+// that was found of a family, { entry, q }.
 //
 // Points of families that are known ("sites") promise a bound of the distance, which is cheap to tell:
 // where it is largest the distance is looked for, which gives one more site, and the promise falls until
@@ -29,7 +30,7 @@ export function clearestPose(data, given = [], tries = 400) {
   const looked = (q, terms) => {
     const { lower, best } = nearestOf(data, families, q, terms);
     if (best) sites.add(best.family.branches[best.branch], best.q);
-    return { q, lower, upper: best ? best.upper : Infinity };
+    return { q, lower, upper: best ? best.upper : Infinity, near: best && { entry: best.family.entry, q: best.q } };
   };
   const score = ({ lower, upper }) => lower + Math.min(upper, 1e9), better = (a, b) => (a && score(a) >= score(b) ? a : b);
   const draw = () => limits.map(([low, high]) => low + random() * (high - low));
