@@ -104,3 +104,15 @@ def walks(
     max_iterations: int,
     max_sweeps: int,
 ) -> None: ...
+def second_orders(
+    R: NDArray[np.float64],
+    t: NDArray[np.float64],
+    prismatic: NDArray[np.bool_],
+    rows: Sequence[int],
+    zero: float,
+    size: float,
+    Q: NDArray[np.float64],
+    out: NDArray[np.float64],
+    isa: str,
+    threads: int,
+) -> None: ...

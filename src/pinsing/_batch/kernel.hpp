@@ -67,6 +67,10 @@ struct Kernel {
     // and kWalkEquations equations; factors of the task are one.
     Outcome (*walks)(const Chain&, const Task&, const Walk&, const double* Q, const double* free,
                      std::int64_t N, double* X, double* ends, int max_sweeps);
+    // Q (N, n) -> out (N, 6), what second_order.hpp tells of configurations whose m rows have rank m
+    // in general. At most kWalkJoints joints, m <= n; factors of the task are one.
+    Outcome (*second_orders)(const Chain&, const Task&, double zero, double size, const double* Q,
+                             std::int64_t N, double* out);
     // Doubles of scratch that the next one needs.
     std::size_t (*condition_scratch)(const Conditions&);
     // X (N, n) -> least lower and upper bounds over the families (N,), the family of the lower one

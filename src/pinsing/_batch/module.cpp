@@ -163,6 +163,19 @@ std::int64_t svdvals(const In& A, Out out, const std::string& isa, int threads, 
     return outcome.unfinished;
 }
 
+// The task of these rows, without factors.
+pinsing::Task plain_task(const std::vector<int>& rows) {
+    require(!rows.empty() && rows.size() <= 6, "rows must be 1 to 6");
+    pinsing::Task task{};
+    task.m = static_cast<int>(rows.size());
+    for (std::size_t i = 0; i < rows.size(); i++) {
+        require(rows[i] >= 0 && rows[i] < 6, "rows must be in 0..5");
+        task.row[i] = rows[i];
+        task.factor[i] = 1.0;
+    }
+    return task;
+}
+
 // `rules`: floor, good, stationary, no_minimum, longest, most_damping, stretch of Walk.
 void walks(const In& R, const In& t, const InFlags& prismatic, const std::vector<int>& rows,
            int rank, double size, const In& lower, const In& upper,
@@ -172,17 +185,10 @@ void walks(const In& R, const In& t, const InFlags& prismatic, const std::vector
     const Chain chain = chain_of(R, t, prismatic);
     const std::size_t n = static_cast<std::size_t>(chain.n), m = rows.size();
     require(n <= pinsing::kWalkJoints, "too many joints for compiled walks");
-    require(m >= 1 && m <= 6, "rows must be 1 to 6");
+    const pinsing::Task task = plain_task(rows);
     require(rank >= 1 && rank <= static_cast<int>(std::min(m, n)), "impossible rank");
     const std::size_t r = static_cast<std::size_t>(rank);
     require((m - r + 1) * (n - r + 1) <= pinsing::kWalkEquations, "too many equations");
-    pinsing::Task task{};
-    task.m = static_cast<int>(m);
-    for (std::size_t i = 0; i < m; i++) {
-        require(rows[i] >= 0 && rows[i] < 6, "rows must be in 0..5");
-        task.row[i] = rows[i];
-        task.factor[i] = 1.0;
-    }
     require(lower.ndim() == 1 && lower.shape(0) == n && upper.ndim() == 1 && upper.shape(0) == n,
             "limits must have shape (n,)");
     require(rules.size() == 7, "there are seven rules");
@@ -206,6 +212,28 @@ void walks(const In& R, const In& t, const InFlags& prismatic, const std::vector
             return kernel.walks(chain, task, walk, from + at, may + at, count, to + at,
                                 told + 2 * first, max_sweeps);
         });
+    refuse_not_finite(outcome, "Q");
+}
+
+void second_orders(const In& R, const In& t, const InFlags& prismatic,
+                   const std::vector<int>& rows, double zero, double size, const In& Q, Out out,
+                   const std::string& isa, int threads) {
+    const Kernel& kernel = kernel_named(isa);
+    const Chain chain = chain_of(R, t, prismatic);
+    const std::size_t n = static_cast<std::size_t>(chain.n);
+    const pinsing::Task task = plain_task(rows);
+    require(n <= pinsing::kWalkJoints && rows.size() <= n, "too many joints, or rows, for this");
+    require(Q.ndim() == 2 && Q.shape(1) == n, "Q must have shape (N, n)");
+    require(out.ndim() == 2 && out.shape(0) == Q.shape(0) && out.shape(1) == 6,
+            "out must have shape (N, 6)");
+    const double* from = Q.data();
+    double* to = out.data();
+    const Outcome outcome =
+        share_out(static_cast<std::int64_t>(Q.shape(0)), threads, 1,
+                  [&](std::int64_t first, std::int64_t count, double*) {
+                      return kernel.second_orders(chain, task, zero, size, from + first * chain.n,
+                                                  count, to + first * 6);
+                  });
     refuse_not_finite(outcome, "Q");
 }
 
@@ -252,6 +280,9 @@ NB_MODULE(_kernel, m) {
           "rows"_a, "rank"_a, "size"_a, "lower"_a.noconvert(), "upper"_a.noconvert(), "rules"_a,
           "Q"_a.noconvert(), "free"_a.noconvert(), "X"_a.noconvert(), "ends"_a.noconvert(),
           "isa"_a, "threads"_a, "max_iterations"_a, "max_sweeps"_a);
+    m.def("second_orders", &second_orders, "R"_a.noconvert(), "t"_a.noconvert(),
+          "prismatic"_a.noconvert(), "rows"_a, "zero"_a, "size"_a, "Q"_a.noconvert(),
+          "out"_a.noconvert(), "isa"_a, "threads"_a);
     m.def("svdvals", &svdvals, "A"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a,
           "max_sweeps"_a, "by_roots"_a = true);
     pinsing::add_conditions(m);

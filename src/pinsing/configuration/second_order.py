@@ -16,9 +16,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._batch import second_orders as kernel
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
+from pinsing.kinematics.batch import batch
+from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
     frame_jacobians,
@@ -44,6 +47,7 @@ _ZERO = 1e-7  # entries of second order, relative to the largest of H, that coun
 _NEARBY = 1e-3  # radians or lengths of the arm, for directions that a first derivative misses
 _SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, as above
 _SEED = 90210
+_SHARED = 1_000  # configurations from which on they are shared out among threads
 _UNDECIDED: Kind = "undecided"
 
 
@@ -140,43 +144,75 @@ def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind
     None for those beyond.
     """
     Q = np.atleast_2d(arm.check(Q))
-    J, H = own_jacobians_and_derivatives(arm, Q)
-    r = generic_rank(arm)
     found: list[Kind | None] = [None] * len(Q)
-    if r == J.shape[1]:
-        U, sigma, Vt = np.linalg.svd(J)
-        zero = SINGULAR_RTOL * np.maximum(sigma[:, :1], task_size(arm))
-        once = np.flatnonzero((sigma > zero).sum(axis=1) == r - 1).tolist()
-        clear = _clear_kinds(U[once, :, -1], Vt[once, r - 1 :], H[once])
-        for i, kind in zip(once, clear, strict=True):
-            found[i] = kind
+    if generic_rank(arm) == len(arm.task.rows):
+        found = clear_kinds(arm, Q)
     rest = [i for i, kind in enumerate(found) if kind is None][:most]
     if rest:
-        spaces = [_spaces(arm, *row) for row in zip(Q[rest], J[rest], H[rest], strict=True)]
+        J, H = own_jacobians_and_derivatives(arm, Q[rest])
+        spaces = [_spaces(arm, *row) for row in zip(Q[rest], J, H, strict=True)]
         for i, kind in zip(rest, _decided(arm, Q[rest], spaces), strict=True):
             found[i] = kind
     return found
 
 
-def _clear_kinds(lost: Array, still: Array, H: Array) -> list[Kind | None]:
-    """As ``_kind`` of one lost direction (N, m) and self-motions (N, p, n); None where unclear."""
-    B = np.einsum("kr,krij->kij", lost, H)
-    Q = still @ B @ still.transpose(0, 2, 1)
-    Q = (Q + Q.transpose(0, 2, 1)) / 2
-    tol = _ZERO * np.abs(H).max(axis=(1, 2, 3), initial=0.0)
-    values = np.linalg.eigvalsh(Q)
-    best = np.maximum(values[:, 0], -values[:, -1])
-    flat = np.abs(Q).max(axis=(1, 2), initial=0.0) <= tol
-    reached = np.linalg.norm(B @ still.transpose(0, 2, 1), axis=(1, 2)) > tol
-    found: list[Kind | None] = []
-    for i in range(len(Q)):
-        if flat[i]:
-            found.append("interior" if reached[i] else _UNDECIDED)
-        elif abs(best[i]) > tol[i]:
-            found.append("boundary" if best[i] > 0 else "interior")
-        else:
-            found.append(None)
-    return found
+def clear_kinds(arm: Arm, Q: Array, compiled: bool = True) -> list[Kind | None]:
+    """The kinds at Q (N, n) of an arm whose generic rank is that of its rows, where one is lost.
+
+    None where more than one direction is lost, or none, and where this does not tell.
+    """
+    told = _told_compiled(arm, Q) if compiled else None
+    if told is None:
+        told = _told(arm, Q)
+    above, least, greatest, entry, reached, largest = told.T
+    tol = _ZERO * largest
+    best = np.maximum(least, -greatest)
+    kinds: dict[int, Kind | None] = {0: None, 1: _UNDECIDED, 2: "interior", 3: "boundary"}
+    clear = np.where(np.abs(best) > tol, np.where(best > 0, 3, 2), 0)
+    flat = np.where(reached > tol, 2, 1)
+    once = above == generic_rank(arm) - 1
+    return [kinds[k] for k in np.where(once, np.where(entry <= tol, flat, clear), 0).tolist()]
+
+
+def _told_compiled(arm: Arm, Q: Array) -> Array | None:
+    """As ``_told``, in the compiled kernel; None where it does not cover the arm."""
+    on, rows = batch(arm), arm.task.rows
+    alone = arm.coupling is not None or arm.task.at_tip or on.engine == PINOCCHIO
+    if alone or not kernel.covered(arm.n, len(rows)):
+        return None
+    return kernel.second_orders(
+        on.own_chain(),
+        Q / own_scale(arm).columns,
+        rows=rows,
+        zero=SINGULAR_RTOL,
+        size=task_size(arm),
+        threads=1 if len(Q) < _SHARED else None,
+        isa=on.engine,
+    )
+
+
+def _told(arm: Arm, Q: Array) -> Array:
+    """What `pinsing._batch.second_orders` tells of Q (N, n)."""
+    J, H = own_jacobians_and_derivatives(arm, Q)
+    U, sigma, Vt = np.linalg.svd(J)
+    zero = SINGULAR_RTOL * np.maximum(sigma[:, :1], task_size(arm))
+    still = Vt[:, J.shape[1] - 1 :]
+    B = np.einsum("kr,krij->kij", U[:, :, -1], H)
+    BN = B @ still.transpose(0, 2, 1)
+    form = still @ BN
+    form = (form + form.transpose(0, 2, 1)) / 2
+    values = np.linalg.eigvalsh(form)
+    return np.stack(
+        [
+            (sigma > zero).sum(axis=1),
+            values[:, 0],
+            values[:, -1],
+            np.abs(form).max(axis=(1, 2), initial=0.0),
+            np.linalg.norm(BN, axis=(1, 2)),
+            np.abs(H).max(axis=(1, 2, 3), initial=0.0),
+        ],
+        axis=1,
+    )
 
 
 @dataclass(frozen=True, eq=False)
