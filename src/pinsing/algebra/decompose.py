@@ -61,7 +61,8 @@ class Decomposition:
         search = self._search
         try:
             given = matrix() if callable(matrix) else matrix
-            rows, reduced = reduce_matrix(given, rank, self.ring, self.time)
+            # That it is the generic rank is confirmed below.
+            rows, reduced = reduce_matrix(given, rank, self.ring, self.time, generic=True)
             self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
             everywhere = SearchPlace({}, rows, reduced, self.bound, reduced=True)
             search.confirm(everywhere, rank)

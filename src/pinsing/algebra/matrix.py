@@ -104,7 +104,7 @@ def _sharing(matrix: Matrix, among: set[int], ring: Ring) -> set[int]:
 
 
 def reduce_matrix(
-    matrix: Matrix, rank: int, ring: Ring, time: Budget | None = None
+    matrix: Matrix, rank: int, ring: Ring, time: Budget | None = None, generic: bool = False
 ) -> tuple[Matrix, int]:
     """Use up pivots that never vanish.
 
@@ -114,6 +114,8 @@ def reduce_matrix(
         Polynomials.
     rank : int
         The rank below which the matrix is singular.
+    generic : bool
+        Whether that is its rank at almost every point: then as many rows are independent.
 
     Returns
     -------
@@ -121,7 +123,10 @@ def reduce_matrix(
         A smaller matrix that is below the smaller rank exactly where the given one is
         below the given one.
     """
-    rows = _without_zeros(independent_rows(matrix, ring))
+    rows = matrix
+    if not (generic and len(rows) == rank):
+        rows = independent_rows(matrix, ring)
+    rows = _without_zeros(rows)
     while rows and rank > 0:
         if time is not None:
             time.check()
@@ -144,7 +149,8 @@ def reduce_matrix(
                 )
         rank -= 1
         rows = [primitive(row, ring) for row in rest]
-        rows = independent_rows([row for row in rows if any(x != 0 for x in row)], ring)
+        if not (generic and len(rows) == rank):
+            rows = independent_rows(rows, ring)
         if rows:
             columns = [primitive(list(c), ring) for c in zip(*_without_zeros(rows), strict=True)]
             rows = [list(row) for row in zip(*columns, strict=True)]

@@ -161,6 +161,8 @@ class Ring:
         """
         if self.is_constant(poly):
             return True
+        if len(poly) == 1:
+            return False
         degrees = poly.degrees()
         for first, slides in zip(self.start, self.prismatic, strict=True):
             power = degrees[first]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import replace
 
@@ -30,10 +31,9 @@ from pinsing.configuration.state import (
 )
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import (
-    frame_jacobian,
     frame_jacobians,
     scale_rows,
-    tip_placement,
+    tip_and_jacobian,
 )
 from pinsing.kinematics.own_scale import own_scale, random_turns
 from pinsing.kinematics.task_rows import in_base
@@ -165,7 +165,7 @@ class Loss:
 
 def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = NEAR_RTOL) -> Loss:
     """What is lost at q (n,), which is in order, and why; arguments as of ``at``."""
-    J = frame_jacobian(arm, q)
+    position, rotation, J = tip_and_jacobian(arm, q)
     scale = own_scale(arm)
     U, sigma, Vt = np.linalg.svd(scale.apply(arm, J, q))
     ratio = float(ratio_of(arm, sigma))
@@ -173,8 +173,6 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     # Nearly lost is what is not better than sigma_r, give or take a factor.
     zero = {SINGULAR: rtol, NEAR_SINGULAR: min(3 * ratio, near_rtol), REGULAR: rtol}[status]
     rank = rank_of(arm, sigma, zero)
-    place = tip_placement(arm, q)
-    position, rotation = np.array(place.translation), np.array(place.rotation)
     tool = Tool(position, rotation, _size(J), {})
     found = Loss(J, sigma, ratio, status, rank_of(arm, sigma, rtol), Vt[rank:].T, tool)
     if status == REGULAR:
@@ -202,8 +200,8 @@ def _ellipsoid(rows: Array, center: Array, unit: str) -> VelocityEllipsoid:
 
 def _size(J: Array) -> float:
     """Greatest speed of the tip at unit speed of one joint: how long the arm is, metres."""
-    turning = np.linalg.norm(J[3:], axis=0) > 0
-    return float(np.linalg.norm(J[:3, turning], axis=0).max(initial=0.0)) or 1.0
+    turning = J[3:].any(axis=0)
+    return math.sqrt(float(np.square(J[:3, turning]).sum(axis=0).max(initial=0.0))) or 1.0
 
 
 def never_produced(arm: Arm) -> Array:

@@ -137,6 +137,8 @@ def lost_motions(
 
 def _null_space(A: Array, tol: float) -> Array:
     """Orthonormal coefficients (d, k) of combinations of the columns of A (m, d) that vanish."""
+    if A.shape[1] == 1 and length(A[:, 0]) > tol:  # one combination, which does not
+        return np.zeros((1, 0))
     _, sigma, Vt = np.linalg.svd(A)
     return np.asarray(Vt[int((sigma > tol).sum()) :].T)
 

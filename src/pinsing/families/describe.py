@@ -100,11 +100,13 @@ def _value_reach(
     family: Family, reachability: Reachability, inside: Array, maker: PieceMaker
 ) -> tuple[ValueReach, ...]:
     """Which of the values that joints are at lie within the limits."""
-    rng = np.random.default_rng(_SEED)
+    drawn: list[np.random.Generator] = []
 
     def met(branch: Branch) -> bool:
         if _on(family, branch, inside).any():
             return True
+        rng = drawn[0] if drawn else np.random.default_rng(_SEED)
+        drawn[:] = [rng]
         alone = replace(family, branches=(branch,), reachability=reachability)
         return bool(len(alone.points(1, rng, True, maker.rounds(), _until(maker.time))))
 

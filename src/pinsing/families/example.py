@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -10,7 +11,8 @@ from pinsing._types import Array
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import gradients, project
-from pinsing.kinematics.jacobian import singular_values
+from pinsing.kinematics.batch import batch
+from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
 
 _STEPS = 100
@@ -52,9 +54,9 @@ def readable(family: Family, branch: Branch, q: Array, arm: Arm, within_limits: 
     rounded[held] = start[held]
     rounded = _decimal(rounded, family)
     rounded[held] = start[held]
-    tries = [rounded] if not branch.equations else _solved(branch, rounded)
+    tries = iter([rounded]) if not branch.equations else _solved(branch, rounded)
     for found in tries:
-        if (not within_limits or bool(arm.within_limits(found))) and _alike(arm, found, q):
+        if not (within_limits and arm.space.outside(found).any()) and _alike(arm, found, q):
             return np.asarray(found)
     return q
 
@@ -80,25 +82,23 @@ def _decimal(values: Array, family: Family) -> Array:
     return np.array([round(float(v), int(k)) for v, k in zip(values, places, strict=True)])
 
 
-def _solved(branch: Branch, start: Array) -> list[Array]:
+def _solved(branch: Branch, start: Array) -> Iterator[Array]:
     """Points of a branch that differ from ``start`` in as few joints as it has equations."""
     joints = sorted({j for e in branch.equations for j in e.involved})
     count = min(len(branch.equations), len(joints))
     slope = np.abs(gradients(branch.equations, start[None])[0]).sum(axis=0)
     order = sorted(joints, key=lambda j: -slope[j])
-    found = []
     for chosen in itertools.islice(itertools.combinations(order, count), _TRIES):
         free = np.zeros(len(start), dtype=bool)
         free[list(chosen)] = True
         moved, ok = project(branch.equations, start[None], free)
         if ok[0]:
-            found.append(np.where(free, moved[0], start))
-    return found
+            yield np.where(free, moved[0], start)
 
 
 def _alike(arm: Arm, found: Array, q: Array) -> bool:
     """Whether two configurations have the same rank, the first one to all digits."""
-    sigma = singular_values(arm, np.stack([found, q]))
+    sigma = batch(arm, threads=1).sigma(np.stack([found, q]))[:, : generic_rank(arm)]
     ratio = sigma / sigma[:, :1].clip(min=1e-300)
     zeros = ratio <= _ZERO
     return bool((zeros[0] == zeros[1]).all() and (ratio[0][zeros[0]] <= _SINGULAR).all())

@@ -33,6 +33,8 @@ ROUNDS = 12
 _DRAWS = 6
 """Batches of points in closed form before random starts are brought to the set instead."""
 _FEWEST = 8
+_LEAST_DRAWN = 32
+"""Random starts of a batch, at least."""
 _CHEAP = 500
 """Terms of a system up to which a first look at it is taken though the time is over."""
 
@@ -177,6 +179,9 @@ def search(
     stop : callable, optional
         Once it says so no more is looked for. A first look at a short system is taken all the same.
     """
+    if not equations:  # all that is drawn is there
+        q = rng.uniform(lower, upper, (max(_LEAST_DRAWN, 2 * count), len(lower)))
+        return np.where(free, q[:count], fixed)
     found: list[Array] = []
     missing = count
     cheap = sum(len(e.cos) for e in equations) <= _CHEAP
@@ -197,7 +202,7 @@ def search(
             break
     short = _shortest(equations)
     for _ in range(rounds):
-        q = rng.uniform(lower, upper, (max(32, 2 * missing), len(lower)))
+        q = rng.uniform(lower, upper, (max(_LEAST_DRAWN, 2 * missing), len(lower)))
         q = np.where(free, q, fixed)
         found.append(_from_random(equations, short, q, lower, upper, free, within)[:missing])
         missing -= len(found[-1])

@@ -29,6 +29,20 @@ def tip_placement(arm: Arm, q: npt.ArrayLike) -> pin.SE3:
     return pin.SE3(pin.updateFramePlacement(arm.model, data, arm.tip_id))
 
 
+def tip_and_jacobian(arm: Arm, q: Array) -> tuple[Array, Array, Array]:
+    """Position (3,), metres, and rotation (3, 3) of the tip in the base, and `frame_jacobian`.
+
+    Of a joint vector q (n,) that is in order: straight from Pinocchio, in one go.
+    """
+    model, tip = arm.model, arm.tip_id
+    data = model.createData()
+    found = pin.computeFrameJacobian(model, data, arm.model_q(q), tip, pin.LOCAL_WORLD_ALIGNED)
+    J = np.array(found).reshape(6, model.nv)  # Pinocchio drops the second axis of a single column
+    place = pin.updateFramePlacement(model, data, tip)
+    J = J if arm.coupling is None else J @ arm.coupling.matrix
+    return np.array(place.translation), np.array(place.rotation), J
+
+
 def tip_poses(arm: Arm, Q: Array) -> tuple[Array, Array]:
     """Positions (N, 3), metres, and rotations (N, 3, 3) of the tip in the base at Q (N, n)."""
     model, data, tip = arm.model, arm.model.createData(), arm.tip_id
