@@ -16,7 +16,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._batch import second_orders as kernel
+from pinsing._batch import second_orders
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
@@ -178,9 +178,9 @@ def _told_compiled(arm: Arm, Q: Array) -> Array | None:
     """As ``_told``, in the compiled kernel; None where it does not cover the arm."""
     on, rows = batch(arm), arm.task.rows
     alone = arm.coupling is not None or arm.task.at_tip or on.engine == PINOCCHIO
-    if alone or not kernel.covered(arm.n, len(rows)):
+    if alone or not second_orders.covered(arm.n, len(rows)):
         return None
-    return kernel.second_orders(
+    return second_orders.second_orders(
         on.own_chain(),
         Q / own_scale(arm).columns,
         rows=rows,

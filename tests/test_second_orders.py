@@ -1,0 +1,110 @@
+"""Kinds in the compiled kernel: what NumPy says, on each instruction set, lane by lane."""
+
+from __future__ import annotations
+
+import arms
+import numpy as np
+import pytest
+
+from pinsing import closed_form, load
+from pinsing._batch import engine
+from pinsing._batch import second_orders as kernel
+from pinsing.configuration import second_order as module
+from pinsing.configuration.second_order import clear_kinds
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.batch import batch
+from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.verdict import SINGULAR_RTOL, task_size
+
+pytestmark = pytest.mark.skipif(not engine.available(), reason="needs the compiled kernel")
+
+CASES = {
+    "6 joints": {"robot": "ur5"},
+    "a slider": {"robot": "stanford"},
+    "7 joints": {"robot": "panda"},
+    "three rows": {"robot": "planar3r", "task": "vx,vy,wz"},
+    "position of 6 joints": {"robot": "ur5", "task": "position"},
+}
+
+
+@pytest.fixture(scope="module", params=CASES, ids=str)
+def told(request):
+    """A nominal arm and points of its families."""
+    arm = load(**CASES[request.param])
+    rng = np.random.default_rng(5)
+    points = [family.points(40, rng) for family in closed_form(arm).families]
+    return nominal(arm).arm, np.concatenate(points)
+
+
+def compiled(arm, Q, isa):
+    return kernel.second_orders(
+        batch(arm).own_chain(),
+        Q / own_scale(arm).columns,
+        rows=arm.task.rows,
+        zero=SINGULAR_RTOL,
+        size=task_size(arm),
+        threads=1,
+        isa=isa,
+    )
+
+
+@pytest.mark.parametrize("isa", engine.isa_names() if engine.available() else ())
+def test_what_is_told_is_what_numpy_says(told, isa):
+    arm, Q = told
+    ours, theirs = compiled(arm, Q, isa), module._told(arm, Q)
+    np.testing.assert_array_equal(ours[:, 0], theirs[:, 0])
+    once = theirs[:, 0] == len(arm.task.rows) - 1
+    assert once.sum() > 30
+    ours, theirs = ours[once], theirs[once]
+    # The lost direction has no sign: with the other one both ends change places.
+    turned = np.stack([-theirs[:, 2], -theirs[:, 1]], axis=1)
+    apart = [np.abs(ours[:, 1:3] - ends).max(axis=1) for ends in (theirs[:, 1:3], turned)]
+    size = theirs[:, 5]
+    assert (np.minimum(*apart) <= 1e-9 * size).all()
+    assert (np.abs(ours[:, 4:] - theirs[:, 4:]).max(axis=1) <= 1e-9 * size).all()
+    # The largest entry depends on the basis of the self-motions, up to their number.
+    spread = arm.n - len(arm.task.rows) + 1
+    assert (ours[:, 3] <= spread * theirs[:, 3] + 1e-9 * size).all()
+    assert (theirs[:, 3] <= spread * ours[:, 3] + 1e-9 * size).all()
+
+
+def test_kinds_are_the_same_with_and_without_the_kernel(told):
+    arm, Q = told
+    assert clear_kinds(arm, Q) == clear_kinds(arm, Q, compiled=False)
+
+
+@pytest.mark.parametrize("isa", engine.isa_names() if engine.available() else ())
+def test_no_configuration_depends_on_its_neighbours(told, isa):
+    arm, Q = told
+    Q = Q[:37]
+    whole = compiled(arm, Q, isa)
+    alone = np.concatenate([compiled(arm, q[None], isa) for q in Q])
+    assert whole.tobytes() == alone.tobytes()
+    assert compiled(arm, Q[::-1], isa)[::-1].tobytes() == whole.tobytes()
+
+
+def test_regular_configurations_and_more_lost_are_left_to_others():
+    arm = nominal(load("ur5")).arm
+    regular = np.array([[0.3, -1.1, 0.9, 0.4, 1.2, 0.1]])
+    twice = np.zeros((1, 6))
+    assert module._told(arm, twice)[0, 0] < 5
+    assert clear_kinds(arm, np.concatenate([regular, twice])) == [None, None]
+
+
+def test_what_does_not_fit_is_refused():
+    arm = nominal(load("ur5")).arm
+    with pytest.raises(ValueError, match="Q must have shape"):
+        kernel.second_orders(
+            batch(arm).own_chain(), np.zeros((2, 5)), rows=range(6), zero=1e-9, size=0.0
+        )
+    with pytest.raises(ValueError, match="not finite"):
+        compiled(arm, np.full((1, 6), np.nan), None)
+    with pytest.raises(ValueError, match="rows"):
+        kernel.second_orders(
+            batch(arm).own_chain(), np.zeros((1, 6)), rows=(0, 9), zero=1e-9, size=0.0
+        )
+    planar = arms.planar((1.0, 0.8))
+    with pytest.raises(ValueError, match="too many joints, or rows"):
+        kernel.second_orders(
+            batch(planar).own_chain(), np.zeros((1, 2)), rows=range(6), zero=1e-9, size=0.0
+        )
