@@ -86,7 +86,8 @@ def test_no_configuration_depends_on_its_neighbours(told, isa):
 def test_regular_configurations_and_more_lost_are_left_to_others():
     arm = nominal(load("ur5")).arm
     regular = np.array([[0.3, -1.1, 0.9, 0.4, 1.2, 0.1]])
-    twice = np.zeros((1, 6))
+    half = np.pi / 2
+    twice = np.array([[0.0, -half, 0.0, -half, 0.0, 0.0]])  # straight up
     assert module._told(arm, twice)[0, 0] < 5
     assert clear_kinds(arm, np.concatenate([regular, twice])) == [None, None]
 
