@@ -154,6 +154,29 @@ def test_a_class_may_stand_on_another():
         plain.x = 3
 
 
+@pytest.mark.parametrize("above", [dataclass, dataclasses.dataclass])
+@pytest.mark.parametrize("below", [dataclass, dataclasses.dataclass])
+def test_it_and_the_standard_one_may_stand_on_each_other(above, below):
+    @above(frozen=True)
+    class Base:
+        x: int
+
+    @below(frozen=True)
+    class Derived(Base):
+        y: int = 2
+
+    assert repr(Derived(1)).endswith("Derived(x=1, y=2)")
+    assert dataclasses.replace(Derived(1), y=3) == Derived(1, 3) != Derived(1)
+    for wrong in ("x", "y"):
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(Derived(1), wrong, 5)
+    with pytest.raises(TypeError, match="cannot inherit non-frozen dataclass from a frozen one"):
+        below(type("Thawed", (Base,), {"__annotations__": {"z": "int"}}))
+    loose = above(type("Loose", (), {"__annotations__": {"x": "int"}}))
+    with pytest.raises(TypeError, match="cannot inherit frozen dataclass from a non-frozen one"):
+        below(frozen=True)(type("Frozen", (loose,), {"__annotations__": {"z": "int"}}))
+
+
 def test_nothing_is_compiled_before_it_is_asked_for(monkeypatch):
     compiled = []
     monkeypatch.setattr(

@@ -21,6 +21,8 @@ else:
     import sys
     from reprlib import recursive_repr
 
+    _PARAMS = "__dataclass_params__"
+
     def dataclass(cls=None, /, *, frozen=False, eq=True, repr=True):
         """Make a class a dataclass; ``frozen``, ``eq`` and ``repr`` as in the standard library."""
         if cls is None:
@@ -31,7 +33,7 @@ else:
         if not cls.__doc__:  # else the standard library looks for a signature to put there
             cls.__doc__ = cls.__name__
         own = {name for name, value in vars(cls).items() if (name, value) != ("__hash__", None)}
-        dataclasses.dataclass(init=False, repr=False, eq=False)(cls)
+        _with_fields(cls, frozen)
         methods = {"__init__": _Late(cls, "__init__", _init_of_frozen if frozen else _init)}
         if repr:
             methods["__repr__"] = _repr
@@ -44,6 +46,22 @@ else:
             if name not in own:
                 setattr(cls, name, method)
         return cls
+
+    def _with_fields(cls, frozen):
+        """Have the standard library find the fields; what derives from the class is told of it."""
+        above = [vars(c)[_PARAMS] for c in cls.__mro__[1:] if _PARAMS in vars(c)]
+        were = [params.frozen for params in above]
+        if frozen and not all(were):
+            raise TypeError("cannot inherit frozen dataclass from a non-frozen one")
+        if not frozen and any(were):
+            raise TypeError("cannot inherit non-frozen dataclass from a frozen one")
+        for params in above:  # else it would write what freezes, or refuse
+            params.frozen = False
+        try:
+            dataclasses.dataclass(init=False, repr=False, eq=False)(cls)
+        finally:
+            for params in (*above, vars(cls)[_PARAMS]):
+                params.frozen = frozen
 
     class _Unset:
         def __repr__(self):  # in a signature, as the standard library has it
