@@ -122,7 +122,8 @@ def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], flo
     if equation.exact:  # so that what cancels does so
         numbers = [(_plain(c), _plain(s)) for c, s in equation.exact]
     largest = equation.size
-    table = _products(equation, rough)
+    products = _products(equation)
+    table = _gathered(products, rough)
     doubled = sorted(
         {j for p in table for j, f, k in p if j != joint and f in ("cos", "sin") and k == 2}
     )
@@ -133,7 +134,9 @@ def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], flo
         count = len(_kept(_rebased(table, dict(zip(doubled, choice, strict=True))), largest))
         if count < least:
             least, chosen = count, choice
-    table = _rebased(_products(equation, numbers), dict(zip(doubled, chosen, strict=True)))
+    if numbers is not rough:
+        table = _gathered(products, numbers)
+    table = _rebased(table, dict(zip(doubled, chosen, strict=True)))
     if not equation.exact:
         return _kept(table, largest), None
     return {p: c for p, c in table.items() if float(c)}, _factor(rough, numbers)
@@ -141,6 +144,8 @@ def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], flo
 
 def _plain(text: str) -> Number:
     """The exact number of a text, whole ones as ints: their sums and products are cheap."""
+    if text.removeprefix("-").isdecimal():
+        return int(text)
     number = exact_of(text)
     whole = isinstance(number, Fraction) and number.denominator == 1
     return number.numerator if isinstance(number, Fraction) and whole else number
@@ -163,15 +168,17 @@ def _kept(table: Mapping[Product, Number], largest: float) -> dict[Product, Numb
     return {p: c for p, c in table.items() if abs(float(c)) > _DROP * largest}
 
 
-def _products(
-    equation: Equation, numbers: Sequence[tuple[Number, Number]]
-) -> dict[Product, Number]:
-    """Cosines and sines of sums of angles multiplied out.
+_Part = tuple[Product, int, int, int]
+"""A product, the term that it comes from, whether from its cosine (0) or sine (1), and the sign."""
+
+
+def _products(equation: Equation) -> list[_Part]:
+    """Cosines and sines of sums of angles multiplied out, whatever they are times.
 
     A joint with half-angles has odd multiples of half of it; they are left as they are.
     """
-    out: dict[Product, Number] = {}
-    for t, (cosine, sine) in enumerate(numbers):
+    out: list[_Part] = []
+    for t in range(len(equation.cos)):
         frequency = [int(f) for f in equation.frequencies[t]]
         used = [j for j, f in enumerate(frequency) if f]
         lengths = tuple((j, "pow", int(p)) for j, p in enumerate(equation.powers[t]) if p)
@@ -181,15 +188,25 @@ def _products(
             sign = 1
             for c, j in zip(choice, used, strict=True):
                 sign = -sign if c == "s" and frequency[j] < 0 else sign
-            number = (cosine, sine, -cosine, -sine)[power % 4] * sign
-            if float(number) == 0:
-                continue
+            sign = -sign if power % 4 > 1 else sign
             factors = tuple(
                 (j, "cos" if c == "c" else "sin", abs(frequency[j]))
                 for c, j in zip(choice, used, strict=True)
             )
-            product = tuple(sorted((*lengths, *_whole(factors))))
-            out[product] = out[product] + number if product in out else number
+            out.append((tuple(sorted((*lengths, *_whole(factors)))), t, power % 2, sign))
+    return out
+
+
+def _gathered(
+    parts: Sequence[_Part], numbers: Sequence[tuple[Number, Number]]
+) -> dict[Product, Number]:
+    """Their sum, with the numbers of the cosine and the sine of each term."""
+    out: dict[Product, Number] = {}
+    for product, t, which, sign in parts:
+        number = numbers[t][which] * sign
+        if float(number) == 0:
+            continue
+        out[product] = out[product] + number if product in out else number
     return out
 
 

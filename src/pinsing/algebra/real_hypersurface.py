@@ -32,7 +32,12 @@ def changes_sign(poly: Poly, ring: Ring) -> bool:
 
     One of odd degree in some revolute joint does: a whole turn changes its sign.
     """
-    if any(_degree(poly, j, ring) % 2 for j in ring.joints_of(poly) if not ring.prismatic[j]):
+    lead = poly.monomial(0)  # it is homogeneous in both variables of a joint
+    if any(
+        (lead[s] + lead[s + 1]) % 2
+        for s, slides in zip(ring.start, ring.prismatic, strict=True)
+        if not slides
+    ):
         return True
     rng = np.random.default_rng(_SEED)
     seen = set()

@@ -8,7 +8,7 @@ from fractions import Fraction
 from flint import acb, arb, ctx, fmpz_poly
 
 from pinsing.algebra.ring import Poly, Ring
-from pinsing.geometry.surd import SQUARES, Exact, parts_of, surd
+from pinsing.geometry.surd import SQUARES, Exact, Surd, parts_of, surd
 
 _BITS = (400, 1_600, 6_400)
 _SIGNS = ((1, 1), (-1, 1), (1, -1), (-1, -1))
@@ -25,10 +25,12 @@ def real_roots(poly: Poly, variable: int, ring: Ring) -> list[float]:
     terms: dict[int, Exact] = {int(m[variable]): c for m, c in ring.terms(poly).items()}
     degree = max(terms)
     own = [terms.get(i, Fraction(0)) for i in range(degree + 1)]
-    images = {tuple(_conjugate(c, signs) for c in own) for signs in _SIGNS}
-    norm: list[Exact] = [Fraction(1)]
-    for row in images:
-        norm = _product(norm, row)
+    images, norm = {tuple(own)}, own
+    if any(isinstance(c, Surd) for c in own):
+        images = {tuple(_conjugate(c, signs) for c in own) for signs in _SIGNS}
+        norm = [Fraction(1)]
+        for row in images:
+            norm = _product(norm, row)
     plain = [parts_of(c)[0] for c in norm]  # the square roots cancel
     scale = math.lcm(*(c.denominator for c in plain))
     own_degree = max(i for i, c in enumerate(own) if c != 0)

@@ -110,7 +110,9 @@ class PieceMaker:
         fixed = [self._value(j, v) for j, v in component.values.items()]
         products = self.products
         solved, others = ([], list(component.relations)) if products else self._solvable(component)
-        real = None if products or solved or len(others) != 1 else self._real_part(others[0])
+        alone = len(others) == 1 and not solved
+        sure = alone and changes_sign(others[0], self.ring)
+        real = None if products or not alone or sure else self._real_part(others[0])
         if real is not None:  # smaller than the set of complex zeros
             combinations = real
             minimal: list[Equation] = []
@@ -127,7 +129,6 @@ class PieceMaker:
         alive = [b for b in branches if not self._empty(b)]
         if not alive:
             return []
-        sure = len(others) == 1 and not solved and changes_sign(others[0], self.ring)
         known = [b for b in alive if sure or self._has_point(b)]
         unknown = [b for b in alive if b not in known]
         proof = "algebra" if component.proven else "generic points"
@@ -235,8 +236,11 @@ class PieceMaker:
         return JointValue(joint, wrap(angle), value.rational, value.minimal)
 
     def _real_part(self, poly: Poly) -> list[list[JointValue]] | None:
-        """All real zeros of a polynomial, where these are less than a hypersurface; else None."""
-        if len(self.ring.joints_of(poly)) < 2 or changes_sign(poly, self.ring):
+        """All real zeros of a polynomial, where these are less than a hypersurface; else None.
+
+        Of one that is not known to take both signs.
+        """
+        if len(self.ring.joints_of(poly)) < 2:
             return None
         try:
             found = isolated_zeros(poly, self.ring, self.time)
