@@ -155,7 +155,7 @@ class Equation(Memory):
             return ""
         numbers = [(exact_of(c), exact_of(s)) for c, s in self.exact]
         pieces = []
-        for t in sorted(range(len(self.cos)), key=self._reading_order):
+        for t in self._reading_order:
             for value, body in self._bodies(t, style):
                 number = numbers[t][value]
                 if float(number):
@@ -178,7 +178,7 @@ class Equation(Memory):
     def _pieces(self, style: Style) -> list[tuple[float, str]]:
         """Signed coefficients and what they multiply, a good order for reading."""
         pieces = []
-        for t in sorted(range(len(self.cos)), key=self._reading_order):
+        for t in self._reading_order:
             for value, body in self._bodies(t, style):
                 coefficient = float((self.cos, self.sin)[value][t])
                 if t in self._constants or abs(coefficient) > _NOTHING * self.size:
@@ -187,13 +187,13 @@ class Equation(Memory):
 
     def leading(self) -> float:
         """The coefficient that is read first."""
-        for t in sorted(range(len(self.cos)), key=self._reading_order):
+        for t in self._reading_order:
             for coefficient in (float(self.cos[t]), float(self.sin[t])):
                 if t in self._constants or abs(coefficient) > _NOTHING * self.size:
                     return coefficient
         return 0.0
 
-    @property
+    @cached_property
     def _constants(self) -> frozenset[int]:
         """Terms without any angle."""
         return frozenset(np.flatnonzero(~self.frequencies.any(axis=1)).tolist())
@@ -213,10 +213,14 @@ class Equation(Memory):
             bodies.append((value, f"{power} {body}".strip()))
         return bodies
 
-    def _reading_order(self, t: int) -> tuple[int, int, tuple[int, ...]]:
-        used = np.flatnonzero(self.frequencies[t])
-        first = tuple(int(x) for x in -np.abs(self.frequencies[t]))
-        return (int(len(used) == 0), len(used), first)
+    @cached_property
+    def _reading_order(self) -> tuple[int, ...]:
+        """Its terms: those of few joints first, the constant last."""
+        keys = []
+        for t, frequency in enumerate(self.frequencies.tolist()):
+            used = sum(1 for f in frequency if f)
+            keys.append((used == 0, used, [-abs(f) for f in frequency], t))
+        return tuple(key[-1] for key in sorted(keys))
 
     def _angle(self, frequency: Array, style: Style, shift: bool = True) -> str:
         """``q2``, ``(q2+q3)``, ``(2 q4 - q5 + 12 deg)``, or nothing for the constant term."""

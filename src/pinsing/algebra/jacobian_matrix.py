@@ -53,17 +53,28 @@ class _Chain:
         self.ring, self.geometry = ring, geometry
         self.n = len(geometry.prismatic)
         self.drives, _ = drives(geometry)
+        self._known: dict[tuple[str, int], RigidMotion] = {}
 
     def placed(self, i: int) -> RigidMotion:
-        """Constant placement C_i."""
+        """Constant placement C_i, made once."""
+        if ("placed", i) not in self._known:
+            self._known["placed", i] = self._placed(i)
+        return self._known["placed", i]
+
+    def moved(self, j: int) -> RigidMotion:
+        """Motion M_j of joint j of the chain, made once."""
+        if ("moved", j) not in self._known:
+            self._known["moved", j] = self._moved(j)
+        return self._known["moved", j]
+
+    def _placed(self, i: int) -> RigidMotion:
         number = self.ring.number
         R = [[number(x) for x in row] for row in self.geometry.rotation[i]]
         lengths: Sequence[Any] = self.geometry.translation[i]  # or polynomials, of symbols
         known = [number(x) if isinstance(x, Fraction) else x for x in lengths]
         return RigidMotion(R, known, self.ring.one)
 
-    def moved(self, j: int) -> RigidMotion:
-        """Motion M_j of joint j of the chain."""
+    def _moved(self, j: int) -> RigidMotion:
         one, zero = self.ring.one, self.ring.zero
         gens, number = self.ring.context.gens(), self.ring.number
         drive = self.drives[j]
