@@ -6,6 +6,7 @@ takes half the room so, and shows which factors its terms share. Numbers are flo
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -333,29 +334,15 @@ def _written(table: Mapping[Product, Number], writer: _Writer) -> str:
 def _nested(terms: Mapping[tuple[tuple[int, str, int], ...], Number], writer: _Writer) -> str:
     """A sum with the factor that most terms share before a bracket, and so on within."""
     pieces: list[tuple[bool, str]] = []
-    left = dict(terms)
-    while left:
-        counts: dict[tuple[int, str, int], int] = {}
-        for atoms in left:
-            for atom in set(atoms):
-                counts[atom] = counts.get(atom, 0) + 1
-        shared = [a for a, count in counts.items() if count > 1]
-        if not shared:
-            break
-        atom = max(shared, key=lambda a: (counts[a], -a[0], a[1]))
-        inner = {_without(atoms, atom): c for atoms, c in left.items() if atom in atoms}
-        pull = [atom]
-        while common := set.intersection(*(set(atoms) for atoms in inner)):
-            more = min(common)
-            pull.append(more)
-            inner = {_without(atoms, more): c for atoms, c in inner.items()}
-        left = {atoms: c for atoms, c in left.items() if atom not in atoms}
-        first = next(iter(inner.values()))
-        negative = _is_negative(first)
+    brackets, alone = _brackets(tuple(terms))
+    for pull, within in brackets:
+        inner = {rest: terms[atoms] for atoms, rest in within}
+        negative = _is_negative(next(iter(inner.values())))
         if negative:
             inner = {atoms: -c for atoms, c in inner.items()}
-        pieces.append((negative, f"{writer.factors(sorted(pull))} ({_nested(inner, writer)})"))
-    for atoms, number in left.items():
+        pieces.append((negative, f"{writer.factors(pull)} ({_nested(inner, writer)})"))
+    for atoms in alone:
+        number = terms[atoms]
         size, factors = writer.number(number), writer.factors(atoms)
         shown = factors if size == "1" and factors else f"{size} {factors}".strip()
         pieces.append((_is_negative(number), shown))
@@ -364,6 +351,39 @@ def _nested(terms: Mapping[tuple[tuple[int, str, int], ...], Number], writer: _W
         out += ("-" if negative else "") if not out else (" - " if negative else " + ")
         out += piece
     return out
+
+
+_Atoms = tuple[tuple[int, str, int], ...]
+
+
+@functools.lru_cache(maxsize=512)
+def _brackets(
+    products: tuple[_Atoms, ...],
+) -> tuple[list[tuple[_Atoms, list[tuple[_Atoms, _Atoms]]]], list[_Atoms]]:
+    """What is put before brackets, with each product within and what is left of it; the others.
+
+    Found once for text and LaTeX, and for exact numbers as for floats.
+    """
+    found = []
+    left = list(products)
+    while left:
+        counts: dict[tuple[int, str, int], int] = {}
+        for atoms in left:
+            for atom in dict.fromkeys(atoms):
+                counts[atom] = counts.get(atom, 0) + 1
+        shared = [a for a, count in counts.items() if count > 1]
+        if not shared:
+            break
+        atom = max(shared, key=lambda a: (counts[a], -a[0], a[1], a[2]))
+        inner = [(atoms, _without(atoms, atom)) for atoms in left if atom in atoms]
+        pull = [atom]
+        while common := set.intersection(*(set(rest) for _, rest in inner)):
+            more = min(common)
+            pull.append(more)
+            inner = [(atoms, _without(rest, more)) for atoms, rest in inner]
+        left = [atoms for atoms in left if atom not in atoms]
+        found.append((tuple(sorted(pull)), inner))
+    return found, left
 
 
 def _is_negative(number: Number) -> bool:
