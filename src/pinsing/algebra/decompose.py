@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.apart import Apart
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents
@@ -34,16 +35,43 @@ def _unpacked(packed: PackedComponent, ring: Ring) -> Component:
     return Component(values, tuple(ring.unpacked(r) for r in relations), proven, codimension)
 
 
+@dataclass(frozen=True)
+class Within:
+    """Joint values inside which alone is searched.
+
+    Attributes
+    ----------
+    values : mapping of joint to Value
+        Of these joints; the matrix is the one there.
+    limit : int
+        Largest codimension of what is looked for; the joints at values count.
+    known : sequence of Component
+        What was found before: nothing that lies in one of these is looked into.
+    """
+
+    values: Mapping[int, Value]
+    limit: int
+    known: Sequence[Component]
+
+
 class Decomposition:
     """Runs the search and collects components, and what stopped it where it did not finish."""
 
     def __init__(
-        self, matrix: Matrix | Callable[[], Matrix], rank: int, ring: Ring, time: Budget
+        self,
+        matrix: Matrix | Callable[[], Matrix],
+        rank: int,
+        ring: Ring,
+        time: Budget,
+        within: Within | None = None,
     ) -> None:
         self.ring = ring
         self.time = time
+        self._within = within
         self._apart = Apart(time, time.left + _TO_ASK * time.seconds)
         self._found = FoundComponents(ring, self._tell)
+        for c in () if within is None else within.known:
+            self._found.add(c.values, c.relations, c.proven, c.codimension)
         self._search = Search(ring, time, self._found)
         self.gaps = self._search.gaps
         self.stopped = False
@@ -64,9 +92,13 @@ class Decomposition:
             # That it is the generic rank is confirmed below.
             rows, reduced = reduce_matrix(given, rank, self.ring, self.time, generic=True)
             self.bound = bound(rows, reduced) if reduced > 0 and rows else 1
-            everywhere = SearchPlace({}, rows, reduced, self.bound, reduced=True)
-            search.confirm(everywhere, rank)
-            search.run(everywhere)
+            inside = self._within
+            if inside is None:
+                everywhere = SearchPlace({}, rows, reduced, self.bound, reduced=True)
+                search.confirm(everywhere, rank)
+                search.run(everywhere)
+            else:
+                search.run(SearchPlace(inside.values, rows, reduced, inside.limit, reduced=True))
         except BudgetExceeded as reason:
             self.stopped = True
             self.gaps.append(

@@ -8,7 +8,7 @@ regular ones must not.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -68,6 +68,17 @@ class RandomSteps:
     primes: tuple[int, ...]
     seeds: tuple[int, ...]
     gaps: tuple[str, ...] = ()
+
+
+def together(steps: Iterable[RandomSteps]) -> RandomSteps:
+    """The random steps of several searches as one."""
+    some = [s for s in steps if s.systems]
+    return RandomSteps(
+        sum(s.systems for s in some),
+        tuple(dict.fromkeys(p for s in some for p in s.primes)),
+        tuple(dict.fromkeys(seed for s in some for seed in s.seeds)),
+        tuple(dict.fromkeys(g for s in some for g in s.gaps)),
+    )
 
 
 def ask_again(

@@ -66,10 +66,11 @@ def proof_text(forms: Answer, page: Page = PLAIN) -> str:
         return page.paragraph(
             good("proven"), f": certificate of {size}, checked in {took}", first="  "
         )
+    counted = f"; it rests on a count: {forms.slice_count.sentence()}" if forms.slice_count else ""
     if proof is None:
-        return page.paragraph("probable: no certificate was looked for", first="  ")
+        return page.paragraph(f"probable: no certificate was looked for{counted}", first="  ")
     return page.paragraph(
-        f"probable: nothing is known to be missing, but {_random_steps(forms)}; "
+        f"probable: nothing is known to be missing, but {_random_steps(forms)}{counted}; "
         f"no certificate: {proof.reason}",
         first="  ",
     )

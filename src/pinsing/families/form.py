@@ -71,8 +71,9 @@ class ClosedForm(JsonResult):
     proof : Proof or None
         What became of the search for a certificate; None where there was none.
     slice_count : SliceCount or None
-        Of a long chain that is not complete: singular configurations on random slices over a
-        small finite field, and how many of them lie on the families. Evidence, no proof.
+        Of a long chain: singular configurations on random slices over small finite fields, and
+        how many of them lie on the families. Evidence, no proof; where all slices were gone through
+        often enough, the word "probable" rests on it.
 
     Examples
     --------

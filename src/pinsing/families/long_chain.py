@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
+import math
 import random
 from collections.abc import Mapping, Sequence
 
@@ -47,6 +48,8 @@ _CIRCUITS = 20_000
 """Choices of joints among which groups that depend on each other everywhere are looked for."""
 _ROUNDS = 2
 """Times that regular parts are told apart by some equations more."""
+_COMBINED = 16
+"""Combinations of factors of these that are judged one by one."""
 _LONG, _LONGEST = 200, 400
 """Terms of equations to which others are added that tell regular parts apart, and of these."""
 
@@ -206,7 +209,9 @@ class LongChain:
                 self._push({**place, joint: value})
         if only:
             return
-        for some in itertools.product(*others):
+        # The largest set first: on it as many joints as can be take part in each equation.
+        ordered = [sorted(o, key=lambda f: -len(self.ring.joints_of(f))) for o in others]
+        for some in itertools.product(*ordered):
             relations = tuple(sorted({str(f): f for f in some}.values(), key=len))
             self._judge(place, relations)
 
@@ -245,11 +250,27 @@ class LongChain:
             # Parts of one size, which some minors more tell apart, unless these are long.
             told = self._telling(place, every, regular) if rounds < _ROUNDS else ()
             if told:
-                self._judge(place, relations, (*more, *told), rounds + 1)
+                self._tell_apart(place, relations, more, told, rounds)
                 return
             self.progress.mixed += 1
         if len(singular):
             self._add(place, every, codimension, singular)
+
+    def _tell_apart(
+        self, place: Places, relations: Relations, more: Relations, told: Relations, rounds: int
+    ) -> None:
+        """Judge the part of some equations on which others are zero too, factor by factor."""
+        factors = [self._factors(t) for t in told]
+        if math.prod(map(len, factors)) > _COMBINED:
+            self._judge(place, relations, (*more, *told), rounds + 1)
+            return
+        for some in itertools.product(*factors):
+            fixed = next((v for f in some if (v := self.ring.joint_value(f))), None)
+            if fixed is not None:
+                self._push({**place, fixed[0]: fixed[1]})
+                continue
+            also = {str(f): f for f in some}
+            self._judge(place, relations, (*more, *also.values()), rounds + 1)
 
     def _telling(self, place: Places, relations: Relations, regular: Array) -> Relations:
         """Minors that are zero where all are, and not at regular points; none if these are long."""

@@ -13,11 +13,13 @@ from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Ring
-from pinsing.algebra.second_prime import RandomSteps
+from pinsing.algebra.second_prime import RandomSteps, together
 from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.led_search import led
 from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.planar_chain import planar_chain, turn_alike
+from pinsing.families.slice_count import SliceCount
 from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.geometry.surd import Surd
 from pinsing.kinematics.verdict import ratios
@@ -27,11 +29,15 @@ MAX_JOINTS = 12
 """Beyond it all minors need more memory than there is before they can be stopped."""
 _SEED = 20
 _MANY = 9
-"""Joints from which on all minors have half of the time, and near ones the rest."""
+"""Joints from which on all minors have a part of the time, and near ones and slices the rest."""
 _LINKS = 6
 """Joints from which on a planar chain is not searched: each condition would double its branches."""
-_NEAR = 0.7
-"""Share of the time that is left for near ones: families of many joints take long to describe."""
+_BRIEF = 0.1
+"""Share of the time that all minors of many joints have first: where they end, nothing is open."""
+_NEAR = 0.4
+"""Share of the time that is left for near ones."""
+_LED = 0.7
+"""Share of the time that is then left for slices: families of many joints take long to describe."""
 _CONFIRMED = 1e-6
 """sigma_r / sigma_1 of what is singular among the points of equations."""
 
@@ -54,6 +60,8 @@ class Searched:
         For points and equations of them.
     steps : RandomSteps or None
         What rests on random points.
+    count : SliceCount or None
+        Of many joints: singular points on random slices, held against the components.
     """
 
     geometry: Nominal
@@ -62,6 +70,7 @@ class Searched:
     gaps: list[str]
     maker: PieceMaker
     steps: RandomSteps | None
+    count: SliceCount | None = None
 
 
 @dataclass(frozen=True)
@@ -100,7 +109,7 @@ def searched(
     near = arm.n >= _MANY and arm.coupling is None
     found: Decomposition | None = None
     if every:
-        share = 0.5 if near else 1.0
+        share = _BRIEF if near else 1.0
         ring, found = _all_minors(geometry, arm, rank, share * limits.seconds)
         if found.stopped and not ring.rational:
             # Square roots were too much: with rational twists close by, and that is stated.
@@ -115,18 +124,21 @@ def searched(
             constants(geometry, arm.task),
             Budget(limits.seconds),
         )
-    left = limits.seconds - (time.monotonic() - started)
-    rest = Budget(max(_NEAR * left, 0.1 * limits.seconds))
-    maker = PieceMaker(geometry, ring, rank, symbols, _SEED, rest, limits.angle_tol)
-    if found is not None and not (near and found.gaps):
-        return Searched(
-            geometry, ring, found.components, list(dict.fromkeys(found.gaps)), maker, found.second
-        )
+
+    def rest(share: float) -> Budget:
+        left = limits.seconds - (time.monotonic() - started)
+        return Budget(max(share * left, 0.1 * limits.seconds))
+
+    many = found is None or (near and bool(found.gaps))
+    short = rest(_NEAR if many else 1.0)
+    maker = PieceMaker(geometry, ring, rank, symbols, _SEED, short, limits.angle_tol)
     components = [] if found is None else list(found.components)
     gaps = [] if found is None else list(dict.fromkeys(found.gaps))
     steps = RandomSteps(0, (), ()) if found is None else found.second
+    if not many:
+        return Searched(geometry, ring, components, gaps, maker, steps)
     try:
-        chain = LongChain(geometry, arm.task, rank, ring, maker, rest)
+        chain = LongChain(geometry, arm.task, rank, ring, maker, short)
     except BudgetExceeded as reason:
         return Searched(geometry, ring, components, [*gaps, str(reason)], maker, steps)
     test = FoundComponents(ring, lambda c: None)
@@ -134,12 +146,18 @@ def searched(
         if not any(test.inside(c, k) for k in components):
             components = [k for k in components if not test.inside(k, c)] + [c]
     gaps += chain.progress.gaps(arm.n)
+    count: SliceCount | None = None
+    if every and arm.task.name == "pose" and rank == len(arm.task.rows) and ring.rational:
+        slices = led(geometry, arm.task, ring, components, arm.n - rank + 1, rest(_LED))
+        components, count = slices.components, slices.count
+        gaps = [] if slices.enough else gaps
+        steps = together([steps, *slices.steps] if gaps else slices.steps)
 
     def singular(points: Array) -> Bool:
         return ratios(geometry.arm, points) <= _CONFIRMED
 
     maker.confirm = singular
-    return Searched(geometry, ring, components, gaps, maker, steps)
+    return Searched(geometry, ring, components, gaps, maker, steps, count)
 
 
 def _in_line(

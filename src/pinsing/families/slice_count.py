@@ -1,48 +1,41 @@
-"""Singular configurations of a long chain on random slices over a small finite field, counted.
+"""Singular configurations on random slices, over small finite fields, counted against the families.
 
-Where it is not shown that families are all there is, this is evidence. All joints but a few stand
-at random values, and of the few every value that there is in the field is tried: of 23 elements,
-with 24 angles on a circle, four joints have 331,776 configurations. Each singular one must lie on
-a family.
-
-They are not tried one by one. The joints on the near side of the middle one fix the wrenches that
-do no work at any of their axes; those on its far side must leave one of these over. So both sides
-are gone through once, and each pair is a product of small matrices. (A set of codimension k has
-about one point on a slice of k joints, for some choice of k joints: none may be met by chance, or
-because its parts have no point over the field, so that a count is no proof.)
+All joints but a few are put at random values of a field, and the few at all of its values: a
+slice. Each singular configuration on it must lie on a family. A family of codimension k has about
+one point on a slice of k joints, for some choice of k joints: so many slices are gone through, over
+several fields, and how seldom a family that is known was met says how likely one was missed.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
 import random
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
+from dataclasses import field
 
 import numpy as np
 import numpy.typing as npt
-from flint import nmod_mat
 
 from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
-from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.ring import Ring
+from pinsing.families.modular_chain import Ints, ModularChain, ModularSet
 from pinsing.geometry.nominal import Nominal
-from pinsing.geometry.residue import residue
 
-FIELDS = (23, 47)
-"""Modulo these -1 is no square, so that x^2 + y^2 is zero at no point. The second is asked where
-the first contradicts: it may divide what must not vanish, such as a sum of lengths."""
+FIELDS = (7, 11, 13, 17, 19, 23, 31)
+"""One of them may divide what must not vanish, such as a sum of lengths: what it alone contradicts
+may be its own doing. Families whose joint values are roots have points over some of them only."""
+ASKED = 23, 47
+"""Where slices are gone through once: the second where the first contradicts."""
 SEED = 31
 MOST_JOINTS = 4
-"""Joints of a slice: one more is 24 times the work."""
-_CHECKED = 4_000
-"""Singular points of one slice that are held against the families."""
-_CHUNK = 4_000_000
-"""Numbers in one product of matrices."""
+"""Joints of a slice of a chain of which no more is asked: one more is some 20 times the work."""
+_MANY_POINTS, _MOST_POINTS = 350_000, 3_500_000
+"""Of one slice: beyond the first number it is gone through only where few fields are as small."""
+_FEW_FIELDS = 3
 
-Ints = npt.NDArray[np.int64]
+Bools = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -61,6 +54,11 @@ class SliceCount:
         Those that lie on none: something is missing unless it is 0.
     prime, seed : int
         The field, and what the slices were drawn from.
+    primes : tuple of int
+        All fields, where there are several.
+    known, met : int
+        How many components the families have, and how many of them were met on some slice: the
+        others have no points over these fields, or were missed as one that is not known may be.
     """
 
     joints: int
@@ -70,6 +68,9 @@ class SliceCount:
     off: int
     prime: int
     seed: int
+    primes: tuple[int, ...] = field(default=(), metadata={"optional": True})
+    known: int = field(default=0, metadata={"optional": True})
+    met: int = field(default=0, metadata={"optional": True})
 
     def evidence(self) -> str:
         """The same, said to be no proof."""
@@ -80,14 +81,140 @@ class SliceCount:
         slices = "one random slice" if self.slices == 1 else f"{self.slices} random slices"
         where = (
             f"on {slices} of {self.joints} joints ({self.choices} choices of joints) over the "
-            f"field of {self.prime} elements (seed {self.seed})"
+            f"{self._fields()} elements (seed {self.seed})"
         )
         if not self.points:
             return f"no singular point was met {where}"
         if self.off:
             lie = "lies" if self.off == 1 else "lie"
             return f"{self.off} of {self.points:,} singular points {where} {lie} on no family"
-        return f"all {self.points:,} singular points {where} lie on the families"
+        said = f"all {self.points:,} singular points {where} lie on the families"
+        if self.known:
+            said += f", {self.met} of whose {self.known} components were met"
+        return said
+
+    def _fields(self) -> str:
+        if len(self.primes) < 2:
+            return f"field of {self.prime}"
+        *first, last = self.primes
+        return f"fields of {', '.join(map(str, first))} and {last}"
+
+
+@dataclass(frozen=True, eq=False)
+class Slice:
+    """Singular points of one slice.
+
+    Attributes
+    ----------
+    prime : int
+        The field.
+    chosen : tuple of int
+        Joints that vary.
+    x, y : (n, N) arrays
+        The points, in half-angle coordinates; of a slider its length and 0.
+    """
+
+    prime: int
+    chosen: tuple[int, ...]
+    x: Ints
+    y: Ints
+
+    def at(self, points: Bools) -> Slice:
+        """Some of the points."""
+        return Slice(self.prime, self.chosen, self.x[:, points], self.y[:, points])
+
+
+class Slices:
+    """Random slices of a chain (six rows, rank 6), each of whose joints moves on its own.
+
+    Parameters
+    ----------
+    geometry : Nominal
+        The chain, of six joints or more.
+    ring : Ring
+        Of components' polynomials.
+    joints : int
+        How many vary on each slice.
+    """
+
+    def __init__(self, geometry: Nominal, ring: Ring, joints: int) -> None:
+        self.geometry, self.ring = geometry, ring
+        n = len(geometry.prismatic)
+        inner = range(1, n - 1)  # the first and the last joint move all axes, or none
+        self.joints = min(joints, len(inner))
+        self._draw = random.Random(SEED)
+        self.choices = list(itertools.combinations(inner, self.joints))
+        self._draw.shuffle(self.choices)
+        self._chains: dict[int, ModularChain] = {}
+        self._sets: dict[tuple[int, int], tuple[Component, ModularSet]] = {}
+
+    @property
+    def fields(self) -> tuple[int, ...]:
+        """Those over which a slice is not too large."""
+        within = [
+            tuple(p for p in FIELDS if (p + 1) ** self.joints <= most)
+            for most in (_MANY_POINTS, _MOST_POINTS)
+        ]
+        return within[0] if len(within[0]) >= _FEW_FIELDS else within[1]
+
+    def turn(self, prime: int, time: Budget) -> list[Slice]:
+        """One slice for each choice of joints, as many as there is time for.
+
+        Raises
+        ------
+        ValueError
+            If the prime divides a denominator of the chain.
+        """
+        if prime not in self._chains:
+            self._chains[prime] = ModularChain(self.geometry, prime)
+        out = []
+        for chosen in self.choices:
+            if time.over:
+                break
+            out.append(Slice(prime, chosen, *self._chains[prime].singular(chosen, self._draw)))
+        return out
+
+    def off(self, on: Slice, components: Sequence[Component]) -> Bools:
+        """Which points of a slice lie on none of some components."""
+        off = np.ones(on.x.shape[1], dtype=bool)
+        for c in components:
+            left = np.flatnonzero(off)
+            if not len(left):
+                break
+            off[left] = ~self._modular(c, on.prime).holds(on.x[:, left], on.y[:, left])
+        return off
+
+    def count(self, slices: Sequence[Slice], components: Sequence[Component]) -> SliceCount:
+        """Hold the points of slices against components."""
+        points = off = 0
+        met = [False] * len(components)
+        for one in slices:
+            left = np.ones(one.x.shape[1], dtype=bool)
+            for i, c in enumerate(components):
+                holds = self._modular(c, one.prime).holds(one.x, one.y)
+                met[i] |= bool(holds.any())
+                left &= ~holds
+            points += one.x.shape[1]
+            off += int(left.sum())
+        primes = tuple(dict.fromkeys(one.prime for one in slices))
+        return SliceCount(
+            self.joints,
+            len(slices),
+            len(self.choices),
+            points,
+            off,
+            primes[0] if primes else FIELDS[0],
+            SEED,
+            primes if len(primes) > 1 else (),
+            len(components),
+            sum(met),
+        )
+
+    def _modular(self, component: Component, prime: int) -> ModularSet:
+        key = (id(component), prime)  # the component is kept, so that its id stays its own
+        if key not in self._sets:
+            self._sets[key] = component, ModularSet(component, self.ring, prime)
+        return self._sets[key][1]
 
 
 def count_on_slices(
@@ -117,9 +244,10 @@ def count_on_slices(
     if not ring.rational:
         return None
     counted: list[SliceCount] = []
-    for prime in FIELDS:
+    for prime in ASKED:
+        slices = Slices(geometry, ring, min(most, MOST_JOINTS))
         try:
-            again = _counted(geometry, ring, components, most, time, prime)
+            again = slices.count(slices.turn(prime, time), components)
         except ValueError:  # a denominator that the prime divides
             continue
         if again.slices:
@@ -127,241 +255,4 @@ def count_on_slices(
         if not again.off:
             return counted[-1] if counted and not counted[-1].off else None
     # What one field alone contradicts may be its own doing: then nothing is said.
-    return counted[-1] if len(counted) == len(FIELDS) else None
-
-
-def _counted(
-    geometry: Nominal,
-    ring: Ring,
-    components: Sequence[Component],
-    most: int,
-    time: Budget,
-    prime: int,
-) -> SliceCount:
-    n = len(geometry.prismatic)
-    inner = range(1, n - 1)  # the first and the last joint move all axes, or none
-    size = min(most, MOST_JOINTS, len(inner))
-    choices = list(itertools.combinations(inner, size))
-    draw = random.Random(SEED)
-    draw.shuffle(choices)
-    chain = _ModularChain(geometry, prime)
-    stated = [_ModularSet(c, ring, prime) for c in components]
-    slices = points = off = 0
-    for chosen in choices:
-        if time.over:
-            break
-        x, y = chain.singular(chosen, draw)
-        slices += 1
-        points += x.shape[1]
-        on = np.zeros(x.shape[1], dtype=bool)
-        for c in stated:
-            left = np.flatnonzero(~on)
-            if not len(left):
-                break
-            on[left] = c.holds(x[:, left], y[:, left])
-        off += int((~on).sum())
-    return SliceCount(size, slices, len(choices), points, off, prime, SEED)
-
-
-class _ModularChain:
-    """A chain modulo a prime."""
-
-    def __init__(self, geometry: Nominal, prime: int) -> None:
-        self.p, self.slides = prime, geometry.prismatic
-        self.n = len(geometry.prismatic)
-        self.turn = [
-            np.array([[residue(v, prime) for v in row] for row in R]) for R in geometry.rotation
-        ]
-        self.shift = [np.array([residue(v, prime) for v in t]) for t in geometry.translation]
-
-    def singular(self, chosen: Sequence[int], draw: random.Random) -> tuple[Ints, Ints]:
-        """Singular points (x, y), each (n, N), all but some joints at values drawn at random.
-
-        A sample of them where there are very many.
-        """
-        half = len(chosen) // 2
-        middle = chosen[half]
-        values = [self._every(j) for j in range(self.n)]
-        at: list[tuple[Ints, Ints]] = []
-        for j in range(self.n):
-            pick = draw.randrange(len(values[j][0]))
-            at.append((values[j][0][pick : pick + 1], values[j][1][pick : pick + 1]))
-        near, far = list(at), list(at)
-        for some, side in ((chosen[:half], near), (chosen[half:], far)):
-            grid = np.meshgrid(*(np.arange(len(values[j][0])) for j in some), indexing="ij")
-            for j, index in zip(some, grid, strict=True):
-                side[j] = values[j][0][index.ravel()], values[j][1][index.ravel()]
-        pairs = self._pairs(self._near(middle, near), self._far(middle, far))
-        if len(pairs) > _CHECKED:
-            pairs = pairs[sorted(draw.sample(range(len(pairs)), _CHECKED))]
-        x, y = (np.zeros((self.n, len(pairs)), dtype=np.int64) for _ in range(2))
-        for j in range(self.n):
-            side, index = (near, pairs[:, 0]) if j in chosen[:half] else (far, pairs[:, 1])
-            for out, v in zip((x, y), side[j], strict=True):
-                out[j] = v[index] if len(v) > 1 else v[0]
-        return x, y
-
-    def _every(self, j: int) -> tuple[Ints, Ints]:
-        """All values of a joint: half-angle coordinates (x, y), or lengths x."""
-        t = np.arange(self.p, dtype=np.int64)
-        if self.slides[j]:
-            return t, np.zeros_like(t)
-        return np.append(np.ones_like(t), 0), np.append(t, 1)
-
-    def _motion(self, j: int, at: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
-        """Rotations (N, 3, 3) and shifts (N, 3) of a joint."""
-        x, y = at
-        R = np.zeros((len(x), 3, 3), dtype=np.int64)
-        t = np.zeros((len(x), 3), dtype=np.int64)
-        R[:, 2, 2] = 1
-        if self.slides[j]:
-            R[:, 0, 0] = R[:, 1, 1] = 1
-            t[:, 2] = x
-            return R, t
-        over = np.array([pow(int(v), -1, self.p) for v in (x * x + y * y) % self.p])
-        c, s = (x * x - y * y) * over % self.p, 2 * x * y * over % self.p
-        R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1] = c, -s, s, c
-        return R % self.p, t
-
-    def _screw(self, j: int, w: Ints, o: Ints) -> Ints:
-        """Screws (N, 6) of joint j, its axis along w (N, 3) through o (N, 3)."""
-        if self.slides[j]:
-            return np.concatenate([w, np.zeros_like(w)], axis=1)
-        return np.concatenate([np.cross(o, w), w], axis=1) % self.p
-
-    def _near(self, middle: int, at: Sequence[tuple[Ints, Ints]]) -> Ints:
-        """Screws (N, k, 6) of the joints up to the middle one, in its frame before it moves."""
-        p = self.p
-        R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
-        screws = [self._screw(middle, R[:, 2], o)]
-        for j in range(middle - 1, -1, -1):
-            # The middle frame, seen from joint j's.
-            R, o = self.turn[j + 1] @ R % p, (o @ self.turn[j + 1].T + self.shift[j + 1]) % p
-            M, t = self._motion(j, at[j])
-            R, o = M @ R % p, ((M @ o[:, :, None])[:, :, 0] + t) % p
-            # Joint j's axis, seen from the middle frame: R^T z through -R^T o.
-            screws.append(self._screw(j, R[:, 2], -np.einsum("nij,ni->nj", R, o) % p))
-        return _stacked(screws)
-
-    def _far(self, middle: int, at: Sequence[tuple[Ints, Ints]]) -> Ints:
-        """Screws (N, k, 6) of the joints behind the middle one, in its frame before it moves."""
-        p = self.p
-        R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
-        screws = []
-        for j in range(middle + 1, self.n):
-            M, t = self._motion(j - 1, at[j - 1])
-            o = ((R @ t[:, :, None])[:, :, 0] + o) % p
-            R = R @ M % p
-            o = (R @ self.shift[j] + o) % p
-            R = R @ self.turn[j] % p
-            screws.append(self._screw(j, R[:, :, 2], o))
-        return _stacked(screws)
-
-    def _pairs(self, near: Ints, far: Ints) -> npt.NDArray[np.intp]:
-        """Indices (k, 2) of the two sides where all screws together have no rank 6."""
-        p = self.p
-        wrenches: dict[int, tuple[list[int], list[Any]]] = {}
-        for i, screws in enumerate(near.tolist()):
-            flat = [v for s in screws for v in s]
-            free, count = nmod_mat(len(screws), 6, flat, p).nullspace()
-            if count:
-                rows = [[int(free[r, c]) for r in range(6)] for c in range(int(count))]
-                index, found = wrenches.setdefault(int(count), ([], []))
-                index.append(i)
-                found.append(rows)
-        columns = far.reshape(-1, 6).T.astype(float)  # sums of six products are exact
-        k = far.shape[1]
-        out = []
-        for count, (index, found) in wrenches.items():
-            step = max(1, _CHUNK // (count * columns.shape[1]))
-            for first in range(0, len(index), step):
-                some = np.array(found[first : first + step], dtype=float)
-                work = (some.reshape(-1, 6) @ columns).astype(np.int64) % p
-                work = work.reshape(len(some), count, len(far), k).transpose(1, 3, 0, 2)
-                a, b = np.nonzero(_short(work, p))
-                out.append(np.stack([np.array(index)[first + a], b], axis=1))
-        return np.concatenate(out) if out else np.zeros((0, 2), dtype=np.intp)
-
-
-def _stacked(screws: Sequence[Ints]) -> Ints:
-    count = max(len(s) for s in screws)
-    return np.stack([np.broadcast_to(s, (count, 6)) for s in screws], axis=1)
-
-
-def _short(A: Ints, p: int) -> npt.NDArray[np.bool_]:
-    """Where matrices (m, k, ...) have a rank below m modulo a prime."""
-    if len(A) == 1:
-        return np.asarray(~A[0].any(axis=0))
-    inverse = np.array([0] + [pow(v, -1, p) for v in range(1, p)])
-    A = A.copy()
-    rank = np.zeros(A.shape[2:], dtype=np.int64)
-    left = np.ones((len(A), *A.shape[2:]), dtype=bool)
-    for j in range(A.shape[1]):
-        usable = (A[:, j] != 0) & left
-        pivot = usable.argmax(axis=0)
-        has = usable.any(axis=0)
-        row = np.take_along_axis(A, pivot[None, None], axis=0)[0]
-        over = np.where(has, inverse[row[j]], 0)
-        left &= ~((np.arange(len(A)).reshape(-1, *[1] * rank.ndim) == pivot) & has)
-        factor = np.where(left, A[:, j] * over % p, 0)
-        A[:, j + 1 :] = (A[:, j + 1 :] - factor[:, None] * row[None, j + 1 :]) % p
-        rank += has
-    return np.asarray(rank < len(A))
-
-
-class _ModularSet:
-    """A component modulo a prime."""
-
-    def __init__(self, component: Component, ring: Ring, prime: int) -> None:
-        self.p = prime
-        self.values = {j: [residue(v, prime) for v in x] for j, x in component.values.items()}
-        self.relations = [_residues(r, prime) for r in component.relations]
-        self.variables = [(j, k) for j in range(len(ring.prismatic)) for k in _kinds(ring, j)]
-
-    def holds(self, x: Ints, y: Ints) -> npt.NDArray[np.bool_]:
-        """Which of some points (n, N) lie on it."""
-        on = np.ones(x.shape[1], dtype=bool)
-        for j, v in self.values.items():
-            away = x[j] - v[0] if len(v) == 1 else x[j] * v[1] - y[j] * v[0]
-            on &= away % self.p == 0
-        for terms in self.relations:
-            left = np.flatnonzero(on)
-            if not len(left):
-                break
-            on[left] = self._value(terms, x[:, left], y[:, left]) == 0
-        return on
-
-    def _value(self, terms: Mapping[tuple[int, ...], int], x: Ints, y: Ints) -> Ints:
-        total = np.zeros(x.shape[1], dtype=np.int64)
-        powers: dict[tuple[int, int], Ints] = {}
-        for monomial, c in terms.items():
-            term = np.full(x.shape[1], c, dtype=np.int64)
-            for v, e in enumerate(monomial):
-                if e:
-                    if (v, e) not in powers:
-                        j, k = self.variables[v]
-                        base = (x, y)[k][j]
-                        powers[v, e] = _power(base, e, self.p)
-                    term = term * powers[v, e] % self.p
-            total += term
-        return total % self.p
-
-
-def _kinds(ring: Ring, j: int) -> Iterator[int]:
-    return iter(range(len(ring.variables(j))))
-
-
-def _power(base: Ints, exponent: int, p: int) -> Ints:
-    out = np.ones_like(base)
-    for _ in range(exponent):
-        out = out * base % p
-    return out
-
-
-def _residues(poly: Poly, prime: int) -> dict[tuple[int, ...], int]:
-    """Coefficients of a polynomial modulo a prime, no multiple of which all of them are."""
-    terms = {tuple(map(int, m)): c for m, c in poly.to_dict().items()}
-    scale = math.lcm(*(int(c.q) for c in terms.values()))
-    whole = {m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()}
-    content = math.gcd(*whole.values())
-    return {m: r for m, c in whole.items() if (r := c // content % prime)}
+    return counted[-1] if len(counted) == len(ASKED) else None

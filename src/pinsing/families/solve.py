@@ -177,14 +177,14 @@ def closed_form(
             families.append(describe(group, maker, arm, geometry))
             maker.time = whole
         families = [_named(f, i) for i, f in enumerate(sorted(families, key=_order), 1)]
-    counted: SliceCount | None = None
-    if gaps and search is not None and _on_slices(arm, rank):
+    counted: SliceCount | None = None if search is None else search.count
+    if gaps and search is not None and counted is None and _on_slices(arm, rank):
         left = max(seconds - (time.monotonic() - started), _TO_COUNT * seconds)
         counted = count_on_slices(
             search.geometry, maker.ring, search.components, arm.n - rank + 1, Budget(left)
         )
-        if counted is not None and counted.off:
-            gaps.append(f"{counted.sentence()}, and so it is over another: something is missing")
+    if counted is not None and counted.off:
+        gaps.append(f"{counted.sentence()}, and so it is over another: something is missing")
     hints: tuple[str, ...] = ()
     left = (1 - _FOR_SEARCH) * seconds + seconds - (time.monotonic() - started)
     if snap_length == 0 and (offset := small_offset(geometry)):

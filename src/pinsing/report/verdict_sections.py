@@ -131,6 +131,8 @@ def proof(c: Content, certificate: str | None) -> Section:
                 ),
             )
         )
+        if forms.slice_count is not None:
+            parts.append(paragraph(text(f"It rests on a count: {forms.slice_count.sentence()}.")))
     else:
         parts.append(paragraph(said, text("What is missing:")))
         parts.append(bullets(text(gap) for gap in forms.gaps))

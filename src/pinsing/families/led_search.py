@@ -1,0 +1,236 @@
+"""What a search by neighbours misses, found where singular points on random slices lie.
+
+Short equations of neighbouring axes tell the large families of a long chain. Smaller ones, on which
+several groups of axes are special at once, are no factors of them. But they have points on random
+slices over small fields, and in these points some joint is at a value that occurs in a factor of a
+minor: 0, 90 or 180 degrees, or where an axis passes through a wrist. At that value the search by
+all minors takes seconds, where in general it would take hours.
+
+Slices are gone through until nothing new turns up over several fields.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from fractions import Fraction
+
+from pinsing._dataclass import dataclass
+from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.components import Component
+from pinsing.algebra.decompose import Decomposition, Within
+from pinsing.algebra.jacobian_matrix import jacobian_matrix
+from pinsing.algebra.matrix import Matrix
+from pinsing.algebra.near_minors import NearMinors, NotSquare
+from pinsing.algebra.ring import Ring, Value
+from pinsing.algebra.second_prime import RandomSteps
+from pinsing.families.modular_chain import at_value, value_modulo
+from pinsing.families.slice_count import Slice, SliceCount, Slices
+from pinsing.geometry.nominal import Nominal
+from pinsing.robot.task import Task
+
+_TURNS, _MOST_TURNS = 5, 7
+"""Times that all slices are gone through, each time over another field or with other values: up to
+the second number while one of the components was met on none."""
+_FIELDS = 3
+"""Fields over which no point may be left over; one more for each that contradicts."""
+_TWICE = 2
+"""Times that a field is asked before a larger one."""
+_MET = 0.8
+"""Share of the components that must have been met: of those not known, as many may have been."""
+_FOR_VALUES = 0.1
+"""Share of the time that minors have which say at what values of joints axes are special."""
+_ONE_MINOR = 0.2
+"""Seconds that one of them may take."""
+_AT_ONE = 0.4
+"""Share of what time is left that the search at one value may take."""
+
+At = tuple[int, Value]
+
+
+@dataclass(frozen=True)
+class Led:
+    """What slices led to.
+
+    Attributes
+    ----------
+    components : list of Component
+        Those that were known, and what was found besides.
+    count : SliceCount or None
+        All slices held against them; of a field that alone contradicts none.
+    enough : bool
+        Whether slices were gone through so often, over so many fields, that nothing is open.
+    steps : list of RandomSteps
+        What else rests on random points.
+    """
+
+    components: list[Component]
+    count: SliceCount | None
+    enough: bool
+    steps: list[RandomSteps]
+
+
+def led(
+    geometry: Nominal,
+    task: Task,
+    ring: Ring,
+    components: Sequence[Component],
+    limit: int,
+    time: Budget,
+) -> Led:
+    """Go through slices, and search at the joint values to which points on no family lead.
+
+    Parameters
+    ----------
+    geometry : Nominal
+        A chain each of whose joints moves on its own, of rank 6, in rational numbers.
+    task : Task
+        The pose.
+    ring : Ring
+        Of the components' polynomials.
+    components : sequence of Component
+        What is known.
+    limit : int
+        The largest codimension that a component can have.
+    time : Budget
+        After which no further slice is begun.
+    """
+    return _Leader(geometry, task, ring, list(components), limit, time).led()
+
+
+class _Leader:
+    def __init__(
+        self,
+        geometry: Nominal,
+        task: Task,
+        ring: Ring,
+        components: list[Component],
+        limit: int,
+        time: Budget,
+    ) -> None:
+        self.geometry, self.task, self.ring = geometry, task, ring
+        self.components, self.limit, self.time = components, limit, time
+        self.slices = Slices(geometry, ring, limit)
+        self.steps: list[RandomSteps] = []
+        self.kept: dict[int, list[Slice]] = defaultdict(list)
+        self._turns: Counter[int] = Counter()
+        self._open: set[int] = set()
+        self._tried: set[At] = set()
+        self._special: dict[int, list[Value]] = {}
+        self._matrix: Matrix | None = None
+
+    def led(self) -> Led:
+        fields = list(self.slices.fields)
+        while fields and not self.time.over and not self._done():
+            prime = min(fields, key=lambda p: (self._turns[p] // _TWICE, p))
+            try:
+                new = self.slices.turn(prime, self.time)
+            except ValueError:  # a denominator that the prime divides
+                fields.remove(prime)
+                continue
+            self.kept[prime] += new
+            if len(new) == len(self.slices.choices):
+                self._turns[prime] += 1
+            if self._follow(new):  # what no value explains
+                self._open.add(prime)
+                self._turns.pop(prime, None)
+                fields.remove(prime)
+        clean = [p for p in self.kept if p not in self._open]
+        counted = [s for p in (clean or self.kept) for s in self.kept[p]]
+        if not counted or (self._open and not clean and len(self._open) < _FIELDS):
+            return Led(self.components, None, False, self.steps)
+        count = self.slices.count(counted, self.components)
+        enough = self._enough() and not count.off and count.met >= _MET * count.known
+        return Led(self.components, count, enough, self.steps)
+
+    def _done(self) -> bool:
+        """Whether slices were gone through often enough."""
+        if not self._enough():
+            return False
+        clean = [s for p in self._turns for s in self.kept[p]]
+        count = self.slices.count(clean, self.components)
+        return count.met == count.known or sum(self._turns.values()) >= _MOST_TURNS
+
+    def _enough(self) -> bool:
+        """Whether slices were gone through as often as must be, over as many fields."""
+        fields = len(+self._turns)
+        return sum(self._turns.values()) >= _TURNS and fields >= _FIELDS + len(self._open)
+
+    def _follow(self, slices: Sequence[Slice]) -> bool:
+        """Search where points on no family lead to; whether some are left."""
+        off = self._left(slices)
+        while off and not self.time.over:
+            at = self._next(off)
+            if at is None:
+                return True
+            self._tried.add(at)
+            before = len(self.components)
+            self._search(dict([at]))
+            if len(self.components) != before:
+                off = self._left(off)
+        return bool(off)
+
+    def _left(self, slices: Sequence[Slice]) -> list[Slice]:
+        """The points of slices that are on no family, where there are some."""
+        masks = [self.slices.off(s, self.components) for s in slices]
+        return [s.at(m) for s, m in zip(slices, masks, strict=True) if m.any()]
+
+    def _next(self, off: Sequence[Slice]) -> At | None:
+        """The value of a joint that most of some points share, of those not tried."""
+        special = self._values()
+        shared: Counter[At] = Counter()
+        for s in off:
+            for j in s.chosen:
+                for value in special[j]:
+                    if (j, value) in self._tried:
+                        continue
+                    at = at_value(s.x[j], s.y[j], value_modulo(value, s.prime), s.prime)
+                    shared[j, value] += int(at.sum())
+        best = max(shared.items(), key=lambda item: item[1], default=None)
+        return best[0] if best is not None and best[1] else None
+
+    def _values(self) -> dict[int, list[Value]]:
+        """Values of each joint at which axes are special: quarter turns, and factors of minors."""
+        if self._special:
+            return self._special
+        one, none = Fraction(1), Fraction(0)
+        turns: list[Value] = [(one, none), (none, one), (one, one), (one, -one)]
+        n = len(self.ring.prismatic)
+        found: dict[int, dict[Value, None]] = {
+            j: dict.fromkeys([(none,)] if self.ring.prismatic[j] else turns) for j in range(n)
+        }
+        until = self.time.part(_FOR_VALUES)
+        rank = len(self.task.rows)
+        for some in sorted(itertools.combinations(range(n), rank), key=lambda c: c[-1] - c[0]):
+            if until.over:
+                break
+            one_of = Budget(min(_ONE_MINOR, until.left))
+            minors = NearMinors(self.geometry, self.ring, self.task, rank, one_of)
+            try:
+                minor = minors.minor(some, {})
+                one_of.check_factor(len(minor))
+            except (BudgetExceeded, NotSquare):
+                continue
+            for f in self.ring.factors(minor) if minor != 0 else []:
+                fixed = self.ring.joint_value(f)
+                if fixed is not None:
+                    found[fixed[0]][fixed[1]] = None
+        self._special = {j: list(values) for j, values in found.items()}
+        return self._special
+
+    def _search(self, values: Mapping[int, Value]) -> None:
+        """All components at a joint's value."""
+        time = self.time.part(_AT_ONE)
+        try:
+            if self._matrix is None:
+                self._matrix = jacobian_matrix(self.geometry, self.ring, self.task, self.time)
+        except BudgetExceeded:
+            return
+        put = self.ring.putting(values)
+        matrix = [[put(x) for x in row] for row in self._matrix]
+        rank = len(self.task.rows)
+        within = Within(values, self.limit, self.components)
+        found = Decomposition(matrix, rank, self.ring, time, within)
+        self.components = found.components
+        self.steps.append(found.second)

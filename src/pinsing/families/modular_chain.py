@@ -1,0 +1,253 @@
+"""A chain and its families over a small finite field, where every configuration can be visited.
+
+The joints on the near side of a middle one fix the wrenches that do no work at any of their axes;
+those on its far side must leave one of these over. So both sides are gone through once, and each
+pair is a product of small matrices.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Iterator, Mapping, Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from flint import nmod_mat
+
+from pinsing.algebra.components import Component
+from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.residue import residue
+
+_CHECKED = 4_000
+"""Singular points of one slice that are held against the families."""
+_CHUNK = 4_000_000
+"""Numbers in one product of matrices."""
+LARGEST = 71
+"""Largest field: six products of its elements are no more than 16 bits hold."""
+
+Ints = npt.NDArray[np.int64]
+
+
+class ModularChain:
+    """A chain modulo a prime."""
+
+    def __init__(self, geometry: Nominal, prime: int) -> None:
+        self.p, self.slides = prime, geometry.prismatic
+        self.n = len(geometry.prismatic)
+        self.turn = [
+            np.array([[residue(v, prime) for v in row] for row in R]) for R in geometry.rotation
+        ]
+        self.shift = [np.array([residue(v, prime) for v in t]) for t in geometry.translation]
+
+    def singular(self, chosen: Sequence[int], draw: random.Random) -> tuple[Ints, Ints]:
+        """Singular points (x, y), each (n, N), all but some joints at values drawn at random.
+
+        A sample of them where there are very many.
+        """
+        half = len(chosen) // 2
+        middle = chosen[half]
+        values = [self._every(j) for j in range(self.n)]
+        at: list[tuple[Ints, Ints]] = []
+        for j in range(self.n):
+            pick = draw.randrange(len(values[j][0]))
+            at.append((values[j][0][pick : pick + 1], values[j][1][pick : pick + 1]))
+        near, far = list(at), list(at)
+        for some, side in ((chosen[:half], near), (chosen[half:], far)):
+            grid = np.meshgrid(*(np.arange(len(values[j][0])) for j in some), indexing="ij")
+            for j, index in zip(some, grid, strict=True):
+                side[j] = values[j][0][index.ravel()], values[j][1][index.ravel()]
+        pairs = self._pairs(self._near(middle, near), self._far(middle, far))
+        if len(pairs) > _CHECKED:
+            pairs = pairs[sorted(draw.sample(range(len(pairs)), _CHECKED))]
+        x, y = (np.zeros((self.n, len(pairs)), dtype=np.int64) for _ in range(2))
+        for j in range(self.n):
+            side, index = (near, pairs[:, 0]) if j in chosen[:half] else (far, pairs[:, 1])
+            for out, v in zip((x, y), side[j], strict=True):
+                out[j] = v[index] if len(v) > 1 else v[0]
+        return x, y
+
+    def _every(self, j: int) -> tuple[Ints, Ints]:
+        """All values of a joint: half-angle coordinates (x, y), or lengths x."""
+        t = np.arange(self.p, dtype=np.int64)
+        if self.slides[j]:
+            return t, np.zeros_like(t)
+        t = t[(t * t + 1) % self.p != 0]  # no angle is where x^2 + y^2 is zero
+        return np.append(np.ones_like(t), 0), np.append(t, 1)
+
+    def _motion(self, j: int, at: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
+        """Rotations (N, 3, 3) and shifts (N, 3) of a joint."""
+        x, y = at
+        R = np.zeros((len(x), 3, 3), dtype=np.int64)
+        t = np.zeros((len(x), 3), dtype=np.int64)
+        R[:, 2, 2] = 1
+        if self.slides[j]:
+            R[:, 0, 0] = R[:, 1, 1] = 1
+            t[:, 2] = x
+            return R, t
+        over = np.array([pow(int(v), -1, self.p) for v in (x * x + y * y) % self.p])
+        c, s = (x * x - y * y) * over % self.p, 2 * x * y * over % self.p
+        R[:, 0, 0], R[:, 0, 1], R[:, 1, 0], R[:, 1, 1] = c, -s, s, c
+        return R % self.p, t
+
+    def _screw(self, j: int, w: Ints, o: Ints) -> Ints:
+        """Screws (N, 6) of joint j, its axis along w (N, 3) through o (N, 3)."""
+        if self.slides[j]:
+            return np.concatenate([w, np.zeros_like(w)], axis=1)
+        return np.concatenate([np.cross(o, w), w], axis=1) % self.p
+
+    def _near(self, middle: int, at: Sequence[tuple[Ints, Ints]]) -> Ints:
+        """Screws (N, k, 6) of the joints up to the middle one, in its frame before it moves."""
+        p = self.p
+        R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
+        screws = [self._screw(middle, R[:, 2], o)]
+        for j in range(middle - 1, -1, -1):
+            # The middle frame, seen from joint j's.
+            R, o = self.turn[j + 1] @ R % p, (o @ self.turn[j + 1].T + self.shift[j + 1]) % p
+            M, t = self._motion(j, at[j])
+            R, o = M @ R % p, ((M @ o[:, :, None])[:, :, 0] + t) % p
+            # Joint j's axis, seen from the middle frame: R^T z through -R^T o.
+            screws.append(self._screw(j, R[:, 2], -np.einsum("nij,ni->nj", R, o) % p))
+        return _stacked(screws)
+
+    def _far(self, middle: int, at: Sequence[tuple[Ints, Ints]]) -> Ints:
+        """Screws (N, k, 6) of the joints behind the middle one, in its frame before it moves."""
+        p = self.p
+        R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
+        screws = []
+        for j in range(middle + 1, self.n):
+            M, t = self._motion(j - 1, at[j - 1])
+            o = ((R @ t[:, :, None])[:, :, 0] + o) % p
+            R = R @ M % p
+            o = (R @ self.shift[j] + o) % p
+            R = R @ self.turn[j] % p
+            screws.append(self._screw(j, R[:, :, 2], o))
+        return _stacked(screws)
+
+    def _pairs(self, near: Ints, far: Ints) -> npt.NDArray[np.intp]:
+        """Indices (k, 2) of the two sides where all screws together have no rank 6."""
+        p = self.p
+        wrenches: dict[int, tuple[list[int], list[Any]]] = {}
+        for i, screws in enumerate(near.tolist()):
+            flat = [v for s in screws for v in s]
+            free, count = nmod_mat(len(screws), 6, flat, p).nullspace()
+            if count:
+                rows = [[int(free[r, c]) for r in range(6)] for c in range(int(count))]
+                index, found = wrenches.setdefault(int(count), ([], []))
+                index.append(i)
+                found.append(rows)
+        columns = far.reshape(-1, 6).T.astype(np.float32)  # sums of six products are exact
+        k = far.shape[1]
+        out = []
+        for count, (index, found) in wrenches.items():
+            step = max(1, _CHUNK // (count * columns.shape[1]))
+            for first in range(0, len(index), step):
+                some = np.array(found[first : first + step], dtype=np.float32)
+                work = (some.reshape(-1, 6) @ columns).astype(np.int16) % np.int16(p)
+                work = work.reshape(len(some), count, len(far), k).transpose(1, 3, 0, 2)
+                a, b = np.nonzero(_short(work, p))
+                out.append(np.stack([np.array(index)[first + a], b], axis=1))
+        return np.concatenate(out) if out else np.zeros((0, 2), dtype=np.intp)
+
+
+def _stacked(screws: Sequence[Ints]) -> Ints:
+    count = max(len(s) for s in screws)
+    return np.stack([np.broadcast_to(s, (count, 6)) for s in screws], axis=1)
+
+
+def _short(A: npt.NDArray[np.int16], p: int) -> npt.NDArray[np.bool_]:
+    """Where matrices (m, k, ...) have a rank below m modulo a prime."""
+    if len(A) == 1:
+        return np.asarray(~A[0].any(axis=0))
+    inverse = np.array([0] + [pow(v, -1, p) for v in range(1, p)], dtype=np.int16)
+    A = A.copy()
+    rank = np.zeros(A.shape[2:], dtype=np.int64)
+    left = np.ones((len(A), *A.shape[2:]), dtype=bool)
+    for j in range(A.shape[1]):
+        usable = (A[:, j] != 0) & left
+        pivot = usable.argmax(axis=0)
+        has = usable.any(axis=0)
+        row = np.take_along_axis(A, pivot[None, None], axis=0)[0]
+        over = np.where(has, inverse[row[j]], np.int16(0))
+        left &= ~((np.arange(len(A)).reshape(-1, *[1] * rank.ndim) == pivot) & has)
+        factor = np.where(left, A[:, j] * over % np.int16(p), np.int16(0))
+        A[:, j + 1 :] = (A[:, j + 1 :] - factor[:, None] * row[None, j + 1 :]) % np.int16(p)
+        rank += has
+    return np.asarray(rank < len(A))
+
+
+def value_modulo(value: Value, prime: int) -> tuple[int, ...]:
+    """A joint's rational value in a field: half-angle coordinates, a length; none at infinity."""
+    whole = [Fraction(str(v)) for v in value]
+    bottom = math.lcm(*(v.denominator for v in whole))
+    if len(whole) > 1:
+        return tuple(int(v * bottom) % prime for v in whole)
+    return (int(whole[0] * bottom) * pow(bottom, -1, prime) % prime,) if bottom % prime else ()
+
+
+def at_value(x: Ints, y: Ints, value: tuple[int, ...], prime: int) -> npt.NDArray[np.bool_]:
+    """Which coordinates (N,) of a joint are at a value of it in the field."""
+    if not value:
+        return np.zeros(x.shape, dtype=bool)
+    away = x - value[0] if len(value) == 1 else x * value[1] - y * value[0]
+    return np.asarray(away % prime == 0)
+
+
+class ModularSet:
+    """A component modulo a prime."""
+
+    def __init__(self, component: Component, ring: Ring, prime: int) -> None:
+        self.p = prime
+        self.values = {j: value_modulo(x, prime) for j, x in component.values.items()}
+        self.relations = [_residues(r, prime) for r in component.relations]
+        self.variables = [(j, k) for j in range(len(ring.prismatic)) for k in _kinds(ring, j)]
+
+    def holds(self, x: Ints, y: Ints) -> npt.NDArray[np.bool_]:
+        """Which of some points (n, N) lie on it."""
+        on = np.ones(x.shape[1], dtype=bool)
+        for j, v in self.values.items():
+            on &= at_value(x[j], y[j], v, self.p)
+        for terms in self.relations:
+            left = np.flatnonzero(on)
+            if not len(left):
+                break
+            on[left] = self._value(terms, x[:, left], y[:, left]) == 0
+        return on
+
+    def _value(self, terms: Mapping[tuple[int, ...], int], x: Ints, y: Ints) -> Ints:
+        total = np.zeros(x.shape[1], dtype=np.int64)
+        powers: dict[tuple[int, int], Ints] = {}
+        for monomial, c in terms.items():
+            term = np.full(x.shape[1], c, dtype=np.int64)
+            for v, e in enumerate(monomial):
+                if e:
+                    if (v, e) not in powers:
+                        j, k = self.variables[v]
+                        base = (x, y)[k][j]
+                        powers[v, e] = _power(base, e, self.p)
+                    term = term * powers[v, e] % self.p
+            total += term
+        return total % self.p
+
+
+def _kinds(ring: Ring, j: int) -> Iterator[int]:
+    return iter(range(len(ring.variables(j))))
+
+
+def _power(base: Ints, exponent: int, p: int) -> Ints:
+    out = np.ones_like(base)
+    for _ in range(exponent):
+        out = out * base % p
+    return out
+
+
+def _residues(poly: Poly, prime: int) -> dict[tuple[int, ...], int]:
+    """Coefficients of a polynomial modulo a prime, no multiple of which all of them are."""
+    terms = {tuple(map(int, m)): c for m, c in poly.to_dict().items()}
+    scale = math.lcm(*(int(c.q) for c in terms.values()))
+    whole = {m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()}
+    content = math.gcd(*whole.values())
+    return {m: r for m, c in whole.items() if (r := c // content % prime)}
