@@ -12,6 +12,7 @@ from tiers import tiered
 from pinsing.analysis.analyze import analyze
 from pinsing.description.catalog import data_folder
 from pinsing.families import closed_form
+from pinsing.families.form import families_text
 from pinsing.geometry.nominal import nominal
 from pinsing.robot.load import load
 
@@ -100,18 +101,48 @@ def test_chains_of_eight_joints_are_complete(name):
     assert check_search(arm, form, 30, tol=1e-4) >= 20
 
 
+NINE = {
+    "alex, torso and arm": ("alex_nub_hands.urdf", "LeftWristRollLink", None),
+    "talos, torso and arm": ("talos_full_v2", "wrist_left_ft_tool_link", None),
+}
+
+
+@functools.cache
+def nine(name):
+    robot, tip, base = NINE[name]
+    if robot.endswith(".urdf"):
+        folder = data_folder()
+        assert folder is not None
+        robot = next(folder.rglob(robot))
+    return load(robot, tip=tip, base=base)
+
+
 @pytest.mark.slow
-def test_nine_joints_end_in_time_and_say_what_stopped_them():
-    folder = data_folder()
-    assert folder is not None
-    arm = load(folder / "alex_description/urdf/alex_nub_hands.urdf", tip="LeftWristRollLink")
+@pytest.mark.parametrize("name", NINE)
+def test_nine_joints_are_complete_by_a_count(name):
+    arm = nine(name)
     assert arm.n == 9
-    form = closed_form(arm, seconds=4)
-    assert not form.complete
-    assert any("time budget" in g or "told apart" in g for g in form.gaps)
+    form = closed_form(arm, seconds=300)
+    assert form.complete, form.gaps
+    assert form.word == "probable"
+    count = form.slice_count
+    assert count.off == 0
+    assert count.joints == 4  # no family has more conditions
+    assert count.slices >= 5 * count.choices
+    assert len(count.primes) >= 3
+    assert count.met >= 0.8 * count.known
+    assert "it rests on a count: all" in " ".join(families_text(form).split())
     for family in form.families:
         Q = family.points(5, np.random.default_rng(0))
         assert drop(nominal(arm).arm, Q, form.generic_rank).max(initial=0.0) < 1e-9
+    assert check_search(arm, form, 30, tol=1e-4) >= 20
+
+
+@pytest.mark.slow
+def test_nine_joints_end_in_time_and_say_what_stopped_them():
+    form = closed_form(nine("alex, torso and arm"), seconds=0.3)
+    assert not form.complete
+    assert any("time budget" in g or "told apart" in g for g in form.gaps)
 
 
 def test_describing_keeps_to_the_time_as_well():
