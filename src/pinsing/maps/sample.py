@@ -5,6 +5,7 @@ Nothing depends on how a map is cut into chunks, and nothing is as long as the m
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Literal
 
@@ -29,11 +30,15 @@ def unit_points(sampling: str, start: int, stop: int, dimension: int, seed: int)
     points are shifted digit by digit (exclusive-or) by a vector drawn with the seed.
     """
     if sampling == "sobol":
-        shift = np.random.Philox(key=seed).random_raw(dimension) >> np.uint64(64 - sobol.BITS)
-        return np.asarray((sobol.words(start, stop, dimension) ^ shift) * 2.0**-sobol.BITS)
+        return sobol.unit_points(start, stop, _shift(dimension, seed))
     skip, rest = divmod(start * dimension, 4)  # a step of the counter gives four numbers
     raw = np.random.Philox(key=seed).advance(skip).random_raw(rest + (stop - start) * dimension)
     return np.asarray((raw[rest:] >> np.uint64(11)) * 2.0**-53).reshape(-1, dimension)
+
+
+@functools.cache
+def _shift(dimension: int, seed: int) -> sobol.Words:
+    return np.random.Philox(key=seed).random_raw(dimension) >> np.uint64(64 - sobol.BITS)
 
 
 def grid_axis(low: float, high: float, steps: int, prismatic: bool) -> Array:

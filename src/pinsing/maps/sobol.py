@@ -11,6 +11,8 @@ import functools
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._types import Array
+
 Words = npt.NDArray[np.uint64]
 
 BITS = 52
@@ -68,29 +70,42 @@ def directions(dimension: int) -> Words:
 
 @functools.cache
 def _low_table(dimension: int) -> Words:
-    """Words of the first points: (2**_LOW, dimension), by reflection of the Gray code."""
-    v, table = directions(dimension), np.zeros((1, dimension), dtype=np.uint64)
+    """Words of the first points: (dimension, 2**_LOW), by reflection of the Gray code."""
+    v, table = directions(dimension), np.zeros((dimension, 1), dtype=np.uint64)
     for j in range(_LOW):
-        table = np.concatenate([table, table[::-1] ^ v[j]])
+        table = np.concatenate([table, table[:, ::-1] ^ v[j, :, None]], axis=1)
     table.setflags(write=False)
     return table
 
 
-def words(start: int, stop: int, dimension: int) -> Words:
-    """Points ``start`` to ``stop`` of the sequence as integers (N, dimension) below 2**BITS.
+def unit_points(start: int, stop: int, shift: Words) -> Array:
+    """Points ``start`` to ``stop``, their words xor ``shift`` (dimension,) over 2**BITS: (N, dim).
 
-    Point i is the exclusive-or of the direction numbers at the digits of its Gray code
-    i ^ (i >> 1). That is linear in the digits of i, so that it splits into a part of the
-    high digits and a table of the low ones.
+    The digits of a word are those of a float between 1 and 2 beside its exponent, so that no
+    integer is converted.
+    """
+    one = np.float64(1.0).view(np.uint64)
+    points = words(start, stop, len(shift), shift ^ one).view(np.float64)
+    points -= 1.0
+    return points
+
+
+def words(start: int, stop: int, dimension: int, shift: Words | int = 0) -> Words:
+    """Points ``start`` to ``stop`` as integers (N, dimension) below 2**BITS, xor ``shift``.
+
+    A column is contiguous, so that what is done to it does not hop. Point i is the exclusive-or of
+    the direction numbers at the digits of its Gray code i ^ (i >> 1). That is linear in the digits
+    of i, so that it splits into a part of the high digits and a table of the low ones.
     """
     v, table = directions(dimension), _low_table(dimension)
-    out = np.empty((stop - start, dimension), dtype=np.uint64)
-    size = len(table)
+    out = np.empty((dimension, stop - start), dtype=np.uint64)
+    size = table.shape[1]
     for high in range(start // size, -(-stop // size)):
         first = high * size
         gray = first ^ (first >> 1)
         chosen = [j for j in range(gray.bit_length()) if gray >> j & 1]
-        base = np.bitwise_xor.reduce(v[chosen], axis=0)
+        base = np.bitwise_xor.reduce(v[chosen], axis=0) ^ np.asarray(shift, dtype=np.uint64)
         low, top = max(start, first), min(stop, first + size)
-        np.bitwise_xor(table[low - first : top - first], base, out=out[low - start : top - start])
-    return out
+        part = table[:, low - first : top - first]
+        np.bitwise_xor(part, base[:, None], out=out[:, low - start : top - start])
+    return out.T

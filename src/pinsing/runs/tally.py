@@ -36,7 +36,8 @@ def bin_numbers(values: Array) -> Counts:
     """Bin (N,) of each value >= 0 (N,)."""
     bins = np.right_shift(np.ascontiguousarray(values).view(np.int64), _SHIFT)
     bins -= _FIRST
-    return np.clip(bins, 0, BINS - 1, out=bins)
+    np.maximum(bins, 0, out=bins)  # np.clip takes three times as long as both
+    return np.minimum(bins, BINS - 1, out=bins)
 
 
 def bin_edges() -> Array:
@@ -88,7 +89,10 @@ class Tally:
         self.singular += below
         self.near += int(np.count_nonzero(ratio <= NEAR_RTOL)) - below
         for k, values in enumerate((last, ratio)):
-            self.histogram[k] += np.bincount(bin_numbers(values), minlength=BINS)
+            bins = bin_numbers(values)
+            lowest = int(bins.min())  # most of the bins are far from all values
+            counts = np.bincount(bins - lowest)
+            self.histogram[k, lowest : lowest + len(counts)] += counts
             for column, at in ((SMALLEST, values.argmin()), (LARGEST, values.argmax())):
                 number = start + int(at) if numbers is None else int(numbers[at])
                 self._extreme(k, column, float(values[at]), number)
