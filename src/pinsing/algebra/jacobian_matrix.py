@@ -41,7 +41,7 @@ def _multiply(A: Matrix, B: Matrix, ring: Ring) -> Matrix:
 def _dot(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> Poly:
     total = ring.zero
     for x, y in zip(a, b, strict=True):
-        if x != 0 and y != 0:
+        if x and y:
             total = total + x * y
     return ring.reduce(total)
 
@@ -148,7 +148,7 @@ class _Chain:
 
     def _shifted(self, v: list[Poly], p: list[Poly], w: list[Poly], sign: int) -> list[Poly]:
         """V + p x w, or v - p x w: motions here turn or shift, so that p is over one."""
-        if all(x == 0 for x in p) or all(x == 0 for x in w):
+        if not any(p) or not any(w):
             return v
         turned = _cross(p, w, self.ring)
         return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]

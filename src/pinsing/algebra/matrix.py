@@ -13,14 +13,17 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.ring import Monomial, Poly, Ring
 
 Matrix = list[list[Poly]]
+_NO_CONSTANT = 1000
+"""What a pivot that is no constant costs more."""
 _Place = tuple[int, Monomial]  # column and monomial
 
 
 def primitive(line: list[Poly], ring: Ring) -> list[Poly]:
     """Divide a row or column by the x^2 + y^2 that all its entries share."""
-    degrees = [x.degrees() for x in line if x != 0]
-    if not degrees:
+    filled = [x for x in line if x]
+    if not filled or min(map(len, filled)) == 1:  # a multiple has two terms at least
         return line
+    degrees = [x.degrees() for x in filled]
     for j, w in enumerate(ring.w):
         # Only what has both squares can be a multiple.
         if w is None or any(d[v] < 2 for v in ring.variables(j) for d in degrees):
@@ -127,10 +130,11 @@ def reduce_matrix(
     if not (generic and len(rows) == rank):
         rows = independent_rows(matrix, ring)
     rows = _without_zeros(rows)
+    never: dict[int, tuple[Poly, bool]] = {}
     while rows and rank > 0:
         if time is not None:
             time.check()
-        pivot = _unit(rows, ring)
+        pivot = _unit(rows, ring, never)
         if pivot is None:
             break
         i, j = pivot
@@ -141,14 +145,14 @@ def reduce_matrix(
                 continue
             if time is not None:
                 time.check()
-            if row[j] == 0:
+            if not row[j]:
                 rest.append([x for c, x in enumerate(row) if c != j])
             else:
                 rest.append(
                     [ring.reduce(x * p - row[j] * rows[i][c]) for c, x in enumerate(row) if c != j]
                 )
         rank -= 1
-        rows = [primitive(row, ring) for row in rest]
+        rows = [primitive(row, ring) for row in rest if any(row)]
         if not (generic and len(rows) == rank):
             rows = independent_rows(rows, ring)
         if rows:
@@ -163,17 +167,28 @@ def _without_zeros(rows: Matrix) -> Matrix:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _unit(rows: Matrix, ring: Ring) -> tuple[int, int] | None:
-    """Position of an entry that vanishes nowhere, the one that disturbs the rest least."""
+def _unit(rows: Matrix, ring: Ring, never: dict[int, tuple[Poly, bool]]) -> tuple[int, int] | None:
+    """Position of an entry that vanishes nowhere, the one that disturbs the rest least.
+
+    What is known of entries, whether they vanish nowhere, is kept in ``never``.
+    """
+
+    def nowhere_zero(x: Poly) -> bool:
+        if id(x) not in never:  # the polynomial is kept, so that its id stays its own
+            never[id(x)] = x, ring.nowhere_zero(x)
+        return never[id(x)][1]
+
+    in_row = [sum(map(len, row)) for row in rows]
+    in_column = [sum(map(len, column)) for column in zip(*rows, strict=True)]
     best: tuple[int, int, int] | None = None
-    for i, row in enumerate(rows):
-        in_row = sum(len(x) for x in row if x != 0)
-        for j, x in enumerate(row):
-            if x == 0 or not ring.nowhere_zero(x):
-                continue
-            plain = ring.is_constant(x)
-            column = [other[j] for k, other in enumerate(rows) if k != i and other[j] != 0]
-            cost = sum(len(c) for c in column) * in_row + (0 if plain else 1000)
-            if best is None or cost < best[0]:
-                best = (cost, i, j)
+    for plain in (True, False):  # constants first: what else is one of them has a cost to beat
+        if best is not None and best[0] < _NO_CONSTANT:
+            break
+        for i, row in enumerate(rows):
+            for j, x in enumerate(row):
+                if not x or ring.is_constant(x) is not plain:
+                    continue
+                cost = (in_column[j] - len(x)) * in_row[i] + (0 if plain else _NO_CONSTANT)
+                if (best is None or (cost, i, j) < best) and nowhere_zero(x):
+                    best = (cost, i, j)
     return None if best is None else (best[1], best[2])

@@ -149,6 +149,8 @@ class Ring:
         named = {names[v]: x for v, x in found.items()}
 
         def put(poly: Poly) -> Poly:
+            if not poly or poly.is_constant():
+                return poly
             degrees = poly.degrees()
             return poly.subs(named) if any(degrees[v] for v in found) else poly
 
@@ -170,11 +172,10 @@ class Ring:
                 return False
             if not slides and (power % 2 or power != degrees[first + 1]):
                 return False
-        return self._is_of_norms(poly)
+        return self._is_of_norms(poly, degrees)
 
-    def _is_of_norms(self, poly: Poly) -> bool:
+    def _is_of_norms(self, poly: Poly, degrees: Monomial) -> bool:
         """Whether a polynomial is a constant times the x^2 + y^2 that its degrees ask for."""
-        degrees = poly.degrees()
         powers = [(w, degrees[s] // 2) for s, w in zip(self.start, self.w, strict=True) if w]
         if len(poly) != math.prod(k + 1 for _, k in powers):
             return False
@@ -220,9 +221,11 @@ class Ring:
 
     def strip(self, poly: Poly) -> Poly:
         """Divide out every x^2 + y^2, which no real angle makes zero."""
+        if len(poly) < 2:
+            return poly
         degrees = poly.degrees()
         for j, w in enumerate(self.w):
-            if w is None or poly == 0:
+            if w is None:
                 continue
             x, y = self.variables(j)
             if degrees[x] < 2 or degrees[y] < 2:  # w divides only what has both squares

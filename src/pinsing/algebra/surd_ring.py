@@ -136,7 +136,7 @@ class SurdRing(Ring):
 
         return put
 
-    def _is_of_norms(self, poly: Poly) -> bool:
+    def _is_of_norms(self, poly: Poly, degrees: Monomial) -> bool:
         """Whether a polynomial is a constant times the x^2 + y^2 that its degrees ask for."""
         return self.is_constant(self.strip(poly))
 
