@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +13,12 @@ from click.testing import CliRunner
 from tiers import tiered
 
 import pinsing
+from pinsing.algebra.equation import Equation
 from pinsing.cli.app import command
 from pinsing.description.dh_table import read_dh
-from pinsing.description.dh_urdf import dh_to_urdf
+from pinsing.description.dh_urdf import bare_urdf
 from pinsing.errors import OptionError, UnknownNameError
+from pinsing.families.design_reality import unreal
 
 ROOT = Path(__file__).parent.parent
 TABLES = {
@@ -27,7 +30,13 @@ TABLES = {
 }
 LONG = 200.0  # a second at most, on a machine that is not busy
 OFFSET = "a1,a2,a3,d4,a5,d6"
-ARMS = {**{name: (name, True) for name in TABLES}, "irb1400 with a5": ("irb1400", OFFSET)}
+ARMS = {
+    **{name: (name, True) for name in TABLES},
+    "irb1400 with a5": ("irb1400", OFFSET),
+    "ur, twist of its wrist": ("ur", "a2,a3,d5,alpha4"),
+    "stanford, twist of its shoulder": ("stanford", "d2,alpha2"),
+    "scara, one axis tilted": ("scara", "a1,a2,alpha1"),
+}
 made: dict[str, pinsing.DesignForm] = {}
 
 
@@ -39,16 +48,24 @@ def form_of(name):
 
 
 def with_numbers(table, lengths):
-    """The arm of a table whose lengths are those given."""
+    """The arm of a table whose lengths and twists are those given; what slides has room."""
     rows = [
-        replace(row, a=lengths.get(f"a{i}", row.a), d=lengths.get(f"d{i}", row.d))
+        replace(
+            row,
+            a=lengths.get(f"a{i}", row.a),
+            d=lengths.get(f"d{i}", row.d),
+            alpha=lengths.get(f"alpha{i}", row.alpha),
+            **({"lower": -9.0, "upper": 9.0} if row.type == "prismatic" else {}),
+        )
         for i, row in enumerate(table.rows, 1)
     ]
-    return pinsing.load(dh_to_urdf(replace(table, rows=tuple(rows))))
+    return pinsing.load(bare_urdf(replace(table, rows=tuple(rows))), tip="tool0")
 
 
 def random_lengths(form, rng):
+    """Lengths in metres, and twists near half of a right angle."""
     values = rng.integers(100, 999, len(form.symbols)) / 1000
+    values[list(form.angles)] += 0.25
     return dict(zip(form.symbols, (float(v) for v in values), strict=True))
 
 
@@ -148,6 +165,120 @@ def test_modified_tables_and_twists_with_square_roots(tmp_path, rng):
             assert any(
                 np.abs(form.residuals(f.name, q, lengths)).max() < 1e-9 for f in form.families
             )
+
+
+def test_a_family_without_configurations_is_told(rng):
+    """IRB 1400's third family needs a1 within the reach of the other two links."""
+    form = form_of("irb1400")
+    (change,) = (c for c in form.changes if c.kind == "vanishes")
+    assert change.condition == "|a1| > sqrt(d4^2 + a3^2) + |a2|"
+    lengths = dict(zip(form.symbols, form.values, strict=True))
+    reach = math.hypot(lengths["d4"], lengths["a3"]) + lengths["a2"]
+    table = read_dh(TABLES["irb1400"])
+    for a1, count in ((0.99 * reach, 3), (1.01 * reach, 2)):
+        found = pinsing.closed_form(with_numbers(table, {**lengths, "a1": round(a1, 4)}))
+        assert len(found.families) == count
+
+
+@pytest.mark.parametrize(
+    ("constant", "moving", "said"),
+    [
+        ("a1", "a2 cos q1", "|a1| > |a2|"),
+        ("a1 a2", "a2 a3 sin q1", "|a1| > |a3|"),
+        ("a1^2 - a2^2", "2 a1 a2 cos q1 + a1 a3 sin q1", None),
+        ("", "a2 cos q1", ""),
+    ],
+)
+def test_when_an_equation_has_no_solution(constant, moving, said):
+    """Against the largest value on a grid, at random lengths."""
+    terms = {"cos": [], "sin": [], "one": []}
+    for kind, text in (("one", constant), ("trig", moving)):
+        for sign, body in re.findall(r"([+-]?) ?([^+-]+)", text):
+            words = body.split()
+            turn = next((w for w in words if w in ("cos", "sin")), None)
+            words = [w for w in words if w not in ("cos", "sin", "q1")]
+            number = int(words.pop(0)) if words[0].isdigit() else 1
+            powers = [0, 0, 0]
+            for word in words:
+                name, _, power = word.partition("^")
+                powers[int(name[1]) - 1] += int(power or 1)
+            terms[turn or kind].append((-number if sign == "-" else number, powers))
+    rows = [(k, c, p) for k in ("cos", "sin", "one") for c, p in terms[k]]
+    e = Equation(
+        joints=("q1", "a1", "a2", "a3"),
+        frequencies=np.array([[2 * (k != "one"), 0, 0, 0] for k, _, _ in rows]),
+        powers=np.array([[0, *p] for _, _, p in rows]),
+        cos=np.array([float(c) * (k != "sin") for k, c, _ in rows]),
+        sin=np.array([float(c) * (k == "sin") for k, c, _ in rows]),
+        shift=np.zeros(4),
+        exact=tuple((("0", str(c)) if k == "sin" else (str(c), "0")) for k, c, _ in rows),
+    )
+    condition = unreal(e, 1)
+    if said is not None:
+        assert condition == said
+    if not condition:
+        return
+    rng = np.random.default_rng(4)
+    q = np.linspace(-np.pi, np.pi, 2001)
+    both = set()
+    for lengths in rng.uniform(-2, 2, (40, 3)):
+        values = e(np.column_stack([q, np.broadcast_to(lengths, (len(q), 3))]))
+        python = re.sub(r"\|([^|]*)\|", r"abs(\1)", condition).replace("^", "**")
+        python = re.sub(r"(\d|a\d(?:\*\*\d)?) (?=[a\d])", r"\1*", python)
+        named = dict(zip(("a1", "a2", "a3"), lengths, strict=True))
+        empty = eval(python, {"sqrt": np.sqrt, "abs": abs}, named)
+        both.add(empty)
+        assert empty == (values.min() > 0 or values.max() < 0)
+    assert both == {True, False}
+
+
+def test_a_table_keeps_its_names_in_other_tasks(rng):
+    arm = pinsing.load(TABLES["planar3r"], task="position")
+    form = pinsing.closed_form(arm, symbols=True)
+    assert form.symbols == ("a1", "a2", "a3")
+    assert [f.text for f in form.families] == ["sin q2 = 0 and sin q3 = 0"]
+    more = {c.condition: c.into for c in form.changes if c.kind == "appears"}
+    assert more["a3 = 0"] == ("sin q2 = 0",)
+    table = replace(read_dh(TABLES["planar3r"]))
+    numeric = pinsing.closed_form(with_numbers(table, {"a3": 0.0}).with_task("position"))
+    assert [f.text for f in numeric.families] == ["q2 = 0° or 180°"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("condition", "into"), [("d5 = 0", "q5 = 0° or 180°"), ("a3 = 0", "q2+q3 = 0°")]
+)
+def test_families_that_appear_are_there_with_numbers(condition, into, rng):
+    form = form_of("surgical7")
+    assert [c for c in form.changes if c.condition == condition and c.kind == "appears"]
+    lengths = {**random_lengths(form, rng), condition[:2]: 0.0}
+    arm = with_numbers(read_dh(TABLES["surgical7"]), lengths)
+    numeric = pinsing.closed_form(arm, seconds=LONG)
+    assert any(into in f.text and f.codimension == 1 for f in numeric.families)
+
+
+def test_a_twist_that_makes_all_axes_parallel_brings_its_family_back():
+    form = form_of("scara, one axis tilted")
+    assert not form.families
+    (more,) = (c for c in form.changes if c.kind == "appears")
+    assert (more.condition, more.into) == ("sin alpha1 = 0", ("sin q2 = 0",))
+
+
+def test_twists_are_angles_in_text_and_json():
+    form = form_of("stanford, twist of its shoulder")
+    assert "alpha2 = 90°" in str(form)
+    assert form.families[-1].text == "d2 cos alpha2 + d3 = 0"
+    merged = {c.condition for c in form.changes if c.kind == "merges"}
+    assert merged == {"d2 = 0", "alpha2 = 90°", "alpha2 = -90°"}
+    assert r"\alpha_{2}" in form.families[-1].latex
+    again = pinsing.DesignForm.from_json(form.to_json())
+    assert again.angles == form.angles
+    assert str(again) == str(form)
+
+
+def test_names_of_joints_do_not_break_latex():
+    form = pinsing.closed_form(pinsing.load("ur5"), symbols=True)
+    assert r"\mathrm{elbow\_joint\_x} \cos q_{2}" in form.families[-1].latex
 
 
 def test_lengths_of_a_urdf_are_named_after_its_joints(rng):

@@ -29,10 +29,14 @@ class Budget:
     processor : float
         Besides, processor time of this process: the answer does not depend, then, on what else
         the machine does, unless the clock runs out first.
+    long_to_factor : int
+        Terms of a polynomial from which on factoring it may take long.
     """
 
-    def __init__(self, seconds: float, processor: float = math.inf) -> None:
-        self.seconds, self.processor = seconds, processor
+    def __init__(
+        self, seconds: float, processor: float = math.inf, long_to_factor: int = _LONG_TO_FACTOR
+    ) -> None:
+        self.seconds, self.processor, self._long_to_factor = seconds, processor, long_to_factor
         self.when_long: Callable[[], None] | None = None
         """Called before a step when the computation has become long, or is about to."""
         self._began = time.monotonic()
@@ -84,7 +88,7 @@ class Budget:
         if self.when_long is not None and max(now - self._began, expected) > _LONG:
             self.when_long()
 
-    def check_factor(self, terms: int, long: int = _LONG_TO_FACTOR) -> None:
+    def check_factor(self, terms: int, long: int | None = None) -> None:
         """Raise BudgetExceeded if a polynomial is too long to factor or to take a gcd of.
 
         Parameters
@@ -92,10 +96,10 @@ class Budget:
         terms : int
             Of the polynomial.
         long : int
-            Terms from which on that may take long.
+            Terms from which on that may take long; as the budget says if not given.
         """
         self.check()
-        if self.when_long is not None and terms > long:
+        if self.when_long is not None and terms > (long or self._long_to_factor):
             self.when_long()
         if terms > _LARGEST_TO_FACTOR:
             raise BudgetExceeded(f"a polynomial of {terms} terms was too long to factor")

@@ -51,10 +51,22 @@ LATEX = Style(r"\cos ", r"\sin ", True)
 
 
 def latex_symbol(symbol: str) -> str:
-    """``q_{12}`` for q12."""
+    r"""``q_{12}`` for q12, ``\alpha_{2}`` for alpha2; names of several words upright."""
     head = symbol.rstrip("0123456789")
     digits = symbol[len(head) :]
+    if head == "alpha":
+        head = r"\alpha"
+    elif len(head) > 1:
+        return rf"\mathrm{{{_SPECIAL.sub(_escaped, symbol)}}}"
     return f"{head}_{{{digits}}}" if digits else head
+
+
+_SPECIAL = re.compile(r"[^A-Za-z0-9.]")
+
+
+def _escaped(match: re.Match[str]) -> str:
+    """A character that LaTeX would take for a command."""
+    return rf"\{match[0]}" if match[0] in "_#$%&{} " else "-"
 
 
 def format_angle(radians: float, latex: bool = False) -> str:

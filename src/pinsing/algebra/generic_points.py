@@ -70,7 +70,14 @@ class Residues:
 
     def generic_rank(self, matrix: Matrix, rng: np.random.Generator) -> int:
         """Rank of a matrix at a random point: never more than the generic one, over any field."""
-        point = [_random(rng, self.prime) for _ in range(self.ring.nvars)]
+        return self.rank_at(matrix, self.random_point(rng))
+
+    def random_point(self, rng: np.random.Generator) -> list[int]:
+        """A value of each variable."""
+        return [_random(rng, self.prime) for _ in range(self.ring.nvars)]
+
+    def rank_at(self, matrix: Matrix, point: Sequence[int]) -> int:
+        """Rank of a matrix at a point."""
         values = [self._value(x, point) for row in matrix for x in row]
         return int(nmod_mat(len(matrix), len(matrix[0]), values, self.prime).rank())
 

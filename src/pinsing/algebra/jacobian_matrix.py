@@ -8,6 +8,7 @@ real angle makes zero.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
@@ -49,11 +50,13 @@ def _dot(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> Poly:
 class _Chain:
     """Poses along the nominal chain, as polynomials."""
 
-    def __init__(self, geometry: Nominal, ring: Ring) -> None:
+    def __init__(self, geometry: Nominal, ring: Ring, leaders: Sequence[int] | None = None) -> None:
         self.ring, self.geometry = ring, geometry
         self.n = len(geometry.prismatic)
         self.drives, _ = drives(geometry)
         self._known: dict[tuple[str, int], RigidMotion] = {}
+        if leaders is not None:
+            self.drives = tuple(replace(d, leader=leaders[d.leader]) for d in self.drives)
 
     def placed(self, i: int) -> RigidMotion:
         """Constant placement C_i, made once."""
@@ -211,9 +214,16 @@ def constants(geometry: Nominal, task: Task) -> list[Exact]:
 
 
 def jacobian_matrix(
-    geometry: Nominal, ring: Ring, task: Task, time: Budget | None = None
+    geometry: Nominal,
+    ring: Ring,
+    task: Task,
+    time: Budget | None = None,
+    leaders: Sequence[int] | None = None,
 ) -> Matrix:
     """Task Jacobian as polynomials, up to nonzero row operations and column factors.
+
+    Columns are in the order of the ring's joints: ``leaders`` says which of these each joint of
+    the chain is, where they do not stand there in the chain's order.
 
     The reference point is moved into the chain only for the full pose, and the axes only for all
     translations or all rotations: elsewhere the rank depends on them. A joint with mimic joints
@@ -226,7 +236,7 @@ def jacobian_matrix(
     BudgetExceeded
         If ``time`` is given, and over.
     """
-    chain = _Chain(geometry, ring)
+    chain = _Chain(geometry, ring, leaders)
     if task.name == "pose" and len({drive.leader for drive in chain.drives}) == chain.n:
         screws: dict[int, list[Poly]] = {}
         for j, drive in enumerate(chain.drives):

@@ -38,7 +38,8 @@ _REDRAW_SECONDS = 0.1
     flag_value="all",
     metavar="[A2,D4,...]",
     help="Keep lengths as symbols: those named, or all that are not zero. Of a DH table they are "
-    "a1, d1, a2, ..., else they are named after the joints.",
+    "a1, d1, a2, ..., and twists alpha1, ... can be named, too; else they are named after the "
+    "joints.",
 )
 @algebra_options
 @click.option(

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 import math
 import tempfile
+from collections.abc import Collection
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -39,6 +40,7 @@ __all__ = [
     "joint_placements",
     "read_dh",
     "urdf_folder",
+    "with_turns",
 ]
 
 # A URDF demands a speed and an effort; where the table is silent, these stand in.
@@ -100,12 +102,39 @@ def dh_to_urdf(table: DHTable) -> str:
     return f"{declaration}\n{_banner(table)}{start}{robot.rstrip()}\n"
 
 
-def bare_urdf(table: DHTable) -> str:
+def with_turns(table: DHTable, turning: Collection[int]) -> list[tuple[str, str, Placement]]:
+    """Joints base to tip with the axis of each, x, z or none, and where it sits.
+
+    Twists of the rows ``turning``, counted from 1, are joints of their own, about x; their names
+    begin with a digit, which those of rows never do. What ends the chain has no axis: frame n,
+    and the tool.
+    """
+    joints, last = joint_placements(table)
+    ends = [(row.name, "z", place) for row, place in zip(table.rows, joints, strict=True)]
+    ends += [("", "", place) for place in (last, table.tool) if place is not None]
+    standard = table.convention == "standard"
+    thetas = (0.0, *(row.theta for row in table.rows))
+    for i in sorted(turning, reverse=True):
+        row, k = table.rows[i - 1], i if standard else i - 1
+        theta = row.theta if standard else thetas[i - 1]
+        beyond = 0.0 if standard else row.d
+        before = screw(theta, row.d if standard else 0.0, row.a)
+        ends[k : k + 1] = [
+            (f"{i}_twist", "x", before),
+            (*ends[k][:2], Placement((0.0, 0.0, beyond))),
+        ]
+    return ends
+
+
+def bare_urdf(table: DHTable, turning: Collection[int] = ()) -> str:
     """The URDF of a table without shapes: links and joints as in `dh_to_urdf`, written at once.
 
-    For chains that nobody looks at; no xacro runs and no file is written.
+    For chains that nobody looks at; no xacro runs and no file is written. Twists of the rows
+    ``turning`` are joints, as in `with_turns`.
     """
     names, joints = _chain(table)
+    if turning:
+        names, joints = _turned(table, turning, names, joints)
     robot = Element("robot", name=table.name)
     for name in names:
         SubElement(robot, "link", name=name)
@@ -115,10 +144,28 @@ def bare_urdf(table: DHTable) -> str:
         SubElement(element, "parent", link=joint["parent"])
         SubElement(element, "child", link=joint["child"])
         if joint["type"] != "fixed":
-            SubElement(element, "axis", xyz="0 0 1")
+            SubElement(element, "axis", xyz=joint.get("axis", "0 0 1"))
             limits = ("lower", "upper", "velocity", "effort")
             SubElement(element, "limit", {k: joint[k] for k in limits if k in joint})
     return tostring(robot, encoding="unicode")
+
+
+def _turned(
+    table: DHTable, turning: Collection[int], names: list[str], joints: list[dict[str, Any]]
+) -> tuple[list[str], list[dict[str, Any]]]:
+    """Links and joints with some twists as joints."""
+    known, links = iter(joints), [names[0]]
+    out: list[dict[str, Any]] = []
+    limits = {"lower": "-4", "upper": "4", "velocity": "1", "effort": "1"}
+    for name, axis, place in with_turns(table, turning):
+        if axis == "x":
+            joint = {"name": name, "type": "revolute", "axis": "1 0 0", **limits}
+            links.append(f"{name}_link")
+        else:
+            joint = next(known)
+            links.append(joint["child"])
+        out.append({**joint, **_origin(place), "parent": links[-2], "child": links[-1]})
+    return links, out
 
 
 def _folder() -> tempfile.TemporaryDirectory[str]:

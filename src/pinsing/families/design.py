@@ -1,101 +1,81 @@
-"""Closed forms with lengths as symbols: the design of an arm, and where it changes the answer.
+"""Closed forms with lengths as symbols: the design of an arm.
 
-A length is one variable of the ring more, as the value of a joint that slides is. Factors without
-any joint say at which lengths every configuration is singular; they are told as assumptions.
+A length is one variable of the ring more, as the value of a joint that slides is; a twist is two,
+as a joint that turns. Factors without any joint say at which of them every configuration is
+singular; they are told as assumptions.
 """
 
 from __future__ import annotations
 
-import itertools
 import math
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from pinsing._dataclass import dataclass
-from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition
-from pinsing.algebra.equation import Equation, equation
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.matrix import Matrix
-from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.families.design_form import EVERYWHERE, DesignChange, DesignFamily, DesignForm
+from pinsing.families.design_changes import Changes, OneEquation
+from pinsing.families.design_form import DesignChange, DesignFamily, DesignForm
 from pinsing.families.design_lengths import Lengths
+from pinsing.families.design_reality import unreal
+from pinsing.families.design_text import DesignNames, text_of
 
 _SEED = 11
 _FOR_SEARCH = 0.7
-_DIGITS = 4
-"""Characters of a coefficient up to which it is written exactly: lengths have more."""
-_LONGEST = 24
-"""Terms beyond which an equation is told by its size."""
-
-
-@dataclass(frozen=True)
-class _Design:
-    """The names and offsets that polynomials of a design are written with."""
-
-    ring: Ring
-    n: int
-    names: tuple[str, ...]
-    offset: Array
-
-    def equation(self, poly: Poly) -> Equation:
-        return equation(poly, self.ring, self.names, self.offset)
-
-    def text(self, poly: Poly) -> str:
-        return text_of(self.equation(poly))
-
-    def moves(self, poly: Poly) -> bool:
-        """Whether a joint occurs."""
-        return any(j < self.n for j in self.ring.joints_of(poly))
-
-
-def text_of(e: Equation, latex: bool = False) -> str:
-    """An equation as one reads it, its coefficients exact."""
-    if len(e.cos) > _LONGEST and not latex:
-        return f"f({', '.join(e.joints[j] for j in e.involved)}) = 0 [{len(e.cos)} terms]"
-    whole = all(len(c) <= _DIGITS for pair in e.exact for c in pair)
-    return (whole and e.exact_text(latex)) or (e.latex() if latex else e.text())
+_LONG = 300
+"""Terms from which on factoring may take long: lengths make many terms of few different powers."""
 
 
 def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> DesignForm:
     """Families of a chain whose lengths are symbols, and where special lengths change them."""
     began = time.monotonic()
-    geometry = lengths.geometry
-    arm, n = geometry.arm, geometry.arm.n
-    budget = Budget(_FOR_SEARCH * seconds)
-    slides = (*(bool(p) for p in arm.prismatic), *(True for _ in lengths.symbols))
-    ring = ring_of(slides, constants(geometry, arm.task), budget)
-    matrix = jacobian_matrix(_symbolic(lengths, ring), ring, arm.task, budget)
+    geometry, n = lengths.geometry, lengths.joints
+    task = geometry.arm.task
+    budget = Budget(_FOR_SEARCH * seconds, long_to_factor=_LONG)
+    slides = [not angle for angle in (*(True for _ in joints), *lengths.angles)]
+    for j, slide in zip(lengths.order, geometry.prismatic, strict=True):
+        slides[j] = slide
+    ring = ring_of(tuple(slides), constants(geometry, task), budget)
+    whole = jacobian_matrix(_symbolic(lengths, ring), ring, task, budget, lengths.order)
+    matrix = [row[:n] for row in whole]
     rank = _rank(matrix, ring)
-    offset = np.concatenate([own_offsets(geometry), np.zeros(len(lengths.symbols))])
-    design = _Design(ring, n, (*joints, *lengths.symbols), offset)
+    design = DesignNames(ring, n, (*joints, *lengths.symbols), lengths.offset)
     search = Decomposition(lambda: matrix, rank, ring, budget)
     gaps = list(dict.fromkeys(search.gaps))
-    families, assumed = _stated(search.components, design)
-    changes: list[DesignChange] = []
+    stated = _stated(search.components, design)
+    families, assumed = stated.families, stated.assumed
+    changes = list(stated.appearing)
     rest = Budget(max(seconds - (time.monotonic() - began), 0.1 * seconds))
+    single = [OneEquation(f.stated.name, f.polys) for f in families if f.polys]
     try:
-        for change in _changes(families, assumed, matrix, rank, design, rest):
-            changes.append(change)
+        changes.extend(Changes(single, assumed, matrix, rank, design, rest).all())
     except BudgetExceeded as reason:
         gaps.append(f"special lengths were not all looked at: {reason}")
+    changes += [
+        DesignChange(condition, f.stated.name, "vanishes", ())
+        for f in families
+        for e in f.stated.equations
+        if (condition := unreal(e, n))
+    ]
     return DesignForm(
-        robot=arm.name,
+        robot=geometry.arm.name,
         joints=tuple(joints),
         symbols=lengths.symbols,
         values=lengths.values,
+        angles=lengths.angles,
         generic_rank=rank,
         families=tuple(f.stated for f in families),
-        assumed=tuple(design.text(p).replace(" = 0", " ≠ 0") for p in assumed),
+        assumed=tuple(_not_zero(assumed, design)),
         changes=tuple(changes),
         complete=not gaps,
         gaps=tuple(gaps),
@@ -103,17 +83,29 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
     )
 
 
+def _not_zero(assumed: Sequence[Poly], design: DesignNames) -> list[str]:
+    """What must not be zero; of a twist all together, sin alpha2."""
+    groups: dict[object, list[Poly]] = {}
+    for p in assumed:
+        fixed = design.ring.joint_value(p)
+        groups.setdefault(str(p) if fixed is None else fixed[0], []).append(p)
+    return [design.text(_product(g)).replace(" = ", " ≠ ") for g in groups.values()]
+
+
 def _symbolic(lengths: Lengths, ring: Ring) -> Any:
     """The chain with polynomials for lengths."""
-    n = len(lengths.geometry.arm.prismatic)
     gens = ring.context.gens()
-    own = [gens[ring.variables(n + k)[0]] for k in range(len(lengths.symbols))]
+    own = [
+        (gens[ring.variables(lengths.joints + k)[0]], part)
+        for k, (part, angle) in enumerate(zip(lengths.parts, lengths.angles, strict=True))
+        if not angle
+    ]
     placed = []
     for i, vector in enumerate(lengths.rest):
         row = []
         for k, value in enumerate(vector):
             total = ring.number(value)
-            for symbol, part in zip(own, lengths.parts, strict=True):
+            for symbol, part in own:
                 if part[i][k] != 0:
                     total = total + symbol * ring.number(part[i][k])
             row.append(total)
@@ -135,33 +127,55 @@ class _Family:
     polys: tuple[Poly, ...]
 
 
-def _stated(components: Sequence[Component], design: _Design) -> tuple[list[_Family], list[Poly]]:
-    """Families for lengths in general, and polynomials that must not be zero."""
-    general: dict[object, list[Component]] = {}
-    assumed: list[Poly] = []
+@dataclass(frozen=True)
+class _Stated:
+    """Components as they are told.
+
+    Attributes
+    ----------
+    families : list of _Family
+        For symbols in general.
+    assumed : list of Poly
+        Polynomials without a joint, where every configuration is singular.
+    appearing : list of DesignChange
+        Families that there are at special symbols alone.
+    """
+
+    families: list[_Family]
+    assumed: list[Poly]
+    appearing: list[DesignChange]
+
+
+def _stated(components: Sequence[Component], design: DesignNames) -> _Stated:
+    """Families for lengths in general, what must not be zero, and what else there is."""
+    groups: dict[object, list[Component]] = {}
     for c in components:
-        polys = [*(_at_value(j, v, design.ring) for j, v in c.values.items()), *c.relations]
-        if all(design.moves(p) for p in polys):
-            general.setdefault((*sorted(c.values), *map(str, c.relations)), []).append(c)
-        elif len(polys) == 1:  # others are special lengths, told as such
-            assumed.append(polys[0])
-    found = []
-    for group in general.values():
+        groups.setdefault((*sorted(c.values), *map(str, c.relations)), []).append(c)
+    found, assumed, appearing = list[_Family](), list[Poly](), dict[str, list[str]]()
+    for group in groups.values():
         for joined in _joined(group, design.ring):
-            equations = tuple(design.equation(_product(polys)) for polys in joined)
+            moving = [polys for polys in joined if any(map(design.moves, polys))]
+            if not moving:
+                assumed += joined[0] if len(joined) == 1 else []
+                continue
+            equations = tuple(design.equation(_product(polys)) for polys in moving)
+            text = " and ".join(text_of(e) for e in equations)
+            if len(moving) < len(joined):
+                fixed = [design.text(_product(p)) for p in joined if p not in moving]
+                appearing.setdefault(" and ".join(fixed), []).append(text)
+                continue
             stated = DesignFamily(
                 name="",
-                text=" and ".join(text_of(e) for e in equations),
+                text=text,
                 latex=r",\ ".join(text_of(e, latex=True) for e in equations),
                 equations=equations,
                 codimension=len(joined),
             )
             found.append(_Family(stated, tuple(joined[0]) if len(joined) == 1 else ()))
     found.sort(key=lambda f: (f.stated.codimension, sum(len(e.cos) for e in f.stated.equations)))
-    return (
-        [replace(f, stated=replace(f.stated, name=f"F{i}")) for i, f in enumerate(found, 1)],
-        assumed,
-    )
+    named = [replace(f, stated=replace(f.stated, name=f"F{i}")) for i, f in enumerate(found, 1)]
+    more = [DesignChange(at, "", "appears", tuple(into)) for at, into in appearing.items()]
+    return _Stated(named, assumed, more)
 
 
 def _joined(group: Sequence[Component], ring: Ring) -> list[list[list[Poly]]]:
@@ -194,114 +208,3 @@ def _product(polys: Sequence[Poly]) -> Poly:
     for p in polys[1:]:
         total = total * p
     return total
-
-
-def _changes(
-    families: Sequence[_Family],
-    assumed: Sequence[Poly],
-    matrix: Matrix,
-    rank: int,
-    design: _Design,
-    time_left: Budget,
-) -> Iterator[DesignChange]:
-    """What becomes of families of one equation where lengths are zero, or equal up to the sign."""
-    used = {s for f in families for p in f.polys for s in design.ring.joints_of(p) if s >= design.n}
-    used |= {s for p in assumed for s in design.ring.joints_of(p)}
-    together = {
-        pair
-        for f in families
-        for p in f.polys
-        for pair in itertools.combinations(sorted(set(design.ring.joints_of(p)) & used), 2)
-    }
-    whole = set()
-    for s in sorted(used):
-        for change in _at(
-            f"{design.names[s]} = 0", {s: None}, families, matrix, rank, design, time_left
-        ):
-            if change.kind == EVERYWHERE:
-                whole.add(design.names[s])
-            yield change
-    for s, t in sorted(together):
-        for sign in (1, -1):
-            condition = f"{design.names[s]} = {'-' if sign < 0 else ''}{design.names[t]}"
-            told = _at(condition, {s: (t, sign)}, families, matrix, rank, design, time_left)
-            yield from (c for c in told if c.kind != "becomes")
-        if design.names[s] not in whole and design.names[t] not in whole:
-            time_left.check()
-            if _rank(_put(matrix, {s: None, t: None}, design.ring), design.ring) < rank:
-                both = f"{design.names[s]} = {design.names[t]} = 0"
-                yield DesignChange(both, "", EVERYWHERE, ())
-
-
-Special = Mapping[int, tuple[int, int] | None]
-"""Symbols that are zero (None), or plus or minus another one."""
-
-
-def _put(matrix: Matrix, special: Special, ring: Ring) -> Matrix:
-    """A matrix at special lengths."""
-    return [[_there(x, special, ring) for x in row] for row in matrix]
-
-
-def _there(poly: Poly, special: Special, ring: Ring) -> Poly:
-    if poly == 0:
-        return poly
-    images = list(ring.context.gens())
-    for symbol, same in special.items():
-        one = ring.zero if same is None else images[ring.variables(same[0])[0]] * same[1]
-        images[ring.variables(symbol)[0]] = one
-    return ring.reduce(poly.compose(*images, ctx=ring.context))
-
-
-def _at(
-    condition: str,
-    special: Special,
-    families: Sequence[_Family],
-    matrix: Matrix,
-    rank: int,
-    design: _Design,
-    time_left: Budget,
-) -> Iterator[DesignChange]:
-    """What becomes of the families at special lengths."""
-    ring = design.ring
-    time_left.check()
-    if _rank(_put(matrix, special, ring), ring) < rank:
-        yield DesignChange(condition, "", EVERYWHERE, ())
-        return
-    parts: dict[str, dict[str, Poly]] = {}
-    for f in families:
-        found: dict[str, Poly] = {}
-        for p in f.polys:
-            became = _there(p, special, ring)
-            time_left.check_factor(len(became))
-            found |= {str(h): h for h in ring.factors(became) if design.moves(h)}
-        parts[f.stated.name] = found
-    for f in families:
-        if not f.polys:
-            continue
-        mine = parts[f.stated.name]
-        if set(mine) == {str(p) for p in f.polys}:
-            continue  # it is as it was
-        before = {j for p in f.polys for j in ring.joints_of(p) if j < design.n}
-        after = {j for p in mine.values() for j in ring.joints_of(p) if j < design.n}
-        shared = [
-            g.stated.name for g in families if g is not f and set(parts[g.stated.name]) & set(mine)
-        ]
-        texts = tuple(design.text(_product(group)) for group in _grouped(mine.values(), ring))
-        name = f.stated.name
-        if not mine:
-            yield DesignChange(condition, name, "vanishes", ())
-        elif len(texts) > 1:
-            yield DesignChange(condition, name, "splits", texts)
-        elif before != after:
-            yield DesignChange(condition, name, "becomes", texts)
-        if shared:
-            yield DesignChange(condition, name, "merges", tuple(shared))
-
-
-def _grouped(polys: Any, ring: Ring) -> list[list[Poly]]:
-    """Values of one joint together, all else alone."""
-    groups: dict[object, list[Poly]] = {}
-    for p in polys:
-        fixed = ring.joint_value(p)
-        groups.setdefault(object() if fixed is None else fixed[0], []).append(p)
-    return sorted(groups.values(), key=lambda g: (len(g[0]), str(g[0])))

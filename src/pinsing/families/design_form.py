@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import field
 from typing import ClassVar
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy.typing as npt
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
+from pinsing.algebra.equation_text import format_angle
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, UnknownNameError
 from pinsing.serialization import JsonResult
@@ -53,9 +55,9 @@ class DesignChange:
     condition : str
         ``a5 = 0``, ``a2 = -a3``.
     family : str
-        Its name; empty where all of the arm is meant.
+        Its name; empty where all of the arm is meant, or a family that is not there in general.
     kind : str
-        ``splits``, ``merges``, ``becomes``, ``vanishes`` or ``singular everywhere``.
+        ``splits``, ``merges``, ``becomes``, ``vanishes``, ``appears`` or ``singular everywhere``.
     into : tuple of str
         Equations, or names of families.
     """
@@ -67,11 +69,13 @@ class DesignChange:
 
     def __str__(self) -> str:
         into = "; ".join(self.into)
+        more = "one family" if len(self.into) == 1 else f"{len(self.into)} families"
         return f"at {self.condition}: " + {
             "splits": f"{self.family} splits into {len(self.into)}: {into}",
             "merges": f"{self.family} is the same as, or has a part of, {into}",
             "becomes": f"{self.family} becomes {into}",
             "vanishes": f"{self.family} has no configuration any more",
+            "appears": f"{more} more, {into}",
             EVERYWHERE: "every configuration is singular",
         }.get(self.kind, self.kind)
 
@@ -87,9 +91,9 @@ class DesignForm(JsonResult):
     joints : tuple of str
         Symbols of the joints, as q1, d3.
     symbols : tuple of str
-        The lengths that stayed symbols.
+        The lengths, and twists, that stayed symbols.
     values : tuple of float
-        Their values in the file, metres.
+        Their values in the file, metres and radians.
     generic_rank : int
         For lengths in general.
     families : tuple of DesignFamily
@@ -105,6 +109,8 @@ class DesignForm(JsonResult):
         What is missing, where it did not.
     seconds : float
         How long it took.
+    angles : tuple of bool
+        Which symbols are twists.
     """
 
     schema: ClassVar[str] = "pinsing/design/1"
@@ -121,6 +127,7 @@ class DesignForm(JsonResult):
     complete: bool
     gaps: tuple[str, ...]
     seconds: float
+    angles: tuple[bool, ...] = field(default=(), metadata={"optional": True})
 
     @property
     def variables(self) -> tuple[str, ...]:
@@ -140,7 +147,7 @@ class DesignForm(JsonResult):
         q : (..., n) array_like
             Radians and metres.
         lengths : mapping of str to float, optional
-            Metres; those that are left out are as in the file.
+            Metres, and radians for twists; those that are left out are as in the file.
 
         Returns
         -------
@@ -182,12 +189,17 @@ class DesignForm(JsonResult):
         return np.stack([e(whole) / e.size for e in found.equations], axis=-1)
 
     def __str__(self) -> str:
-        known = ", ".join(f"{s} = {v:g} m" for s, v in zip(self.symbols, self.values, strict=True))
+        angles = self.angles or (False,) * len(self.symbols)
+        known = ", ".join(
+            f"{s} = {format_angle(v) if angle else f'{v:g} m'}"
+            for s, v, angle in zip(self.symbols, self.values, angles, strict=True)
+        )
+        what = "lengths and twists" if any(angles) else "lengths"
         word = "complete" if self.complete else "NOT complete"
         many = "family" if len(self.families) == 1 else "families"
         lines = [
             f"{self.robot}: {len(self.families)} {many} of singular configurations, {word}, for "
-            f"lengths in general ({1e3 * self.seconds:.0f} ms)",
+            f"{what} in general ({1e3 * self.seconds:.0f} ms)",
             f"  symbols, and what the file has: {known}",
             *(f"  {f}" for f in self.families),
         ]

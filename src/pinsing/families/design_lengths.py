@@ -1,27 +1,38 @@
-"""Which lengths of a chain stay symbols, and how its exact placements depend on them.
+"""Which lengths and twists of a chain stay symbols, and how its exact placements depend on them.
 
 Placements depend on the lengths of a table linearly while its angles stand. So what a length does
 is seen from the chain in which it is 1 m and all others are zero: whatever the convention, and
-wherever the way from table to placements puts it.
+wherever the way from table to placements puts it. A twist turns what comes after it as a joint
+does: it is one of the chain that is looked at, about x, that does not count as a motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+import math
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
+import pinocchio as pin
+
 from pinsing._dataclass import dataclass
-from pinsing.description.dh_table import DHTable, read_dh
-from pinsing.description.dh_urdf import bare_urdf
+from pinsing._types import Array
+from pinsing.algebra.mimic import own_offsets
+from pinsing.description.dh_table import BASE, FLANGE, TIP, DHTable, read_dh
+from pinsing.description.dh_urdf import bare_urdf, with_turns
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
-from pinsing.geometry.exact_placements import Length3
+from pinsing.geometry.chain import Chain
+from pinsing.geometry.exact_placements import Leeway, Length3, exact_placements
 from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.robot.arm import Arm
+from pinsing.robot.joint_axis import axis_rotation
 from pinsing.robot.load import load
 
 _ALIKE = 1e-9
+_AXES = {"x": np.array([1.0, 0.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,45 +42,87 @@ class Lengths:
     Attributes
     ----------
     geometry : Nominal
-        The chain with the numbers of its file.
+        The chain with the numbers of its file; twists that are symbols are joints of it.
     symbols : tuple of str
-        Names of the lengths.
+        Names of the lengths and twists.
+    angles : tuple of bool
+        Which of them are twists.
     values : tuple of float
-        Their values in the file, metres.
-    parts : tuple of tuples of n + 1 triples
+        Their values in the file, metres and radians.
+    order : tuple of int
+        For each joint of the chain its number among the arm's own, or theirs and the symbols'
+        number after these.
+    parts : tuple of tuples of N + 1 triples
         For each symbol by what it counts in each coordinate of each placement.
-    rest : tuple of n + 1 triples
+    rest : tuple of N + 1 triples
         What is no symbol, metres.
     """
 
     geometry: Nominal
     symbols: tuple[str, ...]
+    angles: tuple[bool, ...]
     values: tuple[float, ...]
+    order: tuple[int, ...]
     parts: tuple[tuple[Length3, ...], ...]
     rest: tuple[Length3, ...]
 
+    @property
+    def joints(self) -> int:
+        """How many joints the arm has itself."""
+        return len(self.geometry.prismatic) - sum(self.angles)
 
-def of_table(table: DHTable, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
-    """The lengths a1, d1, a2, ... of a table; by default those that are not zero.
+    @property
+    def offset(self) -> Array:
+        """Radians added to each joint of the arm and to each symbol that is a twist; else zero."""
+        offset = np.zeros(self.joints + len(self.symbols))
+        offset[list(self.order)] = own_offsets(self.geometry)
+        return offset
+
+
+def of_table(arm: Arm, table: DHTable, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
+    """Lengths a1, d1, a2, ... and twists alpha1, ...; by default all lengths that are not zero.
 
     Raises
     ------
     UnknownNameError
-        If there is no length of a name.
+        If there is no length or twist of a name.
     OptionError
-        If no length is left, or the chain is not what the table says.
+        If none is left, or the chain is not what the table says.
     """
-    known = lengths_of(table)
-    names = _chosen(known, chosen)
-    real = _geometry(table, angle_tol)
+    known, twists = lengths_of(table), twists_of(table)
+    names = _chosen(known, twists, chosen)
+    turning = [i for i, name in enumerate(twists, 1) if name in names]
+    try:
+        if turning:
+            text = bare_urdf(table, turning)
+            arm = load(text, tip=arm.tip).with_task(arm.task)
+        real = nominal(arm, angle_tol)
+    except PinsingError as error:
+        raise OptionError(f"the table makes no chain: {error}") from None
+    end = arm.tip == TIP
     zero = dict.fromkeys(known, 0.0)
     bare = replace(table, tool=None)
+
+    def translation(values: dict[str, float], of: DHTable) -> tuple[Length3, ...]:
+        return _translation(_with(of, values), turning, end, arm, angle_tol)
+
     parts = tuple(
-        _geometry(_with(bare, {**zero, name: 1.0}), angle_tol).translation for name in names
+        translation({**zero, name: 1.0} if name in known else zero, bare) for name in names
     )
-    left = {n: 0.0 if n in names else v for n, v in known.items()}
-    rest = _geometry(_with(table, left), angle_tol).translation
-    made = Lengths(real, names, tuple(known[n] for n in names), parts, rest)
+    rest = translation({n: 0.0 if n in names else v for n, v in known.items()}, table)
+    n = len(table.rows)
+    place = {f"{i}_twist": n + names.index(f"alpha{i}") for i in turning}
+    own = itertools.count()
+    chain = [name for name, axis, _ in with_turns(table, turning) if axis]
+    made = Lengths(
+        geometry=real,
+        symbols=names,
+        angles=tuple(name in twists for name in names),
+        values=tuple({**known, **twists}[name] for name in names),
+        order=tuple(place[name] if name in place else next(own) for name in chain),
+        parts=parts,
+        rest=rest,
+    )
     _check(made)
     return made
 
@@ -86,10 +139,11 @@ def of_arm(arm: Arm, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
         As `of_table`.
     """
     path = Path(arm.source.label)
-    if path.suffix.lower() in (".yaml", ".yml") and path.is_file():
+    whole = arm.base == BASE and arm.tip in (TIP, FLANGE)
+    if whole and path.suffix.lower() in (".yaml", ".yml") and path.is_file():
         table = read_dh(path)
-        if len(table.rows) == arm.n and arm.task.name == "pose":
-            return of_table(table, chosen, angle_tol)
+        if [row.name for row in table.rows] == list(arm.joints):
+            return of_table(arm, table, chosen, angle_tol)
     geometry = nominal(arm, angle_tol)
     ends = ["base", *list(arm.model.names)[1:], "tool"]
     found: dict[str, tuple[int, int, Fraction]] = {}
@@ -97,7 +151,7 @@ def of_arm(arm: Arm, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
         for k, value in enumerate(vector):
             if value != 0:
                 found[f"{ends[i + 1]}_{'xyz'[k]}"] = i, k, value
-    names = _chosen({n: float(abs(v)) for n, (_, _, v) in found.items()}, chosen)
+    names = _chosen({n: float(abs(v)) for n, (_, _, v) in found.items()}, {}, chosen)
     parts, rest = [], [list(v) for v in geometry.translation]
     for name in names:
         i, k, value = found[name]
@@ -105,8 +159,15 @@ def of_arm(arm: Arm, chosen: Sequence[str] | None, angle_tol: float) -> Lengths:
         part[i][k] = Fraction(1 if value > 0 else -1)
         rest[i][k] = Fraction(0)
         parts.append(_triples(part))
-    values = tuple(float(abs(found[n][2])) for n in names)
-    return Lengths(geometry, names, values, tuple(parts), _triples(rest))
+    return Lengths(
+        geometry=geometry,
+        symbols=names,
+        angles=(False,) * len(names),
+        values=tuple(float(abs(found[n][2])) for n in names),
+        order=tuple(range(len(geometry.prismatic))),
+        parts=tuple(parts),
+        rest=_triples(rest),
+    )
 
 
 def lengths_of(table: DHTable) -> dict[str, float]:
@@ -119,14 +180,21 @@ def lengths_of(table: DHTable) -> dict[str, float]:
     return found
 
 
-def _chosen(known: dict[str, float], chosen: Sequence[str] | None) -> tuple[str, ...]:
+def twists_of(table: DHTable) -> dict[str, float]:
+    """Twists of a table by name, radians: alpha1, alpha2, ..."""
+    return {f"alpha{i}": row.alpha for i, row in enumerate(table.rows, 1)}
+
+
+def _chosen(
+    known: dict[str, float], twists: dict[str, float], chosen: Sequence[str] | None
+) -> tuple[str, ...]:
     if chosen is None:
         names = tuple(n for n, v in known.items() if v != 0)
     else:
         names = tuple(dict.fromkeys(n.strip() for n in chosen if n.strip()))
         for name in names:
-            if name not in known:
-                raise UnknownNameError("length", name, tuple(known))
+            if name not in known and name not in twists:
+                raise UnknownNameError("length", name, (*known, *twists))
     if not names:
         raise OptionError("no length is to be a symbol: all are zero, or none was named")
     return names
@@ -140,11 +208,27 @@ def _with(table: DHTable, values: dict[str, float]) -> DHTable:
     return replace(table, rows=tuple(rows))
 
 
-def _geometry(table: DHTable, angle_tol: float) -> Nominal:
-    try:
-        return nominal(load(bare_urdf(table), tip="tool0"), angle_tol)
-    except PinsingError as error:
-        raise OptionError(f"the table makes no chain: {error}") from None
+def _translation(
+    table: DHTable, turning: Collection[int], end: bool, arm: Arm, angle_tol: float
+) -> tuple[Length3, ...]:
+    """Exact translations of the chain of a table, to its tool if ``end``, else to its flange."""
+    shown = table if end else replace(table, tool=None)
+    rotations, translations, sliding = [], [], []
+    kinds = {row.name: row.type == "prismatic" for row in table.rows}
+    place, before = pin.SE3.Identity(), np.eye(3)
+    for name, axis, fixed in with_turns(shown, turning):
+        place = place * pin.SE3(pin.rpy.rpyToMatrix(*fixed.rpy), np.array(fixed.xyz))
+        if axis:
+            turned = axis_rotation(_AXES[axis])
+            rotations.append(before.T @ place.rotation @ turned)
+            translations.append(before.T @ place.translation)
+            sliding.append(kinds.get(name, False))
+            place, before = pin.SE3.Identity(), turned
+    rotations.append(before.T @ place.rotation)
+    translations.append(before.T @ place.translation)
+    raw = Chain(np.array(rotations), np.array(translations), np.array(sliding, dtype=bool))
+    places = ["a placement"] * (raw.n + 1)
+    return exact_placements(raw, places, Leeway(angle_tol), bool(arm.task.at_tip)).translation
 
 
 def _check(made: Lengths) -> None:
@@ -152,7 +236,9 @@ def _check(made: Lengths) -> None:
     for i, vector in enumerate(made.geometry.translation):
         for k, value in enumerate(vector):
             total = float(made.rest[i][k])
-            total += sum(v * float(p[i][k]) for v, p in zip(made.values, made.parts, strict=True))
+            total += math.fsum(
+                v * float(p[i][k]) for v, p in zip(made.values, made.parts, strict=True)
+            )
             if abs(total - float(value)) > _ALIKE * max(1.0, abs(float(value))):
                 raise OptionError(
                     "the placements of the table are no plain sums of its lengths: its angles are "

@@ -88,8 +88,8 @@ def closed_form(
         A serial arm; with ``symbols`` also the path of a DH table, or what else ``load`` takes.
     symbols : bool, str or sequence of str, optional
         Lengths that stay symbols: all that are not zero (True), or those named, such as
-        ``"a2,d4"``. Of a DH table they are a1, d1, a2, ...; of any other arm they are named after
-        its joints, as ``elbow_joint_x``.
+        ``"a2,d4"``. Of a DH table they are a1, d1, a2, ..., and twists alpha1, ... that are named
+        stay symbols, too; of any other arm they are named after its joints, as ``elbow_joint_x``.
     seconds : float
         Time after which the algebra is given up; what was found till then is returned,
         with ``complete`` False and the reason. Describing that ends as soon, or as a short
@@ -238,15 +238,15 @@ def _design(
         chosen = None if symbols.strip() == "all" else symbols.split(",")
     elif not isinstance(symbols, bool):
         chosen = tuple(symbols)
-    lengths = of_arm(arm if isinstance(arm, Arm) else load(arm), chosen, angle_tol)
-    chain = lengths.geometry.arm
-    if chain.coupling is not None:
+    loaded = arm if isinstance(arm, Arm) else load(arm)
+    if loaded.coupling is not None:
         raise OptionError("lengths stay symbols in chains without mimic joints")
-    if chain.n > MAX_JOINTS:
+    if loaded.n > MAX_JOINTS:
         raise OptionError(
-            f"lengths stay symbols in chains of at most {MAX_JOINTS} joints, and this has {chain.n}"
+            f"lengths stay symbols in chains of at most {MAX_JOINTS} joints, and this has "
+            f"{loaded.n}"
         )
-    return design_form(lengths, joint_symbols(chain), seconds)
+    return design_form(of_arm(loaded, chosen, angle_tol), joint_symbols(loaded), seconds)
 
 
 def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
