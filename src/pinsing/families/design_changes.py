@@ -28,7 +28,7 @@ Images = Mapping[int, tuple[int, int | None]]
 
 
 @dataclass(frozen=True)
-class Special:
+class SpecialDesign:
     """Special values of symbols.
 
     Attributes
@@ -121,27 +121,27 @@ class Changes:
                 if self._everywhere(zero):
                     yield DesignChange(both, "", EVERYWHERE, ())
 
-    def _alone(self, s: int) -> Iterator[Special]:
+    def _alone(self, s: int) -> Iterator[SpecialDesign]:
         """Special values of one symbol."""
         name, variables = self.names.names[s], self.ring.variables(s)
         if self.ring.prismatic[s]:
-            yield Special(f"{name} = 0", (s,), {variables[0]: (0, None)})
+            yield SpecialDesign(f"{name} = 0", (s,), {variables[0]: (0, None)})
             return
         for turn in _TURNS:
             quarters = turn + float(self.names.offset[s]) / (math.pi / 2)
             if abs(quarters - round(quarters)) < _STRAIGHT:
                 point = _AT_TURN[round(quarters) % 4]
                 images = {v: (x, None) for v, x in zip(variables, point, strict=True)}
-                yield Special(f"{name} = {90 * turn}°", (s,), images)
+                yield SpecialDesign(f"{name} = {90 * turn}°", (s,), images)
 
-    def _equal(self, s: int, t: int, sign: int) -> Special:
+    def _equal(self, s: int, t: int, sign: int) -> SpecialDesign:
         """Two lengths that are equal but for a sign."""
         names = self.names.names
         images = {self.ring.variables(s)[0]: (sign, self.ring.variables(t)[0])}
         minus = "-" if sign < 0 else ""
-        return Special(f"{names[s]} = {minus}{names[t]}", (s, t), images, renames=True)
+        return SpecialDesign(f"{names[s]} = {minus}{names[t]}", (s, t), images, renames=True)
 
-    def _at(self, special: Special) -> Iterator[DesignChange]:
+    def _at(self, special: SpecialDesign) -> Iterator[DesignChange]:
         """What becomes of the families at special values."""
         self.time.check()
         condition, ring = special.condition, self.ring
@@ -170,13 +170,13 @@ class Changes:
             if shared:
                 yield DesignChange(condition, f.name, "merges", shared)
 
-    def _touches(self, family: OneEquation, special: Special) -> bool:
+    def _touches(self, family: OneEquation, special: SpecialDesign) -> bool:
         """Whether special values say anything of a family but the name of a symbol."""
         known = {s for p in family.polys for s in self.ring.joints_of(p)}
         need = all if special.renames else any
         return need(s in known for s in special.symbols)
 
-    def _parts(self, family: OneEquation, special: Special) -> list[Poly]:
+    def _parts(self, family: OneEquation, special: SpecialDesign) -> list[Poly]:
         """The irreducible polynomials with joints that it is the zeros of there."""
         found: list[Poly] = []
         touched = self._touches(family, special)
