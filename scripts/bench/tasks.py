@@ -2,6 +2,7 @@
 
     python scripts/bench/tasks.py [ARM ...] [--task vx,vy,vz,wz] [--seconds 60]
     python scripts/bench/tasks.py --write docs/tasks.md
+    python scripts/bench/tasks.py --positions --seconds 40
 
 All arms of six joints in urdf/ and example-robot-data, and arms of published tables.
 """
@@ -15,6 +16,7 @@ import platform
 import resource
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator
 from math import pi
 from pathlib import Path
@@ -38,6 +40,25 @@ LOADED = {
     "Kinova Jaco j2s6s200": "kinova",
     "Unitree Z1": "z1",
     "Talos, left arm of 6 joints": "talos_arm",
+}
+POSITIONS: dict[str, dict[str, str]] = {
+    "Franka Panda": {"robot": "panda"},
+    "UFACTORY xArm 7": {"robot": "xarm7"},
+    "KUKA iiwa 14": {"robot": "iiwa14"},
+    "SO-101": {"robot": "so101"},
+    "Baxter, left arm": {"robot": "baxter", "tip": "left_gripper"},
+    "Tiago": {"robot": "tiago", "tip": "arm_tool_link", "base": "torso_lift_link"},
+    "Tiago Pro, left arm": {
+        "robot": "tiago_pro",
+        "tip": "arm_left_tool_link",
+        "base": "torso_lift_link",
+    },
+    "Talos, left arm of 7 joints": {
+        "robot": "talos_full_v2",
+        "tip": "gripper_left_base_link",
+        "base": "torso_2_link",
+    },
+    "Unitree G1, left arm": {"robot": "g1", "tip": "left_rubber_hand", "base": "torso_link"},
 }
 OFFSET_WRISTS = ("Fanuc CRX-10iA/L", "ABB GoFa 5")
 
@@ -102,6 +123,17 @@ not looked for here.
 {gaps}\
 CRX-10iA/L and GoFa 5 have the lengths of Elias and Wen (arXiv 2501.18505), the arms from ABB IRB
 1600 on those of their data sheets; the others are of `pinsing list`.
+
+{positions}
+"""
+SECTION = """## Positions of arms with more joints
+
+The task is the position of the tip (`--task position`): singular where all axes meet one line
+through it, or are parallel to it. {seconds:g} s on the clock, load {load:.0f}.
+
+| arm | joints | families | word | s |
+|---|---|---|---|---|
+{table}
 """
 
 
@@ -122,6 +154,24 @@ def arms() -> Iterator[tuple[str, Arm]]:
         yield name, load(bare_urdf(table), tip="tool0")
 
 
+def positions(seconds: float) -> str:
+    """The section on positions."""
+    lines, gaps = [], []
+    for name, words in POSITIONS.items():
+        options = {k: v for k, v in words.items() if k != "robot"}
+        arm = load(words["robot"], task="position", **options)
+        start = processor_seconds()
+        form = closed_form(arm, seconds=seconds)
+        took = processor_seconds() - start
+        counts = Counter(f.codimension for f in form.families)
+        said = ", ".join(f"{k} of codimension {c}" for c, k in sorted(counts.items()))
+        lines.append(f"| {name} | {arm.n} | {said or 'none'} | {form.word} | {took:.1f} |")
+        gaps += [f"- Not complete: {name}: {gap}." for gap in form.gaps]
+        print(lines[-1], file=sys.stderr, flush=True)
+    text = SECTION.format(seconds=seconds, load=os.getloadavg()[0], table="\n".join(lines))
+    return text + ("\n" + "\n".join(gaps) if gaps else "")
+
+
 def processor_seconds() -> float:
     """Of this process, and of its children that have ended."""
     children = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -134,8 +184,12 @@ def main() -> None:
     parser.add_argument("arms", nargs="*", metavar="ARM", help="part of a name; default all")
     parser.add_argument("--task", action="append", help="default all four")
     parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--positions", action="store_true", help="that section alone")
     parser.add_argument("--write", type=Path, metavar="FILE")
     options = parser.parse_args()
+    if options.positions:
+        print(positions(options.seconds))
+        return
     tasks = options.task or list(TASKS)
     lines, gaps = list[str](), list[str]()
     took, missing = dict[str, list[float]](), dict[str, int]()
@@ -167,6 +221,7 @@ def main() -> None:
         said=f"{said[:1].upper()}{said[1:]}.",
         table="\n".join([head, *lines]),
         gaps="\n".join(gaps) + "\n\n" if gaps else "",
+        positions=positions(options.seconds),
     )
     if options.write:
         options.write.write_text(page.rstrip() + "\n", encoding="utf-8")

@@ -62,7 +62,10 @@ class AtOnce:
     def _said(self) -> Iterator[str]:
         verb = "follows" if len(self.follow) == 1 else "follow"
         can = f"{listed(self.chosen)} can be chosen" if self.chosen else "no joint can be chosen"
-        yield f"near the configuration shown {can}; {listed(self.follow)} {verb}"
+        yield (
+            f"dimension {len(self.chosen)}: near the configuration shown {can}; "
+            f"{listed(self.follow)} {verb}"
+        )
         yield from self.steps
         if len(self.steps) > _FEW:
             doubles = sum("two solutions" in step for step in self.steps)

@@ -292,7 +292,7 @@ def families_text(
         lines.append(
             page.paragraph(
                 f"the equations of {', '.join(long)}: `pinsing families --exact` writes them out, "
-                "--json FILE has them as numbers",
+                "--json FILE has them as numbers, --system FILE for Singular, msolve, Maple, Sage",
                 first="  ",
             )
         )
