@@ -129,8 +129,8 @@ CRX-10iA/L and GoFa 5 have the lengths of Elias and Wen (arXiv 2501.18505), the 
 SECTION = """## Positions of arms with more joints
 
 The task is the position of the tip (`--task position`): singular where all axes meet one line
-through it, or are parallel to it. At most {seconds:g} s on the clock, load {load:.0f}; the seconds are of
-processor time, with up to 2 s for a certificate.
+through it, or are parallel to it. At most {seconds:g} s on the clock, load {load:.0f}; the seconds
+are of processor time, with up to 2 s for a certificate.
 
 | arm | joints | families | word | s |
 |---|---|---|---|---|
