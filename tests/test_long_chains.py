@@ -9,7 +9,7 @@ import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.families.drawn import peeled
+from pinsing.families.drawn import draw, peeled
 from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
@@ -165,3 +165,19 @@ def test_a_joint_that_one_equation_has_alone_is_solved_for_last(thirteen):
     solved = [step.joint for step in order]
     for k, step in enumerate(order):
         assert not set(step.equation.involved) & set(solved[k + 1 :])
+
+
+def test_points_of_many_equations_come_in_numbers_and_differ(thirteen):
+    """What is solved so far goes on with other values of the joints that are not used yet."""
+    arm, form = thirteen
+    equations = form.families[0].branches[0].equations
+    every = np.ones(13, dtype=bool)
+    order = peeled(equations, every)
+    low = np.full(13, -np.pi)
+    q = draw(order, low, -low, every, np.zeros(13), 40, np.random.default_rng(3))
+    assert len(q) >= 40
+    assert np.abs(residuals(equations, q)).max() < 1e-9
+    assert len(np.unique(q[:, 1:-1].round(9), axis=0)) == len(q)  # no copies, end joints aside
+    assert len(np.unique(q[:, order[0].joint].round(9))) >= 20
+    sigma = pinsing.singular_values(arm, q)
+    assert (sigma[:, 5] / sigma[:, 0]).max() < 1e-9

@@ -31,6 +31,7 @@ CHAINS: dict[str, dict[str, str]] = {
         "base": "left_sole_link",
         "tip": "right_sole_link",
     },
+    "Talos, torso and left arm": {"robot": "talos_full_v2", "tip": "wrist_left_ft_tool_link"},
     "iCub, torso and left arm": {"robot": "icub", "base": "root_link", "tip": "l_hand"},
     "Talos, left foot to left hand": {
         "robot": "talos",
@@ -121,6 +122,9 @@ def families(name: str, form: ClosedForm) -> Iterator[str]:
     yield f"## {name}\n"
     for gap in form.gaps:
         yield f"- not complete: {gap}"
+    if form.slice_count is not None and not form.slice_count.off:
+        rests = "it rests on a count" if form.complete else "evidence, no proof"
+        yield f"- {rests}: {form.slice_count.sentence()}"
     for family in form.families[:_SHOWN]:
         text = family.text if len(family.text) <= _WIDE else f"{family.text[:_WIDE]} ..."
         yield f"- {family.name}, codimension {family.codimension}: {text}"

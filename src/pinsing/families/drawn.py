@@ -24,8 +24,10 @@ _EDGE = 1e-9
 _MOST = 3
 """Equations at once, of which all orders are tried."""
 _SURVIVE = 1.5
-"""About one in so many draws has a real solution, for each step more of a long order."""
+"""Of a long order more are tried, by so much for each step more."""
 _MOST_DRAWS = 2_000
+_DIGITS = 9
+"""Of points that are the same, radians or metres."""
 _ORDERS = 3
 """Ways to solve that are made use of."""
 
@@ -145,10 +147,16 @@ def draw(
     rng : np.random.Generator
         Where they are drawn from.
     """
-    if len(order) > _MOST:
+    many = len(order) > _MOST
+    if many:
         count = max(count, min(_MOST_DRAWS, int(count * _SURVIVE ** (len(order) - _MOST))))
     q = np.where(free, rng.uniform(lower, upper, (count, len(lower))), fixed)
+    open_ = free.copy()
     for step in order:
+        if many and 0 < len(q) < count:
+            # What solved all so far goes on several times, with other values of what is not used.
+            q = q[rng.integers(len(q), size=count)]
+            q = np.where(open_, rng.uniform(lower, upper, q.shape), q)
         value, known = _solved(step, q, rng)
         if step.kind != "length":
             value, inside = _copy(value, lower[step.joint], upper[step.joint], rng)
@@ -156,6 +164,10 @@ def draw(
             inside = (value >= lower[step.joint] - _EDGE) & (value <= upper[step.joint] + _EDGE)
         q[:, step.joint] = value
         q = q[known & inside]
+        open_[list(step.equation.involved)] = False
+    if many:  # those that went on with nothing else to draw may have come to the same end
+        first = np.unique(q[:, free & ~open_].round(_DIGITS), axis=0, return_index=True)[1]
+        q = q[np.sort(first)]
     return q
 
 
