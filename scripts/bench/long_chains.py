@@ -61,6 +61,8 @@ PLANAR = (6, 12, 20)
 _SHOWN = 8
 """Families that are written out."""
 _WIDE = 150
+_STEPS = 6
+"""Joints that follow one after the other, beyond which it is said which do."""
 
 PAGE = """# Long chains and positions
 
@@ -128,6 +130,10 @@ def families(name: str, form: ClosedForm) -> Iterator[str]:
     for family in form.families[:_SHOWN]:
         text = family.text if len(family.text) <= _WIDE else f"{family.text[:_WIDE]} ..."
         yield f"- {family.name}, codimension {family.codimension}: {text}"
+        for said in family.at_once:
+            if len(said.steps) > _STEPS:
+                yield f"  - {said.lines()[0]}"
+                yield f"  - {said.lines()[-1]}"
     if len(form.families) > _SHOWN:
         yield f"- and {len(form.families) - _SHOWN} more"
     yield ""
