@@ -69,8 +69,11 @@ def proof_text(forms: Answer, page: Page = PLAIN) -> str:
     counted = f"; it rests on a count: {forms.slice_count.sentence()}" if forms.slice_count else ""
     if proof is None:
         return page.paragraph(f"probable: no certificate was looked for{counted}", first="  ")
+    steps = _random_steps(forms)
+    if counted and (forms.random_steps is None or not forms.random_steps.systems):
+        steps, counted = counted.removeprefix("; "), ""
     return page.paragraph(
-        f"probable: nothing is known to be missing, but {_random_steps(forms)}{counted}; "
+        f"probable: nothing is known to be missing, but {steps}{counted}; "
         f"no certificate: {proof.reason}",
         first="  ",
     )
