@@ -254,7 +254,7 @@ def _delta(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
             ends.append(platform * radial + sign * apart / 2 * across)
             if len(ends) == 1:
                 R = _about(axis, value + swing)
-                _ball(tree, f"rod{name}", rod * radial, R.T, turn)
+                _ball(tree, f"rod{name}", rod * radial, R.T, None)
             else:
                 tree.frame(f"e{len(ends)}", f"rod{name}", rod * radial)
                 tree.close(f"e{len(ends)}", f"b{len(ends)}")

@@ -379,7 +379,11 @@ def test_families_of_a_mechanism_at_the_command_line(capsys):
     code, said = run("bennett")
     assert code == 0
     assert "rank of 9 x 4 entries below 4" in said.out
-    assert run("planar_3rpr", "--prove")[0] == 2
+    code, said = run("bennett", "--prove")
+    assert code == 2
+    assert not said.out
+    assert "no leg has a certificate of its own" in said.err
+    assert run("planar_3rpr", "--latex")[0] == 2
 
 
 def contour(ax, color):

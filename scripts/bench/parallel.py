@@ -22,9 +22,7 @@ from pinsing.mechanism import (
     mechanism_at,
     pose_forms,
     ranks,
-    refine,
 )
-from pinsing.mechanism.closure import random_closed
 from pinsing.mechanism.forms_text import forms_text
 from pinsing.robot.mechanism import Mechanism
 
@@ -59,8 +57,15 @@ more.
 - Equations in the joint angles hold where the loops close: singular if and only if one is zero. A
   determinant has a row for each wrench that a leg passes on (force and moment about the origin of
   the base; in the plane fx, fy, mz; on the sphere the moment), in that leg's own angles.
-- There are no certificates for mechanisms: the checker reads the Jacobian of one chain, and knows
-  no closure equations.
+- Where the legs are of another kind the matrices are those of the closure equations themselves,
+  with a column for each passive joint (type 2), or each joint (type 1): singular if and only if the
+  columns are dependent. So for loops that are overconstrained or welded, and redundant actuators.
+- Certificates: `families NAME --loops --certificate NAME.json` writes one for each leg as an arm of
+  its own, `pinsing verify` checks them. They prove where an actuator does no work on what its leg
+  passes, or passive joints are dependent by themselves: rank conditions of one chain, which is what
+  the checker reads. Type 2 has none: it is about several chains that the closure ties, of which the
+  checker knows nothing; its equation is the rank condition itself, with no list of families that
+  could be proven complete.
 - Legs may be written from the base or from the platform, cut at either end or at the elbow, in any
   plane; links that spin idly between two balls are held, joints without limits move without end.
   Of the 18 loop files of gepetto/example-parallel-robots (at 52e64b3) 14 have as many freedoms as
@@ -68,8 +73,11 @@ more.
   0.3 mm beside the ball that it would spin about, and the two kangaroos' loops were not closed, to
   0.08 and 0.03 (metres, radians) at best. Without limits and with many free balls an analysis takes
   minutes (cassie_like 110 s).
-- Not here: equations over the pose of the spherical 3-RRR; Bennett's loop, whose closure equations
-  are dependent only where it closes.
+- Over the pose a leg must pass one force (two where it begins with a hinge), or the mechanism be a
+  spherical 3-RRR. Others have none: an output that turns on the base itself (RSSR), loops that are
+  welded or overconstrained (Bennett), redundant actuators, an actuated joint that is neither the
+  length of its leg nor its first (RPR driven at the foot): no determinant of lines of force is
+  their condition. Their equations are those in the joint angles.
 - Maps: `pinsing map urdf/NAME.urdf --loops urdf/NAME.loops.yaml --over poses`. On one processor the
   measures of 45,000 configurations of the 3-RRR and 11,000 of the Gough-Stewart platform are found
   in a second of processor time, all at once; one after the other with Pinocchio's constraint
@@ -239,24 +247,20 @@ def of_bennett(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
 
 def of_agile_eye(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     found = pinsing.assembly_modes(mechanism)
-    yield "8 assembly modes (Gosselin, Sefrioui and Richard 1994)", f"{len(found.modes)} found"
+    yield "8 assembly modes (Gosselin, Sefrioui and Richard 1994)", found.statement
     found = pinsing.working_modes(mechanism)
-    yield "8 working modes", f"{len(found.modes)} found"
-    forms = joint_forms(mechanism)
-    ones = [x for x in forms.loci if x.kind == "type 1"]
-    met, worst = 0, 0.0
-    for q in random_closed(mechanism.without_limits(), 60, np.random.default_rng(1)):
-        point = refine(mechanism.without_limits(), q, "type 2")
-        if point.converged:
-            met += 1
-            values = [abs(float(x.equation(point.q))) for x in ones]
-            worst = max(worst, min(values))
-    yield (
-        "outside the orientations in which the inputs do not move it, all singular loci are joint "
-        "values (compare Bonev and Gosselin 2005)",
-        f"type 1: {' or '.join(str(x.equation) for x in ones)}; type 2 only there too: at {met} "
-        f"points of type 2 one of these is zero to {worst:.0e}",
-    )
+    yield "8 working modes", found.statement
+    notes = [x for x in joint_forms(mechanism).notes if "type 2 needs" in x]
+    yield "all singular loci are joint values (compare Bonev and Gosselin 2005)", "; ".join(notes)
+
+
+def of_rps(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    for locus in pose_forms(mechanism).loci:
+        if locus.kind == "type 1":
+            yield (
+                "type 1 at yaw ±90°, by the motions that the hinges leave",
+                f"{locus.words}: {locus.equation}",
+            )
 
 
 KNOWN: dict[str, Known] = {
@@ -266,6 +270,7 @@ KNOWN: dict[str, Known] = {
     "planar_3rpr": of_3rpr,
     "delta": of_delta,
     "bennett": of_bennett,
+    "rps3": of_rps,
     "agile_eye": of_agile_eye,
 }
 

@@ -92,6 +92,9 @@ def families_command(
     finite fields. "NOT complete": says what is missing. The answer comes first, a proof that
     takes longer than 2 s of processor time after it.
 
+    With --loops, --prove looks at each leg of the mechanism as an arm (type 1 is a question about
+    one leg), and --certificate NAME.json writes NAME_leg1.json, NAME_leg2.json and so on.
+
     With --fail-if-singular, exits with 1 if any family is reachable within the joint limits.
     """
     if certificate is not None and prove is False:

@@ -22,6 +22,7 @@ from pinsing.prose import Page
 if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.mechanism import MechanismAnalysis
+    from pinsing.mechanism.leg_proofs import LegProof
     from pinsing.robot.load_mechanism import Mechanism
 
 _ARM_MAPS: dict[str, Any] = {
@@ -173,10 +174,9 @@ def families_loops(
     from pinsing.mechanism import joint_forms, loop_forms, pose_forms
     from pinsing.mechanism.forms_text import forms_text
 
-    if latex or prove is not None or certificate is not None:
+    if latex:
         raise OptionError(
-            "--latex, --prove and --certificate do not go with --loops: mechanisms have their "
-            "equations as text, and no certificates"
+            "--latex does not go with --loops: mechanisms have their equations as text"
         )
     if system is not None or chosen:
         raise OptionError(
@@ -187,6 +187,11 @@ def families_loops(
     forms = loop_forms(mechanism)
     found = pose_forms(mechanism) if forms is None else forms
     joints = joint_forms(mechanism)
+    proven: tuple[LegProof, ...] = ()
+    if prove or certificate is not None:
+        from pinsing.mechanism.leg_proofs import leg_proofs
+
+        proven = leg_proofs(mechanism)
     if found is None and not joints.complete:
         say(
             f"{mechanism.name}: no closed form: neither a planar dyad closes the loops nor does "
@@ -198,9 +203,35 @@ def families_loops(
     whole = joints if found is None else dataclasses.replace(found, joint_forms=joints)
     if not emit_json(whole, json_target):
         emit(forms_text(mechanism.inputs, found, Page.of(), deg, exact, joints))
+    if proven:
+        _tell_legs(proven, certificate, json_target is None)
     architecture = getattr(found, "architecture", "")
     loci = joints.loci if found is None else found.loci
     return int(fail_if_singular and bool(loci or architecture))
+
+
+def _tell_legs(found: Sequence[LegProof], certificate: Path | None, shown: bool) -> None:
+    """The legs as arms, each with its certificate, and a file for each."""
+    from pinsing.atomic_write import write_text
+    from pinsing.proof.produce import text_of
+
+    write = emit if shown else say
+    write(
+        "\nThe legs as arms, each by itself: type 1, and passive joints that move by themselves. "
+        "Type 2 has\nno certificate: its equation is the rank condition of all legs together."
+    )
+    for leg in found:
+        write(f"  {leg}")
+    if certificate is None:
+        return
+    for leg in found:
+        path = certificate.with_name(f"{certificate.stem}_leg{leg.leg}{certificate.suffix}")
+        if leg.form.certificate is None:
+            reason = leg.form.proof.reason if leg.form.proof else "none was found"
+            say(f"note: no certificate of leg {leg.leg}: {reason}")
+            continue
+        write_text(path, text_of(leg.form.certificate) + "\n")
+        say(f"wrote {path}")
 
 
 def plot_loops(

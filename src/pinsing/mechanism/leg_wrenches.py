@@ -182,6 +182,22 @@ def _wrenches(mechanism: Mechanism) -> LegWrenches:
     )  # fmt: skip
 
 
+def leg_ends(mechanism: Mechanism) -> list[tuple[list[int], Array | None]]:
+    """Of each way from the base to the output: its joints, and its end with all joints at zero.
+
+    The first is that of the tree; its end is None where it has none of its own, and on the sphere.
+
+    Raises
+    ------
+    NotThisKind
+        If a loop closes elsewhere, or in another way.
+    """
+    built = structure(mechanism)
+    kind = room_of(mechanism)[0]
+    ways = _ways(mechanism, built, AtZero(mechanism, built), kind)
+    return [(joints, end) for joints, end, _ in ways]
+
+
 class AtZero:
     """Everything with all joints at zero, in the base.
 

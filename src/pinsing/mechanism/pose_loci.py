@@ -169,7 +169,9 @@ def _of_sphere(mechanism: Mechanism, found: SphereLoci) -> PoseForms:
         notes.append("both links of each leg are quarter circles: the inputs drop out")
     if found.off > 1e-12:
         notes.append(f"axes were made exact, by at most {found.off:.1e}")
-    notes.append("exact over the rationals at each step; certificates cover arms only")
+    notes.append(
+        "exact over the rationals at each step; certificates are of each leg alone (--prove)"
+    )
     always = "" if found.type2 != 0 else (
         "architecture singularity: the moments of the legs lie in a plane at every orientation"
     )  # fmt: skip

@@ -58,4 +58,4 @@ def needs(ring: PoseRing) -> Iterator[str]:
             "poses of this mechanism keep the outer end of each leg in the plane across its hinge; "
             "such a pose is singular if and only if one of the equations holds"
         )
-    yield "exact over the rationals at each step; certificates cover arms only"
+    yield "exact over the rationals at each step; certificates are of each leg alone (--prove)"
