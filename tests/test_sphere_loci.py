@@ -117,6 +117,34 @@ def test_the_agile_eye_is_singular_where_a_middle_joint_is_at_a_right_angle(tmp_
     assert met
 
 
+@pytest.mark.parametrize("seed", tiered(range(6), (0,)))
+def test_working_modes_of_spherical_legs_are_two_a_leg(seed, tmp_path):
+    rng = np.random.default_rng(40 + seed)
+    axes = rng.normal(size=(3, 3, 3))
+    axes /= np.linalg.norm(axes, axis=-1, keepdims=True)
+    base, middle, outer = axes
+    mechanism = eye(tmp_path, base, middle, outer)
+    q = random_closed(mechanism, 1, rng)[0]
+    R, _ = placed(mechanism, q)
+    found = pinsing.working_modes(mechanism, pin.SE3(R, np.zeros(3)).homogeneous)
+    # By turning each actuated joint all round: where v . w passes its value.
+    count = 1
+    turns = np.linspace(0, 2 * np.pi, 20_001)
+    for u, v, w in zip(base, middle, outer, strict=True):
+        turned = (
+            np.outer(np.cos(turns), v - (u @ v) * u)
+            + np.outer(np.sin(turns), np.cross(u, v))
+            + (u @ v) * u
+        )
+        off = turned @ (R @ w) - v @ w
+        count *= int((np.sign(off[:-1]) != np.sign(off[1:])).sum())
+    assert found.complete
+    assert len(found.modes) == count == 8
+    direct = pinsing.assembly_modes(mechanism, q[list(mechanism.actuated)], starts=60)
+    assert direct.bound == 8
+    assert len(direct.modes) <= 8
+
+
 def test_other_angles_of_the_links_are_no_sum_of_squares(tmp_path):
     base, outer = np.eye(3), np.eye(3)[[1, 2, 0]]
     middle = np.array([[0, 0.6, 0.8], [0.8, 0, 0.6], [0.6, 0.8, 0]])

@@ -11,6 +11,7 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.mechanism.rods import Rod, rods
+from pinsing.mechanism.sphere_loci import count_inputs
 from pinsing.mechanism.three_distances import count_poses, rod_length
 from pinsing.robot.mechanism import Mechanism
 
@@ -38,7 +39,9 @@ def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
     Passive joints have limits of their own, which may leave fewer.
     """
     found = rods(mechanism)
-    if found is None or found.tilted or any(rod.bends for rod in found.rods):
+    if found is None:
+        return count_inputs(mechanism, R)
+    if found.tilted or any(rod.bends for rod in found.rods):
         return None
     if set(mechanism.task.rows) != (_PLANE if found.planar else _SPACE):
         return None

@@ -370,8 +370,9 @@ def _ordered(found: list[Solution], mechanism: Mechanism) -> tuple[Solution, ...
 def _bound(mechanism: Mechanism) -> int | None:
     """How many poses the inputs can have at most, where that is known."""
     from pinsing.mechanism.rods import most_assemblies
+    from pinsing.mechanism.sphere_loci import MOST_ASSEMBLIES, sphere_loci
 
-    return most_assemblies(mechanism)
+    return MOST_ASSEMBLIES if sphere_loci(mechanism) is not None else most_assemblies(mechanism)
 
 
 def _words(

@@ -91,6 +91,39 @@ def sphere_loci(mechanism: Mechanism) -> SphereLoci | None:
     return mechanism.once("sphere_loci", lambda: _loci(mechanism))
 
 
+MOST_ASSEMBLIES = 8
+"""Three equations of degree 2 in the quaternion: no more, where they are finite in number."""
+
+
+def count_inputs(mechanism: Mechanism, R: Array) -> int | None:
+    """Values of the inputs within their limits for an orientation R (3, 3); None where not told.
+
+    Each leg by itself: v . w is the cosine of its outer link, linear in cosine and sine of the
+    actuated angle, so that two values fulfil it.
+    """
+    found = sphere_loci(mechanism)
+    if found is None:
+        return None
+    count = 1
+    for leg in found.legs:
+        w, u = R @ leg.outer, leg.driven
+        rest = float(u @ leg.middle) * u
+        a, b = float(w @ (leg.middle - rest)), float(w @ np.cross(u, leg.middle))
+        known, size = leg.cosine - float(w @ rest), float(np.hypot(a, b))
+        if abs(size - abs(known)) <= _SMALL:
+            return None
+        if size < abs(known):
+            return 0
+        middle, spread = float(np.arctan2(b, a)), float(np.arccos(known / size))
+        count *= sum(_inside(mechanism, leg.joint, v) for v in (middle + spread, middle - spread))
+    return count
+
+
+def _inside(mechanism: Mechanism, joint: int, value: float) -> bool:
+    low, high = float(mechanism.lower[joint]), float(mechanism.upper[joint])
+    return not np.isfinite([low, high]).all() or (value - low) % (2 * np.pi) <= high - low
+
+
 def type1_alone(mechanism: Mechanism) -> bool:
     """Whether type 2 is shown to need type 1 of a leg."""
     found = sphere_loci(mechanism)
