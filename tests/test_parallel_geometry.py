@@ -11,9 +11,10 @@ from tiers import tiered
 from urdf_text import J, X, Z, frame, loop_text, stewart, written
 
 import pinsing
-from pinsing.mechanism import mechanism_at, pose_forms, ranks, refine
+from pinsing.mechanism import joint_forms, mechanism_at, pose_forms, ranks, refine
 from pinsing.mechanism.closure import random_closed, residual
 from pinsing.mechanism.pose_loci import locus_distance, variables_at
+from pinsing.mechanism.structure import without_length
 
 BASE = np.array([[0, 0], [1, 0.1], [0.4, 0.9]])
 PLATFORM = np.array([[-0.2, -0.1], [0.25, -0.1], [0, 0.3]])
@@ -247,6 +248,22 @@ def test_a_loop_that_moves_only_on_the_branch_of_home_moves(crank, tmp_path):
     assert mechanism_at(mechanism, q).kind == "regular"
     with pytest.raises(pinsing.PinsingError, match=r"leave no motion|close nowhere"):
         ranks(rod_on_three_cranks(tmp_path, third=0.41))
+
+
+def test_a_crank_without_length_is_named(tmp_path, monkeypatch):
+    import test_parallel_geometry as here
+
+    monkeypatch.setattr(here, "CRANK", 0.0)
+    mechanism = planar(tmp_path, Way("rrr"))
+    words = (
+        "a0 and b0, a1 and b1, a2 and b2 turn about one axis: the link between them has no length"
+    )
+    (note,) = joint_forms(mechanism).notes
+    assert words in note
+    assert without_length(mechanism).startswith(words)
+    monkeypatch.setattr(here, "CRANK", 0.5)
+    (tmp_path / "b").mkdir()
+    assert without_length(planar(tmp_path / "b", Way("rrr"))) == ""
 
 
 def test_loops_that_cannot_close_are_said(tmp_path):

@@ -24,6 +24,7 @@ from pinsing.mechanism.problems import Modes, assembly_modes, working_modes
 from pinsing.mechanism.result import Check, MechanismAnalysis
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
 from pinsing.mechanism.solve import InfeasibleError
+from pinsing.mechanism.structure import without_length
 from pinsing.mechanism.trace import Trace
 from pinsing.robot.load_mechanism import Mechanism
 
@@ -143,6 +144,8 @@ def _notes(mechanism: Mechanism, generic: Ranks, q: Array) -> list[str]:
             "type 2 means that the output moves with all of them held. They are moved as far as "
             "they are independent, and the others follow"
         )
+    named = without_length(mechanism)
+    out += [named] if named else []
     outside = mechanism.space.outside(q)
     if outside.any():
         name = mechanism.joints[int(np.argmax(outside))]

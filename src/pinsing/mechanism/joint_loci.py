@@ -37,6 +37,7 @@ from pinsing.mechanism.leg_wrenches import (
 from pinsing.mechanism.pose_equation import PoseEquation
 from pinsing.mechanism.pose_ring import determinant
 from pinsing.mechanism.sphere_loci import type1_alone
+from pinsing.mechanism.structure import without_length
 from pinsing.mechanism.trig_polynomial import trig_polynomial
 from pinsing.robot.mechanism import Mechanism
 
@@ -90,6 +91,8 @@ def _forms(mechanism: Mechanism) -> JointForms:
     except NotThisKind as error:
         if generic.output < generic.mobility:
             why = "the output does not show each of the freedoms"
+            named = without_length(mechanism)
+            why += f": {named}" if named else ""
             return JointForms(mechanism.joints, (), False, (f"none: {why}",))
         loci, off = _of_closure(mechanism)
         notes[0] = notes[0].replace("zero", "zero, or of less than full rank") if any(

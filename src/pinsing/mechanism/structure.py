@@ -80,6 +80,29 @@ def bodies(mechanism: Mechanism) -> tuple[tuple[int, int], ...]:
     return tuple((frames[x.frame_a], frames[x.frame_b]) for x in mechanism.loops)
 
 
+def without_length(mechanism: Mechanism) -> str:
+    """What is to be said of neighbours that turn about one axis, one of them driven; or nothing."""
+    model, axes = mechanism.model, structure(mechanism).axes
+    pairs = []
+    for j in range(mechanism.n):
+        parent = int(model.parents[j + 1]) - 1
+        if parent < 0 or mechanism.prismatic[[j, parent]].any():
+            continue
+        if (j in mechanism.actuated) == (parent in mechanism.actuated):
+            continue
+        place = model.jointPlacements[j + 1]
+        turned = np.array(place.rotation) @ axes[j]
+        apart = np.cross(axes[parent], np.array(place.translation))
+        if max(np.abs(np.cross(axes[parent], turned)).max(), np.abs(apart).max()) <= _SMALL:
+            pairs.append(f"{mechanism.joints[parent]} and {mechanism.joints[j]}")
+    if not pairs:
+        return ""
+    return (
+        f"{', '.join(pairs)} turn about one axis: the link between them has no length, and the "
+        "driven one moves nothing; give the link its length"
+    )
+
+
 def _structure(mechanism: Mechanism) -> Structure:
     model = mechanism.model
     output = int(model.frames[mechanism.output_id].parentJoint)
