@@ -75,10 +75,10 @@ more.
   minutes (cassie_like 110 s).
 - Over the pose a leg must pass one force (two where it begins with a hinge), or the mechanism be a
   spherical 3-RRR. Others have none: an output that turns on the base itself (RSSR), loops that are
-  welded or overconstrained (Bennett), redundant actuators: no determinant of lines of force is their
-  condition. Legs that are driven at the foot before a passive slide (RPR, SPR), whose force is
-  across the slide, are not written over the pose. The equations of all of these are those in the
-  joint angles.
+  welded or overconstrained (Bennett), redundant actuators: no determinant of lines of force is
+  their condition. Legs that are driven at the foot before a passive slide (RPR, SPR), whose force
+  is across the slide, are not written over the pose. The equations of all of these are those in
+  the joint angles.
 - Maps: `pinsing map urdf/NAME.urdf --loops urdf/NAME.loops.yaml --over poses`. On one processor the
   measures of 45,000 configurations of the 3-RRR and 11,000 of the Gough-Stewart platform are found
   in a second of processor time, all at once; one after the other with Pinocchio's constraint
