@@ -10,6 +10,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from mechanisms import URDF, shipped
+from tiers import tiered
+from urdf_text import stewart, written
 
 import pinsing
 from pinsing.cli import main
@@ -316,4 +318,25 @@ def test_a_curve_that_is_singular_throughout_is_told_once():
         assert any(p.kind == "type 1" for p in whole)
     text = str(found)
     assert "(the whole curve through it)" in text
-    assert len(text.splitlines()) < 150
+    # The equations are as long as they are: what is told of points is short.
+    assert len(text[: text.index("Closed forms")].splitlines()) < 133
+
+
+@pytest.mark.parametrize("case", tiered(["rssr", "stewart"], ("rssr",)))
+def test_flipped_joints_are_no_curves_of_their_own(case, tmp_path):
+    if case == "rssr":
+        mechanism = shipped("rssr").without_limits()
+    else:
+        drawn = np.random.default_rng(3).uniform(-1, 1, (2, 6, 3))
+        points = np.round(drawn * [1, 1, 0.2] * [[[1.0]], [[0.5]]], 2)
+        made = stewart(*points, limits=(0.05, 5))
+        mechanism = pinsing.load_mechanism(written(tmp_path, *made))
+    inputs = home(mechanism)[list(mechanism.actuated)]
+    found = curves(mechanism, inputs, 0)
+    assert 1 <= len(found) < 8
+    for one, other in itertools.permutations(found, 2):
+        marks = np.array([likeness(mechanism, q) for q in other.q])
+        steps = np.linalg.norm(np.diff(marks, axis=0), axis=1).max()
+        for q in one.q[:: max(1, len(one.q) // 5)]:
+            away = np.linalg.norm(marks - likeness(mechanism, q), axis=1).min()
+            assert away > 0.05 * steps

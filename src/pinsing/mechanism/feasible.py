@@ -20,6 +20,7 @@ from pinsing.robot.load_mechanism import Mechanism
 _SEED = 811
 _CLOSED = 1e-9
 _POINT = 1e-7
+_BESIDE = 0.05
 MOST_CURVES = 24
 """More curves of one input are not followed: free passive joints multiply them."""
 
@@ -92,14 +93,39 @@ def curves(
 
 
 def cover(mechanism: Mechanism, closed: Sequence[Array], moving: int) -> tuple[Trace, ...]:
-    """Curves through closed configurations, each curve once; the first `MOST_CURVES`."""
-    out: list[Trace] = []
+    """Curves through closed configurations, each once up to flips; the first `MOST_CURVES`."""
+    out: list[_Followed] = []
     for q in closed:
         if len(out) == MOST_CURVES:
             break
         if not any(t.passes(mechanism, q) for t in out):
-            out.append(trace(mechanism, q, moving))
-    return tuple(out)
+            curve = trace(mechanism, q, moving)
+            marks = np.array([likeness(mechanism, x) for x in curve.q])
+            out.append(_Followed(curve, marks))
+    return tuple(t.curve for t in out)
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """A curve, and what its samples share with those that differ in flipped joints (N, k)."""
+
+    curve: Trace
+    marks: Array
+
+    def passes(self, mechanism: Mechanism, q: Array) -> bool:
+        """Whether it runs through q (n,), or through one that differs in flipped joints only."""
+        if self.curve.passes(mechanism, q):
+            return True
+        mark = likeness(mechanism, q)
+        near = int(np.argmin(np.linalg.norm(self.marks - mark, axis=1)))
+        for k in range(max(near - 1, 0), min(near + 1, len(self.marks) - 1)):
+            start, step = self.marks[k], self.marks[k + 1] - self.marks[k]
+            size = float(step @ step)
+            along = float(np.clip((mark - start) @ step / size, 0, 1)) if size > 0 else 0.0
+            # Beside a step by its curvature only.
+            if np.linalg.norm(mark - start - along * step) <= _BESIDE * np.sqrt(size):
+                return True
+        return False
 
 
 def feasible(mechanism: Mechanism, inputs: npt.ArrayLike) -> dict[str, tuple[Interval, ...]]:
