@@ -428,6 +428,23 @@ def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
 
 
 @needs_node
+@pytest.mark.slow
+def test_the_healthiest_pose_is_found_where_few_are_within_limits() -> None:
+    """A Stewart platform: at random none is; home is, and from there on it gets better."""
+    mechanism = mechanism_of("gough_stewart")
+    data = data_of(mechanism)
+    found, home = run(
+        "(m, data) => [m.healthiestPose(data, 40), m.healthOf(data, data.home)]", data
+    )
+    assert home > 0
+    assert found["measure"] > 1.05 * home
+    q = np.array(found["q"])
+    assert (q >= mechanism.lower - 1e-9).all()
+    assert (q <= mechanism.upper + 1e-9).all()
+    assert mechanism_at(mechanism, q).kind == "regular"
+
+
+@needs_node
 def test_whole_turns_are_left_out_and_what_is_too_far_is_refused() -> None:
     """A link that asks for a million radians once took minutes of steps."""
     mechanism = slider_crank()

@@ -496,6 +496,24 @@ def test_sliders_are_above_the_fold(page: Any) -> None:
 
 
 @pytest.mark.slow
+def test_the_legend_stands_where_it_covers_less(page: Any, stanford: Viewer) -> None:
+    page.set_viewport_size({"width": 1280, "height": 800})
+    open_page(page, stanford.url)
+    corner = """(x) => {
+        const { view } = window.pinsing, { Vector3 } = MeshCat.THREE, { camera } = view.viewer;
+        camera.updateMatrixWorld();
+        const points = x.map((v) => new Vector3(v, 0.9, 0.5).unproject(camera));
+        view.putLegend(points);
+        const box = document.getElementById("legend").getBoundingClientRect();
+        return (box.left + box.right) / 2 < view.element.clientWidth / 2 ? "left" : "right";
+    }"""
+    assert page.evaluate(corner, [-0.9, -0.8]) == "right"
+    assert page.evaluate(corner, [0.9, 0.8]) == "left"
+    assert page.evaluate(corner, [-0.9, -0.8, 0.9, 0.8]) == "left"
+    assert page.evaluate(corner, []) == "left"
+
+
+@pytest.mark.slow
 def test_the_legend_never_covers_the_label(page: Any, stanford: Viewer) -> None:
     for size in ((1280, 800), (400, 800)):
         page.set_viewport_size({"width": size[0], "height": size[1]})

@@ -203,8 +203,9 @@ class Panel {
 
   limits(joint) {
     if (joint.limited === false) return "no limits";
-    // As many digits as they need, at most two.
-    const ends = [joint.lower, joint.upper].map((v) => Number((joint.prismatic ? 1000 * v : (v * 180) / Math.PI).toFixed(2)) + 0);
+    // As many digits as they need, at most two, and one of large values.
+    const shown = (v) => Number(v.toFixed(Math.abs(v) < 100 ? 2 : 1)) + 0;
+    const ends = [joint.lower, joint.upper].map((v) => shown(joint.prismatic ? 1000 * v : (v * 180) / Math.PI));
     const unit = joint.prismatic ? " mm" : "\u00b0";
     return ends[0] === ends[1] ? `cannot move: ${ends[0]}${unit}` : `${ends[0]} \u2026 ${ends[1]}${unit}`;
   }

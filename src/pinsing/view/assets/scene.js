@@ -305,7 +305,21 @@ class SceneView {
     camera.updateProjectionMatrix();
     controls.update();
     this.fitted = { frames, frame: this.frame };
+    this.putLegend(points);
     this.viewer.set_dirty();
+  }
+
+  // The legend stands in the upper corner in which it covers less of some points.
+  putLegend(points) {
+    const legend = document.getElementById("legend"), { camera } = this.viewer, wide = this.element.clientWidth;
+    legend.classList.remove("right");
+    if (getComputedStyle(legend).position !== "absolute") return;
+    camera.updateMatrixWorld();
+    const seen = points.map((p) => p.clone().project(camera)).map(({ x, y }) => [((x + 1) / 2) * wide, ((1 - y) / 2) * this.element.clientHeight]);
+    const here = this.element.getBoundingClientRect(), box = legend.getBoundingClientRect(), margin = 10;
+    const low = box.bottom - here.top + margin, end = box.right - here.left + margin;
+    const above = seen.filter(([, y]) => y < low), left = above.filter(([x]) => x < end).length, right = above.filter(([x]) => x > wide - end).length;
+    legend.classList.toggle("right", right < left);
   }
 
   // The same with what has come or gone since; not for who has moved the camera.

@@ -129,8 +129,12 @@ class MechanismSource extends EngineSource {
     return found ? { q: found.q, on: false } : this.nearestListed(q);
   }
 
-  clearest() {
-    const { q, measure } = Engine.healthiestPose(this.page.engine);
+  async clearest(here) {
+    const { engine } = this.page, aside = this.aside ??= new Aside(engine);
+    aside.stop();
+    const found = await aside.ask("healthiestPose", 400, [here]);
+    if (!found) return null; // asked once more meanwhile
+    const { q, measure } = found;
     return { q, words: q ? `measures of type 1 and 2 of at least ${number(measure)}` : "no pose within the limits was found" };
   }
 }
