@@ -132,7 +132,9 @@ class MechanismSource extends EngineSource {
   async clearest(here) {
     const { engine } = this.page, aside = this.aside ??= new Aside(engine);
     aside.stop();
-    const found = await aside.ask("healthiestPose", 400, [here]);
+    // Each start takes longer with more joints.
+    const tries = Math.round(2400 / Math.max(6, engine.joints.length));
+    const found = await aside.ask("healthiestPose", tries, [here]);
     if (!found) return null; // asked once more meanwhile
     const { q, measure } = found;
     return { q, words: q ? `measures of type 1 and 2 of at least ${number(measure)}` : "no pose within the limits was found" };
