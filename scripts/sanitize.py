@@ -34,7 +34,10 @@ ISA = {
     "avx2": ("-mavx2", "-mfma"),
     "avx512": ("-mavx2", "-mfma", "-mavx512f", "-mavx512dq", "-mavx512vl", "-mavx512bw"),
 }
-TESTS = ("tests/test_batch.py", "tests/test_batch_svd.py", "tests/test_zeros.py")
+TESTS = (
+    *("tests/test_batch.py", "tests/test_batch_svd.py", "tests/test_zeros.py"),
+    "tests/test_refine.py",  # the walks
+)
 _CLEARANCE = "tests/test_clearance.py::test_the_compiled_bounds_are_those_of_numpy"
 
 PLUGIN = '''
