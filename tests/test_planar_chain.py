@@ -31,7 +31,7 @@ def chain(kinds, task, turn=None, tip=(0.4, 0.0, 0.0)):
 
 def ratio(arm, q, rank):
     s = singular_values(arm, np.atleast_2d(q))
-    return s[:, rank - 1] / s[:, 0]
+    return s[:, rank - 1] / (s[:, 0] if rank > 1 else 1.0)  # metres, where it is a single row
 
 
 def agree(form, arm, rng):
@@ -128,6 +128,37 @@ def test_two_ways_to_slide_between_two_axes_are_never_lost(kinds, rng):
     assert form.complete
     assert not form.families
     assert ratio(arm, rng.uniform(-3, 3, (200, arm.n)), form.generic_rank).min() > 1e-3
+
+
+@pytest.mark.parametrize("task", ["vx", "vy@tip", "vx,wz", "vy@tip,wz", "vy,wx,wz"])
+@pytest.mark.parametrize("kinds", ["RRRRRRR", "RPRrRRR", "QRRPRRR", "RRRRrRP"])
+@pytest.mark.parametrize("tilted", [False, True])
+def test_one_direction_of_the_plane(kinds, task, tilted, rng):
+    turn = pin.rpy.rpyToMatrix(0.0, np.pi / 3, 0.0) if tilted else None
+    sizes = [(0.3, 0.1), (0.2, -0.2), (0.1, 0.4), (0.1, 0.1), (0.3, 0.0), (0.2, 0.1), (0.0, 0.3)]
+    tip = (0.4, 0.0, 0.0) if kinds.endswith("R") else (0.0, 0.4, 0.0)
+    arm = chain([(k, *s) for k, s in zip(kinds, sizes, strict=True)], task, turn, tip)
+    form = pinsing.closed_form(arm)
+    if form.families:
+        family = agree(form, arm, rng)
+        assert family.codimension > 4
+        return
+    # A slide, or the last link, that always moves the tip along the direction that counts.
+    assert form.complete
+    assert "P" in kinds or "Q" in kinds or task.endswith("@tip")
+    assert ratio(arm, rng.uniform(-3, 3, (200, arm.n)), form.generic_rank).min() > 1e-6
+
+
+def test_in_one_direction_the_base_or_the_tip_counts_as_a_link():
+    arm = chain([("R", 0.3, 0.0)] * 7, "vx")
+    assert pinsing.closed_form(arm).families[0].text == "q1 to q7 each 0° or 180°"
+    (family,) = pinsing.closed_form(arm.with_task("vx@tip")).families
+    assert family.text == "q2 to q7 each 0° or 180°"
+    sliding = chain([(kind, 0.3, 0.0) for kind in "RRQR"], "vx@tip")
+    said = pinsing.at(sliding, [0.3, 0.0, 0.0, 0.0]).dependences[0].reason
+    assert said.startswith("joints 1, 2, 3 and 4 move none of the rows vx@tip")
+    (family,) = pinsing.closed_form(arm.with_task("vx,wz")).families
+    assert family.text == "q1 to q6 each 0° or 180°"
 
 
 def test_chains_that_only_look_planar_are_searched(rng):

@@ -193,6 +193,8 @@ class _Reasons:
         self.coupled = arm.coupling is not None
         self.axes = JointAxes.of(J, arm.prismatic, tip)
         self.centres = arm_centres(arm)
+        named = self.task in ("pose", "position", "orientation") or arm.task.tool_axis is not None
+        self.by_rows = not named and not self.coupled
         # Geometry is looked for at a tolerance that fits how singular the arm is.
         self.tol = float(np.clip(30 * rtol, STRUCTURE_TOL, 0.05))
         self.nearly = "" if rtol <= DEPENDENCE_RTOL else "nearly "
@@ -212,7 +214,10 @@ class _Reasons:
         # Beside the line, or the whole, only small sets are worth naming.
         most = 2 if self.task != "pose" else 6 if line is None else 4
         named = [part for part in _merged(parts) if len(part) <= most]
+        idle = [part[0] for part in named if len(part) == 1]
         said = [self._one(part) for part in named]
+        if self.by_rows and len(idle) > 1:
+            said = [self._idle(idle), *(self._one(part) for part in named if len(part) > 1)]
         if line is not None:
             plain = {dependent(part, self.nearly) for part in named}  # the line says more
             said = [*(words for words in said if words not in plain), line]
@@ -252,8 +257,14 @@ class _Reasons:
             return f"{dependent(ids, self.nearly)}, but for {turn}"
         rows = ", ".join(task.row_names)
         if len(ids) == 1:
-            return f"joint {ids[0] + 1} moves {self.nearly}none of the rows {rows}"
+            return self._idle(ids)
         return dependent(ids, self.nearly, rows, "at zero")
+
+    def _idle(self, ids: Sequence[int]) -> str:
+        """What is said of joints that move none of the rows of a task."""
+        move = "moves" if len(ids) == 1 else "move"
+        rows = ", ".join(self.arm.task.row_names)
+        return f"{joints_of(ids)} {move} {self.nearly}none of the rows {rows}"
 
     def _as_twists(self, ids: tuple[int, ...]) -> bool:
         """Whether the whole twists are dependent, and not the chosen rows alone."""

@@ -174,7 +174,7 @@ class LongChain:
         within = list(base)
         free = [j for j in range(self.n) if j not in base and _rank(J, [*base, j]) < self.rank]
         within += free
-        middle = (min(base) + max(base)) / 2
+        middle = (min(base) + max(base)) / 2 if base else (self.n - 1) / 2  # none: a single row
         rest = [j for j in range(self.n) if j not in within]
         for j in sorted(rest, key=lambda j: abs(j - middle)):
             near = _nearest(J, j, within, self.rank - 1)

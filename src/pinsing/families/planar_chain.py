@@ -7,7 +7,8 @@ to the tip and all directions of slides are parallel; position and orientation t
 those between the first and the last turning joint are. What lies between two turning joints has
 one direction; each with the next gives one condition, on the sum of the angles between them, and
 slides between the same two joints one on their lengths. No joint is in two of these: they are
-independent, and nothing else is singular.
+independent, and nothing else is singular. Where only one direction of the plane counts, all have to
+be at right angles to it as well: it is one more link, on the base or on the tip.
 """
 
 from __future__ import annotations
@@ -81,10 +82,10 @@ def planar_chain(
         return None
     if any(slides and _dot(axes[j], normal) for j, slides in enumerate(prismatic)):
         return None
-    turns = _counted(task, normal, tip_turn)
-    if turns is None or rank != 2 + turns:
+    counted = _counted(task, normal, tip_turn)
+    if counted is None or rank != counted.directions + counted.turns:
         return None
-    stretches = _stretches(axes, places, prismatic, normal, turns)
+    stretches = _stretches(axes, places, prismatic, normal, counted.turns)
     values: dict[int, Value] = {}
     relations: list[Poly] = []
     directions: list[tuple[int, Vector]] = []
@@ -95,10 +96,16 @@ def planar_chain(
         directions += [(last, found)] if found != _ZERO else []
     if not directions:
         return None
+    if counted.across is not None:
+        directions += [(-1, counted.across), (turning[-1], counted.across)][counted.at_tip :][:1]
+        directions.sort(key=lambda found: found[0])
     signs = [1 if _dot(axes[j], normal) == 1 else -1 for j in range(len(prismatic))]
     for (first, v), (last, w) in itertools.pairwise(directions):
         between = [j for j in turning if first < j <= last]
-        relations.append(_parallel(v, w, between, signs, normal, ring))
+        if between:
+            relations.append(_parallel(v, w, between, signs, normal, ring))
+        elif _cross(v, w) != _ZERO:
+            return ()
     if not values and not relations:
         return None
     return (Component(values, tuple(relations), True, len(values) + len(relations)),)
@@ -129,18 +136,47 @@ def _home(geometry: Nominal) -> tuple[list[Vector], list[Vector], Rows]:
     return axes[:-1], places, _product(turn, geometry.tip_rotation)
 
 
-def _counted(task: Task, normal: Vector, tip: Rows) -> bool | None:
-    """Whether turns count besides both directions of the plane; None if one of these does not."""
-    at_tip = tuple(sum((tip[i][k] * normal[i] for i in range(3)), Fraction(0)) for k in range(3))
+@dataclass(frozen=True)
+class _Counted:
+    """What counts of the motions in a plane.
+
+    Attributes
+    ----------
+    directions : int
+        How many directions of the plane: 1 or 2.
+    across : Vector or None
+        Where it is one, the direction of the plane at right angles to it, at the ring's zero.
+    at_tip : bool
+        Whether that is fixed on the tip; else on the base.
+    turns : bool
+        Whether turns count.
+    """
+
+    directions: int
+    across: Vector | None
+    at_tip: bool
+    turns: bool
+
+
+def _counted(task: Task, normal: Vector, tip: Rows) -> _Counted | None:
+    """What the rows of a task make of a plane; None if no direction counts, or of both ends."""
     marked = list(zip(task.rows, task.tip_rows, strict=True))
-    kinds = {flag for row, flag in marked if row < 3}
-    if len(kinds) != 1:
+    axes = {
+        (row, flag): _times(_flipped(tip), _ROWS[row % 3]) if flag else _ROWS[row % 3]
+        for row, flag in marked
+    }
+    across = {
+        (flag, cross)
+        for (row, flag), axis in axes.items()
+        if row < 3 and (cross := _cross(normal, axis)) != _ZERO
+    }
+    if len({flag for flag, _ in across}) != 1:
         return None
-    along = at_tip if kinds == {True} else normal
-    missing = [k for k in range(3) if k not in task.rows]
-    if len(missing) > 1 or any(not along[k] for k in missing):
-        return None
-    return any((at_tip if flag else normal)[row - 3] != 0 for row, flag in marked if row >= 3)
+    (flag, first), *others = across
+    turns = any(row >= 3 and _dot(axis, normal) != 0 for (row, _), axis in axes.items())
+    if any(_cross(first, other) != _ZERO for _, other in others):
+        return _Counted(2, None, flag, turns)
+    return _Counted(1, first, flag, turns)
 
 
 def _stretches(
@@ -226,9 +262,12 @@ def _plus(a: Vector, b: Sequence[Exact], sign: int = 1) -> Vector:
 
 
 def _product(rows: Rows, other: Sequence[Sequence[Exact]]) -> Rows:
-    columns = tuple(zip(*other, strict=True))
-    a, b, c = (_times(columns, row) for row in rows)
+    a, b, c = (_times(_flipped(other), row) for row in rows)
     return (a, b, c)
+
+
+def _flipped(rows: Sequence[Sequence[Exact]]) -> tuple[Sequence[Exact], ...]:
+    return tuple(zip(*rows, strict=True))
 
 
 def _times(rows: Sequence[Sequence[Exact]], v: Sequence[Exact]) -> Vector:
