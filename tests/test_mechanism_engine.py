@@ -416,7 +416,7 @@ def test_open_loops_are_not_shown_as_closed() -> None:
 @pytest.mark.parametrize("name", tiered(EVERY, FEW[1:]))
 def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
     mechanism = mechanism_of(name)
-    found = run("(m, data) => m.healthiestPose(data, 120)", data_of(mechanism))
+    found = run("(m, data) => m.healthiestPose(data, [], 60, 30)", data_of(mechanism))
     state = mechanism_at(mechanism, found["q"])
     assert state.kind == "regular"
     measures = (state.output_ratio, state.input_ratio, state.constraint_ratio)
@@ -434,7 +434,7 @@ def test_the_healthiest_pose_is_found_where_few_are_within_limits() -> None:
     mechanism = mechanism_of("gough_stewart")
     data = data_of(mechanism)
     found, home = run(
-        "(m, data) => [m.healthiestPose(data, 40), m.healthOf(data, data.home)]", data
+        "(m, data) => [m.healthiestPose(data, [], 40), m.healthOf(data, data.home)]", data
     )
     assert home > 0
     assert found["measure"] > 1.05 * home
@@ -442,6 +442,46 @@ def test_the_healthiest_pose_is_found_where_few_are_within_limits() -> None:
     assert (q >= mechanism.lower - 1e-9).all()
     assert (q <= mechanism.upper + 1e-9).all()
     assert mechanism_at(mechanism, q).kind == "regular"
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["gough_stewart", *tiered(("delta", "rps3"), ())])
+def test_a_clear_pose_is_found_within_narrow_limits(name: str) -> None:
+    """Of 400 closed configurations at random of the platform none was within all 21 limits."""
+    mechanism = shipped(name)
+    at_home = mechanism_at(mechanism, home(mechanism))
+    given = min(at_home.output_ratio, at_home.input_ratio, at_home.constraint_ratio)
+    found = run("(m, data) => m.healthiestPose(data, [], 20, 20)", data_of(mechanism))
+    state = mechanism_at(mechanism, found["q"])
+    assert state.kind == "regular"
+    assert not mechanism.space.outside(found["q"]).any()
+    assert found["measure"] >= given - 1e-9
+    # A pose that is given is not lost, were it the only one.
+    best = run("(m, { data, q }) => m.healthiestPose(data, [q], 0, 0)", {
+        "data": data_of(mechanism), "q": found["q"]
+    })  # fmt: skip
+    assert best["measure"] == pytest.approx(found["measure"], abs=1e-9)
+
+
+@needs_node
+def test_rows_of_inputs_are_followed_to_the_first_that_cannot_be() -> None:
+    mechanism = shipped("planar_3rpr")
+    start = home(mechanism)[list(mechanism.actuated)]
+    rows = [start, start + [0.02, 0, 0], start + [0.04, 0.01, 0], start + [9.0, 0, 0], start]
+    found = run(
+        """(m, { data, rows }) => {
+             const found = m.followInputs(data, data.home, rows);
+             return { ...found, words: found.beyond && m.beyondWords(data, rows[found.row], found.beyond) };
+           }""",
+        {"data": data_of(mechanism), "rows": [list(map(float, r)) for r in rows]},
+    )
+    assert found["row"] == 3
+    assert found["words"].startswith("p1 = ")
+    assert "mm is beyond its limit, " in found["words"]
+    for q, row in zip(found["path"], rows, strict=False):
+        assert np.abs(Loops(mechanism).scaled(np.array(q))[0]).max() <= 1e-10
+        np.testing.assert_allclose(np.array(q)[list(mechanism.actuated)], row, atol=1e-12)
+    assert len(found["path"]) == 3
 
 
 @needs_node

@@ -45,6 +45,8 @@ ENGINE = (
     "dyad",
     "working_modes",
     "surroundings",
+    "health",
+    "follow",
     "mechanism_words",
     "mechanism_frame",
     "mechanism_paths",

@@ -113,20 +113,39 @@ class MechanismApp extends App {
 
   fileJoints() { return this.page.inputs.map((i) => this.page.engine.joints[i]); }
 
-  // A file holds the inputs: the mechanism follows them from where it is, as far as the mode goes.
-  follow(name, rows, count) {
-    const frames = [];
-    let q = this.view.frame.q, end = "";
-    for (const row of rows) {
-      const frame = this.source.driven(q, row);
-      if (frame.refused) { end = `; ${frame.refused}`; break; }
-      frames.push(frame);
-      q = frame.q;
-    }
-    if (!frames.length) { this.say(`${name}${end}`); return; }
+  // A file holds the inputs: the mechanism follows them from where it is, as far as the mode goes. A row may
+  // be many steps from the one before, so a worker takes them.
+  async follow(name, rows, count) {
+    const turn = ++this.turn, { engine } = this.page, begin = this.view.frame.q;
+    this.say(`${name}: following the inputs\u2026`);
+    const found = await this.beside("followInputs", begin, rows);
+    if (!found || turn !== this.turn) return;
+    const { path, row, beyond, found: last } = found;
+    const why = beyond ? Engine.beyondWords(engine, rows[row], beyond)
+      : last ? this.source.refused(rows[row], path.length ? path[path.length - 1] : begin, last) : "";
+    const end = why ? `; sample ${Math.round((row * (count - 1)) / Math.max(1, rows.length - 1)) + 1}: ${why}` : "";
+    if (!path.length) { this.say(`${name}${end}`); return; }
+    const frames = path.map((q) => this.source.compute(q));
     const measure = (f) => Math.min(f.one, f.two, f.constraint), worst = frames.reduce((a, b) => (measure(b) < measure(a) ? b : a));
     this.showWay(frames, measure);
     this.say(`${name}: ${count} samples, smallest measure ${number(measure(worst))}${end}`);
+  }
+
+  async clearest() {
+    const turn = ++this.turn;
+    this.say("looking for the clearest pose\u2026");
+    const found = await this.beside("healthiestPose", [this.view.frame.q]);
+    if (!found || turn !== this.turn) return;
+    const { q, words } = this.source.clearestWords(found);
+    if (q) this.go(q);
+    this.say(words);
+  }
+
+  // Asked of a worker of its own, so that what is looked at around a pose does not end it.
+  beside(name, ...given) {
+    this.long ??= new Aside(this.page.engine);
+    this.long.stop();
+    return this.long.ask(name, ...given);
   }
 
   // Let go, a slider is where the mechanism is.

@@ -97,7 +97,7 @@ class Panel {
     const { judge, task } = this.page.engine;
     if (!judge.columns || judge.length === task.lengthScale && judge.columns.every((c) => c === 1)) return "";
     const sliders = judge.columns.some((c) => c !== 1) ? " (joints that slide are scaled by it too)" : "";
-    return `Verdict and \u03c3min/\u03c3max: at the arm\u2019s own length of ${number(judge.length)} m${sliders}; ` +
+    return `Verdict, \u03c3min/\u03c3max and what is nearly lost: at the arm\u2019s own length of ${number(judge.length)} m${sliders}; ` +
       `the other numbers: at L = ${number(task.lengthScale)} m.`;
   }
 

@@ -89,10 +89,10 @@ class MechanismSource extends EngineSource {
   // Frame where the mechanism gets to from a closed q on the way to new inputs; `refused` says where it
   // stopped, and why.
   driven(q, inputs) {
-    const { engine } = this.page, { joints, actuated } = engine;
-    const wanted = inputs.map((v, k) => Math.min(joints[actuated[k]].upper ?? Infinity, Math.max(joints[actuated[k]].lower ?? -Infinity, v)));
+    const { engine } = this.page, { wanted, beyond } = Engine.withinInputs(engine, inputs);
     const found = Engine.driven(engine, wanted, q), frame = this.compute(found.q);
     if (found.reached < 1) frame.refused = this.refused(wanted, q, found);
+    else if (beyond.length) frame.refused = `${Engine.beyondWords(engine, inputs, beyond)}; the mechanism stays there.`;
     return frame;
   }
 
@@ -129,15 +129,9 @@ class MechanismSource extends EngineSource {
     return found ? { q: found.q, on: false } : this.nearestListed(q);
   }
 
-  async clearest(here) {
-    const { engine } = this.page, aside = this.aside ??= new Aside(engine);
-    aside.stop();
-    // Each start takes longer with more joints.
-    const tries = Math.round(2400 / Math.max(6, engine.joints.length));
-    const found = await aside.ask("healthiestPose", tries, [here]);
-    if (!found) return null; // asked once more meanwhile
-    const { q, measure } = found;
-    return { q, words: q ? `measures of type 1 and 2 of at least ${number(measure)}` : "no pose within the limits was found" };
+  // Long, and so asked of a worker: what `healthiestPose` has found, in words.
+  clearestWords({ q, measure }) {
+    return { q, words: q ? `the clearest pose found: measures of type 1, type 2 and constraint of at least ${number(measure)}` : "no regular pose within the limits was found" };
   }
 }
 

@@ -3,14 +3,13 @@
 import { trace, STEP } from "./curve.mjs";
 import { AT_TYPE_2 } from "./drive.mjs";
 import { dyadAssemblies, workingModes } from "./dyad.mjs";
-import { generator } from "./families.mjs";
 import { add, scaled, subtract } from "./linear.mjs";
-import { CLOSED, closure, everyJoint, gapOf, gaussNewton, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
+import { gapOf, passiveOf, randomClosed, worst, wrap } from "./loops.mjs";
 import { assemblySign, modeOf, modeOrder, motions } from "./mechanism.mjs";
 import { singularAlong } from "./singular_points.mjs";
 import { workingByLegs } from "./working_modes.mjs";
 
-const FULL = 2 * Math.PI, SAME = 1e-4, HERE = 1e-7, DISTINCT = 1e-7, STARTS = 48, CLIMB = 160;
+const FULL = 2 * Math.PI, SAME = 1e-4, HERE = 1e-7, DISTINCT = 1e-7, STARTS = 48;
 
 // How far input k can go from a closed q before the assembly mode ends, the others held: { lower, upper,
 // whole, points }; at a type 2 singularity both of the modes that meet there count. Null where no curve
@@ -122,31 +121,6 @@ function named(data, q, found, more = null) {
   });
 }
 
-function withinLimits(data, q) {
+export function withinLimits(data, q) {
   return data.joints.every(({ lower, upper }, j) => q[j] >= (lower ?? -Infinity) - 1e-9 && q[j] <= (upper ?? Infinity) + 1e-9);
-}
-
-// How well a pose is away from all singularities: its smallest measure; 0 where it is outside limits.
-export function healthOf(data, q) {
-  if (worst(closure(data, q).residual) > CLOSED) return 0;
-  const { one, two, constraint } = motions(data, q);
-  return withinLimits(data, q) ? Math.min(one, two, constraint) : 0;
-}
-
-// The pose { q, measure } whose smallest measure is largest, of many at random, home and those `given`, and
-// from the best of these on to better ones. Few of those at random are within limits where there are many.
-export function healthiestPose(data, tries = 400, given = []) {
-  const random = generator(29);
-  let best = { q: null, measure: 0 };
-  const better = (q) => {
-    const measure = healthOf(data, q), found = measure > best.measure;
-    if (found) best = { q, measure };
-    return found;
-  };
-  for (const q of [...given, data.home, ...randomClosed(data, tries, 23)]) better(q);
-  for (let k = 0, size = 0.3; best.q && k < CLIMB && size > 1e-3; k++) {
-    const { q } = gaussNewton(data, best.q.map((v, j) => v + size * (2 * random() - 1) * data.metric[j]), everyJoint(data));
-    size *= better(q) ? 1.5 : 0.93;
-  }
-  return best;
 }
