@@ -466,14 +466,14 @@ def test_a_clear_pose_is_found_within_narrow_limits(name: str) -> None:
 @needs_node
 def test_rows_of_inputs_are_followed_to_the_first_that_cannot_be() -> None:
     mechanism = shipped("planar_3rpr")
-    start = home(mechanism)[list(mechanism.actuated)]
-    rows = [start, start + [0.02, 0, 0], start + [0.04, 0.01, 0], start + [9.0, 0, 0], start]
+    moves = np.array([[0, 0, 0], [0.02, 0, 0], [0.04, 0.01, 0], [9.0, 0, 0], [0, 0, 0]])
+    rows = (home(mechanism)[list(mechanism.actuated)] + moves).tolist()
     found = run(
         """(m, { data, rows }) => {
-             const found = m.followInputs(data, data.home, rows);
-             return { ...found, words: found.beyond && m.beyondWords(data, rows[found.row], found.beyond) };
+             const found = m.followInputs(data, data.home, rows), { beyond, row } = found;
+             return { ...found, words: beyond && m.beyondWords(data, rows[row], beyond) };
            }""",
-        {"data": data_of(mechanism), "rows": [list(map(float, r)) for r in rows]},
+        {"data": data_of(mechanism), "rows": rows},
     )
     assert found["row"] == 3
     assert found["words"].startswith("p1 = ")

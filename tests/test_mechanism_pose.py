@@ -13,12 +13,12 @@ from node import needs_node, run
 
 from pinsing.mechanism import home, mechanism_at, working_modes
 from pinsing.mechanism.closure import Loops
+from pinsing.mechanism.led_pose import led_pose
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.modes import elbows, mode_of
 from pinsing.mechanism.pose import read_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
 from pinsing.view.mechanism.engine_data import mechanism_data
-from pinsing.view.mechanism.led_pose import led_pose
 from pinsing.view.mechanism.linkage import linkage_sizes, plane_normal
 
 LED = {  # the coordinates that the outputs of the shelf can be led in

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from pinsing.cli.figure import check_figure, off_screen, save_figure
 from pinsing.cli.loop_file import loops_beside, tell_of_loops
 from pinsing.cli.options import parse_numbers, whole_number
 from pinsing.cli.output import STDOUT, emit, emit_json, say
@@ -234,64 +233,6 @@ def _tell_legs(found: Sequence[LegProof], certificate: Path | None, shown: bool)
         say(f"wrote {path}")
 
 
-def plot_loops(
-    loops: Path,
-    kind: str,
-    out: str | Path,
-    configurations: Sequence[str] = (),
-    dpi: int = 200,
-    deg: bool = False,
-    over: str | None = None,
-    **options: Any,
-) -> None:
-    """``plot --loops``: the map over the inputs, measures along them, or the linkage itself.
-
-    ``map --over x,y`` is a slice through the loci over two coordinates of the output's pose;
-    without ``--over`` ``map`` shows both assembly modes of a 5R. ``curves`` shows each input in
-    turn, ``ellipsoids`` the linkage with its velocity ellipse in every assembly mode.
-    """
-    path = check_figure(out)
-    mechanism = read(loops, options)
-    inputs = _inputs(mechanism, configurations, deg)
-    off_screen()
-    import matplotlib.pyplot as plt
-
-    from pinsing.mechanism import assemblies, curves, find_singular
-    from pinsing.mechanism.dyad import planar_dyad
-    from pinsing.mechanism.rods import rods
-    from pinsing.plot.mechanism import draw_linkage, input_map, map_legend, measure_curves
-
-    if over is not None and kind != "map":
-        raise OptionError("--over goes with plot map --loops: --over x,y")
-    if kind == "map" and (over is not None or (planar_dyad(mechanism) is None and rods(mechanism))):
-        from pinsing.plot.pose_map import pose_map
-
-        names = [n.strip() for n in (over or "x,y").split(",")]
-        figure, ax = plt.subplots(figsize=(6.4, 5.6))
-        pose_map(mechanism, names, ax, degrees=deg)
-    elif kind == "map":
-        figure, axes = plt.subplots(1, 2, figsize=(11, 6.2))
-        for ax, sign in zip(axes, "+-", strict=True):
-            input_map(mechanism, sign, ax, degrees=deg)
-            map_legend(ax)
-    elif kind == "curves":
-        count = len(mechanism.inputs)
-        figure, grid = plt.subplots(1, count, figsize=(5.2 * count, 4), squeeze=False)
-        for k, ax in enumerate(grid[0]):
-            found = curves(mechanism, inputs, k)
-            measure_curves(mechanism, found, find_singular(mechanism, found), ax, deg)
-    elif kind == "ellipsoids":
-        modes = assemblies(mechanism, inputs)
-        figure, grid = plt.subplots(1, len(modes), figsize=(4.8 * len(modes), 4.8), squeeze=False)
-        for ax, mode in zip(grid[0], modes, strict=True):
-            draw_linkage(mechanism, mode.q, ax)
-            ax.set_title(mode.mode)
-    else:
-        raise OptionError(f"there is no {kind} plot of mechanisms: use map, curves or ellipsoids")
-    figure.tight_layout()
-    save_figure(figure, path, dpi=dpi, bbox_inches="tight", pad_inches=0.04)
-
-
 def view_loops(
     loops: Path,
     poses: Sequence[str] = (),
@@ -320,7 +261,7 @@ def view_loops(
         raise OptionError("--html and --png need the name of a file")
     picture = picture_size(size)
     mechanism = read(loops, options)
-    inputs = _inputs(mechanism, poses, deg)
+    inputs = typed_inputs(mechanism, poses, deg)
     saved = None if analysis is None else _saved(analysis, mechanism)
     live = html is None and png is None
     # What is typed and can still be refused is judged before a browser opens.
@@ -402,7 +343,7 @@ def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     return mechanism
 
 
-def _inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array:
+def typed_inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array:
     """Inputs that were typed, or those of home."""
     import numpy as np
 

@@ -9,7 +9,8 @@ import click
 
 from pinsing.cli import completion
 from pinsing.cli.figure import check_figure, off_screen, save_figure
-from pinsing.cli.mechanism import loops_option, plot_loops
+from pinsing.cli.mechanism import loops_option
+from pinsing.cli.mechanism_plot import plot_loops
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import OutputFile
 from pinsing.errors import OptionError
@@ -19,7 +20,9 @@ if TYPE_CHECKING:
     from pinsing.families import Family
     from pinsing.robot.arm import Arm
 
-KINDS = ("curves", "map", "locus", "ellipsoids", "along", "workspace", "aspects", "solutions")
+KINDS = (
+    "curves", "map", "locus", "ellipsoids", "along", "workspace", "aspects", "solutions", "modes",
+)  # fmt: skip
 _STEPS = 400
 
 
@@ -40,7 +43,8 @@ _STEPS = 400
     "--over",
     metavar="A,B",
     shell_complete=completion.joints,
-    help="map, locus, aspects: the two joints. curves: those that move.",
+    help="map, locus, aspects: the two joints. curves: those that move. With --loops: map over "
+    "two of x, y, z, roll, pitch, yaw of the output.",
 )
 @click.option(
     "--fixed",
@@ -108,6 +112,10 @@ def plot_command(
     workspace   the best sigma_min (or clearance) found at each place of the tip, in slices
     aspects     the aspects in colours over two joints
     solutions   of a 3-joint position arm: how many inverse solutions each place has
+    modes       with --loops: the assembly and working modes side by side
+
+    With --loops: map (over two coordinates of the output's pose, its aspects coloured by mode),
+    curves, ellipsoids, modes.
 
     Example: pinsing plot map puma560 --over q2,q3 -o map.pdf
     """  # noqa: D301
@@ -120,6 +128,8 @@ def plot_command(
         raise OptionError(f"{what} two joints, such as --over q2,q3")
     if families and kind not in ("map", "locus"):
         raise OptionError(f"--family is for map and locus, not for {kind}")
+    if kind == "modes":
+        raise OptionError("modes are those of a mechanism: give its loops with --loops FILE.yaml")
     if each is not None and kind != "locus":
         raise OptionError(f"--each is for locus, not for {kind}")
     if kind == "locus" and (len(families) != 1 or (joints is not None and len(joints) != 2)):

@@ -196,13 +196,13 @@ def _checks(
         if judged
         else 0.0
     )
-    out = [
-        Check(
-            f"each of the {len(judged)} points of the sweep lies on a locus "
-            f"(largest relative value {worst:.1e})",
-            worst <= _AGREE,
-        )
-    ]
+    # Of nothing, nothing is said.
+    out = []
+    if judged:
+        one = len(judged) == 1
+        which = "the one point" if one else f"each of the {len(judged)} points"
+        words = f"{which} of the sweep lies on a locus (largest relative value {worst:.1e})"
+        out.append(Check(words, worst <= _AGREE))
     missed, count = [], 0
     for k, name in enumerate(mechanism.inputs):
         here = [p for p in points if p.moving == name]
@@ -216,6 +216,8 @@ def _checks(
                 near = [abs(float(np.sin((p.inputs[k] - value) / 2))) for p in here]
                 if min(near, default=1.0) > _AGREE:
                     missed.append(f"{name} = {value:.9g} ({locus.kind})")
+    if not count:
+        return out
     words = f"the sweep found all {count} feasible roots of the loci along its curves"
     if missed:
         words = f"the sweep missed {len(missed)} of {count} roots: {', '.join(missed)}"
@@ -241,7 +243,8 @@ def _pose_checks(
     worst = max(float(locus_distance(mechanism, forms, p.q)) for p in points)
     regular = locus_distance(mechanism, forms, home(mechanism))
     words = (
-        f"each of the {len(points)} points of the sweep lies on a locus over the pose (largest "
+        f"{'the one point' if len(points) == 1 else f'each of the {len(points)} points'} of the "
+        "sweep lies on a locus over the pose (largest "
         f"relative value {worst:.1e}; {regular:.1e} at home)"
     )
     return [Check(words, worst <= _ON)]

@@ -161,7 +161,8 @@ def _head(a: MechanismAnalysis, values: Values) -> Iterator[Line]:
     yield (
         "",
         (
-            f"{a.name}: {len(a.joints)} joints, {a.mobility} degrees of freedom "
+            f"{a.name}: {len(a.joints)} joints, "
+            f"{a.mobility} degree{'s' * (a.mobility != 1)} of freedom "
             f"({a.constraint_rank} independent closure equations{spare})",
         ),
     )

@@ -13,7 +13,7 @@ _PALE = {
     True: ("#dfeadb", "#c4dcc9", "#d3e6e9", "#e9efcf"),
     False: ("#f3e3cf", "#efd3cd", "#e8d9ea", "#f2e9c9"),
 }
-_LEAST = 12
+LEAST = 12
 """Grid cells below which a region is not told from the roughness of the grid."""
 
 
@@ -50,7 +50,7 @@ def regions(
         even = (len(left_sides) - int(value).bit_count()) % 2 == 0
         for members in _joined(numbers, count, turns):
             cells = np.isin(numbers, members)
-            if int(cells.sum()) >= _LEAST:
+            if int(cells.sum()) >= LEAST:
                 found.append((int(cells.sum()), cells, even))
     found.sort(key=lambda x: -x[0])
     out = np.zeros(inside.shape, dtype=int)
@@ -82,13 +82,12 @@ def _joined(numbers: npt.NDArray[np.int_], count: int, turns: tuple[bool, bool])
     return list(out.values())
 
 
-def colors(signs: Sequence[bool]) -> list[str]:
-    """A pale colour for each region: green and blue for those of the first's sign, else warm."""
+def colors(positive: Sequence[bool]) -> list[str]:
+    """A pale colour for each region: green and blue for those that are positive, else warm."""
     used = {True: 0, False: 0}
     out = []
-    for sign in signs:
-        alike = sign == signs[0]
-        shades = _PALE[alike]
-        out.append(shades[used[alike] % len(shades)])
-        used[alike] += 1
+    for sign in positive:
+        shades = _PALE[sign]
+        out.append(shades[used[sign] % len(shades)])
+        used[sign] += 1
     return out

@@ -1,240 +1,338 @@
-"""Singular loci of a mechanism as a slice over two coordinates of the output's pose."""
+"""Singular loci and aspects of a mechanism as a slice over two coordinates of the output's pose."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-import pinocchio as pin
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
-from pinsing.mechanism.dyad import planar_dyad
+from pinsing.mechanism.closure import ranks
+from pinsing.mechanism.joint_forms import JointForms
+from pinsing.mechanism.joint_loci import joint_forms
 from pinsing.mechanism.likeness import output_pose
-from pinsing.mechanism.modes import home
-from pinsing.mechanism.pose import pose_of
-from pinsing.mechanism.pose_loci import PoseForms, pose_forms
-from pinsing.mechanism.rods import Rod, Rods, rods
+from pinsing.mechanism.modes import assembly_sign, home, mode_at
+from pinsing.mechanism.pose_loci import pose_forms
+from pinsing.mechanism.pose_slice import COORDINATES, PoseSlice, free_coordinates, pose_slice
+from pinsing.mechanism.problems import working_modes
 from pinsing.plot.mechanism import TYPE_1, TYPE_2
-from pinsing.plot.pose_aspects import colors, regions
+from pinsing.plot.pose_aspects import LEAST, colors, regions
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-COORDINATES = ("x", "y", "z", "roll", "pitch", "yaw")
-_COLORS = {"type 1": TYPE_1, "type 2": TYPE_2, "constraint": "#7d3c98",
-           "type 2 or constraint": TYPE_2}  # fmt: skip
-_REACHED = "#eef3e6"
-_MOST_NAMED = 4
+PASSIVE = "#7d3c98"
+LIMIT = "#6b7480"
+_SAMPLES = {1: 161, 2: 141, 4: 111, 8: 91}
+_MOST_PANELS = 8
+_MOST_NAMED = 6
+_EDGE = 0.9
+"""Cells over which the border of what was reached is smoothed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One working mode of a slice.
+
+    Attributes
+    ----------
+    title : str
+        Its name.
+    numbers : (ny, nx) array of int
+        The aspect that each pose is in, largest first, from 1 on; 0 outside.
+    positive : tuple of bool
+        Of each aspect, whether it is the assembly mode of home.
+    lefts : tuple of (str, (ny, nx) array)
+        Kind and left side of each equation.
+    reached : (ny, nx) array of bool
+        Where the loops close, limits aside.
+    margin : (ny, nx) array
+        How far the joint that is nearest to a limit is inside.
+    """
+
+    title: str
+    numbers: npt.NDArray[np.int_]
+    positive: tuple[bool, ...]
+    lefts: tuple[tuple[str, Array], ...]
+    reached: Bool
+    margin: Array
 
 
 def pose_map(
     mechanism: Mechanism,
-    over: Sequence[str] = ("x", "y"),
+    over: Sequence[str] | None = None,
     ax: Axes | None = None,
-    samples: int = 201,
+    samples: int | None = None,
     degrees: bool = True,
+    start: Array | None = None,
 ) -> Axes:
-    """Draw a slice through the loci: two coordinates of the pose vary, the others stay at home.
+    """Draw a slice through the loci: two coordinates of the pose vary, the others stay as at home.
 
-    Coloured is where the legs reach within the limits of the actuated joints, in the working mode
-    of home: each aspect of the slice in a colour of its own; green and blue ones have the sign of
-    the largest one's type 2 equation, warm ones the other. Lines are the loci, exactly.
+    Coloured is where the mechanism gets to within the limits of all its joints, in the working
+    mode of home: each aspect, which no singular pose parts, in a colour of its own. Green and blue
+    ones are of the assembly mode of home, warm ones of the other. Lines are the loci, from their
+    exact equations.
 
     Parameters
     ----------
     mechanism : Mechanism
-        One whose legs pass one force each.
-    over : two of x, y, z, roll, pitch, yaw
-        The coordinates, in the order of the axes.
+        One with two degrees of freedom or more.
+    over : two of x, y, z, roll, pitch, yaw, optional
+        The coordinates, in the order of the axes; the first two that the output has by default.
     ax : Axes, optional
         Axes to draw into.
-    samples : int
+    samples : int, optional
         Grid points a side.
     degrees : bool
         Angles in degrees.
+    start : (n,) array, optional
+        A closed configuration whose pose and working mode are taken in place of home's.
 
     Raises
     ------
     OptionError
-        If there is no closed form over the pose, or the coordinates are others.
+        If there are no equations, or the output does not move along these coordinates.
     """
     from matplotlib import pyplot as plt
-    from matplotlib.colors import BoundaryNorm, ListedColormap
 
-    forms, found = pose_forms(mechanism), rods(mechanism)
-    if found is None and planar_dyad(mechanism) is not None:
-        raise OptionError(
-            f"{mechanism.name}: two links in a plane close its loop, so that its map is over the "
-            "inputs: leave --over out"
-        )
-    if forms is None or found is None or not (forms.loci or forms.architecture):
-        raise OptionError(
-            f"{mechanism.name}: a map over the pose needs legs that pass one force each, and this "
-            "one has others: see pinsing families --loops"
-        )
-    if any(rod.hinge is not None for rod in found.rods):
-        raise OptionError(
-            f"{mechanism.name}: its hinges tie the coordinates of a pose to each other, so that "
-            "two of them with the others at home are poses that it does not have; take pinsing "
-            "map --loops --over poses"
-        )
-    first, second = _chosen(over, found, forms)
-    at_home = pose_of(found.placed(output_pose(mechanism, home(mechanism))))
-    start = np.array([*at_home.position, *at_home.angles])
-    sides = [_side(mechanism, found, start, k, samples) for k in (first, second)]
-    inside = _variables(mechanism, found, _grid(start, (first, second), sides))[1]
-    # Beyond what is reached there is nothing to see.
-    sides = [
-        side if k > 2 else _cropped(side, inside.any(axis=axis))
-        for k, side, axis in ((first, sides[0], 0), (second, sides[1], 1))
-    ]
-    values, inside = _variables(mechanism, found, _grid(start, (first, second), sides))
+    names = _names(mechanism, over)
+    q = home(mechanism) if start is None else start
+    found = pose_slice(mechanism, names, [q], samples or _SAMPLES[1])
+    panel = panels(mechanism, found, [""])[0]
     ax = plt.subplots(figsize=(6, 5.4))[1] if ax is None else ax
-    unit = [180 / np.pi if degrees and k > 2 else 1.0 for k in (first, second)]
-    x, y = sides[0] * unit[0], sides[1] * unit[1]
-    lefts = [
-        x.equation(np.stack([values[n] for n in x.equation.names], axis=-1)) for x in forms.loci
-    ]
-    parting = [v for v, x in zip(lefts, forms.loci, strict=True) if x.kind != "type 1"]
-    numbers, signs = regions(
-        inside.astype(bool), [np.nan_to_num(v) for v in parting], (first > 2, second > 2)
-    )
-    shades = [_REACHED, *colors(signs)]
-    shown = np.where(inside, numbers + 1, 0)
-    edges = np.arange(len(shades) + 1) + 0.5
-    if inside.any():
-        ax.pcolormesh(x, y, np.ma.masked_less(shown, 1), cmap=ListedColormap(shades),
-                      norm=BoundaryNorm(edges, len(shades)), shading="nearest",
-                      rasterized=True)  # fmt: skip
-    drawn = set()
-    for locus, left in zip(forms.loci, lefts, strict=True):
-        finite = left[np.isfinite(left)]
-        if len(finite) and finite.min() < 0 < finite.max():
-            ax.contour(x, y, left, levels=[0.0], colors=[_COLORS[locus.kind]], linewidths=1.4)
-            drawn.add(locus.kind)
-    for kind in sorted(drawn):
-        ax.plot([], [], color=_COLORS[kind], label=kind)
-    moved = any(rod.moved for rod in found.rods)
-    border = "type 1 or a limit" if moved else "a limit"
-    if forms.architecture or not signs:
-        ax.fill([], [], color=_REACHED, label=f"reached; its border: {border}")
-    for number, shade in list(enumerate(shades[1:], 1))[:_MOST_NAMED]:
-        more = f"; border: {border}" if number == 1 else ""
-        ax.fill([], [], color=shade, label=f"aspect {number}{more}")
-    if len(signs) > _MOST_NAMED:
-        ax.fill([], [], color="none", label=f"and {len(signs) - _MOST_NAMED} more")
-    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2, fontsize=8)
-    names = [
-        f"{COORDINATES[k]} [{'m' if k < 3 else '°' if degrees else 'rad'}]" for k in (first, second)
-    ]
-    ax.set_xlabel(names[0])
-    ax.set_ylabel(names[1])
-    if first < 3 and second < 3:
-        ax.set_aspect("equal")
-    title = "every pose is singular" if forms.architecture else "singular poses of the output"
-    ax.set_title(f"{mechanism.name}: {title}", fontsize=10)
+    _draw(ax, mechanism, found, panel, degrees)
+    ax.legend(
+        handles=_handles(mechanism, [panel]), loc="upper center", bbox_to_anchor=(0.5, -0.11),
+        ncols=2, fontsize=8,
+    )  # fmt: skip
+    ax.set_title(f"{mechanism.name}: {_what(mechanism)}", fontsize=10)
     return ax
 
 
-def _grid(start: Array, chosen: tuple[int, int], sides: list[Array]) -> Array:
-    """Poses (n2, n1, 6): two coordinates over their sides, the others as at the start."""
-    grid = np.broadcast_to(start, (len(sides[1]), len(sides[0]), 6)).copy()
-    grid[..., chosen[0]], grid[..., chosen[1]] = np.meshgrid(*sides)
-    return grid
+def pose_maps(
+    mechanism: Mechanism,
+    over: Sequence[str] | None = None,
+    samples: int | None = None,
+    degrees: bool = True,
+    start: Array | None = None,
+) -> Figure:
+    """The same for every working mode at the pose of home, side by side in one figure.
 
+    Parameters
+    ----------
+    mechanism, over, samples, degrees, start
+        As for `pose_map`.
+    """
+    from matplotlib import pyplot as plt
 
-def _cropped(side: Array, reached: npt.ArrayLike) -> Array:
-    """As many values, but from a little before the first that is reached to a little after."""
-    there = np.flatnonzero(reached)
-    if not len(there):
-        return side
-    low, high = side[there[0]], side[there[-1]]
-    more = max(0.12 * (high - low), float(side[1] - side[0]))
-    return np.linspace(low - more, high + more, len(side))
-
-
-def _chosen(over: Sequence[str], found: Rods, forms: PoseForms) -> tuple[int, int]:
-    names = ["yaw" if n in ("phi", "φ") else n for n in over]
-    free = ("x", "y", "yaw") if found.planar else COORDINATES
-    if any(rod.moved for rod in found.rods) and not found.planar:
-        free = COORDINATES[:3]
-    if len(names) != 2 or names[0] == names[1] or not set(names) <= set(free):
-        raise OptionError(
-            f"a map over the pose goes over two of {', '.join(free)}; got {', '.join(over)}"
-        )
-    return COORDINATES.index(names[0]), COORDINATES.index(names[1])
-
-
-def _side(mechanism: Mechanism, found: Rods, start: Array, k: int, samples: int) -> Array:
-    """Values of a coordinate: a whole turn, or as far as base and legs are large."""
-    if k > 2:
-        return np.linspace(-np.pi, np.pi, samples)
-    size = max(
-        float(np.linalg.norm(rod.inner - start[:3])) + float(np.linalg.norm(rod.first))
-        for rod in found.rods
+    names = _names(mechanism, over)
+    modes = _modes(mechanism, start)
+    shown = modes[:_MOST_PANELS]
+    if len(shown) == 1:
+        return _figure_of(pose_map(mechanism, names, None, samples, degrees, start))
+    count = next(v for k, v in _SAMPLES.items() if len(shown) <= k)
+    found = pose_slice(mechanism, names, [q for _, q in shown], samples or count)
+    drawn = panels(mechanism, found, [title for title, _ in shown])
+    columns = 2 if len(shown) <= 4 else 4
+    rows = -(-len(shown) // columns)
+    figure, grid = plt.subplots(
+        rows, columns, figsize=(3.3 * columns, 3.25 * rows + 0.9), squeeze=False, sharex=True,
+        sharey=True, layout="constrained",
+    )  # fmt: skip
+    for k, ax in enumerate(grid.ravel()):
+        if k >= len(drawn):
+            ax.axis("off")
+            continue
+        _draw(ax, mechanism, found, drawn[k], degrees)
+        count = len(drawn[k].positive)
+        ax.set_title(f"{drawn[k].title}: {count} aspect{'s' * (count != 1)}", fontsize=9)
+        ax.label_outer()
+    more = "" if len(modes) == len(shown) else f" ({len(shown)} of {len(modes)})"
+    figure.suptitle(f"{mechanism.name}: {_what(mechanism)}, by working mode{more}", fontsize=11)
+    figure.legend(
+        handles=_handles(mechanism, drawn), loc="outside lower center", ncols=3, fontsize=8
     )
-    return np.asarray(start[k] + np.linspace(-1.5 * size, 1.5 * size, samples))
+    return figure
 
 
-def _variables(mechanism: Mechanism, found: Rods, grid: Array) -> tuple[dict[str, Array], Array]:
-    """Values of all variables of equations over a grid of poses (..., 6), and where legs reach."""
-    flat = grid.reshape(-1, 6)
-    R = np.array([pin.rpy.rpyToMatrix(*p[3:]) for p in flat])
-    e = np.array([_quaternion(M) for M in R])
-    values = {n: flat[:, k] for k, n in enumerate("xyz")}
-    values |= {f"e{k}": e[:, k] for k in range(4)}
-    values["cos φ"], values["sin φ"] = np.cos(flat[:, 5]), np.sin(flat[:, 5])
-    inside = np.ones(len(flat), dtype=bool)
-    q0 = home(mechanism)
-    pose0 = output_pose(mechanism, q0)
-    for rod in found.rods:
-        B = flat[:, :3] + R @ rod.outer
-        name = mechanism.joints[rod.joint]
-        if rod.slides:
-            value = np.linalg.norm(B - rod.inner, axis=1)
+def panels(mechanism: Mechanism, found: PoseSlice, titles: Sequence[str]) -> list[Panel]:
+    """Aspects and left sides of each working mode of a slice."""
+    forms = joint_forms(mechanism)
+    everywhere = _everywhere(mechanism)
+    turns = (COORDINATES.index(found.names[0]) > 2, COORDINATES.index(found.names[1]) > 2)
+    out = []
+    for k, title in enumerate(titles):
+        reached = np.isfinite(found.q[k]).all(axis=-1)
+        lefts = [] if everywhere else _lefts(forms, found.q[k], reached)
+        parting = [np.nan_to_num(v) for kind, v in lefts if kind != "passive"]
+        numbers, signs = regions(found.inside[k], parting, turns)
+        positive = tuple(
+            _of_home(mechanism, found.q[k], numbers == number, sign)
+            for number, sign in enumerate(signs, 1)
+        )
+        out.append(Panel(title, numbers, positive, tuple(lefts), reached, found.margin[k]))
+    return out
+
+
+def _names(mechanism: Mechanism, over: Sequence[str] | None) -> tuple[str, ...]:
+    if ranks(mechanism).mobility < 2:
+        raise OptionError(
+            f"{mechanism.name} has one degree of freedom: its poses are a curve, which plot map "
+            "--loops shows without --over"
+        )
+    if not joint_forms(mechanism).complete:
+        raise OptionError(
+            f"{mechanism.name}: a map over the pose needs equations in the joint angles, and there "
+            f"are none: {'; '.join(joint_forms(mechanism).notes)}"
+        )
+    return tuple(over) if over is not None else free_coordinates(mechanism)[:2]
+
+
+def _modes(mechanism: Mechanism, start: Array | None) -> list[tuple[str, Array]]:
+    """Working modes at one pose by name, that of the start first."""
+    q = home(mechanism) if start is None else start
+    found = {_title(mechanism, q): q}
+    for mode in working_modes(mechanism, output_pose(mechanism, q).homogeneous).modes:
+        found.setdefault(_title(mechanism, mode.q), mode.q)
+    own = _title(mechanism, home(mechanism))
+    return [(f"{name} (home)" if name == own else name, q) for name, q in found.items()]
+
+
+def _title(mechanism: Mechanism, q: Array) -> str:
+    elbows = "".join(mode_at(mechanism, q).elbows)
+    return f"elbows {elbows}" if elbows else "working mode"
+
+
+def _lefts(forms: JointForms, Q: Array, reached: Bool) -> list[tuple[str, Array]]:
+    """Kinds and left sides over the grid, NaN where the loops do not close.
+
+    Hinges that a file has in place of a ball are left out: the ball is not dependent.
+    """
+    values = np.full((*reached.shape, len(forms.loci)), np.nan)
+    values[reached] = forms.values(Q[reached])
+    return [
+        (locus.kind, values[..., k])
+        for k, locus in enumerate(forms.loci)
+        if not locus.words.startswith("the three hinges")
+    ]
+
+
+def _everywhere(mechanism: Mechanism) -> bool:
+    forms = pose_forms(mechanism)
+    return forms is not None and bool(forms.architecture)
+
+
+def _of_home(mechanism: Mechanism, Q: Array, there: Bool, sign: bool) -> bool:
+    """Whether a region is of the assembly mode of home, or of the equation's sign."""
+    from scipy.ndimage import distance_transform_edt
+
+    deepest = np.unravel_index(int(np.argmax(distance_transform_edt(there))), there.shape)
+    told = assembly_sign(mechanism, Q[deepest])
+    return told == "+" if told in "+-" else sign
+
+
+def _what(mechanism: Mechanism) -> str:
+    return "every pose is singular" if _everywhere(mechanism) else "aspects of the workspace"
+
+
+def _figure_of(ax: Axes) -> Figure:
+    figure = ax.figure
+    while hasattr(figure, "figure") and figure.figure is not figure:
+        figure = figure.figure
+    return figure  # type: ignore[return-value]
+
+
+def _draw(ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degrees: bool) -> None:
+    from matplotlib.colors import BoundaryNorm, ListedColormap
+    from scipy.ndimage import gaussian_filter
+
+    rows = [COORDINATES.index(name) for name in found.names]
+    unit = [180 / np.pi if degrees and row > 2 else 1.0 for row in rows]
+    x, y = found.x * unit[0], found.y * unit[1]
+    shades = colors(panel.positive)
+    if shades:
+        edges = np.arange(len(shades) + 1) + 0.5
+        ax.pcolormesh(
+            x, y, np.ma.masked_less(panel.numbers, 1), cmap=ListedColormap(shades),
+            norm=BoundaryNorm(edges, len(shades)), shading="nearest", rasterized=True,
+        )  # fmt: skip
+    if _bordered(panel):
+        smooth = gaussian_filter(panel.reached.astype(float), _EDGE)
+        ax.contour(x, y, smooth, levels=[0.5], colors=[_border(mechanism)], linewidths=1.2)
+    _zero(ax, x, y, np.where(np.isfinite(panel.margin), panel.margin, np.nan), LIMIT, "--")
+    for kind, left in panel.lefts:
+        if kind == "passive":
+            _zero(ax, x, y, left, PASSIVE, ":")
         else:
-            value = _driven(mechanism, rod, B, pose0, float(q0[rod.joint]))
-            values[name], values[f"cos {name}"] = value, np.cos(value)
-            values[f"sin {name}"] = np.sin(value)
-        low, high = mechanism.lower[rod.joint], mechanism.upper[rod.joint]
-        inside &= np.isfinite(value) & (value >= low) & (value <= high)
-    shape = grid.shape[:-1]
-    return {n: v.reshape(shape) for n, v in values.items()}, inside.reshape(shape)
+            _zero(ax, x, y, left, TYPE_1 if kind == "type 1" else TYPE_2, "-")
+    for axis, name, row in zip((ax.xaxis, ax.yaxis), found.names, rows, strict=True):
+        axis.set_label_text(f"{name} [{'m' if row < 3 else '°' if degrees else 'rad'}]")
+    if max(rows) < 3:
+        ax.set_aspect("equal")
 
 
-def _quaternion(R: Array) -> tuple[float, float, float, float]:
-    e = pin.Quaternion(R)
-    return float(e.w), float(e.x), float(e.y), float(e.z)
+def _bordered(panel: Panel) -> bool:
+    return bool(panel.reached.any()) and int((~panel.reached).sum()) >= LEAST
 
 
-def _driven(mechanism: Mechanism, rod: Rod, B: Array, pose: pin.SE3, value: float) -> Array:
-    """The actuated joint's value for outer ends B (N, 3), bent as at home; NaN out of reach."""
-    slides = bool(mechanism.prismatic[rod.joint])
+def _border(mechanism: Mechanism) -> str:
+    """Colour of where the loops close no further: type 1, where there is such a locus."""
+    ones = any(x.kind == "type 1" for x in joint_forms(mechanism).loci)
+    return TYPE_1 if ones else LIMIT
 
-    def inner(v: Array) -> Array:
-        c, s = (v, 0 * v) if slides else (np.cos(v), np.sin(v))
-        return rod.inner + c[:, None] * rod.first + s[:, None] * rod.second
 
-    def both(ends: Array) -> tuple[Array, Array]:
-        reach = ends - rod.inner
-        with np.errstate(invalid="ignore"):
-            if slides:
-                along = reach @ rod.first / (rod.first @ rod.first)
-                rest = (length**2 - (reach**2).sum(axis=1)) / (rod.first @ rod.first) + along**2
-                return along - np.sqrt(rest), along + np.sqrt(rest)
-            a, b = reach @ rod.first, reach @ rod.second
-            k = ((reach**2).sum(axis=1) + rod.first @ rod.first - length**2) / 2
-            middle, half = np.arctan2(b, a), np.arccos(k / np.hypot(a, b))
-        return middle - half, middle + half
+def _zero(ax: Axes, x: Array, y: Array, left: Array, color: str, style: str) -> None:
+    there = left[np.isfinite(left)]
+    if len(there) and there.min() < 0 < there.max():
+        shown = np.ma.masked_invalid(left)
+        ax.contour(x, y, shown, levels=[0.0], colors=[color], linestyles=[style], linewidths=1.4)
 
-    at = np.array([pose.act(rod.outer)])
-    length = float(np.linalg.norm(at - inner(np.array([value]))))
-    options = both(at)
-    away = [abs(float(np.sin((o[0] - value) / 2))) if not slides else abs(float(o[0] - value))
-            for o in options]  # fmt: skip
-    found = both(B)[int(np.argmin(away))]
-    return found if slides else np.asarray(np.arctan2(np.sin(found), np.cos(found)))
+
+def _crosses(drawn: Sequence[Panel], kinds: Sequence[str]) -> bool:
+    for panel in drawn:
+        for kind, left in panel.lefts:
+            there = left[np.isfinite(left)]
+            if kind in kinds and len(there) and there.min() < 0 < there.max():
+                return True
+    return False
+
+
+def _handles(mechanism: Mechanism, drawn: Sequence[Panel]) -> list[Any]:
+    """What lines and colours are, of those that occur."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    out: list[Any] = []
+    if _crosses(drawn, ("type 2", "constraint", "type 2 or constraint")):
+        out.append(Line2D([], [], color=TYPE_2, label="type 2"))
+    bordered = any(map(_bordered, drawn))
+    if _crosses(drawn, ("type 1",)) or (bordered and _border(mechanism) == TYPE_1):
+        out.append(Line2D([], [], color=TYPE_1, label="type 1: the loops close no further"))
+    elif bordered:
+        out.append(Line2D([], [], color=LIMIT, label="the loops close no further"))
+    if any((p.margin[np.isfinite(p.margin)] < 0).any() for p in drawn):
+        out.append(Line2D([], [], color=LIMIT, ls="--", label="limit of a joint"))
+    if _crosses(drawn, ("passive",)):
+        out.append(Line2D([], [], color=PASSIVE, ls=":", label="passive joints dependent"))
+    if _everywhere(mechanism):
+        return [*out, Patch(color=colors([True])[0], label="reached; singular everywhere")]
+    if len(drawn) > 1:
+        told = {p for panel in drawn for p in panel.positive}
+        for sign, word in ((True, "assembly +, as at home"), (False, "assembly −")):
+            if sign in told:
+                out.append(Patch(color=colors([sign])[0], label=f"aspects of {word}"))
+        return out
+    positive = drawn[0].positive
+    for number, (sign, shade) in enumerate(zip(positive, colors(positive), strict=True), 1):
+        if number <= _MOST_NAMED:
+            word = "assembly +" if sign else "assembly −"
+            out.append(Patch(color=shade, label=f"aspect {number}: {word}"))
+    if len(positive) > _MOST_NAMED:
+        out.append(Patch(color="none", label=f"and {len(positive) - _MOST_NAMED} more"))
+    return out

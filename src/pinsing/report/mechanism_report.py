@@ -16,10 +16,10 @@ from pinsing.report.arm_report import SCHEMA
 from pinsing.report.closing import computed, data, model, result
 from pinsing.report.content import Made
 from pinsing.report.document import document
+from pinsing.report.mechanism_loci import aspects, loci, modes
 from pinsing.report.mechanism_sections import (
     SpecialInputs,
     assumed,
-    loci,
     maps,
     points,
     robot,
@@ -29,6 +29,7 @@ from pinsing.report.mechanism_sections import (
     words,
 )
 from pinsing.report.pictures import quiet_backend
+from pinsing.robot.joint_space import SLACK
 from pinsing.robot.mechanism import Mechanism
 
 
@@ -59,7 +60,9 @@ def mechanism_report(
         summary(mechanism, found),
         robot(mechanism, found),
         assumed(found),
+        modes(mechanism, found),
         maps(mechanism),
+        aspects(mechanism, found),
         loci(mechanism, found),
         points(mechanism, found),
         verdicts(mechanism, special),
@@ -108,12 +111,23 @@ def _special(
     ends = np.isfinite(lower) & np.isfinite(upper)
     middle = np.where(ends, (np.where(ends, lower, 0) + np.where(ends, upper, 0)) / 2, 0.0)
     named = {"home": found.state.inputs, "zero": np.zeros(len(actuated)), "mid-range": middle}
-    if np.array_equal(named["zero"], middle):
+    if not ends.any():
+        del named["mid-range"]  # without limits there is no middle
+    elif np.array_equal(named["zero"], middle):
         del named["mid-range"]
         named = {("zero, which is mid-range" if k == "zero" else k): v for k, v in named.items()}
     for key, inputs in {**named, **poses}.items():
         if key == "home":
             yield SpecialInputs(key, inputs, (found.state,), "")
+            continue
+        beyond = [
+            name
+            for name, v, low, high in zip(mechanism.inputs, inputs, lower, upper, strict=True)
+            if not low - SLACK <= v <= high + SLACK
+        ]
+        if beyond:
+            why = f"{', '.join(beyond)}: beyond the limits"
+            yield SpecialInputs(key, inputs, (), why, "outside the limits")
             continue
         try:
             closed = assemblies(mechanism, inputs)

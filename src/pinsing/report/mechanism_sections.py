@@ -22,35 +22,33 @@ from pinsing.report.markup import (
     terms,
     text,
 )
-from pinsing.report.markup import math as formula
+from pinsing.report.mechanism_loci import TYPES, input_value, input_values
 from pinsing.report.pictures import png
 from pinsing.robot.mechanism import Mechanism
 
 Section = tuple[str, str, str]
 
-_TYPES = {
-    "type 1": "The output cannot move in some direction, whatever the inputs do.",
-    "type 2": "The output can move although all inputs are locked: forces on it are not held.",
-    "type 3": "Both at once.",
-    "constraint": "The mechanism gains motions that its mobility does not count.",
-}
 _TONES = {"regular": "good"}
 _MOST_POINTS = 60
 
 
 @dataclass(frozen=True, eq=False)
 class SpecialInputs:
-    """Inputs that people ask about first, and what each way to close the loops there is."""
+    """Inputs that people ask about first, and what each way to close the loops there is.
+
+    Where there is none, ``word`` and ``why`` say so.
+    """
 
     name: str
     inputs: Array
     states: tuple[MechanismState, ...]
     why: str
+    word: str = "does not close"
 
 
 def summary(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     """What it is and what is met on the way."""
-    kinds = [k for k in _TYPES if any(p.kind == k for p in a.points)]
+    kinds = [k for k in TYPES if any(p.kind == k for p in a.points)]
     met = ", ".join(kinds) if kinds else "no singular configuration"
     lead = paragraph(
         name(a.name),
@@ -62,26 +60,37 @@ def summary(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
         kind="lead",
     )
     said = f"Where one input moves and the others stay at home, the analysis meets: {met}."
+    architecture = a.pose_forms.architecture if a.pose_forms is not None else ""
     home = badge(a.state.kind, _TONES.get(a.state.kind, "alarm"))
-    rows = [
-        (
-            text(f"L{k}"),
-            text(locus.kind),
-            text(locus.words),
-            text("found" if locus.witness else "none found"),
-        )
-        for k, locus in enumerate(a.forms.loci if a.forms else (), 1)
-    ]
-    header = ("", "kind", "what is in line", "configuration that closes the loops")
+    rows, header = _listed(a)
     return section(
         "summary",
         "Summary",
         lead,
         paragraph(text(said)),
-        bullets(f"<b>{text(kind)}.</b> {text(_TYPES[kind])}" for kind in kinds),
+        bullets(f"<b>{text(kind)}.</b> {text(TYPES[kind])}" for kind in kinds),
         paragraph(text("At home the mechanism is"), home + "."),
-        table("Singular loci over the inputs", header, rows) if rows else "",
+        paragraph(text(f"Architecture: {architecture}.")) if architecture else "",
+        table("Singular loci in closed form", header, rows) if rows else "",
     )
+
+
+def _listed(a: MechanismAnalysis) -> tuple[list[tuple[str, ...]], tuple[str, ...]]:
+    """The loci in words: over the inputs, else over the pose, else in the joint angles."""
+    if a.forms is not None:
+        header: tuple[str, ...] = (
+            "", "kind", "what is in line", "configuration that closes the loops"
+        )  # fmt: skip
+        told = [(x.kind, x.words, "found" if x.witness else "none found") for x in a.forms.loci]
+        return [(text(f"L{k}"), *map(text, words)) for k, words in enumerate(told, 1)], header
+    loci = a.pose_forms.loci if a.pose_forms is not None else ()
+    pairs = [(x.kind, x.words) for x in loci]
+    if a.pose_forms is not None:
+        pairs += [(x.kind, str(x)) for x in a.pose_forms.everywhere if hasattr(x, "kind")]
+    if not pairs and a.joint_forms is not None:
+        pairs = [(x.kind, x.words) for x in a.joint_forms.loci if x.kind != "passive"]
+    distinct = list(dict.fromkeys(pairs))
+    return [(text(kind), text(words)) for kind, words in distinct], ("kind", "what happens there")
 
 
 def robot(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
@@ -107,8 +116,8 @@ def robot(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
                 name(joint),
                 text("prismatic" if slides else "revolute"),
                 text("driven" if i in mechanism.actuated else "passive"),
-                text(_value(low, slides) if math.isfinite(low) else "none"),
-                text(_value(high, slides) if math.isfinite(high) else "none"),
+                text(input_value(low, slides) if math.isfinite(low) else "none"),
+                text(input_value(high, slides) if math.isfinite(high) else "none"),
             )
         )
     header = ("joint", "type", "", "from", "to")
@@ -132,9 +141,9 @@ def assumed(a: MechanismAnalysis) -> Section:
     rows += [text(note) for note in (a.forms.notes if a.forms else ())]
     rows.append(
         text(
-            "Points are found along curves on which one input moves and the others stay at home; "
-            "joint limits are not applied to them. Collisions, backlash and stiffness are not "
-            "looked at."
+            "Points are found along curves on which one input moves and the others stay at home, "
+            "within the limits of all joints, active and passive. Collisions, backlash and "
+            "stiffness are not looked at."
         )
     )
     return section("assumed", "What was assumed", bullets(rows))
@@ -161,60 +170,12 @@ def maps(mechanism: Mechanism) -> Section | None:
     return section("map", "Map over the inputs", figure(png(drawn), alt, caption))
 
 
-def loci(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
-    """Each locus with its equation and a picture."""
-    if a.forms is None:
-        words = (
-            "No closed form: no planar dyad closes the loops, so that the singular points below "
-            "are numeric."
-        )
-        return section("families", "The loci", paragraph(text(words)))
-    parts = []
-    for k, locus in enumerate(a.forms.loci, 1):
-        parts.append(f'<h3 id="L{k}">{text(f"L{k}: {locus.kind}")}</h3>')
-        parts.append(f'<div class="equation">{formula(locus.equation.latex())}</div>')
-        parts.append(paragraph(text(f"{locus.words}. {_TYPES[locus.kind]}")))
-        if locus.points_only:
-            parts.append(paragraph(text("Only single points of the inputs fulfil it.")))
-        if locus.witness is None:
-            parts.append(paragraph(text("No configuration that closes the loops was found on it.")))
-            continue
-        values = _inputs(mechanism, locus.witness.inputs)
-        parts.append(paragraph(text("For instance at"), name(values) + text(".")))
-        parts.append(_picture(mechanism, locus.witness.q, locus.kind))
-    symbols = [f"{name(joint)}" for joint in mechanism.inputs]
-    parts.append(paragraph(text("Angles are those of"), ", ".join(symbols) + ".", kind="sub"))
-    return section("families", "The loci", *parts)
-
-
-def _picture(mechanism: Mechanism, q: Array, kind: str) -> str:
-    """The linkage in its plane, where it has one."""
-    if planar_dyad(mechanism) is None:
-        return ""
-    from matplotlib import pyplot as plt
-
-    from pinsing.plot.mechanism import draw_linkage
-
-    drawn, ax = plt.subplots(figsize=(4.6, 4.0))
-    draw_linkage(mechanism, q, ax)
-    ax.set_xlabel("x [m]", fontsize=8)
-    ax.set_ylabel("y [m]", fontsize=8)
-    ax.tick_params(labelsize=7)
-    marks = {
-        "type 1": "the red ellipse of output velocities has become a line",
-        "type 2": "blue arrows show the motion that locked inputs do not hold",
-    }
-    caption = f"The linkage there: {marks[kind]}." if kind in marks else "The linkage there."
-    return figure(png(drawn), f"The linkage drawn in its plane at that configuration; {caption}",
-                  text(caption))  # fmt: skip
-
-
 def points(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     """Singular points where one input moves."""
     rows = [
         (
             text(p.kind),
-            name(_inputs(mechanism, p.inputs)),
+            name(input_values(mechanism, p.inputs)),
             text(p.mode),
             text("end of the range" if p.range_end else ""),
         )
@@ -235,10 +196,11 @@ def verdicts(mechanism: Mechanism, special: Sequence[SpecialInputs]) -> Section:
     """Special inputs, each way to close the loops judged."""
     rows = []
     for s in special:
-        where = name(_inputs(mechanism, s.inputs))
+        where = name(input_values(mechanism, s.inputs))
         if not s.states:
-            rows.append((name(s.name), where, badge("does not close"), text(s.why), ""))
-        for state in s.states:
+            rows.append((name(s.name), where, badge(s.word), text(s.why), ""))
+        for k, state in enumerate(s.states, 1):
+            which = s.name if len(s.states) == 1 else f"{s.name} ({k} of {len(s.states)})"
             said = badge(
                 "near-singular" if state.near and state.kind == "regular" else state.kind,
                 "caution" if state.near and state.kind == "regular"
@@ -246,7 +208,7 @@ def verdicts(mechanism: Mechanism, special: Sequence[SpecialInputs]) -> Section:
             )  # fmt: skip
             rows.append(
                 (
-                    name(s.name),
+                    name(which),
                     where,
                     said,
                     text(state.mode),
@@ -259,18 +221,31 @@ def verdicts(mechanism: Mechanism, special: Sequence[SpecialInputs]) -> Section:
 
 def sure(a: MechanismAnalysis) -> Section:
     """What is exact and what is numeric."""
-    if a.forms is None:
+    whole = [
+        words
+        for forms, words in (
+            (a.forms, "over the inputs"), (a.pose_forms, "over the pose of the output"),
+            (a.joint_forms, "in the joint angles"),
+        )
+        if forms is not None and forms.complete
+    ]  # fmt: skip
+    if whole:
+        said = paragraph(
+            badge("complete", "good"),
+            text(f"The loci {' and '.join(whole)} hold every singular configuration: each step is "
+                 "exact. No certificate exists for mechanisms."),
+        )  # fmt: skip
+    elif a.forms is None and a.pose_forms is None:
         said = paragraph(
             badge("numeric"),
             text("The list holds what lies on the curves that were followed, and claims no more."),
         )
-    elif a.forms.complete:
-        said = paragraph(
-            badge("complete", "good"),
-            text("The loci follow by exact elimination; no certificate exists for mechanisms."),
-        )
     else:
         said = paragraph(badge("not complete", "caution"), text("See what was assumed."))
+    if not a.checks:
+        said += paragraph(
+            text("The sweep met no singular point that could be compared with the equations.")
+        )
     rows = [
         f"{badge('agrees' if c.passed else 'DISAGREES', 'good' if c.passed else 'alarm')} "
         f"{text(c.words)}"
@@ -281,7 +256,7 @@ def sure(a: MechanismAnalysis) -> Section:
 
 def words() -> Section:
     """The terms of the report."""
-    pairs = [(text(kind), text(words)) for kind, words in _TYPES.items()]
+    pairs = [(text(kind), text(words)) for kind, words in TYPES.items()]
     pairs.append(
         (
             text("assembly mode"),
@@ -291,19 +266,8 @@ def words() -> Section:
     return section("words", "What the words mean", terms(pairs))
 
 
-def _inputs(mechanism: Mechanism, inputs: Array) -> str:
-    return ", ".join(
-        f"{key} = {_value(float(v), bool(mechanism.prismatic[j]))}"
-        for key, v, j in zip(mechanism.inputs, inputs, mechanism.actuated, strict=True)
-    )
-
-
-def _value(value: float, slides: bool) -> str:
-    return f"{value:.6g} m" if slides else f"{math.degrees(value) + 0.0:.6g}°"
-
-
 def _interval(mechanism: Mechanism, key: str, found: Interval) -> str:
     if found.whole:
         return "the whole circle"
     slides = bool(mechanism.prismatic[mechanism.joints.index(key)])
-    return f"{_value(found.lower, slides)} to {_value(found.upper, slides)}"
+    return f"{input_value(found.lower, slides)} to {input_value(found.upper, slides)}"

@@ -10,13 +10,13 @@ from pinsing._types import Array
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.mechanism.closure import ranks
 from pinsing.mechanism.dyad import Side, planar_dyad
+from pinsing.mechanism.led_pose import led_pose
 from pinsing.mechanism.modes import assembly_rows, elbows, home
 from pinsing.mechanism.structure import structure
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.tip import frame_index
 from pinsing.view.ellipsoids import Sizes
 from pinsing.view.engine_data import chain_data, frame_data, joint_data, numbers, sizes_data
-from pinsing.view.mechanism.led_pose import led_pose
 
 SCHEMA = "pinsing/mechanism-engine/1"
 
