@@ -146,7 +146,8 @@ class _Way:
         self.ones = [
             x
             for x in (forms.loci if forms.complete else ())
-            if x.kind == "type 1" or (x.kind == "passive" and set(x.joints) <= slides)
+            if (x.kind == "type 1" or (x.kind == "passive" and set(x.joints) <= slides))
+            and (x.equation is not None or len(x.matrix) == len(x.matrix[0]))
         ]
         self.forms = forms
 
@@ -217,9 +218,7 @@ class _Way:
             if locus.equation is not None:
                 value = locus.equation(Q)
             else:
-                M = locus.entries(Q, self.forms.joints)
-                size = np.linalg.norm(M, axis=-1, keepdims=True)
-                value = np.linalg.det(M / np.where(size > 0, size, 1.0))
+                value = np.linalg.det(locus.scaled(locus.entries(Q, self.forms.joints)))
             out.append(np.sign(value)[:, None])
         return np.concatenate(out, axis=1)
 

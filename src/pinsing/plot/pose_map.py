@@ -224,8 +224,12 @@ def _lefts(forms: JointForms, Q: Array, reached: Bool) -> list[tuple[str, Array]
 
 
 def _everywhere(mechanism: Mechanism) -> bool:
+    """Whether every pose is of type 2: there are no lines then, only rounding."""
     forms = pose_forms(mechanism)
-    return forms is not None and bool(forms.architecture)
+    if forms is not None and forms.architecture:
+        return True
+    told = [x for x in joint_forms(mechanism).notes if x.endswith("taken for singular everywhere")]
+    return any("type 2" in x for x in told)
 
 
 def _of_home(mechanism: Mechanism, Q: Array, there: Bool, sign: bool) -> bool:

@@ -10,7 +10,7 @@ from pinsing.mechanism import MechanismAnalysis
 from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.forms_text import Line, joint_lines, pose_lines
 from pinsing.mechanism.pose_slice import free_coordinates
-from pinsing.prose import PLAIN
+from pinsing.prose import Page
 from pinsing.report.markup import figure, name, paragraph, section, text
 from pinsing.report.markup import math as formula
 from pinsing.report.pictures import png
@@ -24,6 +24,8 @@ TYPES = {
     "type 3": "Both at once.",
     "constraint": "The mechanism gains motions that its mobility does not count.",
 }
+_PAGE = Page(84)
+_ROUGH, _MOST_TRIED = 41, 8
 _LONGEST = 12_000
 """Letters of written-out determinants; longer ones are left to the JSON."""
 
@@ -90,16 +92,34 @@ def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
         return None
     from pinsing.plot.pose_map import pose_maps
 
-    names = " and ".join(free_coordinates(mechanism)[:2])
+    over = _telling(mechanism)
+    names = " and ".join(over)
     words = (
         f"What the output reaches over {names}, the rest of its pose as at home, within the limits "
         "of all joints: no singular pose parts what has one colour. Green and blue are the "
         "assembly mode of home."
     )
-    drawn = pose_maps(mechanism)
+    drawn = pose_maps(mechanism, over)
     return section(
         "aspects", "The workspace by mode", figure(png(drawn, 110), f"Maps. {words}", text(words))
     )
+
+
+def _telling(mechanism: Mechanism) -> tuple[str, str]:
+    """Two coordinates over which the slice at home shows more than one aspect; else the first."""
+    from pinsing.mechanism.modes import home
+    from pinsing.mechanism.pose_slice import pose_slice
+    from pinsing.plot.pose_map import panels
+
+    free = free_coordinates(mechanism)
+    pairs = [(a, b) for k, a in enumerate(free) for b in free[k + 1 :]]
+    # Two positions are easiest to read, then a position and a turn.
+    pairs.sort(key=lambda pair: sum(name in ("roll", "pitch", "yaw") for name in pair))
+    for pair in pairs[:_MOST_TRIED]:
+        found = pose_slice(mechanism, pair, [home(mechanism)], _ROUGH)
+        if len(panels(mechanism, found, [""])[0].positive) > 1:
+            return pair
+    return pairs[0]
 
 
 def _over_inputs(mechanism: Mechanism, a: MechanismAnalysis) -> Iterator[str]:
@@ -151,7 +171,7 @@ def _written(lines: Sequence[Line]) -> str:
 
 
 def _plain(line: Line) -> str:
-    return PLAIN.paragraph(*line[1], first=line[0], rest=line[0] + "  ")
+    return _PAGE.paragraph(*line[1], first=line[0], rest=line[0] + "  ")
 
 
 def _picture(mechanism: Mechanism, q: Array, kind: str) -> str:
