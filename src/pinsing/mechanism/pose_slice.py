@@ -8,13 +8,13 @@ What is reached only past other poses is sought from random starts.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.mechanism.batch import BatchLoops, newton

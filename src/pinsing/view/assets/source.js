@@ -91,8 +91,9 @@ class MechanismSource extends EngineSource {
   driven(q, inputs) {
     const { engine } = this.page, { wanted, beyond } = Engine.withinInputs(engine, inputs);
     const found = Engine.driven(engine, wanted, q), frame = this.compute(found.q);
-    if (found.reached < 1) frame.refused = this.refused(wanted, q, found);
-    else if (beyond.length) frame.refused = `${Engine.beyondWords(engine, inputs, beyond)}; the mechanism stays there.`;
+    const over = beyond.length ? Engine.beyondWords(engine, inputs, beyond) : "";
+    if (found.reached < 1) frame.refused = `${over && `${over}. `}${this.refused(wanted, q, found)}`;
+    else if (over) frame.refused = `${over}; the mechanism stays there.`;
     return frame;
   }
 
