@@ -84,20 +84,33 @@ more.
   in a second of processor time, all at once; one after the other with Pinocchio's constraint
   Jacobians 7,600 and 4,500 (6.0 and 2.5 times). Of the Jacobians alone, without their singular
   values, 206,000 and 48,000, to 71,000 and 37,000 of Pinocchio.
-- Slices through the workspace: `pinsing plot map urdf/NAME.urdf --loops urdf/NAME.loops.yaml --over
-  x,y -o map.png`.
+- Slices through the workspace: `pinsing plot map NAME --loops --over x,y -o map.png`, one for each
+  working mode. Coloured is what lies within all limits of joints: each aspect (no singular pose
+  parts it) in a colour of its own, green and blue in the assembly mode of home, warm in the other.
+  Blue lines are type 2, red ones type 1, broken ones limits; the rest of the pose is as at home.
+  A mechanism of one freedom is drawn over its input.
+- Modes side by side: `pinsing plot modes NAME --loops -o modes.png`; the output is red.
 
 | mechanism | joints | closure equations, independent of written | degrees of freedom | actuated |
 |---|---|---|---|---|
 """
 IMAGES = URDF.parent / "docs" / "images"
 SLICES = {
+    "five_bar": "x,y",
+    "four_bar": "",
     "planar_3rrr": "x,y",
     "planar_3rpr": "x,y",
     "gough_stewart": "x,yaw",
     "stewart_6_3": "z,pitch",
+    "griffis_duffy": "x,y",
     "delta": "x,z",
+    "rps3": "roll,pitch",
+    "agile_eye": "roll,pitch",
+    "bennett": "",
+    "rssr": "",
 }
+"""Two coordinates of the pose of each; none where there is one freedom."""
+BEYOND = {"gough_stewart", "planar_3rpr"}
 Known = Callable[[Mechanism], Iterator[tuple[str, str]]]
 
 
@@ -105,7 +118,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", default=list(SHELF))
     parser.add_argument("--write", type=Path, metavar="FILE.md")
+    parser.add_argument("--pictures", action="store_true", help="make the pictures alone")
     options = parser.parse_args()
+    if options.pictures:
+        for name in options.names or SHELF:
+            began = time.process_time()
+            pictures(pinsing.load_mechanism(URDF / f"{name}.urdf"), name)
+            print(f"{name}: {time.process_time() - began:.1f} s of processor time", flush=True)
+        return
     rows, parts = [], []
     for name in options.names or SHELF:
         mechanism = pinsing.load_mechanism(URDF / f"{name}.urdf")
@@ -139,9 +159,7 @@ def part(mechanism: Mechanism, name: str) -> str:
     if forms is None:
         lines += ["No closed form over the pose: the legs do not pass one force each.", ""]
     lines += ["```", forms_text(mechanism.inputs, forms, joints=joints, longest=1_500), "```", ""]
-    if name in SLICES:
-        lines += [f"![Aspects of a slice over {SLICES[name]}](images/parallel_{name}.png)", ""]
-        slice_of(mechanism, name)
+    lines += pictures(mechanism, name)
     known = KNOWN.get(name)
     if known is not None:
         lines += ["| known | computed |", "|---|---|"]
@@ -151,15 +169,32 @@ def part(mechanism: Mechanism, name: str) -> str:
     return "\n".join(lines)
 
 
-def slice_of(mechanism: Mechanism, name: str) -> None:
-    """A picture of the aspects over two coordinates of the pose."""
+def pictures(mechanism: Mechanism, name: str) -> list[str]:
+    """A slice through the workspace by mode, and the modes side by side, as lines of Markdown."""
     import matplotlib as mpl
 
     mpl.use("agg")
-    from pinsing.plot.pose_map import pose_map
+    from pinsing.plot.mode_sheet import mode_sheet
+    from pinsing.plot.motion_curve import motion_curve
+    from pinsing.plot.pose_map import pose_maps
+    from pinsing.report.pictures import png
 
-    ax = pose_map(mechanism, SLICES[name].split(","))
-    ax.figure.savefig(IMAGES / f"parallel_{name}.png", dpi=80, bbox_inches="tight")
+    over = SLICES[name]
+    if over:
+        drawn, words = pose_maps(mechanism, over.split(",")), f"Aspects of a slice over {over}"
+    else:
+        drawn, words = motion_curve(mechanism).figure, "All poses, by assembly mode"
+    # Where the limits leave one of several modes, all are shown.
+    sheet = mode_sheet(mechanism.without_limits() if name in BEYOND else mechanism)
+    lines = []
+    for suffix, figure, alt in (
+        ("", drawn, words), ("_modes", sheet, "Assembly and working modes")
+    ):  # fmt: skip
+        file = f"parallel_{name}{suffix}.png"
+        (IMAGES / file).write_bytes(png(figure, 80))
+        aside = ", limits left aside" if suffix and name in BEYOND else ""
+        lines += [f"![{alt} of {name}{aside}](images/{file})", ""]
+    return lines
 
 
 def ways(found: pinsing.Modes) -> str:

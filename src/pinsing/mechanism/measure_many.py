@@ -11,6 +11,8 @@ from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.mechanism.batch import BatchLoops
 from pinsing.mechanism.closure import ranks
 
+_ZERO = 1e-12
+
 
 @dataclass(frozen=True, eq=False)
 class ManyMeasures:
@@ -44,14 +46,13 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ma
     placed = loops.place(Q)
     G = loops.closure(Q, placed=placed)[1]
     J = loops.output(Q, placed)[2][:, list(mechanism.task.rows)]
-    _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
     r = generic.constraint
+    sigma, N = _motions(G, r)
     top = sigma[:, 0]
     with np.errstate(divide="ignore", invalid="ignore"):
         constraint = np.where(top > 0, sigma[:, r - 1] / top, 0.0)
-    N = np.swapaxes(Vt[:, r:], 1, 2)
     inputs = N[:, list(mechanism.actuated)]
-    size = np.linalg.norm(J, 2, axis=(1, 2))
+    size = np.sqrt(np.maximum(np.linalg.eigvalsh(J @ np.swapaxes(J, 1, 2))[:, -1], 0.0))
     moved = np.linalg.svd(J @ N, compute_uv=False)
     held = np.linalg.svd(inputs, compute_uv=False)
     d = N.shape[2]
@@ -67,3 +68,17 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ma
             found = motions(mechanism, Q[k], rtol)
             one[k], two[k] = found.output_ratio, found.input_ratio
     return ManyMeasures(one, two, constraint)
+
+
+def _motions(G: Array, rank: int) -> tuple[Array, Array]:
+    """Singular values of G (N, k, n), and a basis (N, n, n - rank) of what it sends to zero.
+
+    Where as many rows as the rank are other than zero, those of the triangle of G' = Q R are those
+    of G, and the last columns of Q are the basis: that takes two thirds of the time.
+    """
+    rows = np.flatnonzero(np.abs(G).max(axis=(0, 2)) > _ZERO)
+    if len(rows) != rank:
+        _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
+        return sigma, np.swapaxes(Vt[:, rank:], 1, 2)
+    Q, R = np.linalg.qr(np.swapaxes(G[:, rows], 1, 2), mode="complete")
+    return np.linalg.svd(R[:, :rank], compute_uv=False), Q[:, :, rank:]

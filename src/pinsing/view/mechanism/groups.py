@@ -60,14 +60,37 @@ def groups(mechanism: Mechanism, analysis: MechanismAnalysis) -> tuple[Group, ..
         if not mine:
             more += ("no configuration found where the loops close",)
         found.append((f"{locus.kind}: {locus.words}", more, mine))
+    said = _over_pose(analysis)
     rest: dict[str, list[SingularPoint]] = {}
     for point in points:
-        rest.setdefault(_words(mechanism, point), []).append(point)
-    found += [(text, (), rest[text]) for text in sorted(rest)]
+        told = said.get(point.kind)
+        rest.setdefault(told[0] if told else _words(mechanism, point), []).append(point)
+    more_of = dict(said.values())
+    found += [(text, more_of.get(text, ()), rest[text]) for text in sorted(rest)]
     return tuple(
         Group(f"L{number}", text, (*more, *_count(mine)), _distinct(mechanism, mine))
         for number, (text, more, mine) in enumerate(found, 1)
     )
+
+
+def _over_pose(analysis: MechanismAnalysis) -> dict[str, tuple[str, tuple[str, ...]]]:
+    """By kind, where one locus over the pose is all of that kind: its words, and what is known."""
+    forms = analysis.pose_forms
+    if forms is None or analysis.forms is not None:
+        return {}
+    out = {}
+    for kind in ("type 2", "constraint", "type 2 or constraint"):
+        mine = [x for x in forms.loci if x.kind == kind]
+        if len(mine) != 1:
+            continue
+        more = [str(mine[0].equation)]
+        if kind != "constraint":
+            more += [str(x) for x in forms.everywhere]
+        for each in ("type 2", "constraint") if kind == "type 2 or constraint" else (kind,):
+            out[each] = (f"{each}: {mine[0].words}", tuple(more))
+    if forms.architecture:
+        out["type 2"] = (f"type 2: {forms.architecture}", ())
+    return out
 
 
 def point_words(mechanism: Mechanism, point: SingularPoint) -> str:
