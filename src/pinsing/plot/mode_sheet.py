@@ -102,14 +102,17 @@ def _apart(mechanism: Mechanism, found: Modes) -> list[int]:
     """Places of modes that look different: legs that are turned round look as they did."""
     kept: list[int] = []
     clouds: list[Array] = []
-    for k, mode in enumerate(found.modes):
-        cloud = joint_points(mechanism, mode.q)
+    # Of those that look alike the one whose legs are not turned round.
+    slides = list(np.flatnonzero(mechanism.prismatic))
+    turned = [int((mode.q[slides] < 0).sum()) for mode in found.modes]
+    for k in np.argsort(turned, kind="stable").tolist():
+        cloud = joint_points(mechanism, found.modes[k].q)
         if all(np.abs(cloud - other).max() > _ALIKE for other in clouds):
             kept.append(k)
             clouds.append(cloud)
         if len(kept) == _MOST:
             break
-    return kept
+    return sorted(kept)
 
 
 def _left_out(count: int) -> str:
