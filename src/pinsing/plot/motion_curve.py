@@ -26,6 +26,11 @@ if TYPE_CHECKING:
 PLUS = "#3c7a4b"
 MINUS = "#b8772c"
 _PLAIN = "#41719c"
+_MODES = {
+    "+": (PLUS, "assembly +, as at home"), "-": (MINUS, "assembly −"), "0": (_PLAIN, "poses"),
+    "?": (_PLAIN, "poses"),
+}  # fmt: skip
+_EVERY = 7
 _STILL = 1e-9
 
 
@@ -37,7 +42,7 @@ def motion_curve(
 ) -> Axes:
     """Draw all the poses of a mechanism with one degree of freedom, as a curve.
 
-    Green is the assembly mode of home, brown the other; what is singular is marked.
+    Green is the assembly mode of home, brown the others; what is singular is marked.
 
     Parameters
     ----------
@@ -67,39 +72,41 @@ def motion_curve(
     inputs = home(mechanism)[list(mechanism.actuated)]
     found = curves(mechanism, inputs, 0)
     points = find_singular(mechanism, found)
-    ways = [t.q for t in found]
-    told = [_values(mechanism, q, names, degrees) for q in ways]
+    turn = np.array(
+        [(360.0 if degrees else 2 * np.pi) if _turns(mechanism, n) else np.inf for n in names]
+    )
+    told = _apart([(t.q, _values(mechanism, t.q, names, degrees)) for t in found], turn)
+    centre = _centre(told[0][1], turn) if told else np.zeros(2)
     for k, name in enumerate(names):
-        if not told or max(float(np.ptp(v[:, k])) for v in told) <= _STILL:
+        if not told or max(float(np.ptp(v[:, k])) for _, v in told) <= _STILL:
             raise OptionError(
                 f"{mechanism.name}: {name} does not move; take two of "
                 f"{', '.join((*mechanism.inputs, *COORDINATES))}"
             )
     ax = plt.subplots(figsize=(6, 5))[1] if ax is None else ax
-    shown: dict[str, str] = {}
-    for q, values in zip(ways, told, strict=True):
-        signs = [assembly_sign(mechanism, x) for x in q]
-        for begin, end, sign in _runs(signs):
-            color, label = {
-                "+": (PLUS, "assembly +, as at home"), "-": (MINUS, "assembly −")
-            }.get(sign, (_PLAIN, "poses"))  # fmt: skip
-            part = values[begin : min(end + 1, len(values))]
-            ax.plot(*part.T, color=color, lw=1.8, label=None if label in shown else label)
-            shown[label] = color
+    shown: set[str] = set()
+    signs = [[assembly_sign(mechanism, x) for x in q] for q, _ in told]
+    part = any({"+", "-"} <= set(x) for x in signs)
+    for number, ((_, values), sign) in enumerate(zip(told, signs, strict=True)):
+        for begin, end, which in _runs(sign) if part else [(0, len(values), str(number))]:
+            color, label = _MODES[which] if part else (
+                (PLUS, "the curve of home") if number == 0 else (MINUS, "other assembly modes")
+            )  # fmt: skip
+            piece = _broken(values[begin : min(end + 1, len(values))], turn, centre)
+            ax.plot(*piece.T, color=color, lw=1.8, label=None if label in shown else label)
+            shown.add(label)
     for point in points:
-        place = _values(mechanism, point.q[None], names, degrees)[0]
-        place = _beside(mechanism, place, told, names, degrees)
+        place = _folded(_values(mechanism, point.q[None], names, degrees), turn, centre)[0]
         color = TYPE_1 if point.kind == "type 1" else TYPE_2
-        told_before = point.kind in shown
-        ax.plot(*place, "o", color=color, ms=6, zorder=4, ls="",
-                label=None if told_before else point.kind)  # fmt: skip
-        shown[point.kind] = color
+        label = "" if point.kind in shown else point.kind
+        ax.plot(*place, "o", color=color, ms=6, zorder=4, ls="", label=label or None)
+        shown.add(point.kind)
     for axis, name in zip((ax.xaxis, ax.yaxis), names, strict=True):
         axis.set_label_text(f"{name} [{_unit(mechanism, name, degrees)}]")
     if all(name in COORDINATES[:3] for name in names):
         ax.set_aspect("equal", adjustable="datalim")
     ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.13), ncols=2, fontsize=8)
-    ax.set_title(f"{mechanism.name}: every pose, by assembly mode", fontsize=10)
+    ax.set_title(f"{mechanism.name}: every pose of the output", fontsize=10)
     return ax
 
 
@@ -140,19 +147,40 @@ def _unit(mechanism: Mechanism, name: str, degrees: bool) -> str:
     return ("°" if degrees else "rad") if _turns(mechanism, name) else "m"
 
 
-def _beside(
-    mechanism: Mechanism, place: Array, told: Sequence[Array], names: Sequence[str], degrees: bool
-) -> Array:
-    """A point moved by whole turns onto the curve that it belongs to."""
-    turn = np.array(
-        [(360.0 if degrees else 2 * np.pi) if _turns(mechanism, n) else 0.0 for n in names]
-    )
-    every = np.concatenate(list(told))
-    gap = every - place
-    safe = np.where(turn > 0, turn, 1.0)
-    shift = np.where(turn > 0, np.round(gap / safe), 0.0) * turn
-    best = int(np.argmin(np.linalg.norm(gap - shift, axis=1)))
-    return np.asarray(place + shift[best])
+def _centre(values: Array, turn: Array) -> Array:
+    """What angles are shown about: the middle of a curve, if it is less than a whole turn."""
+    low, high = values.min(axis=0), values.max(axis=0)
+    return np.asarray(np.where(np.isfinite(turn) & (high - low < turn), (low + high) / 2, 0.0))
+
+
+def _folded(values: Array, turn: Array, centre: Array | float = 0.0) -> Array:
+    """Values (..., 2), angles within half a turn of the centre."""
+    whole = np.where(np.isfinite(turn), turn, 1.0)
+    folded = values - whole * np.round((values - centre) / whole)
+    return np.asarray(np.where(np.isfinite(turn), folded, values))
+
+
+def _broken(values: Array, turn: Array, centre: Array) -> Array:
+    """The same as a line that ends where an angle begins anew."""
+    out = _folded(values, turn, centre)
+    jumps = np.flatnonzero((np.abs(np.diff(out, axis=0)) > turn / 2).any(axis=1)) + 1
+    return np.insert(out, jumps, np.nan, axis=0)
+
+
+def _apart(found: Sequence[tuple[Array, Array]], turn: Array) -> list[tuple[Array, Array]]:
+    """Curves that are not one that is there already: balls that are flipped give the same."""
+    kept: list[tuple[Array, Array]] = []
+    for q, values in found:
+        mine = _folded(values, turn)
+        for _, other in kept:
+            there = _folded(other, turn)
+            step = np.abs(_folded(np.diff(other, axis=0), turn)).max(axis=0) + _STILL
+            gap = np.abs(_folded(mine[::_EVERY, None] - there[None], turn))
+            if ((gap <= step).all(axis=2)).any(axis=1).all():
+                break
+        else:
+            kept.append((q, values))
+    return kept
 
 
 def _runs(signs: Sequence[str]) -> list[tuple[int, int, str]]:

@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
 _LINK, _DRIVEN, _NODE, _OUTPUT = "#8a9ba8", "#41719c", "#37424d", "#cc333d"
@@ -47,14 +48,13 @@ def _bodies(mechanism: Mechanism, q: Array) -> list[tuple[int, Array, Array | No
     """Each body with the points (k, 3) where it holds others, and the output if it bears it."""
     model, data = mechanism.model, mechanism.model.createData()
     pin.framesForwardKinematics(model, data, mechanism.model_q(q))
+    places = _places(mechanism, data)
     closing = {name for loop in mechanism.loops for name in (loop.frame_a, loop.frame_b)}
     output = model.frames[mechanism.output_id]
     out = []
     for body in range(model.njoints):
-        points = [] if body == 0 else [data.oMi[body].translation]
-        points += [
-            data.oMi[j].translation for j in range(1, model.njoints) if model.parents[j] == body
-        ]
+        points = [] if body == 0 else [places[body]]
+        points += [places[j] for j in range(1, model.njoints) if model.parents[j] == body]
         points += [
             data.oMi[body].act(f.placement.translation)
             for f in model.frames
@@ -67,6 +67,27 @@ def _bodies(mechanism: Mechanism, q: Array) -> list[tuple[int, Array, Array | No
                 points.append(here)
         if points:
             out.append((body, np.array(points), here))
+    return out
+
+
+def _places(mechanism: Mechanism, data: pin.Data) -> list[Array]:
+    """Where each joint is drawn: at its origin; all of them in one point, out on its axis."""
+    model = mechanism.model
+    origins = [np.array(data.oMi[j].translation) for j in range(model.njoints)]
+    middle = origins[1]
+    if any(np.linalg.norm(p - middle) > _FLAT for p in origins[1:]):
+        return origins
+    closing = {name for loop in mechanism.loops for name in (loop.frame_a, loop.frame_b)}
+    away = [
+        float(np.linalg.norm(data.oMi[f.parentJoint].act(f.placement.translation) - middle))
+        for f in model.frames
+        if f.name in closing
+    ]
+    reach = max(away, default=0.0) or mechanism.length_scale
+    out = [middle]
+    for j in range(1, model.njoints):
+        axis = joint_axis(model.joints[j], model.names[j])[0]
+        out.append(middle + reach * (data.oMi[j].rotation @ axis))
     return out
 
 
