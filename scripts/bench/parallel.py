@@ -79,11 +79,12 @@ more.
   their condition. Legs that are driven at the foot before a passive slide (RPR, SPR), whose force
   is across the slide, are not written over the pose. The equations of all of these are those in
   the joint angles.
-- Maps: `pinsing map urdf/NAME.urdf --loops urdf/NAME.loops.yaml --over poses`. On one processor the
-  measures of 45,000 configurations of the 3-RRR and 11,000 of the Gough-Stewart platform are found
-  in a second of processor time, all at once; one after the other with Pinocchio's constraint
-  Jacobians 7,600 and 4,500 (6.0 and 2.5 times). Of the Jacobians alone, without their singular
-  values, 206,000 and 48,000, to 71,000 and 37,000 of Pinocchio.
+- Maps: `pinsing map NAME --loops --over poses` (or `inputs`). Per second of processor time on one
+  thread, with Pinocchio's constraint models one configuration after the other in brackets
+  (`scripts/bench/mechanism_rate.py`): constraint and output Jacobians of 188,000 configurations of
+  the 3-RRR and 55,000 of the Gough-Stewart platform (47,000 and 31,000: 4.0 and 1.7 times), with
+  the measures 70,000 and 16,400 (8,700 and 5,400: 8.1 and 3.1 times; five-bar 156,000, 15 times).
+  Closing the loops of inputs drawn at random costs more: a map finds 2,240 and 480 a second.
 - Slices through the workspace: `pinsing plot map NAME --loops --over x,y -o map.png`, one for each
   working mode. Coloured is what lies within all limits of joints: each aspect (no singular pose
   parts it) in a colour of its own, green and blue in the assembly mode of home, warm in the other.
