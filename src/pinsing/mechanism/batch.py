@@ -46,7 +46,14 @@ class BatchLoops:
         self._parents = [int(model.parents[j + 1]) for j in range(mechanism.n)]
         self._own = built.axes
         places = [model.jointPlacements[j + 1] for j in range(mechanism.n)]
-        self._place = [(np.array(m.rotation), np.array(m.translation)) for m in places]
+        # None for no turn, and for no shift: most have one of them at most.
+        self._place = [
+            (
+                None if np.array_equal(m.rotation, np.eye(3)) else np.array(m.rotation),
+                None if not np.any(m.translation) else np.array(m.translation),
+            )
+            for m in places
+        ]
         self._above = np.zeros((mechanism.n + 1, mechanism.n), dtype=bool)
         for j, parent in enumerate(self._parents):
             self._above[j + 1] = self._above[parent]
@@ -74,17 +81,14 @@ class BatchLoops:
         R[0], p[0] = np.eye(3), 0.0
         for j, parent in enumerate(self._parents):
             turned, moved = self._place[j]
-            own = self._own[j]
-            up = R[parent] @ turned
-            p[j + 1] = p[parent] + R[parent] @ moved
-            axis[j] = up @ own
+            up = R[parent] if turned is None else R[parent] @ turned
+            p[j + 1] = p[parent] if moved is None else p[parent] + R[parent] @ moved
+            axis[j] = _along(up, self._own[j])
             if self.mechanism.prismatic[j]:
                 R[j + 1] = up
                 p[j + 1] += Q[:, j, None] * axis[j]
-                continue
-            K = np.array([[0, -own[2], own[1]], [own[2], 0, -own[0]], [-own[1], own[0], 0]])
-            s, c = np.sin(Q[:, j]), np.cos(Q[:, j])
-            R[j + 1] = up @ (np.eye(3) + s[:, None, None] * K + (1 - c)[:, None, None] * (K @ K))
+            else:
+                _turn(up, self._own[j], Q[:, j], R[j + 1])
         return Placed(R, p, axis)
 
     def _frame(self, placed: Placed, which: tuple[int, Array, Array]) -> tuple[Array, Array]:
@@ -148,6 +152,31 @@ class BatchLoops:
         R, p, J = self.output(Q, placed)
         turn = _log(R @ np.swapaxes(rotation, -1, -2))
         return np.concatenate([(p - position) / self._scale, turn], axis=1), J
+
+
+def _along(up: Array, own: Array) -> Array:
+    """Directions (N, 3) of an axis ``own`` (3,) of frames with rotations up (N, 3, 3)."""
+    main = np.flatnonzero(own)
+    if len(main) == 1:
+        return np.asarray(up[:, :, main[0]] * own[main[0]])
+    return np.asarray(up @ own)
+
+
+def _turn(up: Array, own: Array, angle: Array, out: Array) -> None:
+    """Rotations up (N, 3, 3) followed by turns about an axis ``own`` (3,) of theirs, into out."""
+    s, c = np.sin(angle), np.cos(angle)
+    main = np.flatnonzero(own)
+    if len(main) == 1 and abs(own[main[0]]) == 1:
+        # About one of their own axes only the two other columns change.
+        k = int(main[0])
+        i, j = (k + 1) % 3, (k + 2) % 3
+        s = s * own[k]
+        out[:, :, k] = up[:, :, k]
+        out[:, :, i] = c[:, None] * up[:, :, i] + s[:, None] * up[:, :, j]
+        out[:, :, j] = c[:, None] * up[:, :, j] - s[:, None] * up[:, :, i]
+        return
+    K = np.array([[0, -own[2], own[1]], [own[2], 0, -own[0]], [-own[1], own[0], 0]])
+    out[:] = up @ (np.eye(3) + s[:, None, None] * K + (1 - c)[:, None, None] * (K @ K))
 
 
 def newton(
