@@ -276,10 +276,22 @@ def test_a_mechanism(tmp_path: Path) -> None:
     for locus in found.forms.loci:
         assert locus.words in page.text
     assert {"type 1", "type 2"} <= {p["kind"] for p in inside(html)["mechanism"]["points"]}
-    assert len(page.all("img")) == 1 + len(found.forms.loci)
+    # The modes, the map over the inputs, the workspace, and each locus.
+    assert len(page.all("img")) == 3 + len(found.forms.loci)
     assert all(len(p["alt"] or "") > 40 for p in page.all("img"))
     names = [s["name"] for s in inside(html)["special"]]
-    assert names == ["home", "zero, which is mid-range", "far", "asked"]
+    assert names == ["home", "zero", "far", "asked"]  # joints without limits have no middle
+
+
+@pytest.mark.slow
+def test_a_platform_whose_limits_exclude_zero(tmp_path: Path) -> None:
+    file = tmp_path / "platform.html"
+    write_report(pinsing.load_mechanism("gough_stewart"), file, page="none")
+    page = Outline(file.read_text())
+    assert "outside the limits" in page.text
+    assert "the six leg lines belong to one linear complex" in page.text
+    assert "No closed form" not in page.text
+    assert len(page.all("img")) == 2  # the modes and the workspace
 
 
 # Files ------------------------------------------------------------------------------

@@ -73,7 +73,7 @@ def mode_sheet(
     parts = [("At these inputs", direct, _pose_words)]
     if inverse is not None and inverse.modes:
         parts.append(("At this pose", inverse, _input_words))
-    chosen = [_apart(mechanism, found) for _, found, _ in parts]
+    chosen = [looks_apart(mechanism, found.modes) for _, found, _ in parts]
     rows = [-(-len(which) // _ROW) for which in chosen]
     columns = min(_ROW, max(map(len, chosen)))
     figure = plt.figure(
@@ -98,19 +98,19 @@ def mode_sheet(
     return figure
 
 
-def _apart(mechanism: Mechanism, found: Modes) -> list[int]:
+def looks_apart(mechanism: Mechanism, modes: Sequence[Solution], most: int = _MOST) -> list[int]:
     """Places of modes that look different: legs that are turned round look as they did."""
     kept: list[int] = []
     clouds: list[Array] = []
     # Of those that look alike the one whose legs are not turned round.
     slides = list(np.flatnonzero(mechanism.prismatic))
-    turned = [int((mode.q[slides] < 0).sum()) for mode in found.modes]
+    turned = [int((mode.q[slides] < 0).sum()) for mode in modes]
     for k in np.argsort(turned, kind="stable").tolist():
-        cloud = joint_points(mechanism, found.modes[k].q)
+        cloud = joint_points(mechanism, modes[k].q)
         if all(np.abs(cloud - other).max() > _ALIKE for other in clouds):
             kept.append(k)
             clouds.append(cloud)
-        if len(kept) == _MOST:
+        if len(kept) == most:
             break
     return sorted(kept)
 

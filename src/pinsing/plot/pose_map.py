@@ -14,13 +14,15 @@ from pinsing.errors import OptionError
 from pinsing.mechanism.closure import ranks
 from pinsing.mechanism.joint_forms import JointForms
 from pinsing.mechanism.joint_loci import joint_forms
-from pinsing.mechanism.likeness import output_pose
+from pinsing.mechanism.likeness import likeness, output_pose, same
 from pinsing.mechanism.modes import assembly_sign, home, mode_at
 from pinsing.mechanism.pose_loci import pose_forms
 from pinsing.mechanism.pose_slice import COORDINATES, PoseSlice, free_coordinates, pose_slice
 from pinsing.mechanism.problems import working_modes
 from pinsing.plot.mechanism import TYPE_1, TYPE_2
+from pinsing.plot.mode_sheet import looks_apart
 from pinsing.plot.pose_aspects import LEAST, colors, regions
+from pinsing.plot.space_linkage import joint_points
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -31,6 +33,7 @@ PASSIVE = "#7d3c98"
 LIMIT = "#6b7480"
 _SAMPLES = {1: 161, 2: 141, 4: 111, 8: 91}
 _MOST_PANELS = 8
+_ALIKE = 1e-6
 _MOST_NAMED = 6
 _EDGE = 0.9
 """Cells over which the border of what was reached is smoothed."""
@@ -195,13 +198,24 @@ def _names(mechanism: Mechanism, over: Sequence[str] | None) -> tuple[str, ...]:
 
 
 def _modes(mechanism: Mechanism, start: Array | None) -> list[tuple[str, Array]]:
-    """Working modes at one pose by name, that of the start first."""
+    """Working modes at one pose that look different, by name; that of the start first."""
     q = home(mechanism) if start is None else start
-    found = {_title(mechanism, q): q}
-    for mode in working_modes(mechanism, output_pose(mechanism, q).homogeneous).modes:
-        found.setdefault(_title(mechanism, mode.q), mode.q)
-    own = _title(mechanism, home(mechanism))
-    return [(f"{name} (home)" if name == own else name, q) for name, q in found.items()]
+    found = working_modes(mechanism, output_pose(mechanism, q).homogeneous).modes
+    kept = [found[k].q for k in looks_apart(mechanism, found, len(found) or 1)]
+    mark = likeness(mechanism, q)
+    others = [x for x in kept if not same(mark, likeness(mechanism, x)) and _sense(mechanism, q, x)]
+    names = [_title(mechanism, x) for x in (q, *others)]
+    at_home = same(mark, likeness(mechanism, home(mechanism)))
+    out = []
+    for k, (name, x) in enumerate(zip(names, (q, *others), strict=True)):
+        which = f" {names[: k + 1].count(name)}" if names.count(name) > 1 else ""
+        out.append((f"{name}{which}{' (home)' if at_home and k == 0 else ''}", x))
+    return out
+
+
+def _sense(mechanism: Mechanism, start: Array, q: Array) -> bool:
+    """Whether it is not the start with legs turned round, which look as they did."""
+    return bool(np.abs(joint_points(mechanism, start) - joint_points(mechanism, q)).max() > _ALIKE)
 
 
 def _title(mechanism: Mechanism, q: Array) -> str:
