@@ -56,7 +56,7 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ma
     moved = np.linalg.svd(J @ N, compute_uv=False)
     held = np.linalg.svd(inputs, compute_uv=False)
     d = N.shape[2]
-    two = held[:, d - 1] if d <= held.shape[1] else np.zeros(len(Q))
+    two = np.asarray(held[:, d - 1] if d <= held.shape[1] else np.zeros(len(Q)), dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         one = np.where(size > 0, moved[:, generic.output - 1] / size, 0.0)
     lost = np.flatnonzero(constraint <= rtol)
@@ -67,7 +67,7 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ma
         for k in lost.tolist():
             found = motions(mechanism, Q[k], rtol)
             one[k], two[k] = found.output_ratio, found.input_ratio
-    return ManyMeasures(one, two, constraint)
+    return ManyMeasures(np.asarray(one, dtype=float), two, np.asarray(constraint, dtype=float))
 
 
 def _motions(G: Array, rank: int) -> tuple[Array, Array]:
