@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.algebra.budget import Budget
-from pinsing.algebra.jacobian_matrix import constants
+from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix, neighbouring_screws
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.drawn import draw, peeled
 from pinsing.families.long_chain import LongChain
@@ -181,3 +181,26 @@ def test_points_of_many_equations_come_in_numbers_and_differ(thirteen):
     assert len(np.unique(q[:, order[0].joint].round(9))) >= 20
     sigma = pinsing.singular_values(arm, q)
     assert (sigma[:, 5] / sigma[:, 0]).max() < 1e-9
+
+
+class NoLongProduct(Budget):
+    """As one that has little time left, whatever the clock says."""
+
+    def check(self, term_products=0.0):
+        self.asked = max(getattr(self, "asked", 0.0), term_products)
+        if term_products > 5_000:
+            raise BudgetExceeded("too long")
+
+
+def test_products_of_a_long_jacobian_are_asked_of_the_time(tmp_path):
+    rows = [(53 + 7 * i, 0.1 + 0.03 * i, 0.2 - 0.05 * i) for i in range(12)]
+    arm = pinsing.load(str(table(tmp_path, "twelve", rows)), task="vx@tip,wz")
+    exact = nominal(arm, rational=True)
+    budget = NoLongProduct(1e6)
+    ring = ring_of((False,) * 12, constants(exact, arm.task), Budget(1e6))
+    with pytest.raises(BudgetExceeded):
+        jacobian_matrix(exact, ring, arm.task, budget)
+    assert budget.asked < 1e6  # it ends before products that take minutes
+    with pytest.raises(BudgetExceeded):
+        neighbouring_screws(exact, ring, tuple(range(12)), Budget(-1.0))
+    assert len(neighbouring_screws(exact, ring, (0, 1, 2), NoLongProduct(1e6))) == 6

@@ -34,24 +34,55 @@ class RigidMotion:
     d: Poly
 
 
-def _multiply(A: Matrix, B: Matrix, ring: Ring) -> Matrix:
-    columns = list(zip(*B, strict=True))
-    return [[_dot(row, column, ring) for column in columns] for row in A]
+class _Products:
+    """Products of polynomials, each asked of the time before it is begun."""
 
+    def __init__(self, ring: Ring, time: Budget | None) -> None:
+        self.ring, self.time = ring, time
 
-def _dot(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> Poly:
-    total = ring.zero
-    for x, y in zip(a, b, strict=True):
-        if x and y:
-            total = total + x * y
-    return ring.reduce(total)
+    def of(self, x: Poly, y: Poly) -> Poly:
+        """X times y.
+
+        Raises
+        ------
+        BudgetExceeded
+            If the time is over, or this product would outlast it.
+        """
+        if self.time is not None:
+            self.time.check(len(x) * len(y))
+        return x * y
+
+    def dot(self, a: Sequence[Poly], b: Sequence[Poly]) -> Poly:
+        """Sum of the products of pairs."""
+        total = self.ring.zero
+        for x, y in zip(a, b, strict=True):
+            if x and y:
+                total = total + self.of(x, y)
+        return self.ring.reduce(total)
+
+    def matrix(self, A: Matrix, B: Matrix) -> Matrix:
+        """A times B."""
+        columns = list(zip(*B, strict=True))
+        return [[self.dot(row, column) for column in columns] for row in A]
+
+    def cross(self, a: Sequence[Poly], b: Sequence[Poly]) -> list[Poly]:
+        """A x b."""
+        turned = ((1, 2), (2, 0), (0, 1))
+        return [self.ring.reduce(self.of(a[i], b[j]) - self.of(a[j], b[i])) for i, j in turned]
 
 
 class _Chain:
     """Poses along the nominal chain, as polynomials."""
 
-    def __init__(self, geometry: Nominal, ring: Ring, leaders: Sequence[int] | None = None) -> None:
+    def __init__(
+        self,
+        geometry: Nominal,
+        ring: Ring,
+        leaders: Sequence[int] | None = None,
+        time: Budget | None = None,
+    ) -> None:
         self.ring, self.geometry = ring, geometry
+        self.products = _Products(ring, time)
         self.n = len(geometry.prismatic)
         self.drives, _ = drives(geometry)
         self._known: dict[tuple[str, int], RigidMotion] = {}
@@ -98,14 +129,15 @@ class _Chain:
         return RigidMotion([[c, -s, zero], [s, c, zero], [zero, zero, w]], [zero, zero, zero], w)
 
     def compose(self, a: RigidMotion, b: RigidMotion) -> RigidMotion:
-        ring = self.ring
-        p = [_dot(row, b.p, ring) + ring.reduce(x * b.d) for row, x in zip(a.R, a.p, strict=True)]
-        return RigidMotion(_multiply(a.R, b.R, ring), p, a.d * b.d)
+        dot, of, reduce = self.products.dot, self.products.of, self.ring.reduce
+        p = [dot(row, b.p) + reduce(of(x, b.d)) for row, x in zip(a.R, a.p, strict=True)]
+        return RigidMotion(self.products.matrix(a.R, b.R), p, of(a.d, b.d))
 
     def inverse(self, a: RigidMotion) -> RigidMotion:
         Rt = [list(column) for column in zip(*a.R, strict=True)]
-        R = [[x * a.d for x in row] for row in Rt]
-        return RigidMotion(R, [-_dot(row, a.p, self.ring) for row in Rt], a.d * a.d)
+        of = self.products.of
+        R = [[of(x, a.d) for x in row] for row in Rt]
+        return RigidMotion(R, [-self.products.dot(row, a.p) for row in Rt], of(a.d, a.d))
 
     def identity(self) -> RigidMotion:
         one, zero = self.ring.one, self.ring.zero
@@ -136,7 +168,7 @@ class _Chain:
     ) -> tuple[list[Poly], list[Poly]]:
         """A screw seen from before poses that follow it on the chain, the nearest first."""
         for pose in poses:
-            v, w = ([_dot(row, x, self.ring) for row in pose.R] for x in (v, w))
+            v, w = ([self.products.dot(row, x) for row in pose.R] for x in (v, w))
             v = self._shifted(v, pose.p, w, 1)
         return v, w
 
@@ -146,14 +178,14 @@ class _Chain:
         """A screw seen from behind a pose that goes before it."""
         columns = list(zip(*pose.R, strict=True))
         v = self._shifted(v, pose.p, w, -1)
-        turned = [[_dot(column, x, self.ring) for column in columns] for x in (v, w)]
+        turned = [[self.products.dot(column, x) for column in columns] for x in (v, w)]
         return turned[0], turned[1]
 
     def _shifted(self, v: list[Poly], p: list[Poly], w: list[Poly], sign: int) -> list[Poly]:
         """V + p x w, or v - p x w: motions here turn or shift, so that p is over one."""
         if not any(p) or not any(w):
             return v
-        turned = _cross(p, w, self.ring)
+        turned = self.products.cross(p, w)
         return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]
 
     def joint_frames(self, middle: int) -> tuple[list[RigidMotion], RigidMotion, RigidMotion]:
@@ -185,13 +217,13 @@ class _Chain:
             back = [
                 [number(x) for x in row] for row in zip(*self.geometry.rotation[0], strict=True)
             ]
-            found |= self._columns(_multiply(before.R, back, self.ring), rows)
+            found |= self._columns(self.products.matrix(before.R, back), rows)
         if rows := in_axes(task, True):
             turn, whole = tip_axes(self.geometry, task)
             # The last placement does not turn: behind the motion is where the tip is.
             behind = frames[-1] if whole else tip
             last = [[number(x) for x in row] for row in turn]
-            found |= self._columns(_multiply(behind.R, last, self.ring), rows)
+            found |= self._columns(self.products.matrix(behind.R, last), rows)
         return found
 
     def _columns(self, R: Matrix, rows: Sequence[int]) -> dict[int, Row]:
@@ -236,7 +268,8 @@ def jacobian_matrix(
     BudgetExceeded
         If ``time`` is given, and over.
     """
-    chain = _Chain(geometry, ring, leaders)
+    chain = _Chain(geometry, ring, leaders, time)
+    of, dot = chain.products.of, chain.products.dot
     if task.name == "pose" and len({drive.leader for drive in chain.drives}) == chain.n:
         screws: dict[int, list[Poly]] = {}
         for j, drive in enumerate(chain.drives):
@@ -256,53 +289,55 @@ def jacobian_matrix(
         if geometry.prismatic[j]:
             v, w, scale = [x * ring.one for x in z], [zero] * 3, frame.d
         else:
-            scale = frame.d * frame.d * (tip.d if at_tip else ring.one)
+            scale = of(of(frame.d, frame.d), tip.d if at_tip else ring.one)
             if at_tip:  # lever from the joint to the tip, over frame.d * tip.d
-                lever = [t * frame.d - p * tip.d for t, p in zip(tip.p, frame.p, strict=True)]
-                w = [x * frame.d * tip.d for x in z]
+                pairs = zip(tip.p, frame.p, strict=True)
+                lever = [of(t, frame.d) - of(p, tip.d) for t, p in pairs]
+                w = [of(of(x, frame.d), tip.d) for x in z]
             else:
                 lever = [-p for p in frame.p]
-                w = [x * frame.d for x in z]
-            v = _cross(z, lever, ring)
+                w = [of(x, frame.d) for x in z]
+            v = chain.products.cross(z, lever)
         six, drive = v + w, chain.drives[j]
         rows = [
-            _dot(directions[r], v if r < 3 else w, ring) if r in directions else six[r]
-            for r in task.rows
+            dot(directions[r], v if r < 3 else w) if r in directions else six[r] for r in task.rows
         ]
         by_leader.setdefault(drive.leader, []).append((drive, rows, scale))
-    columns = [primitive(_summed(by_leader[a], ring), ring) for a in sorted(by_leader)]
+    columns = [primitive(_summed(by_leader[a], chain.products), ring) for a in sorted(by_leader)]
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-def _summed(parts: Sequence[tuple[Drive, list[Poly], Poly]], ring: Ring) -> list[Poly]:
+def _summed(parts: Sequence[tuple[Drive, list[Poly], Poly]], products: _Products) -> list[Poly]:
     """Column of a joint and its followers, each over a scale of its own, up to a factor."""
     if len(parts) == 1:
         return parts[0][1]
+    ring = products.ring
     total = [ring.zero] * len(parts[0][1])
     for i, (drive, column, _) in enumerate(parts):
         factor = ring.number(drive.multiple)
         for k, (_, _, scale) in enumerate(parts):
-            factor = factor * scale if k != i else factor
-        total = [ring.reduce(t + x * factor) for t, x in zip(total, column, strict=True)]
+            factor = products.of(factor, scale) if k != i else factor
+        total = [
+            ring.reduce(t + products.of(x, factor)) for t, x in zip(total, column, strict=True)
+        ]
     return total
 
 
-def _cross(a: Sequence[Poly], b: Sequence[Poly], ring: Ring) -> list[Poly]:
-    return [
-        ring.reduce(a[1] * b[2] - a[2] * b[1]),
-        ring.reduce(a[2] * b[0] - a[0] * b[2]),
-        ring.reduce(a[0] * b[1] - a[1] * b[0]),
-    ]
-
-
-def neighbouring_screws(geometry: Nominal, ring: Ring, joints: Sequence[int]) -> Matrix:
+def neighbouring_screws(
+    geometry: Nominal, ring: Ring, joints: Sequence[int], time: Budget | None = None
+) -> Matrix:
     """Screws of some joints as columns (6, k), in the frame of the middle one.
 
     Up to row operations and column factors that are nowhere zero. Neighbours have short ones: only
     the joints between the first and the last occur, whatever the length of the chain. Each joint
     must move on its own.
+
+    Raises
+    ------
+    BudgetExceeded
+        If ``time`` is given, and over.
     """
-    chain = _Chain(geometry, ring)
+    chain = _Chain(geometry, ring, time=time)
     middle = joints[len(joints) // 2]
     columns = [primitive(chain.screw(j, middle), ring) for j in joints]
     return [list(row) for row in zip(*columns, strict=True)]

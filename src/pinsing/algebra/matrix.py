@@ -148,6 +148,9 @@ def reduce_matrix(
             if not row[j]:
                 rest.append([x for c, x in enumerate(row) if c != j])
             else:
+                if time is not None:
+                    longest = max(map(len, row)) * len(p), len(row[j]) * max(map(len, rows[i]))
+                    time.check(max(longest))
                 rest.append(
                     [ring.reduce(x * p - row[j] * rows[i][c]) for c, x in enumerate(row) if c != j]
                 )

@@ -68,7 +68,7 @@ class NearMinors:
     def _minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
         ring = self.ring
         if self.task.name == "pose":
-            matrix = neighbouring_screws(self.geometry, ring, joints)
+            matrix = neighbouring_screws(self.geometry, ring, joints, self.time)
         else:
             if self._whole is None:
                 self._whole = jacobian_matrix(self.geometry, ring, self.task, self.time)
