@@ -79,7 +79,7 @@ def _anthropomorphic(
     ]
 
 
-# Lengths as in data sheets, metres; zeros of the joints are of no account here.
+# Lengths commonly given for these arms, metres; zeros of the joints are of no account here.
 PUBLISHED: dict[str, Rows] = {
     "ABB IRB 1600-6/1.2": _anthropomorphic((0.15, 0.475, 0), (0.4865, 0.6, 0.065)),
     "ABB IRB 2600-12/1.65": _anthropomorphic((0.15, 0.7, 0.115), (0.445, 0.795, 0.085)),
@@ -122,7 +122,8 @@ not looked for here.
 
 {gaps}\
 CRX-10iA/L and GoFa 5 have the lengths of Elias and Wen (arXiv 2501.18505), the arms from ABB IRB
-1600 on those of their data sheets; the others are of `pinsing list`.
+1600 on those commonly given for them, which were not held against a data sheet; the others are of
+`pinsing list`.
 
 {positions}
 """
