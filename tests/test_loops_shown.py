@@ -21,7 +21,15 @@ from pinsing.cli.mechanism import (
 )
 from pinsing.cli.mechanism_plot import plot_loops
 from pinsing.errors import ConfigurationError, OptionError, PinsingError
-from pinsing.mechanism import assemblies, curves, find_singular, home, loop_forms
+from pinsing.mechanism import (
+    MechanismAnalysis,
+    analyze_mechanism,
+    assemblies,
+    curves,
+    find_singular,
+    home,
+    loop_forms,
+)
 from pinsing.plot.mechanism import draw_linkage, input_map, measure_curves
 
 FIVE_BAR = {"robot": str(URDF / "five_bar.urdf")}
@@ -181,3 +189,54 @@ def test_modes_are_drawn_apart():
         ax = draw_linkage(mechanism, mode.q, plt.subplots()[1], ellipse=0)
         ends.append(ax.lines[-1].get_xydata()[0])
     assert np.linalg.norm(ends[0] - ends[1]) > 0.5
+
+
+def test_what_the_time_of_an_analysis_leaves_out_is_said_and_the_rest_kept(capsys):
+    assert analyze_loops(LOOPS, seconds=1e-9, **FIVE_BAR) == 130
+    said = " ".join(capsys.readouterr().out.split())
+    assert "2 assembly modes" in said
+    assert "Missing: - working modes: not begun, the time of 1e-09 s was up" in said
+    assert "closed forms over the inputs: not begun" in said
+    assert "curves of q1, its range and singular points: not begun" in said
+    for claim in ("none (neither", "missed", "in nothing"):
+        assert claim not in said
+    with pytest.raises(OptionError, match="seconds must be positive, got 0"):
+        analyze_loops(LOOPS, seconds=0.0, **FIVE_BAR)
+
+
+def test_ctrl_c_keeps_what_an_analysis_has_done(monkeypatch, capsys, tmp_path):
+    def stopped(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    whole = analyze_mechanism(shipped("five_bar"))
+    assert whole.missing == ()
+    monkeypatch.setattr("pinsing.mechanism.singular_points.refine_point", stopped)
+    cut = analyze_mechanism(shipped("five_bar"))
+    assert cut.missing == (
+        "curves of q1, its range and singular points: stopped before its end",
+        "curves of q2, its range and singular points: not begun, stopped",
+    )
+    assert [s.mode for s in cut.working] == [s.mode for s in whole.working]
+    assert len(cut.forms.loci) == len(whole.forms.loci)
+    assert (cut.points, cut.ranges) == ((), {})
+    assert all(c.passed for c in cut.checks)
+    assert MechanismAnalysis.from_dict(cut.to_dict()).missing == cut.missing
+    # A page or a report of half an analysis is none.
+    with pytest.raises(KeyboardInterrupt):
+        view_loops(LOOPS, html=tmp_path / "page.html", **FIVE_BAR)
+    assert not (tmp_path / "page.html").exists()
+
+
+def test_the_time_ends_the_curves_with_those_that_are_followed():
+    mechanism = shipped("five_bar")
+    q = home(mechanism)[list(mechanism.actuated)]
+    calls = iter(range(10_000))
+    assert curves(mechanism, q, 0, over=lambda: next(calls) > 5) == ()
+    assert find_singular(mechanism, curves(mechanism, q, 0), over=lambda: True) == ()
+
+
+@pytest.mark.parametrize("option", [{"levels": "1"}, {"nominal": True}, {"random_starts": 3}])
+def test_options_of_the_sweep_of_arms_are_refused(option):
+    (name,) = option
+    with pytest.raises(OptionError, match=f"--{name.replace('_', '-')} does not go with --loops"):
+        analyze_loops(LOOPS, **option, **FIVE_BAR)

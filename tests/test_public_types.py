@@ -203,7 +203,9 @@ CALLS = {
         lambda: pinsing.analyze, with_arm(levels=1, samples=5, random_starts=2, seconds=2.0)
     ),
     "analyze_mechanism": Call(
-        lambda: pinsing.analyze_mechanism, lambda: {"mechanism": mechanism()}, slow=True
+        lambda: pinsing.analyze_mechanism,
+        lambda: {"mechanism": mechanism(), "seconds": 100.0},
+        slow=True,
     ),
     "assembly_modes": Call(lambda: pinsing.assembly_modes, lambda: {"mechanism": mechanism()}),
     "mechanism_map": Call(

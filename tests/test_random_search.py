@@ -8,8 +8,8 @@ import pytest
 
 from pinsing import load
 from pinsing.analysis.random_search import leads_down, random_search
-from pinsing.analysis.stages import Stages
 from pinsing.families import closed_form
+from pinsing.runs.stages import Stages
 
 FLAT = """
 name: flat

@@ -18,7 +18,6 @@ from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.analysis.analyze import analyze
 from pinsing.analysis.result import analysis_text
-from pinsing.analysis.stages import Stages
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
 from pinsing.families.pieces import PieceMaker
@@ -28,6 +27,7 @@ from pinsing.kinematics.verdict import ratios
 from pinsing.plot.curves import _singular as singular_values_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
+from pinsing.runs.stages import Stages
 from pinsing.sweeps.findings import singular_configurations
 from pinsing.sweeps.run import sweep
 

@@ -11,7 +11,6 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.analysis.random_search import ON_FAMILY_TOL, random_search
 from pinsing.analysis.result import Analysis, FamilyCheck, RandomSearch
-from pinsing.analysis.stages import Stages
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.refine import walk
 from pinsing.errors import OptionError
@@ -21,6 +20,7 @@ from pinsing.geometry.nominal import nominal as nominal_geometry
 from pinsing.kinematics.verdict import SINGULAR_RTOL, measure, ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
+from pinsing.runs.stages import Stages
 from pinsing.sweeps.finding import Finding
 from pinsing.sweeps.findings import MAX_STARTS, singular_configurations
 from pinsing.sweeps.plan import SAMPLES, SweepOptions

@@ -6,12 +6,12 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.analysis.result import RandomSearch
-from pinsing.analysis.stages import Stages
 from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import walk
 from pinsing.families import ClosedForm
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.robot.arm import Arm
+from pinsing.runs.stages import Stages
 
 ON_FAMILY_TOL = 1e-5
 """Distance in joint space (radians; metres over the length scale) that counts as on a family."""

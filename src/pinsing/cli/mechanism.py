@@ -14,7 +14,7 @@ import click
 
 from pinsing.cli.loop_file import loops_beside, tell_of_loops
 from pinsing.cli.options import parse_numbers, whole_number
-from pinsing.cli.output import STDOUT, emit, emit_json, say
+from pinsing.cli.output import STDOUT, STOPPED, emit, emit_json, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
 
@@ -30,6 +30,13 @@ _ARM_MAPS: dict[str, Any] = {
     "threads": None, "workers": None, "dask": None,
 }  # fmt: skip
 """Options of ``map`` that arms alone have, and what they are if not given."""
+
+_ARM_ANALYSIS: dict[str, Any] = {
+    "nominal_q": None, "special": None, "levels": None, "samples": None, "sweep_joints": None,
+    "no_prune": False, "random_starts": None, "angle_tol": None, "snap_length": None,
+    "raw": False, "nominal": False,
+}  # fmt: skip
+"""Options of ``analyze`` that arms alone have, and what they are if not given."""
 
 F = TypeVar("F", bound=Callable[..., Any])
 Run = Callable[..., Any]
@@ -143,8 +150,11 @@ def analyze_loops(
     from pinsing.mechanism import analyze_mechanism
     from pinsing.mechanism.result import analysis_text
 
+    _refuse_arm_only(options)
     mechanism = read(loops, options)
-    analysis = analyze_mechanism(mechanism, ignore_limits=ignore_limits)
+    analysis = analyze_mechanism(
+        mechanism, ignore_limits=ignore_limits, seconds=options.get("seconds")
+    )
     if not emit_json(analysis, json_target):
         sliding = [
             n for n, slides in zip(mechanism.joints, mechanism.prismatic, strict=True) if slides
@@ -153,7 +163,25 @@ def analyze_loops(
     for check in analysis.checks:
         if not check.passed:
             say(f"WARNING: {check.words}")
+    if analysis.missing:
+        return STOPPED
     return int(fail_if_singular and bool(analysis.points))
+
+
+def _refuse_arm_only(options: dict[str, Any]) -> None:
+    """Say which option of an arm's analysis means nothing for a mechanism.
+
+    Raises
+    ------
+    OptionError
+        If one is given.
+    """
+    for name, usual in _ARM_ANALYSIS.items():
+        if options.get(name, usual) != usual:
+            raise OptionError(
+                f"--{name.replace('_', '-')} does not go with --loops: a mechanism has no sweep of "
+                "joints by level, and its lengths and angles are taken as they are written"
+            )
 
 
 def families_loops(
@@ -167,6 +195,7 @@ def families_loops(
     certificate: Path | None = None,
     system: Path | None = None,
     chosen: tuple[str, ...] = (),
+    seconds: float | None = None,
     **options: Any,
 ) -> int:
     """``families --loops``: the loci as equations, over inputs or pose, and in all joint angles."""
@@ -190,7 +219,9 @@ def families_loops(
     if prove or certificate is not None:
         from pinsing.mechanism.leg_proofs import leg_proofs
 
-        proven = leg_proofs(mechanism)
+        proven = leg_proofs(mechanism, **({} if seconds is None else {"seconds": seconds}))
+    elif seconds is not None:
+        say("note: with --loops --seconds bounds the proofs of the legs only (--prove)")
     if found is None and not joints.complete:
         say(
             f"{mechanism.name}: no closed form: neither a planar dyad closes the loops nor does "
@@ -276,6 +307,8 @@ def view_loops(
         with waiting() as at:
             at("finding the singular configurations")
             found = saved or analyze_mechanism(mechanism, inputs if poses else None)
+            if found.missing:  # Ctrl-C
+                raise KeyboardInterrupt
             at("preparing the page")
             viewer = stack.enter_context(
                 MechanismViewer(

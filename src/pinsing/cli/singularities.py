@@ -71,7 +71,10 @@ def algebra_options(command: F) -> F:
     """Add the options of closed forms; the command gets those that were given as ``algebra``."""
 
     @click.option(
-        "--seconds", type=float, metavar="S", help="Time for the answer.  [default: 10, analyze 60]"
+        "--seconds",
+        type=float,
+        metavar="S",
+        help="Time for the answer.  [default: 10, analyze 60, with --loops none]",
     )
     @click.option(
         "--angle-tol",

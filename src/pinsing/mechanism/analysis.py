@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +11,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.arguments import checked
+from pinsing.errors import OptionError
 from pinsing.mechanism.closure import Ranks, ranks
 from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.feasible import MOST_CURVES, Interval, curves, feasible, intervals
@@ -21,12 +24,13 @@ from pinsing.mechanism.motion import mechanism_at, motions
 from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_loci import PoseForms, locus_distance, pose_forms
 from pinsing.mechanism.problems import Modes, assembly_modes, working_modes
-from pinsing.mechanism.result import Check, MechanismAnalysis
+from pinsing.mechanism.result import FORMS, Check, MechanismAnalysis
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
 from pinsing.mechanism.solve import InfeasibleError
 from pinsing.mechanism.structure import without_length
 from pinsing.mechanism.trace import Trace
 from pinsing.robot.load_mechanism import Mechanism
+from pinsing.runs.stages import Stages
 
 _AGREE = 1e-9
 _ON = 1e-7
@@ -34,7 +38,11 @@ _ON = 1e-7
 
 @checked
 def analyze_mechanism(
-    mechanism: Mechanism, inputs: npt.ArrayLike | None = None, *, ignore_limits: bool = False
+    mechanism: Mechanism,
+    inputs: npt.ArrayLike | None = None,
+    *,
+    ignore_limits: bool = False,
+    seconds: float | None = None,
 ) -> MechanismAnalysis:
     """Find the singular configurations of a mechanism and state them.
 
@@ -50,6 +58,11 @@ def analyze_mechanism(
         Values of the actuated joints, radians and metres; home by default.
     ignore_limits : bool
         Let all joints, active and passive, go beyond their limits.
+    seconds : float, optional
+        Time for all of it; as long as it takes if not given. Assembly modes are always counted,
+        and what has begun of modes and closed forms is brought to its end; the curves of the
+        inputs come last. What there is when the time is up, or at Ctrl-C after the assembly
+        modes, is returned, and ``missing`` says what is not.
 
     Returns
     -------
@@ -61,7 +74,8 @@ def analyze_mechanism(
     InfeasibleError
         If the loops do not close there; it says where they do.
     OptionError
-        If fewer joints are actuated than there are degrees of freedom.
+        If fewer joints are actuated than there are degrees of freedom, or ``seconds`` is no
+        positive number.
 
     Examples
     --------
@@ -70,8 +84,11 @@ def analyze_mechanism(
     >>> found.mobility, found.inputs, len(found.assemblies)
     (1, ('crank',), 2)
     """
+    if seconds is not None and not seconds > 0:
+        raise OptionError(f"seconds must be positive, got {seconds:g}")
     if ignore_limits:
         mechanism = mechanism.without_limits()
+    stages = Stages(seconds)
     generic = ranks(mechanism)
     q = home(mechanism)
     at_home = q[list(mechanism.actuated)]
@@ -82,21 +99,36 @@ def analyze_mechanism(
     if inputs is not None:
         q = direct.modes[0].q
     notes = [*mechanism.notes, *_notes(mechanism, generic, q)]
-    poses = pose_forms(mechanism)
+    inverse = stages.run("working modes", lambda: _inverse(mechanism, generic, q), None, True)
+    poses = stages.run(f"{FORMS}pose", lambda: pose_forms(mechanism), None, True)
+    forms = stages.run(f"{FORMS}inputs", lambda: loop_forms(mechanism), None, True)
+    joints = stages.run(
+        "closed forms in the joint angles", lambda: joint_forms(mechanism), None, True
+    )
     fixed = poses is None or not poses.architecture
     moved = independent_inputs(mechanism, generic, q)
     ranges: dict[str, tuple[Interval, ...]] = {}
     points: list[SingularPoint] = []
+    at = asked if moved is mechanism else q[list(moved.actuated)]
+    swept = []
     for k, name in enumerate(moved.inputs if fixed else ()):
-        found = curves(moved, q[list(moved.actuated)] if moved is not mechanism else asked, k)
-        ranges[name] = intervals(moved, found, k)
-        if len(found) == MOST_CURVES:
-            notes.append(f"of the curves of {name} {MOST_CURVES} were followed; there are more")
-        points += find_singular(mechanism, _measured(mechanism, moved, found))
-    forms = loop_forms(mechanism)
+        before = len(stages.missing)
+        along = stages.run(
+            f"curves of {name}, its range and singular points",
+            functools.partial(_along, mechanism, moved, at, k, stages),
+            None,
+        )
+        if along is not None:
+            found, covered, here = along
+            points += here
+            if found:
+                ranges[name] = covered
+            if len(found) == MOST_CURVES:
+                notes.append(f"of the curves of {name} {MOST_CURVES} were followed; there are more")
+        if len(stages.missing) == before:
+            swept.append(name)
     if not fixed:
         notes.append("every pose is of type 2: ranges and points along the inputs are left out")
-    inverse = _inverse(mechanism, generic, q)
     return MechanismAnalysis(
         name=mechanism.name,
         source=mechanism.source.label.encode("utf-8", "backslashreplace").decode(),
@@ -120,12 +152,22 @@ def analyze_mechanism(
         forms=forms,
         pose_forms=poses,
         checks=(
-            *_checks(mechanism, asked, tuple(points), forms),
+            *_checks(mechanism, asked, tuple(points), forms, swept),
             *_pose_checks(mechanism, poses, tuple(points)),
         ),
         notes=tuple(notes),
-        joint_forms=joint_forms(mechanism),
+        joint_forms=joints,
+        missing=tuple(stages.missing),
     )
+
+
+def _along(
+    mechanism: Mechanism, moved: Mechanism, inputs: Array, moving: int, stages: Stages
+) -> tuple[tuple[Trace, ...], tuple[Interval, ...], tuple[SingularPoint, ...]]:
+    """The curves of one input, its range, and what is singular along them."""
+    found = curves(moved, inputs, moving, over=lambda: stages.over)
+    points = find_singular(mechanism, _measured(mechanism, moved, found), over=lambda: stages.over)
+    return found, intervals(moved, found, moving), points
 
 
 def _inverse(mechanism: Mechanism, generic: Ranks, q: Array) -> Modes | None:
@@ -182,8 +224,13 @@ def _measured(
 
 
 def _checks(
-    mechanism: Mechanism, inputs: Array, points: tuple[SingularPoint, ...], forms: LoopForms | None
+    mechanism: Mechanism,
+    inputs: Array,
+    points: tuple[SingularPoint, ...],
+    forms: LoopForms | None,
+    swept: Sequence[str],
 ) -> list[Check]:
+    """Points against loci, and roots of the loci against the inputs ``swept`` to the end."""
     if forms is None:
         return []
     known = {locus.kind for locus in forms.loci}
@@ -205,6 +252,8 @@ def _checks(
         out.append(Check(words, worst <= _AGREE))
     missed, count = [], 0
     for k, name in enumerate(mechanism.inputs):
+        if name not in swept:
+            continue
         here = [p for p in points if p.moving == name]
         for locus in forms.loci:
             for value in roots(locus.equation, inputs, k):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,7 @@ from pinsing.mechanism.closure import ranks
 from pinsing.mechanism.likeness import likeness, same
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.singular_points import turning_points
-from pinsing.mechanism.trace import Trace, trace
+from pinsing.mechanism.trace import StoppedError, Trace, trace
 from pinsing.robot.load_mechanism import Mechanism
 
 _SEED = 811
@@ -68,12 +68,18 @@ def distinct(mechanism: Mechanism, found: Sequence[Array]) -> list[Array]:
 
 
 def curves(
-    mechanism: Mechanism, inputs: npt.ArrayLike, moving: int, starts: int = 160, seed: int = _SEED
+    mechanism: Mechanism,
+    inputs: npt.ArrayLike,
+    moving: int,
+    starts: int = 160,
+    seed: int = _SEED,
+    over: Callable[[], bool] | None = None,
 ) -> tuple[Trace, ...]:
     """Solution curves with input ``moving`` (position among the inputs) free, the others held.
 
     Each curve is followed as a whole, over type 2 singularities and through all the assembly
-    modes that it connects, and ends at limits of joints.
+    modes that it connects, and ends at limits of joints. Once ``over()`` is true, the curves that
+    have their ends by then are all.
     """
     ranks(mechanism)
     inputs = mechanism.check_inputs(inputs)
@@ -89,17 +95,25 @@ def curves(
     begin[0, free] = home(mechanism)[free]
     found, error = newton(BatchLoops(mechanism), begin, free)
     closed = distinct(mechanism, list(found[error <= _CLOSED]))
-    return cover(mechanism, closed, moving)
+    return cover(mechanism, closed, moving, over)
 
 
-def cover(mechanism: Mechanism, closed: Sequence[Array], moving: int) -> tuple[Trace, ...]:
+def cover(
+    mechanism: Mechanism,
+    closed: Sequence[Array],
+    moving: int,
+    over: Callable[[], bool] | None = None,
+) -> tuple[Trace, ...]:
     """Curves through closed configurations, each once up to flips; the first `MOST_CURVES`."""
     out: list[_Followed] = []
     for q in closed:
         if len(out) == MOST_CURVES:
             break
         if not any(t.passes(mechanism, q) for t in out):
-            curve = trace(mechanism, q, moving)
+            try:
+                curve = trace(mechanism, q, moving, over=over)
+            except StoppedError:
+                break
             marks = np.array([likeness(mechanism, x) for x in curve.q])
             out.append(_Followed(curve, marks))
     return tuple(t.curve for t in out)

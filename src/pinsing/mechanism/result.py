@@ -26,6 +26,9 @@ _MEANING = {
     "constraint": "more motions than the mobility",
 }
 
+FORMS = "closed forms over the "
+"""What the stages of an analysis are called that look for them."""
+
 _FEW = 7
 """Joints up to which a text lists the values of all of them."""
 _FEW_INPUTS = 3
@@ -91,6 +94,8 @@ class MechanismAnalysis(JsonResult):
         What was assumed.
     joint_forms : JointForms or None
         The loci as equations in the mechanism's own joint angles.
+    missing : tuple of str
+        What was cut short, by the time or by Ctrl-C.
     """
 
     schema: ClassVar[str] = "pinsing/mechanism-analysis/2"
@@ -119,6 +124,7 @@ class MechanismAnalysis(JsonResult):
     checks: tuple[Check, ...]
     notes: tuple[str, ...]
     joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
+    missing: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
     def __str__(self) -> str:
         return analysis_text(self)
@@ -265,7 +271,7 @@ def _forms(a: MechanismAnalysis, values: Values, page: Page) -> Iterator[Line]:
         yield from loop_lines(a.inputs, a.forms, values, page)
     elif a.pose_forms is not None:
         yield from pose_lines(a.pose_forms)
-    else:
+    elif not any(text.startswith(FORMS) for text in a.missing):
         yield (
             "",
             (
@@ -276,6 +282,11 @@ def _forms(a: MechanismAnalysis, values: Values, page: Page) -> Iterator[Line]:
     if a.joint_forms is not None:
         yield "", ()
         yield from joint_lines(a.joint_forms, False)
+    if a.missing:
+        yield "", ()
+        yield "", (caution("Missing:"),)
+        for text in a.missing:
+            yield "  ", (f"- {text}",)
 
 
 def _checks(a: MechanismAnalysis) -> Iterator[Line]:

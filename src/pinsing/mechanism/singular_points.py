@@ -11,7 +11,7 @@ inputs but one held, and a velocity z of unit length with
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field, replace
 from typing import ClassVar
 
@@ -123,13 +123,21 @@ def refine_point(
 
 
 def find_singular(
-    mechanism: Mechanism, traces: Sequence[Trace], rtol: float = SINGULAR_RTOL
+    mechanism: Mechanism,
+    traces: Sequence[Trace],
+    rtol: float = SINGULAR_RTOL,
+    over: Callable[[], bool] | None = None,
 ) -> tuple[SingularPoint, ...]:
-    """All singular points along curves, refined; each once, in the order of inputs."""
+    """All singular points along curves, refined; each once, in the order of inputs.
+
+    Once ``over()`` is true, those that are refined by then.
+    """
     found: list[SingularPoint] = []
     for t in traces:
         index = mechanism.actuated[t.moving]
         for kind, k in _candidates(t, index):
+            if over is not None and over():
+                break
             point = refine_point(mechanism, t.q[k], kind, t.held, rtol)
             away = np.abs(mechanism.space.wrap(point.q - t.q[k])).max()
             if point.converged and away <= 6 * STEP:

@@ -7,6 +7,8 @@ range of an input are therefore points of the curve like any other.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from pinsing._dataclass import dataclass
@@ -64,7 +66,13 @@ class Trace:
         return bool(abs(along) <= tol and np.abs(across).max() <= tol / 4)
 
 
-def trace(mechanism: Mechanism, start: Array, moving: int, step: float = STEP) -> Trace:
+def trace(
+    mechanism: Mechanism,
+    start: Array,
+    moving: int,
+    step: float = STEP,
+    over: Callable[[], bool] | None = None,
+) -> Trace:
     """Follow the curve through a closed configuration ``start`` (n,), one input moving.
 
     The curve ends where it closes, or where a joint meets its limit (continuous joints and
@@ -74,8 +82,10 @@ def trace(mechanism: Mechanism, start: Array, moving: int, step: float = STEP) -
     ------
     PinsingError
         If the loops do not close at ``start``, or the curve has no end.
+    StoppedError
+        If ``over`` said that the time is up.
     """
-    path = _Curve(mechanism, moving, step)
+    path = _Curve(mechanism, moving, step, over)
     try:
         q = path.correct(mechanism.space.fold(start))
     except _LostError:
@@ -102,8 +112,10 @@ def trace(mechanism: Mechanism, start: Array, moving: int, step: float = STEP) -
 
 
 class _Curve:
-    def __init__(self, mechanism: Mechanism, moving: int, step: float) -> None:
-        self.mechanism, self.step = mechanism, step
+    def __init__(
+        self, mechanism: Mechanism, moving: int, step: float, over: Callable[[], bool] | None
+    ) -> None:
+        self.mechanism, self.step, self.over = mechanism, step, over
         self.loops = Loops(mechanism)
         self.rank = ranks(mechanism).constraint
         self.index = mechanism.actuated[moving]
@@ -146,6 +158,8 @@ class _Curve:
         out = [(q, t)]
         step, travelled = self.step, 0.0
         while len(out) < _MOST:
+            if self.over is not None and self.over():
+                raise StoppedError(f"{self.mechanism.name}: no time is left to follow a curve")
             try:
                 new = self.correct(q + step * t * self.units, t)
                 turn = self.tangent(new, t)
@@ -205,6 +219,10 @@ class _Curve:
 
     def measure(self, q: Array) -> Motions:
         return _motions(self.loops, q, SINGULAR_RTOL)
+
+
+class StoppedError(PinsingError):
+    """The time was up before a curve had an end."""
 
 
 class _LostError(Exception):

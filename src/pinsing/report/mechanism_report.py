@@ -54,6 +54,8 @@ def mechanism_report(
     quiet_backend()
     started = time.monotonic()
     found = analyze_mechanism(mechanism)
+    if found.missing:  # Ctrl-C
+        raise KeyboardInterrupt
     special = tuple(_special(mechanism, found, poses))
     shown = _page(mechanism, found, skeleton) if page or beside is not None else None
     sections = [

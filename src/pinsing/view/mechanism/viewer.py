@@ -56,7 +56,11 @@ class MechanismViewer(Tab):
         if not (np.isfinite(scale) and scale > 0):
             raise OptionError(f"scale must be a positive number, got {scale!r}")
         self.mechanism = mechanism
-        listed = groups(mechanism, analyze_mechanism(mechanism) if analysis is None else analysis)
+        if analysis is None:
+            analysis = analyze_mechanism(mechanism)
+            if analysis.missing:  # Ctrl-C
+                raise KeyboardInterrupt
+        listed = groups(mechanism, analysis)
         size = linkage_sizes(mechanism, scale)
         linkage = Linkage(mechanism)
         links = Links(None) if skeleton else read_links(linkage)

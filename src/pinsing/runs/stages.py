@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from typing import TypeVar
@@ -14,13 +15,13 @@ class Stages:
 
     Parameters
     ----------
-    seconds : float
-        Time from now on.
+    seconds : float or None
+        Time from now on; None: as long as it takes.
     """
 
-    def __init__(self, seconds: float) -> None:
-        self.seconds = seconds
-        self.until = time.monotonic() + seconds
+    def __init__(self, seconds: float | None) -> None:
+        self.seconds = math.inf if seconds is None else seconds
+        self.until = time.monotonic() + self.seconds
         self.missing: list[str] = []
         self.interrupted = False
 
@@ -34,8 +35,11 @@ class Stages:
         """What ended it."""
         return "stopped" if self.interrupted else f"the time of {self.seconds:g} s was up"
 
-    def run(self, name: str, stage: Callable[[], T], otherwise: T) -> T:
-        """The result of a stage; ``otherwise``, and a line for what is missing, without it."""
+    def run(self, name: str, stage: Callable[[], T], otherwise: T, whole: bool = False) -> T:
+        """The result of a stage; ``otherwise``, and a line for what is missing, without it.
+
+        A ``whole`` stage looks at no clock: its result has all of it, however late.
+        """
         if self.over:
             self.missing.append(f"{name}: not begun, {self.why}")
             return otherwise
@@ -45,7 +49,7 @@ class Stages:
             self.interrupted = True
             self.missing.append(f"{name}: stopped before its end")
             return otherwise
-        if self.over:
+        if self.over and not whole:
             self.missing.append(f"{name}: perhaps not all of it, {self.why}")
         return result
 
