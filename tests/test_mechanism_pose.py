@@ -92,6 +92,65 @@ def test_an_output_is_led_to_a_pose_and_the_loops_stay_closed(name: str) -> None
                 np.testing.assert_allclose(there.rotation, wanted.rotation, atol=1e-9)
 
 
+SLIDES = {f"d{k}": ([[0, 0], [1, 0.1], [0.4, 0.9]][k], 0.3 + 2.0 * k) for k in range(3)}
+
+
+def slides_in_the_plane() -> Mechanism:
+    """3-PRR, its slides driven."""
+    model, loops, top = pin.Model(), [], 0
+    model.name = "prr"
+    ends = ((0.0, 0.0), (0.5, 0.0), (0.2, 0.4))
+    for k, (name, ((x, y), turn)) in enumerate(SLIDES.items()):
+        place = pin.SE3(pin.rpy.rpyToMatrix(0, 0, turn), np.array([x, y, 0.0]))
+        slide = model.addJoint(0, pin.JointModelPX(), place, name)
+        rod = model.addJoint(slide, pin.JointModelRUBZ(), pin.SE3.Identity(), f"r{k}")
+        end = pin.SE3(np.eye(3), np.array([0.9, 0.0, 0.0]))
+        if not k:
+            top = model.addJoint(rod, pin.JointModelRUBZ(), end, "turn")
+        else:
+            model.addFrame(pin.Frame(f"e{k}", rod, 0, end, pin.FrameType.OP_FRAME))
+            loops.append(Loop(f"e{k}", f"b{k}", "3d"))
+    for k, (x, y) in enumerate(ends):
+        place = pin.SE3(np.eye(3), np.array([x, y, 0.0]))
+        model.addFrame(pin.Frame(f"b{k}", top, 0, place, pin.FrameType.OP_FRAME))
+    made = from_model(model, loops, list(SLIDES), "b0", "vx,vy,wz")
+    slides = np.array([n in SLIDES for n in made.joints])
+    wide = np.where(slides, 3.0, made.upper)
+    return replace(made, prismatic=slides, lower=np.where(slides, -3.0, made.lower), upper=wide)
+
+
+@needs_node
+def test_ways_of_driven_slides_have_names_of_their_own_alike_on_the_page() -> None:
+    mechanism = slides_in_the_plane()
+    q = home(mechanism)
+    found = working_modes(mechanism, output_pose(mechanism, q).homogeneous).modes
+    assert len(found) == 8
+    assert len({s.mode.split("elbows ")[1] for s in found}) == 8
+    said = run(
+        "(m, {data, ways}) => ways.map((q) => m.modeOf(data, q))",
+        {"data": data_of(mechanism), "ways": [s.q.tolist() for s in found]},
+    )
+    assert said == [s.mode for s in found]
+    # Geometry: the rod of slide d0 leans ahead where it points along the slide.
+    for s in found:
+        angle = s.q[mechanism.joints.index("r0")]
+        assert s.mode.split("elbows ")[1][0] == ("+" if np.cos(angle) > 0 else "-")
+
+
+def test_a_driven_elbow_is_told_like_another() -> None:
+    model = planar_tree(
+        {
+            "one": ((0.0, 0.0), [("a", 0.6), ("b", 0.7)]),
+            "two": ((1.0, 0.0), [("c", 0.6), ("d", 0.7)]),
+        }
+    )
+    made = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["a", "b", "c"], "one_end", "vx,vy"
+    )
+    found = working_modes(made, output_pose(made, home(made)).homogeneous).modes
+    assert len({s.mode for s in found}) == len(found) == 4
+
+
 @needs_node
 def test_types_on_the_way_are_those_of_python() -> None:
     """Fichter's quarter turn about z is met where the platform is led, and passed."""

@@ -2,8 +2,8 @@
 
 The *assembly mode* changes at type 2 singularities: the sign of the determinant of the passive
 columns of the constraints, counted from the home configuration. The *working mode* changes at
-type 1 singularities: for each actuated joint that a passive one follows, to which side that elbow
-is bent.
+type 1 singularities: for each actuated joint that a turning one follows, to which side that elbow
+is bent; of a driven slide, whether its rod leans ahead along it or back.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _ORDER = {"+": 0, "0": 0, "-": 1, "?": 2}
 
 @dataclass(frozen=True)
 class Elbow:
-    """An actuated joint, the passive one after it, and what follows that.
+    """An actuated joint, the turning one after it, and what follows that.
 
     Attributes
     ----------
@@ -47,12 +47,15 @@ class Elbow:
     end : tuple of float
         Where the distal link leads to: the next joint, or the frame that closes the loop. Where
         all axes meet in one point, the direction of the third one.
+    slides : bool
+        Whether the actuated joint is a slide: its two ways meet where the rod is square to it.
     """
 
     crank: int
     elbow: int
     end_joint: int
     end: tuple[float, float, float]
+    slides: bool = False
 
 
 @dataclass(frozen=True)
@@ -88,27 +91,50 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
     for a in mechanism.actuated:
         crank = a + 1
         after = [j for j in range(1, model.njoints) if parents[j] == crank]
-        if mechanism.prismatic[a] or len(after) != 1 or after[0] - 1 in mechanism.actuated:
+        if len(after) != 1 or mechanism.prismatic[after[0] - 1]:
             continue
         elbow = after[0]
+        slides = bool(mechanism.prismatic[a])
+        if slides and _hangs(mechanism, crank):
+            continue
         beyond = [j for j in range(1, model.njoints) if parents[j] == elbow]
+        last = elbow
+        # After a slide the rod may turn about several axes through one point.
+        while slides and len(beyond) == 1 and _meets(model, beyond[0]):
+            last = beyond[0]
+            beyond = [j for j in range(1, model.njoints) if parents[j] == last]
         if beyond:
             end = model.jointPlacements[beyond[0]].translation
             if np.linalg.norm(end) <= _POINT:
                 # Two axes through one point: a ball has no elbow, a leg on a sphere has.
-                if np.linalg.norm(model.jointPlacements[elbow].translation) > _POINT:
+                if slides or not _meets(model, elbow):
                     continue
                 end = model.jointPlacements[beyond[0]].rotation @ _axis(model, beyond[0])
         else:
             names = {f.name: f for f in model.frames}
             closing = [names[n] for x in mechanism.loops for n in (x.frame_a, x.frame_b)]
-            here = [f for f in closing if f.parentJoint == elbow]
-            if not here:
+            here = [f for f in closing if f.parentJoint == last]
+            if not here or (slides and np.linalg.norm(here[0].placement.translation) <= _POINT):
                 continue
             end = here[0].placement.translation
         x, y, z = (float(v) for v in end)
-        out.append(Elbow(crank, elbow, elbow, (x, y, z)))
+        out.append(Elbow(crank, elbow, last, (x, y, z), slides))
     return tuple(out)
+
+
+def _meets(model: pin.Model, joint: int) -> bool:
+    """Whether a joint stands where the one before it stands."""
+    return bool(np.linalg.norm(model.jointPlacements[joint].translation) <= _POINT)
+
+
+def _hangs(mechanism: Mechanism, joint: int) -> bool:
+    """Whether a passive joint stands between the base and a joint of the model."""
+    parent = int(mechanism.model.parents[joint])
+    while parent:
+        if parent - 1 not in mechanism.actuated:
+            return True
+        parent = int(mechanism.model.parents[parent])
+    return False
 
 
 def _axis(model: pin.Model, joint: int) -> Array:
@@ -120,6 +146,7 @@ def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
     """Sine of each elbow angle at q (n,): positive to the left about the crank's axis.
 
     Of a leg whose axes meet in one point it is the volume of their directions: crank, elbow, end.
+    Of a slide it is the cosine between the rod and the slide.
     """
     model = mechanism.model
     data = model.createData()
@@ -129,6 +156,10 @@ def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
         a, b = data.oMi[e.crank].translation, data.oMi[e.elbow].translation
         first = b - a
         second = data.oMi[e.end_joint].act(np.array(e.end)) - b
+        if e.slides:
+            axis = np.array(data.J)[:3, model.joints[e.crank].idx_v]
+            out.append(float(axis @ second) / max(float(np.linalg.norm(second)), _POINT))
+            continue
         axis = np.array(data.J)[3:, model.joints[e.crank].idx_v]
         if np.linalg.norm(first) <= _POINT:
             bent = np.array(data.J)[3:, model.joints[e.elbow].idx_v]

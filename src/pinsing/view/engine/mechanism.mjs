@@ -65,11 +65,12 @@ function velocityOf(data, outputs, drive) {
 }
 
 // Sine of each elbow angle: positive to the left about the crank's axis. Of a leg whose axes meet in one
-// point, the volume of their directions.
+// point, the volume of their directions; of a slide, the cosine between its rod and it.
 export function elbowSines(data, q) {
   const places = placements(data.chain, q), axisOf = (j) => times(places[j].R, data.chain.joints[j].axis);
-  return data.elbows.map(({ crank, elbow, end }) => {
-    const a = places[crank].t, b = places[elbow].t, first = subtract(b, a), second = times(places[elbow].R, end);
+  return data.elbows.map(({ crank, elbow, endJoint, end, slides }) => {
+    const a = places[crank].t, b = places[elbow].t, first = subtract(b, a), second = times(places[endJoint].R, end);
+    if (slides) return dot(axisOf(crank), second) / Math.max(norm(second), POINT);
     if (norm(first) <= POINT) return dot(cross(axisOf(crank), axisOf(elbow)), second) / Math.max(norm(second), POINT);
     const lengths = norm(first) * norm(second);
     return lengths > 0 ? dot(cross(first, second), axisOf(crank)) / lengths : 0;

@@ -69,7 +69,14 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         "pose": led_pose(m),
         "legs": [list(leg.joints) for leg in structure(m).legs],
         "elbows": [
-            {"crank": e.crank - 1, "elbow": e.elbow - 1, "end": list(e.end)} for e in elbows(m)
+            {
+                "crank": e.crank - 1,
+                "elbow": e.elbow - 1,
+                "endJoint": e.end_joint - 1,
+                "end": list(e.end),
+                "slides": e.slides,
+            }
+            for e in elbows(m)
         ],
         "dyad": None if dyad is None else {"sides": [_side(side) for side in dyad.sides]},
         "normal": None if normal is None else numbers(np.asarray(normal)),

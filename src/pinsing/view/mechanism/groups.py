@@ -126,8 +126,13 @@ def _words(mechanism: Mechanism, point: SingularPoint) -> str:
     ]
     if not straight:
         return f"type 1: {_MEANING['type 1']}"
-    legs = " and ".join(mechanism.joints[e.crank - 1] for e in straight)
-    return f"type 1: the leg of {legs} in line"
+    ways = (("the leg of", "in line", False), ("the rod of", "square to its slide", True))
+    said = [
+        f"{what} {' and '.join(mechanism.joints[e.crank - 1] for e in here)} {how}"
+        for what, how, slides in ways
+        if (here := [e for e in straight if e.slides == slides])
+    ]
+    return f"type 1: {' and '.join(said)}"
 
 
 def _count(points: list[SingularPoint]) -> tuple[str, ...]:
