@@ -74,9 +74,11 @@ def describe(
         solved=solved_for(b.equations for b in branches),
         arm=arm,
     )
-    if not draft.real:
-        return draft
     rng = np.random.default_rng(_SEED)
+    if not draft.real:
+        if not _drawn(draft, maker, rng):
+            return draft
+        draft = replace(draft, real=True)
     looks = [maker.time.part(share) for share in _LOOKS]
     inside = draft.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[0]))
     reachability = Reachability.INSIDE if len(inside) else Reachability.UNKNOWN
@@ -94,6 +96,18 @@ def describe(
     if not len(inside):
         points = draft.points(_WITNESSES, rng, rounds=maker.rounds(), stop=anywhere)
     return _described(draft, reachability, inside, points, arm, geometry, maker)
+
+
+def _drawn(draft: Family, maker: PieceMaker, rng: np.random.Generator) -> bool:
+    """Whether points are found as ``sample`` finds them, where a shorter look found none.
+
+    What is said of a family must not be less than what its own samples show.
+    """
+    look = maker.time.part(_LOOKS[0])
+    return any(
+        len(draft.points(_WITNESSES, rng, within, maker.rounds(), _until(look)))
+        for within in (True, False)
+    )
 
 
 def _value_reach(

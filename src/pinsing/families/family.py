@@ -44,7 +44,8 @@ class Family(Members, JsonResult):
         "algebra" if every minor was shown to vanish by division; "generic points" if that was
         decided at random points of every component, exactly, modulo a prime of 62 bits.
     real : bool
-        Whether a real point is known.
+        Whether a real point was found; looked for as ``sample`` looks, but within the time of the
+        closed form. False does not prove that there is none.
     reachability : Reachability
         A text too: "reachable" (with ``witness``), "at the joint limit" (beyond it by less
         than the angle tolerance, as by a rounded 1.5708; see ``limits_met``), "not reachable"

@@ -78,7 +78,7 @@ def meaning(family: Family) -> Iterator[str]:
     """Kind, reach, codimension and reason, line by line."""
     n = family.n
     if not family.real:
-        yield "no real point found"
+        yield "no real point found in the time given, which does not prove that there is none"
         return
     if family.kind == "varies":
         kind = "; ".join(str(part) for part in family.kinds) + ", "

@@ -36,6 +36,8 @@ from pinsing.robot.arm import Arm
 
 _THROWN = 40
 """Random starts, where no point of equations that was drawn is the family's own."""
+_MANY = 32
+"""Points of equations that are drawn, where none of the first ones is the family's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -256,20 +258,19 @@ class PieceMaker:
         Once the time is over the search is short.
         """
         fixed, free = self._start(branch)
-        found = search(
-            branch.equations,
-            self.lower,
-            self.upper,
-            free,
-            fixed,
-            count,
-            self.rng,
-            self.rounds(rounds),
-            lambda: self.time.over,
-        )
+
+        def searched(some: int) -> Array:
+            box = self.lower, self.upper
+            how = self.rng, self.rounds(rounds), lambda: self.time.over
+            return search(branch.equations, *box, free, fixed, some, *how)
+
+        found = searched(count)
         if self.confirm is None:
             return found
         own = found[self.confirm(found)]
+        if not len(own):  # a few points may all be regular ones of the equations, many seldom
+            more = searched(max(_MANY, count))
+            own = more[self.confirm(more)][:count]
         if not len(own):
             more = self.thrown(branch, _THROWN)
             own = more[self.confirm(more)][:count]

@@ -1,0 +1,51 @@
+"""Whether a family is real, and what its samples show, are one answer."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.families.describe import describe
+from pinsing.families.searched import Allowed, searched
+from pinsing.families.solve import joint_symbols
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import generic_rank
+
+
+@pytest.fixture(scope="module")
+def search():
+    """The arm, its exact geometry, and the components that were found of it."""
+    arm = pinsing.load("ur5")
+    geometry = nominal(arm)
+    limits = Allowed(60.0, 0.002, 0.0)
+    rank = generic_rank(geometry.arm)
+    return arm, geometry, searched(geometry, arm, rank, joint_symbols(arm), limits)
+
+
+def test_what_a_first_look_missed_is_real_where_samples_are_found(search):
+    arm, geometry, found = search
+    with_equations = [c for c in found.components if c.relations]
+    assert with_equations
+    for component in with_equations:
+        pieces = [replace(p, real=False) for p in found.maker.make(component)]
+        family = describe(pieces, found.maker, arm, geometry)
+        assert len(family.sample(4, np.random.default_rng(0))) == 4
+        assert family.real
+        assert family.reachability == "reachable"
+        assert family.witness is not None
+
+
+def test_equations_without_a_real_point_stay_so(search):
+    arm, geometry, found = search
+    x, y = (found.ring.context.gens()[v] for v in found.ring.variables(2))
+    component = next(c for c in found.components if c.relations)
+    piece = found.maker.make(component)[0]
+    nowhere = found.maker.branch_of({}, [4 * x * x + 2 * y * y])  # 3 + cos q3, over the circle
+    family = describe([replace(piece, branches=(nowhere,), real=False)], found.maker, arm, geometry)
+    assert not family.real
+    assert family.witness is None
+    assert family.reachability == "none found"
+    assert len(family.sample(4, np.random.default_rng(0))) == 0
