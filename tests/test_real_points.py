@@ -9,6 +9,7 @@ import pytest
 
 import pinsing
 from pinsing.families.describe import describe
+from pinsing.families.own_points import OwnPoints
 from pinsing.families.searched import Allowed, searched
 from pinsing.families.solve import joint_symbols
 from pinsing.geometry.nominal import nominal
@@ -49,3 +50,21 @@ def test_equations_without_a_real_point_stay_so(search):
     assert family.witness is None
     assert family.reachability == "none found"
     assert len(family.sample(4, np.random.default_rng(0))) == 0
+
+
+def test_a_point_off_by_the_root_of_rounding_is_brought_to_all_digits(search):
+    arm = search[1].arm
+    own = OwnPoints(arm)
+    elbow = np.array([0.3, -0.7, 2e-7, 0.5, 0.9, 0.1])
+    regular = np.array([0.3, -0.7, 0.8, 0.5, 0.9, 0.1])
+    every = np.ones(6, dtype=bool)
+    blunt = np.stack([elbow, regular])
+    assert own(blunt).tolist() == [True, False]
+    sharp = own.sharpened(blunt, every)
+    assert pinsing.singular_values(arm, blunt[:1])[0, -1] > 1e-9
+    assert pinsing.singular_values(arm, sharp[:1])[0, -1] < 1e-14
+    assert np.abs(sharp[0] - elbow).max() < 1e-6
+    assert np.array_equal(sharp[1], regular)  # the singular ones are far away
+    held = every.copy()
+    held[2] = False
+    assert own.sharpened(blunt, held)[0, 2] == elbow[2]

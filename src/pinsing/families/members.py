@@ -24,7 +24,9 @@ from pinsing.robot.joint_space import JointSpace, require_values
 _MOST_POINTS = 10_000_000
 _THROWN = 40
 _AGAIN = 3
-"""Times that points are looked for again, where some were not the family's own."""
+"""Times that points are looked for again, where some were not the family's own; or in vain."""
+_AGAIN_UNTIMED = 40
+"""The same where nothing limits the time."""
 
 
 class Members:
@@ -209,8 +211,10 @@ class Members:
         Returns
         -------
         (k, n) array
-            k is ``n``, or less (down to 0) where ``n`` were not found; ``reachability``
-            says whether that there are none is proven.
+            k is ``n``, or less (down to 0) where a bounded number of random starts did not find
+            ``n``: compare ``len`` with ``n``. ``reachability`` says whether that there are none is
+            proven. Where the equations alone hold at regular points as well, as of long chains,
+            only singular points are taken, so that k is less more often.
 
         Raises
         ------
@@ -282,16 +286,31 @@ class Members:
             far = widen * self.length_scale
             low, high = lower - far * below, upper + far * above
             found = self._own(spread(usable, low, high, n, rng, rounds, stop))
-            for _ in range(_AGAIN if 0 < len(found) < n and self.confirm is not None else 0):
-                if stop is not None and stop():
+            idle = 0
+            again = _AGAIN if stop is not None else _AGAIN_UNTIMED
+            for _ in range(again if len(found) and self.confirm is not None else 0):
+                if len(found) == n or idle == _AGAIN or (stop is not None and stop()):
                     break
-                more = spread(usable, low, high, n, rng, rounds, stop)
-                found = np.concatenate([found, self._own(more)])[:n]
+                more = self._own(spread(usable, low, high, n, rng, rounds, stop))
+                idle = 0 if len(more) else idle + 1
+                found = np.concatenate([found, more])[:n]
             if not len(found) and self.confirm is not None:
                 found = self._thrown(usable, low, high, n, rng, within_limits, stop)
             if len(found) or not (below.any() or above.any()):
                 break
-        return found
+        return self._sharpened(found, within_limits)
+
+    def _sharpened(self, points: Array, within_limits: bool) -> Array:
+        """Its own points (k, n) to all digits, without those that leave the limits for that."""
+        if self.confirm is None or not len(points):
+            return points
+        free = np.ones(self.n, dtype=bool)
+        free[[v.joint for branch in self.branches for v in branch.values]] = False
+        sharp = self.confirm.sharpened(points, free)
+        if not within_limits:
+            return sharp
+        lower, upper = self.limits
+        return sharp[((sharp >= lower - 1e-9) & (sharp <= upper + 1e-9)).all(axis=-1)]
 
     def _loose_ends(self, within_limits: bool) -> tuple[Bool, Bool]:
         """Which sliders may go on below and above the range that points are drawn from."""

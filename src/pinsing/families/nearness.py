@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 
@@ -53,8 +53,14 @@ class Distance(NamedTuple):
         return one_line("Distance", f"{self.value:.6g} ({kind}), to q = {at}")
 
 
-Confirm = Callable[[Array], Bool]
-"""Which points (N, n) of a family's equations are its own: see ``Family.confirm``."""
+class Confirm(Protocol):
+    """Which points (N, n) of a family's equations are its own: see ``Family.confirm``."""
+
+    def __call__(self, points: Array) -> Bool:
+        """Which of some points (N, n) are."""
+
+    def sharpened(self, points: Array, free: Bool) -> Array:
+        """Own points (N, n) to all digits, moved along ``free`` joints (n,)."""
 
 
 def near(

@@ -261,8 +261,11 @@ class PieceMaker:
 
         def searched(some: int) -> Array:
             box = self.lower, self.upper
-            how = self.rng, self.rounds(rounds), lambda: self.time.over
-            return search(branch.equations, *box, free, fixed, some, *how)
+            left = self.rounds(rounds)
+            until = self.time
+            return search(
+                branch.equations, *box, free, fixed, some, self.rng, left, lambda: until.over
+            )
 
         found = searched(count)
         if self.confirm is None:

@@ -6,7 +6,6 @@ import time
 from collections.abc import Sequence
 
 from pinsing._dataclass import dataclass
-from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents
 from pinsing.algebra.decompose import Decomposition
@@ -17,12 +16,12 @@ from pinsing.algebra.second_prime import RandomSteps, together
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.led_search import led
 from pinsing.families.long_chain import LongChain
+from pinsing.families.own_points import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.planar_chain import planar_chain, turn_alike
 from pinsing.families.slice_count import SliceCount
 from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.geometry.surd import Surd
-from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 
 MAX_JOINTS = 12
@@ -38,8 +37,6 @@ _NEAR = 0.4
 """Share of the time that is left for near ones."""
 _LED = 0.7
 """Share of the time that is then left for slices: families of many joints take long to describe."""
-_CONFIRMED = 1e-6
-"""sigma_r / sigma_1 of what is singular among the points of equations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,10 +150,7 @@ def searched(
         gaps = [] if slices.enough else gaps
         steps = together([steps, *slices.steps] if gaps else slices.steps)
 
-    def singular(points: Array) -> Bool:
-        return ratios(geometry.arm, points) <= _CONFIRMED
-
-    maker.confirm = singular
+    maker.confirm = OwnPoints(geometry.arm)
     return Searched(geometry, ring, components, gaps, maker, steps, count)
 
 
