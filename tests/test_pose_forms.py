@@ -16,7 +16,9 @@ import pinsing
 from pinsing.cli import main
 from pinsing.mechanism import PoseForms, mechanism_at, pose_forms, refine, working_modes
 from pinsing.mechanism.closure import Loops, random_closed
-from pinsing.mechanism.pose_loci import variables_at
+from pinsing.mechanism.pose_loci import _split, _together, _type1, variables_at
+from pinsing.mechanism.pose_ring import PoseRing
+from pinsing.mechanism.rods import rods
 from pinsing.plot.mechanism import TYPE_2
 from pinsing.plot.pose_aspects import colors, regions
 from pinsing.plot.pose_map import pose_map
@@ -227,6 +229,57 @@ def test_3rpr_is_singular_where_its_lines_meet(rng):
     ratio = np.array(dets) / equation_values(forms, rows)
     np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
     assert "meet in one point or are parallel" in forms.loci[0].words
+
+
+def irregular_delta(off):
+    """Rods of a Delta with legs at odd angles and unequal sizes; one foot off by ``off`` metres."""
+    found = rods(shipped("delta"))
+    out = []
+    sizes = zip((0.0, 100.0, 215.0), (0.3, 0.25, 0.28), (0.14, 0.1, 0.12), strict=True)
+    joints = dict.fromkeys(r.joint for r in found.rods)
+    for joint, (angle, base, top) in zip(joints, sizes, strict=True):
+        turn = np.radians(angle)
+        out_, across = (np.array([np.cos(t), np.sin(t), 0]) for t in (turn, turn + np.pi / 2))
+        for side in (0.06, -0.06):
+            mine = next(r for r in found.rods if r.joint == joint)
+            inner = base * out_ + side * across
+            moved = {"first": 0.2 * out_, "second": np.array([0, 0, -0.2])}
+            out.append(replace(mine, outer=top * out_ + side * across, inner=inner, **moved))
+    out[-1] = replace(out[-1], outer=out[-1].outer + np.array([0, 0, off]))
+    return PoseRing(replace(found, rods=tuple(out)), True)
+
+
+def test_rods_of_a_crank_that_rounding_tells_apart_are_parallel(rng):
+    ring = irregular_delta(0.0)
+    assert 0 < ring.snapped < 1e-11
+    loci = [*_split(ring, _together(ring)), *_type1(ring)]
+    assert [x.kind for x in loci].count("type 1") == 3
+    assert sorted(x.kind for x in loci if x.kind != "type 1") == ["constraint", "type 2"]
+    # By Plücker lines computed here: the two factors together are their determinant.
+    ratio = []
+    for _ in range(8):
+        at, angles = rng.uniform(-0.5, 0.5, 3), rng.uniform(-2, 2, 3)
+        row, lines = dict(zip("xyz", at, strict=True)), []
+        for k, rod in enumerate(ring.rods.rods):
+            a = angles[k // 2]
+            name = ring.rods.mechanism.joints[rod.joint]
+            row |= {f"cos {name}": np.cos(a), f"sin {name}": np.sin(a)}
+            elbow = rod.inner + np.cos(a) * rod.first + np.sin(a) * rod.second
+            lines.append(pluecker(elbow, at + rod.outer))
+        values = [
+            float(x.equation([row.get(n, 0.0) for n in x.equation.names]))
+            for x in loci
+            if x.kind != "type 1"
+        ]
+        ratio.append(np.prod(values) / np.linalg.det(lines))
+    np.testing.assert_allclose(ratio, ratio[0], rtol=1e-6)
+
+
+def test_rods_that_are_not_parallel_stay_so():
+    ring = irregular_delta(1e-6)
+    loci = list(_split(ring, _together(ring)))
+    assert [x.kind for x in loci] == ["type 2"]
+    assert [x.kind for x in _type1(ring)].count("type 1") == 4
 
 
 def test_loci_of_the_delta(rng):

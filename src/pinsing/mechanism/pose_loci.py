@@ -27,7 +27,7 @@ from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_equation import PoseEquation, planar_equation, pose_equation
 from pinsing.mechanism.pose_hinges import counts_hinges, hinged_type1
 from pinsing.mechanism.pose_notes import needs
-from pinsing.mechanism.pose_ring import PoseRing, cross, determinant
+from pinsing.mechanism.pose_ring import PARALLEL, PoseRing, cross, determinant
 from pinsing.mechanism.rods import Rod, Rods, rods
 from pinsing.mechanism.sphere_loci import SphereLoci, sphere_loci, squares_note
 from pinsing.mechanism.three_distances import input_loci
@@ -233,6 +233,11 @@ def _forms(mechanism: Mechanism, found: Rods) -> PoseForms:
     ring = PoseRing(found, level)
     if ring.off > 1e-12:
         notes.append(f"coordinates were made exact, by at most {ring.off:.1e} m")
+    if ring.snapped > 0:
+        notes.append(
+            f"rods of one crank that are parallel to {PARALLEL:g} m were taken as parallel (their "
+            f"ends were moved by at most {ring.snapped:.1e} m)"
+        )
     together = _together(ring)
     notes += list(needs(ring))
     if together != 0 and _always(found):

@@ -19,6 +19,9 @@ from pinsing.mechanism.rods import Rod, Rods
 
 Row = list[Poly]
 
+PARALLEL = 1e-9
+"""Metres: the rods of one crank are parallel where their ends are that near to it."""
+
 
 @dataclass(frozen=True, eq=False)
 class PoseRing:
@@ -42,6 +45,38 @@ class PoseRing:
             hinge = np.zeros(3) if rod.hinge is None else rod.hinge
             points += [rod.outer, rod.inner, rod.first, rod.second, hinge]
         return exact_points(points)
+
+    @cached_property
+    def _alike(self) -> tuple[tuple[Vector, ...], float]:
+        """The exact vectors, parallel rods of one crank exactly so, and what that changed."""
+        vectors, rods = list(self._exact.vectors), self.rods.rods
+        off = 0.0
+        pairs = [
+            (i, k)
+            for k, rod in enumerate(rods)
+            for i in range(k)
+            if self.level and rod.moved and rods[i].joint == rod.joint
+        ]
+        for i, k in pairs:
+            outer, inner, first, second, _ = vectors[5 * i : 5 * i + 5]
+            _, start, *_ = vectors[5 * k : 5 * k + 5]
+            across = (o + s - c for o, s, c in zip(outer, start, inner, strict=True))
+            x, y, z = across
+            wanted = ((x, y, z), start, first, second)
+            gap = max(
+                abs(float(a - b)) * (self.square**0.5 if axis == 1 else 1.0)
+                for new, old in zip(wanted, vectors[5 * k : 5 * k + 4], strict=True)
+                for axis, (a, b) in enumerate(zip(new, old, strict=True))
+            )
+            if gap <= PARALLEL:
+                vectors[5 * k : 5 * k + 4] = wanted
+                off = max(off, gap)
+        return tuple(vectors), off
+
+    @property
+    def snapped(self) -> float:
+        """By how much points were changed to make rods of one crank parallel, metres."""
+        return self._alike[1]
 
     @property
     def square(self) -> int:
@@ -109,7 +144,7 @@ class PoseRing:
     def _vectors(self, rod: Rod) -> tuple[Vector, ...]:
         # Rods are told apart as objects: two may be alike.
         k = next(i for i, r in enumerate(self.rods.rods) if r is rod)
-        return self._exact.vectors[5 * k : 5 * k + 5]
+        return self._alike[0][5 * k : 5 * k + 5]
 
     def outer(self, rod: Rod) -> Row:
         """B times N."""
