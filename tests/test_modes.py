@@ -8,8 +8,9 @@ import re
 from dataclasses import replace
 
 import numpy as np
+import pinocchio as pin
 import pytest
-from mechanisms import URDF, shipped
+from mechanisms import URDF, from_model, shipped
 from tiers import tiered
 from urdf_text import stewart, written
 
@@ -33,6 +34,7 @@ from pinsing.mechanism.feasible import intervals
 from pinsing.mechanism.likeness import likeness, same
 from pinsing.mechanism.problems import Modes
 from pinsing.mechanism.structure import structure
+from pinsing.robot.load_mechanism import Loop
 
 SHELF = {
     # joints, closure equations written and independent, degrees of freedom
@@ -340,3 +342,33 @@ def test_flipped_joints_are_no_curves_of_their_own(case, tmp_path):
         for q in one.q[:: max(1, len(one.q) // 5)]:
             away = np.linalg.norm(marks - likeness(mechanism, q), axis=1).min()
             assert away > 0.05 * steps
+
+
+def test_points_of_a_curve_on_which_a_leg_moves_by_itself_are_one_mode():
+    """Sarrus: both chains folded the second turns freely; unfolded its elbow has two sides."""
+    model = pin.Model()
+    model.name = "sarrus"
+    ends = []
+    for name, turn in (("x", 0.0), ("y", np.pi / 2)):
+        parent = 0
+        place = pin.SE3(pin.rpy.rpyToMatrix(0, 0, turn), np.zeros(3))
+        for k, reach in enumerate((0.4, 0.4, 0.0), 1):
+            parent = model.addJoint(parent, pin.JointModelRUBX(), place, f"{name}{k}")
+            place = pin.SE3(np.eye(3), np.array([0.0, 0.0, reach]))
+        back = pin.SE3(pin.rpy.rpyToMatrix(0, 0, -turn), np.zeros(3))
+        model.addFrame(pin.Frame(f"{name}_end", parent, 0, back, pin.FrameType.OP_FRAME))
+        ends.append(f"{name}_end")
+    made = from_model(model, [Loop(*ends, "6d")], ["x1"], "x_end", "vz")
+    start = {"x1": -0.6, "x2": 1.2, "x3": -0.6, "y1": 0.6, "y2": -1.2, "y3": 0.6}
+    made = replace(made, home=np.array([start[n] for n in made.joints]))
+    found = assembly_modes(made)
+    folded = [s for s in found.modes if abs(s.pose.position[2]) < 1e-6]
+    assert len(found.modes) == 3
+    assert len(folded) == 1
+    assert sorted(
+        s.q[made.joints.index("y1")].round(6) for s in found.modes if s not in folded
+    ) == [
+        -0.6,
+        0.6,
+    ]
+    assert "at 1 of them a leg moves by itself" in found.statement

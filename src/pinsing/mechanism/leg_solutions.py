@@ -11,6 +11,7 @@ import numpy as np
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.mechanism.batch import BatchLoops, newton
+from pinsing.mechanism.closure import Loops
 from pinsing.mechanism.likeness import likeness, same
 from pinsing.mechanism.structure import Leg, structure
 from pinsing.robot.mechanism import Mechanism
@@ -18,6 +19,8 @@ from pinsing.robot.mechanism import Mechanism
 _STARTS = 24
 _CLOSED = 1e-9
 _EQUAL = 1e-5
+_FREE = 1e-6
+_POINTS = 8
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,10 +33,13 @@ class LegMode:
         One of them; joints of other legs have no meaning.
     ways : int
         How many were found.
+    loose : bool
+        Whether the leg moves by itself there, and this is one point for a curve of them.
     """
 
     q: Array
     ways: int
+    loose: bool = False
 
 
 def leg_modes(
@@ -84,7 +90,25 @@ def _solutions(
             break
         pose = np.array([i for i, _ in flips])
         starts = np.array([x for _, x in flips])
-    return [_grouped(mechanism, leg, mine, solutions) for solutions in found]
+    grouped = [_grouped(mechanism, leg, mine, solutions) for solutions in found]
+    return [_without_curves(mechanism, mine, modes) for modes in grouped]
+
+
+def _without_curves(mechanism: Mechanism, mine: Bool, modes: list[LegMode]) -> list[LegMode]:
+    """Of many configurations at which the leg moves by itself, one: they are points of curves."""
+    if len(modes) <= _POINTS:
+        return modes
+    loops = Loops(mechanism)
+    loose = []
+    for mode in modes:
+        rows = np.vstack([loops.scaled(mode.q)[1], loops.output(mode.q)[1]])[:, mine]
+        sigma = np.linalg.svd(rows, compute_uv=False)
+        loose.append(len(sigma) < mine.sum() or bool(sigma[-1] <= _FREE * sigma[0]))
+    if sum(loose) <= _POINTS:
+        return modes
+    first = loose.index(True)
+    kept = [mode for mode, free in zip(modes, loose, strict=True) if not free]
+    return [LegMode(modes[first].q, modes[first].ways, True), *kept]
 
 
 def _close(

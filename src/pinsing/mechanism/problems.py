@@ -267,7 +267,7 @@ def _sought(
     reached = np.array([poses[k] for k in kept]).reshape(-1, mechanism.n)
     modes: list[Solution] = []
     count: list[int] = []
-    beyond, cut = 0, False
+    beyond, cut, moving = 0, False, 0
     for k, legs in zip(kept, leg_modes(mechanism, reached, free, rng), strict=True):
         beyond += not all(legs)
         for choice in itertools.islice(itertools.product(*legs), _MOST + 1 - len(modes)):
@@ -276,6 +276,7 @@ def _sought(
                 q[list(leg)] = one.q[list(leg)]
             ways = int(np.prod([one.ways for one in choice]))
             modes.append(_solution(mechanism, q, ways, free))
+            moving += any(one.loose for one in choice)
             count.append(hits[k])
     if len(modes) > _MOST:
         modes, count, cut = modes[:_MOST], count[:_MOST], True
@@ -292,6 +293,11 @@ def _sought(
             words += f"; {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
     elif number is not None and target is None:
         words += f"; there are {number}, by {by}"
+    if moving:
+        words += (
+            f"; at {moving} of them a leg moves by itself, the output at rest and the inputs held: "
+            "one point stands for a curve of configurations"
+        )
     if spare:
         words = (
             f"the inputs do not fix the pose: at {len(spare) + 1} of {len(poses)} poses found from "
