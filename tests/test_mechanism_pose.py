@@ -131,6 +131,10 @@ def test_ways_of_driven_slides_have_names_of_their_own_alike_on_the_page() -> No
         {"data": data_of(mechanism), "ways": [s.q.tolist() for s in found]},
     )
     assert said == [s.mode for s in found]
+    stop = {"why": "type 1", "joint": mechanism.joints.index("d0"), "q": q.tolist()}
+    asked = {"data": data_of(mechanism), "stop": stop}
+    words = run("(m, {data, stop}) => m.stopWords(data, stop)", asked)
+    assert words == "type 1 singularity: the rod of d0 square to its slide"
     # Geometry: the rod of slide d0 leans ahead where it points along the slide.
     for s in found:
         angle = s.q[mechanism.joints.index("r0")]

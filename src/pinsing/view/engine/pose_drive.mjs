@@ -170,7 +170,9 @@ export function stopWords(data, { why, joint, q }) {
   if (why === "limit") return `${name} is at its limit, ${valueText(data.joints[joint].prismatic, q[joint])}`;
   if (why === "open") return "the loops do not close beyond";
   if (why === "far") return `it is moved by at most ${data.joints[joint].prismatic ? `${MOST_WAY * data.task.lengthScale} m` : `${MOST_ANGLE} rad`} at once`;
-  return `${why} singularity${name && `: the leg of ${name} in line`}`;
+  const slides = joint !== undefined && data.joints[joint].prismatic;
+  const way = slides ? `the rod of ${name} square to its slide` : `the leg of ${name} in line`;
+  return `${why} singularity${name && `: ${way}`}`;
 }
 
 const valueText = (slides, value, digits = 1) =>
