@@ -68,6 +68,7 @@ def thirteen(tmp_path_factory):
     return arm, pinsing.closed_form(arm, seconds=60)
 
 
+@pytest.mark.slow
 def test_thirteen_joints_are_answered(thirteen):
     form = thirteen[1]
     assert len(form.families) == 1
@@ -80,6 +81,7 @@ def test_thirteen_joints_are_answered(thirteen):
     assert family.is_reachable
 
 
+@pytest.mark.slow
 def test_its_points_are_singular_and_others_are_not_on_it(thirteen):
     arm, form = thirteen
     family = form.families[0]
@@ -95,6 +97,7 @@ def test_its_points_are_singular_and_others_are_not_on_it(thirteen):
     assert family.contains(found.q)
 
 
+@pytest.mark.slow
 def test_which_joints_are_free_and_how_the_rest_follow(thirteen):
     said = thirteen[1].families[0].at_once[0]
     assert len(said.chosen) == 5
@@ -105,6 +108,7 @@ def test_which_joints_are_free_and_how_the_rest_follow(thirteen):
     assert "can be chosen" in text
 
 
+@pytest.mark.slow
 def test_regular_points_of_the_equations_are_not_the_familys(thirteen):
     """Where five neighbouring axes depend on each other, the equations of both sides hold."""
     arm, form = thirteen
@@ -157,6 +161,7 @@ def test_two_spherical_groups_make_a_larger_set(tmp_path):
     assert (sizes[:, 4] > 1e-6 * sizes[:, 0]).any()
 
 
+@pytest.mark.slow
 def test_a_joint_that_one_equation_has_alone_is_solved_for_last(thirteen):
     equations = thirteen[1].families[0].branches[0].equations
     order = peeled(equations, np.ones(13, dtype=bool))
@@ -167,6 +172,7 @@ def test_a_joint_that_one_equation_has_alone_is_solved_for_last(thirteen):
         assert not set(step.equation.involved) & set(solved[k + 1 :])
 
 
+@pytest.mark.slow
 def test_points_of_many_equations_come_in_numbers_and_differ(thirteen):
     """What is solved so far goes on with other values of the joints that are not used yet."""
     arm, form = thirteen

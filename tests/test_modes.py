@@ -308,6 +308,7 @@ def test_all_joints_on_request_only(name, pose, joint, capsys, monkeypatch):
     assert "goes with --loops" in said.err
 
 
+@pytest.mark.slow
 def test_a_curve_that_is_singular_throughout_is_told_once():
     # The Agile Eye: the output turns with the inputs held where one input is at a right angle and
     # the next two are at 0; and there are orientations in which the inputs do not move it at all.

@@ -39,6 +39,7 @@ def test_what_took_longer_has_one_headline() -> None:
     assert "no certificate" not in done.stdout
 
 
+@pytest.mark.slow
 def test_the_end_says_what_is_missing_where_no_proof_mends_it() -> None:
     done = run("families", "panda", "--seconds", "0.02", "--prove")
     assert done.exit_code == 0, done.stderr

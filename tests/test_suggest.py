@@ -169,6 +169,7 @@ def test_families_that_are_missing_are_said() -> None:
         assert "Clearance unknown" in str(found)
 
 
+@pytest.mark.slow
 def test_thirteen_joints_get_one_without_a_proof() -> None:
     rng = np.random.default_rng(0)
     arm = build([Joint(rng.uniform(-1, 1), rng.uniform(0, 0.3)) for _ in range(13)])

@@ -23,7 +23,8 @@ class Command:
     Attributes
     ----------
     words : tuple of str
-        Its words; OUT stands for the file; TABLE, FIVE_BAR, LOOPS and PATH for what it reads.
+        Its words; OUT stands for the file, OUT_LEGS for what files of legs are named after; TABLE,
+        FIVE_BAR, LOOPS and PATH for what it reads.
     out : str
         Name of that file, or of the folder of a run.
     beside : tuple of str
@@ -43,6 +44,7 @@ class Command:
             (folder.parent / "path.csv").write_text("0,0.5,0.7\n0.2,0.6,0.9\n")
         meant = {
             "OUT": folder / self.out,
+            "OUT_LEGS": folder / "certificate.json",
             "TABLE": _URDF / "stanford.dh.yaml",
             "FIVE_BAR": _URDF / "five_bar.urdf",
             "LOOPS": _URDF / "five_bar.loops.yaml",
@@ -76,6 +78,11 @@ COMMANDS: dict[str, Command] = {
     "at --json": _json("at", "planar3r", "--q", "0,1,0"),
     "families --certificate": Command(
         ("families", "planar3r", "--certificate", "OUT"), "certificate.json"
+    ),
+    "families --loops --certificate": Command(
+        ("families", *_LOOPS, "--certificate", "OUT_LEGS"),
+        "certificate_leg1.json",
+        ("certificate_leg2.json",),
     ),
     "families --system": Command(("families", "planar3r", "--system", "OUT"), "equations.sing"),
     "view --html": Command(("view", "planar3r", "--html", "OUT"), "page.html"),
@@ -134,7 +141,7 @@ BROWSER = {name for name, c in COMMANDS.items() if {"--png", "--pdf"} & set(c.wo
 
 # Options and arguments that name a file which is read.
 _READ = {"--loops", "--analysis", "--package", "file", "files", "table", "robot"}
-REFUSED = {("families --certificate", True), ("families --system", True), ("map --out", True)}
+REFUSED = {("families --system", True), ("map --out", True)}
 """Options that are refused for mechanisms, so that nothing is written."""
 
 
