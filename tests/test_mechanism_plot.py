@@ -216,7 +216,7 @@ def test_legs_that_are_turned_round_are_not_drawn_again() -> None:
     assert [len(block.axes) for block in figure.subfigs] == [8, 1]
     words = " ".join(figure.subfigs[1].get_suptitle().split())
     assert "64 working modes" in words
-    assert "the others look like it, with legs turned round" in words
+    assert "the others look like it, legs turned round" in words
 
 
 # Command ------------------------------------------------------------------------------
