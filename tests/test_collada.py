@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import coal
 import numpy as np
 import pytest
 
 import pinsing
+from pinsing.description import collada as references
 from pinsing.view import painted
 from pinsing.view.collada import NotPlainError, read_collada
 from pinsing.view.links import read_links
@@ -167,3 +169,19 @@ def test_shapes_of_links_come_apart_from_the_rest() -> None:
     assert b"bone" in scene
     assert b"visual" in links
     assert len(scene) + len(links) == len(recorder.packed())
+
+
+def test_a_mesh_is_refused_that_is_too_large_or_changes_while_it_is_read(tmp_path, monkeypatch):
+    file = tmp_path / "arm.dae"
+    file.write_text("<COLLADA></COLLADA>")
+    assert references.image_references(file) == ()
+    size = file.stat().st_size
+    monkeypatch.setattr(references, "_LARGEST", size)
+    assert references.image_references(file) == ()
+    monkeypatch.setattr(references, "_LARGEST", size - 1)
+    with pytest.raises(references.ColladaProblem, match="too large"):
+        references.image_references(file)
+    monkeypatch.undo()
+    monkeypatch.setattr(references.os, "fstat", lambda _: SimpleNamespace(st_size=size - 3))
+    with pytest.raises(references.ColladaProblem, match="changes"):
+        references.image_references(file)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 from pathlib import Path
 from xml.parsers import expat
@@ -22,16 +23,21 @@ def image_references(path: Path) -> tuple[str, ...]:
     Raises
     ------
     ColladaProblem
-        If the file is too large, no XML, in an odd encoding, or declares entities.
+        If the file is too large, changes, is no XML, in an odd encoding, or declares entities.
     """
     with path.open("rb") as stream:
-        data = stream.read(_LARGEST + 1)
-    if len(data) > _LARGEST:
-        raise ColladaProblem("is too large")
-    if b"\0" in data[:400] or b"<!DOCTYPE" in data or b"<!ENTITY" in data:
+        size = os.fstat(stream.fileno()).st_size
+        if size > _LARGEST:
+            raise ColladaProblem("is too large")
+        # Not the most that is allowed: room for that would be made first, in milliseconds.
+        data = stream.read(size + 1)
+    if len(data) != size:
+        raise ColladaProblem("changes while it is read")
+    # Files are large: most are looked through twice and no more.
+    declares = b"<!" in data and (b"<!DOCTYPE" in data or b"<!ENTITY" in data)
+    if declares or b"\0" in data[:400]:
         raise ColladaProblem("has entities or an odd encoding")
-    end_of_images = data.rfind(b"library_images")
-    if end_of_images < 0 or b"init_from" not in data:  # nearly all of them, and some are large
+    if b"init_from" not in data or (end_of_images := data.rfind(b"library_images")) < 0:
         return ()
     found: list[str] = []
     depth = library = inside = 0
