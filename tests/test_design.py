@@ -19,6 +19,7 @@ from pinsing.description.dh_table import read_dh
 from pinsing.description.dh_urdf import bare_urdf
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.design_reality import unreal
+from pinsing.kinematics.jacobian import singular_values
 
 ROOT = Path(__file__).parent.parent
 TABLES = {
@@ -165,6 +166,42 @@ def test_modified_tables_and_twists_with_square_roots(tmp_path, rng):
             assert any(
                 np.abs(form.residuals(f.name, q, lengths)).max() < 1e-9 for f in form.families
             )
+
+
+ELBOW = """
+name: elbow7
+convention: standard
+units: {angle: deg, length: m}
+rows:
+  - {alpha: 90, a: 0, d: 0.3, theta: 0, type: continuous}
+  - {alpha: -90, a: 0, d: 0, theta: 0, type: continuous}
+  - {alpha: 90, a: 0.05, d: 0.4, theta: 0, type: continuous}
+  - {alpha: -90, a: -0.05, d: 0, theta: 0, type: continuous}
+  - {alpha: 90, a: 0, d: 0.4, theta: 0, type: continuous}
+  - {alpha: 90, a: 0.08, d: 0, theta: 0, type: continuous}
+  - {alpha: 0, a: 0, d: 0.1, theta: 0, type: continuous}
+"""
+
+
+def test_a_family_of_more_equations_than_joints_is_one_of_special_lengths(tmp_path, rng):
+    path = tmp_path / "elbow.dh.yaml"
+    path.write_text(ELBOW)
+    form = pinsing.closed_form(path, symbols="a3,a4,a6", seconds=LONG)
+    assert form.complete
+    for family in form.families:
+        moved = {j for e in family.equations for j in e.joints if j.startswith("q")}
+        assert len(moved) >= len(family.equations)
+    (change,) = [c for c in form.changes if c.condition == "a3 + a4 = 0"]
+    assert change.kind == "appears"
+    assert "2 cos(q4/2) - 5 a3 sin(q4/2) = 0" in change.into[0]
+    # In numbers: there at a4 = -a3, whatever the other joints do; not at lengths nearby.
+    for a3, a4, singular in [(0.07, -0.07, True), (0.07, -0.071, False), (0.07, 0.07, False)]:
+        arm = with_numbers(read_dh(path), {"a3": a3, "a4": a4, "a6": 0.03})
+        Q = rng.uniform(-3, 3, (50, 7))
+        Q[:, 3] = 2 * math.atan(0.4 / a3)
+        sigma = singular_values(arm, Q)
+        ratio = sigma[:, -1] / sigma[:, 0]
+        assert ratio.max() < 1e-12 if singular else ratio.max() > 1e-5
 
 
 def test_a_family_without_configurations_is_told(rng):

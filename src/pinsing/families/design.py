@@ -7,6 +7,7 @@ singular; they are told as assumptions.
 
 from __future__ import annotations
 
+import itertools
 import math
 import time
 from collections.abc import Sequence
@@ -164,6 +165,9 @@ def _stated(components: Sequence[Component], design: DesignNames) -> _Stated:
                 fixed = [design.text(_product(p)) for p in joined if p not in moving]
                 appearing.setdefault(" and ".join(fixed), []).append(text)
                 continue
+            if at := _only_at([_product(polys) for polys in moving], design):
+                appearing.setdefault(at, []).append(text)
+                continue
             stated = DesignFamily(
                 name="",
                 text=text,
@@ -176,6 +180,36 @@ def _stated(components: Sequence[Component], design: DesignNames) -> _Stated:
     named = [replace(f, stated=replace(f.stated, name=f"F{i}")) for i, f in enumerate(found, 1)]
     more = [DesignChange(at, "", "appears", tuple(into)) for at, into in appearing.items()]
     return _Stated(named, assumed, more)
+
+
+def _only_at(equations: Sequence[Poly], design: DesignNames) -> str:
+    """Where equations hold together, if that is not for symbols in general; empty if it is.
+
+    Some of them that have fewer joints than they are leave a condition on the symbols alone: their
+    resultant, where they are two in one joint.
+    """
+    ring = design.ring
+    joints = [{j for j in ring.joints_of(e) if j < design.n} for e in equations]
+    for count in range(2, len(equations) + 1):
+        for some in itertools.combinations(range(len(equations)), count):
+            shared = set().union(*(joints[k] for k in some))
+            if len(shared) >= count:
+                continue
+            if count == 2 and len(shared) == 1:
+                p, g = (equations[k] for k in some)
+                left = ring.strip(ring.eliminated(p, g, *shared))
+                parts = [f for f in ring.factors(left) if not _positive(f)] if left != 0 else []
+                if parts:
+                    return " or ".join(design.text(f) for f in parts)
+            return "values for which they hold together"
+    return ""
+
+
+def _positive(poly: Poly) -> bool:
+    """Whether a polynomial is a sum of even powers and a number, of one sign: nowhere zero."""
+    signs = {c > 0 for c in poly.coeffs()}
+    even = all(not k % 2 for monomial in poly.monoms() for k in monomial)
+    return len(signs) == 1 and even and any(not any(m) for m in poly.monoms())
 
 
 def _joined(group: Sequence[Component], ring: Ring) -> list[list[list[Poly]]]:
