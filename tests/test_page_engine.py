@@ -12,6 +12,7 @@ from arms import textbook
 from node import needs_node, run
 from numpy.typing import NDArray
 from tiers import tiered
+from urdf_texts import three_joints
 
 from pinsing import at, closed_form, load, singular_values
 from pinsing.configuration.refine import refine
@@ -523,18 +524,7 @@ def test_the_clearest_pose_is_no_worse_than_those_given() -> None:
     assert found["best"]["lower"] <= found["best"]["upper"] + 1e-9
 
 
-ELBOW = """<robot name="elbow">
-  <link name="base"/><link name="a"/><link name="b"/><link name="c"/><link name="tool"/>
-  <joint name="spin" type="continuous"><parent link="base"/><child link="a"/>
-    <origin xyz="0 0 0.2"/><axis xyz="0 0 1"/></joint>
-  <joint name="lift" type="revolute"><parent link="a"/><child link="b"/>
-    <origin xyz="0.1 0 0.1"/><axis xyz="0 1 0"/>
-    <limit lower="-1.5" upper="1.5" velocity="1" effort="1"/></joint>
-  <joint name="bend" type="continuous"><parent link="b"/><child link="c"/>
-    <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/></joint>
-  <joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
-    <origin xyz="0.3 0 0"/></joint>
-</robot>"""
+ELBOW = three_joints("elbow", -1.5, 1.5)
 
 
 @needs_node

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 from arms import textbook
 from chromium import BLUE, ORANGE, PINK, near, open_page, picture, show_only, text
+from urdf_texts import three_joints
 
 from pinsing import closed_form
 from pinsing.robot.load import load
@@ -565,18 +566,7 @@ def test_rounding_that_hides_a_singularity_is_said_at_the_verdict(
     assert "singular but for the rounding of the file" in text(page, "#rank")
 
 
-STUCK = """<robot name="stuck">
-  <link name="base"/><link name="a"/><link name="b"/><link name="c"/><link name="tool"/>
-  <joint name="spin" type="continuous"><parent link="base"/><child link="a"/>
-    <origin xyz="0 0 0.2"/><axis xyz="0 0 1"/></joint>
-  <joint name="lift" type="revolute"><parent link="a"/><child link="b"/>
-    <origin xyz="0.1 0 0.1"/><axis xyz="0 1 0"/>
-    <limit lower="0.5" upper="0.5" velocity="1" effort="1"/></joint>
-  <joint name="bend" type="continuous"><parent link="b"/><child link="c"/>
-    <origin xyz="0.4 0 0"/><axis xyz="0 1 0"/></joint>
-  <joint name="end" type="fixed"><parent link="c"/><child link="tool"/>
-    <origin xyz="0.3 0 0"/></joint>
-</robot>"""
+STUCK = three_joints("stuck", 0.5, 0.5)
 
 
 @pytest.mark.slow
