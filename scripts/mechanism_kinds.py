@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Callable, Sequence
-from fractions import Fraction
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
+from mechanism_parts import (
+    Vector,
+    Z,
+    about,
+    ball,
+    limits,
+    numbers,
+    outline,
+    platform_frames,
+    points,
+    pose,
+)
+from mechanism_rods import rods_on_carriages, rods_on_cranks
 from mechanism_tree import Tree
 
 from pinsing.description.yaml_tree import YamlNode, compose
-
-Vector = np.ndarray
-Z = (0.0, 0.0, 1.0)
 
 
 def read_table(path: Path) -> tuple[str, str]:
@@ -39,100 +48,17 @@ def _peek(root: YamlNode) -> str:
     raise root.error("missing key 'kind': add it")
 
 
-# -- numbers of a table ---------------------------------------------------------------------------
-
-
-def _numbers(node: YamlNode, count: int | None = None) -> list[float]:
-    return [x.number() for x in node.items("value", count)]
-
-
-def _points(node: YamlNode) -> list[Vector]:
-    """Points, as ``[x, y, z]`` each or as ``{radius, angles}`` in degrees, about z."""
-    if "radius" in node.keys():  # noqa: SIM118  (a method of the YAML node)
-        polar = node.mapping(("radius", "angles"), ("height",))
-        height = polar["height"].number() if "height" in polar else 0.0
-        radius = polar["radius"].number()
-        angles = [x.number(Fraction(1, 180), pi=1) for x in polar["angles"].items("angle")]
-        return [np.array([radius * math.cos(a), radius * math.sin(a), height]) for a in angles]
-    return [np.array(_numbers(x, 3)) for x in node.items("point")]
-
-
-def _limits(keys: dict[str, YamlNode], name: str) -> tuple[float, float] | None:
-    if name not in keys:
-        return None
-    low, high = _numbers(keys[name], 2)
-    return low, high
-
-
-def _pose(keys: dict[str, YamlNode]) -> tuple[Vector, Vector]:
-    """Home of the platform: position, and rotation by roll, pitch and yaw in degrees."""
-    pose = keys["home"].mapping(("position",), ("turn",))
-    at = np.array(_numbers(pose["position"], 3))
-    turn = (
-        [x.number(Fraction(1, 180), pi=1) for x in pose["turn"].items("angle", 3)]
-        if ("turn" in pose)
-        else [0.0, 0.0, 0.0]
-    )
-    r, p, y = turn
-    return at, _about(Z, y) @ _about((0, 1, 0), p) @ _about((1, 0, 0), r)
-
-
-def _about(axis: Sequence[float], angle: float) -> Vector:
-    x, y, z = np.array(axis, dtype=float) / np.linalg.norm(axis)
-    c, s = math.cos(angle), math.sin(angle)
-    cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
-    return np.eye(3) * c + s * cross + (1 - c) * np.outer([x, y, z], [x, y, z])
-
-
-def _xyz(rotation: Vector) -> tuple[float, float, float]:
-    """Angles of turns about x, then y, then z, of the moved frame; of two ways the shorter."""
-    R = np.where(np.abs(rotation) < 1e-12, 0.0, rotation)
-    b = math.asin(float(np.clip(R[0, 2], -1, 1)))
-    a, c = math.atan2(-R[1, 2], R[2, 2]), math.atan2(-R[0, 1], R[0, 0])
-    other = (a - math.copysign(math.pi, a), math.copysign(math.pi, b) - b,
-             c - math.copysign(math.pi, c))  # fmt: skip
-    return min((a, b, c), other, key=lambda x: abs(x[0]) + abs(x[2]))
-
-
-def _outline(link, points: Sequence[Vector], radius: float, color: str) -> None:
-    for a, b in zip(points, [*points[1:], points[0]], strict=True):
-        link.bar(a, b, radius, color)
-
-
-def _platform(
-    tree: Tree, parent: str, points: Sequence[Vector], rows: Sequence[str], size: float
-) -> None:
-    """The frames at the joints of the platform (from the second on) and at its origin."""
-    first = points[0]
-    for k, b in enumerate(points[1:], 2):
-        tree.frame(f"b{k}", parent, b - first)
-    tree.frame("platform_center", parent, -first)
-    _outline(tree.links[parent], [b - first for b in points], size, "tool")
-    tree.output, tree.rows = "platform_center", tuple(rows)
-
-
-def _ball(
-    tree: Tree, parent: str, at: Sequence[float], turned: Vector, turn: tuple[float, float] | None
-) -> None:
-    """Three turning joints that carry the platform."""
-    kind = "continuous" if turn is None else "revolute"
-    links = ("ball_a", "ball_b", "platform")
-    for axis, name, link, value in zip(np.eye(3), "xyz", links, _xyz(turned), strict=True):
-        tree.add(f"s1{name}", kind, parent, link, at, axis, turn, value)
-        parent, at = link, (0, 0, 0)
-
-
 # -- kinds of mechanism ---------------------------------------------------------------------------
 
 
 def _ups(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
     """Six legs: universal joint, driven slide, ball."""
-    base, platform = _points(keys["base"]), _points(keys["platform"])
-    at, R = _pose(keys)
-    slide, turn = _limits(keys, "length"), _limits(keys, "turn")
+    base, platform = points(keys["base"]), points(keys["platform"])
+    at, R = pose(keys)
+    slide, turn = limits(keys, "length"), limits(keys, "turn")
     kind = "continuous" if turn is None else "revolute"
     size = float(np.abs(base[0]).max()) * 0.02
-    _outline(tree.links["base_link"], base, size, "dark")
+    outline(tree.links["base_link"], base, size, "dark")
     for k, (a, b) in enumerate(zip(base, platform, strict=True), 1):
         reach = at + R @ b - a
         length = float(np.linalg.norm(reach))
@@ -147,23 +73,23 @@ def _ups(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
         rod.bar((0, 0, -0.8 * length), (0, 0, 0), size, "light")
         tree.driven.append(f"p{k}")
         if k == 1:
-            leg = _about((1, 0, 0), first) @ _about((0, 1, 0), second)
-            _ball(tree, "rod1", (0, 0, 0), leg.T @ R, turn)
+            leg = about((1, 0, 0), first) @ about((0, 1, 0), second)
+            ball(tree, "rod1", (0, 0, 0), leg.T @ R, turn)
         else:
             tree.frame(f"e{k}", f"rod{k}", (0, 0, 0))
             tree.close(f"e{k}", f"b{k}")
-    _platform(tree, "platform", platform, ("vx", "vy", "vz", "wx", "wy", "wz"), size)
+    platform_frames(tree, "platform", platform, ("vx", "vy", "vz", "wx", "wy", "wz"), size)
     return tree
 
 
 def _rps(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
     """Three legs: turning joint across the radius, driven slide, ball."""
-    base, platform = _points(keys["base"]), _points(keys["platform"])
-    at, R = _pose(keys)
-    slide, turn = _limits(keys, "length"), _limits(keys, "turn")
+    base, platform = points(keys["base"]), points(keys["platform"])
+    at, R = pose(keys)
+    slide, turn = limits(keys, "length"), limits(keys, "turn")
     size = float(np.abs(base[0]).max()) * 0.025
     kind = "continuous" if turn is None else "revolute"
-    _outline(tree.links["base_link"], base, size, "dark")
+    outline(tree.links["base_link"], base, size, "dark")
     for k, (a, b) in enumerate(zip(base, platform, strict=True), 1):
         axis = np.cross(Z, a / np.linalg.norm(a))
         reach = at + R @ b - a
@@ -175,21 +101,21 @@ def _rps(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
         rod.bar((0, 0, -0.8 * length), (0, 0, 0), size, "light")
         tree.driven.append(f"p{k}")
         if k == 1:
-            _ball(tree, "rod1", (0, 0, 0), _about(axis, value).T @ R, turn)
+            ball(tree, "rod1", (0, 0, 0), about(axis, value).T @ R, turn)
         else:
             tree.frame(f"e{k}", f"rod{k}", (0, 0, 0))
             tree.close(f"e{k}", f"b{k}")
-    _platform(tree, "platform", platform, ("vz", "wx", "wy"), size)
+    platform_frames(tree, "platform", platform, ("vz", "wx", "wy"), size)
     return tree
 
 
 def _rpr(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
     """Three planar legs: turning joint, driven slide, turning joint."""
-    base, platform = _points(keys["base"]), _points(keys["platform"])
-    at, R = _pose(keys)
-    slide = _limits(keys, "length")
+    base, platform = points(keys["base"]), points(keys["platform"])
+    at, R = pose(keys)
+    slide = limits(keys, "length")
     size = float(np.abs(base).max()) * 0.012
-    _outline(tree.links["base_link"], base, size, "dark")
+    outline(tree.links["base_link"], base, size, "dark")
     for k, (a, b) in enumerate(zip(base, platform, strict=True), 1):
         reach = at + R @ b - a
         length, value = float(np.linalg.norm(reach)), math.atan2(reach[1], reach[0])
@@ -206,7 +132,7 @@ def _rpr(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
         else:
             tree.frame(f"e{k}", f"rod{k}", (0, 0, 0))
             tree.close(f"e{k}", f"b{k}")
-    _platform(tree, "platform", platform, ("vx", "vy", "wz"), size)
+    platform_frames(tree, "platform", platform, ("vx", "vy", "wz"), size)
     return tree
 
 
@@ -215,7 +141,7 @@ def _delta(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
     base, crank, rod = (keys[k].number() for k in ("base_radius", "crank", "rod"))
     platform, apart = keys["platform_radius"].number(), keys["rods_apart"].number()
     height = keys["home_height"].number()
-    turn = _limits(keys, "turn")
+    turn = limits(keys, "turn")
     kind = "continuous" if turn is None else "revolute"
     ends: list[Vector] = []
     size = 0.03 * crank
@@ -253,21 +179,21 @@ def _delta(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
             bar.bar((0, 0, 0), rod * radial, 0.7 * size, "light")
             ends.append(platform * radial + sign * apart / 2 * across)
             if len(ends) == 1:
-                R = _about(axis, value + swing)
-                _ball(tree, f"rod{name}", rod * radial, R.T, None)
+                R = about(axis, value + swing)
+                ball(tree, f"rod{name}", rod * radial, R.T, None)
             else:
                 tree.frame(f"e{len(ends)}", f"rod{name}", rod * radial)
                 tree.close(f"e{len(ends)}", f"b{len(ends)}")
-    _outline(tree.links["base_link"], corners, 1.5 * size, "dark")
-    _platform(tree, "platform", ends, ("vx", "vy", "vz"), size)
+    outline(tree.links["base_link"], corners, 1.5 * size, "dark")
+    platform_frames(tree, "platform", ends, ("vx", "vy", "vz"), size)
     return tree
 
 
 def _spherical(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
     """Three legs of three turning joints whose axes all meet in the origin."""
-    base = [v / np.linalg.norm(v) for v in _points(keys["base_axes"])]
-    platform = [v / np.linalg.norm(v) for v in _points(keys["platform_axes"])]
-    middle = [v / np.linalg.norm(v) for v in _points(keys["middle_axes"])]
+    base = [v / np.linalg.norm(v) for v in points(keys["base_axes"])]
+    platform = [v / np.linalg.norm(v) for v in points(keys["platform_axes"])]
+    middle = [v / np.linalg.norm(v) for v in points(keys["middle_axes"])]
     radius = keys["radius"].number()
     size = 0.03 * radius
     first = tree.links["base_link"]
@@ -305,11 +231,11 @@ def _arc(link, radius: float, start: Vector, end: Vector, size: float, color: st
 def _rssr(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
     """Crank, coupler between two balls, rocker; the coupler's idle spin is left out."""
     crank, coupler, rocker = (keys[k].number() for k in ("crank", "coupler", "rocker"))
-    far = np.array(_numbers(keys["rocker_pivot"], 3))
-    axis = np.array(_numbers(keys["rocker_axis"], 3))
-    arm = np.array(_numbers(keys["rocker_arm"], 3))
+    far = np.array(numbers(keys["rocker_pivot"], 3))
+    axis = np.array(numbers(keys["rocker_axis"], 3))
+    arm = np.array(numbers(keys["rocker_arm"], 3))
     arm = rocker * arm / np.linalg.norm(arm)
-    guess = _numbers(keys["home"], 4)
+    guess = numbers(keys["home"], 4)
     size = 0.03 * crank
     tree.add("crank", "continuous", "base_link", "crank_link", (0, 0, 0), Z, None, guess[0]).bar(
         (0, 0, 0), (crank, 0, 0), 1.5 * size, "blue"
@@ -334,6 +260,16 @@ def _rssr(tree: Tree, keys: dict[str, YamlNode]) -> Tree:
 Build = Callable[[Tree, dict[str, YamlNode]], Tree]
 KINDS: dict[str, tuple[tuple[str, ...], tuple[str, ...], Build]] = {
     "6-UPS": (("base", "platform", "home"), ("length", "turn"), _ups),
+    "6-PUS": (
+        ("base", "rail", "platform", "rod", "leans", "home"),
+        ("slide", "turn"),
+        rods_on_carriages,
+    ),
+    "6-RUS": (
+        ("base", "crank", "crank_headings", "platform", "rod", "home"),
+        ("turn",),
+        rods_on_cranks,
+    ),
     "3-RPS": (("base", "platform", "home"), ("length", "turn"), _rps),
     "3-RPR": (("base", "platform", "home"), ("length",), _rpr),
     "Delta": (

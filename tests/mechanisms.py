@@ -104,8 +104,7 @@ def from_model(
         source=Source(
             label="test",
             path=None,
-            xml=None,
-            package_dirs=(),
+            shapes=None,
             full_model=model,
             locked=(),
             kept=tuple(range(1, model.njoints)),

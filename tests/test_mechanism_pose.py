@@ -362,9 +362,14 @@ def test_all_working_modes_of_the_pose_are_listed_by_name(name: str) -> None:
         assert not any("0" in s for s in signs)
 
 
-def test_a_leg_on_a_sphere_has_an_elbow_and_a_ball_has_none() -> None:
-    eye, rssr = shipped("agile_eye"), shipped("rssr")
+def test_a_leg_on_a_sphere_has_an_elbow_and_a_leg_that_only_lengthens_has_none() -> None:
+    eye, stewart = shipped("agile_eye"), shipped("gough_stewart")
     assert mode_of(eye, home(eye)) == "assembly +, elbows ---"
-    assert elbows(rssr) == ()
-    # The leg that is in line at a type 1 singularity is named only where it is.
-    assert mode_of(rssr, home(rssr)) == "assembly +"
+    assert elbows(stewart) == ()
+    assert "elbows" not in mode_of(stewart, home(stewart))
+
+
+def test_a_rod_that_leaves_the_plane_of_its_crank_has_an_elbow() -> None:
+    rssr = shipped("rssr")
+    assert len(elbows(rssr)) == 1
+    assert mode_of(rssr, home(rssr)) == "assembly +, elbows +"

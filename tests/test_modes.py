@@ -41,6 +41,8 @@ SHELF = {
     "gough_stewart": (21, 15, 15, 6),
     "stewart_6_3": (21, 15, 15, 6),
     "griffis_duffy": (21, 15, 15, 6),
+    "hexaglide": (21, 15, 15, 6),
+    "rus6": (21, 15, 15, 6),
     "rps3": (9, 6, 6, 3),
     "planar_3rpr": (7, 6, 4, 3),
     "planar_3rrr": (7, 6, 4, 3),

@@ -13,7 +13,7 @@ from urdf_text import J, X, Z, frame, loop_text, stewart, written
 import pinsing
 from pinsing.mechanism import joint_forms, mechanism_at, pose_forms, ranks, refine
 from pinsing.mechanism.closure import random_closed, residual
-from pinsing.mechanism.pose_loci import locus_distance, variables_at
+from pinsing.mechanism.pose_values import locus_distance, variables_at
 from pinsing.mechanism.structure import without_length
 
 BASE = np.array([[0, 0], [1, 0.1], [0.4, 0.9]])
@@ -157,7 +157,12 @@ def test_a_planar_platform_is_the_same_however_it_is_written(way, tmp_path, rng)
 def test_the_analysis_of_actuated_elbows_agrees_with_itself(tmp_path):
     found = pinsing.analyze_mechanism(planar(tmp_path, Way("rrr", driven="b")))
     assert all(check.passed for check in found.checks)
-    assert any("stretched or folded at its actuated elbow" in n for n in found.pose_forms.notes)
+    words = [x.words for x in found.pose_forms.loci if x.kind == "type 1"]
+    assert words == [
+        f"leg {k} is {shape} at its actuated elbow b{k - 1}"
+        for k in (1, 2, 3)
+        for shape in ("stretched", "folded")
+    ]
 
 
 @pytest.mark.parametrize("seed", tiered(range(5), (1,)))
@@ -264,6 +269,16 @@ def test_a_crank_without_length_is_named(tmp_path, monkeypatch):
     monkeypatch.setattr(here, "CRANK", 0.5)
     (tmp_path / "b").mkdir()
     assert without_length(planar(tmp_path / "b", Way("rrr"))) == ""
+
+
+def test_a_rod_without_length_is_an_error(tmp_path, monkeypatch):
+    import test_parallel_geometry as here
+
+    monkeypatch.setattr(here, "ROD", 0.0)
+    mechanism = planar(tmp_path, Way("rrr"))
+    for run in (pose_forms, joint_forms, pinsing.assembly_modes, pinsing.analyze_mechanism):
+        with pytest.raises(pinsing.PinsingError, match="b0 and turn turn about one axis"):
+            run(mechanism)
 
 
 def test_loops_that_cannot_close_are_said(tmp_path):

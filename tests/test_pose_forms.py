@@ -16,8 +16,9 @@ import pinsing
 from pinsing.cli import main
 from pinsing.mechanism import PoseForms, mechanism_at, pose_forms, refine, working_modes
 from pinsing.mechanism.closure import Loops, random_closed
-from pinsing.mechanism.pose_loci import _split, _together, _type1, variables_at
+from pinsing.mechanism.pose_loci import _split, _together, _type1
 from pinsing.mechanism.pose_ring import PoseRing
+from pinsing.mechanism.pose_values import variables_at
 from pinsing.mechanism.rods import rods
 from pinsing.plot.mechanism import TYPE_2
 from pinsing.plot.pose_aspects import colors, regions
@@ -285,8 +286,12 @@ def test_rods_that_are_not_parallel_stay_so():
 def test_loci_of_the_delta(rng):
     mechanism = shipped("delta")
     forms = pose_forms(mechanism)
-    kinds = [x.kind for x in forms.loci]
+    level, turned = forms.loci[:-2], forms.loci[-2:]
+    kinds = [x.kind for x in level]
     assert sorted(kinds) == ["constraint", "type 1", "type 1", "type 1", "type 2"]
+    assert [x.kind for x in turned] == ["type 2 or constraint", "type 1"]
+    assert all("e0" in x.equation.names for x in turned)
+    assert not any("e0" in x.equation.names for x in level)
     base, crank, top, apart = 0.2, 0.24, 0.05, 0.1
     two = next(x for x in forms.loci if x.kind == "type 2")
     turning = next(x for x in forms.loci if x.kind == "constraint")
@@ -310,7 +315,11 @@ def test_loci_of_the_delta(rng):
         for locus, expected in ((two, directions), (turning, normals)):
             value = float(locus.equation([row[n] for n in locus.equation.names]))
             values.append((locus.kind, value / np.linalg.det(expected)))
-    for key in (1, 2, 3, "type 2", "constraint"):
+        # Where the output is not turned the determinant of all lines is the product of both.
+        row |= {"e0": 1.0, "e1": 0.0, "e2": 0.0, "e3": 0.0}
+        whole = float(turned[0].equation([row[n] for n in turned[0].equation.names]))
+        values.append(("both", whole / np.linalg.det(directions) / np.linalg.det(normals)))
+    for key in (1, 2, 3, "type 2", "constraint", "both"):
         ratio = np.array([v for k, v in values if k == key])
         np.testing.assert_allclose(ratio, ratio[0], rtol=1e-8)
 

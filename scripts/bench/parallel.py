@@ -35,6 +35,8 @@ SHELF = (
     "gough_stewart",
     "stewart_6_3",
     "griffis_duffy",
+    "hexaglide",
+    "rus6",
     "delta",
     "rps3",
     "agile_eye",
@@ -53,7 +55,11 @@ more.
 - Equations are over the pose of the output where each leg passes one force: x, y, z in metres and
   a unit quaternion e0, e1, e2, e3 (scalar first); in the plane x, y, cos φ, sin φ; with inputs
   where a crank moves the inner end of a rod. "complete": every singular pose is on one of them,
-  each step exact over the rationals.
+  each step exact over the rationals, but for what the notes below them name: legs without length,
+  and passive joints that move by themselves (a rod along the first axis of its universal joint),
+  whose equations are those in the joint angles. Slides may be counted from anywhere in their
+  stroke; a leg that is driven at its elbow is of type 1 where it is stretched or folded, an
+  equation in the pose.
 - Equations in the joint angles hold where the loops close: singular if and only if one is zero. A
   determinant has a row for each wrench that a leg passes on (force and moment about the origin of
   the base; in the plane fx, fy, mz; on the sphere the moment), in that leg's own angles.
@@ -73,12 +79,19 @@ more.
   0.3 mm beside the ball that it would spin about, and the two kangaroos' loops were not closed, to
   0.08 and 0.03 (metres, radians) at best. Without limits and with many free balls an analysis takes
   minutes (cassie_like 110 s).
-- Over the pose a leg must pass one force (two where it begins with a hinge), or the mechanism be a
-  spherical 3-RRR. Others have none: an output that turns on the base itself (RSSR), loops that are
-  welded or overconstrained (Bennett), redundant actuators: no determinant of lines of force is
-  their condition. Legs that are driven at the foot before a passive slide (RPR, SPR), whose force
-  is across the slide, are not written over the pose. The equations of all of these are those in
-  the joint angles.
+- Over the pose a leg passes one force along its rod, or across its slide where it is driven at the
+  foot (RPR, RPS, UPS), and one more where it begins with a hinge; or the mechanism is a spherical
+  3-RRR. Rods on rails or cranks whose output turns (hexaglide, 6-RUS, 3-PRS) have their equations
+  in the pose and the inputs together, a determinant that is not multiplied out (tens of thousands
+  of terms), with the lengths of the rods as the equations of closure: `families --loops --exact`
+  and `--json` write both out. To eliminate the inputs would multiply all working modes (64 where
+  there are six). Others have none: an output that turns on the base itself (RSSR), loops that are
+  welded or overconstrained (Bennett), redundant actuators, legs with a hinge at the platform (SPR):
+  no determinant of lines of force from the feet is their condition. Theirs are those in the joint
+  angles.
+- Where algebra gives the number of modes it is said: the two solutions of each leg, three spheres,
+  one rod's quadratic equation, the real roots of a polynomial; "at most 40" and "at most 16" are
+  bounds over the complex numbers. "found from 400 starts; more may exist" is no more than that.
 - Maps: `pinsing map NAME --loops --over poses` (or `inputs`). Per second of processor time on one
   thread, with Pinocchio's constraint models one configuration after the other in brackets
   (`scripts/bench/mechanism_rate.py`): constraint and output Jacobians of 188,000 configurations of
@@ -104,6 +117,8 @@ SLICES = {
     "gough_stewart": "x,yaw",
     "stewart_6_3": "z,pitch",
     "griffis_duffy": "x,y",
+    "hexaglide": "y,yaw",
+    "rus6": "x,yaw",
     "delta": "x,z",
     "rps3": "roll,pitch",
     "agile_eye": "roll,pitch",
@@ -251,6 +266,13 @@ def of_griffis_duffy(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     )
 
 
+def of_rods(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    two, *ones = pose_forms(mechanism).loci
+    yield "type 2: the rod lines belong to one linear complex (Merlet 1989)", two.words
+    for locus in ones[:1]:
+        yield "type 1: a rod does no work on the motion of its foot", f"{locus.words}; and so on"
+
+
 def of_3rpr(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     locus = pose_forms(mechanism).loci[0]
     yield (
@@ -304,6 +326,8 @@ KNOWN: dict[str, Known] = {
     "gough_stewart": of_stewart,
     "stewart_6_3": of_stewart,
     "griffis_duffy": of_griffis_duffy,
+    "hexaglide": of_rods,
+    "rus6": of_rods,
     "planar_3rpr": of_3rpr,
     "delta": of_delta,
     "bennett": of_bennett,

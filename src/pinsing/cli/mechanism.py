@@ -201,6 +201,7 @@ def families_loops(
     """``families --loops``: the loci as equations, over inputs or pose, and in all joint angles."""
     from pinsing.mechanism import joint_forms, loop_forms, pose_forms
     from pinsing.mechanism.forms_text import forms_text
+    from pinsing.mechanism.rods import why_no_rods
 
     if latex:
         raise OptionError(
@@ -224,13 +225,15 @@ def families_loops(
         say("note: with --loops --seconds bounds the proofs of the legs only (--prove)")
     if found is None and not joints.complete:
         say(
-            f"{mechanism.name}: no closed form: neither a planar dyad closes the loops nor does "
-            f"each leg pass one force; in the joint angles {'; '.join(joints.notes)}; analyze "
+            f"{mechanism.name}: no closed form: no planar dyad closes the loops, and "
+            f"{why_no_rods(mechanism)}; in the joint angles {'; '.join(joints.notes)}; analyze "
             "--loops finds singular points by numbers"
         )
         emit_json(joints, json_target)
         return 0
     whole = joints if found is None else dataclasses.replace(found, joint_forms=joints)
+    if found is None:
+        say(f"note: no closed forms over the pose: {why_no_rods(mechanism)}")
     if not emit_json(whole, json_target):
         emit(forms_text(mechanism.inputs, found, Page.of(), deg, exact, joints))
     if proven:

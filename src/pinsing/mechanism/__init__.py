@@ -11,7 +11,8 @@ from pinsing.mechanism.modes import home, mode_of
 from pinsing.mechanism.motion import MechanismState, input_output, leg_form, mechanism_at, motions
 from pinsing.mechanism.pose import Pose
 from pinsing.mechanism.pose_equation import PoseEquation
-from pinsing.mechanism.pose_loci import PoseForms, PoseLocus, pose_forms
+from pinsing.mechanism.pose_forms import PoseForms, PoseLocus
+from pinsing.mechanism.pose_loci import pose_forms
 from pinsing.mechanism.problems import Modes, assemblies, assembly_modes, working_modes
 from pinsing.mechanism.result import MechanismAnalysis
 from pinsing.mechanism.singular_points import SingularPoint, find_singular

@@ -22,9 +22,12 @@ from pinsing.mechanism.loci_roots import roots
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.motion import mechanism_at, motions
 from pinsing.mechanism.pose import pose_of
-from pinsing.mechanism.pose_loci import PoseForms, locus_distance, pose_forms
+from pinsing.mechanism.pose_forms import PoseForms
+from pinsing.mechanism.pose_loci import pose_forms
+from pinsing.mechanism.pose_values import locus_distance
 from pinsing.mechanism.problems import Modes, assembly_modes, working_modes
 from pinsing.mechanism.result import FORMS, Check, MechanismAnalysis
+from pinsing.mechanism.rods import why_no_rods
 from pinsing.mechanism.singular_points import SingularPoint, find_singular
 from pinsing.mechanism.solve import InfeasibleError
 from pinsing.mechanism.structure import without_length
@@ -158,6 +161,7 @@ def analyze_mechanism(
         notes=tuple(notes),
         joint_forms=joints,
         missing=tuple(stages.missing),
+        why_none="" if poses is not None else why_no_rods(mechanism),
     )
 
 
@@ -287,6 +291,7 @@ def _pose_checks(
     if not any(locus.kind == "type 1" for locus in forms.loci):
         # What else is of type 1 the notes say.
         points = tuple(p for p in points if p.kind != "type 1")
+    points = tuple(p for p in points if not _by_itself(mechanism, p))
     if not points:
         return []
     worst = max(float(locus_distance(mechanism, forms, p.q)) for p in points)
@@ -297,6 +302,14 @@ def _pose_checks(
         f"relative value {worst:.1e}; {regular:.1e} at home)"
     )
     return [Check(words, worst <= _ON)]
+
+
+def _by_itself(mechanism: Mechanism, point: SingularPoint) -> bool:
+    """Whether passive joints alone are dependent there, of which the pose does not tell."""
+    forms = joint_forms(mechanism)
+    return any(
+        float(x.ratio(point.q, forms.joints)) <= _AGREE for x in forms.loci if x.kind == "passive"
+    )
 
 
 def _feasible(mechanism: Mechanism, inputs: Array) -> bool:

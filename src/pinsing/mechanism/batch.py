@@ -13,6 +13,7 @@ from pinsing._types import Array, Bool
 from pinsing.mechanism.structure import structure
 from pinsing.robot.mechanism import Mechanism
 
+_TINY = 1e-12
 _LARGEST_STEP = 0.5
 _CLOSE = 1e-9
 
@@ -146,11 +147,22 @@ class BatchLoops:
         return R, p, J * self.units
 
     def reach(
-        self, Q: Array, rotation: Array, position: Array, placed: Placed | None = None
+        self,
+        Q: Array,
+        rotation: Array,
+        position: Array,
+        placed: Placed | None = None,
+        rows: tuple[int, ...] = tuple(range(6)),
     ) -> tuple[Array, Array]:
-        """Error (N, 6) of the output's pose against wanted ones, and its Jacobian (N, 6, n)."""
+        """Error (N, 6) of the output's pose against wanted ones, and its Jacobian (N, 6, n).
+
+        With one turn not among the ``rows`` those that are have to bring its axis into place,
+        whatever the turn about it.
+        """
         R, p, J = self.output(Q, placed)
-        turn = _log(R @ np.swapaxes(rotation, -1, -2))
+        away = R @ np.swapaxes(rotation, -1, -2)
+        free = [k for k in range(3) if k + 3 not in rows]
+        turn = _swing(away, free[0]) if len(free) == 1 else _log(away)
         return np.concatenate([(p - position) / self._scale, turn], axis=1), J
 
 
@@ -243,7 +255,7 @@ def _system(
         R, p, rows = target
         R = R if R.ndim == 2 else R[active]
         p = p if p.ndim == 1 else p[active]
-        miss, K = loops.reach(X, R, p, placed)
+        miss, K = loops.reach(X, R, p, placed, rows)
         error = np.concatenate([error, miss[:, list(rows)]], axis=1)
         J = np.concatenate([J, K[:, list(rows)]], axis=1)
     return error, J
@@ -266,6 +278,16 @@ def _cross(a: Array, b: Array) -> Array:
     x, y, z = a[..., 0], a[..., 1], a[..., 2]
     u, v, w = b[..., 0], b[..., 1], b[..., 2]
     return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
+def _swing(R: Array, k: int) -> Array:
+    """The least turns (N, 3) that bring axis k to where R (N, 3, 3) has it."""
+    axis = np.eye(3)[k]
+    across = np.cross(axis, R[:, :, k])
+    size = np.linalg.norm(across, axis=1)
+    angle = np.arctan2(size, R[:, k, k])
+    grown = np.where(size > _TINY, angle / np.where(size > _TINY, size, 1.0), 1.0)
+    return np.asarray(across * grown[:, None])
 
 
 def _log(R: Array) -> Array:

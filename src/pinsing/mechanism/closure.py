@@ -15,6 +15,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import OptionError, PinsingError
 from pinsing.measures import SINGULAR_RTOL
+from pinsing.mechanism.structure import idle_link
 from pinsing.robot.load_mechanism import Mechanism
 
 Mask = npt.NDArray[np.bool_]
@@ -284,6 +285,9 @@ def _advice(mechanism: Mechanism) -> str:
 
 
 def _ranks(mechanism: Mechanism) -> Ranks:
+    idle = idle_link(mechanism)
+    if idle:
+        raise PinsingError(f"{mechanism.name}: {idle}")
     samples = random_closed(mechanism, _SAMPLES, np.random.default_rng(_SEED))
     if len(samples) < _FEW:
         samples += near_home(mechanism)

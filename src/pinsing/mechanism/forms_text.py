@@ -11,7 +11,8 @@ from pinsing.joint_text import typed
 from pinsing.mechanism.feasible import Interval
 from pinsing.mechanism.joint_forms import JointForms
 from pinsing.mechanism.loci import LoopForms
-from pinsing.mechanism.pose_loci import PoseForms
+from pinsing.mechanism.pose_equation import SHORT
+from pinsing.mechanism.pose_forms import PoseForms
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbroken
 
 Line = tuple[str, tuple[Span, ...]]
@@ -107,7 +108,7 @@ def loop_lines(
 
 
 def pose_lines(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
-    """Loci over the pose of the output."""
+    """Loci over the pose of the output; ``exact`` writes out what is long."""
     whole = good("complete") if forms.complete else caution("NOT complete")
     yield "", ("Closed forms of the singular loci over the pose of the output, ", whole, ":")
     if forms.architecture:
@@ -115,8 +116,16 @@ def pose_lines(forms: PoseForms, exact: bool = False) -> Iterator[Line]:
     for locus in forms.loci:
         none = "" if locus.real else " (no real points found)"
         yield "  ", (f"{locus.kind}: {locus.words}{none}",)
-        written = locus.equation.exact() if exact else str(locus.equation)
+        matrix = bool(locus.equation.matrix)
+        written = locus.equation.exact() if exact and not matrix else str(locus.equation)
         yield "    ", (formula(written),)
+        for row in locus.equation.rows(True) if exact else ():
+            yield "      ", (formula(row),)
+    closing = [x for x in forms.closing if exact or len(x.values) <= SHORT]
+    if closing:
+        yield "  ", ("the loops close where",)
+    for equation in closing:
+        yield "    ", (formula(equation.exact() if exact else str(equation)),)
     for family in forms.everywhere:
         yield "  ", (f"{family}",)
     for locus in forms.inputs:

@@ -1,8 +1,7 @@
 """How many modes there are, by algebra, where each leg passes one force.
 
 Given the pose, each leg is by itself: its actuated joint has the two solutions of a quadratic
-equation. Given the inputs, three legs in a plane have as many poses as their polynomial of degree 6
-has real roots (`three_distances`).
+equation.
 """
 
 from __future__ import annotations
@@ -10,27 +9,15 @@ from __future__ import annotations
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.mechanism.rods import Rod, rods
+from pinsing.mechanism.rod import Rod
+from pinsing.mechanism.rods import rods
 from pinsing.mechanism.sphere_loci import count_inputs
-from pinsing.mechanism.three_distances import count_poses, rod_length
+from pinsing.mechanism.three_distances import rod_length
 from pinsing.robot.mechanism import Mechanism
 
-_TOUCHING = 1e-9
+TOUCHING = 1e-9
+"""Two solutions that are this near to each other are not counted."""
 _PLANE, _SPACE = {0, 1, 5}, set(range(6))
-
-
-def number_of_modes(
-    mechanism: Mechanism,
-    inputs: Array,
-    target: tuple[Array, Array, tuple[int, ...]] | None,
-) -> tuple[int | None, str]:
-    """Poses at inputs (n_a,), limits left aside, or values of the inputs for a target pose.
-
-    With words for how they are counted; None where algebra does not tell.
-    """
-    if target is None:
-        return count_poses(mechanism, inputs), "the real roots of a polynomial of degree 6"
-    return count_working(mechanism, target[0], target[1]), "the two solutions of each leg"
 
 
 def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
@@ -41,7 +28,7 @@ def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
     found = rods(mechanism)
     if found is None:
         return count_inputs(mechanism, R)
-    if found.tilted or any(rod.bends for rod in found.rods):
+    if found.tilted or any(rod.bends or rod.side for rod in found.rods):
         return None
     if set(mechanism.task.rows) != (_PLANE if found.planar else _SPACE):
         return None
@@ -50,34 +37,36 @@ def count_working(mechanism: Mechanism, R: Array, p: Array) -> int | None:
         return None
     count = 1
     for rod in found.rods:
-        values = _values(mechanism, rod, p + R @ rod.outer, found.planar)
-        if values is None:
+        length = 0.0 if rod.slides else rod_length(mechanism, rod)
+        roots = values(mechanism, rod, p + R @ rod.outer, found.planar, length)
+        if roots is None:
             return None
-        count *= sum(_inside(mechanism, rod.joint, v) for v in values)
+        count *= sum(inside(mechanism, rod.joint, v) for v in roots)
     return count
 
 
-def _values(mechanism: Mechanism, rod: Rod, B: Array, planar: bool) -> tuple[float, ...] | None:
+def values(
+    mechanism: Mechanism, rod: Rod, B: Array, planar: bool, length: float
+) -> tuple[float, ...] | None:
     """What the actuated joint can be with the outer end at B; None where two solutions meet."""
     keep = (1.0, 1.0, 0.0) if planar else (1.0, 1.0, 1.0)
     e = (B - rod.inner) * keep
     if rod.slides:
         reach = float(np.linalg.norm(e))
-        return None if reach <= _TOUCHING else (reach, -reach)
+        return None if reach <= TOUCHING else (reach - rod.offset, -reach - rod.offset)
     first, second = rod.first * keep, rod.second * keep
-    length = rod_length(mechanism, rod)
     if mechanism.prismatic[rod.joint]:
         # |e - q a| = length.
         middle, size = float(e @ first) / float(first @ first), float(first @ first)
         left = middle**2 - (float(e @ e) - length**2) / size
-        if abs(left) <= _TOUCHING:
+        if abs(left) <= TOUCHING:
             return None
         return () if left < 0 else (middle + float(np.sqrt(left)), middle - float(np.sqrt(left)))
     # (cos, sin) . (e . first, e . second) = known.
     a, b = float(e @ first), float(e @ second)
     known = (float(e @ e) + float(first @ first) - length**2) / 2
     size = float(np.hypot(a, b))
-    if abs(size - abs(known)) <= _TOUCHING:
+    if abs(size - abs(known)) <= TOUCHING:
         return None
     if size < abs(known):
         return ()
@@ -85,7 +74,8 @@ def _values(mechanism: Mechanism, rod: Rod, B: Array, planar: bool) -> tuple[flo
     return middle + spread, middle - spread
 
 
-def _inside(mechanism: Mechanism, joint: int, value: float) -> bool:
+def inside(mechanism: Mechanism, joint: int, value: float) -> bool:
+    """Whether a value of a joint is within its limits, whole turns aside."""
     low, high = float(mechanism.lower[joint]), float(mechanism.upper[joint])
     if mechanism.prismatic[joint]:
         return low <= value <= high

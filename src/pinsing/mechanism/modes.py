@@ -57,6 +57,11 @@ class Elbow:
     end: tuple[float, float, float]
     slides: bool = False
 
+    @property
+    def turns_freely(self) -> bool:
+        """Whether several axes meet at the elbow, so that the rod leaves the crank's plane."""
+        return self.end_joint != self.elbow
+
 
 @dataclass(frozen=True)
 class ModeSigns:
@@ -99,8 +104,9 @@ def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
             continue
         beyond = [j for j in range(1, model.njoints) if parents[j] == elbow]
         last = elbow
-        # After a slide the rod may turn about several axes through one point.
-        while slides and len(beyond) == 1 and _meets(model, beyond[0]):
+        # After a slide, or at the end of a crank, a rod may turn about several crossed axes.
+        carried = slides or not _meets(model, elbow)
+        while carried and len(beyond) == 1 and _meets(model, beyond[0]):
             last = beyond[0]
             beyond = [j for j in range(1, model.njoints) if parents[j] == last]
         if beyond:
@@ -145,8 +151,9 @@ def _axis(model: pin.Model, joint: int) -> Array:
 def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
     """Sine of each elbow angle at q (n,): positive to the left about the crank's axis.
 
-    Of a leg whose axes meet in one point it is the volume of their directions: crank, elbow, end.
-    Of a slide it is the cosine between the rod and the slide.
+    In space it is the volume of crank, rod and axis, over the lengths of the two. Of a leg whose
+    axes meet in one point it is that of their directions: crank, elbow, end. Of a slide it is the
+    cosine between the rod and the slide.
     """
     model = mechanism.model
     data = model.createData()

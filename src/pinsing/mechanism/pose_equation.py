@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import field
 from fractions import Fraction
 from typing import Any
 
@@ -13,12 +14,13 @@ from pinsing._types import Array
 from pinsing.algebra.ring import fraction
 
 _ANGLE = ("cos φ", "sin φ")
-_SHORT = 24
+SHORT = 24
+"""Terms up to which an equation is written out for people."""
 
 
 @dataclass(frozen=True, eq=False)
 class PoseEquation:
-    """sum of coefficient * product of powers = 0.
+    """sum of coefficient * product of powers = 0, or a determinant of such sums.
 
     Attributes
     ----------
@@ -31,27 +33,43 @@ class PoseEquation:
         Exact: fractions, times sqrt(3) where the mechanism is three-fold symmetric.
     values : (T,) array
         The same as numbers; the largest is 1 in size.
+    matrix : tuple of tuple of PoseEquation
+        Entries (left sides, not divided by anything) of the square matrix whose determinant is the
+        left side, where that is not multiplied out; there are no terms then. Empty elsewhere.
     """
 
     names: tuple[str, ...]
     powers: npt.NDArray[np.int_]
     coefficients: tuple[str, ...]
     values: Array
+    matrix: tuple[tuple[PoseEquation, ...], ...] = field(default=(), metadata={"optional": True})
+
+    def entries(self, at: npt.ArrayLike) -> Array:
+        """The matrix (..., k, k) at values (..., V) of the variables."""
+        x = np.asarray(at, dtype=float)
+        return np.stack([np.stack([e(x) for e in row], axis=-1) for row in self.matrix], axis=-2)
 
     def __call__(self, at: npt.ArrayLike) -> Array:
         """Left side (...) at values (..., V) of the variables."""
         x = np.asarray(at, dtype=float)
+        if self.matrix:
+            return np.asarray(np.linalg.det(self.entries(x)))
         terms = np.prod(x[..., None, :] ** self.powers, axis=-1)
         return np.asarray(terms @ self.values)
 
     def degree(self, names: tuple[str, ...]) -> int:
-        """Degree in some of the variables together."""
+        """Degree in some of the variables together; of a determinant no more than that."""
+        if self.matrix:
+            return sum(max(e.degree(names) for e in row) for row in self.matrix)
         places = [k for k, n in enumerate(self.names) if n in names]
         return int(self.powers[:, places].sum(axis=1).max(initial=0))
 
     @property
     def used(self) -> tuple[str, ...]:
         """Variables that occur."""
+        if self.matrix:
+            found = {n for row in self.matrix for e in row for n in e.used}
+            return tuple(n for n in self.names if n in found)
         return tuple(n for n, p in zip(self.names, self.powers.T, strict=True) if p.any())
 
     def without(self, least: float) -> PoseEquation:
@@ -60,8 +78,17 @@ class PoseEquation:
         exact = tuple(c for c, k in zip(self.coefficients, kept.tolist(), strict=True) if k)
         return PoseEquation(self.names, self.powers[kept], exact, self.values[kept])
 
+    def rows(self, exact: bool = False) -> list[str]:
+        """The rows of the determinant as text; none where it is multiplied out."""
+        return [
+            f"({', '.join(e.sum_exact() if exact else e.text() for e in row)})"
+            for row in self.matrix
+        ]
+
     def text(self) -> str:
-        """The sum alone, written out."""
+        """The sum alone, written out; the rows of a determinant."""
+        if self.matrix:
+            return f"det[{', '.join(self.rows())}]"
         text = ""
         for value, powers in zip(self.values.tolist(), self.powers.tolist(), strict=True):
             factors = _factors(self.names, powers)
@@ -73,14 +100,23 @@ class PoseEquation:
 
     def exact(self) -> str:
         """The whole equation with its exact coefficients."""
+        return f"{self.sum_exact()} = 0"
+
+    def sum_exact(self) -> str:
+        """Its left side."""
+        if self.matrix:
+            return f"det[{', '.join(self.rows(exact=True))}]"
         terms = [
             " ".join([f"({c})", *_factors(self.names, powers)])
             for c, powers in zip(self.coefficients, self.powers.tolist(), strict=True)
         ]
-        return " + ".join(terms) + " = 0"
+        return " + ".join(terms) or "0"
 
     def __str__(self) -> str:
-        if len(self.values) > _SHORT:
+        if self.matrix:
+            size = len(self.matrix)
+            return f"determinant of {size} x {size} entries = 0 in {', '.join(self.used)}"
+        if len(self.values) > SHORT:
             if not any(n in ("x", "y", "z") for n in self.names):
                 whole = self.degree(self.names)
                 return f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {whole}]"
@@ -96,7 +132,7 @@ class PoseEquation:
 
 def _factors(names: tuple[str, ...], powers: list[int]) -> list[str]:
     return [
-        n if p == 1 else f"({n})^{p}" if " " in n else f"{n}^{p}"
+        n if p == 1 else f"({n})^{p}" if " " in n and n[0] != "(" else f"{n}^{p}"
         for n, p in zip(names, powers, strict=True)
         if p
     ]
@@ -111,6 +147,35 @@ def pose_equation(
         powers = tuple(int(e) for e in monomial)
         terms.append((powers, fraction(c), sum(powers[k] for k in odd)))
     return _equation(names, terms, square)
+
+
+def entry(
+    poly: Any, names: tuple[str, ...], odd: tuple[int, ...], square: int, roots: int
+) -> PoseEquation:
+    """A polynomial times so many roots of ``square`` as it is, an entry of a matrix."""
+    powers, exact, values = [], [], []
+    for monomial, c in poly.to_dict().items():
+        mine = [int(e) for e in monomial]
+        whole, rest = divmod(roots - sum(mine[k] for k in odd), 2)
+        scaled = fraction(c) * Fraction(square) ** whole
+        powers.append(mine)
+        exact.append(f"{scaled} sqrt({square})" if rest and square > 1 else str(scaled))
+        values.append(float(scaled) * float(np.sqrt(square)) ** rest)
+    order = sorted(range(len(powers)), key=lambda k: [-p for p in powers[k]])
+    return PoseEquation(
+        names,
+        np.array([powers[k] for k in order], dtype=int).reshape(-1, len(names)),
+        tuple(exact[k] for k in order),
+        np.array([values[k] for k in order]),
+    )
+
+
+def determinant_equation(
+    names: tuple[str, ...], matrix: tuple[tuple[PoseEquation, ...], ...]
+) -> PoseEquation:
+    """The equation of a determinant that is not multiplied out."""
+    none = np.zeros((0, len(names)), dtype=int)
+    return PoseEquation(names, none, (), np.zeros(0), matrix)
 
 
 def planar_equation(

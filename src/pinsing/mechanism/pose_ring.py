@@ -6,6 +6,7 @@ N. With y in units of a root, e1 and e3 are as well, and all stays rational.
 
 from __future__ import annotations
 
+from fractions import Fraction
 from functools import cached_property
 from typing import Any
 
@@ -15,7 +16,7 @@ from flint import Ordering, fmpq_mpoly_ctx
 from pinsing._dataclass import dataclass
 from pinsing.algebra.ring import Poly, rational
 from pinsing.mechanism.exact_points import ExactPoints, Vector, exact_points
-from pinsing.mechanism.rods import Rod, Rods
+from pinsing.mechanism.rod import Rod, Rods
 
 Row = list[Poly]
 
@@ -33,10 +34,13 @@ class PoseRing:
         What passes forces.
     level : bool
         The output keeps the orientation of the base axes: its rotation is left out.
+    unit : bool
+        The quaternion is of length 1: N = 1, and nothing is homogeneous.
     """
 
     rods: Rods
     level: bool
+    unit: bool = False
 
     @cached_property
     def _exact(self) -> ExactPoints:
@@ -44,6 +48,7 @@ class PoseRing:
         for rod in self.rods.rods:
             hinge = np.zeros(3) if rod.hinge is None else rod.hinge
             points += [rod.outer, rod.inner, rod.first, rod.second, hinge]
+        points += [np.zeros(3) if r.across is None else r.across for r in self.rods.rods]
         return exact_points(points)
 
     @cached_property
@@ -139,7 +144,7 @@ class PoseRing:
             [2 * (b * c + a * d), a2 - b2 + c2 - d2, 2 * (c * d - a * b)],
             [2 * (k * b * d - a * c), 2 * k * (c * d + a * b), a2 - b2 - c2 + d2],
         ]
-        return R, a2 + b2 + c2 + d2
+        return R, self.number(1) if self.unit else a2 + b2 + c2 + d2
 
     def _vectors(self, rod: Rod) -> tuple[Vector, ...]:
         # Rods are told apart as objects: two may be alike.
@@ -177,25 +182,76 @@ class PoseRing:
 
     def line(self, rod: Rod) -> Row:
         """Plücker coordinates of the line C B about the origin; three numbers in the plane."""
+        if rod.side:
+            return self.wrench(self.force(rod), self.outer(rod))
         d = self.direction(rod)
         m = cross(self.inner(rod), self.outer(rod))
         return [d[0], d[1], m[2]] if self.rods.planar else [*d, *m]
 
+    def force(self, rod: Rod) -> Row:
+        """Direction of the force; of one across C B times the root."""
+        d = self.direction(rod)
+        if not rod.side:
+            return d
+        k = next(i for i, r in enumerate(self.rods.rods) if r is rod)
+        axis = [self.number(v) for v in self._alike[0][5 * len(self.rods.rods) + k]]
+        f = self.product(axis, d)
+        return f if rod.side == 1 else self.product(f, d)
+
+    def product(self, a: Row, b: Row) -> Row:
+        """Vector product times the root, with y in units of it."""
+        x, y, z = cross(a, b)
+        return [self.square * x, y, self.square * z]
+
+    def wrench(self, force: Row, at: Row) -> Row:
+        """A force through a point that is given times N; three numbers in the plane."""
+        _, N = self.turn
+        f, m = [N * v for v in force], cross(at, force)
+        return [f[0], f[1], m[2]] if self.rods.planar else [*f, *m]
+
+    def hinge(self, rod: Rod) -> Row:
+        """Direction of the hinge at C."""
+        return [self.number(v) for v in self._vectors(rod)[4]]
+
     def hinge_line(self, rod: Rod) -> Row:
         """The line through B along the hinge at C."""
-        _, N = self.turn
-        h = [self.number(v) for v in self._vectors(rod)[4]]
-        return [*(N * v for v in h), *cross(self.outer(rod), h)]
+        return self.wrench(self.hinge(rod), self.outer(rod))
+
+    def motion(self, rod: Rod) -> Row:
+        """Velocity of C by the actuator."""
+        _, _, first, second, _ = self._vectors(rod)
+        if self.rods.mechanism.prismatic[rod.joint]:
+            return [self.number(v) for v in first]
+        c, s = self.driver(rod)
+        return [c * rational(second[i]) - s * rational(first[i]) for i in range(3)]
+
+    def length(self, rod: Rod, length: Fraction) -> Poly:
+        """What is zero where C and B are at their distance, N times (B - C)^2 - length^2."""
+        R, N = self.turn
+        b, start, first, _, _ = self._vectors(rod)
+        k = self.square
+        away = [self.variable(n) - rational(v) for n, v in zip("xyz", start, strict=True)]
+        moved = [c - rational(v) for c, v in zip(self.inner(rod), start, strict=True)]
+        turned = [sum((R[i][j] * rational(b[j]) for j in range(3)), self.number(0))
+                  for i in range(3)]  # fmt: skip
+        if self.rods.planar:
+            away[2] = moved[2] = turned[2] = self.number(0)
+            b, first = (b[0], b[1], Fraction(0)), (first[0], first[1], Fraction(0))
+        own = b[0] ** 2 + k * b[1] ** 2 + b[2] ** 2 - length**2
+        arm = rational(first[0] ** 2 + k * first[1] ** 2 + first[2] ** 2)
+        if self.rods.mechanism.prismatic[rod.joint]:
+            arm = arm * self.variable(self.rods.mechanism.joints[rod.joint]) ** 2
+        fixed = self.dot(away, away) + rational(own) + arm - 2 * self.dot(away, moved)
+        reach = [x - y for x, y in zip(away, moved, strict=True)]
+        return N * fixed + 2 * self.dot(reach, turned)
 
     def moment_arm(self, rod: Rod) -> Poly:
         """Force along C B in the direction in which the actuator moves C."""
-        _, start, first, second, _ = self._vectors(rod)
+        start = self._vectors(rod)[1]
         _, N = self.turn
         if self.rods.mechanism.prismatic[rod.joint]:
-            along = [self.number(v) for v in first]
-            return self.dot(self.direction(rod), along)
-        c, s = self.driver(rod)
-        along = [c * rational(second[i]) - s * rational(first[i]) for i in range(3)]
+            return self.dot(self.direction(rod), self.motion(rod))
+        along = self.motion(rod)
         # (cos first + sin second) is across the motion of C.
         reach = [b - N * rational(o) for b, o in zip(self.outer(rod), start, strict=True)]
         return self.dot(reach, along)

@@ -23,7 +23,8 @@ from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.feasible import feasible
 from pinsing.mechanism.leg_solutions import leg_modes
 from pinsing.mechanism.likeness import SAME, output_pose
-from pinsing.mechanism.mode_counts import number_of_modes
+from pinsing.mechanism.linkage_counts import level_words, number_of_modes
+from pinsing.mechanism.mode_words import found_words, noun
 from pinsing.mechanism.modes import home, mode_at, mode_of
 from pinsing.mechanism.motion import motions
 from pinsing.mechanism.pose import pose_of, read_pose
@@ -231,16 +232,11 @@ def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: i
     inside = [q for q in found if not mechanism.space.outside(q).any()]
     beyond = len(found) - len(inside)
     modes = _ordered([_solution(mechanism, q, 1) for q in inside], mechanism)
-    what = _noun(problem, len(modes))
+    what = noun(problem, len(modes))
     words = f"{len(modes)} {what}: all there are, by the intersection of circles"
     if beyond:
         words += f"; {beyond} more beyond the joint limits"
     return Modes(problem, modes, 0, (), beyond, 0, most, True, words)
-
-
-def _noun(problem: str, count: int) -> str:
-    kind = "assembly mode" if problem == "direct" else "working mode"
-    return kind if count == 1 else f"{kind}s"
 
 
 def _sought(
@@ -283,16 +279,24 @@ def _sought(
     pairs = sorted(zip(modes, count, strict=True), key=lambda x: _order(x[0], mechanism))
     modes, count = [m for m, _ in pairs], [c for _, c in pairs]
     bound = _bound(mechanism) if problem == "direct" else None
-    number, by = number_of_modes(mechanism, begin[list(mechanism.actuated)], target)
+    number, by = number_of_modes(mechanism, begin[list(mechanism.actuated)], target, poses)
     reached_all = number == (len(poses) if problem == "direct" else len(modes)) and not spare
     complete = reached_all or (bound is not None and len(poses) >= bound and not spare)
-    words = _words(problem, len(modes), starts, [hits[k] for k in kept], beyond, bound, complete)
+    words = found_words(
+        problem, len(modes), starts, [hits[k] for k in kept], beyond, bound, complete
+    )
     if reached_all and not cut:
-        words = f"{len(modes)} {_noun(problem, len(modes))}: all there are, by {by}"
+        words = f"{len(modes)} {noun(problem, len(modes))}: all there are, by {by}"
         if beyond:
             words += f"; {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
     elif number is not None and target is None:
         words += f"; there are {number}, by {by}"
+    elif number is not None and number > len(modes) and not cut:
+        words += f"; at most {number} within the limits of the actuators, by {by}"
+    if not complete and not spare and not cut:
+        found = poses if problem == "direct" else [m.q for m in modes]
+        at = np.zeros(3) if target is None else target[1]
+        words += level_words(mechanism, found, problem == "direct", at)
     if moving:
         words += (
             f"; at {moving} of them a leg moves by itself, the output at rest and the inputs held: "
@@ -379,21 +383,3 @@ def _bound(mechanism: Mechanism) -> int | None:
     from pinsing.mechanism.sphere_loci import MOST_ASSEMBLIES, sphere_loci
 
     return MOST_ASSEMBLIES if sphere_loci(mechanism) is not None else most_assemblies(mechanism)
-
-
-def _words(
-    problem: str, count: int, starts: int, hits: list[int], beyond: int, bound: int | None,
-    complete: bool,
-) -> str:  # fmt: skip
-    words = f"{count} {_noun(problem, count)} found from {starts} starts"
-    if beyond:
-        words += f", {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
-    if complete:
-        return f"{words}; no more can exist"
-    once = sum(h == 1 for h in hits)
-    words += "; more may exist"
-    if once:
-        words += f" ({once} of {len(hits)} poses {'was' if once == 1 else 'were'} met only once)"
-    if bound is not None:
-        words += f", at most {bound} with limits left aside"
-    return words

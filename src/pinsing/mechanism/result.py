@@ -12,7 +12,7 @@ from pinsing.mechanism.forms_text import Line, Values, joint_lines, loop_lines, 
 from pinsing.mechanism.joint_forms import JointForms
 from pinsing.mechanism.loci import LoopForms
 from pinsing.mechanism.motion import MechanismState
-from pinsing.mechanism.pose_loci import PoseForms
+from pinsing.mechanism.pose_forms import PoseForms
 from pinsing.mechanism.pose_table import pose_table
 from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.mechanism.solve import Solution
@@ -29,6 +29,7 @@ _MEANING = {
 FORMS = "closed forms over the "
 """What the stages of an analysis are called that look for them."""
 
+_WHY = "why was not kept in this file"
 _FEW = 7
 """Joints up to which a text lists the values of all of them."""
 _FEW_INPUTS = 3
@@ -96,6 +97,8 @@ class MechanismAnalysis(JsonResult):
         The loci as equations in the mechanism's own joint angles.
     missing : tuple of str
         What was cut short, by the time or by Ctrl-C.
+    why_none : str
+        Why there are no closed forms over the pose, where there are none.
     """
 
     schema: ClassVar[str] = "pinsing/mechanism-analysis/2"
@@ -125,6 +128,7 @@ class MechanismAnalysis(JsonResult):
     notes: tuple[str, ...]
     joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
     missing: tuple[str, ...] = field(default=(), metadata={"optional": True})
+    why_none: str = field(default=_WHY, metadata={"optional": True})
 
     def __str__(self) -> str:
         return analysis_text(self)
@@ -275,8 +279,8 @@ def _forms(a: MechanismAnalysis, values: Values, page: Page) -> Iterator[Line]:
         yield (
             "",
             (
-                "Closed forms over the inputs or the pose: none (neither a planar dyad closes the "
-                "loops nor does each leg pass one force); the points are numeric.",
+                "Closed forms over the inputs or the pose: none (no planar dyad closes the loops, "
+                f"and {a.why_none}); the points are numeric.",
             ),
         )
     if a.joint_forms is not None:

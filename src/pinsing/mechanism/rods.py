@@ -3,18 +3,25 @@
 A leg of this kind has two passive centres, C and B, and one actuated joint: a slide along C B (UPS,
 SPS, RPR), or a crank or slide before C (RUS, PUS, RRR, PRR). With the actuator locked everything
 that the leg can pass on is a force along C B, since each passive axis meets that line. Where the
-inner centre is a single turning joint in space (RPS) it passes a second force: through B, along
-that joint's axis.
+inner centre is a single turning joint in space (RPS, PRS, RRS) it passes a second force: through B,
+along that joint's axis.
+
+A leg that is driven at its foot and has a passive slide along C B (RPR, RPS, UPS) passes a force
+through B across C B: with a the axis of the foot's first joint, along a x CB where that joint is
+driven, along (a x CB) x CB where the second one is.
 """
 
 from __future__ import annotations
 
-import numpy as np
-import pinocchio as pin
+from dataclasses import replace
 
-from pinsing._dataclass import dataclass
+import numpy as np
+
 from pinsing._types import Array
-from pinsing.mechanism.structure import Centre, Structure, structure
+from pinsing.mechanism.rod import End, Rod, Rods, Sample, end_point, in_output, slide_offset
+from pinsing.mechanism.rod_foot import foot_driven
+from pinsing.mechanism.rod_reasons import leg_reason, tree_reason
+from pinsing.mechanism.structure import Structure, structure
 from pinsing.robot.mechanism import Mechanism
 
 _SMALL = 1e-9
@@ -22,82 +29,16 @@ _SEED = 4177
 _MOST = {(True, 3): 6, (False, 6): 40}
 
 
-@dataclass(frozen=True, eq=False)
-class Rod:
-    """One force that a leg passes, along the line through C and B.
-
-    Attributes
-    ----------
-    joint : int
-        The actuated joint of the leg.
-    slides : bool
-        Whether that is the length of C B itself.
-    outer : (3,) array
-        B in the frame of the output, metres.
-    inner : (3,) array
-        C in the base; with a crank or slide before it the part that does not move.
-    first, second : (3,) arrays
-        C = inner + cos(q) first + sin(q) second for a crank, inner + q first for a slide before
-        C; zero otherwise.
-    hinge : (3,) array or None
-        Axis of the only passive joint at C, in space: the leg passes a force along it too.
-    bends : bool
-        Whether the actuated joint is an elbow between C and B, in the plane.
-    """
-
-    joint: int
-    slides: bool
-    outer: Array
-    inner: Array
-    first: Array
-    second: Array
-    hinge: Array | None
-    bends: bool = False
-
-    @property
-    def moved(self) -> bool:
-        """Whether C moves with the actuated joint."""
-        return bool(np.linalg.norm(self.first) > _SMALL)
-
-
-@dataclass(frozen=True, eq=False)
-class Rods:
-    """All forces on the output.
-
-    Attributes
-    ----------
-    mechanism : Mechanism
-        The mechanism.
-    rods : tuple of Rod
-        In the order of the legs; several may share a crank.
-    planar : bool
-        Whether everything moves in parallel planes.
-    axes : (3, 3) array
-        Rows: axes of the base in which all of this is; in the plane the third is its normal.
-    own : (3, 3) array
-        Columns: axes of the output that are along those when it is not turned.
-    """
-
-    mechanism: Mechanism
-    rods: tuple[Rod, ...]
-    planar: bool
-    axes: Array
-    own: Array
-
-    @property
-    def tilted(self) -> bool:
-        """Whether these are not the axes of the base, or of the output."""
-        eye = np.eye(3)
-        return bool(max(np.abs(self.axes - eye).max(), np.abs(self.own - eye).max()) > _SMALL)
-
-    def placed(self, pose: pin.SE3) -> pin.SE3:
-        """A pose of the output in these axes: in the plane a turn about the third."""
-        return pin.SE3(self.axes @ pose.rotation @ self.own, self.axes @ pose.translation)
-
-
 def rods(mechanism: Mechanism) -> Rods | None:
     """Recognise a mechanism whose legs pass one force each; None for another one."""
-    return mechanism.once("rods", lambda: _rods(mechanism))
+    found = mechanism.once("rods", lambda: _rods(mechanism))
+    return found if isinstance(found, Rods) else None
+
+
+def why_no_rods(mechanism: Mechanism) -> str:
+    """What keeps the legs from passing one force each; empty where they do."""
+    found = mechanism.once("rods", lambda: _rods(mechanism))
+    return found if isinstance(found, str) else ""
 
 
 def most_assemblies(mechanism: Mechanism) -> int | None:
@@ -109,34 +50,46 @@ def most_assemblies(mechanism: Mechanism) -> int | None:
     found = rods(mechanism)
     if found is None:
         return None
+    if any(rod.side for rod in found.rods):
+        return None
     if any(rod.hinge is not None for rod in found.rods):
         return 16 if len(found.rods) == 3 and not found.planar else None
     return _MOST.get((found.planar, len(found.rods)))
 
 
-def _rods(mechanism: Mechanism) -> Rods | None:
+def _rods(mechanism: Mechanism) -> Rods | str:
+    """The rods, or why there are none."""
     built = structure(mechanism)
     if built.output == 0:
-        return None
+        return f"the output {mechanism.output} is not on a link that moves between legs"
+    ends = _ends(mechanism, built)
+    if isinstance(ends, str):
+        return ends
     rng = np.random.default_rng(_SEED)
     drawn = mechanism.space.sample(4, rng)
     axes, own = np.eye(3), np.eye(3)
-    zero = _Sample(mechanism, built, np.zeros(mechanism.n), axes, own)
+    zero = Sample(mechanism, built, np.zeros(mechanism.n), axes, own)
     normal = _normal(mechanism, zero.axis)
     planar = normal is not None
     if normal is not None:
         axes = _level(normal)
         own = _upright(axes @ zero.output.rotation, axes)
-    samples = [_Sample(mechanism, built, q, axes, own) for q in drawn]
+    samples = [Sample(mechanism, built, q, axes, own) for q in drawn]
     out = []
-    for path, end in _ends(mechanism, built) or ():
-        rod = _rod(mechanism, built, samples, path, end, planar)
-        if rod is None:
-            return None
-        out.append(rod)
+    for path, end in ends:
+        legs = foot_driven(mechanism, built, samples, path, end, planar)
+        rod = None if legs else _rod(mechanism, built, samples, path, end, planar)
+        if rod is None and not legs:
+            return leg_reason(mechanism, built, samples, path, end, planar)
+        out += [rod] if rod is not None else legs
     wrenches = len(out) + sum(rod.hinge is not None for rod in out)
-    if wrenches != (3 if planar else 6) or {r.joint for r in out} != set(mechanism.actuated):
-        return None
+    needed = 3 if planar else 6
+    if wrenches != needed:
+        return (
+            f"the legs pass {wrenches} force{'s' * (wrenches != 1)} where {needed} hold the output"
+        )
+    if {r.joint for r in out} != set(mechanism.actuated):
+        return "there are actuated joints that are on no leg from the base to the output"
     return Rods(mechanism, tuple(out), planar, axes, own)
 
 
@@ -170,60 +123,27 @@ def _level(normal: Array) -> Array:
     return np.array([first, np.cross(normal, first), normal])
 
 
-class _Sample:
-    """Placements at one configuration of the tree, closed or not, in given axes (rows)."""
-
-    def __init__(
-        self, mechanism: Mechanism, built: Structure, q: Array, axes: Array, own: Array
-    ) -> None:
-        data = mechanism.model.createData()
-        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
-        pin.updateFramePlacements(mechanism.model, data)
-        turn = pin.SE3(axes, np.zeros(3))
-        self.q = q
-        self.joints = [turn * m for m in data.oMi]
-        self.frames = [turn * m for m in data.oMf]
-        self.output = self.frames[mechanism.output_id] * pin.SE3(own, np.zeros(3))
-        self.axis = np.array(
-            [self.joints[j + 1].rotation @ built.axes[j] for j in range(mechanism.n)]
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class _End:
-    """Where a leg meets the output: a loop's two frames, or joints of the tree at a centre.
-
-    With a centre the frames mean nothing. ``hanging``: joints between the output and the loop, of
-    a leg that is written from there.
-    """
-
-    frame: int
-    other: int
-    centre: Centre | None
-    hanging: tuple[int, ...] = ()
-
-
-def _ends(mechanism: Mechanism, built: Structure) -> list[tuple[list[int], _End]] | None:
-    """For each leg's connection with the output, the joints from the base to it."""
+def _ends(mechanism: Mechanism, built: Structure) -> list[tuple[list[int], End]] | str:
+    """For each leg's connection with the output, the joints from the base to it; or why not."""
     model = mechanism.model
     frames = {f.name: i for i, f in enumerate(model.frames)}
-    out: list[tuple[list[int], _End]] = []
+    out: list[tuple[list[int], End]] = []
     for loop in mechanism.loops:
         a, b = frames[loop.frame_a], frames[loop.frame_b]
         if loop.kind == "6d":
-            return None
+            return f"the loop {loop} is welded"
         paths = [_path(mechanism, int(model.frames[k].parentJoint)) for k in (a, b)]
         if built.output - 1 in paths[0]:
             a, b, paths = b, a, paths[::-1]
         if built.output - 1 not in paths[1] or built.output - 1 in paths[0]:
-            return None
+            return f"the loop {loop} does not join a leg to the link of the output"
         hanging = tuple(paths[1][paths[1].index(built.output - 1) + 1 :])
-        out.append((paths[0], _End(a, b, None, hanging)))
+        out.append((paths[0], End(a, b, None, hanging)))
     path = _path(mechanism, built.output)
     last = [c for c in built.centres if built.output - 1 in c.joints]
     if not last or path[-len(last[0].joints) :] != list(last[0].joints):
-        return None
-    return [(path[: -len(last[0].joints)], _End(0, 0, last[0])), *out]
+        return tree_reason(mechanism, path)
+    return [(path[: -len(last[0].joints)], End(0, 0, last[0])), *out]
 
 
 def _path(mechanism: Mechanism, body: int) -> list[int]:
@@ -237,9 +157,9 @@ def _path(mechanism: Mechanism, body: int) -> list[int]:
 def _rod(
     mechanism: Mechanism,
     built: Structure,
-    samples: list[_Sample],
+    samples: list[Sample],
     path: list[int],
-    end: _End,
+    end: End,
     planar: bool,
 ) -> Rod | None:
     if end.hanging:
@@ -256,41 +176,62 @@ def _rod(
         return None
     hinge = count == 1 and not planar
     C = np.array([s.joints[centre.joints[0] + 1].act(centre.point) for s in samples])
-    B = np.array([_end_point(s, end) for s in samples])
-    outer = _in_output(mechanism, samples[0], end)
+    B = np.array([end_point(s, end) for s in samples])
+    outer = in_output(mechanism, samples[0], end)
     zero = np.zeros(3)
     after = path.index(joint) > path.index(centre.joints[-1])
     if after:
         along = np.array([s.axis[joint] for s in samples])
         if planar and not mechanism.prismatic[joint]:
-            return Rod(joint, False, outer, C[0], zero, zero, None, bends=True)
-        if not _slides_along(mechanism, samples, joint, B - C, planar):
+            elbow = samples[0].joints[joint + 1].translation
+            links = tuple(float(np.linalg.norm((elbow - p[0])[:2])) for p in (C, B))
+            return Rod(joint, False, outer, C[0], zero, zero, None, True, links=links)
+        offset = _slides_along(mechanism, samples, joint, B - C, planar)
+        if offset is None:
             return None
         axis = samples[0].axis[centre.joints[0]] if hinge else None
         if axis is not None and np.abs(along @ axis).max() > _SMALL:
             return None
-        return Rod(joint, True, outer, C[0], zero, zero, axis)
-    if hinge or path != [joint, *centre.joints]:
+        return Rod(joint, True, outer, C[0], zero, zero, axis, offset=offset)
+    if path != [joint, *centre.joints]:
         return None
-    return _driven(mechanism, samples[0], joint, C[0], outer)
+    if hinge:
+        return _hinged_after(mechanism, samples, joint, centre.joints[0], C, B, outer)
+    return carried(mechanism, samples[0], joint, C[0], outer)
+
+
+def _hinged_after(
+    mechanism: Mechanism, samples: list[Sample], joint: int, turning: int, C: Array, B: Array,
+    outer: Array,
+) -> Rod | None:  # fmt: skip
+    """A rod on a hinge that a slide or a crank with the same axis carries (PRS, RRS)."""
+    axis = samples[0].axis[turning]
+    if max(np.abs(s.axis[turning] - axis).max() for s in samples) > _SMALL:
+        return None
+    # The point of the hinge that is straight across from the end of the rod.
+    off = (B - C) @ axis
+    if np.abs(off - off[0]).max() > _SMALL:
+        return None
+    found = carried(mechanism, samples[0], joint, C[0] + off[0] * axis, outer)
+    return None if found is None else replace(found, hinge=axis)
 
 
 def _slides_along(
-    mechanism: Mechanism, samples: list[_Sample], joint: int, reach: Array, planar: bool
-) -> bool:
-    """Whether a joint slides along what it reaches (samples, 3), and its value is that length."""
+    mechanism: Mechanism, samples: list[Sample], joint: int, reach: Array, planar: bool
+) -> float | None:
+    """What to add to a joint's value for the length (samples, 3) that it slides along, or None."""
     along = np.array([s.axis[joint] for s in samples])
     flat = reach * (1.0, 1.0, 0.0) if planar else reach
     if not mechanism.prismatic[joint] or np.abs(np.cross(flat, along)).max() > _SMALL:
-        return False
-    values = np.array([s.q[joint] for s in samples])
-    return bool(np.abs(np.abs((flat * along).sum(axis=1)) - np.abs(values)).max() <= _SMALL)
+        return None
+    return slide_offset(flat, along, np.array([s.q[joint] for s in samples]))
 
 
-def _driven(
-    mechanism: Mechanism, sample: _Sample, joint: int, C: Array, outer: Array
-) -> Rod | None:
-    """A rod whose inner end, at C (3,) there, moves with the one joint before it."""
+def carried(mechanism: Mechanism, sample: Sample, joint: int, C: Array, outer: Array) -> Rod | None:
+    """A rod whose inner end, at C (3,) there, moves with the one joint before it.
+
+    None where C is on the axis of that joint.
+    """
     start, axis, zero = sample.joints[joint + 1], sample.axis[joint], np.zeros(3)
     if mechanism.prismatic[joint]:
         return Rod(joint, False, outer, C - sample.q[joint] * axis, axis, zero, None)
@@ -308,9 +249,9 @@ def _driven(
 def _hanging(
     mechanism: Mechanism,
     built: Structure,
-    samples: list[_Sample],
+    samples: list[Sample],
     path: list[int],
-    end: _End,
+    end: End,
     planar: bool,
 ) -> Rod | None:
     """A leg written from the output towards the base, the loop at its foot or at the crank."""
@@ -324,24 +265,11 @@ def _hanging(
     E = np.array([s.frames[end.other].translation for s in samples])
     outer = np.array(samples[0].output.actInv(B[0]))
     if not driven and len(path) == 1 and path[0] in mechanism.actuated:
-        return _driven(mechanism, samples[0], path[0], C[0], outer)
+        return carried(mechanism, samples[0], path[0], C[0], outer)
     if len(driven) != 1 or path or end.hanging != (*passive, *driven):
         return None
-    if not _slides_along(mechanism, samples, driven[0], E - B, planar):
+    offset = _slides_along(mechanism, samples, driven[0], E - B, planar)
+    if offset is None:
         return None
     zero = np.zeros(3)
-    return Rod(driven[0], True, outer, C[0], zero, zero, None)
-
-
-def _end_point(sample: _Sample, end: _End) -> Array:
-    if end.centre is not None:
-        return np.array(sample.joints[end.centre.joints[0] + 1].act(end.centre.point))
-    return np.array(sample.frames[end.frame].translation)
-
-
-def _in_output(mechanism: Mechanism, sample: _Sample, end: _End) -> Array:
-    """B in the frame of the output; the same at all configurations."""
-    output = sample.output
-    if end.centre is None:
-        return np.array(output.actInv(sample.frames[end.other].translation))
-    return np.array(output.actInv(_end_point(sample, end)))
+    return Rod(driven[0], True, outer, C[0], zero, zero, None, offset=offset)

@@ -80,21 +80,48 @@ def bodies(mechanism: Mechanism) -> tuple[tuple[int, int], ...]:
     return tuple((frames[x.frame_a], frames[x.frame_b]) for x in mechanism.loops)
 
 
-def without_length(mechanism: Mechanism) -> str:
-    """What is to be said of neighbours that turn about one axis, one of them driven; or nothing."""
+def idle_link(mechanism: Mechanism) -> str:
+    """What is to be said of a link between two passive joints that turn about one axis; or nothing.
+
+    Nothing else is on that link: it turns by itself, whatever the rest does.
+    """
+    model = mechanism.model
+    busy = {b for pair in bodies(mechanism) for b in pair} | {structure(mechanism).output}
+    for parent, j in _coaxial(mechanism):
+        alone = sum(int(p) == parent + 1 for p in model.parents) == 1
+        if {j, parent} & set(mechanism.actuated) or not alone or parent + 1 in busy:
+            continue
+        return (
+            f"{mechanism.joints[parent]} and {mechanism.joints[j]} turn about one axis, and "
+            "nothing else is on the link between them, so that it turns by itself: give it its "
+            "length, or leave one of the two joints out"
+        )
+    return ""
+
+
+def _coaxial(mechanism: Mechanism) -> list[tuple[int, int]]:
+    """Joints that turn about the axis of the joint before them: that one, and they."""
     model, axes = mechanism.model, structure(mechanism).axes
-    pairs = []
+    out = []
     for j in range(mechanism.n):
         parent = int(model.parents[j + 1]) - 1
         if parent < 0 or mechanism.prismatic[[j, parent]].any():
-            continue
-        if (j in mechanism.actuated) == (parent in mechanism.actuated):
             continue
         place = model.jointPlacements[j + 1]
         turned = np.array(place.rotation) @ axes[j]
         apart = np.cross(axes[parent], np.array(place.translation))
         if max(np.abs(np.cross(axes[parent], turned)).max(), np.abs(apart).max()) <= _SMALL:
-            pairs.append(f"{mechanism.joints[parent]} and {mechanism.joints[j]}")
+            out.append((parent, j))
+    return out
+
+
+def without_length(mechanism: Mechanism) -> str:
+    """What is to be said of neighbours that turn about one axis, one of them driven; or nothing."""
+    pairs = [
+        f"{mechanism.joints[parent]} and {mechanism.joints[j]}"
+        for parent, j in _coaxial(mechanism)
+        if (j in mechanism.actuated) != (parent in mechanism.actuated)
+    ]
     if not pairs:
         return ""
     return (

@@ -25,7 +25,8 @@ from pinsing.mechanism.exact_points import ExactPoints, exact_points
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.modes import home
 from pinsing.mechanism.pose_equation import PoseEquation
-from pinsing.mechanism.rods import Rod, Rods, rods
+from pinsing.mechanism.rod import Rod, Rods
+from pinsing.mechanism.rods import rods
 from pinsing.robot.mechanism import Mechanism
 
 _TURNS = ((1, 0), (Fraction(4, 5), Fraction(3, 5)), (Fraction(5, 13), Fraction(12, 13)))
@@ -57,7 +58,7 @@ def planar_rods(mechanism: Mechanism) -> Rods | None:
     found = rods(mechanism)
     if found is None or not found.planar or len(found.rods) != 3:
         return None
-    return None if any(rod.bends for rod in found.rods) else found
+    return None if any(rod.bends or rod.side for rod in found.rods) else found
 
 
 def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
@@ -76,7 +77,7 @@ def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
             slides = mechanism.prismatic[rod.joint]
             c, s = (value, 0.0) if slides else (float(np.cos(value)), float(np.sin(value)))
             C = rod.inner + c * rod.first + s * rod.second
-        length = abs(value) if rod.slides else rod_length(mechanism, rod)
+        length = abs(value + rod.offset) if rod.slides else rod_length(mechanism, rod)
         inner.append(tuple(context.constant(rational(Fraction(v))) for v in C[:2].tolist()))
         squares.append(context.constant(rational(Fraction(length) ** 2)))
     outer = [tuple(context.constant(rational(Fraction(v))) for v in r.outer[:2].tolist())
@@ -97,7 +98,8 @@ def count_poses(mechanism: Mechanism, inputs: Array) -> int | None:
 def input_loci(mechanism: Mechanism) -> tuple[PoseEquation, ...]:
     """Type 2 over the inputs, where these are the three distances: exact; empty elsewhere.
 
-    The variables are the inputs; a point on it has two poses that meet, real or complex ones.
+    The variables are the inputs, or, where a slide is not zero at no length, the length of its leg
+    by its input, "(p1 + 0.5)". A point on it has two poses that meet, real or complex ones.
     """
     found = planar_rods(mechanism)
     if found is None or not all(rod.slides for rod in found.rods):
@@ -133,6 +135,14 @@ def degree_notes(mechanism: Mechanism) -> Iterator[str]:
         f"degree up to {each} (counted exactly, lengths rounded to simple fractions); not written "
         "out"
     )
+
+
+def length_name(mechanism: Mechanism, rod: Rod, digits: int = 12) -> str:
+    """The length of a rod that slides, by the value of its slide."""
+    name = mechanism.joints[rod.sliding]
+    if rod.offset == 0:
+        return name
+    return f"({name} {'+' if rod.offset > 0 else '-'} {abs(rod.offset):.{digits}g})"
 
 
 def rod_length(mechanism: Mechanism, rod: Rod) -> float:
@@ -209,7 +219,7 @@ def _input_loci(mechanism: Mechanism, found: Rods) -> tuple[PoseEquation, ...]:
     if whole == 0:
         return ()
     samples = _singular_squares(found)
-    names = tuple(mechanism.joints[rod.joint] for rod in found.rods)
+    names = tuple(length_name(mechanism, rod) for rod in found.rods)
     kept = []
     for factor, _ in whole.factor()[1]:
         # Poses of one orientation that do not coincide are in the discriminant too.

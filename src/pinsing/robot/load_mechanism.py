@@ -164,8 +164,7 @@ def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Described:
     model = given_model(robot)
     follows: tuple[str, ...] = ()
     if model is not None:
-        label, path, xml, name = "pin.Model", None, None, model.name or "mechanism"
-        dirs: tuple[Path, ...] = ()
+        label, path, shapes, name = "pin.Model", None, None, model.name or "mechanism"
         notes: tuple[str, ...] = ()
     else:
         from pinsing.robot.build_model import build_model
@@ -178,17 +177,16 @@ def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Described:
         endless = tuple(j.name for j in moving if j.endless)
         _without_end(model, endless)
         follows = tuple(j.name for j in moving if j.mimic is not None)
-        label, path, xml = given.label, given.path, description.xml
-        dirs, name = given.package_dirs, description.name
+        label, path, shapes = given.label, given.path, description.shapes
+        name = description.name
         # What the description says of such joints holds for arms, which need limits.
-        notes = tuple(x for x in description.notes if not (endless and x.startswith(NO_LIMITS)))
+        notes = tuple(x for x in description.assumed if not (endless and x.startswith(NO_LIMITS)))
         if endless:
             notes = (*notes, f"no usable limits, so they move without end: {', '.join(endless)}")
     source = Source(
         label=label,
         path=path,
-        xml=xml,
-        package_dirs=dirs,
+        shapes=shapes,
         full_model=model,
         locked=(),
         kept=tuple(range(1, model.njoints)),

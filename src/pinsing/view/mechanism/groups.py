@@ -78,7 +78,7 @@ def _over_pose(analysis: MechanismAnalysis) -> dict[str, tuple[str, tuple[str, .
     forms = analysis.pose_forms
     if forms is None or analysis.forms is not None:
         return {}
-    out = {}
+    out: dict[str, tuple[str, tuple[str, ...]]] = {}
     for kind in ("type 2", "constraint", "type 2 or constraint"):
         mine = [x for x in forms.loci if x.kind == kind]
         if len(mine) != 1:
@@ -87,7 +87,7 @@ def _over_pose(analysis: MechanismAnalysis) -> dict[str, tuple[str, tuple[str, .
         if kind != "constraint":
             more += [str(x) for x in forms.everywhere]
         for each in ("type 2", "constraint") if kind == "type 2 or constraint" else (kind,):
-            out[each] = (f"{each}: {mine[0].words}", tuple(more))
+            out.setdefault(each, (f"{each}: {mine[0].words}", tuple(more)))
     if forms.architecture:
         out["type 2"] = (f"type 2: {forms.architecture}", ())
     return out
@@ -126,11 +126,16 @@ def _words(mechanism: Mechanism, point: SingularPoint) -> str:
     ]
     if not straight:
         return f"type 1: {_MEANING['type 1']}"
-    ways = (("the leg of", "in line", False), ("the rod of", "square to its slide", True))
+    ways = (
+        ("the leg of", "in line", [e for e in straight if not e.slides and not e.turns_freely]),
+        ("the rod of", "in a plane with the axis of its crank",
+         [e for e in straight if not e.slides and e.turns_freely]),
+        ("the rod of", "square to its slide", [e for e in straight if e.slides]),
+    )  # fmt: skip
     said = [
         f"{what} {' and '.join(mechanism.joints[e.crank - 1] for e in here)} {how}"
-        for what, how, slides in ways
-        if (here := [e for e in straight if e.slides == slides])
+        for what, how, here in ways
+        if here
     ]
     return f"type 1: {' and '.join(said)}"
 

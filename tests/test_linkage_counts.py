@@ -1,0 +1,172 @@
+"""Numbers of modes by algebra against counts of sign changes made here without pinsing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mechanisms import shipped
+from test_pose_forms import rps
+from tiers import tiered
+from urdf_text import J, X, Y, frame, loop_text, written
+
+import pinsing
+
+TURNS = np.linspace(-np.pi, np.pi, 20001) + 0.1234567
+
+
+def turned(axis, angle, arm):
+    return pin.AngleAxis(float(angle), axis).matrix() @ arm
+
+
+def circle(axis, arm):
+    """The arm turned by all TURNS (N, 3)."""
+    along = (arm @ axis) * axis
+    c, s = np.cos(TURNS)[:, None], np.sin(TURNS)[:, None]
+    return along + c * (arm - along) + s * np.cross(axis, arm)
+
+
+def changes(values):
+    return int((np.sign(values[1:]) != np.sign(values[:-1])).sum())
+
+
+def one_rod(folder, rng, ends):
+    """A rod with a universal joint and a ball between two cranks (RSSR), or a crank and a slide."""
+    a, b = rng.normal(size=(2, 3)).round(1)
+    axes = [v / np.linalg.norm(v) for v in (a, b)]
+    arms = rng.uniform(-0.5, 0.5, (2, 3)).round(2)
+    foot = rng.uniform(-0.5, 0.5, 3).round(2)
+    # The row of the output is the motion of its joint: about, or along, x.
+    axes[1] = np.array(X, dtype=float)
+    apart = foot + turned(axes[1], 0.3, arms[1]) - turned(axes[0], 0.4, arms[0])
+    length = round(float(np.linalg.norm(apart)), 4)
+    kind = "continuous" if ends == "crank" else "prismatic"
+    limits = None if ends == "crank" else (-9, 9)
+    joints = [
+        J("crank", "base", "arm", (0, 0, 0), axes[0]),
+        J("ux", "arm", "cross", arms[0], X),
+        J("uy", "cross", "rod", axis=Y),
+        frame("tip", "rod", (0, 0, length)),
+        J("other", "base", "rocker", foot, axes[1], kind, limits),
+        frame("pin", "rocker", arms[1]),
+    ]
+    rows = "wx" if ends == "crank" else "vx"
+    text = loop_text([("tip", "pin")], ["crank"], "rocker", rows)
+    return pinsing.load_mechanism(written(folder, joints, text)), axes, arms, foot, length
+
+
+@pytest.mark.parametrize("ends", ["crank", "slide"])
+@pytest.mark.parametrize("seed", tiered(range(4), (0,)))
+def test_one_rod_between_two_joints(ends, seed, tmp_path):
+    mechanism, axes, arms, foot, length = one_rod(tmp_path, np.random.default_rng(seed), ends)
+    home = pinsing.assembly_modes(mechanism).modes[0].q
+    crank, other = (mechanism.joints.index(n) for n in ("crank", "other"))
+    direct = pinsing.assembly_modes(mechanism, [home[crank]])
+    C = turned(axes[0], home[crank], arms[0])
+    if ends == "crank":
+        at = foot + circle(axes[1], arms[1])
+    else:
+        at = foot + arms[1] + np.linspace(-9, 8.9876, 20001)[:, None] * axes[1]
+    number = changes(np.linalg.norm(at - C, axis=1) - length)
+    assert number == len(direct.modes) == 2
+    assert direct.complete
+    assert "all there are, by the quadratic equation of its rod" in direct.statement
+    inverse = pinsing.working_modes(mechanism)
+    B = foot + (turned(axes[1], home[other], arms[1]) if ends == "crank" else
+                arms[1] + home[other] * axes[1])  # fmt: skip
+    number = changes(np.linalg.norm(circle(axes[0], arms[0]) - B, axis=1) - length)
+    assert number == len(inverse.modes)
+    assert inverse.complete
+
+
+@pytest.mark.parametrize("seed", tiered(range(4), (1,)))
+def test_working_modes_of_three_legs_on_hinges(seed, tmp_path):
+    rng = np.random.default_rng(seed)
+    turns = np.array([0.0, 2.0, 4.2]) + rng.uniform(-0.2, 0.2, 3)
+    hinges = np.stack([-np.sin(turns), np.cos(turns), 0 * turns], axis=1).round(2)
+    base = np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1).round(2)
+    platform = 0.5 * base + np.round(rng.uniform(-0.1, 0.1, (3, 3)), 2)
+    mechanism = rps(tmp_path, base, hinges, platform).without_limits()
+    tilt = rng.uniform(-0.3, 0.3, 2)
+    found = pinsing.working_modes(mechanism, [0.9, *tilt])
+    R = pin.rpy.rpyToMatrix(*tilt, 0.0)
+    left = []
+    for yaw in TURNS[::10]:
+        away = platform @ (pin.rpy.rpyToMatrix(0, 0, yaw) @ R).T + [0, 0, 0.9] - base
+        # The first two hinges give x and y, the third is left.
+        xy = np.linalg.solve(hinges[:2, :2], -(hinges[:2] * away[:2]).sum(axis=1))
+        left.append(hinges[2, :2] @ xy + hinges[2] @ away[2])
+    assert len(found.modes) == 8 * changes(np.array(left))
+    assert found.complete
+    assert "by the planes of its hinges and the two solutions of each leg" in found.statement
+
+
+def test_the_shelfs_hinged_platform_turned_round_is_found():
+    """At yaw 180° the hinges allow the pose of home, too: the tilt is the same."""
+    found = pinsing.working_modes(shipped("rps3").without_limits())
+    assert len(found.modes) == 16
+    assert found.complete
+    yaws = {round(abs(m.pose.angles[2]), 6) for m in found.modes}
+    assert yaws == {0.0, round(np.pi, 6)}
+    within = pinsing.working_modes(shipped("rps3"))
+    assert "at most 2 within the limits of the actuators" in within.statement
+
+
+@pytest.mark.slow
+def test_level_modes_of_a_delta_are_counted():
+    mechanism = shipped("delta").without_limits()
+    direct = pinsing.assembly_modes(mechanism, starts=60)
+    assert "2 with the output not turned: all there are, by three spheres" in direct.statement
+    inverse = pinsing.working_modes(mechanism, [0.05, -0.02, -0.5], starts=60)
+    words = "8 with the output not turned: all there are, by the two solutions of each crank"
+    assert words in inverse.statement
+    level = [m for m in inverse.modes if abs(m.pose.quaternion[0]) > 1 - 1e-9]
+    assert len(level) == 8
+    assert not inverse.complete
+
+
+def test_limits_of_the_rocker_leave_one_assembly_of_those_that_there_are(tmp_path):
+    joints = [
+        J("crank", "base", "arm", (0, 0, 0), X),
+        J("ux", "arm", "cross", (0, 0.3, 0), X),
+        J("uy", "cross", "rod", axis=Y),
+        frame("tip", "rod", (0, 0, 1.0)),
+        J("other", "base", "rocker", (0.2, 1.0, 0), X, "revolute", (0, 3)),
+        frame("pin", "rocker", (0, 0, 0.5)),
+    ]
+    text = loop_text([("tip", "pin")], ["crank"], "rocker", "wx")
+    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
+    found = pinsing.assembly_modes(mechanism)
+    assert found.statement.startswith("1 assembly mode: all there are, by the quadratic equation")
+    assert "1 more pose beyond the joint limits" in found.statement
+    assert len(pinsing.assembly_modes(mechanism.without_limits()).modes) == 2
+
+
+def test_elbows_of_cranks_with_rods_that_leave_their_plane():
+    """Each of the 64 working modes has a name of its own: the sign of crank, rod and axis."""
+    mechanism = shipped("rus6").without_limits()
+    found = pinsing.working_modes(mechanism, starts=4)
+    assert len({m.mode for m in found.modes}) == len(found.modes) == 64
+    data = mechanism.model.createData()
+    for mode in found.modes[::9]:
+        pin.framesForwardKinematics(mechanism.model, data, mechanism.model_q(mode.q))
+        signs = ""
+        for k in range(1, 7):
+            foot, C = (data.oMi[mechanism.model.getJointId(n)] for n in (f"a{k}", f"u{k}x"))
+            rod = data.oMi[mechanism.model.getJointId(f"u{k}y")].rotation[:, 2]
+            arm = C.translation - foot.translation
+            axis = foot.rotation @ axis_of(mechanism, f"a{k}")
+            signs += "+" if np.cross(arm, rod) @ axis > 0 else "-"
+        assert mode.mode.endswith(f"elbows {signs}")
+
+
+def axis_of(mechanism, name):
+    """Axis of a joint in its own frame, from a small turn."""
+    model, j = mechanism.model, mechanism.model.getJointId(name)
+    data = model.createData()
+    q = np.zeros(mechanism.n)
+    pin.forwardKinematics(model, data, mechanism.model_q(q))
+    before = data.oMi[j].rotation.copy()
+    q[mechanism.joints.index(name)] = 0.1
+    pin.forwardKinematics(model, data, mechanism.model_q(q))
+    return pin.log3(before.T @ data.oMi[j].rotation) / 0.1
