@@ -136,6 +136,16 @@ def test_listing_needs_no_pinocchio():
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("name", LOADERS)
-def test_a_name_found_at_once_is_that_of_the_list(name):
-    assert find_robot(name) == known_robots()[name]
+def test_a_name_found_at_once_is_that_of_the_list():
+    known = known_robots()
+    for name in (*LOADERS, *OWN):
+        assert find_robot(name) == known[name]
+
+
+def test_an_arm_is_found_without_looking_through_all_folders(monkeypatch):
+    def refuse(*_: object) -> None:
+        raise AssertionError("looks through folders")
+
+    monkeypatch.setattr(Path, "rglob", refuse)
+    for name in {*LOADERS, *OWN} - {"anymal_kinova"}:
+        assert find_robot(name).name == name

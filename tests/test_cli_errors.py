@@ -117,8 +117,9 @@ class TestRobotFiles:
             path.read_text().replace('<link name="l1"/>', f'<link name="l1">{mesh}</link>')
         )
         done = run("at", str(path), "--q", "0.1")
-        assert done.exit_code == 0
-        assert "mesh" in done.stderr
+        assert (done.exit_code, "mesh" in done.output) == (0, False)
+        done = run("info", str(path))
+        assert (done.exit_code, "1 of 1 mesh files" in done.output) == (0, True)
 
 
 class TestNames:

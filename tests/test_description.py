@@ -7,6 +7,7 @@ import random
 import subprocess
 import sys
 import xml.etree.ElementTree as ET
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -441,10 +442,14 @@ def test_what_kinematics_does_not_need_never_stops_it(read):
     assert build_model(found).nv == 2
 
 
+def with_text(found: Description, text: str) -> Description:
+    return replace(found, shapes=replace(found.shapes, text=text))
+
+
 def test_build_model_is_silent_and_reports_why_it_fails(read, capfd):
     found = read(robot())
     build_model(found)
-    broken = Description(**{**vars(found), "xml": robot(joint(inner=""))})
+    broken = with_text(found, robot(joint(inner="")))
     with pytest.raises(RobotFileError) as caught:
         build_model(broken)
     message = str(caught.value)
@@ -457,7 +462,7 @@ def test_build_model_is_silent_and_reports_why_it_fails(read, capfd):
 
 def test_pinocchios_own_words_do_where_nobody_else_is_asked(read, monkeypatch):
     monkeypatch.setitem(sys.modules, "yourdfpy", None)  # as where it is not installed
-    broken = Description(**{**vars(read(robot())), "xml": robot(joint(inner=""))})
+    broken = with_text(read(robot()), robot(joint(inner="")))
     with pytest.raises(RobotFileError, match=r"\[j2\] is of type REVOLUTE") as caught:
         build_model(broken)
     assert "yourdfpy" not in str(caught.value)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from pinsing.algebra.equation import Equation
-from pinsing.families import closed_form
+from pinsing.families import closed_form, zero_set
 from pinsing.families.drawn import draw, orders
 from pinsing.families.zero_set import project, residuals, search
 from pinsing.robot.load import load
@@ -31,6 +33,7 @@ LENGTH = equation(((0, 2, 0), (1, 0, 0), 1.0, 0.3), ((0, 2, 2), (0, 0, 0), 0.7, 
 TWICE = equation(((4, 0, 0), (0, 0, 0), 1.0, 0.0), ((2, 0, 0), (0, 0, 0), 0.0, 0.5))
 FREE = np.ones(3, dtype=bool)
 ZERO = np.zeros(3)
+RNG = np.random.default_rng
 
 
 @pytest.mark.parametrize("e", [ONCE, HALF, LENGTH])
@@ -101,3 +104,34 @@ def test_points_of_families_are_singular_and_spread(name: str) -> None:
                 assert ok.all()
                 assert np.abs(moved - there).max(initial=0.0) < 1e-9
         assert np.ptp(q, axis=0).max() > 1
+
+
+def test_a_box_with_nothing_in_it_is_not_searched_at_random(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A proof takes the search's place; what is drawn afterwards is as after the search."""
+    middle = np.array([0.3, -0.2, 0.1])
+    q = draw(orders([ONCE], FREE)[0], middle - 3, middle + 3, FREE, ZERO, 500, RNG(2))
+    far = middle + np.array([0.4, 0.9, 0.9])
+    values = residuals([ONCE], RNG(3).uniform(far - 0.15, far + 0.15, (4000, 3)))
+    assert len(q)
+    assert np.abs(values).min() > 0.01
+    drawn = []
+    for terms, most in ((zero_set._PROOF_TERMS, 0), (1, 400)):
+        moved: list[int] = []
+
+        def counted(*given: Any, moved: list[int] = moved) -> Any:
+            moved.append(len(given[1]))
+            return project(*given)
+
+        monkeypatch.setattr(zero_set, "_PROOF_TERMS", terms)
+        monkeypatch.setattr(zero_set, "project", counted)
+        rng = RNG(5)
+        assert len(search([ONCE], far - 0.15, far + 0.15, FREE, ZERO, 4, rng)) == 0
+        assert sum(moved) >= most
+        assert most or sum(moved) == 0
+        drawn.append(rng.random(3).tolist())
+    assert drawn[0] == drawn[1]
+    # A zero just outside, that counts as inside, is no reason to say that there is none.
+    on = q[0]
+    assert len(search([ONCE], on, on, FREE, ZERO, 1, RNG(1), rounds=1)) == 1

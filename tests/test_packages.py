@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import json
+import pickle
+
 import pinocchio as pin
 import pytest
+from click.testing import CliRunner
 from urdf_texts import make_package, robot
 
+import pinsing
+from pinsing.cli.app import command
+from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
 from pinsing.robot.build_model import build_model
+from pinsing.view.links import read_links
 
 
 def mesh_robot(*names: str) -> str:
@@ -101,3 +109,84 @@ def test_packages_given_or_in_the_environment(package, tmp_path, monkeypatch):
                 (share / "arm_description").symlink_to(package)
             patch.setenv(variable, str(value))
             assert not read_description(file).missing_meshes
+
+
+def test_meshes_are_looked_for_when_the_robot_is_drawn_and_not_before(package, monkeypatch):
+    file = package / "urdf" / "arm.urdf"
+    file.write_text(mesh_robot("package://arm_description/meshes/a.stl", "b.stl"))
+    asked = []
+    search = PackageIndex.mesh
+    monkeypatch.setattr(
+        PackageIndex, "mesh", lambda index, uri: (asked.append(uri), search(index, uri))[1]
+    )
+    arm = pinsing.load(file)
+    str(pinsing.at(arm, [0.1] * arm.n))
+    str(pinsing.closed_form(arm))
+    assert not asked
+    assert not any("drawn" in note for note in arm.notes)
+    notes = read_links(arm).notes
+    assert asked == ["package://arm_description/meshes/a.stl", "b.stl"]
+    assert "1 of 2 mesh files not found and not drawn, as 'b.stl' (no such file)" in notes
+    assert arm.source.mesh_notes == notes
+    assert len(asked) == 2  # once is enough
+
+
+def test_only_info_and_view_say_which_meshes_are_missing(package):
+    file = package / "urdf" / "arm.urdf"
+    file.write_text(mesh_robot("b.stl"))
+    said = "1 of 1 mesh files not found and not drawn, as 'b.stl' (no such file)"
+    for words, told in (["info"], True), (["families"], False), (["at", "--q", "0,0"], False):
+        done = CliRunner().invoke(command, [words[0], str(file), *words[1:]])
+        assert done.exit_code == 0
+        assert (said in " ".join(done.output.split())) == told
+    done = CliRunner().invoke(command, ["info", str(file), "--json", "-"])
+    assert said in json.loads(done.stdout)["arm"]["notes"]
+    page = package / "page.html"
+    done = CliRunner().invoke(command, ["view", str(file), "--html", str(page)])
+    assert done.exit_code == 0
+    assert f"note: {said}" in done.stderr
+
+
+def test_meshes_found_later_are_those_of_the_file_as_loaded(package, tmp_path, monkeypatch):
+    """The folders to look in are those of then; the files those that are there when first asked."""
+    file = tmp_path / "elsewhere" / "arm.urdf"
+    file.parent.mkdir()
+    file.write_text(mesh_robot("package://arm_description/meshes/a.stl", "own.stl"))
+    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("ROS_PACKAGE_PATH", package.parent.name)  # relative to where one stands
+    arm = pinsing.load("elsewhere/arm.urdf")
+    monkeypatch.setenv("ROS_PACKAGE_PATH", str(tmp_path / "nowhere"))
+    monkeypatch.chdir(package)
+    (file.parent / "own.stl").write_bytes((package / "meshes" / "a.stl").read_bytes())
+    file.write_text("<robot/>")
+    assert arm.source.mesh_notes == ()
+    assert f"file://{package}/meshes/a.stl" in arm.source.xml
+    (file.parent / "own.stl").unlink()
+    assert f"file://{file.parent}/own.stl" in arm.source.xml  # what was found stays
+
+
+def test_a_copy_for_another_process_has_found_its_meshes(package):
+    file = package / "urdf" / "arm.urdf"
+    file.write_text(mesh_robot("../meshes/a.stl", "b.stl"))
+    arm = pinsing.load(file)
+    sent = pickle.dumps(arm)
+    (package / "meshes" / "a.stl").unlink()
+    other = pickle.loads(sent)
+    assert f"file://{package}/meshes/a.stl" in other.source.xml
+    assert other.source.mesh_notes == arm.source.mesh_notes != ()
+    assert read_description(file) == read_description(file)
+    assert len(read_description(file).missing_meshes) == 2
+
+
+def test_a_texture_that_is_not_there_leaves_the_shape(package):
+    file = package / "urdf" / "arm.urdf"
+    texture = '<material name="m"><texture filename="no.png"/></material>'
+    shape = f"<visual><geometry><sphere radius='1'/></geometry>{texture}</visual>"
+    file.write_text(robot(links="ab", extra=f'{texture}<link name="c">{shape}</link>'))
+    found = read_description(file)
+    assert found.missing_meshes == ("no.png",)
+    assert "texture" not in found.xml
+    assert "sphere" in found.xml
+    shapes = pin.buildGeomFromUrdfString(build_model(found), found.xml, pin.VISUAL)
+    assert len(shapes.geometryObjects) == 1

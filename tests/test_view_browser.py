@@ -308,7 +308,7 @@ def test_a_robot_whose_meshes_are_missing_still_shows(page: Any, tmp_path: Path)
     lost = tmp_path / "lost.urdf"
     lost.write_text(source.path.read_text().replace("package://", "package://not_here_"))
     arm = load(lost, tip="tool0")
-    assert any("mesh" in note for note in arm.notes)
+    assert any("mesh" in note for note in arm.source.mesh_notes)
     with Viewer(arm, poses=[[0, -1.2, 1.4, 0.3, 0.8, 0]]) as viewer:
         open_page(page, viewer.url)
         show_only(page, "visual")

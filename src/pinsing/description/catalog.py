@@ -28,7 +28,8 @@ _DATA_FOLDER = "cmeel.prefix/share/example-robot-data/robots"
 _FILE_SUFFIXES = (".urdf", ".xacro", ".xml")
 
 # Names of example-robot-data's loaders (robots_loader.py) that are not the stem of a file, with
-# the folder and file; where the stem alone would be taken for another file, the loader wins.
+# the folder and file; where the stem alone would be taken for another file, the loader wins. Arms
+# whose file has their name stand here so that they are found without looking through all folders.
 # Upstream loads UR5 for "ur3"; here it is UR3.
 _LOADERS = {
     "alexander": "alexander_description/urdf/alexander_v1.lowerBodyOnly.urdf",
@@ -37,25 +38,39 @@ _LOADERS = {
     "anymal_kinova": "anymal_b_simple_description/robots/anymal-kinova.urdf",
     "asr_twodof": "asr_twodof_description/urdf/TwoDofs.urdf",
     "b1_z1": "b1_description/urdf/b1-z1.urdf",
+    "baxter": "baxter_description/urdf/baxter.urdf",
     "borinot": "borinot_description/urdf/borinot_flying_arm_2.urdf",
     "g1": "g1_description/urdf/g1_29dof_rev_1_0.urdf",
     "g1_with_hands": "g1_description/urdf/g1_29dof_with_hand_rev_1_0.urdf",
     "hector": "hector_description/robots/quadrotor_base.urdf",
     "hextilt": "hextilt_description/urdf/hextilt_flying_arm_5.urdf",
     "hyq": "hyq_description/robots/hyq_no_sensors.urdf",
+    "icub": "icub_description/robots/icub.urdf",
     "iris": "iris_description/robots/iris_simple.urdf",
+    "kinova": "kinova_description/robots/kinova.urdf",
+    "panda": "panda_description/urdf/panda.urdf",
+    "pr2": "pr2_description/urdf/pr2.urdf",
+    "romeo": "romeo_description/urdf/romeo.urdf",
+    "so100": "so_arm_description/urdf/so100.urdf",
+    "so101": "so_arm_description/urdf/so101.urdf",
     "solo8": "solo_description/robots/solo.urdf",
     "talos": "talos_data/robots/talos_reduced.urdf",
     "talos_arm": "talos_data/robots/talos_left_arm.urdf",
     "talos_box": "talos_data/robots/talos_reduced_box.urdf",
     "talos_full": "talos_data/robots/talos_full_v2.urdf",
     "talos_full_box": "talos_data/robots/talos_full_v2_box.urdf",
+    "tiago": "tiago_description/robots/tiago.urdf",
+    "tiago_dual": "tiago_description/robots/tiago_dual.urdf",
+    "tiago_no_hand": "tiago_description/robots/tiago_no_hand.urdf",
+    "tiago_pro": "tiago_pro_description/robots/tiago_pro.urdf",
     "ur3": "ur_description/urdf/ur3_robot.urdf",
     "ur3_limited": "ur_description/urdf/ur3_joint_limited_robot.urdf",
     "ur5": "ur_description/urdf/ur5_robot.urdf",
     "ur5_limited": "ur_description/urdf/ur5_joint_limited_robot.urdf",
     "ur10": "ur_description/urdf/ur10_robot.urdf",
     "ur10_limited": "ur_description/urdf/ur10_joint_limited_robot.urdf",
+    "xarm7": "xarm_description/urdf/xarm7.urdf",
+    "z1": "z1_description/urdf/z1.urdf",
 }
 # Names that people use and no file or loader has.
 _ALIASES = {

@@ -73,6 +73,12 @@ class PackageIndex:
         self.file = None if file is None else Path(os.path.abspath(file))
         self.given = {name: Path(os.path.abspath(d)) for name, d in (packages or {}).items()}
         self._more_roots = roots
+        # As they are now: meshes are looked for later, and are still those of the file as loaded.
+        ros, ament = _folders("ROS_PACKAGE_PATH"), _folders("AMENT_PREFIX_PATH")
+        self._environment = (*ros, *(prefix / "share" for prefix in ament))
+        self._ros = [_absolute(folder) for folder in ros]
+        self._ament = [_absolute(folder) for folder in ament]
+        self._home = Path(os.path.expanduser("~"))
         self._found: dict[str, Path | None] = {}
 
     def find(self, name: str) -> Path | None:
@@ -87,14 +93,12 @@ class PackageIndex:
 
     def environment(self) -> tuple[Path, ...]:
         """Return the folders of packages that the user's environment names."""
-        folders = [*_folders("ROS_PACKAGE_PATH")]
-        folders += [prefix / "share" for prefix in _folders("AMENT_PREFIX_PATH")]
-        return tuple(folder for folder in folders if folder.is_absolute())
+        return tuple(folder for folder in self._environment if folder.is_absolute())
 
     def _search(self, name: str) -> Path | None:
         if name in self.given:
             return self.given[name] if self.given[name].is_dir() else None
-        for entry in _folders("ROS_PACKAGE_PATH"):
+        for entry in self._ros:
             if _is_package(entry, name) or (entry.name == name and entry.is_dir()):
                 return entry
             if (entry / name).is_dir():
@@ -102,7 +106,7 @@ class PackageIndex:
             for package in _packages_in(entry):
                 if _is_package(package, name):
                     return package
-        for prefix in _folders("AMENT_PREFIX_PATH"):
+        for prefix in self._ament:
             if (prefix / "share" / name).is_dir():
                 return prefix / "share" / name
         return self._search_upward(name)
@@ -123,10 +127,9 @@ class PackageIndex:
         # Never the file system's root, nor the home folder: their children are not packages.
         if self.file is None:
             return ()
-        home = Path(os.path.expanduser("~"))
         folders = []
         for folder in list(self.file.parents)[:_LEVELS_UP]:
-            if folder in (home, Path(folder.anchor)):
+            if folder in (self._home, Path(folder.anchor)):
                 break
             folders.append(folder)
         return tuple(folders)
@@ -219,6 +222,13 @@ class PackageIndex:
 
 def _folders(variable: str) -> list[Path]:
     return [Path(p) for p in os.environ.get(variable, "").split(os.pathsep) if p]
+
+
+def _absolute(folder: Path) -> Path:
+    try:
+        return Path(os.path.abspath(folder))
+    except OSError:  # the working folder is gone
+        return folder
 
 
 def _packages_in(folder: Path) -> list[Path]:

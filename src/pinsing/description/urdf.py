@@ -8,12 +8,14 @@ joint in every message, and what is not kinematics is mended or left out with a 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import field
 from pathlib import Path
 
 from pinsing._dataclass import dataclass
 from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.urdf_joints import JointEntry, Mimic, check_joint, check_mimics
-from pinsing.description.urdf_links import Meshes, check_link, check_material
+from pinsing.description.urdf_links import check_link, check_material
+from pinsing.description.urdf_meshes import Shapes
 from pinsing.description.urdf_source import UrdfSource, show
 from pinsing.description.urdf_tree import MAX_IN_A_TREE, check_tree, check_unique
 from pinsing.description.xacro import expand_xacro, is_xacro
@@ -38,12 +40,13 @@ _OTHER_FORMATS = {
 class Description:
     """A checked robot description.
 
+    Meshes are looked for when first asked for: by ``xml``, ``missing_meshes``, ``package_dirs`` or
+    ``notes``. What these say holds from then on, whatever becomes of the folder; see `Shapes`.
+
     Attributes
     ----------
     path : Path
         The file as given; ``URDF text`` where there is none.
-    xml : str
-        Plain URDF: links, joints, materials. Its meshes exist, as file:// addresses.
     name : str
         Name of the robot.
     links : tuple of str
@@ -52,23 +55,46 @@ class Description:
         The joints, in the order of the file.
     root : str
         The link without parent.
-    missing_meshes : tuple of str
-        Mesh and texture addresses, as in the file, that do not exist or may not be opened.
-    package_dirs : tuple of Path
-        Folders that hold the packages found, and the robot's own folder.
-    notes : tuple of str
-        What was assumed, mended or left out.
+    assumed : tuple of str
+        What was assumed, mended or left out, meshes aside.
+    shapes : Shapes
+        The URDF as text, and its meshes once they are looked for.
     """
 
     path: Path
-    xml: str
     name: str
     links: tuple[str, ...]
     joints: tuple[JointEntry, ...]
     root: str
-    missing_meshes: tuple[str, ...]
-    package_dirs: tuple[Path, ...]
-    notes: tuple[str, ...]
+    assumed: tuple[str, ...]
+    shapes: Shapes = field(repr=False)
+
+    @property
+    def kinematics(self) -> str:
+        """Plain URDF: links, joints, materials, with the addresses of meshes as in the file."""
+        return self.shapes.text
+
+    @property
+    def xml(self) -> str:
+        """Plain URDF whose meshes exist, as file:// addresses; shapes of others are left out."""
+        return self.shapes.found.xml
+
+    @property
+    def missing_meshes(self) -> tuple[str, ...]:
+        """Mesh and texture addresses, as in the file, that do not exist or may not be opened."""
+        return self.shapes.found.missing
+
+    @property
+    def package_dirs(self) -> tuple[Path, ...]:
+        """Folders that hold the packages found, and the robot's own folder."""
+        own = self.shapes.index.own_folder
+        folders = [folder.parent for folder in self.shapes.found.packages]
+        return tuple(dict.fromkeys([*folders, *(() if own is None else (own,))]))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What was assumed, mended or left out, with the meshes that are not drawn."""
+        return (*self.assumed, *self.shapes.found.notes)
 
     def joint(self, name: str) -> JointEntry:
         """Return a joint by name.
@@ -190,8 +216,7 @@ def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Descriptio
     source.check_name(name, f"robot {show(name)}", root)
 
     source.version = root.attributes.get("version", source.version)
-    meshes = Meshes(index)
-    checked_links = [check_link(node, source, meshes) for node in link_nodes]
+    checked_links = [check_link(node, source) for node in link_nodes]
     links = tuple(link for link, _ in checked_links)
     check_unique("link", links, link_nodes, source)
     checked_joints = [check_joint(node, source) for node in joint_nodes]
@@ -205,29 +230,25 @@ def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Descriptio
     robot = Node("robot", {"name": name}, root.line)
     if source.version in ("1.1", "1.2"):  # quat_xyzw counts from there on
         robot.attributes["version"] = "1.1"
-    robot.children += _materials(root, source, meshes)
+    robot.children += _materials(root, source)
     robot.children += [element for _, element in checked_links]
     robot.children += elements
-    own = () if index.own_folder is None else (index.own_folder,)
-    folders = dict.fromkeys([*(folder.parent for folder in index.used()), *own])
     return Description(
         path=source.path,
-        xml=to_text(robot),
         name=name,
         links=links,
         joints=joints,
         root=base,
-        missing_meshes=tuple(meshes.missing),
-        package_dirs=tuple(folders),
-        notes=(*source.notes(), *meshes.notes()),
+        assumed=source.notes(),
+        shapes=Shapes(to_text(robot), index),
     )
 
 
-def _materials(root: Node, source: UrdfSource, meshes: Meshes) -> list[Node]:
+def _materials(root: Node, source: UrdfSource) -> list[Node]:
     """Return the materials of the robot, the first of each name, if they say anything."""
     kept: dict[str, Node] = {}
     for node in root.all("material"):
-        for material in check_material(node, source, meshes):
+        for material in check_material(node, source):
             if material.children:
                 kept.setdefault(material.attributes["name"], material)
     return list(kept.values())

@@ -1,18 +1,13 @@
 """The links and materials of a URDF: what kinematics needs is checked, the rest is kept if sound.
 
-A shape never stops anything: one that cannot be drawn is left out and noted. Meshes are rewritten
-to the file that was found, so that no later reader looks for them elsewhere.
+A shape never stops anything: one that cannot be drawn is left out and noted. Whether its mesh is
+there is seen when the robot is drawn (`urdf_meshes`).
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import field
-from pathlib import Path
 
-from pinsing._dataclass import dataclass
-from pinsing.description.collada import ColladaProblem, image_references
-from pinsing.description.ros_packages import MeshProblem, PackageIndex
 from pinsing.description.urdf_source import LARGEST_INERTIA, UrdfSource, show
 from pinsing.description.xml_tree import Node
 from pinsing.errors import RobotFileError
@@ -26,53 +21,7 @@ _SHAPES = {
 }
 
 
-@dataclass
-class Meshes:
-    """The meshes of one file: which were found, which are missing, which may not be opened."""
-
-    index: PackageIndex
-    _paths: dict[str, str | None] = field(default_factory=dict)
-    missing: dict[str, MeshProblem] = field(default_factory=dict)
-
-    def locate(self, uri: str) -> str | None:
-        """Return the file:// address of a mesh, None if it cannot be had."""
-        if uri not in self._paths:
-            try:
-                path = self.index.mesh(uri)
-                self._check_images(path)
-                self._paths[uri] = f"file://{path}"
-            except MeshProblem as problem:
-                self._paths[uri] = None
-                self.missing[uri] = problem
-        return self._paths[uri]
-
-    def _check_images(self, path: Path) -> None:
-        """Refuse a Collada mesh that would have the viewer embed a file from elsewhere."""
-        if path.suffix.lower() != ".dae":
-            return
-        try:
-            for name in image_references(path):
-                # As the viewer finds it.
-                self.index.image(path.parent / name)
-        except (ColladaProblem, OSError) as error:
-            raise MeshProblem(str(error), refused=True) from error
-
-    def notes(self) -> list[str]:
-        """Return what to say about meshes that are not drawn, in at most two notes."""
-        notes = []
-        for refused in (True, False):
-            found = [(u, p) for u, p in self.missing.items() if p.refused == refused]
-            if found:
-                uri, problem = found[0]
-                lead = "not opened" if refused else "not found"
-                notes.append(
-                    f"{len(found)} of {len(self._paths)} mesh files {lead} and not drawn, as "
-                    f"{show(uri, 90)} ({problem})"
-                )
-        return notes
-
-
-def check_link(node: Node, source: UrdfSource, meshes: Meshes) -> tuple[str, Node]:
+def check_link(node: Node, source: UrdfSource) -> tuple[str, Node]:
     """Return a link's name, and the element that Pinocchio shall read.
 
     Raises
@@ -90,7 +39,7 @@ def check_link(node: Node, source: UrdfSource, meshes: Meshes) -> tuple[str, Nod
     for tag in ("visual", "collision"):
         for shape in node.all(tag):
             try:
-                clean.children += _shape(shape, source, what, meshes)
+                clean.children += _shape(shape, source, what)
             except RobotFileError:
                 source.note(f"a <{tag}> that cannot be read is left out of link", show(name))
     return name, clean
@@ -121,8 +70,8 @@ def _inertial(node: Node, source: UrdfSource, what: str, name: str) -> list[Node
     return [Node("inertial", {}, inertial.line, [*origin, mass, inertia])]
 
 
-def _shape(node: Node, source: UrdfSource, what: str, meshes: Meshes) -> list[Node]:
-    """Return a checked visual or collision, nothing if its mesh cannot be had."""
+def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
+    """Return a checked visual or collision; a capsule becomes three."""
     origin = source.origin(node, what)
     geometry = node.first("geometry")
     if geometry is None or not geometry.children:
@@ -133,10 +82,7 @@ def _shape(node: Node, source: UrdfSource, what: str, meshes: Meshes) -> list[No
         if "scale" in shape.attributes:
             source.numbers(shape, "scale", 3, what)
             clean.attributes["scale"] = shape.attributes["scale"]
-        address = meshes.locate(shape.attributes.get("filename", ""))
-        if address is None:
-            return []
-        clean.attributes["filename"] = address
+        clean.attributes["filename"] = shape.attributes.get("filename", "")
     else:
         for key, count in _SHAPES.get(shape.tag, {}).items():
             source.attribute(shape, key, what)
@@ -152,7 +98,7 @@ def _shape(node: Node, source: UrdfSource, what: str, meshes: Meshes) -> list[No
     extra = []
     if node.tag == "visual":
         for material in node.all("material")[:1]:
-            extra += check_material(material, source, meshes)
+            extra += check_material(material, source)
     named = {k: v for k, v in node.attributes.items() if k == "name" and shape.tag != "capsule"}
     return [
         Node(node.tag, named, node.line, [*at, Node("geometry", {}, 0, [made]), *extra])
@@ -196,7 +142,7 @@ def _capsule(
     return [(rod, origin(0.0)), (ball(), origin(half)), (ball(), origin(-half))]
 
 
-def check_material(node: Node, source: UrdfSource, meshes: Meshes) -> list[Node]:
+def check_material(node: Node, source: UrdfSource) -> list[Node]:
     """Return a material with what is sound of its colour and texture; nothing if unnamed."""
     name = node.attributes.get("name", "")
     if not name:
@@ -212,7 +158,5 @@ def check_material(node: Node, source: UrdfSource, meshes: Meshes) -> list[Node]
             rgba = " ".join(repr(min(max(v, 0.0), 1.0)) for v in values)
             clean.children.append(Node("color", {"rgba": rgba}, 0))
     if texture is not None and "filename" in texture.attributes:
-        address = meshes.locate(texture.attributes["filename"])
-        if address is not None:
-            clean.children.append(Node("texture", {"filename": address}, 0))
+        clean.children.append(Node("texture", {"filename": texture.attributes["filename"]}, 0))
     return [clean]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -127,13 +128,13 @@ class ArmInfo(JsonResult):
 
 
 def describe(arm: Arm) -> ArmInfo:
-    """Gather what `ArmInfo` holds."""
+    """Gather what `ArmInfo` holds; among its notes are meshes that are not there."""
     exact = nominal(arm)
     # Without any limit a turning joint is continuous, as a URDF would call it.
     free = ~(np.isfinite(arm.lower) | np.isfinite(arm.upper))
     kinds = np.where(arm.prismatic, "prismatic", np.where(free, "continuous", "revolute"))
     return ArmInfo(
-        arm=summarize(arm),
+        arm=replace(summarize(arm), notes=(*arm.notes, *arm.source.mesh_notes)),
         kinds=tuple(str(k) for k in kinds),
         file="" if arm.source.path is None else str(arm.source.path),
         generic_rank=generic_rank(arm),

@@ -31,7 +31,7 @@ def build_model(description: Description) -> pin.Model:
     reason = ""
     with _stderr_of_c() as captured:
         try:
-            return pin.buildModelFromXML(description.xml)
+            return pin.buildModelFromXML(description.kinematics)
         except (ValueError, RuntimeError, IndexError) as error:
             reason = str(error)
         finally:
@@ -55,7 +55,7 @@ def diagnose(description: Description) -> list[str]:
 
     try:
         robot = yourdfpy.URDF.load(
-            BytesIO(description.xml.encode()),
+            BytesIO(description.kinematics.encode()),
             build_scene_graph=False,
             load_meshes=False,
         )

@@ -44,15 +44,12 @@ class GivenFile:
         The file; None for text.
     entry : CatalogEntry or None
         The known robot, where it was given by name.
-    package_dirs : tuple of Path
-        Folders that hold its packages.
     """
 
     description: Description
     label: str
     path: Path | None
     entry: CatalogEntry | None
-    package_dirs: tuple[Path, ...]
 
 
 def given_model(robot: Any) -> pin.Model | None:
@@ -104,7 +101,7 @@ def given_file(
     """
     if isinstance(robot, str) and robot.lstrip("\ufeff \t\r\n").startswith("<"):
         description = parse_description(robot, packages)
-        return GivenFile(description, "URDF text", None, None, description.package_dirs)
+        return GivenFile(description, "URDF text", None, None)
     if isinstance(robot, str) and not robot.strip():
         from pinsing.arguments import shown
 
@@ -119,8 +116,7 @@ def given_file(
     description = read_description(
         found.path if isinstance(found, CatalogEntry) else found, packages, xacro_args
     )
-    dirs = dict.fromkeys([*description.package_dirs, *(entry.package_dirs if entry else ())])
-    return GivenFile(description, os.fspath(robot), description.path, entry, tuple(dirs))
+    return GivenFile(description, os.fspath(robot), description.path, entry)
 
 
 def _table(path: Path, label: str, xacro_args: Mapping[str, str] | None) -> GivenFile:
@@ -130,4 +126,4 @@ def _table(path: Path, label: str, xacro_args: Mapping[str, str] | None) -> Give
     if xacro_args:
         raise RobotFileError("is no xacro file, so it takes no xacro arguments", path)
     description = parse_description(dh_to_urdf(read_dh(path)))
-    return GivenFile(description, label, path, None, ())
+    return GivenFile(description, label, path, None)

@@ -51,7 +51,6 @@ class _Whole:
     mimics: Mapping[str, Follow]
     description: Description | None = None
     path: Path | None = None
-    package_dirs: tuple[Path, ...] = ()
     tip: str | None = None
     base: str | None = None
     notes: tuple[str, ...] = ()
@@ -109,7 +108,8 @@ def load(
     Returns
     -------
     Arm
-        With everything that was assumed in ``arm.notes``.
+        With everything that was assumed in ``arm.notes``. Its meshes are looked for when it is
+        drawn; ``arm.source.mesh_notes`` tells which are not there.
 
     Raises
     ------
@@ -180,10 +180,9 @@ def _read(
         },
         description=description,
         path=given.path,
-        package_dirs=given.package_dirs,
         tip=entry.tip if entry else None,
         base=entry.base if entry else None,
-        notes=description.notes,
+        notes=description.assumed,
     )
 
 
@@ -351,8 +350,7 @@ def _build(
         source=Source(
             label=whole.label,
             path=whole.path,
-            xml=whole.description.xml if whole.description else None,
-            package_dirs=whole.package_dirs,
+            shapes=whole.description.shapes if whole.description else None,
             full_model=model,
             locked=tuple(lock),
             kept=tuple(int(model.getJointId(name)) for name in names),

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing.description.urdf_meshes import Shapes
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,10 +42,8 @@ class Source:
         The path or name as given, or ``"pin.Model"``.
     path : Path or None
         The description file.
-    xml : str or None
-        The URDF text that Pinocchio read (after xacro).
-    package_dirs : tuple of Path
-        Folders that hold packages, for ``package://`` meshes.
+    shapes : Shapes or None
+        What the robot looks like; its meshes are looked for when first asked for.
     full_model : pin.Model
         The model before any joint was locked.
     locked : tuple of int
@@ -59,10 +58,19 @@ class Source:
 
     label: str
     path: Path | None
-    xml: str | None
-    package_dirs: tuple[Path, ...]
+    shapes: Shapes | None
     full_model: pin.Model
     locked: tuple[int, ...]
     kept: tuple[int, ...]
     reference: Array
     base: str
+
+    @property
+    def xml(self) -> str | None:
+        """The URDF (after xacro) with the meshes that there are, as file:// addresses."""
+        return None if self.shapes is None else self.shapes.found.xml
+
+    @property
+    def mesh_notes(self) -> tuple[str, ...]:
+        """Meshes that are not there or may not be opened, and so are not drawn."""
+        return () if self.shapes is None else self.shapes.found.notes

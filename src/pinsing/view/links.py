@@ -30,7 +30,7 @@ class Links:
         Its parents are joints of ``arm.model``; placements of what is fixed to the world are
         in the base of the arm. None where the robot comes without any.
     notes : tuple of str
-        What could not be read.
+        What is not there, may not be opened or could not be read.
     """
 
     geometry: pin.GeometryModel | None
@@ -62,11 +62,14 @@ def _read_links(arm: Body) -> Links:
     source = arm.source
     if source.xml is None:
         return Links(None)
+    absent = source.mesh_notes
     try:
         whole, notes = read_geometry(source.full_model, source.xml)
     except (ValueError, RuntimeError) as error:
         reason = " ".join(str(error).split())
-        return Links(None, (f"its meshes cannot be read, so a skeleton stands for it: {reason}",))
+        said = f"its meshes cannot be read, so a skeleton stands for it: {reason}"
+        return Links(None, (*absent, said))
+    notes = (*absent, *notes)
     full = source.full_model.copy()
     base = frame_index(full, source.base)
     original = make_names_unique(full)  # as `lock_joints` does
