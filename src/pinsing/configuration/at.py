@@ -19,6 +19,7 @@ from pinsing.configuration.axis_dependence import (
     dependences_of,
     landmarks,
 )
+from pinsing.configuration.line_geometry import JointAxes
 from pinsing.configuration.lost_motion import EXACT_TOL, LostMotion, Tool, lost_motions
 from pinsing.configuration.state import (
     NEAR_SINGULAR,
@@ -180,16 +181,15 @@ def loss_at(arm: Arm, q: Array, rtol: float = SINGULAR_RTOL, near_rtol: float = 
     never = never_produced(arm)
     missing = _in_all_rows(arm, _without(U[:, rank:], never), q)
     hardly = status == NEAR_SINGULAR
-    tool = replace(tool, landmarks=landmarks(arm, J, position))
+    axes = JointAxes.of(J, arm.prismatic, position)
+    tool = replace(tool, landmarks=landmarks(arm, axes))
     tol = max(EXACT_TOL, min(3 * ratio, 0.05)) if hardly else EXACT_TOL
     return replace(
         found,
         tool=tool,
         lost=lost_motions(missing, J, scale.length, arm.length_scale, tool, tol, hardly),
         always_missing=len(arm.task.rows) - generic_rank(arm) - never.shape[1],
-        dependences=dependences_of(
-            arm, J, q, position, zero if hardly else max(DEPENDENCE_RTOL, rtol)
-        ),
+        dependences=dependences_of(arm, J, q, axes, zero if hardly else max(DEPENDENCE_RTOL, rtol)),
     )
 
 
@@ -219,6 +219,8 @@ def _never_produced(arm: Arm) -> Array:
 
 def _without(U: Array, other: Array) -> Array:
     """Orthonormal basis of what is left of the columns of U (m, d) beside those of ``other``."""
+    if U.shape[1] == 1 and not other.shape[1]:
+        return U
     rest = U - other @ (other.T @ U)
     left, sigma, _ = np.linalg.svd(rest, full_matrices=False)
     return np.asarray(left[:, sigma > 0.5])

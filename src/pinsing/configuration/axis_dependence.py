@@ -106,34 +106,33 @@ def axis_dependences(
     """
     q = arm.check_one(q)
     J = frame_jacobian(arm, q)
-    return dependences_of(arm, J, q, np.array(placement_of(arm, q).translation), rtol)
+    tip = np.array(placement_of(arm, q).translation)
+    return dependences_of(arm, J, q, JointAxes.of(J, arm.prismatic, tip), rtol)
 
 
 def dependences_of(
-    arm: Arm, J: Array, q: Array, tip: Array, rtol: float
+    arm: Arm, J: Array, q: Array, axes: JointAxes, rtol: float
 ) -> tuple[AxisDependence, ...]:
-    """`axis_dependences` at q (n,), with its frame Jacobian (6, n) and the tip (3,), metres."""
+    """`axis_dependences` at q (n,), with its frame Jacobian (6, n) and the axes there."""
     columns = ColumnRanks(arm, J, q, rtol, _generic_task(arm), moving_columns(arm))
     if columns.lost <= 0:
         return ()
-    words = _Reasons(arm, J, tip, columns, rtol)
+    words = _Reasons(arm, axes, columns, rtol)
     return tuple(
         AxisDependence(tuple(arm.joints[i] for i in ids), ids, words.reason(ids))
         for ids in columns.causes()
     )
 
 
-def landmarks(arm: Arm, J: Array, tip: Array) -> dict[str, Array]:
+def landmarks(arm: Arm, axes: JointAxes) -> dict[str, Array]:
     """Points where three axes in a row always meet: ``the wrist centre``, ``the shoulder centre``.
 
     Parameters
     ----------
     arm : Arm
         Any arm.
-    J : (6, n) array
-        Its frame Jacobian at some configuration.
-    tip : (3,) array
-        Its tip there, metres.
+    axes : JointAxes
+        Its axes at some configuration.
 
     Returns
     -------
@@ -142,7 +141,6 @@ def landmarks(arm: Arm, J: Array, tip: Array) -> dict[str, Array]:
     """
     if arm.coupling is not None:
         return {}
-    axes = JointAxes.of(J, arm.prismatic, tip)
     found = {}
     for centre in arm_centres(arm):
         point = axes.meeting_point(centre.ids, STRUCTURE_TOL)
@@ -187,11 +185,11 @@ def _generic_task(arm: Arm) -> Array:
 class _Reasons:
     """Says why sets of axes are dependent."""
 
-    def __init__(self, arm: Arm, J: Array, tip: Array, columns: ColumnRanks, rtol: float) -> None:
+    def __init__(self, arm: Arm, axes: JointAxes, columns: ColumnRanks, rtol: float) -> None:
         self.arm, self.columns = arm, columns
         self.task = arm.task.name
         self.coupled = arm.coupling is not None
-        self.axes = JointAxes.of(J, arm.prismatic, tip)
+        self.axes = axes
         self.centres = arm_centres(arm)
         named = self.task in ("pose", "position", "orientation") or arm.task.tool_axis is not None
         self.by_rows = not named and not self.coupled

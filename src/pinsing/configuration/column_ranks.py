@@ -51,12 +51,16 @@ class ColumnRanks:
     ) -> None:
         self.J = own_scale(arm).apply(arm, J, q)
         self.generic, self.used = generic, used
-        sigma = singular_values(self.J[None])[0]
-        self.zero = zero_of(arm, sigma, rtol)
         self._bit = {j: 1 << i for i, j in enumerate(used)}
         self._few = len(used) <= _AT_ONCE
-        if self._few:
-            self._table = _counts(of_all_sets(self.J[None, :, list(used)])[0] > self.zero)
+        sets = of_all_sets(self.J[None, :, list(used)])[0] if self._few else None
+        if sets is not None and len(used) == self.J.shape[1]:
+            sigma = sets[-1]
+        else:
+            sigma = singular_values(self.J[None])[0]
+        self.zero = zero_of(arm, sigma, rtol)
+        if sets is not None:
+            self._table = _counts(sets > self.zero)
             self._generic = arm.once(
                 "generic_column_ranks", lambda: _generic_table(generic[:, :, list(used)])
             )

@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.configuration.vectors import cross, cross_rows, length
+from pinsing.configuration.vectors import cross, cross_rows, length, nearest_to_lines
 
 STRUCTURE_TOL = 2e-5
 """Radians, and share of the arm's size: parallel or meeting within what files round angles to."""
@@ -70,16 +70,24 @@ class JointAxes:
 
     def meeting_point(self, ids: Sequence[int], tol: float) -> Array | None:
         """Return the point (3,) that all these turning axes pass through, if there is one."""
-        project = [np.eye(3) - np.outer(z, z) for z in self.direction[list(ids)]]
+        chosen = list(ids)
+        met = nearest_to_lines(self.direction[chosen], self.point[chosen] - self.tip, 10 * tol)
+        point = self._nearly_parallel(chosen, tol) if met is None else self.tip + met
+        if point is None:
+            return None
+        near = all(self.distance(i, point) <= tol * self.size for i in ids)
+        return np.asarray(point) if near else None
+
+    def _nearly_parallel(self, ids: Sequence[int], tol: float) -> Array | None:
+        """The point (3,) nearest to turning axes; None where all are parallel."""
+        project = [np.eye(3) - np.outer(z, z) for z in self.direction[ids]]
         A = np.concatenate(project)
         b = np.concatenate(
             [P @ (self.point[i] - self.tip) for P, i in zip(project, ids, strict=True)]
         )
         if np.linalg.svd(A, compute_uv=False)[-1] <= 10 * tol:
-            return None  # all parallel
-        point = self.tip + np.linalg.lstsq(A, b, rcond=None)[0]
-        near = all(self.distance(i, point) <= tol * self.size for i in ids)
-        return np.asarray(point) if near else None
+            return None
+        return np.asarray(self.tip + np.linalg.lstsq(A, b, rcond=None)[0])
 
     def in_one_plane(self, ids: Sequence[int], tol: float, *points: Array) -> bool:
         """Whether these turning axes, and the given points (3,), lie in one plane."""

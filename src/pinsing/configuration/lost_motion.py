@@ -137,8 +137,8 @@ def lost_motions(
 
 def _null_space(A: Array, tol: float) -> Array:
     """Orthonormal coefficients (d, k) of combinations of the columns of A (m, d) that vanish."""
-    if A.shape[1] == 1 and length(A[:, 0]) > tol:  # one combination, which does not
-        return np.zeros((1, 0))
+    if A.shape[1] == 1:  # one combination, which does or does not
+        return np.zeros((1, 0)) if length(A[:, 0]) > tol else np.ones((1, 1))
     _, sigma, Vt = np.linalg.svd(A)
     return np.asarray(Vt[int((sigma > tol).sum()) :].T)
 
@@ -147,8 +147,11 @@ def nice_basis(span: Array, rotation: Array) -> list[Array]:
     """Basis of the space of the columns of ``span`` (3, k): tool axes, base axes, then any."""
     if span.shape[1] == 0:
         return []
-    left, sigma, _ = np.linalg.svd(span, full_matrices=False)
-    inside = left[:, sigma > 0.5 * sigma[0]]
+    if span.shape[1] == 1:
+        inside = span / length(span[:, 0])
+    else:
+        left, sigma, _ = np.linalg.svd(span, full_matrices=False)
+        inside = left[:, sigma > 0.5 * sigma[0]]
     chosen: list[Array] = []
     for axis in (*rotation.T, *np.eye(3), *inside.T):
         inner = inside @ (inside.T @ axis)

@@ -21,6 +21,7 @@ PRIMES = (4611686018427387817, 4611686018427387409)
 SEED = 20231
 
 Vector = list[int]
+Motion = tuple[int, ...]
 
 
 def exact_generic_rank(geometry: Nominal, task: Task) -> int:
@@ -69,6 +70,37 @@ def jacobian_modulo(
         Joints that stand still: at the angle 2 atan2(y, x), or the length.
     """
     values = values or {}
+    motions: list[Motion] = []
+    for j, slides in enumerate(geometry.prismatic):
+        at = [residue(x, p) for x in values[j]] if j in values else None
+        if slides:
+            motions.append((draw.randrange(1, p) if at is None else at[0],))
+        else:
+            x, y = (1, draw.randrange(1, p)) if at is None else at
+            motions.append(turned(x, y, p))
+    return jacobian_at(geometry, task, p, motions)
+
+
+def turned(x: int, y: int, p: int) -> Motion:
+    """Cosine and sine of 2 atan2(y, x) modulo a prime."""
+    over = pow(x * x + y * y, -1, p)
+    return (x * x - y * y) * over % p, 2 * x * y * over % p
+
+
+def jacobian_at(geometry: Nominal, task: Task, p: int, motions: Sequence[Motion]) -> list[Vector]:
+    """Task rows of the Jacobian modulo a prime, a column for each joint of the chain.
+
+    Parameters
+    ----------
+    geometry : Nominal
+        A chain; of one with mimic joints these count as well.
+    task : Task
+        Rows of the frame Jacobian at the tip.
+    p : int
+        The prime.
+    motions : sequence of (cos, sin) or (metres,)
+        What each joint of the chain does.
+    """
     R = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]
     o = [0, 0, 0]
     axes: list[tuple[Vector, Vector]] = []
@@ -84,14 +116,11 @@ def jacobian_modulo(
             break
         z = [row[2] for row in R]
         axes.append((z, o))
-        at = [residue(x, p) for x in values[j]] if j in values else None
         if geometry.prismatic[j]:
-            t = draw.randrange(1, p) if at is None else at[0]
+            t = motions[j][0]
             o = [(a + t * b) % p for a, b in zip(o, z, strict=True)]
             continue
-        x, y = (1, draw.randrange(1, p)) if at is None else at
-        over = pow(x * x + y * y, -1, p)
-        cos, sin = (x * x - y * y) * over % p, 2 * x * y * over % p
+        cos, sin = motions[j]
         R = [[(a * cos + b * sin) % p, (b * cos - a * sin) % p, d] for a, b, d in R]
     columns = []
     for (z, start), slides in zip(axes, geometry.prismatic, strict=True):

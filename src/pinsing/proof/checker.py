@@ -99,14 +99,16 @@ class Ring:
         self.names = [*names, *(f"s{d}" for d in roots)]
         self.context = fmpq_mpoly_ctx.get(self.names, Ordering.lex)
         self.zero, self.one, self.work = self.context.constant(0), self.context.constant(1), 0
-        gens = self.context.gens()
+        self.gens = gens = self.context.gens()
         self.squares = [s * s - d for s, d in zip(gens[2 * n :], roots, strict=True)]
         self.pairs = [(gens[2 * j], gens[2 * j + 1]) for j in range(n)]
         # Zero at no configuration: x of a prismatic joint, x^2 + y^2 of a revolute one.
         both = zip(slides, self.pairs, strict=True)
         self.unit = [x if slide else x * x + y * y for slide, (x, y) in both]
+        self.least = [1 if slide else 2 for slide in slides]  # power of x in a multiple of the unit
+        self.parse = functools.cache(self.read)
 
-    def parse(self, text: str) -> Poly:
+    def read(self, text: str) -> Poly:
         """Read a sum of terms, such as ``2 -1/3y1^2y3s2``: powers of x complete each of them."""
         keys: list[list[int]] = []
         numbers: list[Any] = []
@@ -141,11 +143,12 @@ class Ring:
     def spend(self, work: int) -> None:
         """Count products of terms, so that no file keeps the checker for ever."""
         self.work += work
-        need(self.work <= MOST_WORK, "it would take too long")
+        if self.work > MOST_WORK:
+            raise Rejected("it would take too long")
 
-    def times(self, *factors: Poly) -> Poly:
+    def times(self, first: Poly, *factors: Poly) -> Poly:
         """Product."""
-        product = self.one
+        product = self.reduced(first)
         for f in factors:
             self.spend(len(product) * len(f))
             product = self.reduced(product * f)
@@ -153,12 +156,14 @@ class Ring:
 
     def dot(self, a: list[Poly], b: list[Poly]) -> Poly:
         """Scalar product."""
-        return sum(map(self.times, a, b), self.zero)
+        both = [(p, q) for p, q in zip(a, b, strict=True) if p != 0 and q != 0]
+        return sum((self.times(p, q) for p, q in both), self.zero)
 
     def joints(self, form: Poly) -> list[int]:
         """Joints that occur."""
-        degrees = form.degrees()
-        return [j for j in range(len(self.pairs)) if max(degrees[2 * j : 2 * j + 2]) > 0]
+        degrees, end = form.degrees(), 2 * len(self.pairs)
+        both = zip(degrees[:end:2], degrees[1:end:2], strict=True)
+        return [j for j, (x, y) in enumerate(both) if x > 0 or y > 0]
 
     def degree(self, form: Poly, joint: int) -> int:
         """Degree in x and y of a joint, of a form that is not zero."""
@@ -171,17 +176,20 @@ class Ring:
 
     def stripped(self, *forms: Poly) -> list[Poly]:
         """Forms without the units, zero at no configuration, that all of them share."""
-        for unit in self.unit:
-            while any(forms) and all(self.divides(unit, f) for f in forms):
+        first = next((f for f in forms if f != 0), self.zero)
+        for unit, least, x in zip(self.unit, self.least, first.degrees()[::2], strict=False):
+            while x >= least and any(forms) and all(self.divides(unit, f) for f in forms):
                 forms = tuple(divmod(f, unit)[0] for f in forms)
         return list(forms)
 
     def put(self, form: Poly, values: dict[int, Any]) -> Poly:
         """The form with some joints at points."""
-        if not (inside := {*self.joints(form)} & {*values}):
+        degrees = form.degrees() if values else []
+        inside = [j for j in values if max(degrees[2 * j : 2 * j + 2]) > 0]
+        if not inside:
             return form
         self.spend(100 * len(values) + len(form))
-        images = list(self.context.gens())
+        images = list(self.gens)
         for j in inside:
             images[2 * j : 2 * j + 2] = values[j]
         return self.reduced(form.compose(*images, ctx=self.context))

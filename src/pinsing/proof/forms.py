@@ -170,7 +170,7 @@ class Forms:
 
 def content(*polys: Poly) -> Any:
     """What all coefficients of some forms share, with the sign of the first."""
-    numbers = [c for p in polys for c in p.to_dict().values()]
+    numbers = [c for p in polys for c in p.coeffs()]
     above = math.gcd(*(int(c.p) for c in numbers))
     below = math.lcm(*(int(c.q) for c in numbers))
     sign = -1 if polys[0].leading_coefficient() < 0 else 1

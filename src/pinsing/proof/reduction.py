@@ -13,6 +13,9 @@ from pinsing.proof.skeleton import number_text
 
 _POSITION = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (1, 1): 3}
 
+_ASKED_AFTER = 1000
+"""Products of terms, some tenths of a millisecond, between two looks at the clock."""
+
 _KEPT = 1_000_000
 """Terms of resultants that are kept: some hundred megabytes."""
 
@@ -28,6 +31,7 @@ class Draft(Certificate):
     ) -> None:
         self.known_jacobian = jacobian
         self._budget = budget
+        self._unasked = _ASKED_AFTER  # the first product asks: there may be no time at all
         super().__init__(data)
         self._resultants: dict[tuple[str, str, int], Poly] = {}
         self._kept = 0
@@ -55,8 +59,10 @@ class Draft(Certificate):
 
     def _in_time(self, work: int) -> None:
         """Count as the checker does, unless so many products of terms would outlast the time."""
-        if self._budget is not None:
-            self._budget.check(work)
+        self._unasked += work + 1
+        if self._budget is not None and self._unasked > _ASKED_AFTER:
+            self._budget.check(self._unasked)
+            self._unasked = 0
         type(self.ring).spend(self.ring, work)
 
 

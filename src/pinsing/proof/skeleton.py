@@ -35,14 +35,13 @@ def form_text(form: Poly) -> str:
 
     Powers of x complete the degree in each joint, and are left out but where that of y is highest.
     """
-    names, terms = form.context().names(), form.to_dict()
-    tops = [max((m[k] for m in terms), default=0) for k in range(len(names))]
+    names, tops = form.context().names(), form.degrees()
     texts = []
-    for m, c in terms.items():
+    for m, c in zip(form.monoms(), form.coeffs(), strict=True):
         text = str(c)
-        for k, (name, power) in enumerate(zip(names, m, strict=True)):
-            if power and (name[0] != "x" or m[k + 1] == tops[k + 1]):
-                text += f"{name}^{power}" if power > 1 else name
+        for k, power in enumerate(m):
+            if power and (names[k][0] != "x" or m[k + 1] == tops[k + 1]):
+                text += f"{names[k]}^{power}" if power > 1 else names[k]
         texts.append(text)
     return " ".join(texts) or "0"
 
@@ -137,7 +136,8 @@ def _turned(R: Sequence[Sequence[Any]], v: Sequence[Any]) -> list[Any]:
 
 
 def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    return sum((x * y for x, y in zip(a, b, strict=True)), Fraction(0))
+    # Most entries are zero: fractions are slow to multiply, even with nothing.
+    return sum((x * y for x, y in zip(a, b, strict=True) if x and y), Fraction(0))
 
 
 def _add(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:

@@ -10,7 +10,6 @@ from pinsing.algebra.ring import Poly
 from pinsing.proof.division import shown, top_of, vanishes
 from pinsing.proof.forms import Forms
 from pinsing.proof.place import Place, Split
-from pinsing.proof.skeleton import form_text
 
 _MANY = 3
 """Relations beyond which no more are made of them."""
@@ -51,7 +50,7 @@ class Splits:
             yield from self._plain_resultants(place)[:_PLAINEST]
         minors = list(self._minors(place))
         alone, minors = minors, [*minors, *self._without_a_turn(place, minors)]
-        toward = {form_text(self.forms.tidy(p)) for family in self.families for p in family}
+        toward = {str(self.forms.tidy(p)) for family in self.families for p in family}
         minors.sort(key=lambda m: self._effort(self.forms.factors(m.form), toward))
         easy = [m for m in minors if self._effort(self.forms.factors(m.form), toward)[0] == 0]
         yield from easy
@@ -104,9 +103,7 @@ class Splits:
                 yield Split([(p * v, a), (q * u, b)], ring.times(ones, common))
 
     def _effort(self, factors: list[tuple[Poly, int]], toward: set[str]) -> tuple[int, int]:
-        long = [
-            len(f) for f, _ in factors if not self.forms.fixes(f) and form_text(f) not in toward
-        ]
+        long = [len(f) for f, _ in factors if not self.forms.fixes(f) and str(f) not in toward]
         return sum(long), len(factors)
 
     def _at_points(self, place: Place, minors: list[Split]) -> Iterator[Split]:
@@ -126,7 +123,7 @@ class Splits:
                 if poly != 0 and not any(self.ring.divides(p, poly) for p in place.relations):
                     (poly,) = self.ring.stripped(poly)
                     found.setdefault(
-                        form_text(self.forms.tidy(poly)),
+                        str(self.forms.tidy(poly)),
                         Split([(self.ring.one, {**source, "at": at})], poly),
                     )
         for split in sorted(found.values(), key=lambda s: len(s.form)):

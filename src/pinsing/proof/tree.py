@@ -18,7 +18,6 @@ from pinsing.proof.checker import Certificate, Rejected, Ring
 from pinsing.proof.division import divisions, empty, shown, vanishes
 from pinsing.proof.forms import Forms
 from pinsing.proof.place import NotFound, Place, Split, place_text
-from pinsing.proof.skeleton import form_text
 from pinsing.proof.splits import Splits
 from pinsing.proof.squares import squares
 
@@ -74,7 +73,7 @@ class Tree:
         place = self.forms.without_implied(self.forms.place_of(forms, points))
         if empty(self.ring, place.relations):
             return None
-        texts = [form_text(f) for f in place.forms]
+        texts = [str(f) for f in place.forms]
         key = (points, *texts)
         if key in self._places:
             known = self._places[key]
