@@ -115,7 +115,7 @@ def test_too_much_for_square_roots_falls_back_and_says_so():
     found = closed_form(arm, seconds=0.6)
     assert any("twist" in s for s in found.snaps)
     assert 0 < found.jacobian_change < 1e-10
-    exact = closed_form(arm, seconds=60)
+    exact = closed_form(arm, seconds=600)  # some seconds of work, whatever else runs
     assert exact.snaps == ()
     assert exact.complete
 

@@ -58,3 +58,49 @@ def test_values_are_those_of_the_polynomial(offsets, odd):
         ratios.append(value / made(q))
     assert np.allclose(ratios, ratios[0], rtol=1e-11)
     assert parts_of(root)[1] == 1
+
+
+def value_at(terms, tangents, lengths):
+    """Exactly, at angles given by the tangents of their halves, where all frequencies are even."""
+    total = Fraction(0)
+    for (frequency, power), (cos, sin) in terms.items():
+        real, imag = Fraction(1), Fraction(0)
+        for k, t in zip(frequency, tangents, strict=True):
+            c, s = (1 - t * t) / (1 + t * t), 2 * t / (1 + t * t)
+            for _ in range(abs(k) // 2):
+                turn = s if k > 0 else -s
+                real, imag = real * c - imag * turn, real * turn + imag * c
+        scale = Fraction(1)
+        for length, e in zip(lengths, power, strict=True):
+            scale *= length**e
+        total += (cos * real + sin * imag) * scale
+    return total
+
+
+@pytest.mark.parametrize(("digits", "degree"), [(3, 4), (40, 4), (200, 6), (5, 64)])
+def test_long_numbers_and_high_degrees_are_exact(digits, degree):
+    """Coefficients of many machine's words, and forms that leave no room in one."""
+    rng = np.random.default_rng(digits)
+    ring = make_ring((False, True, False))
+    x1, y1, z, x3, y3 = ring.context.gens()
+
+    def number():
+        return Fraction(int("".join(map(str, rng.integers(1, 10, digits)))) * -1, 10**digits + 1)
+
+    poly = ring.zero
+    for _ in range(12):
+        a, b, e = (int(k) for k in rng.integers(0, (degree + 1, 3, 3)))
+        one = x1**a * y1 ** (degree - a) * x3**b * y3 ** (2 - b) * z**e
+        poly += ring.number(number()) * one
+    terms = fourier(poly, ring, [0, 0, 0])
+    assert all(next(k for k in (*f, 1) if k) > 0 for f, _ in terms)
+    ratios = set()
+    for t, u, length in ((Fraction(1, 3), Fraction(-2), Fraction(5, 7)), (2, 5, -3), (-7, 3, 11)):
+        t, u, length = Fraction(t), Fraction(u), Fraction(length)
+        told = value_at(terms, (t, Fraction(0), u), (Fraction(0), length, Fraction(0)))
+        whole = sum(
+            c * t ** m[1] * length ** m[2] * u ** m[4] for m, c in ring.terms(poly).items()
+        ) / ((1 + t * t) ** (degree // 2) * (1 + u * u))
+        ratios.add(told / whole)
+    (ratio,) = ratios
+    assert ratio > 0

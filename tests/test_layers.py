@@ -306,15 +306,28 @@ def test_a_cold_closed_form_pulls_in_no_masked_arrays_urllib_or_meshes():
     assert loaded.isdisjoint(heavy.split())
 
 
-def test_a_command_pulls_in_no_browser_no_processes_and_no_log():
-    """`families` prints: what other commands open, start or keep from the terminal can wait."""
+@pytest.mark.parametrize(
+    ("words", "answer"),
+    [
+        (["families", "ur5", "--no-prove"], "3 families"),
+        (["at", "ur5", "--q", "0,-1,1,0,1,0"], "regular"),
+        (["at", "ur5", "--q", "0,-1,1,0,1,0", "--no-distances"], "regular"),
+    ],
+)
+def test_a_command_pulls_in_no_browser_no_processes_no_log_and_no_meshes(words, answer):
+    """They print: what others open, start, draw or keep from the terminal can wait."""
     said, loaded = modules_after(
-        "from pinsing.cli.app import command; "
-        "command(['families', 'ur5', '--no-prove'], standalone_mode=False)"
+        f"from pinsing.cli.app import command; command({words!r}, standalone_mode=False)"
     )
-    heavy = "webbrowser subprocess tempfile shutil logging html asyncio yaml http.server matplotlib"
-    assert "3 families" in said
+    heavy = (
+        "webbrowser subprocess tempfile shutil logging html asyncio yaml http.server matplotlib "
+        "xml.etree pinsing.description.collada pinsing.view pinsing.plot pinsing.report "
+        "pinsing.mechanism pinsing.sweeps pinsing.maps pinsing.postures"
+    )
+    assert answer in said
     assert loaded.isdisjoint(heavy.split())
+    if "--no-distances" in words:
+        assert not {"flint", "pinsing.families", "pinsing.proof"} & loaded
 
 
 def test_an_analysis_pulls_in_no_event_loop_no_pool_of_processes_and_no_masked_arrays():

@@ -79,6 +79,10 @@ def test_thirteen_joints_are_answered(thirteen):
     assert family.codimension == 8  # five motions stay
     assert family.real
     assert family.is_reachable
+    hint = next(h for h in form.hints if "regular configurations" in h)
+    assert hint.startswith("equations of F1")
+    assert "drops below 6" in hint
+    assert hint in form.to_dict()["hints"]
 
 
 @pytest.mark.slow

@@ -60,7 +60,7 @@ def test_all_singular_points_of_a_slice_are_met_and_no_others(kept, field, prime
         chosen = chosen[:2]
     chain = ModularChain(kept.geometry, prime)
     x, y = chain.singular(chosen, random.Random(3))
-    draw, values = random.Random(3), [chain._every(j) for j in range(7)]
+    draw, values = random.Random(3), [chain.every(j) for j in range(7)]
     at = [draw.randrange(len(v[0])) for v in values]
     axes = [range(len(v[0])) if j in chosen else [at[j]] for j, v in enumerate(values)]
     index = np.stack([i.ravel() for i in np.meshgrid(*axes, indexing="ij")])
@@ -71,14 +71,14 @@ def test_all_singular_points_of_a_slice_are_met_and_no_others(kept, field, prime
     assert {tuple(p) for p in np.concatenate([x, y]).T.tolist()} == expected
 
 
-def test_all_points_lie_on_complete_families_and_one_less_is_noticed(kept):
+def test_all_points_lie_on_complete_families_and_one_less_is_noticed(kept, panda):
     ring = kept.maker.ring
-    whole = count_on_slices(kept.geometry, ring, kept.components, 2, Budget(60))
+    whole = count_on_slices(kept.geometry, panda.task, ring, kept.components, 2, Budget(60))
     assert (whole.joints, whole.slices, whole.choices, whole.off) == (2, 10, 10, 0)
     assert whole.points > 10
     for k in range(len(kept.components)):
         some = [c for i, c in enumerate(kept.components) if i != k]
-        less = count_on_slices(kept.geometry, ring, some, 2, Budget(60))
+        less = count_on_slices(kept.geometry, panda.task, ring, some, 2, Budget(60))
         if less.off:
             break
     else:
@@ -108,7 +108,7 @@ def test_a_field_in_which_minus_one_is_a_square(kept, field):
     """Where x^2 + y^2 is zero there is no angle: such points are left out."""
     prime, chosen = 13, (1, 5)
     chain = ModularChain(kept.geometry, prime)
-    assert all(((x * x + y * y) % prime != 0).all() for x, y in map(chain._every, range(7)))
+    assert all(((x * x + y * y) % prime != 0).all() for x, y in map(chain.every, range(7)))
     x, y = chain.singular(chosen, random.Random(3))
     assert x.shape[1]
     points = field.Points(prime, x.astype(np.int32), y.astype(np.int32))

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from pinsing.configuration.at import at
 from pinsing.configuration.lost_motion import Tool, lost_motions, nice_basis
 from pinsing.configuration.state import State, state_text
+from pinsing.configuration.vectors import nearest_to_lines
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.geometry.nominal import nominal
 from pinsing.robot.arm import Arm
@@ -336,3 +337,27 @@ def test_a_task_that_vanishes_altogether_is_singular():
     assert still.status == "singular"
     assert still.rank == 0
     assert at(arm, [0.3, 0.2, 0.1]).status == "regular"
+
+
+def test_the_point_nearest_to_lines_is_that_of_least_squares():
+    """Also of lines that miss each other; nearly parallel ones are left to what has more digits."""
+    rng = np.random.default_rng(1)
+    seen = set()
+    for least in (0.0, 0.1, 0.5):
+        for _ in range(300):
+            z = rng.normal(size=(int(rng.integers(2, 6)), 3))
+            z = z[0] + rng.uniform(0, 1) * z
+            z /= np.linalg.norm(z, axis=1)[:, None]
+            points = rng.normal(size=z.shape)
+            away = [np.eye(3) - np.outer(d, d) for d in z]
+            A = np.concatenate(away)
+            b = np.concatenate([P @ p for P, p in zip(away, points, strict=True)])
+            smallest = np.linalg.svd(A, compute_uv=False)[-1]
+            if abs(smallest - max(0.1, least)) < 1e-9:
+                continue
+            found = nearest_to_lines(z, points, least)
+            assert (found is None) == (smallest < max(0.1, least))
+            seen.add(found is None)
+            if found is not None:
+                assert found == pytest.approx(np.linalg.lstsq(A, b, rcond=None)[0], abs=1e-11)
+    assert seen == {True, False}

@@ -9,7 +9,8 @@ import pinsing
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
-from pinsing.families.zero_set import proven_empty, search, thrown
+from pinsing.families.empty_box import proven_empty
+from pinsing.families.zero_set import search, thrown
 from pinsing.geometry.nominal import nominal
 from pinsing.proof.checker import Ring
 from pinsing.proof.reduction import without_dependent_lines

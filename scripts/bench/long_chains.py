@@ -18,6 +18,7 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pinocchio as pin
 
 from pinsing.families import ClosedForm, closed_form
@@ -56,6 +57,20 @@ CHAINS: dict[str, dict[str, str]] = {
         "base": "torso_lift_link",
         "task": "position",
     },
+}
+_X, _Y, _Z = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
+CARRIERS = {
+    "a rail": (_Y,),
+    "two rails": (_X, _Y),
+    "a gantry": (_X, _Y, _Z),
+    "a positioner of two turns": (pin.JointModelRY, pin.JointModelRZ),
+    "a mobile base (x, y, turn)": (_X, _Y, pin.JointModelRZ),
+}
+CARRIED: dict[str, dict[str, str]] = {
+    "ur5": {},
+    "irb1400": {},
+    "iiwa14": {},
+    "panda": {"tip": "panda_hand_tcp"},
 }
 PLANAR = (6, 12, 20)
 _SHOWN = 8
@@ -100,12 +115,31 @@ def planar(n: int) -> Arm:
     return load(model, tip="tip", task="position")
 
 
+def carried(carrier: str, robot: str) -> Arm:
+    """An arm whose base stands on joints of their own, 0.4 m above the last one."""
+    arm = load(robot, **CARRIED[robot])
+    model, parent = pin.Model(), 0
+    model.name = f"{robot} on {carrier}"
+    for i, kind in enumerate(CARRIERS[carrier]):
+        step = (0.05, 0.02, 0.1) if i else (0.0, 0.0, 0.0)
+        place = pin.SE3(pin.utils.eye(3), np.array(step))
+        parent = model.addJoint(parent, kind(), place, f"carrier{i + 1}")
+        model.lowerPositionLimit[-1], model.upperPositionLimit[-1] = -2, 2
+    model.addFrame(pin.Frame("mount", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    place = pin.SE3(pin.utils.eye(3), np.array((0.1, 0.05, 0.4)))
+    whole = pin.appendModel(model, arm.model, model.getFrameId("mount"), place)
+    return load(whole, tip=arm.tip)
+
+
 def chains() -> Iterator[tuple[str, Arm]]:
     """Name and arm of each row."""
     for n in PLANAR:
         yield f"planar {n}R, position", planar(n)
     for name, spec in CHAINS.items():
         yield name, load(**spec)
+    for carrier in CARRIERS:
+        for robot in CARRIED:
+            yield f"{robot} on {carrier}", carried(carrier, robot)
 
 
 def row(name: str, form: ClosedForm) -> str:

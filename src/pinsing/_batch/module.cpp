@@ -286,4 +286,5 @@ NB_MODULE(_kernel, m) {
     m.def("svdvals", &svdvals, "A"_a.noconvert(), "out"_a.noconvert(), "isa"_a, "threads"_a,
           "max_sweeps"_a, "by_roots"_a = true);
     pinsing::add_conditions(m);
+    pinsing::add_residues(m);
 }

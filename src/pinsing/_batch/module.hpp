@@ -19,5 +19,6 @@ using OutWhole = nanobind::ndarray<std::int64_t, nanobind::c_contig, nanobind::d
 const Kernel& kernel_named(const std::string& isa);
 void require(bool condition, const char* what);
 void add_conditions(nanobind::module_& m);
+void add_residues(nanobind::module_& m);
 
 }  // namespace pinsing

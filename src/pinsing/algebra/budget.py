@@ -9,7 +9,7 @@ from collections.abc import Callable
 _TERM_PRODUCTS_PER_SECOND = 1e7
 """About what sparse multiplication manages; a step that would outlast the budget is not begun."""
 _LARGEST_TO_FACTOR = 30_000
-_LONG = 0.3
+_LONG = 0.5
 """Seconds after which, or for a step of which, a computation counts as long."""
 _LONG_TO_FACTOR = 150
 """Terms from which on factoring may take long."""

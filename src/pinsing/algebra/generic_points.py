@@ -1,22 +1,12 @@
-"""Generic points of the common zeros of several polynomials, on random slices.
+"""Points over finite fields at which polynomials are zero, and what others are there.
 
-To know whether some component of V(p, g) is singular it is enough to look at generic points
-of it: all joints but two are put at random values, the two that remain are solved for, and
-the rank of the Jacobian is taken there. A component of codimension two meets such a slice for
-some pair of joints, so that all pairs together meet every component; and so with three
-polynomials and three joints, and so on.
-
-All of this is done modulo a prime of 62 bits, where it is exact: the points have coordinates
-in finite fields, and a rank is a rank. A verdict is wrong only if a random value happens to
-be a root of one of the polynomials involved, which for degrees in the thousands has a chance
-of about 1e-15 (Schwartz, 1980; Zippel, 1979), or if the prime divides one of the numbers that
-must not vanish: so a search asks again modulo another prime, at other random points.
+They come from ``slices``. A prime has 62 bits, and what is computed modulo it is exact: the points
+have coordinates in finite fields, and a rank is a rank.
 """
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import field
 from functools import cached_property
 from typing import Any
@@ -25,17 +15,16 @@ import numpy as np
 from flint import nmod_mat
 
 from pinsing._dataclass import dataclass
+from pinsing.algebra import field_points
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.prime_field import (
     WORD_PRIME,
-    image,
-    modular_context,
+    image_of,
     rank_over,
     residue,
     residues_of,
 )
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.algebra.zeros import Undecided, zeros
 
 _ATTEMPTS = 4
 
@@ -48,13 +37,23 @@ class Residues:
 
     def __init__(self, ring: Ring, prime: int = WORD_PRIME) -> None:
         self.ring, self.prime = ring, prime
+        self._exponents: dict[int, tuple[Poly, dict[Any, int]]] = {}
         self._images: dict[int, tuple[Poly, Any]] = {}
         self._terms: dict[int, tuple[Poly, list[tuple[Powers, int]]]] = {}
+        self._compiled: dict[int, tuple[Poly, Any]] = {}
+        self._values: dict[int, tuple[Value, list[int]]] = {}
+
+    def _listed(self, poly: Poly) -> dict[Any, int]:
+        """Exponents, and coefficients modulo the prime, some perhaps zero."""
+        if id(poly) not in self._exponents:  # the polynomial is kept, so that its id stays its own
+            self._exponents[id(poly)] = (poly, residues_of(poly, self.ring, self.prime))
+        return self._exponents[id(poly)][1]
 
     def of(self, poly: Poly) -> Any:
         """The image of a polynomial."""
-        if id(poly) not in self._images:  # the polynomial is kept, so that its id stays its own
-            self._images[id(poly)] = (poly, image(poly, self.ring, self.prime))
+        if id(poly) not in self._images:  # as above
+            made = image_of(self._listed(poly), self.ring, self.prime)
+            self._images[id(poly)] = (poly, made)
         return self._images[id(poly)][1]
 
     def terms(self, poly: Poly) -> list[tuple[Powers, int]]:
@@ -62,11 +61,24 @@ class Residues:
         if id(poly) not in self._terms:  # as above
             listed = [
                 (tuple([(v, e) for v, e in enumerate(m) if e]), c)
-                for m, c in residues_of(poly, self.ring, self.prime).items()
+                for m, c in self._listed(poly).items()
                 if c
             ]
             self._terms[id(poly)] = (poly, listed)
         return self._terms[id(poly)][1]
+
+    def compiled(self, poly: Poly) -> Any:
+        """A polynomial of the compiled engine; None where it covers no such one."""
+        if id(poly) not in self._compiled:  # as above
+            made = field_points.polynomial(self.prime, self._listed(poly))
+            self._compiled[id(poly)] = (poly, made)
+        return self._compiled[id(poly)][1]
+
+    def of_value(self, value: Value) -> list[int]:
+        """The image of a joint's exact value."""
+        if id(value) not in self._values:  # as above
+            self._values[id(value)] = (value, [residue(c, self.prime) for c in value])
+        return self._values[id(value)][1]
 
     def generic_rank(self, matrix: Matrix, rng: np.random.Generator) -> int:
         """Rank of a matrix at a random point: never more than the generic one, over any field."""
@@ -74,7 +86,7 @@ class Residues:
 
     def random_point(self, rng: np.random.Generator) -> list[int]:
         """A value of each variable."""
-        return [_random(rng, self.prime) for _ in range(self.ring.nvars)]
+        return [random_residue(rng, self.prime) for _ in range(self.ring.nvars)]
 
     def rank_at(self, matrix: Matrix, point: Sequence[int]) -> int:
         """Rank of a matrix at a point."""
@@ -156,12 +168,25 @@ class SlicePoint:
         names = self.residues.ring.context.names()
         return {v: self.fixed[name] for v, name in enumerate(names) if name in self.fixed}
 
+    @cached_property
+    def _compiled(self) -> Any:
+        """The point in the compiled engine; None where it is not covered."""
+        count = self.residues.ring.nvars
+        return field_points.point(self.field, count, self._known.items(), self.free)
+
     def is_zero(self, poly: Poly) -> bool:
         """Whether a polynomial vanishes there."""
+        if self._compiled is not None and (made := self.residues.compiled(poly)) is not None:
+            return bool(self._compiled.is_zero(made))
         return bool(self.value(poly).is_zero())
 
     def rank(self, matrix: Matrix) -> int:
         """Rank of a matrix of polynomials there."""
+        if self._compiled is not None:
+            of = self.residues.compiled
+            made = [[of(x) if x else None for x in row] for row in matrix]
+            if sum(m is None for row in made for m in row) == sum(not x for r in matrix for x in r):
+                return int(self._compiled.rank(made))
         return rank_over([[self.value(x) for x in row] for row in matrix])
 
     def transversal(self, polys: Sequence[Poly]) -> bool:
@@ -172,10 +197,15 @@ class SlicePoint:
 
     def has(self, joint: int, value: Value) -> bool:
         """Whether a joint is at a value there."""
-        x, *y = (self._at(v) for v in self.residues.ring.variables(joint))
-        wanted = [self.field(residue(c, self.residues.prime)) for c in value]
+        wanted = self.residues.of_value(value)
+        variables = self.residues.ring.variables(joint)
+        if self._compiled is not None:
+            if len(variables) == 1:
+                return bool(self._compiled.equals(*variables, *wanted))
+            return bool(self._compiled.along(*variables, *wanted))
+        x, *y = (self._at(v) for v in variables)
         if not y:
-            return bool(x == wanted[0])
+            return bool(x == self.field(wanted[0]))
         return bool((x * wanted[1] - y[0] * wanted[0]).is_zero())
 
     def _at(self, variable: int) -> Any:
@@ -184,109 +214,6 @@ class SlicePoint:
         return self.field(self.fixed[self.residues.ring.context.names()[variable]])
 
 
-def slice_points(
-    polys: Sequence[Poly],
-    residues: Residues,
-    rng: np.random.Generator,
-    values: Mapping[int, Value],
-    check: Callable[[float], None],
-    count: int | None = None,
-    patient: bool = True,
-) -> Iterator[SlicePoint]:
-    """Common zeros of polynomials on a random slice for every k joints.
-
-    Parameters
-    ----------
-    polys : sequence of Poly
-        Polynomials whose common zeros all have codimension k, or more where there are more
-        polynomials than k.
-    residues : Residues
-        Their images.
-    rng : Generator
-        For the slices.
-    values : mapping of joint to Value
-        Joints that are at fixed values already (and occur in no polynomial).
-    check : callable
-        Asked before each long step; ends the search by an exception.
-    count : int, optional
-        k, if it is not the number of the polynomials.
-    patient : bool
-        Whether to try again, and in other ways, where points are not told apart at once.
-
-    Raises
-    ------
-    Undecided
-        If the points of a slice cannot be told apart, whatever the slice.
-    """
-    ring = residues.ring
-    having = [set(ring.joints_of(p)) for p in polys]
-    for chosen in itertools.combinations(sorted(set().union(*having)), count or len(polys)):
-        if not all(joints.intersection(chosen) for joints in having):
-            continue  # one of them is a constant on this slice
-        attempts = _ATTEMPTS if patient else 1
-        for attempt in range(attempts):
-            try:
-                points = _points_on(polys, chosen, residues, rng, values, check, patient)
-            except Undecided:
-                if attempt + 1 == attempts:
-                    raise
-            else:
-                yield from points
-                break
-
-
-def _points_on(
-    polys: Sequence[Poly],
-    chosen: Sequence[int],
-    residues: Residues,
-    rng: np.random.Generator,
-    values: Mapping[int, Value],
-    check: Callable[[float], None],
-    patient: bool,
-) -> list[SlicePoint]:
-    """Common zeros in the chosen joints, the others at random values.
-
-    Every chosen joint's circle is turned by a random angle, so that no zero is at the infinity
-    of its half-angle tangent.
-    """
-    ring = residues.ring
-    names = ring.context.names()
-    prime = residues.prime
-    free = modular_context(tuple(f"t{i}" for i in range(len(chosen))), prime)
-    turns = [(_random(rng, prime), _random(rng, prime)) for _ in chosen]
-
-    def coordinates(i: int, t: Any) -> list[Any]:
-        a, b = turns[i]
-        return [t] if ring.prismatic[chosen[i]] else [a - b * t, b + a * t]
-
-    fixed: dict[str, int] = {}
-    images: list[Any] = []
-    for j in range(len(ring.prismatic)):
-        if j in chosen:
-            i = chosen.index(j)
-            images += coordinates(i, free.gens()[i])
-            continue
-        known = values.get(j)
-        for k, v in enumerate(ring.variables(j)):
-            fixed[names[v]] = residue(known[k], prime) if known else _random(rng, prime)
-            images.append(free.constant(fixed[names[v]]))
-    on_slice = [residues.of(f).compose(*images, ctx=free) for f in polys]
-    circles = {  # where x^2 + y^2 = 0 no angle is meant
-        i: sum(x * x for x in coordinates(i, free.gens()[i]))
-        for i, j in enumerate(chosen)
-        if not ring.prismatic[j]
-    }
-    points = []
-    terms: dict[int, tuple[Poly, list[tuple[Any, int]]]] = {}
-    for zero in zeros(on_slice, range(len(chosen)), circles, rng, check, patient):
-        solved = {
-            v: x
-            for i, j in enumerate(chosen)
-            for v, x in zip(ring.variables(j), coordinates(i, zero.at[i]), strict=True)
-        }
-        points.append(SlicePoint(residues, fixed, zero.field, solved, terms))
-    return points
-
-
-def _random(rng: np.random.Generator, prime: int) -> int:
+def random_residue(rng: np.random.Generator, prime: int) -> int:
+    """A residue that is not zero."""
     return int(rng.integers(1, prime))

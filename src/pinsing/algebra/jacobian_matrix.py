@@ -7,6 +7,7 @@ real angle makes zero.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -15,7 +16,7 @@ from typing import Any
 from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.matrix import Matrix, primitive
-from pinsing.algebra.mimic import Drive, drives
+from pinsing.algebra.mimic import Drive, driven_by, drives
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.row_axes import in_axes, tip_axes, turns_with_first
 from pinsing.geometry.nominal import Nominal
@@ -188,6 +189,33 @@ class _Chain:
         turned = self.products.cross(p, w)
         return [a + b if sign > 0 else a - b for a, b in zip(v, turned, strict=True)]
 
+    def summed(self, joints: Sequence[int], middle: int) -> list[Poly]:
+        """Screw of a joint and its followers, moving together, in the frame of joint ``middle``."""
+        scales = [self._scale(j, middle) for j in joints]
+        common: Counter[int] = Counter()
+        for scale in scales:
+            common |= scale
+        total = [self.ring.zero] * 6
+        for j, scale in zip(joints, scales, strict=True):
+            factor = self.ring.number(self.drives[j].multiple)
+            for leader, power in (common - scale).items():
+                x, y = (self.ring.context.gens()[v] for v in self.ring.variables(leader))
+                factor = self.products.of(factor, (x * x + y * y) ** power)
+            total = [
+                self.ring.reduce(t + self.products.of(x, factor))
+                for t, x in zip(total, self.screw(j, middle), strict=True)
+            ]
+        return total
+
+    def _scale(self, j: int, middle: int) -> Counter[int]:
+        """What ``screw`` is over: powers of x^2 + y^2, for each joint that moves on the way."""
+        way = range(j + 1, middle) if j < middle else range(middle, j)
+        powers: Counter[int] = Counter()
+        for k in way:
+            if not self.geometry.prismatic[k]:
+                powers[self.drives[k].leader] += abs(int(self.drives[k].multiple))
+        return powers
+
     def joint_frames(self, middle: int) -> tuple[list[RigidMotion], RigidMotion, RigidMotion]:
         """Frames of all joints before they move, joint 1's after, and the tip, from ``middle``."""
         frames: list[RigidMotion] = [self.identity()] * self.n
@@ -326,18 +354,27 @@ def _summed(parts: Sequence[tuple[Drive, list[Poly], Poly]], products: _Products
 def neighbouring_screws(
     geometry: Nominal, ring: Ring, joints: Sequence[int], time: Budget | None = None
 ) -> Matrix:
-    """Screws of some joints as columns (6, k), in the frame of the middle one.
+    """Screws of some of the arm's joints as columns (6, k), in the frame of a middle one.
 
     Up to row operations and column factors that are nowhere zero. Neighbours have short ones: only
-    the joints between the first and the last occur, whatever the length of the chain. Each joint
-    must move on its own.
+    what moves between the first and the last occurs, whatever the length of the chain. A joint with
+    mimic joints in the chain has the sum of their screws, by the chain rule.
 
     Raises
     ------
+    NotFollowed
+        If a mimic joint in the chain cannot be written in polynomials.
     BudgetExceeded
         If ``time`` is given, and over.
     """
     chain = _Chain(geometry, ring, time=time)
-    middle = joints[len(joints) // 2]
-    columns = [primitive(chain.screw(j, middle), ring) for j in joints]
+    rows = [driven_by(chain.drives, a) for a in joints]
+    every = sorted(j for some in rows for j in some)
+    middle = every[len(every) // 2]
+    columns = [
+        primitive(
+            chain.screw(some[0], middle) if len(some) == 1 else chain.summed(some, middle), ring
+        )
+        for some in rows
+    ]
     return [list(row) for row in zip(*columns, strict=True)]

@@ -8,15 +8,20 @@ with half of an angle, a whole turn of the leader is none of the follower.
 from __future__ import annotations
 
 import math
+import random
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 
 import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing.geometry.exact_rank import Motion, Vector, jacobian_at, jacobian_modulo, turned
 from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.residue import residue
 from pinsing.geometry.snap import Snap
 from pinsing.geometry.surd import Exact, cosine, sine
+from pinsing.robot.task import Task
 
 _FIFTEEN = math.pi / 12
 _NOISE = 1e-12
@@ -99,6 +104,70 @@ def own_rows(geometry: Nominal) -> list[int]:
 def own_offsets(geometry: Nominal) -> Array:
     """Radians added to each of the arm's own joints (n,)."""
     return np.asarray(geometry.offset[own_rows(geometry)])
+
+
+def driven_by(driven: Sequence[Drive], own: int) -> list[int]:
+    """Joints of the chain that one of the arm's own joints moves: it, and its followers."""
+    moved = [row for row, d in enumerate(driven) if d.leader == own and d.multiple]
+    return moved or [row for row, d in enumerate(driven) if d.leader == own]
+
+
+def own_jacobian_modulo(
+    geometry: Nominal,
+    task: Task,
+    p: int,
+    draw: random.Random,
+    values: Mapping[int, Sequence[Exact]],
+) -> list[Vector]:
+    """As ``jacobian_modulo``, with one column for each of the arm's own joints.
+
+    A joint has the sum of its own column and of its followers', by the chain rule; these move with
+    it, by de Moivre's formula.
+
+    Raises
+    ------
+    NotFollowed
+        As ``drives``.
+    """
+    if geometry.arm.coupling is None:
+        return jacobian_modulo(geometry, task, p, draw, values)
+    driven = drives(geometry)[0]
+    own = own_rows(geometry)
+    at: list[Vector] = []
+    for a, row in enumerate(own):
+        if a in values:
+            at.append([residue(x, p) for x in values[a]])
+        else:
+            drawn = draw.randrange(1, p)
+            at.append([drawn] if geometry.prismatic[row] else [1, drawn])
+    motions = [
+        _followed(d, at[d.leader], slides, p)
+        for d, slides in zip(driven, geometry.prismatic, strict=True)
+    ]
+    rows = jacobian_at(geometry, task, p, motions)
+    factors = [residue(d.multiple, p) for d in driven]
+    return [
+        [
+            sum(f * x for f, x, d in zip(factors, row, driven, strict=True) if d.leader == a) % p
+            for a in range(len(own))
+        ]
+        for row in rows
+    ]
+
+
+def _followed(drive: Drive, at: Sequence[int], slides: bool, p: int) -> Motion:
+    """What a joint does while its leader is at a value: (x, y), or metres, modulo a prime."""
+    if slides:
+        along = residue(drive.multiple, p) * at[0] if drive.multiple else 0
+        return ((along + residue(drive.shift, p)) % p,)
+    c, s = 1, 0
+    if drive.multiple:  # one that stands still may have a leader of any kind
+        cos, sin = turned(at[0], at[1], p)
+        for _ in range(abs(int(drive.multiple))):
+            c, s = (c * cos - s * sin) % p, (c * sin + s * cos) % p
+        s = s if drive.multiple > 0 else -s
+    a, b = (residue(value, p) for value in drive.turn)
+    return (c * a - s * b) % p, (c * b + s * a) % p
 
 
 def _turn(angle: float) -> tuple[tuple[Exact, Exact], float]:

@@ -54,7 +54,7 @@ class Minors:
 
     def factors(self, poly: Poly) -> list[Poly]:
         """Irreducible factors of a polynomial of the ring, if there is time for them."""
-        self.time.check_factor(len(poly))
+        self.time.check_factor(len(poly), self.ring.long_to_factor(poly))
         return self.ring.factors(poly)
 
     def simplest_cofactor(self, common: Poly) -> list[Poly]:

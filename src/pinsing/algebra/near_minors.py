@@ -2,7 +2,8 @@
 
 Six neighbouring axes depend on each other where one polynomial in the four joints between them is
 zero; the joints before, behind and beside them do not occur. Written in a frame in the middle of
-the chain the same minors would have all joints from there.
+the chain the same minors would have all joints from there. With mimic joints a joint has the sum of
+their axes, and what moves between the first and the last of these occurs as well.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.determinant import determinant
 from pinsing.algebra.jacobian_matrix import jacobian_matrix, neighbouring_screws
 from pinsing.algebra.matrix import Matrix, reduce_matrix
+from pinsing.algebra.mimic import Drive, driven_by, drives
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.geometry.nominal import Nominal
 from pinsing.robot.task import Task
@@ -28,7 +30,7 @@ class NearMinors:
     Parameters
     ----------
     geometry : Nominal
-        The chain; each of its joints moves on its own.
+        The chain.
     ring : Ring
         Of its polynomials.
     task : Task
@@ -42,6 +44,8 @@ class NearMinors:
     def __init__(self, geometry: Nominal, ring: Ring, task: Task, rank: int, time: Budget) -> None:
         self.geometry, self.ring, self.task, self.rank, self.time = geometry, ring, task, rank, time
         self._whole: Matrix | None = None
+        self._screws: dict[tuple[int, ...], Matrix] = {}
+        self._driven: tuple[Drive, ...] | None = None
         self._known: dict[object, Poly] = {}
 
     def minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
@@ -63,12 +67,20 @@ class NearMinors:
         return self._known[key]
 
     def _matters(self, j: int, joints: Sequence[int]) -> bool:
-        return self.task.name != "pose" or joints[0] < j < joints[-1]
+        if self.task.name != "pose":
+            return True
+        if self._driven is None:
+            self._driven = drives(self.geometry)[0]
+        rows = [row for a in joints for row in driven_by(self._driven, a)]
+        return any(d.leader == j for d in self._driven[min(rows) + 1 : max(rows)])
 
     def _minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
         ring = self.ring
         if self.task.name == "pose":
-            matrix = neighbouring_screws(self.geometry, ring, joints, self.time)
+            chosen = tuple(joints)
+            if chosen not in self._screws:
+                self._screws[chosen] = neighbouring_screws(self.geometry, ring, joints, self.time)
+            matrix = self._screws[chosen]
         else:
             if self._whole is None:
                 self._whole = jacobian_matrix(self.geometry, ring, self.task, self.time)

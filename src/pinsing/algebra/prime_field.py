@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from flint import Ordering, fmpz_mod_mpoly_ctx, nmod_mpoly_ctx
@@ -19,6 +19,7 @@ __all__ = [
     "SECOND_PRIME",
     "WORD_PRIME",
     "image",
+    "image_of",
     "modular_context",
     "rank_over",
     "residue",
@@ -29,8 +30,12 @@ __all__ = [
 
 def image(poly: Poly, ring: Ring, prime: int) -> Any:
     """A polynomial modulo a prime, in the joints' variables."""
+    return image_of(residues_of(poly, ring, prime), ring, prime)
+
+
+def image_of(terms: Mapping[Any, int], ring: Ring, prime: int) -> Any:
+    """The polynomial of what ``residues_of`` gave."""
     names = tuple(ring.context.names()[: ring.nvars])
-    terms = residues_of(poly, ring, prime)
     return modular_context(names, prime).from_dict({m: c for m, c in terms.items() if c})
 
 

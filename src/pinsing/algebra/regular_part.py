@@ -85,6 +85,6 @@ def _projections(relations: Sequence[Poly], ring: Ring, time: Budget) -> list[Po
             time.check()
             resultant = ring.strip(ring.eliminated(p, g, joint))
             if resultant != 0:
-                time.check_factor(len(resultant))
+                time.check_factor(len(resultant), ring.long_to_factor(resultant))
                 found |= {str(f): f for f in ring.factors(resultant)}
     return sorted(found.values(), key=len)

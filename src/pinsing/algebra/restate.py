@@ -50,7 +50,7 @@ def restated(
     chosen: list[Poly] = []
     for p in polys:
         if len(p) > _SHORT:
-            time.check_factor(len(p))
+            time.check_factor(len(p), ring.long_to_factor(p))
         factors = ring.factors(p)
         whole = [f for f in factors if all(s.is_zero(f) for s in points)]
         if whole:
@@ -94,21 +94,35 @@ def _expanded(relations: Sequence[Poly], points: Sequence[SlicePoint], ring: Rin
     """Coefficients with respect to all joints that no part of the points depends on."""
     polys = list(relations)
     for j in sorted({j for p in polys for j in ring.joints_of(p)}):
-        coefficients = [c for p in polys for c in _coefficients(p, j, ring)]
-        if len(coefficients) > _MOST:
-            continue
-        if all(s.is_zero(c) for c in coefficients for s in points):
-            polys = coefficients
+        together = _coefficients_on(polys, j, points, ring)
+        if together is not None:
+            polys = together
     return polys
 
 
+def _coefficients_on(
+    polys: Sequence[Poly], joint: int, points: Sequence[SlicePoint], ring: Ring
+) -> list[Poly] | None:
+    """All coefficients with respect to a joint, if they are not too many and zero at all points."""
+    variables = ring.variables(joint)
+    out: list[Poly] = []
+    for p in polys:
+        free = not any(p.degrees()[v] for v in variables)
+        mine = [ring.strip(p)] if free else _coefficients(p, joint, ring)
+        out += mine
+        if len(out) > _MOST or not all(s.is_zero(c) for c in mine for s in points):
+            return None
+    return out
+
+
 def _coefficients(poly: Poly, joint: int, ring: Ring) -> list[Poly]:
-    variables = set(ring.variables(joint))
+    variables = ring.variables(joint)
     parts: dict[tuple[int, ...], dict[tuple[int, ...], object]] = {}
     for m, c in poly.to_dict().items():
-        key = tuple(int(m[v]) for v in sorted(variables))
-        rest = tuple(0 if i in variables else int(e) for i, e in enumerate(m))
-        parts.setdefault(key, {})[rest] = c
+        rest = list(m)
+        for v in variables:
+            rest[v] = 0
+        parts.setdefault(tuple(m[v] for v in variables), {})[tuple(rest)] = c
     return [ring.strip(poly.context().from_dict(terms)) for terms in parts.values()]
 
 

@@ -21,6 +21,13 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx
 from pinsing._dataclass import dataclass
 from pinsing.geometry.surd import Exact, Surd
 
+_DENSE, _MANY = 1_500, 1_000
+"""Terms that a polynomial of some degrees can have in half-angle tangents, and has: up to so many
+it is factored in milliseconds."""
+
+_WORTH = 20
+"""Terms from which on a polynomial is factored as one in half-angle tangents."""
+
 Poly = Any  # fmpq_mpoly; python-flint ships no types
 Monomial = tuple[int, ...]
 Packed = list[tuple[Monomial, int, int]]
@@ -246,10 +253,65 @@ class Ring:
         alike.append((poly, self._factors(poly)))
         return list(alike[-1][1])
 
+    def long_to_factor(self, poly: Poly) -> int | None:
+        """Terms from which on a polynomial may take long to factor; None: as a budget says.
+
+        Low degrees in few joints bound what it can take: some 15 ms for a thousand terms.
+        """
+        degrees = poly.degrees()
+        last = (degrees[self.variables(j)[-1]] for j in range(len(self.prismatic)))
+        return _MANY if math.prod(d + 1 for d in last) <= _DENSE else None
+
     def _factors(self, poly: Poly) -> list[Poly]:
         """Over Q."""
-        _, found = poly.factor()
-        return [f for f, _ in found if not any(w is not None and f == w for w in self.w)]
+        found = self._of_form(poly) if len(poly) >= _WORTH else None
+        if found is None:
+            found = [f for f, _ in poly.factor()[1]]
+        return [f for f in found if not any(w is not None and f == w for w in self.w)]
+
+    def _of_form(self, poly: Poly) -> list[Poly] | None:
+        """Irreducible factors of a form in each turning joint's variables; None if it is none.
+
+        Those that are no variable are forms in the tangents alone, which have half as many
+        variables, and fall apart as they do.
+        """
+        gens, degrees = self.context.gens(), poly.degrees()
+        columns = list(zip(*poly.monoms(), strict=True))
+        least = [min(column) for column in columns]
+        tangents = []
+        for x, slides in zip(self.start, self.prismatic, strict=True):
+            if slides or (degrees[x] == least[x] and degrees[x + 1] == least[x + 1]):
+                continue
+            total = columns[x][0] + columns[x + 1][0]
+            if any(a + b != total for a, b in zip(columns[x], columns[x + 1], strict=True)):
+                return None
+            tangents.append(x)
+        factors = [gens[v] for v, e in enumerate(least) if e]
+        rest = poly / self.context.term(exp_vec=tuple(least)) if factors else poly
+        names = self.context.names()
+        scale, found = rest.subs({names[x]: 1 for x in tangents}).factor()
+        if len(found) == 1 and found[0][1] == 1:
+            forms = [rest / scale]
+        else:
+            forms = [self._form(f, tangents) for f, _ in found]
+        factors += [-f if f.leading_coefficient() < 0 else f for f in forms]
+        # In the order that flint has them in: the last joints first, of a joint y before x.
+        return sorted(factors, key=self._place)
+
+    def _form(self, poly: Poly, tangents: Sequence[int]) -> Poly:
+        """A polynomial in tangents y with as much of each x as makes it a form."""
+        degrees = poly.degrees()
+        terms = {}
+        for m, c in poly.to_dict().items():
+            powers = list(m)
+            for x in tangents:
+                powers[x] = degrees[x + 1] - m[x + 1]
+            terms[tuple(powers)] = c
+        return self.context.from_dict(terms)
+
+    def _place(self, factor: Poly) -> tuple[int, int, int]:
+        joint = min(self.joints_of(factor), default=-1)
+        return -joint, len(factor), -next((v for v, e in enumerate(factor.degrees()) if e), 0)
 
     def joint_value(self, poly: Poly) -> tuple[int, Value] | None:
         """The exact value that ``poly`` = 0 fixes one joint at, if it does just that."""

@@ -24,13 +24,14 @@ import numpy as np
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Backing, FoundComponents
 from pinsing.algebra.corner import SquareCorner, corner
-from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
+from pinsing.algebra.generic_points import Residues, SlicePoint
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors, cost
 from pinsing.algebra.place import SearchPlace, bound
 from pinsing.algebra.regular_part import regular_parts
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.second_prime import FIRST_SEED, Question
+from pinsing.algebra.slices import Slices, slice_points
 from pinsing.algebra.stating import Stating
 from pinsing.algebra.zeros import Undecided
 
@@ -63,6 +64,7 @@ class Search:
         self.depth = 0
         self._rng = np.random.default_rng(FIRST_SEED)
         self._residues = Residues(ring)
+        self._slices: Slices = {}
         self._stating = Stating(ring, time, found, self._residues, self._rng)
         self._seen: set[object] = set()
         self._later: list[tuple[int, Callable[[], None]]] = []
@@ -348,12 +350,12 @@ class Search:
     ) -> Iterator[SlicePoint]:
         """Generic points of the common zeros of some equations, of codimension ``count``."""
         given = relations, self._residues, self._rng, values, self.time.check, count
-        return slice_points(*given)
+        return slice_points(*given, slices=self._slices)
 
     # Pieces -------------------------------------------------------------------------
 
     def _factors(self, poly: Poly) -> list[Poly]:
-        self.time.check_factor(len(poly))
+        self.time.check_factor(len(poly), self.ring.long_to_factor(poly))
         return self.ring.factors(poly)
 
     def _hypersurface(self, f: Poly, values: Mapping[int, Value]) -> None:
@@ -367,7 +369,7 @@ class Search:
         """Greatest common divisor of all minors; None if all of them are zero."""
         common = None
         for minor in minors:
-            self.time.check_factor(len(minor))
+            self.time.check_factor(len(minor), self.ring.long_to_factor(minor))
             common = minor if common is None else self.ring.gcd(common, minor)
             if self.ring.is_constant(common):
                 break

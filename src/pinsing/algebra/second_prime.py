@@ -15,10 +15,11 @@ import numpy as np
 from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, on_any
-from pinsing.algebra.generic_points import Residues, slice_points
+from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.prime_field import SECOND_PRIME, WORD_PRIME
 from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.algebra.slices import Slices, slice_points
 from pinsing.algebra.zeros import Undecided
 
 FIRST_SEED = 7
@@ -88,13 +89,14 @@ def ask_again(
     if not asked:
         return RandomSteps(0, (), ())
     residues = Residues(ring, SECOND_PRIME)
-    rng = np.random.default_rng(SECOND_SEED)
+    rng, slices = np.random.default_rng(SECOND_SEED), Slices()
     once = RandomSteps(len(asked), (WORD_PRIME,), (FIRST_SEED,))
     both = RandomSteps(len(asked), (WORD_PRIME, SECOND_PRIME), (FIRST_SEED, SECOND_SEED))
     told = f"random points modulo a second prime, {SECOND_PRIME},"
     try:
         for q in asked:
-            for s in slice_points(q.relations, residues, rng, q.values, time.check, q.count):
+            asked_at = q.relations, residues, rng, q.values, time.check, q.count
+            for s in slice_points(*asked_at, slices=slices):
                 time.check()
                 singular = s.rank(q.matrix) < q.rank
                 if singular != on_any(components, s):

@@ -9,10 +9,11 @@ import numpy as np
 from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import FoundComponents
-from pinsing.algebra.generic_points import Residues, SlicePoint, slice_points
+from pinsing.algebra.generic_points import Residues, SlicePoint
 from pinsing.algebra.minors import Minors
 from pinsing.algebra.place import SearchPlace
 from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.slices import Slices, slice_points
 from pinsing.algebra.zeros import Undecided
 
 _SHORTEST = 5
@@ -45,17 +46,18 @@ class Stating:
         Common zeros of so many equations have no parts of lower dimension: where generic points
         of all parts are singular, and new, all is.
         """
+        slices: Slices = {}
         for few in itertools.combinations(relations[:_SHORTEST], count):
-            if self._states(few, place):
+            if self._states(few, place, slices):
                 return few
         return relations
 
-    def _states(self, relations: Relations, place: SearchPlace) -> bool:
+    def _states(self, relations: Relations, place: SearchPlace, slices: Slices) -> bool:
         """Whether all common zeros are singular, and none is on a component that is known."""
         found = False
         check = self.time.check
         points = slice_points(
-            relations, self.residues, self.rng, place.values, check, patient=False
+            relations, self.residues, self.rng, place.values, check, patient=False, slices=slices
         )
         try:
             for s in points:

@@ -185,6 +185,10 @@ class SurdRing(Ring):
                 return found
         raise BudgetExceeded("a polynomial with square roots in it has too long coefficients")
 
+    def long_to_factor(self, poly: Poly) -> int | None:
+        """Terms from which on a polynomial may take long to factor: as a budget says."""
+        return None
+
     def _factors(self, poly: Poly) -> list[Poly]:
         """Over the field of the roots."""
         found: list[Poly] = []

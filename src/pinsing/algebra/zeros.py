@@ -10,13 +10,15 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import field as dataclass_field
 from typing import Any
 
 import numpy as np
 from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_poly
 
 from pinsing._dataclass import dataclass
+from pinsing.algebra import field_points
 from pinsing.algebra.prime_field import modular_context
 
 _ATTEMPTS = 4
@@ -55,8 +57,8 @@ def zeros(
     rng: np.random.Generator,
     check: Callable[[float], None],
     patient: bool = True,
-) -> list[Zero]:
-    """Find every common zero.
+) -> Iterable[Zero]:
+    """Find every common zero; one after the other, as they are asked for, unless ``patient``.
 
     Parameters
     ----------
@@ -83,7 +85,8 @@ def zeros(
     if patient:
         with contextlib.suppress(Undecided):
             return _Solver(nonzero, rng, check, prime, True, False).solve(polys, variables)
-    return _Solver(nonzero, rng, check, prime, patient, patient).solve(polys, variables)
+        return _Solver(nonzero, rng, check, prime, True, True).solve(polys, variables)
+    return _Solver(nonzero, rng, check, prime, False, False).each(polys, variables)
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,48 +103,62 @@ class _Solver:
     prime: int
     orders: bool
     mixing: bool
+    made: dict[int, tuple[Any, Any]] = dataclass_field(default_factory=dict)
+    unwanted: dict[int, list[int]] = dataclass_field(default_factory=dict)
+
+    def compiled(self, poly: Any) -> Any:
+        """A polynomial of the compiled engine, made once; None where it covers no such one."""
+        if id(poly) not in self.made:  # the polynomial is kept, so that its id stays its own
+            terms = {m: int(c) for m, c in poly.to_dict().items()}
+            self.made[id(poly)] = (poly, field_points.polynomial(self.prime, terms))
+        return self.made[id(poly)][1]
 
     def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
-        """See ``zeros``."""
+        """See ``zeros``: all of them."""
+        return list(self.each(polys, variables))
+
+    def each(self, polys: Sequence[Any], variables: Sequence[int]) -> Iterator[Zero]:
+        """See ``zeros``: one after the other."""
         if any(f == 0 for f in polys):
             raise Undecided
         if any(f.is_constant() for f in polys):
-            return []
+            return
         if not variables:
-            return [Zero(_field(self.prime), {})]
+            yield Zero(_field(self.prime), {})
+            return
         having = {v: [f for f in polys if f.degrees()[v] > 0] for v in variables}
         cost = {v: (len(having[v]), sum(f.degrees()[v] for f in having[v])) for v in variables}
         ordered = sorted(variables, key=cost.__getitem__)
         for v in ordered[:-1] if self.orders else ():
             try:
-                return self._solved(polys, variables, v, having[v])
+                found = list(self._solved(polys, variables, v, having[v]))
             except Undecided:
                 # Zeros that are not wanted may be whole curves; some variable, eliminated first,
                 # leaves them where they are known.
                 continue
+            yield from found
+            return
         v = ordered[-1 if self.orders else 0]
-        return self._solved(polys, variables, v, having[v])
+        yield from self._solved(polys, variables, v, having[v])
 
     def _solved(
         self, polys: Sequence[Any], variables: Sequence[int], v: int, having: Sequence[Any]
-    ) -> list[Zero]:
+    ) -> Iterator[Zero]:
         """Zeros, with one variable eliminated first."""
         rest = [u for u in variables if u != v]
         if not having:  # none, or as many as there are values of v
             if self.solve(polys, rest):
                 raise Undecided
-            return []
+            return
         if not rest:
             below = self.solve([], [])
         elif len(having) == 1:
             below = self.solve([f for f in polys if f is not having[0]], rest)
         else:
             below = self._eliminated(polys, having, v, rest)
-        found = []
         for zero in below:
             self.check(0.0)
-            found += [z for z in _above(zero, having, v) if self._wanted(z, v)]
-        return found
+            yield from (z for z in _above(zero, having, v, self.compiled) if self._wanted(z, v))
 
     def _eliminated(
         self, polys: Sequence[Any], having: Sequence[Any], v: int, rest: Sequence[int]
@@ -192,14 +209,23 @@ class _Solver:
         """Whether the value of variable v is none of the unwanted ones."""
         if v not in self.nonzero:
             return True
-        over = fq_default_poly_ctx(zero.field)
-        return not _at(self.nonzero[v], Zero(zero.field, {}), v, over)(zero.at[v]).is_zero()
+        if v not in self.unwanted:
+            powers = {int(m[v]): int(c) for m, c in self.nonzero[v].to_dict().items()}
+            self.unwanted[v] = [powers.get(e, 0) for e in range(max(powers), -1, -1)]
+        value = zero.field.zero()
+        for c in self.unwanted[v]:
+            value = value * zero.at[v] + c
+        return not value.is_zero()
 
 
-def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
+def _above(zero: Zero, polys: Sequence[Any], v: int, compiled: Callable[[Any], Any]) -> list[Zero]:
     """The common roots of polynomials in variable v, the others being at a zero."""
     over = fq_default_poly_ctx(zero.field)
-    common = functools.reduce(lambda a, b: a.gcd(b), (_at(f, zero, v, over) for f in polys))
+    point = field_points.point(zero.field, polys[0].context().nvars(), (), zero.at)
+    common: Any = None
+    for f in polys:
+        line = _at(f, zero, v, over, point, None if point is None else compiled(f))
+        common = line if common is None else common.gcd(line)
     if common == 0:
         raise Undecided  # a whole line of zeros
     if common.degree() == 0:
@@ -210,9 +236,14 @@ def _above(zero: Zero, polys: Sequence[Any], v: int) -> list[Zero]:
     return _extended(zero, common, v)
 
 
-def _at(poly: Any, zero: Zero, v: int, over: Any) -> Any:
-    """A polynomial at a zero, as one in the variable v that is left."""
+def _at(poly: Any, zero: Zero, v: int, over: Any, point: Any, made: Any) -> Any:
+    """A polynomial at a zero, as one in the variable v that is left.
+
+    By the compiled engine where it has both: the zero as a point, the polynomial as ``made``.
+    """
     field = zero.field
+    if point is not None and made is not None:
+        return over(field_points.elements(field, point.line(made, v)))
     powers = {
         u: _powers(x, int(poly.degrees()[u])) for u, x in zero.at.items() if poly.degrees()[u]
     }

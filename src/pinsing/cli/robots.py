@@ -41,7 +41,7 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
         return
     page = Page.of()
     lines = [info.head(page), "", page.table(info.joints(deg))]
-    said = [f"note: {note}" for note in arm.notes]
+    said = [f"note: {note}" for note in info.arm.notes]
     said += [f"moved: {snap}" for snap in info.snaps if snap.size > ROUNDING]
     said += [f"pose: {text}" for text in info.poses(deg, page.width - 2)]
     if said:

@@ -13,7 +13,7 @@ from flint import arb
 
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
-from pinsing.families.zero_set import Box, proven_empty
+from pinsing.families.empty_box import Box, proven_empty
 
 _WIDER = 1e-9
 """Share by which each box is taken wider: so they overlap, and 2 pi is covered whole."""

@@ -12,6 +12,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.configuration.at import Loss, loss_at
 from pinsing.configuration.state import State
 from pinsing.families.at_once import at_once
+from pinsing.families.empty_box import Stop, proven_empty
 from pinsing.families.example import readable
 from pinsing.families.family import Family
 from pinsing.families.kinds import kinds_of
@@ -21,7 +22,7 @@ from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.solved_for import solved_for
 from pinsing.families.statement import statement
 from pinsing.families.value_reach import ValueReach, values_reached
-from pinsing.families.zero_set import Stop, gradients, proven_empty
+from pinsing.families.zero_set import gradients
 from pinsing.geometry.nominal import Nominal
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm

@@ -48,3 +48,19 @@ def unsolved_hint(systems: int) -> str:
         f"time was over before {many} solved for joint values: {they} as stated, which is as true; "
         "more time (--seconds) may give these"
     )
+
+
+def by_rank_hint(families: Sequence[Family], rank: int) -> str | None:
+    """One line: which families are equations together with the rank; None if none is.
+
+    Equations of neighbouring axes, or those that slices were led to, are zero wherever the arm is
+    singular there; that they are zero nowhere else is not shown.
+    """
+    names = [f.name for f in families if f.confirm and any(b.equations for b in f.branches)]
+    if not names:
+        return None
+    return (
+        f"equations of {', '.join(names)}: they may hold at some regular configurations, too; "
+        f"singular are those at which the rank drops below {rank}, for which `contains`, "
+        "`distance` and `sample` ask"
+    )

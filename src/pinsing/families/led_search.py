@@ -11,19 +11,19 @@ Slices are gone through until nothing new turns up over several fields.
 
 from __future__ import annotations
 
-import itertools
 from collections import Counter, defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from itertools import combinations
 
 from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component
+from pinsing.algebra.components import Component, FoundComponents
 from pinsing.algebra.decompose import Decomposition, Within
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.near_minors import NearMinors, NotSquare
-from pinsing.algebra.ring import Ring, Value
+from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.families.modular_chain import at_value, value_modulo
 from pinsing.families.slice_count import Slice, SliceCount, Slices
@@ -43,10 +43,17 @@ _FOR_VALUES = 0.1
 """Share of the time that minors have which say at what values of joints axes are special."""
 _ONE_MINOR = 0.2
 """Seconds that one of them may take."""
+_CUTS = 3
+"""Minors that are not zero on a system, among which the shortest cuts it."""
+_IN_VAIN = 2
+"""Searches of many joints after which another field is asked: one alone may be misleading."""
+_BY_NEIGHBOURS = 0.1
+"""Share of what time is left that the search by neighbours at one value may take."""
 _AT_ONE = 0.4
 """Share of what time is left that the search at one value may take."""
 
 At = tuple[int, Value]
+Near = Callable[[Mapping[int, Value], Budget], Sequence[Component]]
 
 
 @dataclass(frozen=True)
@@ -78,15 +85,17 @@ def led(
     components: Sequence[Component],
     limit: int,
     time: Budget,
+    unseen: Sequence[Component] = (),
+    near: Near | None = None,
 ) -> Led:
     """Go through slices, and search at the joint values to which points on no family lead.
 
     Parameters
     ----------
     geometry : Nominal
-        A chain each of whose joints moves on its own, of rank 6, in rational numbers.
+        A chain each of whose joints moves on its own, in rational numbers.
     task : Task
-        The pose.
+        Rows, as many as their rank.
     ring : Ring
         Of the components' polynomials.
     components : sequence of Component
@@ -95,8 +104,12 @@ def led(
         The largest codimension that a component can have.
     time : Budget
         After which no further slice is begun.
+    unseen : sequence of Component
+        What is one if it has points that lie on no other.
+    near : callable, optional
+        A search by neighbours at values of joints, within a time: asked before all minors are.
     """
-    return _Leader(geometry, task, ring, list(components), limit, time).led()
+    return _Leader(geometry, task, ring, list(components), limit, time, unseen, near).led()
 
 
 class _Leader:
@@ -108,11 +121,15 @@ class _Leader:
         components: list[Component],
         limit: int,
         time: Budget,
+        unseen: Sequence[Component] = (),
+        near: Near | None = None,
     ) -> None:
+        self.near = near
         self.geometry, self.task, self.ring = geometry, task, ring
         self.components, self.limit, self.time = components, limit, time
-        self.slices = Slices(geometry, ring, limit)
+        self.slices = Slices(geometry, task, ring, limit)
         self.steps: list[RandomSteps] = []
+        self._unseen = list(unseen)
         self.kept: dict[int, list[Slice]] = defaultdict(list)
         self._turns: Counter[int] = Counter()
         self._open: set[int] = set()
@@ -140,6 +157,7 @@ class _Leader:
         counted = [s for p in (clean or self.kept) for s in self.kept[p]]
         if not counted or (self._open and not clean and len(self._open) < _FIELDS):
             return Led(self.components, None, False, self.steps)
+        self.components = self.slices.without_parts(counted, self.components)
         count = self.slices.count(counted, self.components)
         enough = self._enough() and not count.off and count.met >= _MET * count.known
         return Led(self.components, count, enough, self.steps)
@@ -159,20 +177,70 @@ class _Leader:
 
     def _follow(self, slices: Sequence[Slice]) -> bool:
         """Search where points on no family lead to; whether some are left."""
-        off = self._left(slices)
+        off = self._taken_in(self._left(slices))
+        in_vain = 0
         while off and not self.time.over:
             at = self._next(off)
-            if at is None:
+            if at is None or (self.near is not None and in_vain == _IN_VAIN):
                 return True
             self._tried.add(at)
             before = len(self.components)
             self._search(dict([at]))
+            in_vain += 1
             if len(self.components) != before:
-                off = self._left(off)
+                off, in_vain = self._left(off), 0
         return bool(off)
+
+    def _taken_in(self, off: list[Slice]) -> list[Slice]:
+        """What is left of points when systems that have some of them are components, too."""
+        while off and self._unseen and not self.time.over:
+            has = [sum(int(m.sum()) for m in self.slices.held(off, c)) for c in self._unseen]
+            best = max(range(len(has)), key=lambda i: (has[i], self._unseen[i].codimension))
+            if not has[best]:
+                break
+            c = self._unseen.pop(best)
+            on = max(off, key=lambda s: int(self.slices.held([s], c)[0].sum()))
+            if c.codimension < self.limit and self.slices.regular_too(on, c):
+                self._unseen += self._cut(c)  # what is singular of it is smaller
+                continue
+            self.components.append(c)
+            off = self._left(off)
+        return off
+
+    def _cut(self, c: Component) -> list[Component]:
+        """A system with one equation more: each factor of a short minor that is not zero on it."""
+        time = self.time.part(_FOR_VALUES)
+        rank, n = len(self.task.rows), len(self.ring.prismatic)
+        minors = NearMinors(self.geometry, self.ring, self.task, rank, time)
+        found: list[list[Poly]] = []
+        try:
+            for some in sorted(combinations(range(n), rank), key=lambda s: s[-1] - s[0]):
+                if len(found) >= _CUTS:
+                    break
+                minor = minors.minor(some, c.values)
+                if minor != 0 and not any(self.ring.divides(r, minor) for r in c.relations):
+                    time.check_factor(len(minor))
+                    found.append(self.ring.factors(minor))
+        except (BudgetExceeded, NotSquare):
+            pass
+        out = []
+        for f in min(found, key=lambda fs: max(map(len, fs), default=0), default=[]):
+            fixed = self.ring.joint_value(f)
+            if fixed is None:
+                relations = tuple(sorted((*c.relations, f), key=len))
+                out.append(Component(c.values, relations, False, c.codimension + 1))
+                continue
+            values = {**c.values, fixed[0]: fixed[1]}
+            put = self.ring.putting(dict([fixed]))
+            left = [self.ring.strip(put(r)) for r in c.relations]
+            relations = tuple(sorted((r for r in left if r != 0), key=len))
+            out.append(Component(values, relations, False, c.codimension + 1))
+        return out
 
     def _left(self, slices: Sequence[Slice]) -> list[Slice]:
         """The points of slices that are on no family, where there are some."""
+        for c in self.components:  # together, which takes less
+            self.slices.held(slices, c)
         masks = [self.slices.off(s, self.components) for s in slices]
         return [s.at(m) for s, m in zip(slices, masks, strict=True) if m.any()]
 
@@ -180,15 +248,24 @@ class _Leader:
         """The value of a joint that most of some points share, of those not tried."""
         special = self._values()
         shared: Counter[At] = Counter()
+        of, at_one = Counter[int](), Counter[int]()
         for s in off:
             for j in s.chosen:
+                of[j] += s.x.shape[1]
                 for value in special[j]:
-                    if (j, value) in self._tried:
-                        continue
-                    at = at_value(s.x[j], s.y[j], value_modulo(value, s.prime), s.prime)
-                    shared[j, value] += int(at.sum())
-        best = max(shared.items(), key=lambda item: item[1], default=None)
-        return best[0] if best is not None and best[1] else None
+                    on = at_value(s.x[j], s.y[j], value_modulo(value, s.prime), s.prime)
+                    at_one[j] += int(on.sum())
+                    if (j, value) not in self._tried:
+                        shared[j, value] += int(on.sum())
+
+        def telling(item: tuple[At, int]) -> tuple[float, int]:
+            """Where what is missing is at values of one joint, all points are: first this one."""
+            j = item[0][0]
+            return at_one[j] / (of[j] + 1), item[1]
+
+        left = {at: count for at, count in shared.items() if count}
+        best = max(left.items(), key=telling, default=None)
+        return best[0] if best is not None else None
 
     def _values(self) -> dict[int, list[Value]]:
         """Values of each joint at which axes are special: quarter turns, and factors of minors."""
@@ -202,7 +279,7 @@ class _Leader:
         }
         until = self.time.part(_FOR_VALUES)
         rank = len(self.task.rows)
-        for some in sorted(itertools.combinations(range(n), rank), key=lambda c: c[-1] - c[0]):
+        for some in sorted(combinations(range(n), rank), key=lambda c: c[-1] - c[0]):
             if until.over:
                 break
             one_of = Budget(min(_ONE_MINOR, until.left))
@@ -220,7 +297,9 @@ class _Leader:
         return self._special
 
     def _search(self, values: Mapping[int, Value]) -> None:
-        """All components at a joint's value."""
+        """All components at a joint's value, or, if they are new, those that neighbours tell."""
+        if self.near is not None and self._add(self.near(values, self.time.part(_BY_NEIGHBOURS))):
+            return
         time = self.time.part(_AT_ONE)
         try:
             if self._matrix is None:
@@ -234,3 +313,11 @@ class _Leader:
         found = Decomposition(matrix, rank, self.ring, time, within)
         self.components = found.components
         self.steps.append(found.second)
+
+    def _add(self, found: Sequence[Component]) -> bool:
+        """Take components in; whether some lie in none of those that are known."""
+        test = FoundComponents(self.ring, lambda c: None)
+        new = [c for c in found if not any(test.inside(c, k) for k in self.components)]
+        known = [k for k in self.components if not any(test.inside(k, c) for c in new)]
+        self.components = [*known, *new]
+        return bool(new)

@@ -18,34 +18,37 @@ import heapq
 import itertools
 import math
 import random
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 
 import numpy as np
-from flint import nmod_mat
 
-from pinsing._types import Array, Bool
+from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents
+from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.near_minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.families.column_choice import cutting, nearest, neighbours, rank
 from pinsing.families.freedom import freedom
-from pinsing.families.parts import Branch
+from pinsing.families.met_points import MetPoints, PrimePoints, RealPoints
+from pinsing.families.modular_points import ModularPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.progress import Progress
-from pinsing.families.zero_set import residuals
-from pinsing.geometry.exact_rank import PRIMES, jacobian_modulo
+from pinsing.geometry.exact_rank import PRIMES
 from pinsing.geometry.nominal import Nominal
 from pinsing.robot.task import Task
 
 _SEED = 5
-_POINTS = 24
+_POINTS, _PRIME_POINTS = 24, 6
 _SINGULAR, _REGULAR = 1e-8, 1e-5
 """sigma_r / sigma_1 of points on a set that are singular, or not; between, they do not count."""
-_ON = 1e-8
 _TRIED = 10
 """Singular points at which the size of a set is asked."""
 _CIRCUITS = 20_000
 """Choices of joints among which groups that depend on each other everywhere are looked for."""
+_FOR_GENERAL, _FOR_GROUPS = 0.25, 0.1
+"""Shares of the time for the general case by real points, and for what such groups tell."""
 _ROUNDS = 2
 """Times that regular parts are told apart by some equations more."""
 _COMBINED = 16
@@ -63,18 +66,26 @@ class LongChain:
     Parameters
     ----------
     geometry, task, rank
-        The chain (each joint moves on its own), the rows, and their generic rank.
+        The chain, the rows, and their generic rank.
     ring : Ring
         Of the polynomials.
     maker : PieceMaker
         Turns polynomials into equations with points.
     time : Budget
         After which what was found is all.
+    place : mapping of int to Value
+        Joints that stand still: sets within it alone are looked for.
+    thorough : bool
+        Whether systems of which points modulo primes tell nothing singular are judged by real
+        points, too, as long as there is time.
 
     Attributes
     ----------
     components : list of Component
         None of them lies in another, as far as division and points tell.
+    unseen : list of Component
+        Systems of equations of which no real point was met: one that has singular points modulo
+        primes is a component all the same.
     progress : Progress
         What was looked at.
     """
@@ -87,6 +98,8 @@ class LongChain:
         ring: Ring,
         maker: PieceMaker,
         time: Budget,
+        place: Places | None = None,
+        thorough: bool = True,
     ) -> None:
         self.geometry, self.task, self.rank, self.ring = geometry, task, rank, ring
         self.maker, self.time = maker, time
@@ -96,19 +109,55 @@ class LongChain:
             self.limit = self.n - rank + 1
         self.progress = Progress()
         self.components: list[Component] = []
+        self.unseen: list[Component] = []
         self._minors = NearMinors(geometry, ring, task, rank, time)
         self._found = FoundComponents(ring, lambda c: None)
-        self._points: list[Array] = []
+        self._points: list[MetPoints] = []
+        self._exact = ModularPoints(geometry, task, ring, _SEED)
+        self._later: list[tuple[Places, Relations]] = []
         self._draw = random.Random(_SEED)
         self._waiting: list[tuple[int, int, Places]] = []
         self._asked: set[object] = set()
         self._combined: set[object] = set()
-        self._push({})
-        self._run()
+        self._push(dict(place or {}))
+        self._run(thorough)
         self.components = self._irredundant()
 
-    def _run(self) -> None:
-        first = True
+    def _run(self, thorough: bool) -> None:
+        self._go_on(first=True)
+        while thorough and self._later and not self.time.over:
+            self._by_real_points()
+            self._go_on()
+        self.progress.waiting += len(self._waiting)
+        self.progress.too_long += len(self._later)
+
+    def _by_real_points(self) -> None:
+        """Judge the first of the systems that were left for later."""
+        place, relations = self._later.pop(0)
+        if self._found.covers(place, relations):
+            return
+        try:
+            self._judge_real(place, relations, (), 0)
+        except BudgetExceeded:
+            self.progress.too_long += 1
+            return
+        if self.time.over and not self._found.covers(place, relations):
+            self._later.append((place, relations))  # points were looked for but shortly
+
+    @contextmanager
+    def _part(self, share: float) -> Iterator[None]:
+        """A share of the time for what is done meanwhile."""
+        whole = self.time
+        self.time = self._minors.time = self.maker.time = whole.part(share)
+        try:
+            yield
+        except BudgetExceeded:
+            self.progress.too_long += 1
+        finally:
+            self.time = self._minors.time = self.maker.time = whole
+
+    def _go_on(self, first: bool = False) -> None:
+        """Search at all places that wait."""
         while self._waiting:
             if self.time.over:
                 break
@@ -118,12 +167,15 @@ class LongChain:
             self.progress.places += 1
             try:
                 self._search(place)
-                if first:
-                    self._groups(place)
             except BudgetExceeded:
                 self.progress.waiting += 1
+            if first and not self.time.over:
+                with self._part(_FOR_GENERAL):
+                    while self._later and not self.time.over:
+                        self._by_real_points()
+                with self._part(_FOR_GROUPS):
+                    self._groups(place)
             first = False
-        self.progress.waiting += len(self._waiting)
 
     # Places ---------------------------------------------------------------------------
 
@@ -135,33 +187,32 @@ class LongChain:
 
     def _columns(self, place: Places) -> list[list[int]]:
         """Jacobian (rows, n) modulo a prime at a random configuration of a place."""
-        return jacobian_modulo(self.geometry, self.task, PRIMES[0], self._draw, place)
+        return own_jacobian_modulo(self.geometry, self.task, PRIMES[0], self._draw, place)
 
     def _search(self, place: Places) -> None:
         """All sets at a place that the equations of neighbours tell."""
         J = self._columns(place)
-        if _rank(J, range(self.n)) < self.rank:
-            self._add(place, (), len(place), np.zeros((0, self.n)))
+        if rank(J, range(self.n)) < self.rank:
+            self._add(place, (), len(place), PrimePoints((), self.rank))
             return
         start = max(0, (self.n - self.rank + 1) // 2)
-        self._along(place, J, _neighbours(J, start, self.rank - 1, self.n))
+        self._along(place, J, neighbours(J, start, self.rank - 1, self.n))
 
     def _groups(self, place: Places) -> None:
-        """Sets whose wrench is fixed by joints that depend on each other, but are no neighbours."""
+        """Sets whose wrench is fixed by joints that depend on each other, but are no neighbours.
+
+        Their minors may span the whole chain: so they have a part of the time, not all of it.
+        """
         J = self._columns(place)
         seen: set[tuple[int, ...]] = set()
         choices = itertools.combinations(range(self.n), self.rank)
         for some in itertools.islice(choices, _CIRCUITS):
-            if self.time.over:
-                self.progress.waiting += 1
-                return
-            if _rank(J, some) != self.rank - 1 or any(
-                _rank(J, [j for j in some if j != k]) < self.rank - 1 for k in some
+            self.time.check()
+            if rank(J, some) != self.rank - 1 or any(
+                rank(J, [j for j in some if j != k]) < self.rank - 1 for k in some
             ):
                 continue
-            all_of = tuple(
-                j for j in range(self.n) if j in some or _rank(J, [*some, j]) < self.rank
-            )
+            all_of = tuple(j for j in range(self.n) if j in some or rank(J, [*some, j]) < self.rank)
             if all_of not in seen:
                 seen.add(all_of)
                 self._along(place, J, some[:-1])
@@ -172,14 +223,14 @@ class LongChain:
             return
         polys: list[Poly] = []
         within = list(base)
-        free = [j for j in range(self.n) if j not in base and _rank(J, [*base, j]) < self.rank]
+        free = [j for j in range(self.n) if j not in base and rank(J, [*base, j]) < self.rank]
         within += free
         middle = (min(base) + max(base)) / 2 if base else (self.n - 1) / 2  # none: a single row
         rest = [j for j in range(self.n) if j not in within]
         for j in sorted(rest, key=lambda j: abs(j - middle)):
-            near = _nearest(J, j, within, self.rank - 1)
+            near = nearest(J, j, within, self.rank - 1)
             within.append(j)
-            if _rank(J, [*near, j]) < self.rank:
+            if rank(J, [*near, j]) < self.rank:
                 continue
             try:
                 polys.append(self._minors.minor([*near, j], place))
@@ -222,7 +273,9 @@ class LongChain:
     ) -> None:
         """Whether the common zeros of some equations at a place are singular, in whole or part.
 
-        ``more`` of them say which part is meant, and make it no smaller.
+        ``more`` of them say which part is meant, and make it no smaller. At points modulo primes,
+        where the equations can be solved one after the other; else at real ones, when nothing else
+        waits. So are those that are regular there: an equation may hold whatever its joint does.
         """
         key = (frozenset(place.items()), frozenset(map(str, (*relations, *more))))
         codimension = len(place) + len(relations)
@@ -232,20 +285,66 @@ class LongChain:
         if self._found.covers(place, relations):
             return
         self.time.check()
+        points = self._exact.points(place, relations, _PRIME_POINTS, self.time)
+        if points is None and more:
+            self._judge_real(place, relations, more, rounds)
+            return
+        if not points:
+            self._later.append((place, relations))
+            return
+        of_part = [p for p in points if all(p.is_zero(m) for m in more)]
+        singular = [p for p in of_part if p.rank(range(self.n)) < self.rank]
+        regular = [p for p in of_part if p not in singular]
+        if not more and not singular:
+            self._later.append((place, relations))
+        self._told(
+            place,
+            (relations, more),
+            PrimePoints(singular, self.rank),
+            PrimePoints(regular, self.rank),
+            rounds,
+        )
+
+    def _judge_real(
+        self, place: Places, relations: Relations, more: Relations, rounds: int
+    ) -> None:
+        """The same by real points."""
+        codimension = len(place) + len(relations)
         every = tuple(sorted((*relations, *more), key=len))
         points, ratio = self._met(place, every)
         singular, regular = points[ratio <= _SINGULAR], points[ratio >= _REGULAR]
         if not len(singular) and not len(regular):
             self.progress.unseen += 1
+            self.unseen.append(Component(dict(place), every, False, codimension))
             return
-        if len(regular) and codimension < self.limit and not more:
-            # What else is singular there is smaller, and lies where one minor more is zero.
-            self._cut(place, relations, regular)
         if len(singular) and (len(regular) or more):
             # What is singular may be smaller than the rest: then it is found inside.
             branch = self.maker.branch_of(place, every)
             some = singular[:: max(1, len(singular) // _TRIED)]
             singular = some[[self.n - freedom(branch, q) <= codimension for q in some]]
+        self._told(
+            place,
+            (relations, more),
+            RealPoints(self.maker, singular, self.rank),
+            RealPoints(self.maker, regular, self.rank),
+            rounds,
+        )
+
+    def _told(
+        self,
+        place: Places,
+        equations: tuple[Relations, Relations],
+        singular: MetPoints,
+        regular: MetPoints,
+        rounds: int,
+    ) -> None:
+        """Go on with what points of equations, and of more of them, tell."""
+        relations, more = equations
+        every = tuple(sorted((*relations, *more), key=len))
+        codimension = len(place) + len(relations)
+        if len(regular) and codimension < self.limit and not more:
+            # What else is singular there is smaller, and lies where one minor more is zero.
+            self._cut(place, relations, regular)
         if len(singular) and len(regular):
             # Parts of one size, which some minors more tell apart, unless these are long.
             told = self._telling(place, every, regular) if rounds < _ROUNDS else ()
@@ -272,19 +371,19 @@ class LongChain:
             also = {str(f): f for f in some}
             self._judge(place, relations, (*more, *also.values()), rounds + 1)
 
-    def _telling(self, place: Places, relations: Relations, regular: Array) -> Relations:
+    def _telling(self, place: Places, relations: Relations, regular: MetPoints) -> Relations:
         """Minors that are zero where all are, and not at regular points; none if these are long."""
         longest = max(len(r) for r in relations)
         if longest > _LONG:
             return ()
         known = set(map(str, relations))
-        minors = self._cutting(place, regular, self.n)
+        minors = cutting(self._minors, self._columns(place), place, regular, self.n)
         told = {str(m): m for m in minors if len(m) <= _LONGEST}
         return tuple(m for name, m in told.items() if name not in known)
 
-    def _cut(self, place: Places, relations: Relations, regular: Array) -> None:
+    def _cut(self, place: Places, relations: Relations, regular: MetPoints) -> None:
         """Go on inside some equations with one minor that cuts what is regular of them."""
-        minors = self._cutting(place, regular, 1)
+        minors = cutting(self._minors, self._columns(place), place, regular, 1)
         if not minors:
             self.progress.uncut += 1
             return
@@ -295,34 +394,6 @@ class LongChain:
             else:
                 self._judge(place, (*relations, f))
 
-    def _cutting(self, place: Places, regular: Array, most: int) -> list[Poly]:
-        """Minors of near joints, few, of which each point has one that is not zero there."""
-        J = self._columns(place)
-        width = self.rank + 1
-        jacobians = self.maker.jacobians(regular)
-        choices: list[tuple[tuple[int, ...], Bool]] = []
-        for first in range(self.n - width + 1):
-            window = range(first, first + width)
-            for skipped in window:
-                some = tuple(j for j in window if j != skipped)
-                if _rank(J, some) < self.rank:
-                    continue
-                sizes = np.linalg.svd(jacobians[..., list(some)], compute_uv=False)
-                ratio = sizes[:, self.rank - 1] / np.maximum(sizes[:, 0], 1e-300)
-                choices.append((some, ratio >= _REGULAR))
-        left = np.ones(len(regular), dtype=bool)
-        chosen: list[Poly] = []
-        while left.any() and choices and len(chosen) < most:
-            some, cut = max(choices, key=lambda c: int((c[1] & left).sum()))
-            if not (cut & left).any():
-                break
-            left &= ~cut
-            try:
-                chosen.append(self._minors.minor(some, place))
-            except NotSquare:
-                break
-        return chosen
-
     def _met(self, place: Places, relations: Relations) -> tuple[Array, Array]:
         """Real points of a system (k, n), by drawing and from random starts, and their ratios."""
         branch = self.maker.branch_of(place, relations)
@@ -331,12 +402,11 @@ class LongChain:
         ratio = self.maker.ratios(points) if len(points) else np.zeros(0)
         return points, ratio
 
-    def _vanishes(self, f: Poly, points: Array) -> bool:
-        return bool((np.abs(residuals([self.maker.equation_of(f)], points)) < _ON).all())
-
     # What was found -------------------------------------------------------------------
 
-    def _add(self, place: Places, relations: Relations, codimension: int, points: Array) -> None:
+    def _add(
+        self, place: Places, relations: Relations, codimension: int, points: MetPoints
+    ) -> None:
         self._found.add(place, relations, False, codimension)
         self._points.append(points)
 
@@ -344,51 +414,11 @@ class LongChain:
         """Those that do not lie in others, larger ones first."""
         every = list(zip(self._found.all, self._points, strict=True))
         every.sort(key=lambda e: (e[0].codimension, len(e[0].relations)))
-        kept: list[tuple[Component, Branch]] = []
+        kept: list[Component] = []
         for c, points in every:
-            if any(self._found.inside(c, k) for k, _ in kept):
+            if any(self._found.inside(c, k) for k in kept):
                 continue
-            if len(points) and any(self._on(branch, points) for _, branch in kept):
+            if len(points) and any(points.on(k) for k in kept):
                 continue
-            kept.append((c, self.maker.branch_of(c.values, c.relations)))
-        return [c for c, _ in kept]
-
-    def _on(self, branch: Branch, points: Array) -> bool:
-        """Whether all of some points lie on a branch."""
-        for v in branch.values:
-            away = points[:, v.joint] - v.value
-            if not self.ring.prismatic[v.joint]:
-                away = away - 2 * np.pi * np.round(away / (2 * np.pi))
-            if (np.abs(away) > _ON).any():
-                return False
-        if not branch.equations:
-            return True
-        return bool((np.abs(residuals(branch.equations, points)) < _ON).all())
-
-
-def _rank(J: Sequence[Sequence[int]], columns: Sequence[int]) -> int:
-    """Rank of some columns modulo the prime."""
-    flat = [row[j] for row in J for j in columns]
-    return int(nmod_mat(len(J), len(columns), flat, PRIMES[0]).rank())
-
-
-def _neighbours(J: Sequence[Sequence[int]], start: int, count: int, n: int) -> list[int]:
-    """The first ``count`` joints from ``start`` outward whose columns are independent."""
-    chosen: list[int] = []
-    for j in (*range(start, n), *range(start - 1, -1, -1)):
-        if len(chosen) == count:
-            break
-        if _rank(J, [*chosen, j]) > len(chosen):
-            chosen.append(j)
-    return chosen
-
-
-def _nearest(J: Sequence[Sequence[int]], j: int, among: Sequence[int], count: int) -> list[int]:
-    """The ``count`` independent joints that are nearest to j."""
-    chosen: list[int] = []
-    for k in sorted(among, key=lambda k: (abs(k - j), k)):
-        if len(chosen) == count:
-            break
-        if _rank(J, [*chosen, k]) > len(chosen):
-            chosen.append(k)
-    return chosen
+            kept.append(c)
+        return kept

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import cached_property
 
 import numpy as np
@@ -16,13 +16,13 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.nearness import Confirm, Distance, near, nearest, own_nearest
 from pinsing.families.parts import Branch
 from pinsing.families.points import spread
-from pinsing.families.zero_set import ROUNDS, Stop, thrown
+from pinsing.families.starts import Starts
+from pinsing.families.zero_set import ROUNDS
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_space import JointSpace, require_values
 
 _MOST_POINTS = 10_000_000
-_THROWN = 40
 _AGAIN = 3
 """Times that points are looked for again, where some were not the family's own; or in vain."""
 _AGAIN_UNTIMED = 40
@@ -286,6 +286,10 @@ class Members:
             far = widen * self.length_scale
             low, high = lower - far * below, upper + far * above
             found = self._own(spread(usable, low, high, n, rng, rounds, stop))
+            if len(found) < n and self.confirm is not None:
+                starts = Starts(usable, self.space, low, high, within_limits)
+                more = starts.own(self.confirm, n - len(found), rng, stop)
+                found = np.concatenate([found, more])
             idle = 0
             again = _AGAIN if stop is not None else _AGAIN_UNTIMED
             for _ in range(again if len(found) and self.confirm is not None else 0):
@@ -294,8 +298,6 @@ class Members:
                 more = self._own(spread(usable, low, high, n, rng, rounds, stop))
                 idle = 0 if len(more) else idle + 1
                 found = np.concatenate([found, more])[:n]
-            if not len(found) and self.confirm is not None:
-                found = self._thrown(usable, low, high, n, rng, within_limits, stop)
             if len(found) or not (below.any() or above.any()):
                 break
         return self._sharpened(found, within_limits)
@@ -318,29 +320,6 @@ class Members:
             return self.prismatic, self.prismatic
         below, above = np.isinf(self.lower), np.isinf(self.upper)
         return self.prismatic & below, self.prismatic & above
-
-    def _thrown(
-        self,
-        usable: Sequence[tuple[Branch, Array]],
-        lower: Array,
-        upper: Array,
-        n: int,
-        rng: np.random.Generator,
-        within_limits: bool,
-        stop: Stop | None,
-    ) -> Array:
-        """Its own points (k, n), from random starts, where drawing meets none."""
-        parts = [np.zeros((0, self.n))]
-        for branch, fixed in usable:
-            free = np.ones(self.n, dtype=bool)
-            free[[v.joint for v in branch.values]] = False
-            count = max(_THROWN, 4 * n)
-            q = self._own(thrown(branch.equations, lower, upper, free, fixed, count, rng, stop))
-            if within_limits:
-                q = self.space.fold(q)
-                q = q[((q >= lower - 1e-9) & (q <= upper + 1e-9)).all(axis=-1)]
-            parts.append(q)
-        return np.concatenate(parts)[:n]
 
     def _own(self, points: Array) -> Array:
         """Those of some points (N, n) of the equations that are the family's own."""

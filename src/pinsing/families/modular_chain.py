@@ -30,6 +30,9 @@ LARGEST = 71
 """Largest field: six products of its elements are no more than 16 bits hold."""
 
 Ints = npt.NDArray[np.int64]
+Coordinates = tuple[Ints, Ints]
+"""Half-angle coordinates (x, y) of a joint; of a slider its length and 0."""
+Pairs = npt.NDArray[np.intp]
 
 
 class ModularChain:
@@ -50,8 +53,8 @@ class ModularChain:
         """
         half = len(chosen) // 2
         middle = chosen[half]
-        values = [self._every(j) for j in range(self.n)]
-        at: list[tuple[Ints, Ints]] = []
+        values = [self.every(j) for j in range(self.n)]
+        at: list[Coordinates] = []
         for j in range(self.n):
             pick = draw.randrange(len(values[j][0]))
             at.append((values[j][0][pick : pick + 1], values[j][1][pick : pick + 1]))
@@ -60,7 +63,7 @@ class ModularChain:
             grid = np.meshgrid(*(np.arange(len(values[j][0])) for j in some), indexing="ij")
             for j, index in zip(some, grid, strict=True):
                 side[j] = values[j][0][index.ravel()], values[j][1][index.ravel()]
-        pairs = self._pairs(self._near(middle, near), self._far(middle, far))
+        pairs = self._met(middle, near, far)
         if len(pairs) > _CHECKED:
             pairs = pairs[sorted(draw.sample(range(len(pairs)), _CHECKED))]
         x, y = (np.zeros((self.n, len(pairs)), dtype=np.int64) for _ in range(2))
@@ -70,7 +73,7 @@ class ModularChain:
                 out[j] = v[index] if len(v) > 1 else v[0]
         return x, y
 
-    def _every(self, j: int) -> tuple[Ints, Ints]:
+    def every(self, j: int) -> Coordinates:
         """All values of a joint: half-angle coordinates (x, y), or lengths x."""
         t = np.arange(self.p, dtype=np.int64)
         if self.slides[j]:
@@ -78,7 +81,7 @@ class ModularChain:
         t = t[(t * t + 1) % self.p != 0]  # no angle is where x^2 + y^2 is zero
         return np.append(np.ones_like(t), 0), np.append(t, 1)
 
-    def _motion(self, j: int, at: tuple[Ints, Ints]) -> tuple[Ints, Ints]:
+    def _motion(self, j: int, at: Coordinates) -> tuple[Ints, Ints]:
         """Rotations (N, 3, 3) and shifts (N, 3) of a joint."""
         x, y = at
         R = np.zeros((len(x), 3, 3), dtype=np.int64)
@@ -99,8 +102,15 @@ class ModularChain:
             return np.concatenate([w, np.zeros_like(w)], axis=1)
         return np.concatenate([np.cross(o, w), w], axis=1) % self.p
 
-    def _near(self, middle: int, at: Sequence[tuple[Ints, Ints]]) -> Ints:
-        """Screws (N, k, 6) of the joints up to the middle one, in its frame before it moves."""
+    def _met(self, middle: int, near: Sequence[Coordinates], far: Sequence[Coordinates]) -> Pairs:
+        """Indices (k, 2) of the values of the two sides that are singular together."""
+        return self._pairs(self._near(middle, near)[0], self._far(middle, far)[0])
+
+    def _near(self, middle: int, at: Sequence[Coordinates]) -> tuple[Ints, Ints]:
+        """Screws (N, k, 6) of the joints up to the middle one, in its frame before it moves.
+
+        With the turn (N, 3, 3) of that frame, seen from the first joint's.
+        """
         p = self.p
         R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
         screws = [self._screw(middle, R[:, 2], o)]
@@ -111,10 +121,13 @@ class ModularChain:
             R, o = M @ R % p, ((M @ o[:, :, None])[:, :, 0] + t) % p
             # Joint j's axis, seen from the middle frame: R^T z through -R^T o.
             screws.append(self._screw(j, R[:, 2], -np.einsum("nij,ni->nj", R, o) % p))
-        return _stacked(screws)
+        return _stacked(screws), R
 
-    def _far(self, middle: int, at: Sequence[tuple[Ints, Ints]]) -> Ints:
-        """Screws (N, k, 6) of the joints behind the middle one, in its frame before it moves."""
+    def _far(self, middle: int, at: Sequence[Coordinates]) -> tuple[Ints, Ints, Ints]:
+        """Screws (N, k, 6) of the joints behind the middle one, in its frame before it moves.
+
+        With the turn (N, 3, 3) and the place (N, 3) of the last joint's frame before it moves.
+        """
         p = self.p
         R, o = np.eye(3, dtype=np.int64)[None], np.zeros((1, 3), dtype=np.int64)
         screws = []
@@ -125,9 +138,9 @@ class ModularChain:
             o = (R @ self.shift[j] + o) % p
             R = R @ self.turn[j] % p
             screws.append(self._screw(j, R[:, :, 2], o))
-        return _stacked(screws)
+        return _stacked(screws), R, o
 
-    def _pairs(self, near: Ints, far: Ints) -> npt.NDArray[np.intp]:
+    def _pairs(self, near: Ints, far: Ints) -> Pairs:
         """Indices (k, 2) of the two sides where all screws together have no rank 6."""
         p = self.p
         wrenches: dict[int, tuple[list[int], list[Any]]] = {}
@@ -139,8 +152,13 @@ class ModularChain:
                 index, found = wrenches.setdefault(int(count), ([], []))
                 index.append(i)
                 found.append(rows)
+        k, kept = far.shape[1], np.arange(len(far))
+        if k >= 6:  # most of them leave no wrench over by themselves
+            kept = np.flatnonzero(short(far.transpose(2, 1, 0).astype(np.int16), p))
+            far = far[kept]
+        if not len(far):
+            return np.zeros((0, 2), dtype=np.intp)
         columns = far.reshape(-1, 6).T.astype(np.float32)  # sums of six products are exact
-        k = far.shape[1]
         out = []
         for count, (index, found) in wrenches.items():
             step = max(1, _CHUNK // (count * columns.shape[1]))
@@ -148,17 +166,19 @@ class ModularChain:
                 some = np.array(found[first : first + step], dtype=np.float32)
                 work = (some.reshape(-1, 6) @ columns).astype(np.int16) % np.int16(p)
                 work = work.reshape(len(some), count, len(far), k).transpose(1, 3, 0, 2)
-                a, b = np.nonzero(_short(work, p))
-                out.append(np.stack([np.array(index)[first + a], b], axis=1))
+                a, b = np.nonzero(short(work, p))
+                out.append(np.stack([np.array(index)[first + a], kept[b]], axis=1))
         return np.concatenate(out) if out else np.zeros((0, 2), dtype=np.intp)
 
 
 def _stacked(screws: Sequence[Ints]) -> Ints:
+    if not screws:
+        return np.zeros((1, 0, 6), dtype=np.int64)
     count = max(len(s) for s in screws)
     return np.stack([np.broadcast_to(s, (count, 6)) for s in screws], axis=1)
 
 
-def _short(A: npt.NDArray[np.int16], p: int) -> npt.NDArray[np.bool_]:
+def short(A: npt.NDArray[np.int16], p: int) -> npt.NDArray[np.bool_]:
     """Where matrices (m, k, ...) have a rank below m modulo a prime."""
     if len(A) == 1:
         return np.asarray(~A[0].any(axis=0))
@@ -202,7 +222,7 @@ class ModularSet:
     def __init__(self, component: Component, ring: Ring, prime: int) -> None:
         self.p = prime
         self.values = {j: value_modulo(x, prime) for j, x in component.values.items()}
-        self.relations = [_residues(r, prime) for r in component.relations]
+        self.relations = [_Split(_residues(r, prime), prime) for r in component.relations]
         self.variables = [(j, k) for j in range(len(ring.prismatic)) for k in _kinds(ring, j)]
 
     def holds(self, x: Ints, y: Ints) -> npt.NDArray[np.bool_]:
@@ -210,38 +230,67 @@ class ModularSet:
         on = np.ones(x.shape[1], dtype=bool)
         for j, v in self.values.items():
             on &= at_value(x[j], y[j], v, self.p)
-        for terms in self.relations:
+        for relation in self.relations:
             left = np.flatnonzero(on)
             if not len(left):
                 break
-            on[left] = self._value(terms, x[:, left], y[:, left]) == 0
+            at = np.array([(x, y)[k][j][left] for j, k in self.variables])
+            on[left] = relation.value(at) == 0
         return on
 
-    def _value(self, terms: Mapping[tuple[int, ...], int], x: Ints, y: Ints) -> Ints:
-        total = np.zeros(x.shape[1], dtype=np.int64)
-        powers: dict[tuple[int, int], Ints] = {}
-        for monomial, c in terms.items():
-            term = np.full(x.shape[1], c, dtype=np.int64)
-            for v, e in enumerate(monomial):
-                if e:
-                    if (v, e) not in powers:
-                        j, k = self.variables[v]
-                        base = (x, y)[k][j]
-                        powers[v, e] = _power(base, e, self.p)
-                    term = term * powers[v, e] % self.p
-            total += term
+
+class _Split:
+    """A polynomial modulo a prime, its variables in two groups.
+
+    Products of powers of a group occur in many terms: they are made once each, and the sums that
+    stand beside those of the first group are products of matrices.
+    """
+
+    def __init__(self, terms: Mapping[tuple[int, ...], int], prime: int) -> None:
+        self.p = prime
+        monomials = list(terms)
+        width = len(monomials[0]) if monomials else 0
+        cuts = range(0, width + 1)
+        self.cut = min(cuts, key=lambda c: sum(len({m[s] for m in monomials}) for s in _sides(c)))
+        groups: dict[tuple[int, ...], tuple[list[int], list[int]]] = {}
+        number: dict[tuple[int, ...], int] = {}
+        for m, c in terms.items():
+            index, factors = groups.setdefault(m[: self.cut], ([], []))
+            index.append(number.setdefault(m[self.cut :], len(number)))
+            factors.append(c)
+        self.first, self.second = list(groups), list(number)
+        self.beside = [(np.array(i), np.array(c, dtype=float)) for i, c in groups.values()]
+
+    def value(self, at: Ints) -> Ints:
+        """At values (variables, N)."""
+        total = np.zeros(at.shape[1], dtype=np.int64)
+        if not self.first:
+            return total
+        one = _monomials(self.first, at[: self.cut], self.p)
+        # Sums of products of two residues, exact in floats up to 1e12 of them.
+        other = _monomials(self.second, at[self.cut :], self.p).astype(float)
+        for first, (index, factors) in zip(one, self.beside, strict=True):
+            total += first * ((factors @ other[index]).astype(np.int64) % self.p)
         return total % self.p
+
+
+def _sides(cut: int) -> tuple[slice, slice]:
+    return slice(None, cut), slice(cut, None)
+
+
+def _monomials(exponents: Sequence[tuple[int, ...]], at: Ints, p: int) -> Ints:
+    """Products of powers (K, N) of values (variables, N)."""
+    out = np.ones((len(exponents), at.shape[1]), dtype=np.int64)
+    for v, powers in enumerate(zip(*exponents, strict=True)):
+        table = [np.ones_like(at[v])]
+        for _ in range(max(powers)):
+            table.append(table[-1] * at[v] % p)
+        out = out * np.array(table)[list(powers)] % p
+    return out
 
 
 def _kinds(ring: Ring, j: int) -> Iterator[int]:
     return iter(range(len(ring.variables(j))))
-
-
-def _power(base: Ints, exponent: int, p: int) -> Ints:
-    out = np.ones_like(base)
-    for _ in range(exponent):
-        out = out * base % p
-    return out
 
 
 def _residues(poly: Poly, prime: int) -> dict[tuple[int, ...], int]:

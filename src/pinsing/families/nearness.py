@@ -59,6 +59,9 @@ class Confirm(Protocol):
     def __call__(self, points: Array) -> Bool:
         """Which of some points (N, n) are."""
 
+    def drawn(self, starts: Array, free: Bool, box: tuple[Array, Array]) -> Array:
+        """Own points (k, n) of a box that starts (N, n) in it lead to, along ``free`` joints."""
+
     def sharpened(self, points: Array, free: Bool) -> Array:
         """Own points (N, n) to all digits, moved along ``free`` joints (n,)."""
 

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.families.empty_box import Stop
 from pinsing.families.parts import Branch
-from pinsing.families.zero_set import Stop, search
+from pinsing.families.zero_set import search
 
 _PASSES = 4
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
@@ -11,7 +11,7 @@ from pinsing.algebra.components import Component, FoundComponents
 from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.matrix import Matrix
-from pinsing.algebra.ring import Ring
+from pinsing.algebra.ring import Ring, Value
 from pinsing.algebra.second_prime import RandomSteps, together
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.led_search import led
@@ -31,10 +31,20 @@ _MANY = 9
 """Joints from which on all minors have a part of the time, and near ones and slices the rest."""
 _LINKS = 6
 """Joints from which on a planar chain is not searched: each condition would double its branches."""
+_OPEN = 6
+"""Joints from which on slices lead on where all minors do not end."""
 _BRIEF = 0.1
 """Share of the time that all minors of many joints have first: where they end, nothing is open."""
-_NEAR = 0.4
-"""Share of the time that is left for near ones."""
+_MOSTLY = 0.8
+"""The same of fewer joints: near ones state the general case where all minors state nothing."""
+_FIRST, _FIRST_SECONDS = 0.5, 20.0
+"""The same where few rows leave motions free, and no more seconds: slices take a few. Where all
+minors end they tell more sets apart."""
+_MOST = 0.6
+"""The same for the pose of fewer joints: most end."""
+_NEAR, _NEAR_OF_MANY, _NEAR_ONLY = 0.4, 0.25, 0.7
+"""Shares of the time that is left for near ones: before slices, before the larger slices of ten
+joints and more, and where there are none."""
 _LED = 0.7
 """Share of the time that is then left for slices: families of many joints take long to describe."""
 
@@ -103,10 +113,16 @@ def searched(
         if in_line is not None:
             return in_line
     every = arm.n <= MAX_JOINTS
-    near = arm.n >= _MANY and arm.coupling is None
+    near = arm.n >= _MANY
+    full = rank == len(arm.task.rows)
+    lead = every and full and arm.n >= _OPEN and arm.n > rank and arm.coupling is None
     found: Decomposition | None = None
     if every:
-        share = _BRIEF if near else 1.0
+        share = _BRIEF if near else _MOSTLY if arm.n > rank else 1.0
+        if lead and not near:
+            share = _MOST
+            if arm.task.name != "pose":
+                share = min(_FIRST, _FIRST_SECONDS / limits.seconds)
         ring, found = _all_minors(geometry, arm, rank, share * limits.seconds)
         if found.stopped and not ring.rational:
             # Square roots were too much: with rational twists close by, and that is stated.
@@ -126,8 +142,10 @@ def searched(
         left = limits.seconds - (time.monotonic() - started)
         return Budget(max(share * left, 0.1 * limits.seconds))
 
-    many = found is None or (near and bool(found.gaps))
-    short = rest(_NEAR if many else 1.0)
+    many = found is None or (bool(found.gaps) and (near or lead or not found.components))
+    slices_follow = lead and ring.rational
+    followed = _NEAR if arm.n <= _MANY else _NEAR_OF_MANY
+    short = rest(1.0 if not many else followed if slices_follow else _NEAR_ONLY)
     maker = PieceMaker(geometry, ring, rank, symbols, _SEED, short, limits.angle_tol)
     components = [] if found is None else list(found.components)
     gaps = [] if found is None else list(dict.fromkeys(found.gaps))
@@ -144,8 +162,16 @@ def searched(
             components = [k for k in components if not test.inside(k, c)] + [c]
     gaps += chain.progress.gaps(arm.n)
     count: SliceCount | None = None
-    if every and arm.task.name == "pose" and rank == len(arm.task.rows) and ring.rational:
-        slices = led(geometry, arm.task, ring, components, arm.n - rank + 1, rest(_LED))
+    if slices_follow:
+
+        def at(values: Mapping[int, Value], some: Budget) -> Sequence[Component]:
+            maker.time = some
+            part = LongChain(geometry, arm.task, rank, ring, maker, some, values, thorough=False)
+            return part.components
+
+        near_at = at if arm.n > _MANY else None  # of nine joints all minors take seconds there
+        most, time_left = arm.n - rank + 1, rest(_LED)
+        slices = led(geometry, arm.task, ring, components, most, time_left, chain.unseen, near_at)
         components, count = slices.components, slices.count
         gaps = [] if slices.enough else gaps
         steps = together([steps, *slices.steps] if gaps else slices.steps)

@@ -12,6 +12,7 @@ import itertools
 import random
 from collections.abc import Sequence
 from dataclasses import field
+from fractions import Fraction
 
 import numpy as np
 import numpy.typing as npt
@@ -21,9 +22,11 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring
 from pinsing.families.modular_chain import Ints, ModularChain, ModularSet
+from pinsing.families.modular_rows import ModularRows, joints_that_matter, short_everywhere
 from pinsing.geometry.nominal import Nominal
+from pinsing.robot.task import Task
 
-FIELDS = (7, 11, 13, 17, 19, 23, 31)
+FIELDS = (7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)
 """One of them may divide what must not vanish, such as a sum of lengths: what it alone contradicts
 may be its own doing. Families whose joint values are roots have points over some of them only."""
 ASKED = 23, 47
@@ -34,6 +37,10 @@ MOST_JOINTS = 4
 _MANY_POINTS, _MOST_POINTS = 350_000, 3_500_000
 """Of one slice: beyond the first number it is gone through only where few fields are as small."""
 _FEW_FIELDS = 3
+_FEW_JOINTS, _LARGER = 3, 17
+"""Slices of so few joints are small: in larger fields less is special by chance."""
+_TELLING = 12
+"""Points that a component must have been met at to be told from others by them."""
 
 Bools = npt.NDArray[np.bool_]
 
@@ -125,37 +132,51 @@ class Slice:
 
 
 class Slices:
-    """Random slices of a chain (six rows, rank 6), each of whose joints moves on its own.
+    """Random slices of a chain of full rank, each of whose joints moves on its own.
 
     Parameters
     ----------
     geometry : Nominal
-        The chain, of six joints or more.
+        The chain.
+    task : Task
+        Rows, as many as their rank.
     ring : Ring
         Of components' polynomials.
     joints : int
         How many vary on each slice.
     """
 
-    def __init__(self, geometry: Nominal, ring: Ring, joints: int) -> None:
-        self.geometry, self.ring = geometry, ring
+    def __init__(self, geometry: Nominal, task: Task, ring: Ring, joints: int) -> None:
+        self.geometry, self.task, self.ring = geometry, task, ring
         n = len(geometry.prismatic)
-        inner = range(1, n - 1)  # the first and the last joint move all axes, or none
+        # The first and the last joint move all axes of a pose, or none.
+        inner = range(1, n - 1) if task.name == "pose" else joints_that_matter(geometry, task)
         self.joints = min(joints, len(inner))
         self._draw = random.Random(SEED)
         self.choices = list(itertools.combinations(inner, self.joints))
         self._draw.shuffle(self.choices)
         self._chains: dict[int, ModularChain] = {}
         self._sets: dict[tuple[int, int], tuple[Component, ModularSet]] = {}
+        self._held: dict[int, tuple[Component, dict[int, tuple[Slice, Bools]]]] = {}
 
     @property
     def fields(self) -> tuple[int, ...]:
         """Those over which a slice is not too large."""
+        least = _LARGER if self.joints <= _FEW_JOINTS else FIELDS[0]
         within = [
-            tuple(p for p in FIELDS if (p + 1) ** self.joints <= most)
+            tuple(p for p in FIELDS if p >= least and (p + 1) ** self.joints <= most)
             for most in (_MANY_POINTS, _MOST_POINTS)
         ]
-        return within[0] if len(within[0]) >= _FEW_FIELDS else within[1]
+        chosen = within[0] if len(within[0]) >= _FEW_FIELDS else within[1]
+        if self.joints > _FEW_JOINTS:
+            return chosen
+        whole = tuple(p for p in chosen if not self._divides_a_length(p))
+        return whole if len(whole) >= _FEW_FIELDS else chosen
+
+    def _divides_a_length(self, prime: int) -> bool:
+        """Whether a length of the chain is zero modulo a prime, or none there."""
+        lengths = (Fraction(x) for row in self.geometry.translation for x in row if x != 0)
+        return any(x.numerator % prime == 0 or x.denominator % prime == 0 for x in lengths)
 
     def turn(self, prime: int, time: Budget) -> list[Slice]:
         """One slice for each choice of joints, as many as there is time for.
@@ -163,10 +184,19 @@ class Slices:
         Raises
         ------
         ValueError
-            If the prime divides a denominator of the chain.
+            If the prime divides a denominator of the chain, or a length without which the rank
+            is less.
         """
         if prime not in self._chains:
-            self._chains[prime] = ModularChain(self.geometry, prime)
+            pose = self.task.name == "pose"
+            chain = (
+                ModularChain(self.geometry, prime)
+                if pose
+                else ModularRows(self.geometry, self.task, prime)
+            )
+            if short_everywhere(chain, self.geometry, self.task):
+                raise ValueError(f"modulo {prime} all configurations are singular")
+            self._chains[prime] = chain
         out = []
         for chosen in self.choices:
             if time.over:
@@ -178,22 +208,66 @@ class Slices:
         """Which points of a slice lie on none of some components."""
         off = np.ones(on.x.shape[1], dtype=bool)
         for c in components:
-            left = np.flatnonzero(off)
-            if not len(left):
-                break
-            off[left] = ~self._modular(c, on.prime).holds(on.x[:, left], on.y[:, left])
+            off &= ~self.held([on], c)[0]
         return off
+
+    def held(self, slices: Sequence[Slice], component: Component) -> list[Bools]:
+        """Which points of some slices lie on a component, asked once of all that are over a field.
+
+        What is known is kept: polynomials of thousands of terms are long to put points into.
+        """
+        of = self._held.setdefault(id(component), (component, {}))[1]  # kept, and so is its id
+        for prime in dict.fromkeys(s.prime for s in slices):
+            new = [s for s in slices if s.prime == prime and id(s) not in of]
+            if not new:
+                continue
+            x, y = (np.concatenate([a[k] for a in ((s.x, s.y) for s in new)], 1) for k in (0, 1))
+            holds = self._modular(component, prime).holds(x, y)
+            ends = np.cumsum([s.x.shape[1] for s in new])[:-1]
+            for s, mask in zip(new, np.split(holds, ends), strict=True):
+                of[id(s)] = (s, mask)
+        return [of[id(s)][1] for s in slices]
+
+    def regular_too(self, on: Slice, component: Component) -> bool:
+        """Whether a component has points on a slice, some singular, that are regular."""
+        chain = self._chains[on.prime]
+        x, y = (np.repeat(a[:, :1], 1, axis=1) for a in (on.x, on.y))
+        for j in on.chosen:
+            every = chain.every(j)
+            count = len(every[0])
+            x, y = (np.repeat(a, count, axis=1) for a in (x, y))
+            for a, values in zip((x, y), every, strict=True):
+                a[j] = np.tile(values, a.shape[1] // count)
+        singular = self.held([on], component)[0].sum()
+        return bool(self._modular(component, on.prime).holds(x, y).sum() > singular)
+
+    def without_parts(
+        self, slices: Sequence[Slice], components: Sequence[Component]
+    ) -> list[Component]:
+        """Components but for those of whose points, which are many, one other has all.
+
+        Two searches state one set in two ways; of these the shorter is kept.
+        """
+        left = sorted(components, key=lambda c: (c.codimension, sum(map(len, c.relations))))
+        for c in reversed(tuple(left)):
+            own = np.concatenate(self.held(slices, c)) if slices else np.zeros(0, dtype=bool)
+            if own.sum() < _TELLING:
+                continue
+            others = (np.concatenate(self.held(slices, k)) for k in left if k is not c)
+            if any(k[own].all() for k in others):
+                left = [k for k in left if k is not c]
+        return [c for c in components if any(c is k for k in left)]
 
     def count(self, slices: Sequence[Slice], components: Sequence[Component]) -> SliceCount:
         """Hold the points of slices against components."""
         points = off = 0
         met = [False] * len(components)
-        for one in slices:
+        masks = [self.held(slices, c) for c in components]
+        for k, one in enumerate(slices):
             left = np.ones(one.x.shape[1], dtype=bool)
-            for i, c in enumerate(components):
-                holds = self._modular(c, one.prime).holds(one.x, one.y)
-                met[i] |= bool(holds.any())
-                left &= ~holds
+            for i in range(len(components)):
+                met[i] |= bool(masks[i][k].any())
+                left &= ~masks[i][k]
             points += one.x.shape[1]
             off += int(left.sum())
         primes = tuple(dict.fromkeys(one.prime for one in slices))
@@ -218,14 +292,21 @@ class Slices:
 
 
 def count_on_slices(
-    geometry: Nominal, ring: Ring, components: Sequence[Component], most: int, time: Budget
+    geometry: Nominal,
+    task: Task,
+    ring: Ring,
+    components: Sequence[Component],
+    most: int,
+    time: Budget,
 ) -> SliceCount | None:
     """Count singular points of a chain (six rows) on slices, as many as there is time for.
 
     Parameters
     ----------
     geometry : Nominal
-        A chain of six joints or more, each of which moves on its own, of rank 6.
+        A chain each of whose joints moves on its own.
+    task : Task
+        Rows, as many as their rank.
     ring : Ring
         Of the components' polynomials.
     components : sequence of Component
@@ -245,7 +326,7 @@ def count_on_slices(
         return None
     counted: list[SliceCount] = []
     for prime in ASKED:
-        slices = Slices(geometry, ring, min(most, MOST_JOINTS))
+        slices = Slices(geometry, task, ring, min(most, MOST_JOINTS))
         try:
             again = slices.count(slices.turn(prime, time), components)
         except ValueError:  # a denominator that the prime divides

@@ -18,7 +18,7 @@ from pinsing.errors import OptionError
 from pinsing.families.describe import describe
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
-from pinsing.families.hints import SNAP, small_offset, snap_hint, unsolved_hint
+from pinsing.families.hints import SNAP, by_rank_hint, small_offset, snap_hint, unsolved_hint
 from pinsing.families.pieces import SolvedPiece
 from pinsing.families.proving import prove as add_proof
 from pinsing.families.proving import prove_briefly
@@ -41,9 +41,9 @@ _TO_DESCRIBE = 0.1
 _OF_ONE = 0.5
 """Share of what is left for describing families that one of them may take."""
 
-_TO_COUNT = 0.2
+_TO_COUNT = 0.05
 """Share of the time that there is for counting on slices what a long chain's families miss."""
-_LONG = 7
+_LONG = 6
 """Joints from which on singular configurations on slices are counted."""
 
 
@@ -181,7 +181,7 @@ def closed_form(
     if gaps and search is not None and counted is None and _on_slices(arm, rank):
         left = max(seconds - (time.monotonic() - started), _TO_COUNT * seconds)
         counted = count_on_slices(
-            search.geometry, maker.ring, search.components, arm.n - rank + 1, Budget(left)
+            search.geometry, arm.task, maker.ring, search.components, arm.n - rank + 1, Budget(left)
         )
     if counted is not None and counted.off:
         gaps.append(f"{counted.sentence()}, and so it is over another: something is missing")
@@ -196,6 +196,8 @@ def closed_form(
                 hints = (snap_hint(offset, snapped.families, snapped.complete),)
     if unsolved:
         hints += (unsolved_hint(unsolved),)
+    if (by_rank := by_rank_hint(families, rank)) is not None:
+        hints += (by_rank,)
     found = ClosedForm(
         arm=summarize(arm),
         symbols=symbols,
@@ -255,17 +257,12 @@ def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
         _, moved = drives(geometry)
     except NotFollowed as reason:
         return f"the algebra cannot follow a mimic joint of the chain: {reason}", ()
-    if geometry.arm.n > MAX_JOINTS and geometry.arm.coupling is not None:
-        return (
-            f"with mimic joints the algebra is for at most {MAX_JOINTS} joints and the chain has "
-            f"{geometry.arm.n}: choose a shorter one with another base, or fewer joints"
-        ), ()
     return None, moved
 
 
 def _on_slices(arm: Arm, rank: int) -> bool:
     """Whether singular configurations of an arm are counted on slices where some may be missing."""
-    return arm.task.name == "pose" and rank == 6 and arm.n >= _LONG and arm.coupling is None
+    return rank == len(arm.task.rows) and arm.n >= _LONG and arm.coupling is None
 
 
 def joint_symbols(arm: Arm) -> tuple[str, ...]:

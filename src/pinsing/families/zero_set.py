@@ -1,30 +1,31 @@
-"""Points on the zero set of equations: projection, search, and proof that there are none."""
+"""Points on the zero set of equations: projection and search."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.families.drawn import draw, orders
+from pinsing.families.empty_box import Stop, proven_empty
 
 _ON = 1e-13
 """A residual this small, relative to the sum of an equation's coefficients, is zero."""
 _TOUCHING = 1e-12
 _NEARLY = 1e-10
-_MARGIN = 1e-8
-"""Of the sum of an equation's coefficients: more than all rounding, in them and in their sums."""
 _STEEP, _FLAT = 1e-6, 1e-10
 """Smallest slope that a step is divided by, relative to the largest, near the set and else."""
 _CANCELLED = 32.0
 """Coefficients this many times the accuracy of an equation, and smaller, have cancelled."""
-_BOXES = 40_000
+_LIMIT = 1e-9
+"""Radians or metres; a point this far beyond the box is within."""
+_PROOF_TERMS = 12_000
+"""Boxes times terms of a proof that there is nothing to find, before it is looked for at random."""
 _LONG_SYSTEM = 4
 _SHARE = 0.2
 """Of the terms of a long system, in the equations that are solved first."""
@@ -37,9 +38,6 @@ _LEAST_DRAWN = 32
 """Random starts of a batch, at least."""
 _CHEAP = 500
 """Terms of a system up to which a first look at it is taken though the time is over."""
-
-Stop = Callable[[], bool]
-"""Whether a search is to end with what it has; asked between its steps."""
 
 
 class System:
@@ -82,6 +80,9 @@ class System:
         self._slope_cos = (self._sin[:, :, None] * rate).reshape(len(unique), -1)
         self._slope_sin = (self._cos[:, :, None] * rate).reshape(len(unique), -1)
 
+    def __len__(self) -> int:
+        return len(self._equations)
+
     def values(self, q: Array) -> Array:
         """Values at q (N, n): (N, k)."""
         if self._sliding:
@@ -109,13 +110,15 @@ def gradients(equations: Sequence[Equation], q: Array) -> Array:
 
 
 def project(
-    equations: Sequence[Equation],
+    equations: Sequence[Equation] | System,
     start: Array,
     free: npt.NDArray[np.bool_],
     iterations: int = 60,
     stop: Stop | None = None,
 ) -> tuple[Array, npt.NDArray[np.bool_]]:
     """Move points (N, n) onto the common zeros of ``equations``, along ``free`` joints.
+
+    They may be given as a System, which saves time where the same ones are asked for again.
 
     Gauss-Newton with minimum-norm steps, which also survives where gradients vanish or
     depend on each other.
@@ -126,9 +129,9 @@ def project(
         Points (N, n), and which of them ended on the zero set.
     """
     q = np.array(start, dtype=float)
-    if not equations or not len(q):
+    if not len(equations) or not len(q):
         return q, np.ones(len(q), dtype=bool)
-    system = System(equations)
+    system = equations if isinstance(equations, System) else System(equations)
     best, least = q.copy(), np.full(len(q), np.inf)
     left = np.arange(len(q))
     for iteration in range(iterations + 1):
@@ -142,7 +145,7 @@ def project(
             break
         A = system.gradients(q[left]) * free
         # All but on the set, what is left of f is rounding: not to be divided by small slopes.
-        if len(equations) == 1:
+        if len(system) == 1:
             square = np.einsum("nij,nij->n", A, A)[:, None]
             step = np.where(square > 0, -f * A[:, 0] / np.where(square > 0, square, 1.0), 0.0)
         else:
@@ -193,23 +196,38 @@ def search(
         # Most are there, up to rounding, unless equations are left that no joint was solved from.
         iterations = 3 if len(way) == len(equations) else 20
         q, ok = project(equations, q, free, iterations, within)
-        inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
+        inside = ((q >= lower - _LIMIT) & (q <= upper + _LIMIT) | ~free).all(axis=-1)
         found.append(q[ok & inside][:missing])
         missing -= len(found[-1])
         if missing <= 0:
             return np.concatenate(found)
         if within is not None and within():
             break
-    short = _shortest(equations)
+    few = _shortest(equations)
+    short, whole = System(few) if few else None, System(equations)
+    # What is asked for next is drawn from the same numbers, whether this search is spared or not.
+    nothing = ways and missing == count and _nothing_in(equations, lower, upper, free)
     for _ in range(rounds):
         q = rng.uniform(lower, upper, (max(_LEAST_DRAWN, 2 * missing), len(lower)))
+        if nothing:
+            continue
         q = np.where(free, q, fixed)
-        found.append(_from_random(equations, short, q, lower, upper, free, within)[:missing])
+        found.append(_from_random(whole, short, q, lower, upper, free, within)[:missing])
         missing -= len(found[-1])
         if missing <= 0 or (stop is not None and stop()):
             break
         within = stop
     return np.concatenate(found) if found else np.zeros((0, len(lower)))
+
+
+def _nothing_in(
+    equations: Sequence[Equation], lower: Array, upper: Array, free: npt.NDArray[np.bool_]
+) -> bool:
+    """Whether a short look shows that a box, and what counts as in it, has no point of the set."""
+    if any(not free[list(e.involved)].all() for e in equations):
+        return False
+    boxes = _PROOF_TERMS // sum(len(e.cos) for e in equations)
+    return proven_empty(equations, lower - _LIMIT, upper + _LIMIT, boxes=boxes)
 
 
 def thrown(
@@ -233,8 +251,8 @@ def thrown(
 
 
 def _from_random(
-    equations: Sequence[Equation],
-    short: Sequence[Equation],
+    equations: System,
+    short: System | None,
     q: Array,
     lower: Array,
     upper: Array,
@@ -242,7 +260,7 @@ def _from_random(
     stop: Stop | None,
 ) -> Array:
     """Those of the points q (N, n) that projections bring onto the zero set within the box."""
-    if short:
+    if short is not None:
         q, _ = project(short, q, free, 20, stop)
     q, ok = project(equations, q, free, 30, stop)
     for _ in range(12):  # back into the box, and onto the set again
@@ -252,7 +270,7 @@ def _from_random(
             break
         clipped = np.where(free, np.clip(q[out], lower, upper), q[out])
         q[out], ok[out] = project(equations, clipped, free, 30, stop)
-    inside = ((q >= lower - 1e-9) & (q <= upper + 1e-9) | ~free).all(axis=-1)
+    inside = ((q >= lower - _LIMIT) & (q <= upper + _LIMIT) | ~free).all(axis=-1)
     return np.asarray(q[ok & inside])
 
 
@@ -263,90 +281,6 @@ def _shortest(equations: Sequence[Equation]) -> list[Equation]:
     ordered = sorted(equations, key=lambda e: len(e.cos))
     terms = np.cumsum([len(e.cos) for e in ordered])
     return ordered[: max(2, int((terms <= _SHARE * terms[-1]).sum()))]
-
-
-def slopes(equation: Equation, lower: Array, upper: Array) -> Array:
-    """Largest possible derivative by each joint within a box: (n,)."""
-    size = np.hypot(equation.cos, equation.sin)
-    bound = np.maximum(np.abs(lower), np.abs(upper))
-    power = np.prod(bound**equation.powers, axis=-1)
-    steep = (size * power) @ (np.abs(equation.frequencies) / 2)
-    for j in np.flatnonzero(equation.powers.any(axis=0)):
-        lowered = equation.powers.copy()
-        factor = lowered[:, j].astype(float)
-        lowered[:, j] = np.maximum(lowered[:, j] - 1, 0)
-        steep[j] += size @ (factor * np.prod(bound**lowered, axis=-1))
-    return np.asarray(steep)
-
-
-@dataclass(frozen=True, eq=False)
-class Box:
-    """Boxes in which one equation has no zero.
-
-    Attributes
-    ----------
-    equation : int
-        Which one.
-    centers, halves : (N, n) arrays
-        Middles and half widths.
-    """
-
-    equation: int
-    centers: Array
-    halves: Array
-
-
-def proven_empty(
-    equations: Sequence[Equation],
-    lower: Array,
-    upper: Array,
-    tell: Callable[[Box], None] | None = None,
-    stop: Stop | None = None,
-) -> bool:
-    """Whether the equations have no common zero in a box, proven by subdivision.
-
-    A box in which some equation is larger at the centre than its slopes allow it to change
-    within holds no zero; any other is halved. Every comparison leaves room for rounding (a sum
-    of thousands of terms is right to 1e-12 of their sizes). False means: not proven. ``tell`` hears
-    of all boxes, whose union is the whole. Once ``stop`` says so it is not proven.
-    """
-    used = np.zeros(len(lower), dtype=bool)
-    for e in equations:
-        used[list(e.involved)] = True
-    if not np.isfinite(lower[used]).all() or not np.isfinite(upper[used]).all():
-        return False
-    # Whole turns say nothing new about a trigonometric polynomial (up to its sign).
-    turning = used & ~np.any([e.powers.any(axis=0) for e in equations], axis=0)
-    upper = np.where(turning, np.minimum(upper, lower + 2 * np.pi), upper)
-    steep = [slopes(e, lower, upper) for e in equations]
-    centers = np.where(used, (lower + upper) / 2, 0.0)[None, :]
-    halves = np.where(used, (upper - lower) / 2, 0.0)[None, :]
-    seen = 0
-    while len(centers):
-        seen += len(centers)
-        if seen > _BOXES or (stop is not None and stop()):
-            return False
-        alive = np.ones(len(centers), dtype=bool)
-        worst = np.zeros_like(centers)
-        for i, (e, slope) in enumerate(zip(equations, steep, strict=True)):
-            value = np.abs(e(centers))
-            left = value <= halves @ slope * (1 + _MARGIN) + max(_MARGIN, 10 * e.accuracy) * e.size
-            if tell is not None and (alive & ~left).any():
-                tell(Box(i, centers[alive & ~left], halves[alive & ~left]))
-            alive &= left
-            worst = np.maximum(worst, halves * slope / e.size)
-        centers, halves, worst = centers[alive], halves[alive], worst[alive]
-        if not len(centers):
-            return True
-        axis = np.argmax(worst, axis=1)
-        rows = np.arange(len(centers))
-        halves = halves.copy()
-        halves[rows, axis] /= 2
-        shift = np.zeros_like(centers)
-        shift[rows, axis] = halves[rows, axis]
-        centers = np.concatenate([centers - shift, centers + shift])
-        halves = np.concatenate([halves, halves])
-    return True
 
 
 def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:

@@ -107,8 +107,7 @@ def _lean(arm: Arm) -> Arm:
     source = replace(
         arm.source,
         path=None,
-        xml=None,
-        package_dirs=(),
+        shapes=None,
         full_model=arm.model,
         locked=(),
         reference=pin.neutral(arm.model),

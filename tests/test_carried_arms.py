@@ -1,0 +1,63 @@
+"""Arms on rails, gantries, positioners and mobile bases: chains of seven to ten joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import pinsing
+
+X, Y, Z = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
+TILT, TURN = pin.JointModelRY, pin.JointModelRZ
+CARRIERS = {
+    "rail": [Y],
+    "two rails": [X, Y],
+    "gantry": [X, Y, Z],
+    "positioner": [TILT, TURN],
+    "mobile base": [X, Y, TURN],
+}
+
+
+def carried(carrier, robot, **spec):
+    arm = pinsing.load(robot, **spec)
+    model, parent = pin.Model(), 0
+    model.name = f"{robot} on a {carrier}"
+    for i, kind in enumerate(CARRIERS[carrier]):
+        place = pin.SE3(np.eye(3), np.array([0.05, 0.02, 0.1]) * (i > 0))
+        parent = model.addJoint(parent, kind(), place, f"carrier{i + 1}")
+        model.lowerPositionLimit[-1], model.upperPositionLimit[-1] = -2, 2
+    model.addFrame(pin.Frame("mount", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    place = pin.SE3(np.eye(3), np.array([0.1, 0.05, 0.4]))
+    whole = pin.appendModel(model, arm.model, model.getFrameId("mount"), place)
+    return pinsing.load(whole, tip=arm.tip)
+
+
+@pytest.mark.parametrize(
+    ("carrier", "robot", "codimensions"),
+    [
+        ("rail", "ur5", [2] * 5),
+        ("rail", "iiwa14", [2, 2, 3, 3, 3, 3, 3]),
+        ("two rails", "irb1400", [2, 3, 3, 3]),
+        pytest.param("gantry", "irb1400", [3], marks=pytest.mark.slow),
+        ("gantry", "panda", [5]),
+        pytest.param("positioner", "ur5", [3] * 7, marks=pytest.mark.slow),
+        pytest.param("mobile base", "ur5", [2, 3, 3], marks=pytest.mark.slow),
+    ],
+)
+def test_all_families_of_a_carried_arm(carrier, robot, codimensions):
+    spec = {"tip": "panda_hand_tcp"} if robot == "panda" else {}
+    arm = carried(carrier, robot, **spec)
+    assert arm.n == len(CARRIERS[carrier]) + pinsing.load(robot, **spec).n
+    form = pinsing.closed_form(arm, seconds=120)
+    assert form.complete, form.gaps
+    assert sorted(f.codimension for f in form.families) == codimensions
+    rng = np.random.default_rng(4)
+    for family in form.families:
+        q = family.points(4, rng)
+        assert len(q)
+        sigma = pinsing.singular_values(arm, q)
+        assert (sigma[:, 5] / sigma[:, 0]).max() < 1e-7, family
+        assert family.contains(q).all()
+        away = rng.uniform(-2, 2, (20, arm.n))
+        assert not family.contains(away).any()

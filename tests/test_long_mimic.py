@@ -1,0 +1,184 @@
+"""Long chains with mimic joints: short equations of the arm's own joints, followers included."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import random
+
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.jacobian_matrix import constants
+from pinsing.algebra.mimic import own_jacobian_modulo
+from pinsing.algebra.near_minors import NearMinors
+from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.own_points import OwnPoints
+from pinsing.families.pieces import PieceMaker
+from pinsing.families.solve import joint_symbols
+from pinsing.geometry.exact_rank import PRIMES
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import task_jacobians
+from pinsing.kinematics.verdict import ratios
+
+LENGTHS, OFFSETS, TWISTS = (0.2, 0.15, 0.25), (0.1, 0.05), (90, -90)
+
+
+def chain(folder, joints, follow, slides=(), limit=2.9):
+    """A chain of perpendicular axes; ``follow``: joint to leader, multiplier, offset; from 1."""
+    body = ['<link name="l0"/>']
+    for i in range(1, joints + 1):
+        kind = "prismatic" if i in slides else "revolute"
+        turn = math.radians(TWISTS[i % 2]) if i > 1 else 0.0
+        along = LENGTHS[i % 3] if i > 1 else 0.0
+        mimic = ""
+        if i in follow:
+            leader, by, more = follow[i]
+            mimic = f'<mimic joint="j{leader}" multiplier="{by}" offset="{more}"/>'
+        body.append(
+            f'<link name="l{i}"/><joint name="j{i}" type="{kind}"><parent link="l{i - 1}"/>'
+            f'<child link="l{i}"/><origin xyz="{along} 0 {OFFSETS[i % 2]}" rpy="{turn!r} 0 0"/>'
+            f'<axis xyz="0 0 1"/><limit lower="-{limit}" upper="{limit}" effort="1" velocity="1"/>'
+            f"{mimic}</joint>"
+        )
+    body.append(
+        f'<link name="tip"/><joint name="end" type="fixed"><parent link="l{joints}"/>'
+        '<child link="tip"/><origin xyz="0.1 0 0.1"/></joint>'
+    )
+    path = folder / "chain.urdf"
+    path.write_text(f'<robot name="chain">{"".join(body)}</robot>')
+    return pinsing.load(path)
+
+
+def ring_for(arm, geometry):
+    slides = tuple(bool(p) for p in arm.prismatic)
+    return ring_of(slides, constants(geometry, arm.task), Budget(60))
+
+
+@pytest.mark.parametrize(
+    ("joints", "follow", "slides"),
+    [
+        (8, {5: (4, -1, 0.0)}, ()),
+        (8, {3: (2, 1, 0.3), 7: (5, 2, 0.0)}, ()),
+        (8, {6: (3, 0.5, 0.1), 4: (2, 0, 0.4)}, (3, 6)),
+    ],
+)
+def test_minors_of_own_joints_are_those_of_pinocchios_jacobian(tmp_path, joints, follow, slides):
+    """Up to one factor, the same at all configurations."""
+    arm = chain(tmp_path, joints, follow, slides)
+    geometry = nominal(arm)
+    ring = ring_for(arm, geometry)
+    maker = PieceMaker(geometry, ring, 6, joint_symbols(arm), 20, Budget(60), 2e-3)
+    minors = NearMinors(geometry, ring, arm.task, 6, Budget(60))
+    Q = np.random.default_rng(1).uniform(-2, 2, (12, arm.n))
+    J = task_jacobians(geometry.arm, Q)
+    windows = [tuple(range(i, i + 6)) for i in range(arm.n - 5)]
+    for some in windows:
+        minor = minors.minor(some, {})
+        mine = maker.equation_of(minor)(Q)
+        theirs = np.linalg.det(J[..., list(some)])
+        factor = mine[0] / theirs[0]
+        assert mine == pytest.approx(factor * theirs, rel=1e-8, abs=1e-9 * np.abs(mine).max())
+        assert np.abs(theirs).min() > 1e-9  # regular: nothing is compared with zero
+
+
+def test_minors_at_a_value_of_a_leader_are_those_there(tmp_path):
+    """Also where its follower is between the axes, and it is not itself."""
+    arm = chain(tmp_path, 9, {5: (1, 1, 0.0)})
+    geometry = nominal(arm)
+    ring = ring_for(arm, geometry)
+    minors = NearMinors(geometry, ring, arm.task, 6, Budget(60))
+    some = (2, 3, 4, 5, 6, 7)  # the second own joint is not among them, nor is the first
+    assert 0 in ring.joints_of(minors.minor(some, {}))
+    at = {0: (1, 1)}
+    put = minors.minor(some, at)
+    assert 0 not in ring.joints_of(put)
+    assert ring.strip(ring.substitute(minors.minor(some, {}), at)) in (put, -put)
+
+
+@pytest.mark.parametrize("slides", [(), (3, 4)])
+def test_ranks_modulo_a_prime_count_followers(tmp_path, slides):
+    """All columns of a chain whose joints follow one another in pairs, and of half of it."""
+    from flint import nmod_mat
+
+    arm = chain(tmp_path, 8, {4: (3, 1, 0.2), 7: (6, -1, 0.0)}, slides)
+    geometry = nominal(arm)
+    rows = own_jacobian_modulo(geometry, arm.task, PRIMES[0], random.Random(3), {})
+    assert len(rows[0]) == arm.n == 6
+    Q = np.random.default_rng(4).uniform(-2, 2, (1, 6))
+    J = task_jacobians(geometry.arm, Q)[0]
+    for count in (2, 4, 6):
+        for some in itertools.combinations(range(6), count):
+            flat = [row[j] for row in rows for j in some]
+            mine = nmod_mat(6, count, flat, PRIMES[0]).rank()
+            assert mine == np.linalg.matrix_rank(J[:, some], tol=1e-9)
+
+
+def test_ranks_drop_where_a_finger_is_stretched(tmp_path):
+    """Three parallel axes, the last with the second: the rank at values of the leader."""
+    z = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="1" velocity="1"/>'
+    follows = {3: '<mimic joint="j2"/>'}
+    text = "".join(
+        f'<link name="l{i}"/><joint name="j{i}" type="revolute"><parent link="l{i - 1}"/>'
+        f'<child link="l{i}"/><origin xyz="{0.4 if i > 1 else 0} 0 0"/>{z}'
+        f"{follows.get(i, '')}</joint>"
+        for i in (1, 2, 3)
+    )
+    path = tmp_path / "finger.urdf"
+    path.write_text(
+        f'<robot name="finger"><link name="l0"/>{text}<link name="tip"/><joint name="t" '
+        'type="fixed"><parent link="l3"/><child link="tip"/><origin xyz="0.3 0 0"/></joint></robot>'
+    )
+    arm = pinsing.load(path, tip="tip", task="vx,vy")
+    geometry = nominal(arm)
+
+    def rank(values):
+        from flint import nmod_mat
+
+        draw = random.Random(1)
+        rows = own_jacobian_modulo(geometry, arm.task, PRIMES[0], draw, values)
+        return nmod_mat(2, 2, [x for row in rows for x in row], PRIMES[0]).rank()
+
+    assert rank({}) == 2
+    assert rank({1: (1, 0)}) == 1  # stretched
+    assert rank({1: (0, 1)}) == 1  # q2 = q3 = 180 degrees: folded
+    assert rank({1: (1, 1)}) == 2
+
+
+def test_newtons_steps_of_sliders_are_in_metres(tmp_path):
+    """The arm's own length is 10 m here: in its units they would be ten times as short."""
+    arm = chain(tmp_path, 9, {7: (4, 0.5, 0.1)}, (4, 7), limit=2.9)
+    own = OwnPoints(arm)
+    rng = np.random.default_rng(5)
+    free = np.ones(arm.n, dtype=bool)
+    starts = rng.uniform(arm.lower, arm.upper, (24, arm.n))
+    q = own.drawn(starts, free, (arm.lower, arm.upper))
+    assert len(q) >= 3
+    assert ratios(arm, q).max() < 1e-12
+    assert (q >= arm.lower).all()
+    assert (q <= arm.upper).all()
+    blunt = q + 1e-5 * rng.normal(size=q.shape)
+    assert ratios(arm, own.sharpened(blunt, free)).max() < 1e-12
+
+
+@pytest.mark.slow
+def test_thirteen_joints_with_followers_are_stated(tmp_path):
+    arm = chain(tmp_path, 15, {6: (5, -1, 0.0), 10: (9, 1, 0.0)})
+    assert arm.n == 13
+    form = pinsing.closed_form(arm, seconds=20)
+    assert form.word == "not complete"
+    (family,) = form.families
+    assert family.codimension == 8
+    assert len(family.at_once[0].follow) == 8
+    rng = np.random.default_rng(6)
+    Q = family.sample(4, rng)
+    assert len(Q) == 4
+    sigma = pinsing.singular_values(arm, Q)
+    assert (sigma[:, 5] / sigma[:, 0]).max() < 1e-9
+    assert family.contains(Q).all()
+    assert not family.contains(rng.uniform(arm.lower, arm.upper, (20, arm.n))).any()
+    near = family.distance(Q[0] + 1e-3, seconds=0.2)
+    assert 0 <= near.lower <= near.upper < 13**0.5 * 1e-3 * 1.5
+    assert family.contains(near.q)

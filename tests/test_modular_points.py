@@ -1,0 +1,93 @@
+"""Points modulo primes on which equations of long chains vanish, one solved after the other."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import pinsing
+from pinsing.algebra.budget import Budget
+from pinsing.algebra.jacobian_matrix import constants
+from pinsing.algebra.near_minors import NearMinors
+from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.long_chain import LongChain
+from pinsing.families.modular_points import ModularPoints, solving_order
+from pinsing.families.pieces import PieceMaker
+from pinsing.families.solve import joint_symbols
+from pinsing.geometry.nominal import nominal
+from pinsing.kinematics.jacobian import generic_rank
+
+HEAD = "name: snake\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
+
+
+@pytest.fixture(scope="module")
+def snake(tmp_path_factory):
+    """Ten axes at right angles: no three meet or are parallel; and all minors of neighbours."""
+    rows = [
+        f"  - {{alpha: {(90, -90)[i % 2]}, a: {(0.2, 0.15, 0.25)[i % 3]}, d: {(0.1, 0.05)[i % 2]}, "
+        "theta: 0, type: revolute, limits: [-170, 170]}"
+        for i in range(10)
+    ]
+    path = tmp_path_factory.mktemp("snake") / "snake.dh.yaml"
+    path.write_text(HEAD + "\n".join(rows) + "\n")
+    arm = pinsing.load(path)
+    geometry = nominal(arm)
+    ring = ring_of((False,) * 10, constants(geometry, arm.task), Budget(60))
+    minors = NearMinors(geometry, ring, arm.task, 6, Budget(60))
+    return arm, geometry, ring, [minors.minor(range(i, i + 6), {}) for i in range(5)]
+
+
+def test_points_are_singular_where_all_minors_of_neighbours_vanish(snake):
+    arm, geometry, ring, minors = snake
+    points = ModularPoints(geometry, arm.task, ring, 1).points({}, minors, 4, Budget(60))
+    assert len(points) == 4
+    for p in points:
+        assert all(p.is_zero(m) for m in minors)
+        assert p.rank(range(10)) == 5
+        assert p.rank(range(5)) == 5  # five axes fix the wrench
+    # With one equation less the rank is full, and the last one does not vanish.
+    fewer = ModularPoints(geometry, arm.task, ring, 1).points({}, minors[:-1], 4, Budget(60))
+    assert all(p.rank(range(10)) == 6 for p in fewer)
+    assert not any(p.is_zero(minors[-1]) for p in fewer)
+    assert len({p.residues.prime for p in points}) > 1
+
+
+def test_joints_at_values_are_there(snake):
+    arm, geometry, ring, minors = snake
+    place = {3: (1, 0), 5: (2, 1)}
+    put = [ring.strip(ring.substitute(m, place)) for m in minors[:2]]
+    points = ModularPoints(geometry, arm.task, ring, 2).points(place, put, 3, Budget(60))
+    assert len(points) == 3
+    for p in points:
+        assert p.has(3, (1, 0))
+        assert p.has(5, (2, 1))
+        assert not p.has(5, (1, 2))
+        assert all(p.is_zero(m) for m in minors[:2])  # before the values were put in, too
+
+
+def test_no_order_no_points(snake):
+    arm, geometry, ring, minors = snake
+    order = solving_order(minors, ring)
+    solved = [j for _, j in order]
+    assert len(set(solved)) == len(minors)
+    for i, (poly, _) in enumerate(order):
+        assert not set(ring.joints_of(poly)) & set(solved[i + 1 :])
+    # Three equations in the same two joints: more than joints.
+    x, y = ring.variables(2), ring.variables(3)
+    gens = ring.context.gens()
+    many = [gens[x[0]] * gens[y[0]] + k * gens[x[1]] * gens[y[1]] for k in (2, 3, 5)]
+    assert solving_order(many, ring) is None
+    assert ModularPoints(geometry, arm.task, ring, 3).points({}, many, 2, Budget(60)) is None
+
+
+def test_a_chain_is_stated_by_them_alone(snake, monkeypatch):
+    """No real point is looked for: the general family of ten joints has five equations."""
+    arm, geometry, ring, _ = snake
+    maker = PieceMaker(geometry, ring, 6, joint_symbols(arm), 20, Budget(60), 2e-3)
+    monkeypatch.setattr(LongChain, "_by_real_points", lambda self: self._later.clear())
+    chain = LongChain(geometry, arm.task, generic_rank(geometry.arm), ring, maker, Budget(60))
+    assert [c.codimension for c in chain.components] == [5]
+    points = maker.thrown(maker.branch_of({}, chain.components[0].relations), 40)
+    ratio = maker.ratios(points)
+    assert (ratio < 1e-9).sum() >= 3
+    assert np.isfinite(ratio).all()

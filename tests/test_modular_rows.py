@@ -1,0 +1,95 @@
+"""Rows of a task over a small finite field, every configuration of a slice visited."""
+
+from __future__ import annotations
+
+import itertools
+import random
+from fractions import Fraction
+
+import pytest
+from flint import nmod_mat
+
+import pinsing
+from pinsing.families.modular_rows import ModularRows, joints_that_matter, short_everywhere
+from pinsing.geometry.exact_rank import jacobian_modulo
+from pinsing.geometry.nominal import nominal
+
+TASKS = [
+    ("ur5", "vx,vy,vz,wz"),
+    ("stanford", "position"),
+    ("kinova", "tool-axis"),
+    ("irb1400", "vx@tip,vy@tip,wz"),
+    ("panda", "vz,wx@tip"),
+    ("xarm7", "orientation"),
+]
+
+
+@pytest.mark.parametrize(("robot", "task"), TASKS)
+@pytest.mark.parametrize("chosen", [(4,), (1, 3), (2, 5), (0, 4)])
+def test_all_singular_points_of_a_slice_are_met_and_no_others(robot, task, chosen):
+    """Against ranks one by one, of Jacobians that are built another way."""
+    arm, prime = pinsing.load(robot, task=task), 19
+    geometry = nominal(arm, rational=True)
+    chain = ModularRows(geometry, arm.task, prime)
+    x, y = chain.singular(chosen, random.Random(3))
+    draw, values = random.Random(3), [chain.every(j) for j in range(arm.n)]
+    at = [draw.randrange(len(v[0])) for v in values]
+    expected = set()
+    for picked in itertools.product(*(range(len(values[j][0])) for j in chosen)):
+        for j, k in zip(chosen, picked, strict=True):
+            at[j] = k
+        point = [(int(v[0][k]), int(v[1][k])) for v, k in zip(values, at, strict=True)]
+        exact = {
+            j: tuple(map(Fraction, p[: 1 if slides else 2]))
+            for j, (p, slides) in enumerate(zip(point, arm.prismatic, strict=True))
+        }
+        rows = jacobian_modulo(geometry, arm.task, prime, draw, exact)
+        flat = [v for row in rows for v in row]
+        if nmod_mat(len(rows), arm.n, flat, prime).rank() < len(rows):
+            expected.add(tuple(p[0] for p in point) + tuple(p[1] for p in point))
+    assert {(*a, *b) for a, b in zip(x.T.tolist(), y.T.tolist(), strict=True)} == expected
+
+
+def test_some_slices_have_singular_points():
+    """So that the comparison above is one."""
+    arm = pinsing.load("ur5", task="vx,vy,vz,wz")
+    chain = ModularRows(nominal(arm), arm.task, 19)
+    draw = random.Random(1)
+    assert sum(chain.singular((2, 3, 4), draw)[0].shape[1] for _ in range(3))
+
+
+@pytest.mark.parametrize(
+    ("task", "expected"),
+    [
+        ("pose", (1, 2, 4)),
+        ("position", (1, 2)),
+        ("vx,vy,vz,wz", (1, 2, 3, 4)),
+        ("vx,wz", (0, 1, 2, 3, 4)),
+        ("tool-axis", (1, 2, 4, 5)),
+        ("vx@tip", (1, 2, 3, 4, 5)),
+    ],
+)
+def test_joints_that_matter(task, expected):
+    arm = pinsing.load("puma560", task=task)  # its tip is where the axes of its wrist meet
+    if task == "tool-axis":  # about x: the last joint turns about z
+        arm = pinsing.load("puma560", task=task, tool_axis="x")
+    assert joints_that_matter(nominal(arm), arm.task) == expected
+
+
+def test_a_field_in_which_a_length_is_zero_says_nothing(tmp_path):
+    """Of two links in a plane the first is 0.19 m long: modulo 19 its end stands still."""
+    path = tmp_path / "arm.urdf"
+    path.write_text(
+        '<robot name="arm"><link name="a"/><link name="b"/><link name="c"/><link name="d"/>'
+        '<joint name="j1" type="continuous"><parent link="a"/><child link="b"/>'
+        '<axis xyz="0 0 1"/></joint>'
+        '<joint name="j2" type="continuous"><parent link="b"/><child link="c"/>'
+        '<origin xyz="0.19 0 0"/><axis xyz="0 0 1"/></joint>'
+        '<joint name="end" type="fixed"><parent link="c"/><child link="d"/>'
+        '<origin xyz="0.3 0 0"/></joint></robot>',
+        encoding="utf-8",
+    )
+    arm = pinsing.load(str(path), task="vx,vy")
+    geometry = nominal(arm)
+    assert short_everywhere(ModularRows(geometry, arm.task, 19), geometry, arm.task)
+    assert not short_everywhere(ModularRows(geometry, arm.task, 23), geometry, arm.task)
