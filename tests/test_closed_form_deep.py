@@ -126,7 +126,11 @@ def test_nine_joints_are_complete_by_a_count(name):
     assert form.complete, form.gaps
     assert form.word == "probable"
     count = form.slice_count
+    if count is None:  # all minors ended in the time: then nothing is left to count
+        return
     assert count.off == 0
+    assert count.real_off == 0
+    assert count.real > 50
     assert count.joints == 4  # no family has more conditions
     assert count.slices >= 5 * count.choices
     assert len(count.primes) >= 3

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
@@ -19,6 +20,7 @@ from pinsing.families.long_chain import LongChain
 from pinsing.families.own_points import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.planar_chain import planar_chain, turn_alike
+from pinsing.families.real_control import gap, on_none, real_points
 from pinsing.families.slice_count import SliceCount
 from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.geometry.surd import Surd
@@ -47,6 +49,8 @@ _NEAR, _NEAR_OF_MANY, _NEAR_ONLY = 0.4, 0.25, 0.7
 joints and more, and where there are none."""
 _LED = 0.7
 """Share of the time that is then left for slices: families of many joints take long to describe."""
+_CONTROL = 0.1
+"""Share of the time that is then left after which no more random starts are made."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,8 +179,13 @@ def searched(
         components, count = slices.components, slices.count
         gaps = [] if slices.enough else gaps
         steps = together([steps, *slices.steps] if gaps else slices.steps)
-
-    maker.confirm = OwnPoints(geometry.arm)
+    own = OwnPoints(geometry.arm)
+    if count is not None and not gaps:
+        points = real_points(maker, own, rest(_CONTROL))
+        missed = on_none(maker, points, components)
+        gaps += gap(points, missed, arm.prismatic)
+        count = replace(count, real=len(points), real_off=int(missed.sum()))
+    maker.confirm = own
     return Searched(geometry, ring, components, gaps, maker, steps, count)
 
 

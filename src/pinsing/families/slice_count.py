@@ -66,6 +66,9 @@ class SliceCount:
     known, met : int
         How many components the families have, and how many of them were met on some slice: the
         others have no points over these fields, or were missed as one that is not known may be.
+    real, real_off : int
+        Singular configurations over the real numbers that random starts led to, and those of them
+        that lie on none: families whose joint values are roots may have no points over the fields.
     """
 
     joints: int
@@ -78,6 +81,8 @@ class SliceCount:
     primes: tuple[int, ...] = field(default=(), metadata={"optional": True})
     known: int = field(default=0, metadata={"optional": True})
     met: int = field(default=0, metadata={"optional": True})
+    real: int = field(default=0, metadata={"optional": True})
+    real_off: int = field(default=0, metadata={"optional": True})
 
     def evidence(self) -> str:
         """The same, said to be no proof."""
@@ -98,6 +103,8 @@ class SliceCount:
         said = f"all {self.points:,} singular points {where} lie on the families"
         if self.known:
             said += f", {self.met} of whose {self.known} components were met"
+        if self.real and not self.real_off:
+            said += f", and so do {self.real} real ones that random starts led to"
         return said
 
     def _fields(self) -> str:

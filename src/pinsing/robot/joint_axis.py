@@ -10,7 +10,7 @@ from pinsing.errors import JointError
 
 
 def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
-    """Unit axis (3,) in the joint's own frame, and whether the joint slides along it.
+    """Unit axis (3,) of a model's joint in its own frame, and whether it slides along it.
 
     Raises
     ------
@@ -20,7 +20,8 @@ def joint_axis(joint: pin.JointModel, name: str = "") -> tuple[Array, bool]:
     if "Composite" in joint.shortname():
         raise JointError(name, "is several joints in one; give each a joint of its own")
     data = joint.createData()
-    q = np.array([1.0, 0.0]) if joint.nq == 2 else np.zeros(1)
+    q = np.zeros(joint.idx_q + joint.nq)  # of the whole model up to it: calc reads from idx_q on
+    q[joint.idx_q] = 1.0 if joint.nq == 2 else 0.0
     joint.calc(data, q)
     motion = np.array(data.S).ravel()
     slide, turn = np.abs(motion[:3]).max(), np.abs(motion[3:]).max()
