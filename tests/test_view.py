@@ -18,6 +18,7 @@ import urllib.error
 import urllib.request
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -697,6 +698,24 @@ def test_the_command_leaves_nothing_behind_when_killed(kill: signal.Signals) -> 
     finally:
         process.kill()
         process.communicate()
+
+
+def test_ctrl_c_between_the_address_and_the_page(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page that is asked for answers before its command has gone on: it may be ended there."""
+    import click
+
+    from pinsing.cli import serving
+    from pinsing.cli.app import main
+
+    def interrupted(url: str) -> None:
+        assert is_free(url) is False
+        raise KeyboardInterrupt
+
+    words = SimpleNamespace(echo=interrupted, exceptions=click.exceptions)
+    monkeypatch.setattr(serving, "click", words)
+    with pytest.raises(SystemExit) as end:
+        main(["view", "scara", "--no-open", "--skeleton"])
+    assert end.value.code == 0
 
 
 def test_two_commands_at_once() -> None:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Iterator[Server]:
     """Serve a page whose content follows: the browser starts meanwhile.
 
-    Warns first where others can reach the page.
+    Warns first where others can reach the page. Ctrl-C ends it, and what it is served to, with 0.
     """
     import webbrowser  # with subprocess and shutil: for commands that open one
 
@@ -39,14 +39,18 @@ def served_ahead(name: str, host: str, port: int | None, no_open: bool) -> Itera
             "whoever listens on the network learns the address"
         )
     server = Server(name, host=host, port=port)
+    given = False
     try:
         click.echo(server.url)
         sys.stdout.flush()
         if not no_open and not (_has_desktop() and webbrowser.open(server.url, new=2)):
             say("no browser could be opened; open the address above in one")
+        given = True
         yield server
     except KeyboardInterrupt:
         say("ended")
+        if not given:  # there is no body yet that could be left
+            raise click.exceptions.Exit(0) from None
         gc.freeze()  # nothing is to be collected any more: that took a third of a second
     finally:
         server.close()
