@@ -165,15 +165,38 @@ class Equation(Memory):
     def __str__(self) -> str:
         return self.text()
 
-    def _angle_sum(self, style: Style) -> str | None:
-        """A half-angle equation with a single frequency says what a sum of angles is."""
+    @property
+    def angle_sum(self) -> float | None:
+        """What a sum of angles is, in (-pi, pi], where a half-angle equation says no more."""
         if len(self.cos) != 1 or not self.half_angle or self.powers.any():
             return None
         # a cos(p/2) + b sin(p/2) = 0 with p the sum: p = 2 atan2(-a, b), modulo whole turns.
         angle = 2 * math.atan2(-self.cos[0], self.sin[0]) - float(self.frequencies[0] @ self.shift)
         angle = math.remainder(angle, 2 * math.pi)
-        names = self._angle(2 * self.frequencies[0], style, shift=False)
-        return f"{names.strip('()')} = {style.angle(angle)} {style.modulo}"
+        return angle if angle > -math.pi + 1e-12 else math.pi
+
+    def angle_sum_text(self, angles: Sequence[float], latex: bool = False) -> str:
+        """``q3+q4 = 0° or 180°``, of this equation's sum of angles.
+
+        Parameters
+        ----------
+        angles : sequence of float
+            What the sum is, modulo whole turns, radians.
+        latex : bool
+            As LaTeX.
+        """
+        style = LATEX if latex else PLAIN
+        names = self._angle(2 * self.frequencies[0], style, shift=False).strip("()")
+        values = sorted(angles, key=lambda v: (abs(v), v))
+        if len(values) == 2 and abs(sum(values)) < 1e-12:
+            said = (r"\pm " if latex else "±") + style.angle(values[1])
+        else:
+            said = (r"\ \text{or}\ " if latex else " or ").join(map(style.angle, values))
+        return f"{names} = {said} {style.modulo}"
+
+    def _angle_sum(self, style: Style) -> str | None:
+        angle = self.angle_sum
+        return None if angle is None else self.angle_sum_text([angle], style.latex)
 
     def _pieces(self, style: Style) -> list[tuple[float, str]]:
         """Signed coefficients and what they multiply, a good order for reading."""

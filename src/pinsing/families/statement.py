@@ -64,8 +64,7 @@ def statement(
 ) -> str:
     """The condition of a family in one line."""
     groups: dict[tuple[str, ...], list[Branch]] = {}
-    for b in branches:
-        key = _written(b.equations, latex)
+    for b, key in _sums_joined(branches, latex):
         groups.setdefault(key, []).append(b)
     parts = []
     for texts, members in groups.items():
@@ -74,6 +73,30 @@ def statement(
             for values in _value_texts(members, solved, symbols, prismatic, latex)
         ]
     return (r"\ \text{or}\ " if latex else "; or ").join(parts)
+
+
+def _sums_joined(branches: Sequence[Branch], latex: bool) -> list[tuple[Branch, tuple[str, ...]]]:
+    """Branches with their equations in words; once, where only one sum of angles differs."""
+    alike: dict[object, list[Branch]] = {}
+    for b in branches:
+        sums = [e for e in b.equations if e.angle_sum is not None]
+        key: object = object()
+        if len(sums) == 1:
+            rest = tuple(e.text() for e in b.equations if e is not sums[0])
+            values = tuple((v.joint, round(v.value, 12)) for v in b.values)
+            key = (values, rest, sums[0].frequencies.tobytes())
+        alike.setdefault(key, []).append(b)
+    return [(members[0], _joined_texts(members, latex)) for members in alike.values()]
+
+
+def _joined_texts(members: Sequence[Branch], latex: bool) -> tuple[str, ...]:
+    equations = members[0].equations
+    if len(members) == 1:
+        return _written(equations, latex)
+    said = next(e for e in equations if e.angle_sum is not None)
+    angles = [e.angle_sum for b in members for e in b.equations if e.angle_sum is not None]
+    rest = [e for e in equations if e is not said]
+    return (said.angle_sum_text(angles, latex), *_written(rest, latex))
 
 
 def _and(conditions: list[str], latex: bool) -> str:
