@@ -8,10 +8,11 @@ from fractions import Fraction
 import numpy as np
 import pinocchio as pin
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pinsing.errors import OptionError
+from pinsing.geometry.chain import flatten
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
 from pinsing.geometry.surd import Surd, cosine, sine
 from pinsing.kinematics.jacobian import (
@@ -20,7 +21,9 @@ from pinsing.kinematics.jacobian import (
     singular_values,
     tip_placement,
 )
+from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
+from pinsing.robot.joint_axis import axis_rotation, computed_axis, joint_axis
 from pinsing.robot.load import load
 
 ARMS = [
@@ -548,3 +551,60 @@ def test_small_singular_values_move_by_no_more_than_the_bound(make_model, chain,
     exact = nominal(arm)
     a, b = singular_values(arm, Q), singular_values(exact.arm, Q)
     assert np.abs(a - b).max(initial=0.0) <= math.sqrt(arm.n) * exact.jacobian_change + 1e-12
+
+
+@pytest.mark.parametrize(("name", "tip"), ARMS)
+def test_the_nominal_arm_is_its_own_nominal_arm(name, tip):
+    exact = nominal(load(name, tip=tip))
+    again = nominal(exact.arm)
+    assert again.arm is exact.arm
+    assert again.rotation == exact.rotation
+    assert again.translation == exact.translation
+    assert again.snaps == ()
+    assert again.exact
+    assert generic_rank(exact.arm) == generic_rank(load(name, tip=tip))
+
+
+def test_other_tolerances_make_a_nominal_arm_anew():
+    exact = nominal(load("panda"))
+    assert nominal(exact.arm, angle_tol=1e-6).arm is not exact.arm
+    kept = nominal(load("ur5"), snap_length=0.2)
+    assert any(s.what == "length" for s in kept.snaps)
+    # What was made with another tolerance is looked at with the usual one when that is asked for.
+    assert nominal(kept.arm).arm is not kept.arm
+
+
+def test_the_chain_of_a_nominal_arm_has_its_exact_numbers():
+    exact = nominal(load("puma560"))
+    found = flatten(exact.arm)
+    lengths = np.array([[float(x) for x in row] for row in exact.translation])
+    assert (found.t == lengths).all()
+    with pytest.raises(ValueError, match="read-only"):
+        found.t[0, 0] = 1.0
+
+
+@pytest.mark.parametrize("kind", ["RX", "RY", "RZ", "RUBX", "RUBY", "RUBZ", "PX", "PY", "PZ"])
+def test_axes_of_common_joints_are_those_that_pinocchio_computes(kind):
+    model = pin.Model()
+    joint = getattr(pin, f"JointModel{kind}")()
+    model.addJoint(0, joint, pin.SE3.Identity(), "one")
+    axis, slides = joint_axis(model.joints[1])
+    computed, also = computed_axis(model.joints[1])
+    assert (axis == computed).all()
+    assert slides == also == kind.startswith("P")
+
+
+@given(st.lists(st.floats(-1, 1), min_size=3, max_size=3).filter(lambda v: np.linalg.norm(v) > 0.1))
+@example([0.0, 1e-5, -1.0])
+@example([3e-4, -1e-4, -1.0])
+def test_z_is_turned_to_an_axis(direction):
+    axis = np.array(direction) / np.linalg.norm(direction)
+    turned = axis_rotation(axis)
+    assert np.abs(turned[:, 2] - axis).max() < 1e-14
+    assert np.abs(turned @ turned.T - np.eye(3)).max() < 1e-14
+    assert np.linalg.det(turned) > 0
+    for k in range(3):
+        for sign in (1.0, -1.0):
+            along = axis_rotation(sign * np.eye(3)[k])
+            assert (along[:, 2] == sign * np.eye(3)[k]).all()
+            assert np.linalg.det(along) == 1.0

@@ -1,6 +1,7 @@
 """Time two installations of pinsing against each other, in turns.
 
     python scripts/bench/before_after.py --before OTHER/bin/python [closed kernel functions start]
+    python scripts/bench/before_after.py --before OTHER/bin/python survey --rounds 2
 
 One process of each installation stands by and is asked in turns, so that a change of clock rate or
 another program on the machine touches both alike; starts are processes of their own, in turns too.
@@ -14,12 +15,15 @@ import argparse
 import json
 import os
 import resource
+import statistics
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+
+sys.path.insert(0, str(Path(__file__).resolve().parent.parent))  # for survey
 
 ARMS: dict[str, dict[str, str]] = {
     "Stanford arm": {"robot": "stanford"},
@@ -51,6 +55,10 @@ STARTS = (
     ["analyze", "panda"],
 )
 COUNT = 5_000
+SURVEY_STEP = 3
+SURVEY_JOINTS = 8
+SURVEY_SECONDS = 20.0
+"""Every so many-th geometry of so many joints at most, as scripts/survey.py tells them apart."""
 FUNCTIONS: dict[str, Callable[[Any, Any, Any], object]] = {
     "`at`, of one configuration": lambda p, arm, Q: p.at(arm, Q[0]),
     f"`task_jacobians`, {COUNT:,}": lambda p, arm, Q: p.task_jacobians(arm, Q, threads=1),
@@ -79,6 +87,12 @@ def work() -> None:
     Q: dict[str, Any] = {}
     for line in sys.stdin:
         task, name, isa = json.loads(line)
+        if task == "survey":  # a new arm each time: what is found once an arm counts
+            arm = pinsing.load(**name)
+            began = used()
+            pinsing.closed_form(arm, seconds=SURVEY_SECONDS)
+            print(json.dumps(used() - began), flush=True)
+            continue
         if name not in arms:
             arms[name] = pinsing.load(**{**ARMS, **MORE}[name])
             Q[name] = np.random.default_rng(0).uniform(-3, 3, (COUNT, arms[name].n))
@@ -108,7 +122,7 @@ class Asked:
             command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
         )
 
-    def ask(self, task: str, name: str, isa: str = "auto") -> float:
+    def ask(self, task: str, name: str | dict[str, Any], isa: str = "auto") -> float:
         """Seconds of one task on one arm, in the process that stands by."""
         assert self.process.stdin is not None
         assert self.process.stdout is not None
@@ -136,6 +150,47 @@ def row(name: str, pairs: Sequence[tuple[float, float]], unit: float, digits: in
     before, after = (min(pair[k] for pair in pairs) for k in (0, 1))
     shown = f"{before * unit:.{digits}f} | {after * unit:.{digits}f}"
     return f"| {name} | {shown} | {after / before:.2f} |"
+
+
+def surveyed() -> list[dict[str, Any]]:
+    """What to load for every third geometry of the robots of example-robot-data."""
+    import survey
+
+    import pinsing
+    from pinsing.description.catalog import data_folder
+
+    folder = data_folder()
+    assert folder is not None, "example-robot-data is not installed"
+    found: dict[str, dict[str, Any]] = {}
+    for job in survey.jobs()[0]:
+        given = {"robot": str(folder / job.file), "tip": job.tip, "base": job.base}
+        try:
+            arm = pinsing.load(**given)
+        except pinsing.PinsingError:
+            continue
+        if arm.n <= SURVEY_JOINTS:
+            found.setdefault(survey.identity(arm), given)
+    return [*found.values()][::SURVEY_STEP]
+
+
+def survey_table(both: tuple[Asked, Asked], rounds: int) -> None:
+    """Medians over chains, of times and of ratios, and what takes longer than before."""
+    least: list[tuple[str, float, float]] = []
+    for given in surveyed():
+        pairs = [[asked.ask("survey", given) for asked in both] for _ in range(rounds)]
+        before, after = (min(pair[k] for pair in pairs) for k in (0, 1))
+        name = f"{Path(given['robot']).stem} {given['tip']}"
+        least.append((name, 1e3 * before, 1e3 * after))
+        print(f"{name}: {before * 1e3:.1f} {after * 1e3:.1f} ms", file=sys.stderr, flush=True)
+    times = [statistics.median(entry[k] for entry in least) for k in (1, 2)]
+    ratios = [after / before for _, before, after in least]
+    long = [after / before for _, before, after in least if before > 50]
+    print(f"\nsurvey, {len(least)} chains: medians {times[0]:.1f} ms before, {times[1]:.1f} after,")
+    print(f"    {times[1] / times[0]:.2f} of it; median ratio {statistics.median(ratios):.2f}")
+    print(f"    of {len(long)} chains above 50 ms before: {statistics.median(long):.2f}")
+    for name, before, after in least:
+        if after > 1.1 * before:
+            print(f"    slower: {name}, {before:.1f} before, {after:.1f} after")
 
 
 def main() -> None:
@@ -175,6 +230,8 @@ def main() -> None:
             for name in OF_FUNCTIONS:
                 pairs = measured(lambda a, t=task, n=name: a.ask(t, n), options.rounds)
                 print(row(f"{task}: {name}", pairs, 1e3, 1), flush=True)
+    if "survey" in options.tables:
+        survey_table(both, options.rounds)
     if "start" in options.tables:
         print("\n| command, s | before | after | after / before |\n|---|---:|---:|---:|")
         for arguments in STARTS:

@@ -39,10 +39,15 @@ class Chain:
 
 
 def flatten(arm: Arm) -> Chain:
-    """Write the chain of the arm's model with every joint axis turned to z.
+    """Write the chain of the arm's model with every joint axis turned to z; found once an arm.
 
-    Mimic couplings are left out: the chain has one joint for each velocity of the model.
+    Mimic couplings are left out: the chain has one joint for each velocity of the model. Its
+    arrays are not to be written to.
     """
+    return arm.once("chain", lambda: _flatten(arm))
+
+
+def _flatten(arm: Arm) -> Chain:
     model = arm.model
     rotations, translations, sliding = [], [], []
     before = np.eye(3)
@@ -57,7 +62,10 @@ def flatten(arm: Arm) -> Chain:
     tip = model.frames[arm.tip_id].placement
     rotations.append(before.T @ tip.rotation)
     translations.append(before.T @ tip.translation)
-    return Chain(np.array(rotations), np.array(translations), np.array(sliding, dtype=bool))
+    arrays = np.array(rotations), np.array(translations), np.array(sliding, dtype=bool)
+    for array in arrays:
+        array.flags.writeable = False
+    return Chain(*arrays)
 
 
 def chain_model(chain: Chain, arm: Arm) -> pin.Model:

@@ -16,6 +16,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -39,6 +40,9 @@ from pinsing.robot.arm import Arm
 
 ANGLE_TOL = 2e-3
 """Default tolerance, radians, for moving an angle to a multiple of 90 degrees (1.57, 3.14)."""
+
+_USUAL = (ANGLE_TOL, 0.0, False)
+_ITSELF = "nominal geometry of itself"
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +104,7 @@ def nominal(
     *,
     rational: bool = False,
 ) -> Nominal:
-    """Make the geometry of ``arm`` exact.
+    """Make the geometry of ``arm`` exact. That of an arm made so, with the usual tolerances, stays.
 
     Parameters
     ----------
@@ -135,6 +139,8 @@ def nominal(
     if not 0 <= snap_length < math.inf:
         raise OptionError(f"snap_length must be zero or a positive length, got {snap_length!r}")
     key = (float(angle_tol), float(snap_length), bool(rational))
+    if key == _USUAL and _ITSELF in arm.known:  # made for each who asks: an arm holds not itself
+        return Nominal(arm=arm, **arm.known[_ITSELF], snaps=(), jacobian_change=0.0)
     return arm.once(f"nominal {key}", lambda: _on(arm, Leeway(*key)))
 
 
@@ -161,13 +167,14 @@ def _on(arm: Arm, leeway: Leeway) -> Nominal:
     R[n] = R[n] @ tip_turn
     chain = Chain(np.array(R), t, raw.prismatic)
     on_it = replace(arm, model=chain_model(chain, arm))
-    return Nominal(
-        arm=on_it,
-        rotation=rotation,
-        translation=lengths,
-        tip_rotation=identity() if exact_tip is None else exact_tip,
-        prismatic=tuple(bool(p) for p in raw.prismatic),
-        offset=offset,
-        snaps=tuple(s for s in found.snaps if s.size > 0),
-        jacobian_change=change,
-    )
+    exact: dict[str, Any] = {
+        "rotation": rotation,
+        "translation": lengths,
+        "tip_rotation": identity() if exact_tip is None else exact_tip,
+        "prismatic": tuple(bool(p) for p in raw.prismatic),
+        "offset": offset,
+    }
+    if leeway == Leeway(*_USUAL):
+        on_it.known[_ITSELF] = exact
+    snaps = tuple(s for s in found.snaps if s.size > 0)
+    return Nominal(arm=on_it, **exact, snaps=snaps, jacobian_change=change)

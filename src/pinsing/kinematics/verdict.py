@@ -180,7 +180,9 @@ def scale_notes(arm: Arm) -> Iterator[str]:
 
 def _generic_rank(arm: Arm) -> int:
     geometry = nominal(arm)
-    if _is_full(geometry.arm):
+    if geometry.arm is not arm:
+        return generic_rank(geometry.arm)
+    if _is_full(arm):
         rank = min(len(arm.task.rows), arm.n)
     elif arm.coupling is not None:
         rank = _sampled_rank(geometry.arm)
