@@ -63,4 +63,5 @@ def axis_rotation(axis: Array) -> Array:
         return np.array(pin.Quaternion.FromTwoVectors(_Z, axis).matrix())
     # Near -z that loses half of the digits: half a turn about x first.
     over = np.array([1.0, -1.0, -1.0])
-    return over[:, None] * np.array(pin.Quaternion.FromTwoVectors(_Z, over * axis).matrix())
+    turned = np.array(pin.Quaternion.FromTwoVectors(_Z, over * axis).matrix())
+    return np.asarray(over[:, None] * turned)
