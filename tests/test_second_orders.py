@@ -9,8 +9,9 @@ import pytest
 from pinsing import closed_form, load
 from pinsing._batch import engine
 from pinsing._batch import second_orders as kernel
-from pinsing.configuration import second_order as module
-from pinsing.configuration.second_order import clear_kinds
+from pinsing.configuration import clear_kinds as module
+from pinsing.configuration.clear_kinds import clear_kinds
+from pinsing.configuration.second_order import second_order
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.own_scale import own_scale
@@ -109,3 +110,26 @@ def test_what_does_not_fit_is_refused():
         kernel.second_orders(
             batch(planar).own_chain(), np.zeros((1, 2)), rows=range(6), zero=1e-9, size=0.0
         )
+
+
+FEWER = {
+    "5 joints": {"robot": "romeo_laas_small", "tip": "AccelerometerHead_sensor"},
+    "a hand": {"robot": "tiago", "tip": "hand_thumb_flex_2_link", "base": "arm_7_link"},
+    "a flying arm": {"robot": "hextilt"},
+    "three rows of two": {"robot": "planar3r", "task": "vx,vy,vz"},
+}
+
+
+@pytest.mark.parametrize("case", FEWER, ids=str)
+def test_kinds_of_arms_that_miss_motions_are_those_of_one_at_a_time(case):
+    loaded = load(**FEWER[case])
+    arm = nominal(loaded).arm
+    rng = np.random.default_rng(6)
+    Q = np.concatenate([f.points(20, rng) for f in closed_form(loaded).families])
+    alone = [second_order(arm, q).kind for q in Q]
+    told = clear_kinds(arm, Q)
+    clear = [kind is not None for kind in told]
+    assert sum(clear) > 10
+    assert [a for a, c in zip(alone, clear, strict=True) if c] == [k for k in told if k is not None]
+    regular = rng.uniform(-1, 1, (5, arm.n))
+    assert clear_kinds(arm, regular) == [None] * 5

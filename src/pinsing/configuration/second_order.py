@@ -11,17 +11,14 @@ configurations for redundant manipulators", ICRA 1990).
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._batch import second_orders
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing.configuration.clear_kinds import UNDECIDED, ZERO, Kind, clear_kinds
 from pinsing.errors import ConfigurationError
-from pinsing.kinematics.batch import batch
-from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
     frame_jacobians,
@@ -33,22 +30,15 @@ from pinsing.kinematics.jacobian import (
 from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.task_rows import task_rows, turn_left
 from pinsing.kinematics.verdict import (
-    SINGULAR_RTOL,
     generic_rank,
     rank_of,
     ratio_of,
-    task_size,
 )
 from pinsing.robot.arm import Arm
 
-Kind = Literal["boundary", "interior", "undecided"]
-
-_ZERO = 1e-7  # entries of second order, relative to the largest of H, that count as zero
 _NEARBY = 1e-3  # radians or lengths of the arm, for directions that a first derivative misses
 _SLIDE = 0.05  # length of the self-motion tried along a degenerate direction, as above
 _SEED = 90210
-_SHARED = 1_000  # configurations from which on they are shared out among threads
-_UNDECIDED: Kind = "undecided"
 
 
 @dataclass(frozen=True, eq=False)
@@ -141,78 +131,19 @@ def kinds_many(arm: Arm, Q: npt.ArrayLike, most: int | None = None) -> list[Kind
     One lost direction alone needs no search for a definite combination: what is clearly definite
     or indefinite there is decided for all rows at once. Of the others the first ``most`` are
     decided one by one, wherever they stand: they may be of another kind than all that is clear.
-    None for those beyond.
+    None for those beyond. Where some rows of the task are missing everywhere, the first ``most``
+    are all that is looked at.
     """
     Q = np.atleast_2d(arm.check(Q))
-    found: list[Kind | None] = [None] * len(Q)
-    if generic_rank(arm) == len(arm.task.rows):
-        found = clear_kinds(arm, Q)
-    rest = [i for i, kind in enumerate(found) if kind is None][:most]
+    count = len(Q) if generic_rank(arm) == len(arm.task.rows) else len(Q[:most])
+    found = [*clear_kinds(arm, Q[:count]), *[None] * (len(Q) - count)]
+    rest = [i for i, kind in enumerate(found[:count]) if kind is None][:most]
     if rest:
         J, H = own_jacobians_and_derivatives(arm, Q[rest])
         spaces = [_spaces(arm, *row) for row in zip(Q[rest], J, H, strict=True)]
         for i, kind in zip(rest, _decided(arm, Q[rest], spaces), strict=True):
             found[i] = kind
     return found
-
-
-def clear_kinds(arm: Arm, Q: Array, compiled: bool = True) -> list[Kind | None]:
-    """The kinds at Q (N, n) of an arm whose generic rank is that of its rows, where one is lost.
-
-    None where more than one direction is lost, or none, and where this does not tell.
-    """
-    told = _told_compiled(arm, Q) if compiled else None
-    if told is None:
-        told = _told(arm, Q)
-    above, least, greatest, entry, reached, largest = told.T
-    tol = _ZERO * largest
-    best = np.maximum(least, -greatest)
-    kinds: dict[int, Kind | None] = {0: None, 1: _UNDECIDED, 2: "interior", 3: "boundary"}
-    clear = np.where(np.abs(best) > tol, np.where(best > 0, 3, 2), 0)
-    flat = np.where(reached > tol, 2, 1)
-    once = above == generic_rank(arm) - 1
-    return [kinds[k] for k in np.where(once, np.where(entry <= tol, flat, clear), 0).tolist()]
-
-
-def _told_compiled(arm: Arm, Q: Array) -> Array | None:
-    """As ``_told``, in the compiled kernel; None where it does not cover the arm."""
-    on, rows = batch(arm), arm.task.rows
-    alone = arm.coupling is not None or arm.task.at_tip or on.engine == PINOCCHIO
-    if alone or not second_orders.covered(arm.n, len(rows)):
-        return None
-    return second_orders.second_orders(
-        on.own_chain(),
-        Q / own_scale(arm).columns,
-        rows=rows,
-        zero=SINGULAR_RTOL,
-        size=task_size(arm),
-        threads=1 if len(Q) < _SHARED else None,
-        isa=on.engine,
-    )
-
-
-def _told(arm: Arm, Q: Array) -> Array:
-    """What `pinsing._batch.second_orders` tells of Q (N, n)."""
-    J, H = own_jacobians_and_derivatives(arm, Q)
-    U, sigma, Vt = np.linalg.svd(J)
-    zero = SINGULAR_RTOL * np.maximum(sigma[:, :1], task_size(arm))
-    still = Vt[:, J.shape[1] - 1 :]
-    B = np.einsum("kr,krij->kij", U[:, :, -1], H)
-    BN = B @ still.transpose(0, 2, 1)
-    form = still @ BN
-    form = (form + form.transpose(0, 2, 1)) / 2
-    values = np.linalg.eigvalsh(form)
-    return np.stack(
-        [
-            (sigma > zero).sum(axis=1),
-            values[:, 0],
-            values[:, -1],
-            np.abs(form).max(axis=(1, 2), initial=0.0),
-            np.linalg.norm(BN, axis=(1, 2)),
-            np.abs(H).max(axis=(1, 2, 3), initial=0.0),
-        ],
-        axis=1,
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -238,19 +169,19 @@ def _spaces(arm: Arm, q: Array, J: Array, H: Array) -> _Spaces:
     N = Vt[rank:].T
     if rank >= r:
         none = np.zeros((len(J), 0))
-        return _Spaces(rank, ratio, none, N, _UNDECIDED, none, none)
+        return _Spaces(rank, ratio, none, N, UNDECIDED, none, none)
     lost = _lost(arm, q, U[:, rank:], N, H, rank)
     return _Spaces(rank, ratio, lost, N, *_kind(lost, N, H))
 
 
 def _decided(arm: Arm, Q: Array, spaces: Sequence[_Spaces]) -> list[Kind]:
     """The kinds at Q (N, n); what has to be followed for a way is followed all at once."""
-    kinds = [s.kind or _UNDECIDED for s in spaces]
+    kinds = [s.kind or UNDECIDED for s in spaces]
     open_ = [i for i, s in enumerate(spaces) if s.kind is None]
     if open_:
         ways = [(Q[i], spaces[i].u, spaces[i].kernel) for i in open_]
         for i, critical in zip(open_, _critical_along(arm, ways), strict=True):
-            kinds[i] = "boundary" if critical else _UNDECIDED
+            kinds[i] = "boundary" if critical else UNDECIDED
     return kinds
 
 
@@ -275,13 +206,13 @@ def _kind(lost: Array, N: Array, H: Array) -> tuple[Kind | None, Array, Array]:
     """Kind, or None with the direction and the kernel that it depends on."""
     none = np.zeros(0)
     B = np.tensordot(lost, H, (0, 0))  # [a, i, j]
-    tol = _ZERO * float(np.abs(H).max())
+    tol = ZERO * float(np.abs(H).max())
     Q = N.T @ B @ N
     Q = (Q + np.swapaxes(Q, 1, 2)) / 2
     if np.abs(Q).max() <= tol:
         # No second order at all: every lost u must become attainable along some self-motion.
         reach = np.linalg.svd((B @ N).reshape(len(B), -1), compute_uv=False)
-        return "interior" if reach[-1] > tol else _UNDECIDED, none, none
+        return "interior" if reach[-1] > tol else UNDECIDED, none, none
     best, directions = _most_definite(Q)
     if best > tol:
         return "boundary", none, none
@@ -307,7 +238,7 @@ def _lost(arm: Arm, q: Array, left: Array, N: Array, H: Array, rank: int) -> Arr
         return left
     moves = np.einsum("ra,rij,ip->apj", left, H, N).reshape(left.shape[1], -1)
     W, size, _ = np.linalg.svd(moves, full_matrices=False)
-    count = int((size > _ZERO * np.abs(H).max()).sum())
+    count = int((size > ZERO * np.abs(H).max()).sum())
     if count < r - rank:
         W, count = _range_nearby(arm, q, left, rank, r), r - rank
     return np.asarray(left @ W[:, :count])
