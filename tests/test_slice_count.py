@@ -13,12 +13,15 @@ import pytest
 
 import pinsing
 from pinsing.algebra.budget import Budget
+from pinsing.algebra.components import Component
 from pinsing.families import solve
 from pinsing.families.form import families_html, families_text
 from pinsing.families.led_search import led
 from pinsing.families.modular_chain import ModularChain
+from pinsing.families.own_points import OwnPoints
+from pinsing.families.real_control import RandomSingular, real_points
 from pinsing.families.searched import searched
-from pinsing.families.slice_count import SliceCount, count_on_slices
+from pinsing.families.slice_count import Slice, SliceCount, Slices, count_on_slices
 
 
 @pytest.fixture(scope="module")
@@ -140,3 +143,61 @@ def test_words():
     count = SliceCount(4, 1, 35, 0, 0, 23, 31)
     assert count.sentence().startswith("no singular point was met on one random slice of 4 joints")
     assert replace(count, points=2_000, off=1).sentence().startswith("1 of 2,000 singular points")
+
+
+def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
+    """A component without points over small fields: here slices are never drawn."""
+    n = len(kept.ring.prismatic)
+    own = OwnPoints(kept.geometry.arm)
+    real = RandomSingular(kept.maker, real_points(kept.maker, own, Budget(60)))
+    assert not len(real.missed(kept.components))
+
+    def none(self, prime, time):
+        raise ValueError
+
+    monkeypatch.setattr(Slices, "turn", none)
+    tried = 0
+    for out in kept.components:
+        others = [c for c in kept.components if c is not out]
+        if not out.values or not len(real.missed(others)):
+            continue
+        tried += 1
+        task = kept.geometry.arm.task
+        found = led(kept.geometry, task, kept.ring, others, n - 5, Budget(60), real=real)
+        assert not len(real.missed(found.components))
+        assert not found.enough  # no slice was asked
+    assert tried
+
+
+class Told(Slices):
+    """Slices of which it is told which of their points each component has, by field."""
+
+    def __init__(self, **on):
+        self.on = on
+
+    def held(self, slices, component):
+        name = "small" if component.values[0] == (0, 1) else "large"
+        return [np.array(self.on[name][one.prime]) for one in slices]
+
+
+def test_values_that_are_the_same_over_one_field_alone_stay_apart():
+    """q3 = 180°, sin q4 = 0.536 has, modulo 7, only points at q4 = 90°: it was dropped."""
+    small, large = (Component({0: v}, (), True, 1) for v in ((0, 1), (1, 0)))
+    known = [small, large]
+    nothing = np.zeros((2, 20), dtype=np.int64)
+    slices = [Slice(p, (0, 1), nothing, nothing) for p in (7, 11)]
+    every, some, none = [True] * 20, [True] * 10 + [False] * 10, [False] * 20
+    for second in (none, some):  # ten points are too few to tell
+        told = Told(small={7: every, 11: second}, large={7: every, 11: every})
+        assert told.without_parts(slices, known) == known
+    told = Told(small={7: every, 11: every}, large={7: every, 11: every})
+    assert len(told.without_parts(slices, known)) == 1
+    most = [True] * 15 + [False] * 5
+    told = Told(small={7: every, 11: every}, large={7: every, 11: most})
+    assert told.without_parts(slices, known) == [small]
+
+    def real(component):
+        return np.array([component is small, component is large])
+
+    told = Told(small={7: every, 11: every}, large={7: every, 11: every})
+    assert told.without_parts(slices, known, real) == known

@@ -6,7 +6,8 @@ slices over small fields, and in these points some joint is at a value that occu
 minor: 0, 90 or 180 degrees, or where an axis passes through a wrist. At that value the search by
 all minors takes seconds, where in general it would take hours.
 
-Slices are gone through until nothing new turns up over several fields.
+Slices are gone through until nothing new turns up over several fields. A component that has points
+over none of these may have real ones: those on no family lead on in the same way.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from fractions import Fraction
 from itertools import combinations
 
 from pinsing._dataclass import dataclass
+from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents
 from pinsing.algebra.decompose import Decomposition, Within
@@ -26,6 +28,7 @@ from pinsing.algebra.near_minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.families.modular_chain import at_value, value_modulo
+from pinsing.families.real_control import RandomSingular
 from pinsing.families.slice_count import Slice, SliceCount, Slices
 from pinsing.geometry.nominal import Nominal
 from pinsing.robot.task import Task
@@ -87,6 +90,7 @@ def led(
     time: Budget,
     unseen: Sequence[Component] = (),
     near: Near | None = None,
+    real: RandomSingular | None = None,
 ) -> Led:
     """Go through slices, and search at the joint values to which points on no family lead.
 
@@ -108,8 +112,11 @@ def led(
         What is one if it has points that lie on no other.
     near : callable, optional
         A search by neighbours at values of joints, within a time: asked before all minors are.
+    real : RandomSingular, optional
+        Real singular configurations: those on no component lead on when slices no longer do.
     """
-    return _Leader(geometry, task, ring, list(components), limit, time, unseen, near).led()
+    leader = _Leader(geometry, task, ring, list(components), limit, time, unseen, near, real)
+    return leader.led()
 
 
 class _Leader:
@@ -123,8 +130,9 @@ class _Leader:
         time: Budget,
         unseen: Sequence[Component] = (),
         near: Near | None = None,
+        real: RandomSingular | None = None,
     ) -> None:
-        self.near = near
+        self.near, self.real = near, real
         self.geometry, self.task, self.ring = geometry, task, ring
         self.components, self.limit, self.time = components, limit, time
         self.slices = Slices(geometry, task, ring, limit)
@@ -153,11 +161,13 @@ class _Leader:
                 self._open.add(prime)
                 self._turns.pop(prime, None)
                 fields.remove(prime)
+        self._follow_real()
         clean = [p for p in self.kept if p not in self._open]
         counted = [s for p in (clean or self.kept) for s in self.kept[p]]
         if not counted or (self._open and not clean and len(self._open) < _FIELDS):
             return Led(self.components, None, False, self.steps)
-        self.components = self.slices.without_parts(counted, self.components)
+        on = None if self.real is None else self.real.on
+        self.components = self.slices.without_parts(counted, self.components, on)
         count = self.slices.count(counted, self.components)
         enough = self._enough() and not count.off and count.met >= _MET * count.known
         return Led(self.components, count, enough, self.steps)
@@ -190,6 +200,33 @@ class _Leader:
             if len(self.components) != before:
                 off, in_vain = self._left(off), 0
         return bool(off)
+
+    def _follow_real(self) -> None:
+        """Search at the joint values of real points on no family, the most frequent first."""
+        if self.real is None or self.time.over:
+            return
+        off = self.real.missed(self.components)
+        while len(off) and not self.time.over:
+            at = self._next_real(off)
+            if at is None:
+                return
+            self._tried.add(at)
+            before = self.components
+            self._search(dict([at]))
+            if self.components != before:
+                off = self.real.missed(self.components)
+
+    def _next_real(self, off: Array) -> At | None:
+        """The value of a joint that most of some real points share, of those not tried."""
+        assert self.real is not None
+        shared = {
+            (j, value): int(self.real.at(off, j, value).sum())
+            for j, values in self._values().items()
+            for value in values
+            if (j, value) not in self._tried
+        }
+        best = max(shared, key=lambda at: shared[at], default=None)
+        return best if best is not None and shared[best] else None
 
     def _taken_in(self, off: list[Slice]) -> list[Slice]:
         """What is left of points when systems that have some of them are components, too."""

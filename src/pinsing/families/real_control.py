@@ -10,9 +10,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
+from pinsing.algebra.ring import Value
 from pinsing.families.own_points import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.zero_set import residuals
@@ -67,6 +69,38 @@ def on_none(maker: PieceMaker, points: Array, components: Sequence[Component]) -
             off = np.maximum(off, np.abs(residuals(branch.equations, q)).max(axis=-1))
         left[left] = off > _OFF
     return left
+
+
+@dataclass(frozen=True, eq=False)
+class RandomSingular:
+    """Singular configurations that random starts led to.
+
+    Attributes
+    ----------
+    maker : PieceMaker
+        Of the chain.
+    q : (k, n)
+        The configurations.
+    """
+
+    maker: PieceMaker
+    q: Array
+
+    def missed(self, components: Sequence[Component]) -> Array:
+        """Those (m, n) that are clearly on none of some components."""
+        return self.q[on_none(self.maker, self.q, components)]
+
+    def on(self, component: Component) -> Bool:
+        """Which of them are on a component, as near as rounding tells: (k,)."""
+        return ~on_none(self.maker, self.q, [component])
+
+    def at(self, q: Array, joint: int, value: Value) -> Bool:
+        """Which of some configurations (m, n) have a joint at a value."""
+        held = self.maker.branch_of({joint: value}, ()).values[0]
+        away = q[:, joint] - held.value
+        if not self.maker.ring.prismatic[joint]:
+            away = away - 2 * np.pi * np.round(away / (2 * np.pi))
+        return np.asarray(np.abs(away) < _OFF)
 
 
 def gap(points: Array, missed: Bool, prismatic: Bool) -> list[str]:

@@ -20,7 +20,7 @@ from pinsing.families.long_chain import LongChain
 from pinsing.families.own_points import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.planar_chain import planar_chain, turn_alike
-from pinsing.families.real_control import gap, on_none, real_points
+from pinsing.families.real_control import RandomSingular, gap, on_none, real_points
 from pinsing.families.slice_count import SliceCount
 from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.geometry.surd import Surd
@@ -166,6 +166,7 @@ def searched(
             components = [k for k in components if not test.inside(k, c)] + [c]
     gaps += chain.progress.gaps(arm.n)
     count: SliceCount | None = None
+    own = OwnPoints(geometry.arm)
     if slices_follow:
 
         def at(values: Mapping[int, Value], some: Budget) -> Sequence[Component]:
@@ -174,17 +175,18 @@ def searched(
             return part.components
 
         near_at = at if arm.n > _MANY else None  # of nine joints all minors take seconds there
+        real = RandomSingular(maker, real_points(maker, own, rest(_CONTROL)))
         most, time_left = arm.n - rank + 1, rest(_LED)
-        slices = led(geometry, arm.task, ring, components, most, time_left, chain.unseen, near_at)
+        slices = led(
+            geometry, arm.task, ring, components, most, time_left, chain.unseen, near_at, real
+        )
         components, count = slices.components, slices.count
         gaps = [] if slices.enough else gaps
         steps = together([steps, *slices.steps] if gaps else slices.steps)
-    own = OwnPoints(geometry.arm)
-    if count is not None and not gaps:
-        points = real_points(maker, own, rest(_CONTROL))
-        missed = on_none(maker, points, components)
-        gaps += gap(points, missed, arm.prismatic)
-        count = replace(count, real=len(points), real_off=int(missed.sum()))
+        if count is not None and not gaps:
+            missed = on_none(maker, real.q, components)
+            gaps += gap(real.q, missed, arm.prismatic)
+            count = replace(count, real=len(real.q), real_off=int(missed.sum()))
     maker.confirm = own
     return Searched(geometry, ring, components, gaps, maker, steps, count)
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import field
 from fractions import Fraction
 
@@ -39,8 +39,9 @@ _MANY_POINTS, _MOST_POINTS = 350_000, 3_500_000
 _FEW_FIELDS = 3
 _FEW_JOINTS, _LARGER = 3, 17
 """Slices of so few joints are small: in larger fields less is special by chance."""
-_TELLING = 12
-"""Points that a component must have been met at to be told from others by them."""
+_TELLING, _TELLING_FIELDS = 12, 2
+"""Points of one field, and such fields, that a component must have been met at to be told from
+others by them."""
 
 Bools = npt.NDArray[np.bool_]
 
@@ -249,20 +250,39 @@ class Slices:
         return bool(self._modular(component, on.prime).holds(x, y).sum() > singular)
 
     def without_parts(
-        self, slices: Sequence[Slice], components: Sequence[Component]
+        self,
+        slices: Sequence[Slice],
+        components: Sequence[Component],
+        real: Callable[[Component], Bools] | None = None,
     ) -> list[Component]:
         """Components but for those of whose points, which are many, one other has all.
 
-        Two searches state one set in two ways; of these the shorter is kept.
+        Two searches state one set in two ways; of these the shorter is kept. Values that differ
+        may be the same over one small field: points over two must say it, and real ones.
+
+        Parameters
+        ----------
+        slices : sequence of Slice
+            Whose points are asked.
+        components : sequence of Component
+            Which may be stated twice.
+        real : callable, optional
+            Which of some real singular points are on a component.
         """
         left = sorted(components, key=lambda c: (c.codimension, sum(map(len, c.relations))))
+        of = [np.full(s.x.shape[1], s.prime) for s in slices]
+        primes = np.concatenate(of) if of else np.zeros(0, dtype=np.int64)
         for c in reversed(tuple(left)):
             own = np.concatenate(self.held(slices, c)) if slices else np.zeros(0, dtype=bool)
-            if own.sum() < _TELLING:
+            telling = [p for p in set(primes[own].tolist()) if (primes[own] == p).sum() >= _TELLING]
+            if len(telling) < _TELLING_FIELDS:
                 continue
-            others = (np.concatenate(self.held(slices, k)) for k in left if k is not c)
-            if any(k[own].all() for k in others):
-                left = [k for k in left if k is not c]
+            for k in left:
+                if k is c or not np.concatenate(self.held(slices, k))[own].all():
+                    continue
+                if real is None or not (real(c) & ~real(k)).any():
+                    left = [x for x in left if x is not c]
+                    break
         return [c for c in components if any(c is k for k in left)]
 
     def count(self, slices: Sequence[Slice], components: Sequence[Component]) -> SliceCount:
