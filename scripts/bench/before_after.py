@@ -77,6 +77,21 @@ def used() -> float:
     return float(spent + others.children_user + others.children_system)
 
 
+def instruction_sets(pinsing: Any, arm: Any) -> Callable[[str], str]:
+    """What `engine` is to be for an instruction set: older versions take none by name."""
+    from pinsing._batch import engine
+
+    def named(isa: str) -> str:
+        engine._isa = lambda name: isa if name is None else name
+        return "batch"
+
+    try:
+        pinsing.singular_values(arm, [[0.0] * arm.n], engine="baseline")
+    except pinsing.PinsingError:
+        return named
+    return lambda isa: isa
+
+
 def work() -> None:
     """Body of the process that stands by: a question a line, seconds as the answer."""
     import numpy as np
@@ -106,8 +121,10 @@ def work() -> None:
             FUNCTIONS[task](pinsing, arm, Q[name])
             spent = used() - began
         else:
+            values = pinsing.singular_values
+            of_set = instruction_sets(pinsing, arm)
             began = time.process_time()
-            pinsing.singular_values(arm, Q[name], engine=isa, threads=1)
+            values(arm, Q[name], engine=of_set(isa), threads=1)
             spent = time.process_time() - began
         print(json.dumps(spent), flush=True)
 
