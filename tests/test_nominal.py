@@ -565,13 +565,16 @@ def test_the_nominal_arm_is_its_own_nominal_arm(name, tip):
     assert generic_rank(exact.arm) == generic_rank(load(name, tip=tip))
 
 
-def test_other_tolerances_make_a_nominal_arm_anew():
-    exact = nominal(load("panda"))
-    assert nominal(exact.arm, angle_tol=1e-6).arm is not exact.arm
-    kept = nominal(load("ur5"), snap_length=0.2)
-    assert any(s.what == "length" for s in kept.snaps)
-    # What was made with another tolerance is looked at with the usual one when that is asked for.
-    assert nominal(kept.arm).arm is not kept.arm
+@pytest.mark.parametrize(
+    "given", [{"angle_tol": 1e-6}, {"snap_length": 0.2}, {"angle_tol": 0.1}, {"rational": True}]
+)
+def test_what_other_tolerances_made_stays_and_is_made_anew_with_others(given):
+    exact = nominal(load("kinova"), **given)
+    again = nominal(exact.arm)
+    assert again.arm is exact.arm
+    assert again.rotation == exact.rotation
+    assert again.translation == exact.translation
+    assert nominal(exact.arm, angle_tol=0.01).arm is not exact.arm
 
 
 def test_the_chain_of_a_nominal_arm_has_its_exact_numbers():

@@ -21,6 +21,7 @@ from flint import Ordering, acb, arb, ctx, fmpz_mpoly_ctx, fmpz_mpoly_vec, fmpz_
 from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.terms import terms_of
 
 _LIMITS = (120, 400, 20_000)
 """Of a Groebner basis: polynomials, terms, bits of coefficients."""
@@ -147,7 +148,7 @@ class _Affine:
         """Integer terms in t of each joint and the square roots; x is 1."""
         terms: dict[tuple[int, ...], Any] = {}
         last = [self.ring.variables(j)[-1] for j in self.joints]
-        for m, c in poly.to_dict().items():
+        for m, c in terms_of(poly).items():
             key = tuple(int(m[v]) for v in last) + tuple(int(e) for e in m[self.ring.nvars :])
             terms[key] = terms.get(key, 0) + c
         scale = math.lcm(*(int(c.q) for c in terms.values()))
@@ -176,7 +177,7 @@ class _Affine:
         for p in basis:
             if p.is_constant():
                 return None
-            terms = p.to_dict()
+            terms = terms_of(p)
             if all(not any(m[:-1]) for m in terms):
                 degree = max(int(m[-1]) for m in terms)
                 line = [0] * (degree + 1)

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.terms import terms_of
 from pinsing.geometry.surd import SQUARES, Exact, surd
 
 Key = tuple[tuple[int, ...], tuple[int, ...]]
@@ -42,7 +43,7 @@ def fourier(poly: Poly, ring: Ring, quarters: Sequence[int]) -> dict[Key, tuple[
     quarters : sequence of int
         Right angles by which the ring's angle of each joint exceeds q.
     """
-    terms = poly.to_dict()
+    terms = terms_of(poly)
     some = next(iter(terms))
     slides = np.array(ring.prismatic, dtype=bool)
     degree = [

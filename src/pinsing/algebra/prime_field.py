@@ -9,6 +9,7 @@ from typing import Any
 from flint import Ordering, fmpz_mod_mpoly_ctx, nmod_mpoly_ctx
 
 from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.terms import terms_of
 from pinsing.geometry.exact_rank import PRIMES
 from pinsing.geometry.residue import residue, root_modulo
 
@@ -44,7 +45,7 @@ def residues_of(poly: Poly, ring: Ring, prime: int) -> dict[Any, int]:
     if ring.rational:
         inverse: dict[Any, int] = {}
         terms = {}
-        for m, c in poly.to_dict().items():
+        for m, c in terms_of(poly).items():
             if c.q not in inverse:
                 inverse[c.q] = pow(int(c.q), -1, prime)
             terms[m] = int(c.p) * inverse[c.q] % prime

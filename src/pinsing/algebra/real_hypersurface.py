@@ -18,6 +18,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.finite_system import AlgebraicValue, NotFinite, Solution, real_solutions
 from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.terms import terms_of
 from pinsing.geometry.surd import Surd, parts_of
 
 _POINTS = 256
@@ -196,7 +197,7 @@ def _never_positive(poly: Poly, ring: Ring, time: Budget) -> bool:
 def _discriminant(poly: Poly, joint: int, ring: Ring) -> Poly:
     x, y = ring.variables(joint)
     parts = {0: {}, 1: {}, 2: {}}  # type: dict[int, dict[tuple[int, ...], object]]
-    for m, c in poly.to_dict().items():
+    for m, c in terms_of(poly).items():
         rest = tuple(0 if i in (x, y) else int(e) for i, e in enumerate(m))
         parts[int(m[y])][rest] = c
     a, b, c = (poly.context().from_dict(parts[k]) for k in (0, 1, 2))

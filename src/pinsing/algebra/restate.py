@@ -16,6 +16,7 @@ from flint import Ordering, fmpz_mpoly_ctx, fmpz_mpoly_vec
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import SlicePoint
 from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.terms import terms_of
 
 _MOST = 60
 """Equations after which expanding is given up."""
@@ -118,7 +119,7 @@ def _coefficients_on(
 def _coefficients(poly: Poly, joint: int, ring: Ring) -> list[Poly]:
     variables = ring.variables(joint)
     parts: dict[tuple[int, ...], dict[tuple[int, ...], object]] = {}
-    for m, c in poly.to_dict().items():
+    for m, c in terms_of(poly).items():
         rest = list(m)
         for v in variables:
             rest[v] = 0
@@ -150,7 +151,7 @@ def _fewest(polys: list[Poly], count: int, ring: Ring) -> tuple[Poly, ...]:
     context = fmpz_mpoly_ctx.get(list(names), Ordering.degrevlex)
 
     def integral(p: Poly) -> object:
-        terms = p.to_dict()
+        terms = terms_of(p)
         scale = math.lcm(*(int(c.q) for c in terms.values()))
         return context.from_dict({m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()})
 
@@ -158,7 +159,7 @@ def _fewest(polys: list[Poly], count: int, ring: Ring) -> tuple[Poly, ...]:
     basis, done = few.buchberger_naive(limits=_LIMITS)
     if not done:
         return tuple(polys)
-    over_q = [polys[0].context().from_dict(dict(g.to_dict())) for g in basis]
+    over_q = [polys[0].context().from_dict(dict(terms_of(g))) for g in basis]
     if all(_reduced(p, over_q) == 0 for p in polys[count:]):
         return tuple(polys[:count])
     return tuple(polys)

@@ -19,6 +19,7 @@ from typing import Any
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from pinsing._dataclass import dataclass
+from pinsing.algebra.terms import terms_of
 from pinsing.geometry.surd import Exact, Surd
 
 _DENSE, _MANY = 1_500, 1_000
@@ -118,7 +119,7 @@ class Ring:
 
     def terms(self, poly: Poly) -> dict[Monomial, Exact]:
         """Exponents of the joints' variables, and coefficients."""
-        return {tuple(int(e) for e in m): fraction(c) for m, c in poly.to_dict().items()}
+        return {tuple(int(e) for e in m): fraction(c) for m, c in terms_of(poly).items()}
 
     def monomials(self, poly: Poly) -> list[Monomial]:
         """Exponents of the joints' variables in each term; some perhaps several times."""
@@ -131,7 +132,7 @@ class Ring:
 
     def packed(self, poly: Poly) -> Packed:
         """The polynomial as plain integers, for another process."""
-        return [(tuple(map(int, m)), int(c.p), int(c.q)) for m, c in poly.to_dict().items()]
+        return [(tuple(map(int, m)), int(c.p), int(c.q)) for m, c in terms_of(poly).items()]
 
     def unpacked(self, terms: Packed) -> Poly:
         """The polynomial of what ``packed`` gave."""
@@ -191,7 +192,7 @@ class Ring:
 
     def coefficients(self, poly: Poly) -> Mapping[Monomial, Any]:
         """Exponents of the joints' variables, and coefficients that can be divided."""
-        return poly.to_dict()  # type: ignore[no-any-return]
+        return terms_of(poly)
 
     def divides(self, p: Poly, poly: Poly) -> bool:
         """Whether ``poly`` is a multiple of ``p``, one of the ``factors`` of something."""
@@ -302,7 +303,7 @@ class Ring:
         """A polynomial in tangents y with as much of each x as makes it a form."""
         degrees = poly.degrees()
         terms = {}
-        for m, c in poly.to_dict().items():
+        for m, c in terms_of(poly).items():
             powers = list(m)
             for x in tangents:
                 powers[x] = degrees[x + 1] - m[x + 1]

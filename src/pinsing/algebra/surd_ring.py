@@ -36,6 +36,7 @@ from pinsing.algebra.ring import (
     rational,
     variable_names,
 )
+from pinsing.algebra.terms import terms_of
 from pinsing.geometry.surd import SQUARES, Exact, Surd, parts_of, surd
 
 _EXPONENTS = (276, 534, 2208, 2816)
@@ -89,7 +90,7 @@ class SurdRing(Ring):
         """Exponents of the joints' variables, and coefficients."""
         gathered: dict[Monomial, list[Fraction]] = {}
         nvars, zero = self.nvars, Fraction(0)
-        for m, c in poly.to_dict().items():
+        for m, c in terms_of(poly).items():
             square = math.prod(d for d, e in zip(self.roots, m[nvars:], strict=True) if e)
             parts = gathered.setdefault(tuple(map(int, m[:nvars])), [zero] * 4)
             parts[SQUARES.index(square)] = fraction(c)
@@ -250,7 +251,7 @@ class SurdRing(Ring):
         """What 1 and the last root multiply."""
         at = self.nvars + level - 1
         parts: tuple[dict[Monomial, Any], dict[Monomial, Any]] = ({}, {})
-        for m, c in poly.to_dict().items():
+        for m, c in terms_of(poly).items():
             parts[int(m[at])][(*m[:at], 0, *m[at + 1 :])] = c
         return self.context.from_dict(parts[0]), self.context.from_dict(parts[1])
 
@@ -284,7 +285,7 @@ class SurdRing(Ring):
         degree; the lattice has one dimension more than that.
         """
         degree = len(self.basis)
-        coefficients = poly.to_dict().values()
+        coefficients = terms_of(poly).values()
         scale = math.lcm(*(int(c.q) for c in coefficients))
         height = max(abs(int(c.p) * (scale // int(c.q))) for c in coefficients)
         bits = height.bit_length() + sum(int(d) for d in poly.degrees()[: self.nvars]) + 2
@@ -295,7 +296,7 @@ class SurdRing(Ring):
 
         None if the prime is too short to tell; even what comes out is to be tried by division.
         """
-        terms = {tuple(int(e) for e in m): int(c) for m, c in residues.to_dict().items()}
+        terms = {tuple(int(e) for e in m): int(c) for m, c in terms_of(residues).items()}
         inverse = pow(terms[max(terms)], -1, prime)
         lifted: dict[Monomial, Exact] = {}
         for m, c in terms.items():

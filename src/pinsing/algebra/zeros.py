@@ -20,6 +20,7 @@ from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_p
 from pinsing._dataclass import dataclass
 from pinsing.algebra import field_points
 from pinsing.algebra.prime_field import modular_context
+from pinsing.algebra.terms import terms_of
 
 _ATTEMPTS = 4
 _LARGEST_DEGREE = 3_000
@@ -109,7 +110,7 @@ class _Solver:
     def compiled(self, poly: Any) -> Any:
         """A polynomial of the compiled engine, made once; None where it covers no such one."""
         if id(poly) not in self.made:  # the polynomial is kept, so that its id stays its own
-            terms = {m: int(c) for m, c in poly.to_dict().items()}
+            terms = {m: int(c) for m, c in terms_of(poly).items()}
             self.made[id(poly)] = (poly, field_points.polynomial(self.prime, terms))
         return self.made[id(poly)][1]
 
@@ -210,7 +211,7 @@ class _Solver:
         if v not in self.nonzero:
             return True
         if v not in self.unwanted:
-            powers = {int(m[v]): int(c) for m, c in self.nonzero[v].to_dict().items()}
+            powers = {int(m[v]): int(c) for m, c in terms_of(self.nonzero[v]).items()}
             self.unwanted[v] = [powers.get(e, 0) for e in range(max(powers), -1, -1)]
         value = zero.field.zero()
         for c in self.unwanted[v]:
@@ -248,7 +249,7 @@ def _at(poly: Any, zero: Zero, v: int, over: Any, point: Any, made: Any) -> Any:
         u: _powers(x, int(poly.degrees()[u])) for u, x in zero.at.items() if poly.degrees()[u]
     }
     line = [field.zero()] * (int(poly.degrees()[v]) + 1)
-    for monomial, c in poly.to_dict().items():
+    for monomial, c in terms_of(poly).items():
         term = field(int(c))
         for u, table in powers.items():
             if monomial[u]:
@@ -353,7 +354,7 @@ def _number(value: Any) -> int:
 
 def _univariate(poly: Any, v: int, prime: int) -> Any:
     """A polynomial in variable v alone, as flint's univariate kind."""
-    coefficients = {int(m[v]): int(c) for m, c in poly.to_dict().items()}
+    coefficients = {int(m[v]): int(c) for m, c in terms_of(poly).items()}
     return nmod_poly([coefficients.get(i, 0) for i in range(max(coefficients) + 1)], prime)
 
 

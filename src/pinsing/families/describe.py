@@ -45,11 +45,38 @@ def describe(
     group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm, geometry: Nominal
 ) -> Family:
     """The family of some pieces that are mirror images of each other."""
+    draft = stated(group, maker, arm)
+    rng = np.random.default_rng(_SEED)
+    if not draft.real:
+        if not _drawn(draft, maker, rng):
+            return draft
+        draft = replace(draft, real=True)
+    looks = [maker.time.part(share) for share in _LOOKS]
+    inside = draft.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[0]))
+    reachability = Reachability.INSIDE if len(inside) else Reachability.UNKNOWN
+    if not len(inside):
+        tolerance = np.where(arm.prismatic, _LENGTH_TOL, maker.angle_tol)
+        wider = replace(draft, limit_tolerance=tolerance)
+        inside = wider.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[1]))
+        if len(inside):
+            draft, reachability = wider, Reachability.AT_LIMIT
+            draft = replace(draft, limits_met=_limits_met(draft, inside[0], maker.symbols))
+        elif not maker.time.over:
+            reachability = _unreachable(wider, _until(looks[2]))
+    anywhere = _until(maker.time)
+    points = inside
+    if not len(inside):
+        points = draft.points(_WITNESSES, rng, rounds=maker.rounds(), stop=anywhere)
+    return _described(draft, reachability, inside, points, arm, geometry, maker)
+
+
+def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
+    """The family of some pieces as far as its condition goes: no points, and not what is lost."""
     branches = tuple(b for p in group for b in p.branches)
     solved = group[0].solved
     prismatic = [bool(p) for p in arm.prismatic]
     involved = sorted({j for b in branches for j in b.involved})
-    draft = Family(
+    return Family(
         name="",
         text=statement(branches, solved, maker.symbols, prismatic),
         latex=statement(branches, solved, maker.symbols, prismatic, latex=True),
@@ -75,28 +102,6 @@ def describe(
         solved=solved_for(b.equations for b in branches),
         arm=arm,
     )
-    rng = np.random.default_rng(_SEED)
-    if not draft.real:
-        if not _drawn(draft, maker, rng):
-            return draft
-        draft = replace(draft, real=True)
-    looks = [maker.time.part(share) for share in _LOOKS]
-    inside = draft.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[0]))
-    reachability = Reachability.INSIDE if len(inside) else Reachability.UNKNOWN
-    if not len(inside):
-        tolerance = np.where(arm.prismatic, _LENGTH_TOL, maker.angle_tol)
-        wider = replace(draft, limit_tolerance=tolerance)
-        inside = wider.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[1]))
-        if len(inside):
-            draft, reachability = wider, Reachability.AT_LIMIT
-            draft = replace(draft, limits_met=_limits_met(draft, inside[0], maker.symbols))
-        elif not maker.time.over:
-            reachability = _unreachable(wider, _until(looks[2]))
-    anywhere = _until(maker.time)
-    points = inside
-    if not len(inside):
-        points = draft.points(_WITNESSES, rng, rounds=maker.rounds(), stop=anywhere)
-    return _described(draft, reachability, inside, points, arm, geometry, maker)
 
 
 def _drawn(draft: Family, maker: PieceMaker, rng: np.random.Generator) -> bool:

@@ -19,6 +19,7 @@ from flint import nmod_mat
 
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.algebra.terms import terms_of
 from pinsing.geometry.nominal import Nominal
 from pinsing.geometry.residue import residue
 
@@ -295,7 +296,7 @@ def _kinds(ring: Ring, j: int) -> Iterator[int]:
 
 def _residues(poly: Poly, prime: int) -> dict[tuple[int, ...], int]:
     """Coefficients of a polynomial modulo a prime, no multiple of which all of them are."""
-    terms = {tuple(map(int, m)): c for m, c in poly.to_dict().items()}
+    terms = {tuple(map(int, m)): c for m, c in terms_of(poly).items()}
     scale = math.lcm(*(int(c.q) for c in terms.values()))
     whole = {m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()}
     content = math.gcd(*whole.values())

@@ -15,7 +15,7 @@ from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.arguments import checked, not_loaded
 from pinsing.errors import OptionError
-from pinsing.families.describe import describe
+from pinsing.families.describe import describe, stated
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.hints import SNAP, by_rank_hint, small_offset, snap_hint, unsolved_hint
@@ -139,6 +139,19 @@ def closed_form(
     if not isinstance(arm, Arm):
         raise not_loaded("arm", "an Arm", arm)
     started = time.monotonic()
+    found = _found(arm, seconds, angle_tol, snap_length)
+    if prove is False:
+        return found
+    if prove is None:
+        return prove_briefly(found, seconds - (time.monotonic() - started), progress)
+    return add_proof(found, progress=progress)
+
+
+def _found(
+    arm: Arm, seconds: float, angle_tol: float, snap_length: float, told: bool = True
+) -> ClosedForm:
+    """The closed form, without a proof; unless ``told`` families may be their conditions alone."""
+    started = time.monotonic()
     geometry = nominal(arm, angle_tol, snap_length)
     symbols = joint_symbols(arm)
     rank = generic_rank(geometry.arm)  # lengths that were snapped away may lower it
@@ -174,7 +187,10 @@ def closed_form(
             whole = maker.time
             # Most take little; one that takes long leaves as much to the others.
             maker.time = whole if i == len(grouped) else whole.part(_OF_ONE)
-            families.append(describe(group, maker, arm, geometry))
+            if told or any(len(b.equations) > 1 for p in group for b in p.branches):
+                families.append(describe(group, maker, arm, geometry))
+            else:
+                families.append(stated(group, maker, arm))
             maker.time = whole
         families = [_named(f, i) for i, f in enumerate(sorted(families, key=_order), 1)]
     counted: SliceCount | None = None if search is None else search.count
@@ -191,14 +207,14 @@ def closed_form(
         if left <= 0:
             hints = (snap_hint(offset, None),)
         else:
-            snapped = closed_form(arm, seconds=left / 2, angle_tol=angle_tol, snap_length=SNAP)
+            snapped = _found(arm, left / 2, angle_tol, SNAP, told=False)
             if [f.text for f in snapped.families] != [f.text for f in families]:
                 hints = (snap_hint(offset, snapped.families, snapped.complete),)
     if unsolved:
         hints += (unsolved_hint(unsolved),)
     if (by_rank := by_rank_hint(families, rank)) is not None:
         hints += (by_rank,)
-    found = ClosedForm(
+    return ClosedForm(
         arm=summarize(arm),
         symbols=symbols,
         generic_rank=rank,
@@ -216,11 +232,6 @@ def closed_form(
         random_steps=steps,
         slice_count=counted,
     )
-    if prove is False:
-        return found
-    if prove is None:
-        return prove_briefly(found, seconds - (time.monotonic() - started), progress)
-    return add_proof(found, progress=progress)
 
 
 def _design(

@@ -104,7 +104,7 @@ def nominal(
     *,
     rational: bool = False,
 ) -> Nominal:
-    """Make the geometry of ``arm`` exact. That of an arm made so, with the usual tolerances, stays.
+    """Make the geometry of ``arm`` exact. That of an arm made so stays.
 
     Parameters
     ----------
@@ -174,7 +174,6 @@ def _on(arm: Arm, leeway: Leeway) -> Nominal:
         "prismatic": tuple(bool(p) for p in raw.prismatic),
         "offset": offset,
     }
-    if leeway == Leeway(*_USUAL):
-        on_it.known[_ITSELF] = exact
+    on_it.known[_ITSELF] = exact
     snaps = tuple(s for s in found.snaps if s.size > 0)
     return Nominal(arm=on_it, **exact, snaps=snaps, jacobian_change=change)
