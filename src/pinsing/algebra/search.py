@@ -25,9 +25,9 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Backing, FoundComponents
 from pinsing.algebra.corner import SquareCorner, corner
 from pinsing.algebra.generic_points import Residues, SlicePoint
-from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors, cost
 from pinsing.algebra.place import SearchPlace, bound
+from pinsing.algebra.place_matrices import PlaceMatrices
 from pinsing.algebra.regular_part import regular_parts
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.second_prime import FIRST_SEED, Question
@@ -68,7 +68,7 @@ class Search:
         self._stating = Stating(ring, time, found, self._residues, self._rng)
         self._seen: set[object] = set()
         self._later: list[tuple[int, Callable[[], None]]] = []
-        self._known_minors: dict[tuple[int, int], Minors] = {}
+        self._places = PlaceMatrices(ring, time)
 
     def run(self, place: SearchPlace) -> None:
         """Find all components at a place.
@@ -92,7 +92,9 @@ class Search:
         """
         rows, reduced = place.matrix, place.rank
         short = min(len(rows), len(rows[0])) if rows else 0
-        less = reduced > 0 and (short < reduced or not any(True for _ in self._minors(place)))
+        less = reduced > 0 and (
+            short < reduced or not any(True for _ in self._places.minors(place))
+        )
         more = short > max(reduced, 0) and any(
             True for _ in Minors(rows, max(reduced, 0) + 1, self.ring, self.time)
         )
@@ -113,7 +115,7 @@ class Search:
             return
         if reduced.room == 0 and self._regular(reduced):  # nothing else of this codimension
             return
-        minors = self._minors(reduced)
+        minors = self._places.minors(reduced)
         common = self._common_factor(minors)
         if common is None:
             self._found.add(values, (), True)
@@ -138,7 +140,7 @@ class Search:
         rest = self._reduced(place.beside(found.rest, place.rank - len(found.rows)))
         if rest is None:
             return
-        minors = self._minors(rest)
+        minors = self._places.minors(rest)
         common = self._common_factor(minors)
         if common is not None and rest.room >= 2:
             self._branches(minors.simplest_cofactor(common), (), rest, minors)
@@ -152,7 +154,7 @@ class Search:
                 continue
             fixed = self.ring.joint_value(f)
             if fixed is not None:
-                self._search(self._at(place, dict([fixed])))
+                self._search(self._places.at(place, dict([fixed])))
             else:
                 self._relation(f, place, minors)
 
@@ -186,7 +188,7 @@ class Search:
         """Components inside some equations of codimension ``count``, and one more."""
         fixed = self.ring.joint_value(g)
         if fixed is not None:
-            self._within(relations, self._at(place, dict([fixed])), dict([fixed]))
+            self._within(relations, self._places.at(place, dict([fixed])), dict([fixed]))
         else:
             self._system((*relations, g), place, minors, count + 1)
 
@@ -201,11 +203,11 @@ class Search:
             if fixed is not None:
                 left = tuple(h for h in distinct if h is not fixed[0])
                 at = dict([fixed[1]])
-                self._within(left, self._at(place, at), at)
+                self._within(left, self._places.at(place, at), at)
             elif not distinct:
                 self._search(place)
             elif (reduced := self._reduced(place)) is not None:
-                minors = self._minors(reduced)
+                minors = self._places.minors(reduced)
                 independent = self._independent(distinct, place.values)
                 if len(independent) == 1:
                     self._relation(independent[0], reduced, minors)
@@ -299,7 +301,7 @@ class Search:
         for stated, on in parts:
             fixed = next((v for f in stated if (v := self.ring.joint_value(f))), None)
             if fixed is not None:  # all of it is searched there
-                self._search(self._at(place, dict([fixed])))
+                self._search(self._places.at(place, dict([fixed])))
                 continue
             ways = [(place, minors)]
             if (zeroed := self._zeroed(stated, place, minors))[1] is not minors:
@@ -326,7 +328,7 @@ class Search:
                 at = dict([fixed])
                 put = self.ring.putting(at)
                 common = self.ring.gcd(put(p), put(g))
-                there = self._at(place, at)
+                there = self._places.at(place, at)
                 for e in self._factors(self.ring.strip(common)):
                     self._within((e,), there, {})
             elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
@@ -375,17 +377,9 @@ class Search:
                 break
         return common
 
-    def _at(self, place: SearchPlace, new: Mapping[int, Value]) -> SearchPlace:
-        """The place with some more joints at values."""
-        whole, put = place.judge, self.ring.putting(new)
-        matrix = [[put(x) for x in row] for row in whole.matrix]
-        return replace(whole, values={**whole.values, **new}, matrix=matrix, reduced=False)
-
     def _reduced(self, place: SearchPlace) -> SearchPlace | None:
         """The place with a smaller matrix, unless all of it is singular (noted), or none."""
-        matrix, rank = place.matrix, place.rank
-        if not place.reduced:
-            matrix, rank = reduce_matrix(matrix, rank, self.ring, self.time)
+        matrix, rank = self._places.smaller(place)
         if rank <= 0:
             return None
         if not matrix or min(len(matrix), len(matrix[0])) < rank:
@@ -399,11 +393,4 @@ class Search:
     ) -> tuple[SearchPlace, Minors]:
         """The place with multiples of the relations at zero: minors are shorter so."""
         there = place.zeroed(relations, self.ring)
-        return (place, minors) if there is place else (there, self._minors(there))
-
-    def _minors(self, place: SearchPlace) -> Minors:
-        """Those of a place, so that each is computed once."""
-        key = id(place.matrix), place.rank
-        if key not in self._known_minors:  # they keep the matrix, so that its id stays its own
-            self._known_minors[key] = Minors(place.matrix, place.rank, self.ring, self.time)
-        return self._known_minors[key]
+        return (place, minors) if there is place else (there, self._places.minors(there))
