@@ -174,11 +174,7 @@ class FoundComponents:
             return [c]
         out = []
         for relations, on in parts:
-            fixed = dict(f for r in relations if (f := self.ring.joint_value(r)))
-            left = tuple(r for r in relations if not self.ring.joint_value(r))
-            put = [self.ring.strip(self.ring.substitute(r, fixed)) for r in left]
-            left = tuple(sorted((r for r in put if r != 0), key=len))
-            part = replace(c, values={**c.values, **fixed}, relations=left)
+            part = settled(replace(c, relations=relations), self.ring)
             # With fewer joints in them, or fewer points on them, equations fall apart that did not.
             out += [part] if part == c else self._parts(part, on, time)
         return out
@@ -210,6 +206,19 @@ class FoundComponents:
             if not any(self.ring.divides(p, rest) for p in a.relations):
                 return False
         return True
+
+
+def settled(c: Component, ring: Ring) -> Component:
+    """The same with every relation that fixes one joint as a value, put into the others.
+
+    What is put in may leave others that fix one joint.
+    """
+    values, left = dict(c.values), list(c.relations)
+    while fixed := dict(f for r in left if (f := ring.joint_value(r))):
+        values |= fixed
+        put = ring.putting(fixed)
+        left = [r for r in (ring.strip(put(r)) for r in left) if r != 0]
+    return replace(c, values=values, relations=tuple(sorted(left, key=len)))
 
 
 def on_any(components: Iterable[Component], point: SlicePoint) -> bool:

@@ -20,7 +20,7 @@ from itertools import combinations
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, FoundComponents
+from pinsing.algebra.components import Component, FoundComponents, settled
 from pinsing.algebra.decompose import Decomposition, Within
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import Matrix
@@ -262,16 +262,8 @@ class _Leader:
             pass
         out = []
         for f in min(found, key=lambda fs: max(map(len, fs), default=0), default=[]):
-            fixed = self.ring.joint_value(f)
-            if fixed is None:
-                relations = tuple(sorted((*c.relations, f), key=len))
-                out.append(Component(c.values, relations, False, c.codimension + 1))
-                continue
-            values = {**c.values, fixed[0]: fixed[1]}
-            put = self.ring.putting(dict([fixed]))
-            left = [self.ring.strip(put(r)) for r in c.relations]
-            relations = tuple(sorted((r for r in left if r != 0), key=len))
-            out.append(Component(values, relations, False, c.codimension + 1))
+            cut = Component(c.values, (*c.relations, f), False, c.codimension + 1)
+            out.append(settled(cut, self.ring))
         return out
 
     def _left(self, slices: Sequence[Slice]) -> list[Slice]:

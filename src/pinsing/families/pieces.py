@@ -319,6 +319,9 @@ class PieceMaker:
 
     def _roots(self, poly: Poly) -> list[JointValue]:
         """Real values of the one joint of ``poly``."""
+        fixed = self.ring.joint_value(poly)
+        if fixed is not None:
+            return [self._value(*fixed)]
         joint = self.ring.joints_of(poly)[0]
         variables = self.ring.variables(joint)
         if not self.ring.prismatic[joint]:  # irreducible of degree >= 2: x = 0 is no root
