@@ -713,3 +713,9 @@ def test_every_robot_of_the_catalog_loads_or_says_why():
         assert 1 <= generic_rank(arm) <= 6
     assert loaded >= 25
     assert all(message and "\n" not in message for message in said)
+
+
+def test_followers_are_noted_in_the_order_of_the_chain():
+    notes = load("romeo", tip="LFinger13Link", base="l_wrist").notes
+    told = next(note for note in notes if note.startswith("mimic joints of the chain follow"))
+    assert told.index("LFinger12 =") < told.index("LFinger13 =")

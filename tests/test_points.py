@@ -9,7 +9,7 @@ import pytest
 from tiers import tiered_rows
 
 from pinsing.families import closed_form
-from pinsing.families.zero_set import System, fix_joint, project, search
+from pinsing.families.zero_set import System, fix_joint, project, search, system_of
 from pinsing.robot.load import load
 
 
@@ -74,3 +74,29 @@ def test_a_search_stays_in_its_box(rng):
     again, ok = project(equations, Q, free)
     assert ok.all()
     assert np.abs(again - Q).max() < 1e-9
+
+
+def test_the_system_of_short_equations_is_made_once_for_each_order(rng):
+    equations = tuple({id(e): e for b in _alone("panda") for e in b.equations}.values())[:2]
+    assert len(equations) == 2
+    kept = system_of(equations)
+    assert system_of(list(equations)) is kept
+    assert system_of(equations[::-1]) is not kept
+    assert system_of(equations[:1]) is not kept
+    Q = rng.uniform(-3, 3, (5, 7))
+    for some in (equations, equations[::-1], equations[:1], equations[1:]):
+        fresh = System(some)
+        assert (system_of(some).values(Q) == fresh.values(Q)).all()
+        assert (system_of(some).gradients(Q) == fresh.gradients(Q)).all()
+
+
+def test_the_system_of_long_equations_is_not_kept():
+    one = _alone("panda")[0].equations[0]
+    many = [one] * (500 // len(one.cos) + 1)
+    assert system_of(many) is not system_of(many)
+
+
+def _alone(name):
+    """Branches of one equation."""
+    form = closed_form(load(name), seconds=30)
+    return [b for f in form.families for b in f.branches if len(b.equations) == 1]

@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import itertools
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, TypeAlias
 
@@ -128,11 +128,9 @@ def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], flo
     doubled = sorted(
         {j for p in table for j, f, k in p if j != joint and f in ("cos", "sin") and k == 2}
     )
-    ways = ("cos", "cc", "ss")
     least, chosen = math.inf, ("",) * len(doubled)
-    choices = itertools.product(ways, repeat=len(doubled))
-    for choice in itertools.islice(choices, _MOST_WAYS):
-        count = len(_kept(_rebased(table, dict(zip(doubled, choice, strict=True))), largest))
+    for choice, found in itertools.islice(_ways(table, doubled), _MOST_WAYS):
+        count = len(_kept(found, largest))
         if count < least:
             least, chosen = count, choice
     if numbers is not rough:
@@ -141,6 +139,17 @@ def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], flo
     if not equation.exact:
         return _kept(table, largest), None
     return {p: c for p, c in table.items() if float(c)}, _factor(rough, numbers)
+
+
+def _ways(
+    table: dict[Product, Number], joints: Sequence[int], chosen: tuple[str, ...] = ()
+) -> Iterator[tuple[tuple[str, ...], dict[Product, Number]]]:
+    """What a table becomes in each way to write twice the angles of some joints."""
+    if not joints:
+        yield chosen, table
+        return
+    for way in ("cos", "cc", "ss"):
+        yield from _ways(_rebased(table, {joints[0]: way}), joints[1:], (*chosen, way))
 
 
 def _plain(text: str) -> Number:
@@ -166,7 +175,8 @@ def _factor(rough: Sequence[tuple[float, float]], exact: Sequence[tuple[Number, 
 
 
 def _kept(table: Mapping[Product, Number], largest: float) -> dict[Product, Number]:
-    return {p: c for p, c in table.items() if abs(float(c)) > _DROP * largest}
+    least = _DROP * largest
+    return {p: c for p, c in table.items() if abs(float(c)) > least}
 
 
 _Part = tuple[Product, int, int, int]
@@ -224,8 +234,11 @@ def _rebased(table: Mapping[Product, Number], way: Mapping[int, str]) -> dict[Pr
             continue
         after: dict[Product, Number] = {}
         for product, number in out.items():
-            rest = tuple(x for x in product if x[0] != joint)
-            mine = next((x for x in product if x[0] == joint), None)
+            mine = (joint, "cos", 2) if (joint, "cos", 2) in product else (joint, "sin", 2)
+            if mine not in product:
+                after[product] = after.get(product, 0) + number
+                continue
+            rest = tuple([x for x in product if x[0] != joint])
             for factor, weight in _squares(mine, chosen):
                 key = rest if factor is None else tuple(sorted((*rest, factor)))
                 after[key] = after.get(key, 0) + number * weight
@@ -233,9 +246,8 @@ def _rebased(table: Mapping[Product, Number], way: Mapping[int, str]) -> dict[Pr
     return out
 
 
-def _squares(factor: Factor | None, chosen: str) -> list[tuple[Factor | None, int]]:
-    if factor is None or factor[1] not in ("cos", "sin") or factor[2] != 2:
-        return [(factor, 1)]
+def _squares(factor: Factor, chosen: str) -> list[tuple[Factor | None, int]]:
+    """Cosine or sine of twice an angle as a sum of what it is, and how often."""
     j = factor[0]
     if factor[1] == "sin":
         return [((j, "sc", 1), 2)]

@@ -26,6 +26,9 @@ _DENSE, _MANY = 1_500, 1_000
 """Terms that a polynomial of some degrees can have in half-angle tangents, and has: up to so many
 it is factored in milliseconds."""
 
+_OF_A_VALUE = 2
+"""Terms that a polynomial over the rationals has at most that fixes a joint's value."""
+
 _WORTH = 20
 """Terms from which on a polynomial is factored as one in half-angle tangents."""
 
@@ -114,7 +117,11 @@ class Ring:
         """Joints whose variables occur in ``poly``."""
         degrees = poly.degrees()
         return tuple(
-            j for j in range(len(self.prismatic)) if any(degrees[v] > 0 for v in self.variables(j))
+            [
+                j
+                for j, (v, slides) in enumerate(zip(self.start, self.prismatic, strict=True))
+                if degrees[v] or (not slides and degrees[v + 1])
+            ]
         )
 
     def terms(self, poly: Poly) -> dict[Monomial, Exact]:
@@ -260,8 +267,10 @@ class Ring:
         Low degrees in few joints bound what it can take: some 15 ms for a thousand terms.
         """
         degrees = poly.degrees()
-        last = (degrees[self.variables(j)[-1]] for j in range(len(self.prismatic)))
-        return _MANY if math.prod(d + 1 for d in last) <= _DENSE else None
+        size = 1
+        for v, slides in zip(self.start, self.prismatic, strict=True):
+            size *= degrees[v if slides else v + 1] + 1
+        return _MANY if size <= _DENSE else None
 
     def _factors(self, poly: Poly) -> list[Poly]:
         """Over Q."""
@@ -276,19 +285,19 @@ class Ring:
         Those that are no variable are forms in the tangents alone, which have half as many
         variables, and fall apart as they do.
         """
-        gens, degrees = self.context.gens(), poly.degrees()
-        columns = list(zip(*poly.monoms(), strict=True))
-        least = [min(column) for column in columns]
+        gens, least = self.context.gens(), poly.term_content().degrees()
+        factors = [gens[v] for v, e in enumerate(least) if e]
+        rest = poly / self.context.term(exp_vec=least) if factors else poly
+        degrees, first = rest.degrees(), rest.monomial(0)
         tangents = []
         for x, slides in zip(self.start, self.prismatic, strict=True):
-            if slides or (degrees[x] == least[x] and degrees[x + 1] == least[x + 1]):
+            if slides or not (degrees[x] or degrees[x + 1]):
                 continue
-            total = columns[x][0] + columns[x + 1][0]
-            if any(a + b != total for a, b in zip(columns[x], columns[x + 1], strict=True)):
+            # Euler: a form of degree d is what its derivatives by x and y make of it, over d.
+            made = gens[x] * rest.derivative(x) + gens[x + 1] * rest.derivative(x + 1)
+            if made != rest * (first[x] + first[x + 1]):
                 return None
             tangents.append(x)
-        factors = [gens[v] for v, e in enumerate(least) if e]
-        rest = poly / self.context.term(exp_vec=tuple(least)) if factors else poly
         names = self.context.names()
         scale, found = rest.subs({names[x]: 1 for x in tangents}).factor()
         if len(found) == 1 and found[0][1] == 1:
@@ -316,6 +325,8 @@ class Ring:
 
     def joint_value(self, poly: Poly) -> tuple[int, Value] | None:
         """The exact value that ``poly`` = 0 fixes one joint at, if it does just that."""
+        if self.rational and len(poly) > _OF_A_VALUE:
+            return None
         joints = self.joints_of(poly)
         if len(joints) != 1:
             return None

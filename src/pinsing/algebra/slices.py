@@ -18,6 +18,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -83,6 +84,7 @@ class RandomSlice:
         slides = self.residues.ring.prismatic[self.chosen[i]]
         return [t] if slides else [a - b * t, b + a * t]
 
+    @cached_property
     def circles(self) -> dict[int, Any]:
         """What is zero only where no angle is meant: x^2 + y^2 of each free joint that turns."""
         return {
@@ -181,7 +183,7 @@ def slice_points(
                     slices[key] = slice_
             on_slice = [slice_.of(f) for f in polys]
             try:
-                found = zeros(on_slice, range(len(chosen)), slice_.circles(), rng, check, patient)
+                found = zeros(on_slice, range(len(chosen)), slice_.circles, rng, check, patient)
             except Undecided:
                 if attempt + 1 == _ATTEMPTS:
                     raise

@@ -99,14 +99,22 @@ class System:
         return np.asarray(flat.reshape(len(q), len(self._equations), q.shape[1]))
 
 
+def system_of(equations: Sequence[Equation]) -> System:
+    """The system of some equations, made once if short: the first keeps it, and it all of them."""
+    if not equations or sum(len(e.cos) for e in equations) > _CHEAP:
+        return System(equations)
+    name = f"system of {[id(e) for e in equations]}"
+    return equations[0].once(name, lambda: System(equations))
+
+
 def residuals(equations: Sequence[Equation], q: Array) -> Array:
     """Values of the equations at q (N, n), each over the sum of its coefficients: (N, k)."""
-    return System(equations).values(q)
+    return system_of(equations).values(q)
 
 
 def gradients(equations: Sequence[Equation], q: Array) -> Array:
     """Gradients of what ``residuals`` returns: (N, k, n)."""
-    return System(equations).gradients(q)
+    return system_of(equations).gradients(q)
 
 
 def project(
@@ -131,7 +139,7 @@ def project(
     q = np.array(start, dtype=float)
     if not len(equations) or not len(q):
         return q, np.ones(len(q), dtype=bool)
-    system = equations if isinstance(equations, System) else System(equations)
+    system = equations if isinstance(equations, System) else system_of(equations)
     best, least = q.copy(), np.full(len(q), np.inf)
     left = np.arange(len(q))
     for iteration in range(iterations + 1):
@@ -204,7 +212,7 @@ def search(
         if within is not None and within():
             break
     few = _shortest(equations)
-    short, whole = System(few) if few else None, System(equations)
+    short, whole = system_of(few) if few else None, system_of(equations)
     # What is asked for next is drawn from the same numbers, whether this search is spared or not.
     nothing = ways and missing == count and _nothing_in(equations, lower, upper, free)
     for _ in range(rounds):

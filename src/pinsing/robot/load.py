@@ -288,11 +288,12 @@ def _build(
     notes: tuple[str, ...],
 ) -> Arm:
     model, base, path = whole.model, ends.base, ends.way.path
-    on_path = {model.names[j] for j in free}
+    in_order = [model.names[j] for j in free]
+    on_path = set(in_order)
     # A follower whose leader is locked is locked as well; one whose leader moves, follows.
     leaders = {
         name: leader_of(name, whole.mimics)
-        for name in on_path
+        for name in in_order
         if name in whole.mimics and leader_of(name, whole.mimics)[0] in on_path
     }
     stuck = {name for name in on_path if name in whole.mimics and name not in leaders}
