@@ -29,7 +29,7 @@ from pinsing.mechanism import (
     working_modes,
 )
 from pinsing.mechanism.batch import BatchLoops
-from pinsing.mechanism.closure import Loops
+from pinsing.mechanism.closure import Loops, random_closed
 from pinsing.mechanism.feasible import intervals
 from pinsing.mechanism.likeness import likeness, same
 from pinsing.mechanism.problems import Modes
@@ -258,6 +258,53 @@ def test_wrong_questions_are_said(platform):
     crank = replace(shipped("five_bar"), task=shipped("four_bar").task)
     with pytest.raises(OptionError, match="a pose leaves the others open"):
         working_modes(crank)
+
+
+def within(folder, name, joint, old, new):
+    """A mechanism of the shelf with other limits of some joints; the path of its URDF."""
+    text = (URDF / f"{name}.urdf").read_text()
+    head, tail = text.split(f'name="{joint}"')
+    assert old in tail
+    path = folder / f"{name}.urdf"
+    path.write_text(f'{head}name="{joint}"{tail.replace(old, new, 1)}')
+    (folder / f"{name}.loops.yaml").write_text((URDF / f"{name}.loops.yaml").read_text())
+    return path
+
+
+def test_limits_that_leave_nothing_are_said_by_each_command(tmp_path, capsys):
+    path = within(tmp_path, "planar_3rpr", "p1", 'lower="0.2" upper="2.5"', 'lower="9" upper="9.5"')
+    words = r"home is beyond the joint limits \(p1 = 0.553232 is not in \[9, 9.5\]\): the loops"
+    for code, command in (
+        (0, ["families"]),
+        (2, ["analyze"]),
+        (0, ["map"]),
+    ):
+        more = ["--count", "5"] if command == ["map"] else []
+        with pytest.raises(SystemExit) as end:
+            main([*command, str(path), "--loops", *more])
+        assert end.value.code == code
+        assert re.search(words, " ".join(capsys.readouterr().err.split()))
+    with pytest.raises(SystemExit):
+        main(["map", str(path), "--loops", "--count", "5", "--ignore-limits"])
+    assert capsys.readouterr().err == ""
+
+
+def test_home_is_found_within_narrow_limits(tmp_path):
+    """Few of the configurations that close the loops keep the limits of all joints."""
+    rng = np.random.default_rng(0)
+    base, top = (np.round(rng.uniform(-a, a, (6, 3)), 2) * [1, 1, 0] for a in (1, 0.6))
+    joints, text = stewart(base, top, limits=(0.3, 2.5))
+    tight = [
+        replace(j, kind="revolute", limits=(-0.5, 0.5)) if j.kind == "continuous" else j
+        for j in joints
+    ]
+    mechanism = pinsing.load_mechanism(written(tmp_path, tight, text))
+    inside = [q for q in random_closed(mechanism, 60, rng) if not mechanism.space.outside(q).any()]
+    assert not inside
+    q = home(mechanism)
+    assert np.abs(residual(mechanism, q)).max() < 1e-9
+    assert (q >= mechanism.lower).all()
+    assert (q <= mechanism.upper).all()
 
 
 @pytest.mark.slow

@@ -127,6 +127,8 @@ def map_loops(
             f"--{name} does not go with --loops: a mechanism is mapped at random inputs or poses"
         )
     mechanism = read(loops, options)
+    if not ignore_limits:
+        tell_of_limits(mechanism)
     number = 10_000 if count is None else whole_number(count, "--count")
     found = mechanism_map(
         mechanism, over or "inputs", number, seed, worst=worst or 5, ignore_limits=ignore_limits
@@ -216,6 +218,7 @@ def families_loops(
     forms = loop_forms(mechanism)
     found = pose_forms(mechanism) if forms is None else forms
     joints = joint_forms(mechanism)
+    tell_of_limits(mechanism)
     proven: tuple[LegProof, ...] = ()
     if prove or certificate is not None:
         from pinsing.mechanism.leg_proofs import leg_proofs
@@ -377,6 +380,15 @@ def read(loops: Path, options: dict[str, Any]) -> Mechanism:
     for note in mechanism.notes:
         say(f"note: {note}")
     return mechanism
+
+
+def tell_of_limits(mechanism: Mechanism) -> None:
+    """Say that home breaks limits where nothing else that is printed would."""
+    from pinsing.mechanism.modes import home_outside
+
+    beyond = home_outside(mechanism)
+    if beyond:
+        say(f"note: {beyond}")
 
 
 def typed_inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pinsing.cli.figure import check_figure, off_screen, save_figure
-from pinsing.cli.mechanism import read, typed_inputs
+from pinsing.cli.mechanism import read, tell_of_limits, typed_inputs
 from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
@@ -56,6 +56,7 @@ def plot_loops(
     mechanism = read(loops, options)
     if ignore_limits:
         mechanism = mechanism.without_limits()
+    tell_of_limits(mechanism)
     inputs = typed_inputs(mechanism, configurations, deg)
     off_screen()
     figure = _figure(mechanism, kind, inputs, bool(configurations), over, deg)

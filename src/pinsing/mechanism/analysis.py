@@ -19,7 +19,7 @@ from pinsing.mechanism.joint_loci import joint_forms
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.loci import LoopForms, loop_forms
 from pinsing.mechanism.loci_roots import roots
-from pinsing.mechanism.modes import home
+from pinsing.mechanism.modes import home, home_error, home_outside
 from pinsing.mechanism.motion import mechanism_at, motions
 from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_forms import PoseForms
@@ -96,12 +96,14 @@ def analyze_mechanism(
     q = home(mechanism)
     at_home = q[list(mechanism.actuated)]
     asked = at_home if inputs is None else mechanism.check_inputs(inputs)
-    direct = assembly_modes(mechanism, asked)
+    direct = assembly_modes(mechanism, inputs if inputs is None else asked)
     if not direct.modes:
+        if inputs is None and home_outside(mechanism):
+            raise home_error(mechanism)
         raise InfeasibleError(mechanism, asked, feasible(mechanism, asked), direct.beyond)
     if inputs is not None:
         q = direct.modes[0].q
-    notes = [*mechanism.notes, *_notes(mechanism, generic, q)]
+    notes = [*mechanism.notes, *_notes(mechanism, generic)]
     inverse = stages.run("working modes", lambda: _inverse(mechanism, generic, q), None, True)
     poses = stages.run(f"{FORMS}pose", lambda: pose_forms(mechanism), None, True)
     forms = stages.run(f"{FORMS}inputs", lambda: loop_forms(mechanism), None, True)
@@ -181,7 +183,7 @@ def _inverse(mechanism: Mechanism, generic: Ranks, q: Array) -> Modes | None:
     return working_modes(mechanism, output_pose(mechanism, q).homogeneous)
 
 
-def _notes(mechanism: Mechanism, generic: Ranks, q: Array) -> list[str]:
+def _notes(mechanism: Mechanism, generic: Ranks) -> list[str]:
     out = []
     count = len(mechanism.actuated)
     if count > generic.mobility:
@@ -192,11 +194,8 @@ def _notes(mechanism: Mechanism, generic: Ranks, q: Array) -> list[str]:
         )
     named = without_length(mechanism)
     out += [named] if named else []
-    outside = mechanism.space.outside(q)
-    if outside.any():
-        name = mechanism.joints[int(np.argmax(outside))]
-        out.append(f"home is beyond the limits of {name}: none was found within all limits")
-    return out
+    beyond = home_outside(mechanism)
+    return [*out, beyond] if beyond else out
 
 
 def independent_inputs(mechanism: Mechanism, generic: Ranks, q: Array) -> Mechanism:

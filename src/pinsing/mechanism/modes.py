@@ -14,6 +14,8 @@ import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing.errors import ConfigurationError
+from pinsing.mechanism.batch import BatchLoops, newton
 from pinsing.mechanism.closure import (
     CLOSED,
     Loops,
@@ -30,6 +32,8 @@ STRAIGHT = 1e-9
 """Sine of an elbow angle up to which it counts as straight."""
 
 _SEED = 947
+_HOME_STARTS = 60
+_MORE_STARTS = 4000
 _POINT = 1e-9
 _ORDER = {"+": 0, "0": 0, "-": 1, "?": 2}
 
@@ -228,6 +232,31 @@ def home(mechanism: Mechanism) -> Array:
     return np.array(mechanism.once("home", lambda: _home(mechanism)))
 
 
+def home_outside(mechanism: Mechanism) -> str:
+    """Which limits home breaks, in words; empty where it keeps them all."""
+    q = home(mechanism)
+    outside = np.flatnonzero(mechanism.space.outside(q))
+    if not len(outside):
+        return ""
+    named = ", ".join(
+        f"{mechanism.joints[k]} = {q[k]:.6g} is not in "
+        f"[{mechanism.lower[k]:.6g}, {mechanism.upper[k]:.6g}]"
+        for k in outside.tolist()
+    )
+    return (
+        f"home is beyond the joint limits ({named}): the loops closed nowhere within all of them, "
+        f"from home and {_HOME_STARTS + _MORE_STARTS} random starts"
+    )
+
+
+def home_error(mechanism: Mechanism) -> ConfigurationError:
+    """That home breaks limits, as an error, for what is asked of configurations within them."""
+    return ConfigurationError(
+        f"{mechanism.name}: {home_outside(mechanism)}; widen the limits, or ignore them "
+        "(--ignore-limits, without_limits())"
+    )
+
+
 def _home(mechanism: Mechanism) -> Array:
     loops = Loops(mechanism)
     # The inputs stay as given if they can.
@@ -243,8 +272,19 @@ def _home(mechanism: Mechanism) -> Array:
             spare.append(found)
     rng = np.random.default_rng(_SEED)
     low, high = mechanism.space.span
-    for start in rng.uniform(low, high, (60, mechanism.n)):
+    for start in rng.uniform(low, high, (_HOME_STARTS, mechanism.n)):
         found, error = gauss_newton(loops, start, masks[1])
+        found = mechanism.space.fold(found)
+        if error <= CLOSED and not mechanism.space.outside(found).any():
+            return found
+    # Where few of the poses are within the limits: many starts, all at once.
+    Q, size = newton(
+        BatchLoops(mechanism), rng.uniform(low, high, (_MORE_STARTS, mechanism.n)), masks[1]
+    )
+    for q in Q[size <= _POINT]:
+        if mechanism.space.outside(mechanism.space.fold(q)).any():
+            continue
+        found, error = gauss_newton(loops, q, masks[1])
         found = mechanism.space.fold(found)
         if error <= CLOSED and not mechanism.space.outside(found).any():
             return found

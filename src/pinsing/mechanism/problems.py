@@ -25,7 +25,7 @@ from pinsing.mechanism.leg_solutions import leg_modes
 from pinsing.mechanism.likeness import SAME, output_pose
 from pinsing.mechanism.linkage_counts import level_words, number_of_modes
 from pinsing.mechanism.mode_words import found_words, noun
-from pinsing.mechanism.modes import home, mode_at, mode_of
+from pinsing.mechanism.modes import home, home_error, mode_at, mode_of
 from pinsing.mechanism.motion import motions
 from pinsing.mechanism.pose import pose_of, read_pose
 from pinsing.mechanism.solve import InfeasibleError, Solution
@@ -136,6 +136,8 @@ def assembly_modes(
     begin[actuated] = asked
     outside = mechanism.space.outside(begin)[actuated]
     if outside.any():
+        if inputs is None:
+            raise home_error(mechanism)
         name = mechanism.inputs[int(np.argmax(outside))]
         raise ConfigurationError(
             f"{mechanism.name}: {name} = {asked[int(np.argmax(outside))]:.6g} is outside its "
