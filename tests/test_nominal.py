@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from fractions import Fraction
 
 import numpy as np
@@ -575,6 +576,16 @@ def test_what_other_tolerances_made_stays_and_is_made_anew_with_others(given):
     assert again.rotation == exact.rotation
     assert again.translation == exact.translation
     assert nominal(exact.arm, angle_tol=0.01).arm is not exact.arm
+
+
+@pytest.mark.parametrize(("name", "tip"), ARMS)
+def test_the_chain_that_a_nominal_arm_is_told_is_that_of_its_model(name, tip):
+    exact = nominal(load(name, tip=tip)).arm
+    told, anew = flatten(exact), flatten(replace(exact))
+    assert told is not anew
+    assert told.R.tobytes() == anew.R.tobytes()
+    assert told.t.tobytes() == anew.t.tobytes()
+    assert (told.prismatic == anew.prismatic).all()
 
 
 def test_the_chain_of_a_nominal_arm_has_its_exact_numbers():

@@ -62,10 +62,21 @@ def _flatten(arm: Arm) -> Chain:
     tip = model.frames[arm.tip_id].placement
     rotations.append(before.T @ tip.rotation)
     translations.append(before.T @ tip.translation)
-    arrays = np.array(rotations), np.array(translations), np.array(sliding, dtype=bool)
-    for array in arrays:
+    return _frozen(
+        Chain(np.array(rotations), np.array(translations), np.array(sliding, dtype=bool))
+    )
+
+
+def keep_chain(arm: Arm, chain: Chain) -> None:
+    """Tell an arm the chain that its model was made of by ``chain_model``."""
+    plain = Chain(chain.R + 0.0, chain.t + 0.0, chain.prismatic)  # no zero has a sign
+    arm.once("chain", lambda: _frozen(plain))
+
+
+def _frozen(chain: Chain) -> Chain:
+    for array in (chain.R, chain.t, chain.prismatic):
         array.flags.writeable = False
-    return Chain(*arrays)
+    return chain
 
 
 def chain_model(chain: Chain, arm: Arm) -> pin.Model:

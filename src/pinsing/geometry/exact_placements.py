@@ -25,6 +25,7 @@ _FINE = 1e-2
 """Fraction of the tolerance within which an angle goes to a multiple of 15 degrees."""
 _FIFTEEN = math.pi / 12
 _QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
+_UNITS = {k: Fraction(k) for k in (-1, 0, 1)}
 _FLOAT_NOISE = 1e-13
 _TWIST_DENOMINATOR = 10**6
 _STEEP = 0.2  # sine of a twist from which on origins are slid along their axes
@@ -191,15 +192,15 @@ class _Maker:
 
     def _signed_permutation(self, i: int, R: Array) -> Matrix | None:
         """The quarter-turn matrix within the angle tolerance of R, if there is one."""
-        P = np.round(R)
-        if not np.array_equal(np.abs(P).sum(axis=0), np.ones(3)) or np.linalg.det(P) < 0.5:
+        P = [[round(x) for x in row] for row in R.tolist()]
+        if any(sum(map(abs, column)) != 1 for column in zip(*P, strict=True)) or _det(P) < 1:
             return None
-        angle = rotation_angle(P.T @ R)
+        angle = rotation_angle(np.array(P, dtype=float).T @ R)
         if angle > self.angle_tol:
             return None
         if angle > _FLOAT_NOISE:
             self._replace_snap(Snap(self.places[i], "angle", angle, 0.0))
-        rows = [tuple(Fraction(int(x)) for x in row) for row in P]
+        rows = [tuple([_UNITS[x] for x in row]) for row in P]
         return (rows[0], rows[1], rows[2])  # type: ignore[return-value]
 
     def _replace_snap(self, snap: Snap) -> None:
@@ -303,6 +304,11 @@ def turn_about_z(angle: float) -> Array:
         return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]], dtype=float)
     c_, s_ = math.cos(angle), math.sin(angle)
     return np.array([[c_, -s_, 0], [s_, c_, 0], [0, 0, 1]])
+
+
+def _det(rows: Sequence[Sequence[int]]) -> int:
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    return a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
 
 
 def _yaw(R: Array) -> float:

@@ -81,5 +81,6 @@ def _product(a: Array | float, b: Array | float) -> Array:
 
 def rotation_angle(R: Array) -> float:
     """Angle (radians) of a rotation matrix, accurate near zero."""
-    skew = np.array([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
-    return math.atan2(float(np.linalg.norm(skew)), (float(np.trace(R)) - 1) / 2)
+    (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = R.tolist()
+    sine = math.hypot(zy - yz, xz - zx, yx - xy) / 2
+    return math.atan2(sine, (xx + yy + zz - 1) / 2)

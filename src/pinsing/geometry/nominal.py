@@ -24,7 +24,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.geometry.chain import Chain, chain_model, flatten
+from pinsing.geometry.chain import Chain, chain_model, flatten, keep_chain
 from pinsing.geometry.exact_placements import (
     Leeway,
     Length3,
@@ -175,5 +175,6 @@ def _on(arm: Arm, leeway: Leeway) -> Nominal:
         "offset": offset,
     }
     on_it.known[_ITSELF] = exact
+    keep_chain(on_it, chain)
     snaps = tuple(s for s in found.snaps if s.size > 0)
     return Nominal(arm=on_it, **exact, snaps=snaps, jacobian_change=change)
