@@ -128,8 +128,7 @@ class ColumnRanks:
     def _ranks(self, sets: Ints) -> Ints:
         """Ranks at the configuration of sets (N, k) of columns."""
         stack = self.J[:, sets].transpose(1, 0, 2)  # (N, m, k)
-        sigma = np.linalg.svd(stack, compute_uv=False)
-        return np.asarray((sigma > self.zero).sum(axis=-1))
+        return np.asarray((singular_values(stack) > self.zero).sum(axis=-1))
 
     def _by_size(self, ids: Sequence[int], nullity: int) -> Iterator[tuple[int, ...]]:
         """Sets within ``ids``, smallest first, of at least this nullity."""
