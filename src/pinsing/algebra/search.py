@@ -333,13 +333,20 @@ class Search:
                     self._within((e,), there, {})
             elif len(h) <= len(p) + len(g) and any(s.is_zero(h) for s in singular):
                 for other in sorted((p, g), key=len):
-                    points = list(self._points((h, other), place.values))
-                    if not points or not all(place.singular(s) for s in points):
-                        continue
-                    if all(s.transversal((h, other)) for s in points):
+                    points = self._all_singular((h, other), place)
+                    if points and all(s.transversal((h, other)) for s in points):
                         backing = Backing(points, [])
                         self._found.add(place.values, (h, other), False, backing=backing)
                         break
+
+    def _all_singular(self, relations: Relations, place: SearchPlace) -> list[SlicePoint]:
+        """Generic points of some equations if all of these are singular, else none."""
+        points = []
+        for s in self._points(relations, place.values):  # a slice at a time, as they are asked
+            if not place.singular(s):
+                return []
+            points.append(s)
+        return points
 
     def _regular(self, place: SearchPlace) -> bool:
         """Whether some configuration of a place is regular, shown by one modulo a prime."""
