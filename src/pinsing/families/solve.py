@@ -267,7 +267,10 @@ def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
     try:
         _, moved = drives(geometry)
     except NotFollowed as reason:
-        return f"the algebra cannot follow a mimic joint of the chain: {reason}", ()
+        return (
+            f"the algebra cannot follow a mimic joint of the chain: {reason}; `pinsing analyze`, "
+            "`sweep` and `map` follow it, and find singular configurations one by one"
+        ), ()
     return None, moved
 
 
