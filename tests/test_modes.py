@@ -12,7 +12,8 @@ import pinocchio as pin
 import pytest
 from mechanisms import URDF, from_model, shipped
 from tiers import tiered
-from urdf_text import stewart, written
+from urdf_text import J as Joint
+from urdf_text import frame, loop_text, stewart, written
 
 import pinsing
 from pinsing.cli import main
@@ -31,7 +32,9 @@ from pinsing.mechanism import (
 from pinsing.mechanism.batch import BatchLoops
 from pinsing.mechanism.closure import Loops, random_closed
 from pinsing.mechanism.feasible import intervals
+from pinsing.mechanism.forms_text import Values
 from pinsing.mechanism.likeness import likeness, same
+from pinsing.mechanism.pose_table import Column, pose_table
 from pinsing.mechanism.problems import Modes
 from pinsing.mechanism.structure import structure
 from pinsing.robot.load_mechanism import Loop
@@ -287,6 +290,53 @@ def test_limits_that_leave_nothing_are_said_by_each_command(tmp_path, capsys):
     with pytest.raises(SystemExit):
         main(["map", str(path), "--loops", "--count", "5", "--ignore-limits"])
     assert capsys.readouterr().err == ""
+
+
+def test_working_modes_are_told_apart_by_their_inputs():
+    """Legs turned by half and pushed back have one pose and one mode by name."""
+    found = working_modes(shipped("rps3").without_limits())
+    assert len({m.mode for m in found.modes}) < len(found.modes)
+    inputs = [
+        Column(n, [float(m.inputs[k]) for m in found.modes], False) for k, n in enumerate("abc")
+    ]
+    poses, more = [m.pose for m in found.modes], [(m.mode,) for m in found.modes]
+    for width in (100, 50):
+        lines = pose_table(poses, more, ("mode",), columns=inputs, width=width)
+        told = [line.split(maxsplit=1)[1] for line in lines if line.split()[0].isdigit()]
+        assert len(told) == len(set(told)) == len(found.modes)
+        assert max(map(len, lines)) <= width
+        assert (lines[0] == "each at z = 1.00000") == (width == 50)
+        # A half turn is one value, not two signs.
+        assert not any("-3.14" in line for line in lines)
+
+
+def test_inputs_without_elbows_have_a_place_in_the_name(tmp_path):
+    joints = [
+        Joint("s0", "base", "c0", (0, 0, 0), (1, 0, 0), "prismatic", (-3, 3)),
+        Joint("b0", "c0", "r0"),
+        frame("e0", "r0", (0.9, 0, 0)),
+        Joint("turn", "e0", "platform"),
+    ]
+    loops = []
+    for k, foot in ((1, (2, 0, 0)), (2, (1, 2, 0))):
+        joints.append(Joint(f"r{k}", "base", f"t{k}", foot))
+        joints.append(
+            Joint(f"p{k}", f"t{k}", f"e{k}", axis=(1, 0, 0), kind="prismatic", limits=(0.1, 3))
+        )
+        joints.append(frame(f"v{k}", "platform", (0.3, 0.2 * k, 0)))
+        loops.append((f"e{k}", f"v{k}"))
+    text = loop_text(
+        loops, ["p1", "s0", "p2"], "platform", "vx, vy, wz", home={"b0": 1.0, "p1": 1.0, "p2": 1.0}
+    )
+    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
+    found = working_modes(mechanism)
+    assert {m.mode.partition("elbows ")[2] for m in found.modes} == {".+.", ".-."}
+
+
+def test_rounding_is_no_value():
+    values = Values(False, frozenset(["s"]))
+    assert values.value("s", 5e-14) == values.value("q", -3e-16) == "0"
+    assert values.value("s", 5e-9) == "5e-09"
 
 
 def test_home_is_found_within_narrow_limits(tmp_path):

@@ -18,6 +18,9 @@ from pinsing.prose import PLAIN, Page, Span, alarm, caution, formula, good, unbr
 Line = tuple[str, tuple[Span, ...]]
 """An indent, and what follows it."""
 
+_DECIMALS = 12
+"""Of joint values: what is behind them is rounding."""
+
 
 def forms_text(
     inputs: Sequence[str],
@@ -75,8 +78,8 @@ class Values:
     def value(self, name: str, value: float, digits: int = 6) -> str:
         """A value with its unit left to the reader."""
         if self.degrees and name not in self.sliding:
-            return f"{math.degrees(value) + 0.0:.{digits}g}°"
-        return f"{value + 0.0:.{digits}g}"
+            return f"{round(math.degrees(value), _DECIMALS) + 0.0:.{digits}g}°"
+        return f"{round(value, _DECIMALS) + 0.0:.{digits}g}"
 
     def interval(self, name: str, found: Interval) -> str:
         """Both ends, or the whole circle."""

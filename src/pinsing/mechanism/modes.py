@@ -35,7 +35,8 @@ _SEED = 947
 _HOME_STARTS = 60
 _MORE_STARTS = 4000
 _POINT = 1e-9
-_ORDER = {"+": 0, "0": 0, "-": 1, "?": 2}
+_NO_ELBOW = "."
+_ORDER = {"+": 0, "0": 0, "-": 1, "?": 2, _NO_ELBOW: 0}
 
 
 @dataclass(frozen=True)
@@ -76,7 +77,8 @@ class ModeSigns:
     assembly : str
         ``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign.
     elbows : tuple of str
-        ``+``, ``-`` or, at a type 1 singularity, ``0`` for each elbow, in the order of the inputs.
+        ``+``, ``-`` or, at a type 1 singularity, ``0`` for each input, in their order; ``.`` for
+        one without an elbow where others have one; empty where none has.
     """
 
     assembly: str
@@ -210,8 +212,10 @@ def assembly_sign(mechanism: Mechanism, q: npt.ArrayLike) -> str:
 
 def mode_at(mechanism: Mechanism, q: npt.ArrayLike) -> ModeSigns:
     """Assembly and working mode at a closed configuration q (n,)."""
-    signs = tuple(_sign(s) for s in elbow_sines(mechanism, q).tolist())
-    return ModeSigns(assembly_sign(mechanism, q), signs)
+    sines = elbow_sines(mechanism, q).tolist()
+    signs = {e.crank - 1: _sign(s) for e, s in zip(elbows(mechanism), sines, strict=True)}
+    named = tuple(signs.get(a, _NO_ELBOW) for a in mechanism.actuated) if signs else ()
+    return ModeSigns(assembly_sign(mechanism, q), named)
 
 
 def _sign(value: float) -> str:

@@ -5,10 +5,26 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
+from pinsing._dataclass import dataclass
 from pinsing.mechanism.pose import Pose
 
 _NAMES = ("x", "y", "z", "roll", "pitch", "yaw")
 _ROUND = 5e-10
+_SAME = 1e-7
+
+
+@dataclass(frozen=True)
+class Column:
+    """Numbers of a table, one for each row: metres, or radians where it ``turns``."""
+
+    title: str
+    values: Sequence[float]
+    turns: bool
+
+    def shown(self, degrees: bool) -> list[float]:
+        """As they are printed."""
+        unit = 180 / math.pi if degrees and self.turns else 1.0
+        return [unit * v for v in self.values]
 
 
 def pose_table(
@@ -17,8 +33,12 @@ def pose_table(
     titles: Sequence[str],
     degrees: bool = False,
     width: int = 100,
+    columns: Sequence[Column] = (),
 ) -> list[str]:
     """Lines of a table with a number, the coordinates that are not zero throughout, and more.
+
+    Where it would be wider than ``width`` with columns of numbers, coordinates that are the same
+    in all rows are in a line above it.
 
     Parameters
     ----------
@@ -33,32 +53,52 @@ def pose_table(
     width : int
         Columns there are: numbers have fewer digits where they must, and lines that are still
         too long may be broken.
+    columns : sequence of Column
+        Further numbers of each row, behind the pose.
     """
-    for digits in (5, 4, 3):
-        lines = _lines(poses, more, titles, degrees, digits)
-        if max(map(len, lines), default=0) <= width:
-            # Spaces that do not break keep a row on its line.
-            return [line.replace(" ", "\u00a0") for line in lines]
-    return lines
+    if not poses:
+        return []
+    values = [[*p.position, *(_half_turn(v) for v in p.angles)] for p in poses]
+    shown = [k for k in range(6) if any(abs(v[k]) > _ROUND for v in values)] or [0, 1, 2]
+    pose = [Column(_NAMES[k], [v[k] for v in values], k > 2) for k in shown]
+    changing = [c for c in pose if max(c.values) - min(c.values) > _SAME]
+    alike = [c for c in pose if c not in changing] if columns and len(poses) > 1 else []
+    for left in ([], alike) if alike else ([],):
+        head = _said(left, degrees)
+        for digits in (5, 4, 3):
+            numbers = [*(c for c in pose if c not in left), *columns]
+            lines = _lines(numbers, more, titles, degrees, digits)
+            if max(map(len, lines)) <= width:
+                # Spaces that do not break keep a row on its line.
+                return [*head, *(line.replace(" ", "\u00a0") for line in lines)]
+    return [*head, *lines]
+
+
+def _half_turn(angle: float) -> float:
+    """An angle, a half turn always the positive one."""
+    return math.pi if angle < _ROUND - math.pi else angle
+
+
+def _said(columns: Sequence[Column], degrees: bool) -> list[str]:
+    """One line with what is the same in all rows."""
+    if not columns:
+        return []
+    said = (f"{c.title} = {_number(c.shown(degrees)[0], 5)}" for c in columns)
+    return [f"each at {', '.join(said)}"]
 
 
 def _lines(
-    poses: Sequence[Pose],
+    numbers: Sequence[Column],
     more: Sequence[Sequence[str]],
     titles: Sequence[str],
     degrees: bool,
     digits: int,
 ) -> list[str]:
-    if not poses:
-        return []
-    values = [(*p.position, *p.angles) for p in poses]
-    shown = [k for k in range(6) if any(abs(v[k]) > _ROUND for v in values)] or [0, 1, 2]
-    unit = 180 / math.pi if degrees else 1.0
-    rows = [["", *(_NAMES[k] for k in shown), *titles]]
+    values = zip(*(c.shown(degrees) for c in numbers), strict=True)
+    rows = [["", *(c.title for c in numbers), *titles]]
     for i, (row, extra) in enumerate(zip(values, more, strict=True), 1):
-        cells = [row[k] * (unit if k > 2 else 1.0) for k in shown]
-        rows.append([str(i), *(_number(v, digits) for v in cells), *extra])
-    count = len(shown) + 1
+        rows.append([str(i), *(_number(v, digits) for v in row), *extra])
+    count = len(numbers) + 1
     widths = [max(len(r[c]) for r in rows) for c in range(len(rows[0]))]
     lines = []
     for r in rows:

@@ -13,7 +13,7 @@ from pinsing.mechanism.joint_forms import JointForms
 from pinsing.mechanism.loci import LoopForms
 from pinsing.mechanism.motion import MechanismState
 from pinsing.mechanism.pose_forms import PoseForms
-from pinsing.mechanism.pose_table import pose_table
+from pinsing.mechanism.pose_table import Column, pose_table
 from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.mechanism.solve import Solution
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, good, unbroken
@@ -204,7 +204,7 @@ def _configurations(
     yield from _modes(a, a.assemblies, values, joints, page)
     if a.working:
         yield "  ", (f"inverse problem, for the pose there: {a.inverse}",)
-        yield from _modes(a, a.working, values, joints, page)
+        yield from _modes(a, a.working, values, joints, page, a.inputs)
     if a.ranges:
         yield (
             "  ",
@@ -216,9 +216,14 @@ def _configurations(
 
 
 def _modes(
-    a: MechanismAnalysis, modes: Sequence[Solution], values: Values, joints: bool, page: Page
+    a: MechanismAnalysis,
+    modes: Sequence[Solution],
+    values: Values,
+    joints: bool,
+    page: Page,
+    inputs: Sequence[str] = (),
 ) -> Iterator[Line]:
-    """A table: the pose of the output first."""
+    """A table: the pose of the output first, then the ``inputs`` that tell modes apart."""
     rows = [s.pose for s in modes if s.pose is not None]
     count = min(len(rows), len(modes) if joints else _MOST_ROWS)
     for line in pose_table(
@@ -227,6 +232,10 @@ def _modes(
         ("ways", "mode"),
         values.degrees,
         page.width - 4,
+        [
+            Column(name, [float(s.inputs[k]) for s in modes[:count]], name not in values.sliding)
+            for k, name in enumerate(inputs)
+        ],
     ):
         yield "    ", (line,)
     if count < len(modes):

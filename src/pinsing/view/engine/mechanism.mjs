@@ -93,9 +93,11 @@ export function assemblySign(data, q) {
   return value === null ? "?" : sign(value);
 }
 
-// Assembly and working mode in words: "assembly +, elbows -+".
+// Assembly and working mode in words: "assembly +, elbows -+"; "." stands for an input without an elbow.
 export function modeOf(data, q) {
-  const assembly = `assembly ${assemblySign(data, q)}`, signs = elbowSines(data, q).map(sign).join("");
+  const assembly = `assembly ${assemblySign(data, q)}`, found = elbowSines(data, q).map(sign);
+  const cranks = data.elbows.map((e) => e.crank);
+  const signs = found.length ? data.actuated.map((j) => found[cranks.indexOf(j)] ?? ".").join("") : "";
   return signs ? `${assembly}, elbows ${signs}` : assembly;
 }
 
