@@ -120,5 +120,7 @@ class Branch:
                     copies = [v.value + 2 * np.pi * k for k in turns]
                 elif not low <= v.value <= high:
                     copies = []
-            fixed = [np.where(np.arange(space.n) == v.joint, c, f) for f in fixed for c in copies]
+            fixed = [f.copy() for f in fixed for _ in copies]
+            for k, f in enumerate(fixed):
+                f[v.joint] = copies[k % len(copies)]
         return fixed

@@ -62,6 +62,8 @@ def values_reached(
         known |= dict.fromkeys(exact, reached)
     else:
         for branch in branches:
+            if not branch.values:
+                continue
             # A branch is where all its values are, so one that is outside takes it all there.
             allowed = all(_inside(v.value, v.joint, limits, prismatic) for v in branch.values)
             found = allowed and (not branch.equations or met(branch))
