@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 import re
 from dataclasses import replace
@@ -48,7 +49,7 @@ def form_of(name):
     return made[name]
 
 
-def with_numbers(table, lengths):
+def with_numbers(table, lengths, task="pose"):
     """The arm of a table whose lengths and twists are those given; what slides has room."""
     rows = [
         replace(
@@ -60,7 +61,7 @@ def with_numbers(table, lengths):
         )
         for i, row in enumerate(table.rows, 1)
     ]
-    return pinsing.load(bare_urdf(replace(table, rows=tuple(rows))), tip="tool0")
+    return pinsing.load(bare_urdf(replace(table, rows=tuple(rows))), tip="tool0", task=task)
 
 
 def random_lengths(form, rng):
@@ -137,6 +138,36 @@ def test_what_is_singular_everywhere_is_so(name, rng):
         zero = dict.fromkeys(condition.removesuffix(" = 0").split(" = "), 0.0)
         arm = with_numbers(table, {**random_lengths(form, rng), **zero})
         assert pinsing.generic_rank(arm) < form.generic_rank
+
+
+PLANAR4 = """name: planar4
+convention: standard
+units: {angle: deg, length: m}
+rows:
+""" + "".join(
+    f"  - {{alpha: 0, a: {a}, d: 0, theta: 0, type: revolute, limits: [-180, 180]}}\n"
+    for a in (0.4, 0.3, 0.2, 0.1)
+)
+
+
+@pytest.mark.parametrize("name", ["planar 4R", "stanford", "puma560"])
+def test_lengths_that_are_zero_at_once(name, tmp_path, rng):
+    """Every set of up to three lengths, with numbers; families of several equations, too."""
+    path, task = tmp_path / "planar4.dh.yaml", "vx,vy"
+    path.write_text(PLANAR4)
+    if name != "planar 4R":
+        path, task = TABLES[name], "pose"
+    form = pinsing.closed_form(pinsing.load(path, task=task), symbols=True, seconds=LONG)
+    everywhere = [c for c in form.changes if c.kind == "singular everywhere"]
+    told = [frozenset(c.condition.removesuffix(" = 0").split(" = ")) for c in everywhere]
+    assert len(told) == len(set(told))
+    assert len(told) == 4 or name != "planar 4R"
+    table, lengths = read_dh(path), random_lengths(form, rng)
+    for size in (1, 2, 3):
+        for some in itertools.combinations(form.symbols, size):
+            arm = with_numbers(table, {**lengths, **dict.fromkeys(some, 0.0)}, task)
+            less = pinsing.generic_rank(arm) < form.generic_rank
+            assert less == any(t <= set(some) for t in told), some
 
 
 MODIFIED = """name: modified

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -22,6 +22,8 @@ _TURNS = (0, 2, 1, -1)
 _AT_TURN = ((1, 0), (1, 1), (0, 1), (1, -1))
 """Half-angle coordinates of no, one, two and three right angles."""
 _STRAIGHT = 1e-9
+_AT_ONCE = 3
+"""Lengths that are zero at once, at most, where it is asked whether all is singular."""
 
 Images = Mapping[int, tuple[int, int | None]]
 """For some variables a number times another variable, or a number alone."""
@@ -115,11 +117,25 @@ class Changes:
         for s, t in sorted(together):
             for sign in (1, -1):
                 yield from (c for c in self._at(self._equal(s, t, sign)) if c.kind != "becomes")
-            if s not in whole and t not in whole:
-                both = f"{self.names.names[s]} = {self.names.names[t]} = 0"
-                zero = {self.ring.variables(k)[0]: (0, None) for k in (s, t)}
-                if self._everywhere(zero):
-                    yield DesignChange(both, "", EVERYWHERE, ())
+        yield from self._without_lengths(whole)
+
+    def _without_lengths(self, told: Collection[int]) -> Iterator[DesignChange]:
+        """Lengths that make every configuration singular when they are zero at once.
+
+        Whatever the families are; fewest first, and of those that do so no larger sets. Those that
+        do so alone and were told are left out.
+        """
+        lengths = [s for s in range(self.names.n, len(self.names.names)) if self.ring.prismatic[s]]
+        enough = [{s} for s in told]
+        for size in range(1, _AT_ONCE + 1):
+            for some in itertools.combinations(lengths, size):
+                if any(known <= set(some) for known in enough):
+                    continue
+                self.time.check()
+                if self._everywhere({self.ring.variables(s)[0]: (0, None) for s in some}):
+                    enough.append(set(some))
+                    condition = " = ".join(self.names.names[s] for s in some)
+                    yield DesignChange(f"{condition} = 0", "", EVERYWHERE, ())
 
     def _alone(self, s: int) -> Iterator[SpecialDesign]:
         """Special values of one symbol."""

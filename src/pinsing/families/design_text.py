@@ -49,7 +49,8 @@ class DesignNames:
 
 def text_of(e: Equation, latex: bool = False) -> str:
     """An equation as one reads it, its coefficients exact."""
-    if len(e.cos) > _LONGEST and not latex:
+    written = int((e.cos != 0).sum() + (e.sin != 0).sum())
+    if written > _LONGEST and not latex:
         return f"f({', '.join(e.joints[j] for j in e.involved)}) = 0 [{len(e.cos)} terms]"
     whole = all(len(c) <= _DIGITS for pair in e.exact for c in pair)
     return (whole and e.exact_text(latex)) or (e.latex() if latex else e.text())
