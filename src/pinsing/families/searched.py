@@ -183,9 +183,9 @@ def searched(
         components, count = slices.components, slices.count
         gaps = [] if slices.enough else gaps
         steps = together([steps, *slices.steps] if gaps else slices.steps)
-        if count is not None and not gaps:
+        if count is not None:
             missed = on_none(maker, real.q, components)
-            gaps += gap(real.q, missed, arm.prismatic)
+            gaps = gap(real.q, missed, arm.prismatic) + gaps
             count = replace(count, real=len(real.q), real_off=int(missed.sum()))
     maker.confirm = own
     return Searched(geometry, ring, components, gaps, maker, steps, count)
