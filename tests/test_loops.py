@@ -570,6 +570,39 @@ def test_change_points_of_a_parallelogram_are_constraint_singularities():
     assert "constraint" not in kinds
 
 
+def test_a_kite_is_of_type_1_in_one_assembly_mode_throughout():
+    """Crank and coupler alike: folded, the coupler's end stays on the crank's pivot."""
+    mechanism = four_bar(1.0, 0.6, 0.6, 1.0)
+    forms = loop_forms(mechanism)
+    found = [x for x in forms.loci if x.kind == "type 1"]
+    # Stretched, crank and coupler are 1.2 long, and the rocker 1 about (1, 0).
+    at = {round(float(np.degrees(x.witness.inputs[0])), 6) for x in found}
+    stretched = round(float(np.degrees(np.arccos(1.2 / 2))), 6)
+    assert at == {stretched, -stretched}
+    assert not forms.complete
+    (note,) = forms.notes
+    assert "leg 1 is folded there with its end at rest" in note
+    # So it is, by Pinocchio, at any crank angle.
+    for crank in (0.3, 1.9, -2.5):
+        modes = [mechanism_at(mechanism, m.q) for m in assemblies(mechanism, [crank])]
+        assert "type 1" in {m.kind for m in modes}
+    found = analyze_mechanism(mechanism)
+    assert all(check.passed for check in found.checks)
+    assert "NOT complete" in str(found)
+
+
+def test_a_rhombus_is_said_whole_and_long_links_are_no_trouble():
+    for size in (1.0, 50.0):
+        forms = loop_forms(four_bar(*[size] * 4))
+        assert {x.kind for x in forms.loci} == {"type 1", "type 2"}
+        assert not forms.complete
+        for driven in ("crank", "rocker"):
+            found = analyze_mechanism(four_bar(*[size] * 4, driven=driven))
+            assert all(check.passed for check in found.checks)
+            kinds = {(p.kind, round(abs(float(np.degrees(p.inputs[0]))))) for p in found.points}
+            assert {("constraint", 0), ("constraint", 180)} <= kinds
+
+
 def test_both_cranks_stretched_with_rods_in_line_is_type_3():
     """P between B1 and B2 on the line A1 A2, all in one line: types 1 and 2 at once."""
     model = planar_tree(

@@ -24,6 +24,7 @@ from pinsing.mechanism import (
     ranks,
 )
 from pinsing.mechanism.forms_text import forms_text
+from pinsing.mechanism.rods import why_no_rods
 from pinsing.robot.mechanism import Mechanism
 
 URDF = Path(__file__).resolve().parents[2] / "urdf"
@@ -173,7 +174,7 @@ def part(mechanism: Mechanism, name: str) -> str:
     forms = pose_forms(mechanism) if loops is None else loops
     joints = joint_forms(mechanism)
     if forms is None:
-        lines += ["No closed form over the pose: the legs do not pass one force each.", ""]
+        lines += [f"No closed form over the pose: {why_no_rods(mechanism)}.", ""]
     lines += ["```", forms_text(mechanism.inputs, forms, joints=joints, longest=1_500), "```", ""]
     lines += pictures(mechanism, name)
     known = KNOWN.get(name)
@@ -304,6 +305,37 @@ def of_bennett(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     )
 
 
+def of_rssr(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    lengths = yaml.safe_load((URDF / "rssr.mechanism.yaml").read_text(encoding="utf-8"))
+    pivot, arm = np.array(lengths["rocker_pivot"]), np.array(lengths["rocker_arm"])
+    volumes, told = [], []
+    for point in pinsing.analyze_mechanism(mechanism).points:
+        crank, rocker = (point.q[mechanism.joints.index(n)] for n in ("crank", "rocker"))
+        pin = lengths["crank"] * np.array([np.cos(crank), np.sin(crank), 0])
+        c, s = np.cos(rocker), np.sin(rocker)
+        end = pivot + lengths["rocker"] * (np.array([[1, 0, 0], [0, c, -s], [0, s, c]]) @ arm)
+        volumes.append(abs(np.cross(pin, end - pin)[2]))
+        told.append(f"{crank:.6f}")
+    yield (
+        "dead centres of the rocker: the coupler's line meets the crank's axis",
+        f"type 1 at crank = {', '.join(dict.fromkeys(told))} rad; coupler, crank and axis span "
+        f"{max(volumes):.0e}",
+    )
+
+
+def of_loci(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    """Planar legs of two links: what is known of them, beside the words of the loci."""
+    loops = loop_forms(mechanism)
+    forms = pose_forms(mechanism) if loops is None else loops
+    rods = len(mechanism.inputs)
+    told = {}
+    for locus in forms.loci:
+        told.setdefault(locus.kind, []).append(locus.words)
+    yield "type 1: a leg is stretched or folded", "; ".join(told["type 1"])
+    known = "both rods are in line" if rods == 2 else "the lines of the rods meet or are parallel"
+    yield f"type 2: {known} (Gosselin and Angeles 1990)", "; ".join(told["type 2"])
+
+
 def of_agile_eye(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     found = pinsing.assembly_modes(mechanism)
     yield "8 assembly modes (Gosselin, Sefrioui and Richard 1994)", found.statement
@@ -331,6 +363,9 @@ KNOWN: dict[str, Known] = {
     "planar_3rpr": of_3rpr,
     "delta": of_delta,
     "bennett": of_bennett,
+    "rssr": of_rssr,
+    "five_bar": of_loci,
+    "planar_3rrr": of_loci,
     "rps3": of_rps,
     "agile_eye": of_agile_eye,
 }

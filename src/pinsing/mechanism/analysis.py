@@ -237,7 +237,8 @@ def _checks(
     if forms is None:
         return []
     known = {locus.kind for locus in forms.loci}
-    judged = [p for p in points if p.kind in known or p.kind == "type 3"]
+    # Of a curve that is singular throughout no equation over the inputs tells; the notes do.
+    judged = [p for p in points if (p.kind in known or p.kind == "type 3") and not p.whole_curve]
     worst = (
         max(
             (min(abs(float(x.equation(p.inputs))) / x.equation.size for x in forms.loci))

@@ -14,6 +14,7 @@ from pinsing.mechanism.structure import structure
 from pinsing.robot.mechanism import Mechanism
 
 _TINY = 1e-12
+_FLOOR = 1e-15
 _LARGEST_STEP = 0.5
 _CLOSE = 1e-9
 
@@ -267,6 +268,8 @@ def _step(J: Array, error: Array) -> Array:
     Jt = np.swapaxes(J, 1, 2)
     wide = J.shape[1] <= J.shape[2]
     A = J @ Jt if wide else Jt @ J
+    # Of long links the products are so large that this would be rounded away.
+    damping = np.maximum(damping, _FLOOR * np.trace(A, axis1=1, axis2=2))
     A = A + damping[:, None, None] * np.eye(A.shape[-1])
     if wide:
         return np.asarray(-(Jt @ np.linalg.solve(A, error[:, :, None]))[:, :, 0])

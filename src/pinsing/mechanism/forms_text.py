@@ -98,6 +98,8 @@ def loop_lines(
     """Loci over the inputs."""
     whole = good("complete") if forms.complete else caution("NOT complete")
     yield "", ("Closed forms of the singular loci over the inputs, in m², ", whole, ":")
+    if not forms.loci and forms.complete:
+        yield "  ", ("none: no inputs are singular",)
     for locus in forms.loci:
         extra = " (isolated points)" if locus.points_only else ""
         extra += "" if locus.witness else " (no configuration found that closes the loops)"

@@ -110,12 +110,29 @@ def loop_forms(mechanism: Mechanism) -> LoopForms | None:
             "neither the pin's position nor the link that the dyad drives"
         )
     conditions += [("type 1", i, system.leg(i)) for i in legs or ()]
-    loci = [
-        locus
-        for kind, leg, condition in conditions
-        for locus in _loci(system, kind, leg, condition)
-    ]
-    return LoopForms(tuple(loci), legs is not None, tuple(notes))
+    loci: list[Locus] = []
+    always = False
+    for kind, leg, condition in conditions:
+        eliminated = system.ring.strip(system.eliminate(condition))
+        if eliminated != 0:
+            loci += _loci(system, kind, leg, eliminated)
+            continue
+        always = True
+        if leg is None:
+            notes.append(f"{kind}: at all inputs in one assembly mode")
+            continue
+        # One of the two ways to be in line is there at all inputs; the other has an equation.
+        for sense, word in ((1, "stretched"), (-1, "folded")):
+            inputs = system.ring.strip(system.in_line(leg, sense))
+            if inputs != 0:
+                loci += _loci(system, kind, leg, inputs, sense)
+                continue
+            notes.append(
+                f"{kind}: at all inputs in one assembly mode, of which no equation over the inputs "
+                f"tells: leg {leg + 1} is {word} there with its end at rest; the equations in the "
+                "joint angles have it"
+            )
+    return LoopForms(tuple(loci), legs is not None and not always, tuple(notes))
 
 
 class _LoopEquations:
@@ -155,6 +172,7 @@ class _LoopEquations:
         self.W = W
         self.v = tuple(b - a for a, b in zip(*ends, strict=True))
         d1, d2 = self._exact(first.rod_length, "rod"), self._exact(second.rod_length, "rod")
+        self.rods = (d1, d2)
         u, v = self.u, self.v
         self.circle = u[0] ** 2 + u[1] ** 2 - d1 * d1
         # The second circle minus the first: linear in u.
@@ -195,6 +213,15 @@ class _LoopEquations:
             return self.u[0] * s - self.u[1] * c
         return (self.W * self.u[0] - self.v[0]) * s - (self.W * self.u[1] - self.v[1]) * c
 
+    def in_line(self, side: int, sense: int) -> Poly:
+        """What the inputs must fulfil with a leg stretched (``sense`` 1) or folded (-1)."""
+        v, W, d1, d2 = self.v, self.W, *self.rods
+        if side == 1:
+            v, d1, d2 = (-v[0], -v[1]), d2, d1
+        c, s = self.direction[side]
+        along = 2 * sense * d1 * self.w[1 - side] * (c * v[0] + s * v[1])
+        return v[0] ** 2 + v[1] ** 2 - along + (d1 * d1 - d2 * d2) * W**2
+
     def eliminate(self, condition: Poly) -> Poly:
         """What the inputs must fulfil: the rod's vector eliminated in either order."""
         out = self.ring.zero
@@ -229,16 +256,18 @@ def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
     return cranked if int(output.parentJoint) - 1 == driven.pin else None
 
 
-def _loci(system: _LoopEquations, kind: str, leg: int | None, condition: Poly) -> list[Locus]:
+def _loci(
+    system: _LoopEquations, kind: str, leg: int | None, eliminated: Poly, sense: int = 0
+) -> list[Locus]:
+    """The factors that have real points; ``sense`` as in `_LoopEquations.in_line`, 0 for either."""
     ring = system.ring
-    eliminated = ring.strip(system.eliminate(condition))
     coincide = system.v[0] ** 2 + system.v[1] ** 2
     out = []
     for factor in ring.factors(eliminated):
         form = system.equation(factor)
         _, remainder = divmod(coincide, factor)
         points_only = kind == "type 2" and remainder == 0
-        witness = _witness(system.dyad, kind, leg, form, points_only)
+        witness = _witness(system.dyad, kind, leg, form, points_only, sense)
         words = _words(system.dyad, kind, leg, witness, points_only)
         if witness is not None or _has_real_points(form):
             metric = _metric(system.dyad, form, leg, words)
@@ -312,13 +341,17 @@ def _coincident(dyad: Dyad) -> list[Array]:
 
 
 def _witness(
-    dyad: Dyad, kind: str, leg: int | None, form: Equation, points_only: bool
+    dyad: Dyad, kind: str, leg: int | None, form: Equation, points_only: bool, sense: int
 ) -> SingularPoint | None:
     mechanism = dyad.mechanism
     for inputs in _candidates(dyad, form, points_only):
         for q in dyad.close(inputs) or _touching(dyad, inputs):
             if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
                 continue
+            if leg is not None and sense:
+                crank, rod = dyad.link_directions(q, leg)
+                if sense * float(crank @ rod) < 0:
+                    continue
             held = [] if points_only else list(mechanism.actuated[:-1])
             point = refine_point(mechanism, q, kind, held)
             if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
