@@ -134,3 +134,24 @@ def test_an_arm_with_such_a_family_is_stated_so_in_text_json_and_on_the_page() -
     page = Stage(arm, entries, Links(None), sizes(arm), True).page(live=False)
     shown = next(e for e in page["entries"] if e["name"] == family.name)
     assert [s["condition"] for s in shown["solved"]][: len(said.lines())] == list(said.lines())
+
+
+def test_a_joint_that_an_equation_names_alone_is_given_nothing(zero: np.ndarray) -> None:
+    """Of four equations one is about q5 only: a list of no joints was written, which failed."""
+
+    def simple(*joints: int) -> Equation:
+        frequencies = np.zeros((2, 5), dtype=np.int64)
+        frequencies[0, list(joints)] = 2
+        cos, sin = np.array([1.0, 0.0]), np.array([0.5, 0.0])
+        powers = np.zeros_like(frequencies)
+        e = Equation(SYMBOLS, frequencies, powers, cos, sin, np.zeros(5))
+        return Equation(
+            SYMBOLS, frequencies, powers, cos - np.array([0.0, float(e(zero))]), sin, np.zeros(5)
+        )
+
+    long = long_equation(1, 1, (2, 3), zero)
+    found = at_once(Branch((), (simple(4), simple(3, 4), simple(2, 3), long)), zero, SYMBOLS)
+    assert found is not None
+    assert found.follow == ("q5", "q4", "q3", "q2")
+    assert found.steps[0] == "q5 has two solutions [2 terms]"
+    assert found.steps[1] == "q4 has two solutions given q5 [2 terms]"

@@ -200,9 +200,10 @@ def _peeled(
 def _told(step: Step) -> str:
     """What one of many equations says of a joint."""
     names = step.equation.joints
-    given = listed([names[j] for j in step.equation.involved if j != step.joint])
+    others = [names[j] for j in step.equation.involved if j != step.joint]
+    given = f" given {listed(others)}" if others else ""
     count = "two solutions" if step.kind == "once" else "one solution"
-    return f"{names[step.joint]} has {count} given {given} [{len(step.equation.cos)} terms]"
+    return f"{names[step.joint]} has {count}{given} [{len(step.equation.cos)} terms]"
 
 
 def _choices(options: Sequence[Sequence[int]]) -> Iterator[tuple[int, ...]]:
