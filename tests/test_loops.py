@@ -19,6 +19,7 @@ from mechanisms import (
     shipped,
 )
 from scipy.optimize import brentq
+from urdf_text import J, frame, loop_text, written
 
 from pinsing.errors import (
     ConfigurationError,
@@ -568,6 +569,25 @@ def test_change_points_of_a_parallelogram_are_constraint_singularities():
     other = four_bar(0.4, 0.2, 0.41, 0.2)
     kinds = {p.kind for p in find_singular(other, curves(other, [0.5], 0))}
     assert "constraint" not in kinds
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_the_size_of_a_linkage_changes_no_finding(size, tmp_path):
+    """The lengths of the file alone, not the length scale."""
+    found = []
+    for unit in (1.0, size):
+        joints = []
+        for k, foot in ((1, -0.5), (2, 0.5)):
+            joints.append(J(f"q{k}", "base", f"crank{k}", (foot * unit, 0, 0)))
+            joints.append(J(f"b{k}", f"crank{k}", f"rod{k}", (unit, 0, 0)))
+            joints.append(frame(f"P{k}", f"rod{k}", (1.2 * unit, 0, 0)))
+        text = loop_text([("P1", "P2")], ["q1", "q2"], "P1", "vx, vy", "planar")
+        made = load_mechanism(written(tmp_path, joints, text + "home: {q1: 2, q2: 1}\n"))
+        found.append(analyze_mechanism(made))
+        assert all(check.passed for check in found[-1].checks)
+    small, large = ([p.inputs for p in x.points] for x in found)
+    assert len(small) == len(large) == 12
+    np.testing.assert_allclose(small, large, atol=1e-9)
 
 
 def test_a_kite_is_of_type_1_in_one_assembly_mode_throughout():

@@ -7,6 +7,8 @@ the axes of its first frame; translations before rotations.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
@@ -32,6 +34,28 @@ _AT_HOME = 1e-6
 _STEP = 0.03
 _STEPS = 4
 _LOOSE = 1e-7
+_FAR = 30.0
+
+
+def to_its_size(mechanism: Mechanism) -> Mechanism:
+    """The mechanism, or one whose length scale is its own size where that is far from the given.
+
+    Newton's steps of a system with lengths and angles in it depend on it: a linkage of millimetres
+    on a scale of a metre has columns that are lost beside those of turning.
+    """
+    return mechanism.once("to_its_size", lambda: _to_its_size(mechanism))
+
+
+def _to_its_size(mechanism: Mechanism) -> Mechanism:
+    model = mechanism.model
+    places = [*(p.translation for p in model.jointPlacements)]
+    places += [f.placement.translation for f in model.frames]
+    size = max((float(np.linalg.norm(p)) for p in places), default=0.0)
+    ends = np.array([mechanism.lower, mechanism.upper])[:, mechanism.prismatic]
+    size = max(size, float(np.abs(ends[np.isfinite(ends)]).max(initial=0.0)))
+    if size == 0 or 1 / _FAR <= size / mechanism.length_scale <= _FAR:
+        return mechanism
+    return replace(mechanism, length_scale=size)
 
 
 class Loops:

@@ -22,7 +22,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
-from pinsing.mechanism.closure import Loops, ranks
+from pinsing.mechanism.closure import Loops, ranks, to_its_size
 from pinsing.mechanism.likeness import likeness, same
 from pinsing.mechanism.modes import mode_of
 from pinsing.mechanism.motion import _motions
@@ -118,7 +118,8 @@ def refine_point(
         raise OptionError(f"unknown kind {kind!r}: it is type 1, type 2, type 3 or constraint")
     q = mechanism.check(q)
     loops = Loops(mechanism)
-    found = _solve(_System(loops, q, kind, list(held)), q) * loops.column_scale
+    inner = Loops(to_its_size(mechanism))
+    found = _solve(_System(inner, q, kind, list(held)), q) * inner.column_scale
     return _point(loops, found, kind, held, rtol)
 
 
