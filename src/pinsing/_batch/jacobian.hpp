@@ -3,15 +3,11 @@
 // q[n] -> J[6 * n], row r of joint i at J[r * n + i]: translation rows first, of the tip point, in
 // the axes of the base (LOCAL_WORLD_ALIGNED): z x (tip - origin) over z for a revolute joint, z
 // over zero for a prismatic one.
-//
-// Free: in the axes of the first joint's frame instead, moving along with it if it turns; singular
-// values of all six rows are the same, and the first joint's value and placement are of no effect.
-template <bool Free>
 static __attribute__((noinline)) void jacobian_block(const Chain& chain, const V* q, V* J) {
     const int n = chain.n;
     V R[9], p[3];
-    for (int k = 0; k < 9; k++) R[k] = broadcast(Free ? (k % 4 == 0 ? 1.0 : 0.0) : chain.R[k]);
-    for (int k = 0; k < 3; k++) p[k] = broadcast(Free ? 0.0 : chain.t[k]);
+    for (int k = 0; k < 9; k++) R[k] = broadcast(chain.R[k]);
+    for (int k = 0; k < 3; k++) p[k] = broadcast(chain.t[k]);
     for (int i = 0; i < n; i++) {
         if (i > 0) {
             const double* C = chain.R + 9 * i;
@@ -35,7 +31,7 @@ static __attribute__((noinline)) void jacobian_block(const Chain& chain, const V
         }
         if (chain.prismatic[i]) {
             for (int r = 0; r < 3; r++) p[r] += R[3 * r + 2] * q[i];
-        } else if (!Free || i > 0) {
+        } else {
             V s, c;
             sincos(q[i], s, c);
             for (int r = 0; r < 3; r++) {

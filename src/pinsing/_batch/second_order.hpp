@@ -55,7 +55,7 @@ static void second_order_block(const Chain& chain, const Task& task, double zero
     const int n = chain.n, m = task.m, p = n - m + 1, column = m + n;
     const V none_at_all = broadcast(0.0), one = broadcast(1.0);
     V J[6 * kWalkJoints], columns[kWalkJoints * (6 + kWalkJoints)], rows[6 * (kWalkJoints + 6)];
-    jacobian_block<false>(chain, q, J);
+    jacobian_block(chain, q, J);
     for (int j = 0; j < n; j++) {
         for (int i = 0; i < m; i++) columns[j * column + i] = J[task.row[i] * n + j];
         for (int k = 0; k < n; k++) columns[j * column + m + k] = broadcast(j == k ? 1.0 : 0.0);

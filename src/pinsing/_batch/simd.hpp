@@ -205,8 +205,8 @@ PINSING_INLINE V copysign(V magnitude, V sign) {
     return value(bits(vabs(magnitude)) | (bits(sign) & INT64_MIN));
 }
 
-// Lane i of a block in memory.
-PINSING_INLINE double* lanes(V* x) { return reinterpret_cast<double*>(x); }
+// Lanes of a block, or of one machine vector, in memory.
+template <class T> PINSING_INLINE double* lanes(T* x) { return reinterpret_cast<double*>(x); }
 
 // A block x[k] (k < count) in lanes to rows of an array: out[i * count + k], lanes i < width.
 PINSING_INLINE void store_rows(V* x, int count, int width, double* out) {

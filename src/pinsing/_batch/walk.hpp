@@ -74,7 +74,7 @@ struct WalkTask {
 static void ends_of_spectrum(const WalkTask& w, const V* q, V* J, V& first, V& last) {
     const int n = w.n(), m = w.m();
     V A[6 * kWalkJoints], S[kMaxRank];
-    jacobian_block<false>(w.chain, q, J);
+    jacobian_block(w.chain, q, J);
     for (int i = 0; i < m; i++) {
         for (int j = 0; j < n; j++) {
             const V entry = J[w.task.row[i] * n + j];
@@ -236,7 +236,7 @@ static void walk_block(const WalkTask& w, V* q, const V* free, V& taken, V& rest
     Mask active = (ratio_of(first, last) > o.floor) & (movable > zero);
     for (int k = 0; k < o.max_iterations && any(active); k++) {
         taken = select(active, taken + one, taken);
-        jacobian_block<false>(w.chain, q, J);
+        jacobian_block(w.chain, q, J);
         const Mask flat = step_at(w, q, free, J, first, last, damping, step);
         for (int t = 0; t < 2; t++) {
             const double times = t == 0 ? 1.0 : o.stretch;
