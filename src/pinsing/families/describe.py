@@ -17,6 +17,7 @@ from pinsing.families.example import readable
 from pinsing.families.family import Family
 from pinsing.families.kinds import kinds_of
 from pinsing.families.nearness import near
+from pinsing.families.own_points import OwnPoints
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import PieceMaker, SolvedPiece
 from pinsing.families.solved_for import solved_for
@@ -24,6 +25,7 @@ from pinsing.families.statement import statement
 from pinsing.families.value_reach import ValueReach, values_reached
 from pinsing.families.zero_set import gradients
 from pinsing.geometry.nominal import Nominal
+from pinsing.kinematics.verdict import ratios
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 
@@ -34,6 +36,8 @@ _LENGTH_TOL = 1e-6
 _LOOKS = 0.4, 0.6, 0.8
 """Shares of a family's time by which looks within its limits, a little beyond them, and for a
 proof that there is nothing have ended: what is left is for points anywhere."""
+_SHARP = 1e-9
+"""sigma_r / sigma_1 of a point that has its digits."""
 _SAME = 1e-9
 _ON_BRANCH = 1e-6
 """Distance in joint space up to which a point is on a branch."""
@@ -42,10 +46,19 @@ _INDEPENDENT = 1e-7
 
 
 def describe(
-    group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm, geometry: Nominal
+    group: Sequence[SolvedPiece],
+    maker: PieceMaker,
+    arm: Arm,
+    geometry: Nominal,
+    confirm: OwnPoints | None = None,
 ) -> Family:
-    """The family of some pieces that are mirror images of each other."""
+    """The family of some pieces that are mirror images of each other.
+
+    Its points are confirmed and made sharp by ``confirm``, where that is given.
+    """
     draft = stated(group, maker, arm)
+    if confirm is not None:
+        draft = replace(draft, confirm=confirm)
     rng = np.random.default_rng(_SEED)
     if not draft.real:
         if not _drawn(draft, maker, rng):
@@ -67,7 +80,16 @@ def describe(
     points = inside
     if not len(inside):
         points = draft.points(_WITNESSES, rng, rounds=maker.rounds(), stop=anywhere)
+    if draft.confirm is None and _blunt(draft, points, geometry):
+        return describe(group, maker, arm, geometry, OwnPoints(geometry.arm, touching=True))
     return _described(draft, reachability, inside, points, arm, geometry, maker)
+
+
+def _blunt(draft: Family, points: Array, geometry: Nominal) -> bool:
+    """Whether points have half of their digits only, as where an equation touches zero."""
+    if not len(points) or not any(b.equations for b in draft.branches):
+        return False
+    return bool((ratios(geometry.arm, points) > _SHARP).any())
 
 
 def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:

@@ -87,7 +87,8 @@ class Family(Members, JsonResult):
     confirm : callable or None
         Where equations of neighbouring axes hold at regular configurations too (where five of
         these axes depend on each other): which points of them (N, n) are singular, by the
-        rank. Not written to JSON.
+        rank. Where equations touch zero (``confirm.touching``): what gives their points all
+        digits. Not written to JSON.
     solved : tuple of SolvedFor
         Its long equations, each solved for a joint that enters once.
     at_once : tuple of AtOnce

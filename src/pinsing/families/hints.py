@@ -56,7 +56,8 @@ def by_rank_hint(families: Sequence[Family], rank: int) -> str | None:
     Equations of neighbouring axes, or those that slices were led to, are zero wherever the arm is
     singular there; that they are zero nowhere else is not shown.
     """
-    names = [f.name for f in families if f.confirm and any(b.equations for b in f.branches)]
+    asked = [f for f in families if f.confirm is not None and not f.confirm.touching]
+    names = [f.name for f in asked if any(b.equations for b in f.branches)]
     if not names:
         return None
     return (

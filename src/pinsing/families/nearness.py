@@ -56,6 +56,10 @@ class Distance(NamedTuple):
 class Confirm(Protocol):
     """Which points (N, n) of a family's equations are its own: see ``Family.confirm``."""
 
+    @property
+    def touching(self) -> bool:
+        """Whether all of them are, but for digits: equations touch zero there."""
+
     def __call__(self, points: Array) -> Bool:
         """Which of some points (N, n) are."""
 

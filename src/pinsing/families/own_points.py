@@ -38,9 +38,13 @@ class OwnPoints:
     ----------
     arm : Arm
         The exact one.
+    touching : bool
+        Whether the equations are known to be zero at singular points only: they touch zero there,
+        which leaves their points half of the digits.
     """
 
     arm: Arm
+    touching: bool = False
 
     def __call__(self, points: Array) -> Bool:
         """Which of some points (N, n) are singular."""

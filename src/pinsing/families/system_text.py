@@ -185,7 +185,7 @@ def _of(one: FamilySystem) -> Iterator[str]:
         yield f"  {family.name} is the union of {', '.join(_names(one))}"
     if not family.real:
         yield "  no real point of it is known"
-    if family.confirm is not None:
+    if family.confirm is not None and not family.confirm.touching:
         yield "  some solutions may be regular: singular are those at which the rank drops"
 
 
