@@ -24,6 +24,7 @@ from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
+from pinsing._batch import samples
 from pinsing.cli.app import command
 from pinsing.cli.running import Meter, duration, short
 from pinsing.errors import (
@@ -37,12 +38,12 @@ from pinsing.errors import (
 from pinsing.kinematics.evaluator import evaluator, fingerprint, fixed_engine
 from pinsing.maps import MapResult, plan_map, sigma_map, sobol
 from pinsing.maps.plan import BLOCK
-from pinsing.maps.sample import grid_axis, grid_points, unit_points
+from pinsing.maps.sample import grid_axis, grid_points, put_points, unit_points
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.source import Coupling
 from pinsing.runs.executors import local_processes
-from pinsing.runs.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers
+from pinsing.runs.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers, count_values
 
 N = 5 * BLOCK + 77
 
@@ -83,6 +84,49 @@ def test_a_sample_is_the_same_in_any_stretches(sampling: str, dimension: int) ->
     parts = [unit_points(sampling, a, b, dimension, 4) for a, b in itertools.pairwise(cuts)]
     np.testing.assert_array_equal(np.concatenate(parts), whole)
     assert not np.array_equal(unit_points(sampling, 0, 3000, dimension, 5), whole)
+
+
+@pytest.mark.skipif(not samples.available(), reason="the compiled kernel is not installed")
+@given(
+    start=st.one_of(st.integers(0, 10**15), st.integers(0, 5000)),
+    length=st.integers(0, 300),
+    n=st.integers(1, 12),
+    seed=st.integers(0, 9),
+)
+def test_the_kernel_puts_the_same_bits(start: int, length: int, n: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    k = int(rng.integers(1, n + 1))
+    columns = rng.permutation(n)[:k].tolist() if seed % 2 else list(range(k))
+    low = rng.normal(size=k)
+    ranges = np.stack([low, low + rng.uniform(1e-3, 10, k)], axis=1)
+    found = np.full((length, n), 7.0)
+    put_points(found, columns, "sobol", start, ranges, seed)
+    u = unit_points("sobol", start, start + length, k, seed)
+    expected = np.full((length, n), 7.0)
+    expected[:, columns] = u * (ranges[:, 1] - ranges[:, 0]) + ranges[:, 0]
+    np.testing.assert_array_equal(found, expected)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernel, "_missing", "not there")
+        found[:] = 7.0
+        put_points(found, columns, "sobol", start, ranges, seed)
+    np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.skipif(not samples.available(), reason="the compiled kernel is not installed")
+def test_the_kernel_refuses_what_is_not_there() -> None:
+    k, last = 3, 1 << sobol.BITS
+    v, words = sobol.directions(k), np.zeros(k, dtype=np.uint64)
+    columns, ones = np.arange(k), np.ones(k)
+    out = np.empty((2, k))
+    samples.put_sobol(out, v, words, last - 2, columns, ones, ones)  # the last two
+    with pytest.raises(ValueError, match="not as long"):
+        samples.put_sobol(out, v, words, last - 1, columns, ones, ones)
+    with pytest.raises(ValueError, match="columns must be in"):
+        samples.put_sobol(out, v, words, 0, columns + 1, ones, ones)
+    with pytest.raises(ValueError, match="must have shape"):
+        samples.put_sobol(out, v, words, 0, columns, ones[:2], ones)
+    with pytest.raises(ValueError, match="directions"):
+        samples.put_sobol(out, v[:, :2].copy(), words, 0, columns, ones, ones)
 
 
 @pytest.mark.parametrize("sampling", ["sobol", "random"])
@@ -222,6 +266,25 @@ def test_bins_hold_what_their_edges_say() -> None:
     assert ((edges[bins] <= values) & (values < edges[bins + 1])).all()
     inner = edges[1:-1]  # without the bins that end at zero and at infinity
     assert (np.diff(inner) / inner[:-1] <= 2 * QUANTILE_ERROR).all()
+
+
+@pytest.mark.skipif(not samples.available(), reason="the compiled kernel is not installed")
+@given(
+    values=st.lists(
+        st.one_of(st.floats(0, 4), st.sampled_from([0.0, 1e-9, 1e-2, 2.0**-64, 2.0**32, 1e300])),
+        min_size=1,
+        max_size=50,
+    ),
+    stride=st.integers(1, 3),
+)
+def test_the_kernel_counts_the_same(values: list[float], stride: int) -> None:
+    column = np.repeat(np.array(values)[:, None], stride, axis=1)[:, -1]
+    bins, expected = np.zeros(BINS, dtype=np.int64), np.zeros(BINS, dtype=np.int64)
+    found = count_values(column, bins)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(kernel, "_missing", "not there")
+        assert count_values(column, expected) == found
+    np.testing.assert_array_equal(bins, expected)
 
 
 def brute_force(sigma: np.ndarray, worst: int) -> dict[str, object]:

@@ -65,6 +65,9 @@ FUNCTIONS: dict[str, Callable[[Any, Any, Any], object]] = {
     "`refine_many`, 50": lambda p, arm, Q: p.refine_many(arm, Q[:50]),
     "`sweep`, one joint at a time": lambda p, arm, Q: p.sweep(arm, levels=1),
     "`sigma_map`, 10^6": lambda p, arm, Q: p.sigma_map(arm, count=10**6, threads=1),
+    "`sigma_map`, 10^6, every joint": lambda p, arm, Q: p.sigma_map(
+        arm, count=10**6, joints=arm.joints, threads=1
+    ),
 }
 """What both installations export: asked with the module, an arm and its configurations."""
 OF_FUNCTIONS = ("UR5", "Franka Panda", "Stanford arm")

@@ -139,3 +139,20 @@ def second_orders(
     isa: str,
     threads: int,
 ) -> None: ...
+def sobol_points(
+    directions: NDArray[np.uint64],
+    words: NDArray[np.uint64],
+    start: int,
+    columns: NDArray[np.int64],
+    low: NDArray[np.float64],
+    width: NDArray[np.float64],
+    out: NDArray[np.float64],
+) -> None: ...
+def count_values(
+    values: NDArray[np.float64],
+    shift: int,
+    first: int,
+    bins: NDArray[np.int64],
+    low: float,
+    high: float,
+) -> tuple[int, int, int, int]: ...

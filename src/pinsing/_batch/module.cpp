@@ -287,4 +287,5 @@ NB_MODULE(_kernel, m) {
           "max_sweeps"_a, "by_roots"_a = true);
     pinsing::add_conditions(m);
     pinsing::add_residues(m);
+    pinsing::add_samples(m);
 }

@@ -20,5 +20,6 @@ const Kernel& kernel_named(const std::string& isa);
 void require(bool condition, const char* what);
 void add_conditions(nanobind::module_& m);
 void add_residues(nanobind::module_& m);
+void add_samples(nanobind::module_& m);
 
 }  // namespace pinsing

@@ -17,7 +17,7 @@ from pinsing.kinematics.batch import batch
 from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import scale_notes
 from pinsing.maps import sobol
-from pinsing.maps.sample import SAMPLINGS, grid_axis, grid_points, unit_points
+from pinsing.maps.sample import SAMPLINGS, grid_axis, grid_points, put_points
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
 from pinsing.serialization import JsonResult
@@ -120,22 +120,22 @@ class MapPlan(JsonResult):
             raise OptionError(
                 f"configurations {start} to {stop} are outside 0 to {self.count} of the map"
             )
-        moving = list(self.moving)
+        return self.rows(start, stop)
+
+    def rows(self, start: int, stop: int) -> Array:
+        """Configurations (stop - start, n), as `configurations`, of numbers that there are."""
+        moving, count = list(self.moving), stop - start
+        every = moving == list(range(self.arm.n))
+        Q = np.empty((count, self.arm.n)) if every else np.tile(self.base, (count, 1))
         if self.sampling == "grid":
             sliding = self.arm.prismatic[moving]
             axes = [
                 grid_axis(float(low), float(high), steps, bool(slides))
                 for (low, high), steps, slides in zip(self.ranges, self.steps, sliding, strict=True)
             ]
-            points = grid_points(axes, start, stop)
+            Q[:, moving] = grid_points(axes, start, stop)
         else:
-            points = unit_points(self.sampling, start, stop, len(moving), self.seed)
-            points *= self.ranges[:, 1] - self.ranges[:, 0]
-            points += self.ranges[:, 0]
-        if moving == list(range(self.arm.n)):
-            return points
-        Q = np.tile(self.base, (stop - start, 1))
-        Q[:, moving] = points
+            put_points(Q, moving, self.sampling, start, self.ranges, self.seed)
         return Q
 
     def identity(self) -> dict[str, Any]:

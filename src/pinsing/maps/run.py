@@ -113,7 +113,7 @@ def compute_map_chunk(job: MapJob, index: int) -> Record:
     tally, distances = Tally(plan.worst), Tally(plan.worst)
     kept = []
     for first in range(start, stop, BLOCK):
-        Q = plan.configurations(first, min(stop, first + BLOCK))
+        Q = plan.rows(first, min(stop, first + BLOCK))
         found = job.evaluator.measure(Q)
         tally.add(first, found.sigma[:, -1], found.ratio)
         if job.near is not None:

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
@@ -34,6 +35,20 @@ def unit_points(sampling: str, start: int, stop: int, dimension: int, seed: int)
     skip, rest = divmod(start * dimension, 4)  # a step of the counter gives four numbers
     raw = np.random.Philox(key=seed).advance(skip).random_raw(rest + (stop - start) * dimension)
     return np.asarray((raw[rest:] >> np.uint64(11)) * 2.0**-53).reshape(-1, dimension)
+
+
+def put_points(
+    out: Array, columns: Sequence[int], sampling: str, start: int, ranges: Array, seed: int
+) -> None:
+    """Put points from ``start`` on of a Sobol or random sample of ``ranges`` (k, 2) into columns.
+
+    ``out`` (N, n) is C-contiguous, and has a column for each of the k ranges.
+    """
+    if sampling == "sobol":
+        sobol.put_points(out, columns, start, ranges, _shift(len(columns), seed))
+        return
+    points = unit_points(sampling, start, start + len(out), len(columns), seed)
+    out[:, columns] = points * (ranges[:, 1] - ranges[:, 0]) + ranges[:, 0]
 
 
 @functools.cache

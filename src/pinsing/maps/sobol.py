@@ -7,10 +7,12 @@ two-dimensional projections", SIAM J. Sci. Comput. 30 (2008) 2635-2654, file new
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._batch import samples
 from pinsing._types import Array
 
 Words = npt.NDArray[np.uint64]
@@ -84,10 +86,38 @@ def unit_points(start: int, stop: int, shift: Words) -> Array:
     The digits of a word are those of a float between 1 and 2 beside its exponent, so that no
     integer is converted.
     """
-    one = np.float64(1.0).view(np.uint64)
-    points = words(start, stop, len(shift), shift ^ one).view(np.float64)
+    points = words(start, stop, len(shift), _beside_one(shift)).view(np.float64)
     points -= 1.0
     return points
+
+
+def put_points(out: Array, columns: Sequence[int], start: int, ranges: Array, shift: Words) -> None:
+    """Put points from ``start`` on, from the unit cube to ``ranges``, into ``columns`` of ``out``.
+
+    Parameters
+    ----------
+    out : (N, n) array
+        C-contiguous. Its other columns stay as they are.
+    columns : sequence of int
+        A column for each of the k coordinates.
+    start : int
+        Number of the first point.
+    ranges : (k, 2) array
+        Ends of the range of each coordinate.
+    shift : (k,) array
+        As of `unit_points`.
+    """
+    low = np.ascontiguousarray(ranges[:, 0])
+    width = ranges[:, 1] - low
+    if not samples.available():
+        out[:, columns] = unit_points(start, start + len(out), shift) * width + low
+        return
+    where = np.array(columns, dtype=np.int64)
+    samples.put_sobol(out, directions(len(shift)), _beside_one(shift), start, where, low, width)
+
+
+def _beside_one(shift: Words) -> Words:
+    return shift ^ np.float64(1.0).view(np.uint64)
 
 
 def words(start: int, stop: int, dimension: int, shift: Words | int = 0) -> Words:

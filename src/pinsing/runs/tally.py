@@ -9,6 +9,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._batch import samples
+from pinsing._batch.samples import ValueCounts
 from pinsing._types import Array
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.runs.chunk_file import Record
@@ -38,6 +40,22 @@ def bin_numbers(values: Array) -> Counts:
     bins -= _FIRST
     np.maximum(bins, 0, out=bins)  # np.clip takes three times as long as both
     return np.minimum(bins, BINS - 1, out=bins)
+
+
+def count_values(values: Array, bins: Counts) -> ValueCounts:
+    """Add values >= 0 (N,) to their ``bins`` (BINS,); the tolerances are those of verdicts."""
+    if samples.available():
+        return samples.count_values(values, _SHIFT, _FIRST, bins, (SINGULAR_RTOL, NEAR_RTOL))
+    numbers = bin_numbers(values)
+    lowest = int(numbers.min())  # most of the bins are far from all values
+    counts = np.bincount(numbers - lowest)
+    bins[lowest : lowest + len(counts)] += counts
+    return ValueCounts(
+        int(np.count_nonzero(values <= SINGULAR_RTOL)),
+        int(np.count_nonzero(values <= NEAR_RTOL)),
+        int(values.argmin()),
+        int(values.argmax()),
+    )
 
 
 def bin_edges() -> Array:
@@ -83,19 +101,15 @@ class Tally:
         """
         if not len(last):
             return
-        last = np.ascontiguousarray(last)
         self.done += len(last)
-        below = int(np.count_nonzero(ratio <= SINGULAR_RTOL))
-        self.singular += below
-        self.near += int(np.count_nonzero(ratio <= NEAR_RTOL)) - below
         for k, values in enumerate((last, ratio)):
-            bins = bin_numbers(values)
-            lowest = int(bins.min())  # most of the bins are far from all values
-            counts = np.bincount(bins - lowest)
-            self.histogram[k, lowest : lowest + len(counts)] += counts
-            for column, at in ((SMALLEST, values.argmin()), (LARGEST, values.argmax())):
-                number = start + int(at) if numbers is None else int(numbers[at])
-                self._extreme(k, column, float(values[at]), number)
+            found = count_values(values, self.histogram[k])
+            for column, at in ((SMALLEST, found.least), (LARGEST, found.greatest)):
+                if at >= 0:
+                    number = start + at if numbers is None else int(numbers[at])
+                    self._extreme(k, column, float(values[at]), number)
+        self.singular += found.low  # of the ratios, which come last
+        self.near += found.high - found.low
         full = len(self.worst_ratio) == self.worst
         rows = np.flatnonzero(ratio <= self.worst_ratio[-1]) if full else np.arange(len(ratio))
         if len(rows) > self.worst:  # no sorting of what cannot be among them
