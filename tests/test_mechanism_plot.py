@@ -22,7 +22,7 @@ from pinsing.mechanism.pose_slice import COORDINATES, pose_slice
 from pinsing.mechanism.problems import working_modes
 from pinsing.plot.mode_sheet import mode_sheet
 from pinsing.plot.motion_curve import MINUS, PLUS, motion_curve
-from pinsing.plot.pose_map import panels, pose_map, pose_maps
+from pinsing.plot.pose_map import _modes, panels, pose_map, pose_maps
 
 mpl.use("agg")
 from matplotlib import pyplot as plt
@@ -65,6 +65,36 @@ def test_each_pose_of_a_slice_is_closed_and_has_its_coordinates(name: str) -> No
         outside = mechanism.space.outside(q).any()
         assert found.inside[0, j, i] == (not outside)
         assert (found.margin[0, j, i] >= -1e-9) == (not outside)
+
+
+def test_a_delta_that_is_led_does_not_turn() -> None:
+    """Past its constraint singularities, where it could; other turns are other slices."""
+    mechanism = shipped("delta")
+    q = home(mechanism)
+    modes = _modes(mechanism, ("x", "y"), None)
+    assert len(modes) < len(working_modes(mechanism).modes)
+    found = pose_slice(mechanism, ("x", "y"), [x for _, x in modes], samples=31)
+    kept = output_pose(mechanism, q).rotation
+    reached = np.isfinite(found.q).all(axis=-1)
+    assert reached[0].sum() > 300
+    for x in found.q[reached][::7]:
+        np.testing.assert_allclose(output_pose(mechanism, x).rotation, kept, atol=1e-9)
+    left = next(v for kind, v in panels(mechanism, found, ["home"])[0].lefts if kind == "type 2")
+    assert np.nanmin(left) * np.nanmax(left) > 0
+
+
+@pytest.mark.slow
+def test_a_mode_that_is_singular_at_every_pose_of_a_slice_says_so() -> None:
+    """Rods of a hexaglide whose elbows are alike are parallel in pairs while it does not turn."""
+    mechanism = shipped("hexaglide")
+    modes = _modes(mechanism, ("x", "y"), None)[:4]
+    found = pose_slice(mechanism, ("x", "y"), [x for _, x in modes], samples=21)
+    drawn = panels(mechanism, found, [title for title, _ in modes])
+    assert {p.everywhere for p in drawn} == {True, False}
+    for k, panel in enumerate(drawn):
+        for q in found.q[k][found.inside[k]][::15]:
+            state = mechanism_at(mechanism, q)
+            assert panel.everywhere == (state.input_ratio <= 1e-9)
 
 
 @pytest.mark.slow

@@ -31,6 +31,8 @@ _NEAR_STEPS, _FAR_STEPS = 10, 30
 _CLOSED = 1e-9
 _JUMP = 1.0
 _TRIES = 3
+_SAME_TURN = 1e-9
+_NEARBY = 1e-3
 _SEEDS = 120
 _SEED = 1201
 _SIZE = 1.3
@@ -86,6 +88,7 @@ def pose_slice(
         If the output cannot be led along these coordinates.
     """
     way = _Way(mechanism, over, starts[0])
+    way.keep_turn(starts)
     size = [_SIZE, _SIZE]
     for _ in range(_WIDER):
         side = [way.side(k, _COARSE, size[k]) for k in (0, 1)]
@@ -109,6 +112,14 @@ def pose_slice(
     inside, margin = grid.judged()
     names = (COORDINATES[way.rows[0]], COORDINATES[way.rows[1]])
     return PoseSlice(names, grid.sides[0], grid.sides[1], grid.q, inside, margin)
+
+
+def keeps_turn(mechanism: Mechanism, over: Sequence[str], start: Array) -> bool:
+    """Whether the output keeps its axes wherever it is led from ``start`` (n,), by position alone.
+
+    ``over`` is as of `pose_slice`, which raises the same.
+    """
+    return _Way(mechanism, over, start).keep_turn([start])
 
 
 def free_coordinates(mechanism: Mechanism) -> tuple[str, ...]:
@@ -151,6 +162,30 @@ class _Way:
         ]
         self.forms = forms
 
+    def keep_turn(self, starts: Sequence[Array]) -> bool:
+        """Demand the rotation of the starts from now on, if poses around them have it.
+
+        An output that keeps its axes while it is led over an open set of positions does so in all
+        of that mode, beyond the constraint singularities too, where it could turn instead and pass
+        into another mode. With its turn fixed these are no singular points of the equations.
+        """
+        if set(self.targets_rows) & {3, 4, 5}:
+            return False
+        around = _NEARBY * self._size() * np.array([[1.0, 0.3], [-0.3, 1.0], [-1.0, -0.7]])
+        first, second = (np.tile(self.start(k) + around[:, k], len(starts)) for k in (0, 1))
+        R, p = self.targets(first, second)
+        Q, error = newton(
+            self.loops,
+            np.repeat(np.array(starts), len(around), axis=0),
+            self.free,
+            target=(R, p, self.targets_rows),
+        )
+        turned = np.abs(self.loops.output(Q)[0] - np.array(self.place.rotation)).max()
+        kept = bool(error.max() <= _CLOSED and turned <= _SAME_TURN)
+        if kept:
+            self.targets_rows = (*self.targets_rows, 3, 4, 5)
+        return kept
+
     def start(self, k: int) -> float:
         row = self.rows[k]
         if row < 3:
@@ -162,10 +197,14 @@ class _Way:
         """Values of a coordinate: a whole turn, or about as far as the linkage is large."""
         if self.rows[k] > 2:
             return self._turn(k, samples)
+        size = times * self._size()
+        return self.start(k) + np.linspace(-size, size, samples)
+
+    def _size(self) -> float:
+        """The greatest distance of two joints at home."""
         points = self.loops.place(home(self.mechanism)[None]).position[:, 0]
         gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
-        size = times * max(float(gaps.max()), 1e-3)
-        return self.start(k) + np.linspace(-size, size, samples)
+        return max(float(gaps.max()), 1e-3)
 
     def _turn(self, k: int, samples: int) -> Array:
         # Where yaw follows, pitch beyond a quarter of a turn is a pose that has been before.

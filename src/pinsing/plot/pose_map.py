@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
@@ -17,7 +18,13 @@ from pinsing.mechanism.joint_loci import joint_forms
 from pinsing.mechanism.likeness import likeness, output_pose, same
 from pinsing.mechanism.modes import assembly_sign, home, mode_at
 from pinsing.mechanism.pose_loci import pose_forms
-from pinsing.mechanism.pose_slice import COORDINATES, PoseSlice, free_coordinates, pose_slice
+from pinsing.mechanism.pose_slice import (
+    COORDINATES,
+    PoseSlice,
+    free_coordinates,
+    keeps_turn,
+    pose_slice,
+)
 from pinsing.mechanism.problems import working_modes
 from pinsing.plot.mechanism import TYPE_1, TYPE_2
 from pinsing.plot.mode_sheet import looks_apart
@@ -31,10 +38,13 @@ if TYPE_CHECKING:
 
 PASSIVE = "#7d3c98"
 LIMIT = "#6b7480"
+SINGULAR = "#e4e2e8"
 _SAMPLES = {1: 161, 2: 141, 4: 111, 8: 91}
 _MOST_PANELS = 8
 _ALIKE = 1e-6
 _MOST_NAMED = 6
+_ROUNDING = 1e-10
+"""Left sides, whose factors have unit length, of a locus that is zero all over a slice."""
 _EDGE = 0.9
 """Cells over which the border of what was reached is smoothed."""
 
@@ -57,6 +67,8 @@ class Panel:
         Where the loops close, limits aside.
     margin : (ny, nx) array
         How far the joint that is nearest to a limit is inside.
+    everywhere : bool
+        A locus that parts aspects vanishes all over: every pose of the panel is singular.
     """
 
     title: str
@@ -65,6 +77,7 @@ class Panel:
     lefts: tuple[tuple[str, Array], ...]
     reached: Bool
     margin: Array
+    everywhere: bool
 
 
 def pose_map(
@@ -114,7 +127,8 @@ def pose_map(
         handles=_handles(mechanism, [panel]), loc="upper center", bbox_to_anchor=(0.5, -0.11),
         ncols=2, fontsize=8,
     )  # fmt: skip
-    ax.set_title(f"{mechanism.name}: {_what(mechanism)}", fontsize=10)
+    told = "every pose of this slice is singular" if panel.everywhere else _what(mechanism)
+    ax.set_title(f"{mechanism.name}: {told}", fontsize=10)
     return ax
 
 
@@ -135,7 +149,7 @@ def pose_maps(
     from matplotlib import pyplot as plt
 
     names = _names(mechanism, over)
-    modes = _modes(mechanism, start)
+    modes = _modes(mechanism, names, start)
     shown = modes[:_MOST_PANELS]
     if len(shown) == 1:
         return _figure_of(pose_map(mechanism, names, None, samples, degrees, start))
@@ -144,8 +158,9 @@ def pose_maps(
     drawn = panels(mechanism, found, [title for title, _ in shown])
     columns = 2 if len(shown) <= 4 else 4
     rows = -(-len(shown) // columns)
+    height = 3.25 * _proportion(found)
     figure, grid = plt.subplots(
-        rows, columns, figsize=(3.3 * columns, 3.25 * rows + 0.9), squeeze=False, sharex=True,
+        rows, columns, figsize=(3.3 * columns, height * rows + 0.9), squeeze=False, sharex=True,
         sharey=True, layout="constrained",
     )  # fmt: skip
     for k, ax in enumerate(grid.ravel()):
@@ -154,7 +169,10 @@ def pose_maps(
             continue
         _draw(ax, mechanism, found, drawn[k], degrees)
         count = len(drawn[k].positive)
-        ax.set_title(f"{drawn[k].title}: {count} aspect{'s' * (count != 1)}", fontsize=9)
+        told = (
+            "every pose singular" if drawn[k].everywhere else f"{count} aspect{'s' * (count != 1)}"
+        )
+        ax.set_title(f"{drawn[k].title}: {told}", fontsize=9)
         ax.label_outer()
     more = "" if len(modes) == len(shown) else f" ({len(shown)} of {len(modes)})"
     figure.suptitle(f"{mechanism.name}: {_what(mechanism)}, by working mode{more}", fontsize=11)
@@ -162,6 +180,14 @@ def pose_maps(
         handles=_handles(mechanism, drawn), loc="outside lower center", ncols=3, fontsize=8
     )
     return figure
+
+
+def _proportion(found: PoseSlice) -> float:
+    """Height of a panel over its width, where both axes are lengths; with room for its title."""
+    if any(COORDINATES.index(name) > 2 for name in found.names):
+        return 1.0
+    ratio = float(np.ptp(found.y) / np.ptp(found.x))
+    return min(1.0, 0.85 * ratio + 0.2)
 
 
 def panels(mechanism: Mechanism, found: PoseSlice, titles: Sequence[str]) -> list[Panel]:
@@ -173,13 +199,18 @@ def panels(mechanism: Mechanism, found: PoseSlice, titles: Sequence[str]) -> lis
     for k, title in enumerate(titles):
         reached = np.isfinite(found.q[k]).all(axis=-1)
         lefts = [] if everywhere else _lefts(forms, found.q[k], reached)
+        lost = [kind != "passive" and _vanishes(v) for kind, v in lefts]
+        if any(lost):  # what is left of them is rounding
+            lefts = [x for x, zero in zip(lefts, lost, strict=True) if not zero]
         parting = [np.nan_to_num(v) for kind, v in lefts if kind != "passive"]
         numbers, signs = regions(found.inside[k], parting, turns)
         positive = tuple(
             _of_home(mechanism, found.q[k], numbers == number, sign)
             for number, sign in enumerate(signs, 1)
         )
-        out.append(Panel(title, numbers, positive, tuple(lefts), reached, found.margin[k]))
+        out.append(
+            Panel(title, numbers, positive, tuple(lefts), reached, found.margin[k], any(lost))
+        )
     return out
 
 
@@ -197,10 +228,18 @@ def _names(mechanism: Mechanism, over: Sequence[str] | None) -> tuple[str, ...]:
     return tuple(over) if over is not None else free_coordinates(mechanism)[:2]
 
 
-def _modes(mechanism: Mechanism, start: Array | None) -> list[tuple[str, Array]]:
-    """Working modes at one pose that look different, by name; that of the start first."""
+def _modes(
+    mechanism: Mechanism, over: Sequence[str], start: Array | None
+) -> list[tuple[str, Array]]:
+    """Working modes at one pose that look different, by name; that of the start first.
+
+    Of an output that keeps its axes those where it is turned belong to another slice.
+    """
     q = home(mechanism) if start is None else start
-    found = working_modes(mechanism, output_pose(mechanism, q).homogeneous).modes
+    place = output_pose(mechanism, q)
+    found = list(working_modes(mechanism, place.homogeneous).modes)
+    if keeps_turn(mechanism, over, q):
+        found = [mode for mode in found if not _turned(mechanism, mode.q, place)]
     kept = [found[k].q for k in looks_apart(mechanism, found, len(found) or 1)]
     mark = likeness(mechanism, q)
     others = [x for x in kept if not same(mark, likeness(mechanism, x)) and _sense(mechanism, q, x)]
@@ -211,6 +250,11 @@ def _modes(mechanism: Mechanism, start: Array | None) -> list[tuple[str, Array]]
         which = f" {names[: k + 1].count(name)}" if names.count(name) > 1 else ""
         out.append((f"{name}{which}{' (home)' if at_home and k == 0 else ''}", x))
     return out
+
+
+def _turned(mechanism: Mechanism, q: Array, place: pin.SE3) -> bool:
+    away = output_pose(mechanism, q).rotation - place.rotation
+    return bool(np.abs(away).max() > _ALIKE)
 
 
 def _sense(mechanism: Mechanism, start: Array, q: Array) -> bool:
@@ -235,6 +279,11 @@ def _lefts(forms: JointForms, Q: Array, reached: Bool) -> list[tuple[str, Array]
         for k, locus in enumerate(forms.loci)
         if not locus.words.startswith("the three hinges")
     ]
+
+
+def _vanishes(left: Array) -> bool:
+    there = np.abs(left[np.isfinite(left)])
+    return bool(len(there)) and float(there.max()) <= _ROUNDING
 
 
 def _everywhere(mechanism: Mechanism) -> bool:
@@ -273,7 +322,7 @@ def _draw(ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degree
     rows = [COORDINATES.index(name) for name in found.names]
     unit = [180 / np.pi if degrees and row > 2 else 1.0 for row in rows]
     x, y = found.x * unit[0], found.y * unit[1]
-    shades = colors(panel.positive)
+    shades = [SINGULAR] * len(panel.positive) if panel.everywhere else colors(panel.positive)
     if shades:
         edges = np.arange(len(shades) + 1) + 0.5
         ax.pcolormesh(
@@ -340,6 +389,11 @@ def _handles(mechanism: Mechanism, drawn: Sequence[Panel]) -> list[Any]:
         out.append(Line2D([], [], color=PASSIVE, ls=":", label="passive joints dependent"))
     if _everywhere(mechanism):
         return [*out, Patch(color=colors([True])[0], label="reached; singular everywhere")]
+    if any(panel.everywhere for panel in drawn):
+        out.append(Patch(color=SINGULAR, label="every pose singular"))
+        drawn = [panel for panel in drawn if not panel.everywhere]
+    if not drawn:
+        return out
     if len(drawn) > 1:
         told = {p for panel in drawn for p in panel.positive}
         for sign, word in ((True, "assembly +, as at home"), (False, "assembly −")):
