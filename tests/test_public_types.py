@@ -299,7 +299,9 @@ CALLS = {
     "Viewer.show_family": Call(lambda: viewer().show_family, lambda: {"family": "F1"}),
     "Arm.check": Call(lambda: arm().check, lambda: {"q": Q}, frozenset({"name"})),
     "Arm.check_one": Call(lambda: arm().check_one, lambda: {"q": Q}, frozenset({"name"})),
-    "Arm.check_many": Call(lambda: arm().check_many, lambda: {"q": [Q]}, frozenset({"name"})),
+    "Arm.check_many": Call(
+        lambda: arm().check_many, lambda: {"q": [Q]}, frozenset({"name", "own"})
+    ),
     "Arm.fold": Call(lambda: arm().fold, lambda: {"q": Q}),
     "Arm.full_q": Call(lambda: arm().full_q, lambda: {"q": Q}),
     "Arm.model_q": Call(lambda: arm().model_q, lambda: {"q": Q}),

@@ -98,7 +98,7 @@ def checked(function: F) -> F:
     return typing.cast(F, call)
 
 
-def real_numbers(values: npt.ArrayLike, name: str) -> Array:
+def real_numbers(values: npt.ArrayLike, name: str, own: bool = True) -> Array:
     """Return ``values`` as a new array of floats.
 
     Parameters
@@ -107,6 +107,8 @@ def real_numbers(values: npt.ArrayLike, name: str) -> Array:
         Real numbers.
     name : str
         What the message calls them.
+    own : bool
+        Without it an array of floats is returned as it is, for who only reads it.
 
     Raises
     ------
@@ -115,7 +117,7 @@ def real_numbers(values: npt.ArrayLike, name: str) -> Array:
     """
     if not _are_numbers(values):
         raise _no_numbers(name, values)
-    return np.array(values, dtype=float)
+    return np.array(values, dtype=float) if own else np.asarray(values, dtype=float)
 
 
 def whole_number(value: int, name: str, least: int, most: int) -> int:
@@ -330,6 +332,8 @@ def _is_mask(value: Any) -> bool:
 
 def _are_numbers(value: Any) -> bool:
     """Whether NumPy would make floats of a value without losing anything."""
+    if type(value) is np.ndarray and value.dtype.kind == "f":  # most often: not masked, as it is
+        return True
     array = _reals(value)
     if array is None:
         return False

@@ -36,6 +36,8 @@ else:
             "which this processor does not have: install pinsing again on this machine"
         )
 
+_HERE: tuple[str, ...] = () if _missing is not None else tuple(_kernel.isa_names())
+
 Floats = NDArray[np.float64]
 
 # dqds takes some 6 transformations for a value and 35 in the worst clusters seen; a matrix that
@@ -72,7 +74,7 @@ def isa_names() -> tuple[str, ...]:
     Out of "baseline" (what every machine of this kind has, SSE2 on x86), "avx2" (with FMA) and
     "avx512" (F, DQ, VL, BW). Empty where the kernel is not available.
     """
-    return () if _missing is not None else tuple(_kernel.isa_names())
+    return _HERE
 
 
 def built_names() -> tuple[str, ...]:
@@ -270,7 +272,7 @@ def _configurations(Q: ArrayLike, n: int) -> Floats:
     array = np.ascontiguousarray(Q, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != n:
         raise ValueError(f"Q: shape {array.shape}, not (N, {n})")
-    return array
+    return array if array.flags.aligned else array.copy()
 
 
 def _output(out: Floats | None, shape: tuple[int, ...], Q: Floats) -> Floats:

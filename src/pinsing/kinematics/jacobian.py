@@ -295,4 +295,4 @@ def _one(arm: Arm, q: npt.ArrayLike) -> Array:
 
 
 def _many(arm: Arm, Q: npt.ArrayLike) -> Array:
-    return arm.check_many(Q, "Q")
+    return arm.check_many(Q, "Q", own=False)  # nothing here writes to them

@@ -200,7 +200,7 @@ class Arm(Memory):
             )
         return array
 
-    def check_many(self, q: npt.ArrayLike, name: str = "q") -> Array:
+    def check_many(self, q: npt.ArrayLike, name: str = "q", own: bool = True) -> Array:
         """As `check`, of joint vectors (N, n); one (n,) becomes (1, n).
 
         Parameters
@@ -209,6 +209,8 @@ class Arm(Memory):
             As in ``check``.
         name : str
             What messages call it.
+        own : bool
+            Whether a copy is wanted; without it, ``q`` itself is returned where it will do.
 
         Raises
         ------
@@ -221,7 +223,8 @@ class Arm(Memory):
         >>> pinsing.load("planar3r").check_many([0, 1, 2])
         array([[0., 1., 2.]])
         """
-        array = np.atleast_2d(self.check(q, name))
+        array = self._whole.chain_q(real_numbers(q, name, own), name)
+        array = array if array.ndim == 2 else np.atleast_2d(array)
         if array.ndim != 2:
             raise ConfigurationError(
                 f"{name} must be joint vectors (N, {self.n}), got shape {array.shape}"
