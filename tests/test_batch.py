@@ -101,6 +101,34 @@ def test_singular_configurations(isa: str, path: str, tip: str, locked: tuple[st
 # ---- the same bits, whatever the split
 
 
+@pytest.mark.parametrize("n", [6, 7, 8, 9, 13])
+def test_a_tip_on_the_last_axis(isa: str, n: int) -> None:
+    """Then the last column is a unit vector, and singular values are begun with it."""
+    rng = np.random.default_rng(n)
+    for right_angles in (False, True):
+        chain = random_chain(n, "revolute", n)
+        R, t = chain.R.copy(), chain.t.copy()
+        t[n, :2] = 0.0
+        if right_angles:
+            turn = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])
+            R[:] = [turn if k % 3 else np.eye(3) for k in range(n + 1)]
+            t[1::2] = 0.0
+        chain = FlatChain(R, t, chain.prismatic)
+        Q = rng.uniform(-3, 3, (400, n))
+        Q[:100] = rng.integers(-4, 5, (100, n)) * np.pi / 4  # many of them singular
+        Q[100:200] = Q[:100] + rng.standard_normal((100, n)) * 10.0 ** rng.uniform(
+            -12, -2, (100, 1)
+        )
+        S = engine.singular_values(chain, Q, threads=1, isa=isa)
+        expected = lapack(engine.jacobians(chain, Q, threads=1, isa=isa))
+        assert close(S, expected)
+        parts = [
+            engine.singular_values(chain, Q[k : k + 7], threads=1, isa=isa)
+            for k in range(0, 400, 7)
+        ]
+        assert (np.concatenate(parts) == S).all()
+
+
 def test_threads_and_chunks_do_not_change_a_bit(isa: str) -> None:
     chain = random_chain(7, "mixed", seed=7)
     rng = np.random.default_rng(7)

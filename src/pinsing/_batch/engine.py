@@ -10,6 +10,7 @@ larger one of at most 32; beyond them NumPy computes the singular values.
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
@@ -181,21 +182,21 @@ def singular_values(
     rows = [int(row) for row in rows]
     if not rows or len(set(rows)) != len(rows) or not set(rows) <= set(range(6)):
         raise ValueError(f"rows: {rows}, not different numbers out of 0..5")
-    if not (np.isfinite(length_scale) and length_scale > 0):
+    if not (math.isfinite(length_scale) and length_scale > 0):
         raise ValueError(f"length_scale: {length_scale}, not a positive length")
     Q = _configurations(Q, chain.n)
     out = _output(out, (len(Q), min(len(rows), chain.n)), Q)
-    scale = np.array([1.0 / length_scale if row < 3 else 1.0 for row in rows])
+    scale = [1.0 / length_scale if row < 3 else 1.0 for row in rows]
     if chain.n > _kernel.MAX_COLUMNS:
-        J = jacobians(chain, Q, threads=threads, isa=isa)[:, rows] * scale[:, None]
+        J = jacobians(chain, Q, threads=threads, isa=isa)[:, rows] * np.array(scale)[:, None]
         out[:] = np.linalg.svd(J, compute_uv=False)
         return out
     unfinished = _kernel.singular_values(
-        chain.R, chain.t, chain.prismatic, rows, scale.tolist(), Q, out, isa, threads, _MAX_SWEEPS
+        chain.R, chain.t, chain.prismatic, rows, scale, Q, out, isa, threads, _MAX_SWEEPS
     )
     if unfinished:
         left = np.isnan(out[:, 0])
-        J = jacobians(chain, Q[left], threads=threads, isa=isa)[:, rows] * scale[:, None]
+        J = jacobians(chain, Q[left], threads=threads, isa=isa)[:, rows] * np.array(scale)[:, None]
         out[left] = np.linalg.svd(J, compute_uv=False)
     return out
 

@@ -79,19 +79,17 @@ PINSING_INLINE One early_quotient(One y, One x) {
     return y / x;
 #endif
 }
-// x^(1/8) to about a percent, for normal x > 0.
-PINSING_INLINE One rough_eighth_root(One x) {
+// x^(1/16) to about a percent, for normal x > 0.
+PINSING_INLINE One rough_sixteenth_root(One x) {
 #if defined(__AVX512F__)
-    for (int k = 0; k < 3; k++) x = x * One{(Half)_mm512_rsqrt14_pd((__m512d)x.v)};
+    for (int k = 0; k < 4; k++) x = x * One{(Half)_mm512_rsqrt14_pd((__m512d)x.v)};
     return x;
 #else
-    // An eighth of the logarithm, read off the bits, then two steps of Newton for x^(-1/8).
-    OneBits eighth = (bits(x) >> 3) & INT64_C(0x1fffffffffffffff);
-    One y = value(INT64_C(0x47ed000000000000) - eighth);  // 9/8 of 1023 exponents, centred
-    One y2 = y * y, y4 = y2 * y2;
-    y = y * (1.125 - 0.125 * (x * y4 * y4));
-    y2 = y * y, y4 = y2 * y2;
-    return (x * y) * (y2 * y4);
+    // A sixteenth of the logarithm, read off the bits, then a step of Newton for x^(-1/16).
+    OneBits sixteenth = (bits(x) >> 4) & INT64_C(0x0fffffffffffffff);
+    One y = value(INT64_C(0x43ee480000000000) - sixteenth);  // 17/16 of 1023 exponents, centred
+    One y2 = y * y, y4 = y2 * y2, y8 = y4 * y4;
+    return pole(y * (1.0625 - 0.0625 * (x * y8 * y8)));
 #endif
 }
 

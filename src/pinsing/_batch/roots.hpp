@@ -5,13 +5,15 @@
 // eigenvalues as its roots, which are real, and not negative. The method of Ehrlich ("A modified
 // Newton method for polynomials", 1967) and Aberth (1973) brings guesses to all of them at once:
 // x_i -= N / (1 - N sum 1 / (x_i - x_j)) with N = p / p', of third order. Nothing of it waits for
-// anything else, as the transformations of dqds do for each other.
+// anything else, as the transformations of dqds do for each other. The last steps are those of
+// Weierstrass (1891; Durand 1960, Kerner 1966): x_i -= p(x_i) / prod (x_i - x_j), of second order,
+// which is enough next to the roots, and needs no derivative.
 //
-// The guesses: three root-squaring steps of Graeffe make the coefficients c_k those of the roots'
-// eighth powers, whose ratios c_k+1 / c_k are near the powers themselves where these lie apart (the
-// slopes of Newton's polygon; Bini, "Numerical computation of polynomial zeros by means of Aberth's
-// method", 1996). For real roots these ratios decrease (Newton's inequalities), so that the guesses
-// are in order.
+// The guesses: four root-squaring steps of Graeffe make the coefficients c_k those of the roots'
+// sixteenth powers, whose ratios c_k+1 / c_k are near the powers themselves where these lie apart
+// (the slopes of Newton's polygon; Bini, "Numerical computation of polynomial zeros by means of
+// Aberth's method", 1996). For real roots these ratios decrease (Newton's inequalities), so that the
+// guesses are in order.
 //
 // Why the roots are as good as those of dqds, though coefficients of a polynomial condition its
 // roots badly: coefficients only make the guesses. The last steps evaluate p by the recurrence
@@ -27,17 +29,17 @@
 // is thereby a root to a few units in the last place, and where a step is small beside it, so is
 // its error. What rounding does between roots that nearly agree, the steps do not settle on.
 //
-// No lane is taken at the method's word. It is sure of itself only if (a) the last steps were of
-// third order and small: what they leave, delta^2 (the largest delta + what the sums of reciprocals
-// are off by) over the distance of the nearest root squared, is below rounding; (b) the roots are
-// in order, and not negative; (c) their sum and the sum of their squares are the trace of T and of
-// T^2 to 1e-13; (d) their product is the determinant to 1e-12: it is what sees a wrong small value,
-// which the sums hardly do. All other lanes, of clusters above all, are left to dqds. Each lane is
-// judged by itself alone, so that no result depends on its neighbours.
+// No lane is taken at the method's word. It is sure of itself only if (a) the last steps were small:
+// what one of Weierstrass leaves of an error, delta sum delta_j / (x_i - x_j), with the greatest
+// delta for each, the nearest root for all, and the quotient's own error, is below rounding; (b) the
+// roots are in order, and not negative; (c) their sum and the sum of their squares are the trace of T
+// and of T^2 to 1e-13; (d) their product is the determinant to 1e-12: it is what sees a wrong small
+// value, which the sums hardly do. All other lanes, of clusters above all, are left to dqds. Each
+// lane is judged by itself alone, so that no result depends on its neighbours.
 
-constexpr int kGraeffe = 3;
+constexpr int kGraeffe = 4;
 constexpr int kEarly = 3;      // steps with the coefficients, which leave some twelve digits at best
-constexpr int kRootSteps = 4;  // at most, by the recurrence
+constexpr int kRootSteps = 5;  // at most, by the recurrence
 constexpr double kFloor = 1.0e-150;  // of powers of roots: denormals are slow, and of no use
 
 // Sums over j of 1 / (x_i - x_j), each to kPole.
@@ -55,8 +57,29 @@ PINSING_INLINE void sums_of_poles(const One* x, One* sum, One* beside) {
     }
 }
 
-// c[0..K]: coefficients of p(-x), highest first, which are sums of positive terms.
+// Products over j of x_i - x_j, and the distance of the nearest root, negative out of order.
 template <int K>
+PINSING_INLINE void products_of_distances(const One* x, One* product, One* nearest) {
+    PINSING_UNROLL
+    for (int i = 0; i < K; i++) {
+        PINSING_UNROLL
+        for (int j = i + 1; j < K; j++) {
+            One d = x[i] - x[j];
+            product[i] = i == 0 && j == 1 ? d : product[i] * d;
+            product[j] = i == 0 ? d : product[j] * d;
+            if (j == i + 1) {
+                nearest[i] = i == 0 ? d : vmin(nearest[i], d);
+                nearest[j] = d;
+            }
+        }
+    }
+    // Of root i there are i distances the other way round.
+    for (int i = 1; i < K; i += 2) product[i] = -1.0 * product[i];
+}
+
+// c[0..K]: coefficients of p(-x), highest first, which are sums of positive terms. With `Wide`, here and
+// below, e[K - 1] stands beside the last diagonal entry: p is the last w.
+template <int K, bool Wide>
 PINSING_INLINE void coefficients(const One* q, const One* e, One* c) {
     One w[K];
     c[0] = w[0] = spread(1.0);
@@ -68,6 +91,10 @@ PINSING_INLINE void coefficients(const One* q, const One* e, One* c) {
         c[k + 1] = q[k] * c[k];
         PINSING_UNROLL
         for (int j = k; j >= 1; j--) c[j] = w[j] + q[k] * c[j - 1];
+    }
+    if (Wide) {
+        PINSING_UNROLL
+        for (int j = K; j >= 1; j--) c[j] += e[K - 1] * w[j - 1];
     }
 }
 
@@ -96,7 +123,7 @@ PINSING_INLINE void guesses(const One* c, One* x) {
         for (int k = 1; k <= K; k++) u[k] = vmax(next[k], kFloor);
     }
     PINSING_UNROLL
-    for (int k = 0; k < K; k++) x[k] = rough_eighth_root(u[k + 1] * pole(u[k]));
+    for (int k = 0; k < K; k++) x[k] = rough_sixteenth_root(u[k + 1] * pole(u[k]));
 }
 
 // A step on the coefficients.
@@ -118,31 +145,27 @@ PINSING_INLINE void early_step(const One* c, One* x) {
     }
 }
 
-// p and its derivative at y by the recurrence.
-template <int K>
-PINSING_INLINE void recurrence(const One* q, const One* e, One y, One& p, One& slope) {
-    One p0 = y - q[0];
-    One w0 = p0 - e[0];
-    One p1 = w0 + (y - q[1]);
-    One w1 = spread(1.0);
-    p0 = y * w0 - q[1] * p0;
+// p at y by the recurrence.
+template <int K, bool Wide>
+PINSING_INLINE One recurrence(const One* q, const One* e, One y) {
+    One p = y - q[0];
+    One w = p - e[0];
+    p = y * w - q[1] * p;
     PINSING_UNROLL
     for (int k = 2; k < K; k++) {
-        w0 = p0 - e[k - 1] * w0;
-        w1 = p1 - e[k - 1] * w1;
-        p1 = y * w1 + (w0 - q[k] * p1);
-        p0 = y * w0 - q[k] * p0;
+        w = p - e[k - 1] * w;
+        p = y * w - q[k] * p;
     }
-    p = p0, slope = p1;
+    return Wide ? p - e[K - 1] * w : p;
 }
 
 // Singular values S, descending; the mask of the lanes where they are right.
-template <int K>
+template <int K, bool Wide>
 static __attribute__((noinline)) OneMask roots_of(const One* q_in, const One* e_in, One* S) {
     One q[K], e[K], c[K + 1], x[K];
     for (int k = 0; k < K; k++) q[k] = q_in[k];
-    for (int k = 0; k < K - 1; k++) e[k] = e_in[k];
-    coefficients<K>(q, e, c);
+    for (int k = 0; k < K - !Wide; k++) e[k] = e_in[k];
+    coefficients<K, Wide>(q, e, c);
     const One trace = c[1];
     const One squares = trace * trace - 2.0 * c[2];
 
@@ -154,27 +177,23 @@ static __attribute__((noinline)) OneMask roots_of(const One* q_in, const One* e_
     PINSING_UNROLL
     for (int step = 0; step < kEarly; step++) early_step<K>(c, x);
 
+
     for (int step = 0; step < kRootSteps; step++) {
-        One sum[K], beside[K], delta[K];
-        sums_of_poles<K>(x, sum, beside);
+        One product[K], nearest[K], delta[K];
+        products_of_distances<K>(x, product, nearest);
         PINSING_UNROLL
-        for (int i = 0; i < K; i++) {
-            One p, slope;
-            recurrence<K>(q, e, x[i], p, slope);
-            delta[i] = quotient(p, slope - p * sum[i]);
-        }
+        for (int i = 0; i < K; i++)
+            delta[i] = early_quotient(recurrence<K, Wide>(q, e, x[i]), product[i]);
         OneMask settled = ~hopeless;
         One widest = vabs(delta[0]);
         for (int i = 1; i < K; i++) widest = vmax(widest, vabs(delta[i]));
-        for (int i = 0; i < K - 1; i++) settled = settled & (beside[i] > 0.0);  // in order
+        const One others = (K - 1) * widest;
         PINSING_UNROLL
         for (int i = 0; i < K; i++) {
-            One nearest = i == 0       ? beside[0]
-                          : i == K - 1 ? beside[K - 2]
-                                       : vmax(beside[i - 1], beside[i]);
-            One pace = delta[i] * nearest;
-            One left = vabs(delta[i] * pace) * (widest * nearest + spread(kPole));
-            settled = settled & (left <= 1.0e-16 * x[i] + 1.0e-34 * trace);
+            // In order, and what the others' errors and the quotient's leave is below rounding.
+            settled = settled & (nearest[i] > 0.0);
+            One left = vabs(delta[i]) * (others + nearest[i] * 1.0e-8);
+            settled = settled & (left <= nearest[i] * (1.0e-16 * x[i] + 1.0e-34 * trace));
             x[i] = select(done, x[i], x[i] - delta[i]);
         }
         done = done | settled;

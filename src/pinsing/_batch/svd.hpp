@@ -79,6 +79,65 @@ static __attribute__((noinline)) void bidiagonalise(V* A, int columns, V* q, V* 
 #undef AT
 }
 
+// The same of a 6 x l matrix whose last column is (0, 0, 0, 0, 0, 1), which saves its reflections: the
+// last row comes first, with one as its diagonal. Then columns and rows in turn, so that what is left
+// of the last row, for more than six columns, is e[5]: an entry beside the last diagonal one.
+template <int L>
+static __attribute__((noinline)) void bidiagonalise_beside_unit(V* A, int columns, V* q, V* e) {
+    constexpr int K = 5;  // rows of the rest
+    const int l = L > 0 ? L : columns, ends = l - 1;
+#define AT(i, j) A[(i) * l + (j)]
+    V square = AT(K, 0) * AT(K, 0);
+    for (int c = 1; c < ends; c++) square += AT(K, c) * AT(K, c);
+    q[0] = broadcast(1.0);
+    e[0] = square;
+    V factor = reflector(AT(K, 0), square);
+    PINSING_UNROLL
+    for (int i = 0; i < K; i++) {
+        V dot = AT(K, 0) * AT(i, 0);
+        for (int c = 1; c < ends; c++) dot += AT(K, c) * AT(i, c);
+        dot *= factor;
+        for (int c = 0; c < ends; c++) AT(i, c) -= dot * AT(K, c);
+    }
+    PINSING_UNROLL
+    for (int k = 0; k < K; k++) {
+        {  // column k from the diagonal on: reflect onto (k, k)
+            V square = AT(k, k) * AT(k, k);
+            PINSING_UNROLL
+            for (int i = k + 1; i < K; i++) square += AT(i, k) * AT(i, k);
+            q[k + 1] = square;
+            if (k < K - 1) {
+                V factor = reflector(AT(k, k), square);
+                for (int c = k + 1; c < ends; c++) {
+                    V dot = AT(k, k) * AT(k, c);
+                    PINSING_UNROLL
+                    for (int i = k + 1; i < K; i++) dot += AT(i, k) * AT(i, c);
+                    dot *= factor;
+                    PINSING_UNROLL
+                    for (int i = k; i < K; i++) AT(i, c) -= dot * AT(i, k);
+                }
+            }
+        }
+        if (k + 1 == ends) break;
+        {  // row k beside the diagonal: reflect onto (k, k + 1)
+            V square = AT(k, k + 1) * AT(k, k + 1);
+            for (int c = k + 2; c < ends; c++) square += AT(k, c) * AT(k, c);
+            e[k + 1] = square;
+            if (k < K - 1 && k + 2 < ends) {
+                V factor = reflector(AT(k, k + 1), square);
+                PINSING_UNROLL
+                for (int i = k + 1; i < K; i++) {
+                    V dot = AT(k, k + 1) * AT(i, k + 1);
+                    for (int c = k + 2; c < ends; c++) dot += AT(k, c) * AT(i, c);
+                    dot *= factor;
+                    for (int c = k + 1; c < ends; c++) AT(i, c) -= dot * AT(k, c);
+                }
+            }
+        }
+    }
+#undef AT
+}
+
 // One transformation of the leading m + 1 values: (q, e) of B -> (Q, E) of a bidiagonal matrix
 // whose B^T B is the former B B^T less `shift`.
 struct Transformation {
@@ -118,7 +177,8 @@ static __attribute__((noinline)) void split_transformation(int m, const V* q, co
     }
 }
 
-// Singular values, descending, from q and e (destroyed). A lane that has not converged within
+// Singular values, descending, from q and e (destroyed); with `Wide`, e[K - 1] stands beside the last
+// diagonal entry. A lane that has not converged within
 // max_sweeps transformations for one value, or whose values do not conserve the trace and the sum
 // of squares of the eigenvalues, is NaN.
 //
@@ -129,11 +189,12 @@ static __attribute__((noinline)) void split_transformation(int m, const V* q, co
 // rest. Those are at least min(d) / m - shift by the last transformation, since sum(1 / d) is the
 // trace of the inverse (Fernando and Parlett 1994, section 4). The e[m-1] that stays behind in the
 // last place of the rest goes into the last d of the next transformation (`extra`).
-template <int K>
+template <int K, bool Wide>
 static __attribute__((noinline)) void dqds(V* q, V* e, V* S, int max_sweeps) {
-    V trace = q[0];
+    V extra = Wide ? e[K - 1] : broadcast(0.0);
+    V trace = q[0] + extra;
     for (int k = 1; k < K; k++) trace += q[k] + e[k - 1];
-    V squares = q[K - 1] * q[K - 1];  // of T, Frobenius
+    V squares = (q[K - 1] + extra) * (q[K - 1] + extra);  // of T, Frobenius
     for (int k = 0; k < K - 1; k++) {
         V diagonal = q[k] + e[k];
         squares += diagonal * diagonal + 2.0 * (q[k + 1] * e[k]);
@@ -141,7 +202,6 @@ static __attribute__((noinline)) void dqds(V* q, V* e, V* S, int max_sweeps) {
     const V negligible = trace * 1.0e-34;
     V sigma = broadcast(0.0);  // the shifts so far: a lower bound of the smallest eigenvalue left
     V shift = sigma;
-    V extra = sigma;
     Mask unfinished = none();
 
     PINSING_UNROLL

@@ -20,7 +20,7 @@ struct Svd {
 };
 
 // Both ways, each lane by the first one that is sure of it.
-template <int K>
+template <int K, bool Wide>
 static __attribute__((noinline)) void roots_or_dqds(V* q, V* e, V* S, int max_sweeps) {
     One *from = reinterpret_cast<One*>(q), *beside = reinterpret_cast<One*>(e);
     One* to = reinterpret_cast<One*>(S);
@@ -28,14 +28,14 @@ static __attribute__((noinline)) void roots_or_dqds(V* q, V* e, V* S, int max_sw
     for (int half = 0; half < 2; half++) {
         One a[K], b[K], x[K];
         for (int k = 0; k < K; k++) a[k] = from[2 * k + half];
-        for (int k = 0; k < K - 1; k++) b[k] = beside[2 * k + half];
-        done[half] = roots_of<K>(a, b, x);
+        for (int k = 0; k < K - !Wide; k++) b[k] = beside[2 * k + half];
+        done[half] = roots_of<K, Wide>(a, b, x);
         for (int k = 0; k < K; k++) to[2 * k + half] = x[k];
     }
     const Mask sure{done[0], done[1]};
     if (__builtin_expect(any(~sure), 0)) {
         V other[K];
-        dqds<K>(q, e, other, max_sweeps);
+        dqds<K, Wide>(q, e, other, max_sweeps);
         for (int k = 0; k < K; k++) S[k] = select(sure, S[k], other[k]);
     }
 }
@@ -58,8 +58,8 @@ static Svd svd_of_rank(int columns, bool by_roots) {
             default: break;
         }
     }
-    Values values = &dqds<K>;
-    if constexpr (K >= kFewestRoots) values = by_roots ? &roots_or_dqds<K> : values;
+    Values values = &dqds<K, false>;
+    if constexpr (K >= kFewestRoots) values = by_roots ? &roots_or_dqds<K, false> : values;
     return Svd{K, columns, b, values};
 }
 
@@ -71,5 +71,15 @@ static Svd svd_of(int rank, int columns, bool by_roots) {
         case 4: return svd_of_rank<4>(columns, by_roots);
         case 5: return svd_of_rank<5>(columns, by_roots);
         default: return svd_of_rank<6>(columns, by_roots);
+    }
+}
+
+// Of a 6 x n matrix whose last column is (0, 0, 0, 0, 0, 1), n >= 6.
+static Svd svd_beside_unit(int columns) {
+    switch (columns) {
+        case 6: return Svd{6, 6, &bidiagonalise_beside_unit<6>, &roots_or_dqds<6, false>};
+        case 7: return Svd{6, 7, &bidiagonalise_beside_unit<7>, &roots_or_dqds<6, true>};
+        case 8: return Svd{6, 8, &bidiagonalise_beside_unit<8>, &roots_or_dqds<6, true>};
+        default: return Svd{6, columns, &bidiagonalise_beside_unit<0>, &roots_or_dqds<6, true>};
     }
 }
