@@ -21,6 +21,7 @@ from pinsing.mechanism.rod import Rod, Sample
 from pinsing.mechanism.rods import carried, rods
 from pinsing.mechanism.structure import structure
 from pinsing.mechanism.three_distances import count_poses, rod_length
+from pinsing.mechanism.three_pins import count_of_point, count_triangles
 from pinsing.robot.mechanism import Mechanism
 
 _SMALL = 1e-9
@@ -42,7 +43,13 @@ def number_of_modes(
     if number is not None:
         return number, "the quadratic equation of its rod"
     if target is None:
+        number = count_triangles(mechanism, found)
+        if number is not None:
+            return number, "the triangle of its three pins"
         return count_poses(mechanism, inputs), "the real roots of a polynomial of degree 6"
+    number = count_of_point(mechanism, target[1])
+    if number is not None:
+        return number, "the two solutions of each leg"
     number = count_hinged(mechanism, target[0], target[1])
     if number is not None:
         return number, "the planes of its hinges and the two solutions of each leg"

@@ -36,6 +36,7 @@ STARTS = 400
 SEED = 811
 _CLOSED = 1e-9
 _FREE = 1e-6
+_DOUBLE = 1e-3
 _MOST = 4096
 
 
@@ -331,23 +332,46 @@ def _legs(mechanism: Mechanism) -> list[tuple[int, ...]]:
 
 
 def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
-    """Configurations with different poses of the output, and how often each pose was found."""
+    """Configurations with different poses of the output, and how often each pose was found.
+
+    At a double solution (type 2) Newton's method stops with half of the digits, and what is one
+    looks like several: poses that lie close are brought nearer first.
+    """
     if not len(Q):
         return [], []
-    R, p, _ = loops.output(Q)
-    marks = np.concatenate([p / loops.mechanism.length_scale, R.reshape(-1, 9)], axis=1)
+    poses, hits = _apart(loops, Q, [1] * len(Q))
+    if len(poses) > 1:
+        marks = _marks(loops, np.array(poses))
+        gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
+        close = np.flatnonzero(gaps.min(axis=1) <= _DOUBLE)
+        if len(close):
+            mechanism = loops.mechanism
+            passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+            for k in close.tolist():
+                poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive)
+            poses, hits = _apart(loops, np.array(poses), hits)
+    return poses, hits
+
+
+def _apart(loops: BatchLoops, Q: Array, times: list[int]) -> tuple[list[Array], list[int]]:
     kept: list[int] = []
     hits: list[int] = []
+    marks = _marks(loops, Q)
     for k, mark in enumerate(marks):
         if kept:
             away = np.abs(marks[kept] - mark).max(axis=1)
             near = int(np.argmin(away))
             if away[near] <= 10 * SAME:
-                hits[near] += 1
+                hits[near] += times[k]
                 continue
         kept.append(k)
-        hits.append(1)
+        hits.append(times[k])
     return [Q[k] for k in kept], hits
+
+
+def _marks(loops: BatchLoops, Q: Array) -> Array:
+    R, p, _ = loops.output(Q)
+    return np.concatenate([p / loops.mechanism.length_scale, R.reshape(-1, 9)], axis=1)
 
 
 def _solution(mechanism: Mechanism, q: Array, ways: int, free: Bool | None = None) -> Solution:

@@ -1,0 +1,133 @@
+"""How many modes there are where the passive joints of one loop are three parallel pins.
+
+With the inputs held the loop is a triangle, whatever its actuated joints are (five-bars on cranks,
+on slides, welded or driven in the middle): it stands on either side of the base. For a position of
+its middle pin each leg with one actuated joint has the two solutions of a quadratic equation.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.mechanism.leg_wrenches import path_to
+from pinsing.mechanism.mode_counts import inside, values
+from pinsing.mechanism.modes import home
+from pinsing.mechanism.rod import Sample
+from pinsing.mechanism.rods import carried
+from pinsing.mechanism.structure import structure
+from pinsing.robot.mechanism import Mechanism
+
+LOOP = -1
+"""Stands for the pin that a loop closes in, among the joints of its ring."""
+
+_SMALL = 1e-9
+_FLAT = 1e-5
+"""Height of a triangle, of its longest side, at which both of its places are one."""
+
+
+def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
+    """Poses at the inputs of closed configurations (n,), limits left aside; None of other loops."""
+    ring = _ring(mechanism)
+    if ring is None or not found:
+        return None
+    moving = {j for j in ring if j in mechanism.passive}
+    if not moving & set(path_to(mechanism, structure(mechanism).output)):
+        return None
+    corners = _corners(mechanism, ring, found[0])
+    if corners is None:
+        return None
+    sides = corners - np.roll(corners, 1, axis=0)
+    lengths = np.linalg.norm(sides, axis=1)
+    if lengths.min() <= _SMALL * max(lengths.max(), _SMALL):
+        return None
+    height = abs(sides[0][0] * sides[1][1] - sides[0][1] * sides[1][0]) / lengths.max()
+    return 1 if height <= _FLAT * lengths.max() else 2
+
+
+def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
+    """Values of the inputs within their limits that bring the middle pin to p (3,), the output.
+
+    None of other mechanisms, or where two solutions meet.
+    """
+    ring = _ring(mechanism)
+    if ring is None or set(mechanism.task.rows) != {0, 1}:
+        return None
+    driven = [j in mechanism.actuated for j in ring]
+    if driven != [True, False, False, False, True] or len(ring) != mechanism.n + (LOOP in ring):
+        return None
+    start = _sample(mechanism, home(mechanism))
+    if abs(abs(start.axis[ring[1]][2]) - 1) > _SMALL or not _at_pin(mechanism, ring[2]):
+        return None
+    zero = _sample(mechanism, np.zeros(mechanism.n))
+    count = 1
+    for act, pin in ((ring[0], ring[1]), (ring[4], ring[3])):
+        C = np.array(zero.joints[pin + 1].translation)
+        rod = carried(mechanism, zero, act, C, np.zeros(3))
+        if rod is None or abs(abs(zero.axis[act][2]) - (not mechanism.prismatic[act])) > _SMALL:
+            return None
+        reach = np.array(start.joints[pin + 1].translation - start.output.translation)
+        length = float(np.linalg.norm(reach[:2]))
+        roots = values(mechanism, rod, p, True, length)
+        if roots is None:
+            return None
+        count *= sum(inside(mechanism, act, v) for v in roots)
+    return count
+
+
+def _ring(mechanism: Mechanism) -> list[int] | None:
+    """Joints around the one loop from base to base, of which three are passive pins; or None."""
+    if len(mechanism.loops) != 1 or mechanism.prismatic[list(mechanism.passive)].any():
+        return None
+    loop = mechanism.loops[0]
+    bodies = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
+    first, second = (path_to(mechanism, bodies[name]) for name in (loop.frame_a, loop.frame_b))
+    if set(first) & set(second):
+        return None
+    ring = [*first, *([] if loop.kind == "6d" else [LOOP]), *reversed(second)]
+    pins = [j for j in ring if j not in mechanism.actuated]
+    return ring if len(pins) == 3 and set(mechanism.passive) <= set(pins) else None
+
+
+def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | None:
+    """The three pins (3, 2) in their plane; None where they are not parallel."""
+    sample, loop = _sample(mechanism, q), mechanism.loops[0]
+    pins = [j for j in ring if j not in mechanism.actuated]
+    axes = np.array([sample.axis[j] for j in pins if j != LOOP])
+    frame = next(f for f, x in zip(sample.frames, mechanism.model.frames, strict=True)
+                 if x.name == loop.frame_a)  # fmt: skip
+    if loop.kind == "planar":
+        axes = np.concatenate([axes, np.array(frame.rotation)[None, :, 2]])
+    if np.abs(np.cross(axes, axes[0])).max() > _SMALL:
+        return None
+    points = np.array(
+        [frame.translation if j == LOOP else sample.joints[j + 1].translation for j in pins]
+    )
+    return np.asarray(points @ np.linalg.svd(axes[:1])[2][1:].T)
+
+
+def _at_pin(mechanism: Mechanism, pin: int) -> bool:
+    """Whether the output is the position of a pin, as a point of one of its two bodies."""
+    frames = {f.name: f for f in mechanism.model.frames}
+    output, loop = frames[mechanism.output], mechanism.loops[0]
+    if pin == LOOP:
+        bodies = {frames[name].parentJoint for name in (loop.frame_a, loop.frame_b)}
+    else:
+        bodies = {pin + 1, mechanism.model.parents[pin + 1]}
+    if output.parentJoint not in bodies:
+        return False
+    at = _sample(mechanism, home(mechanism))
+    where = (
+        next(f for f, x in zip(at.frames, mechanism.model.frames, strict=True)
+             if x.name == loop.frame_a)
+        if pin == LOOP
+        else at.joints[pin + 1]
+    )  # fmt: skip
+    away = np.array(where.translation) - np.array(at.output.translation)
+    return bool(np.linalg.norm(away[:2]) <= _SMALL * mechanism.length_scale)
+
+
+def _sample(mechanism: Mechanism, q: Array) -> Sample:
+    return Sample(mechanism, structure(mechanism), q, np.eye(3), np.eye(3))
