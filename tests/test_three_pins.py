@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import pinsing
+from pinsing.mechanism import mechanism_at, pose_forms
 
 JOINT = (
     '<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
@@ -156,3 +157,90 @@ def test_a_welded_five_bar(tmp_path: Path) -> None:
             assert len(back.modes) == 4
             assert back.complete
     assert told >= 2
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+def variables(names: tuple[str, ...], P: np.ndarray, inputs: dict[str, float]) -> list[float]:
+    known = {"x": float(P[0]), "y": float(P[1])}
+    for name, value in inputs.items():
+        known |= {name: value, f"cos {name}": math.cos(value), f"sin {name}": math.sin(value)}
+    return [known[n] for n in names]
+
+
+def values_of(forms, kind, P, inputs) -> list[float]:
+    return [
+        float(locus.equation(np.array(variables(locus.equation.names, P, inputs))))
+        for locus in forms.loci
+        if locus.kind == kind
+    ]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_loci_over_the_position_of_two_slides(tmp_path: Path, seed: int) -> None:
+    rng = np.random.default_rng(40 + seed)
+    a, b, yaw = rng.uniform(0.4, 0.8), rng.uniform(0.4, 0.8), rng.uniform(-1, 1)
+    mechanism = two_slides(tmp_path, a, b, yaw)
+    forms = pose_forms(mechanism)
+    assert forms is not None
+    assert forms.complete
+    assert {x.kind for x in forms.loci} == {"type 1", "type 2"}
+    told = 0
+    for _ in range(60):  # closed ones: the loci against the measures of the mechanism
+        d = rng.uniform(-0.4, 0.4, 2)
+        found = pinsing.assembly_modes(mechanism, d)
+        for mode in found.modes:
+            P = np.array(mode.pose.position[:2])
+            state = mechanism_at(mechanism, mode.q)
+            inputs = {"d1": float(d[0]), "d2": float(d[1])}
+            two = min(abs(v) for v in values_of(forms, "type 2", P, inputs))
+            one = min(abs(v) for v in values_of(forms, "type 1", P, inputs))
+            assert (two <= 1e-7) == (state.input_ratio <= 1e-7)
+            assert (one <= 1e-7) == (state.output_ratio <= 1e-7)
+            for equation in forms.closing:
+                at = np.array(variables(equation.names, P, inputs))
+                assert abs(float(equation(at))) <= 1e-9
+            told += 1
+        if told > 12:
+            break
+    assert told > 4
+    # Across the first slide: P straight above or below it; beside that place it is not.
+    for sign in (1, -1):
+        P = np.array([0.05, sign * a])
+        assert min(abs(v) for v in values_of(forms, "type 1", P, {"d1": 0.05, "d2": 9.0})) <= 1e-12
+        beside = {"d1": 0.05 + 1e-3, "d2": 9.0}
+        assert min(abs(v) for v in values_of(forms, "type 1", P, beside)) > 1e-4
+
+
+def test_loci_of_a_welded_five_bar(tmp_path: Path) -> None:
+    mechanism = welded_five_bar(tmp_path)
+    forms = pose_forms(mechanism)
+    assert forms is not None
+    assert forms.complete
+    rng = np.random.default_rng(9)
+    for _ in range(8):
+        q1, angle, shift = rng.uniform(-3, 3), rng.uniform(-3, 3), rng.uniform(0.05, 0.4)
+        B1 = 0.3 * np.array([math.cos(q1), math.sin(q1)])
+        # P on the circle of rod 1; rod 2 in line with it is B2 = P + 0.4 u.
+        u = np.array([math.cos(angle), math.sin(angle)])
+        P = B1 + 0.45 * u
+        B2 = P + 0.4 * u
+        q2 = math.atan2(B2[1], B2[0] - 0.5)
+        true = np.array([0.5, 0]) + 0.3 * np.array([math.cos(q2), math.sin(q2)])
+        inline = abs(cross(P - B1, P - true))
+        got = [abs(v) for v in values_of(forms, "type 2", P, {"q1": q1, "q2": q2})]
+        assert len(got) == 1
+        assert np.sign(got[0]) == np.sign(inline) or inline < 1e-9
+        # The left side is the cross product, up to a constant.
+        other = angle + shift
+        P2 = B1 + 0.45 * np.array([math.cos(other), math.sin(other)])
+        more = abs(cross(P2 - B1, P2 - true))
+        [value] = [abs(v) for v in values_of(forms, "type 2", P2, {"q1": q1, "q2": q2})]
+        if inline > 1e-6:
+            assert value / got[0] == pytest.approx(more / inline, rel=1e-7)
+        # Type 1: crank 1 and its rod in line.
+        for sign in (1, -1):
+            P3 = (0.3 + sign * 0.45) * np.array([math.cos(q1), math.sin(q1)])
+            assert min(abs(v) for v in values_of(forms, "type 1", P3, {"q1": q1, "q2": q2})) < 1e-9

@@ -24,6 +24,7 @@ from pinsing.mechanism.pose_equation import PoseEquation, planar_equation, pose_
 from pinsing.mechanism.pose_forms import PoseForms, PoseLocus
 from pinsing.mechanism.pose_hinges import counts_hinges, hinged_type1
 from pinsing.mechanism.pose_notes import needs
+from pinsing.mechanism.pose_point import point_forms
 from pinsing.mechanism.pose_real import has_real_points
 from pinsing.mechanism.pose_ring import PARALLEL, PoseRing, cross, determinant
 from pinsing.mechanism.pose_sphere import of_sphere
@@ -38,7 +39,8 @@ from pinsing.robot.mechanism import Mechanism
 def pose_forms(mechanism: Mechanism) -> PoseForms | None:
     """Closed forms over the pose; None where a leg passes more, or other things, than one force.
 
-    A spherical mechanism of three legs has them over its orientation.
+    A spherical mechanism of three legs has them over its orientation, a five-bar on slides, or a
+    welded one, over the position of its middle pin.
 
     Parameters
     ----------
@@ -61,7 +63,7 @@ def pose_forms(mechanism: Mechanism) -> PoseForms | None:
     if sphere is not None:
         return mechanism.once("pose_forms", lambda: of_sphere(mechanism, sphere))
     if found is None:
-        return None
+        return mechanism.once("pose_forms", lambda: point_forms(mechanism))
     return mechanism.once("pose_forms", lambda: _forms(mechanism, found))
 
 

@@ -15,7 +15,7 @@ from pinsing._types import Array
 from pinsing.mechanism.leg_wrenches import path_to
 from pinsing.mechanism.mode_counts import inside, values
 from pinsing.mechanism.modes import home
-from pinsing.mechanism.rod import Sample
+from pinsing.mechanism.rod import Rod, Sample
 from pinsing.mechanism.rods import carried
 from pinsing.mechanism.structure import structure
 from pinsing.robot.mechanism import Mechanism
@@ -52,6 +52,27 @@ def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
 
     None of other mechanisms, or where two solutions meet.
     """
+    legs = point_legs(mechanism)
+    if legs is None:
+        return None
+    count = 1
+    for rod, length in legs:
+        roots = values(mechanism, rod, p, True, length)
+        if roots is None:
+            return None
+        count *= sum(inside(mechanism, rod.joint, v) for v in roots)
+    return count
+
+
+def point_legs(mechanism: Mechanism) -> tuple[tuple[Rod, float], ...] | None:
+    """Both rods of a five-bar whose output is the middle pin in x and y, with their lengths.
+
+    Each hangs on a crank or a slide; None of other mechanisms.
+    """
+    return mechanism.once("point_legs", lambda: _point_legs(mechanism))
+
+
+def _point_legs(mechanism: Mechanism) -> tuple[tuple[Rod, float], ...] | None:
     ring = _ring(mechanism)
     if ring is None or set(mechanism.task.rows) != {0, 1}:
         return None
@@ -62,19 +83,15 @@ def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
     if abs(abs(start.axis[ring[1]][2]) - 1) > _SMALL or not _at_pin(mechanism, ring[2]):
         return None
     zero = _sample(mechanism, np.zeros(mechanism.n))
-    count = 1
+    legs = []
     for act, pin in ((ring[0], ring[1]), (ring[4], ring[3])):
         C = np.array(zero.joints[pin + 1].translation)
         rod = carried(mechanism, zero, act, C, np.zeros(3))
         if rod is None or abs(abs(zero.axis[act][2]) - (not mechanism.prismatic[act])) > _SMALL:
             return None
         reach = np.array(start.joints[pin + 1].translation - start.output.translation)
-        length = float(np.linalg.norm(reach[:2]))
-        roots = values(mechanism, rod, p, True, length)
-        if roots is None:
-            return None
-        count *= sum(inside(mechanism, act, v) for v in roots)
-    return count
+        legs.append((rod, float(np.linalg.norm(reach[:2]))))
+    return tuple(legs)
 
 
 def _ring(mechanism: Mechanism) -> list[int] | None:
