@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 import pytest
+import yaml
 from mechanisms import URDF, shipped
 
 import pinsing
@@ -15,6 +16,7 @@ from pinsing.maps import MechanismMap
 from pinsing.mechanism import mechanism_at, refine
 from pinsing.mechanism.batch import BatchLoops
 from pinsing.mechanism.closure import random_closed
+from pinsing.mechanism.four_distances import cannot_close
 from pinsing.mechanism.measure_many import measure_many
 
 
@@ -109,3 +111,61 @@ def test_over_is_an_option_of_mechanisms(capsys):
         main(["map", "ur5", "--over", "poses"])
     assert ended.value.code == 2
     assert "--over goes with --loops" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "name", ["gough_stewart", "stewart_6_3", "planar_3rrr", "planar_3rpr", "hexaglide", "delta"]
+)
+def test_what_closes_is_never_said_to_be_impossible(name, rng):
+    mechanism = shipped(name).without_limits()
+    actuated = list(mechanism.actuated)
+    closed = np.array(random_closed(mechanism, 40, rng))[:, actuated]
+    assert len(closed) > 5
+    assert not cannot_close(mechanism, closed).any()
+
+
+def _circle(row):
+    angles = np.radians(np.array(row["angles"], dtype=float))
+    return row["radius"] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def test_impossible_inputs_of_a_platform_are_those_of_the_triangle(rng):
+    """The points of the 6-3 are pairs that share one: the triangle's inequality, from the table."""
+    mechanism = shipped("stewart_6_3")
+    table = yaml.safe_load((URDF / "stewart_6_3.mechanism.yaml").read_text(encoding="utf-8"))
+    base, top = (_circle(table[x]) for x in ("base", "platform"))
+    inputs = rng.uniform(0.3, 2.5, (300, 6))
+    open_ = np.zeros(300, dtype=bool)
+    for i in range(6):
+        for j in range(i):
+            sides = np.array(
+                [
+                    [np.linalg.norm(base[i] - base[j]), np.linalg.norm(top[i] - top[j]), a, b]
+                    for a, b in inputs[:, [i, j]]
+                ]
+            )
+            open_ |= 2 * sides.max(axis=1) > sides.sum(axis=1) + 1e-9
+    assert 100 < open_.sum() < 300
+    assert (cannot_close(mechanism, inputs) == open_).all()
+
+
+def test_a_map_over_inputs_says_why_few_of_them_close():
+    found = pinsing.mechanism_map(shipped("gough_stewart"), "inputs", 200)
+    assert 0 < found.closed < 40
+    assert found.impossible > 100
+    assert not found.thin
+    told = " ".join(str(found).split())
+    assert f"at {found.impossible} they cannot" in told
+    assert f"at {200 - found.closed - found.impossible} others none of 4 starts" in told
+    similar = pinsing.mechanism_map(shipped("griffis_duffy"), "inputs", 50)
+    assert (similar.closed, similar.thin) == (0, True)
+    assert "a set without volume" in " ".join(str(similar).split())
+
+
+def test_poses_are_drawn_where_the_limits_let_the_platform_go():
+    found = pinsing.mechanism_map(shipped("gough_stewart"), "poses", 300)
+    assert found.closed - found.beyond > 100
+    two = found.near["type 2"]
+    assert two > 0
+    share = 100 * two / (found.closed - found.beyond)
+    assert f"type 2 {two} ({share:.3g} %)" in " ".join(str(found).split())

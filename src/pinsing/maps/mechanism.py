@@ -12,10 +12,11 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
+from pinsing.maps.mechanism_draw import TRIES, draw_closed, known_closed
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.mechanism import Pose, home, mode_of, ranks
 from pinsing.mechanism.analysis import independent_inputs
-from pinsing.mechanism.batch import BatchLoops, newton
-from pinsing.mechanism.closure import random_closed
+from pinsing.mechanism.batch import BatchLoops
 from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.measure_many import measure_many
 from pinsing.mechanism.pose import pose_of
@@ -27,12 +28,9 @@ from pinsing.serialization import JsonResult
 OVER = ("inputs", "poses")
 _CHUNK = 2048
 _MOST = 10_000_000
-_TRIES = 3
-_STEPS = 30
-_CLOSED = 1e-9
-_PILOT = 64
 _QUANTILES = (0.0, 0.01, 0.1, 0.5, 0.9, 1.0)
 _KINDS = ("regular", "near", "type 1", "type 2", "type 3", "constraint")
+_NEAR = ("type 1", "type 2", "constraint")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,13 +73,22 @@ class MechanismMap(JsonResult):
         ``inputs`` or ``poses``: what was drawn at random.
     count, seed, tries : int
         How many were drawn, with which seed, and from how many starts each was to close: home,
-        then random ones.
+        the closed configuration that is nearest (of some known beforehand), then random ones.
     closed : int
         How many closed the loops.
+    impossible : int
+        At how many of the others the loops cannot close, by distances (proven); at what is left
+        none of the starts closed them.
+    thin : bool
+        Whether all configurations known beforehand are of type 2: inputs that close the loops are
+        then a set without volume, which random ones do not meet.
     beyond : int
-        How many of these are beyond a limit of a joint; they are left out below.
+        How many of the closed are beyond a limit of a joint; they are left out below.
     kinds : dict of str to int
         How many of the others are regular, near-singular, type 1, type 2, type 3, constraint.
+    near : dict of str to int
+        For ``type 1``, ``type 2`` and ``constraint``, at how many of them that measure is at most
+        0.01: singular or near it. One configuration may count for several.
     quantiles : tuple of float
         Shares at which the measures are given.
     output_ratio, input_ratio, constraint_ratio : (len(quantiles),) arrays
@@ -90,7 +97,7 @@ class MechanismMap(JsonResult):
         Smallest measure first.
     """
 
-    schema: ClassVar[str] = "pinsing/mechanism-map/1"
+    schema: ClassVar[str] = "pinsing/mechanism-map/2"
     made_by: ClassVar[str] = "pinsing.mechanism_map(mechanism)"
 
     name: str
@@ -99,8 +106,11 @@ class MechanismMap(JsonResult):
     seed: int
     tries: int
     closed: int
+    impossible: int
+    thin: bool
     beyond: int
     kinds: dict[str, int]
+    near: dict[str, int]
     quantiles: tuple[float, ...]
     output_ratio: Array
     input_ratio: Array
@@ -118,9 +128,10 @@ def map_text(found: MechanismMap, page: Page = PLAIN, degrees: bool = False) -> 
     lines = [
         page.paragraph(
             f"{found.name}: {found.count} {what} drawn at random (seed {found.seed}); the loops "
-            f"closed at {found.closed} of them, from home and {found.tries - 1} random starts "
-            f"(at others they may close too), {found.beyond} of these beyond the limits of joints"
+            f"closed at {found.closed} of them ({100 * found.closed / found.count:.3g} %), "
+            f"{found.beyond} of these beyond the limits of joints"
         ),
+        *(page.paragraph(x, first="  ", rest="    ") for x in _open(found)),
         page.paragraph(
             f"of the {kept} within: "
             + ", ".join(f"{n} {k}" for k, n in found.kinds.items() if n or k == "regular"),
@@ -128,6 +139,15 @@ def map_text(found: MechanismMap, page: Page = PLAIN, degrees: bool = False) -> 
             rest="    ",
         ),
     ]
+    if kept:
+        shares = (f"{k} {n} ({100 * n / kept:.3g} %)" for k, n in found.near.items())
+        lines.append(
+            page.paragraph(
+                f"singular or near (measure at most {NEAR_RTOL:g}): " + ", ".join(shares),
+                first="  ",
+                rest="    ",
+            )
+        )
     if kept:
         rows = [
             (f"{100 * p:g} %", f"{a:.3g}", f"{b:.3g}", f"{c:.3g}")
@@ -151,6 +171,27 @@ def map_text(found: MechanismMap, page: Page = PLAIN, degrees: bool = False) -> 
     return "\n".join(lines)
 
 
+def _open(found: MechanismMap) -> Iterator[str]:
+    """Why the loops did not close at the others."""
+    rest = found.count - found.closed - found.impossible
+    if found.impossible:
+        yield (
+            f"at {found.impossible} they cannot: the ends of two legs would be too far apart or "
+            "too near to each other (proven, by four distances)"
+        )
+    if rest:
+        yield (
+            f"at {rest} {'others ' if found.impossible else ''}none of {found.tries} starts (home, "
+            f"the nearest closed configuration known, {found.tries - 2} random ones) closed them: "
+            "whether they close another way is not known"
+        )
+    if found.thin and found.over == "inputs":
+        yield (
+            "every closed configuration that was looked at is of type 2: inputs that close the "
+            "loops are a set without volume, which random ones do not meet; --over poses shows them"
+        )
+
+
 def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
     every = [head, *rows]
     widths = [max(len(r[k]) for r in every) for k in range(len(head))]
@@ -171,8 +212,10 @@ def mechanism_map(
     """How near to singular a mechanism is, at inputs or poses of the output drawn at random.
 
     Inputs are drawn evenly within their limits; positions evenly in the box that holds those of
-    random closed configurations, orientations from these. The loops are closed from home, else from
-    random starts, thousands at once, and all constraint Jacobians are taken apart together.
+    closed configurations known beforehand (from random starts, within the limits where enough are),
+    orientations from these. The loops are closed from home, else from the nearest of those, else
+    from random starts, thousands at once, and all constraint Jacobians are taken apart together.
+    Inputs that cannot close the loops, by the distances between legs, are counted and not tried.
 
     Parameters
     ----------
@@ -226,14 +269,20 @@ def mechanism_map(
     loops = BatchLoops(mechanism)
     # Of more actuators than freedoms those that are independent are drawn; the others follow.
     driven = list(independent_inputs(mechanism, generic, home(mechanism)).actuated)
-    closed = beyond = 0
+    known = known_closed(loops)
+    thin = bool(len(known)) and bool(
+        (measure_many(loops, known).input_ratio <= SINGULAR_RTOL).all()
+    )
+    closed = beyond = impossible = 0
+    near = dict.fromkeys(_NEAR, 0)
     parts: list[Array] = []
     kinds = dict.fromkeys(_KINDS, 0)
     least: list[tuple[float, int, str, Array]] = []
     for k, start in enumerate(range(0, count, _CHUNK)):
         rng = np.random.default_rng([seed, k])
-        Q = _closed(loops, driven, over, min(_CHUNK, count - start), rng)
+        Q, ruled_out = draw_closed(loops, driven, over, min(_CHUNK, count - start), rng, known)
         closed += len(Q)
+        impossible += ruled_out
         outside = mechanism.space.outside(Q).any(axis=1) if len(Q) else np.zeros(0, dtype=bool)
         beyond += int(outside.sum())
         Q = Q[~outside]
@@ -244,6 +293,8 @@ def mechanism_map(
         names = found.kinds()
         for name, number in zip(*np.unique(names, return_counts=True), strict=True):
             kinds[str(name)] += int(number)
+        for name, number in zip(_NEAR, (ratios <= NEAR_RTOL).sum(axis=0), strict=True):
+            near[name] += int(number)
         parts.append(ratios)
         low = ratios.min(axis=1)
         for i in np.argsort(low, kind="stable")[:worst].tolist():
@@ -256,7 +307,8 @@ def mechanism_map(
         else np.full((len(_QUANTILES), 3), math.nan)
     )
     return MechanismMap(
-        mechanism.name, over, count, seed, _TRIES, closed, beyond, kinds, _QUANTILES,
+        mechanism.name, over, count, seed, TRIES, closed, impossible, thin, beyond, kinds, near,
+        _QUANTILES,
         told[:, 0], told[:, 1], told[:, 2],
         tuple(_worst(mechanism, *x) for x in least),
     )  # fmt: skip
@@ -269,50 +321,3 @@ def _worst(
         measure, kind, q, q[list(mechanism.actuated)], pose_of(output_pose(mechanism, q)),
         mode_of(mechanism, q),
     )  # fmt: skip
-
-
-def _closed(
-    loops: BatchLoops, actuated: list[int], over: str, count: int, rng: np.random.Generator
-) -> Array:
-    """Closed configurations (M, n) of those drawn, in the order in which they were drawn."""
-    mechanism = loops.mechanism
-    low, high = mechanism.space.span
-    free = np.ones(mechanism.n, dtype=bool)
-    target = None
-    held = np.zeros((count, 0))
-    if over == "inputs":
-        free[actuated] = False
-        held = rng.uniform(low[actuated], high[actuated], (count, len(actuated)))
-    else:
-        target = _poses(loops, count, rng)
-    out = np.zeros((count, mechanism.n))
-    kept = np.zeros(count, dtype=bool)
-    left = np.arange(count)
-    at_home = home(mechanism)
-    for k in range(_TRIES):
-        # From home first, so that most are in its mode; then from anywhere.
-        Q = rng.uniform(low, high, (len(left), mechanism.n)) if k else np.tile(at_home, (count, 1))
-        if over == "inputs":
-            Q[:, actuated] = held[left]
-        here = None if target is None else (target[0][left], target[1][left], mechanism.task.rows)
-        Q, size = newton(loops, Q, free, target=here, steps=_STEPS)
-        done = size <= _CLOSED
-        Q = mechanism.space.fold(Q)
-        out[left[done]], kept[left[done]] = Q[done], True
-        # What is beyond a limit may be within it another way.
-        done &= ~mechanism.space.outside(Q).any(axis=1)
-        left = left[~done]
-        if not len(left):
-            break
-    return out[kept]
-
-
-def _poses(loops: BatchLoops, count: int, rng: np.random.Generator) -> tuple[Array, Array]:
-    """Rotations (count, 3, 3) and positions (count, 3) to reach."""
-    mechanism = loops.mechanism
-    pilot = np.array(random_closed(mechanism, _PILOT, np.random.default_rng(_PILOT)))
-    inside = pilot[~mechanism.space.outside(pilot).any(axis=1)]
-    pilot = inside if len(inside) >= 8 else pilot
-    R, p, _ = loops.output(pilot)
-    chosen = rng.integers(len(pilot), size=count)
-    return R[chosen], rng.uniform(p.min(axis=0), p.max(axis=0), (count, 3))
