@@ -188,7 +188,7 @@ def test_a_slice_may_begin_elsewhere() -> None:
 def test_a_platform_that_is_always_singular_has_no_lines() -> None:
     ax = pose_map(shipped("griffis_duffy"), ("x", "y"), samples=15)
     assert "every pose is singular" in ax.get_title()
-    said = [t.get_text() for t in ax.get_legend().get_texts()]
+    said = [t.get_text() for t in ax.figure.legends[0].get_texts()]
     assert "type 2" not in said
     assert any("singular everywhere" in t for t in said)
 

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.mechanism import mechanism_at, pose_forms
+from pinsing.mechanism import home, mechanism_at, pose_forms
+from pinsing.mechanism.pose_slice import pose_slice
 
 JOINT = (
     '<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
@@ -244,3 +245,16 @@ def test_loci_of_a_welded_five_bar(tmp_path: Path) -> None:
         for sign in (1, -1):
             P3 = (0.3 + sign * 0.45) * np.array([math.cos(q1), math.sin(q1)])
             assert min(abs(v) for v in values_of(forms, "type 1", P3, {"q1": q1, "q2": q2})) < 1e-9
+
+
+def test_a_slice_holds_all_that_the_rods_reach(tmp_path: Path) -> None:
+    """Joints that are close to each other at home do not make a robot small."""
+    mechanism = two_slides(tmp_path, 0.5, 0.6, 0.0, limits=(-1, 1))
+    found = pose_slice(mechanism, ("x", "y"), [home(mechanism)], samples=41)
+    assert found.y[0] < -0.3 < 0.5 < found.y[-1]  # |y| <= 0.5 and |y - 0.3| <= 0.6
+    y = found.y[found.inside[0].any(axis=1)]
+    assert y.min() < -0.25
+    assert y.max() > 0.45
+    x = found.x[found.inside[0].any(axis=0)]
+    assert x.min() < -0.3
+    assert x.max() > 1.3

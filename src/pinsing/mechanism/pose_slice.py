@@ -201,8 +201,19 @@ class _Way:
         return self.start(k) + np.linspace(-size, size, samples)
 
     def _size(self) -> float:
-        """The greatest distance of two joints at home."""
-        points = self.loops.place(home(self.mechanism)[None]).position[:, 0]
+        """The greatest distance of two joints at home, or of a joint and an end of a link."""
+        q = home(self.mechanism)
+        model, data = self.mechanism.model, self.mechanism.model.createData()
+        pin.framesForwardKinematics(model, data, self.mechanism.model_q(q))
+        ends = {self.mechanism.output}
+        ends |= {name for x in self.mechanism.loops for name in (x.frame_a, x.frame_b)}
+        points = np.concatenate(
+            [
+                self.loops.place(q[None]).position[:, 0],
+                [np.array(data.oMf[k].translation) for k, f in enumerate(model.frames)
+                 if f.name in ends],
+            ]
+        )  # fmt: skip
         gaps = np.linalg.norm(points[:, None] - points[None], axis=-1)
         return max(float(gaps.max()), 1e-3)
 

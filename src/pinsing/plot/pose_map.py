@@ -121,12 +121,15 @@ def pose_map(
     q = home(mechanism) if start is None else start
     found = pose_slice(mechanism, names, [q], samples or _SAMPLES[1])
     panel = panels(mechanism, found, [""])[0]
-    ax = plt.subplots(figsize=(6, 5.4))[1] if ax is None else ax
+    handles = _handles(mechanism, [panel])
+    if ax is None:
+        figure, ax = plt.subplots(figsize=(6, 5.4), layout="constrained")
+        figure.legend(handles=handles, loc="outside lower center", ncols=2, fontsize=8)
+    else:
+        ax.legend(
+            handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.11), ncols=2, fontsize=8
+        )
     _draw(ax, mechanism, found, panel, degrees)
-    ax.legend(
-        handles=_handles(mechanism, [panel]), loc="upper center", bbox_to_anchor=(0.5, -0.11),
-        ncols=2, fontsize=8,
-    )  # fmt: skip
     told = "every pose of this slice is singular" if panel.everywhere else _what(mechanism)
     ax.set_title(f"{mechanism.name}: {told}", fontsize=10)
     return ax
