@@ -86,12 +86,13 @@ more.
   in the pose and the inputs together, a determinant that is not multiplied out (tens of thousands
   of terms), with the lengths of the rods as the equations of closure: `families --loops --exact`
   and `--json` write both out. To eliminate the inputs would multiply all working modes (64 where
-  there are six). Others have none: an output that turns on the base itself (RSSR), loops that are
-  welded or overconstrained (Bennett), redundant actuators, legs with a hinge at the platform (SPR):
-  no determinant of lines of force from the feet is their condition. Theirs are those in the joint
+  there are six). A five-bar on slides, or a welded one, has its equations over the position of its
+  pin and the inputs. Others have none: an output that turns on the base itself (RSSR), other loops
+  that are welded, overconstrained ones (Bennett), redundant actuators, legs with a hinge at the
+  platform (SPR): no determinant of lines of force from the feet is their condition. Theirs are those in the joint
   angles.
 - Where algebra gives the number of modes it is said: the two solutions of each leg, three spheres,
-  one rod's quadratic equation, the real roots of a polynomial; "at most 40" and "at most 16" are
+  the triangle of three pins, one rod's quadratic equation, the real roots of a polynomial; "at most 40" and "at most 16" are
   bounds over the complex numbers. "found from 400 starts; more may exist" is no more than that.
 - Maps: `pinsing map NAME --loops --over poses` (or `inputs`). Per second of processor time on one
   thread, with Pinocchio's constraint models one configuration after the other in brackets
