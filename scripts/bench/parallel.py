@@ -89,11 +89,12 @@ more.
   there are six). A five-bar on slides, or a welded one, has its equations over the position of its
   pin and the inputs. Others have none: an output that turns on the base itself (RSSR), other loops
   that are welded, overconstrained ones (Bennett), redundant actuators, legs with a hinge at the
-  platform (SPR): no determinant of lines of force from the feet is their condition. Theirs are those in the joint
-  angles.
+  platform (SPR): no determinant of lines of force from the feet is their condition. Theirs are
+  those in the joint angles.
 - Where algebra gives the number of modes it is said: the two solutions of each leg, three spheres,
-  the triangle of three pins, one rod's quadratic equation, the real roots of a polynomial; "at most 40" and "at most 16" are
-  bounds over the complex numbers. "found from 400 starts; more may exist" is no more than that.
+  the triangle of three pins, one rod's quadratic equation, the real roots of a polynomial; "at
+  most 40" and "at most 16" are bounds over the complex numbers. "found from 400 starts; more may
+  exist" is no more than that.
 - Maps: `pinsing map NAME --loops --over poses` (or `inputs`). Per second of processor time on one
   thread, with Pinocchio's constraint models one configuration after the other in brackets
   (`scripts/bench/mechanism_rate.py`): constraint and output Jacobians of 188,000 configurations of
