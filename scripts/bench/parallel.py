@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import yaml
 
 import pinsing
@@ -23,6 +24,7 @@ from pinsing.mechanism import (
     pose_forms,
     ranks,
 )
+from pinsing.mechanism.feasible import feasible
 from pinsing.mechanism.forms_text import forms_text
 from pinsing.mechanism.rods import why_no_rods
 from pinsing.robot.mechanism import Mechanism
@@ -343,6 +345,37 @@ def of_loci(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     yield f"type 2: {known} (Gosselin and Angeles 1990)", "; ".join(told["type 2"])
 
 
+def of_four_bar(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
+    """Dead points by the law of cosines, from the lengths of the links."""
+    at = mechanism.model.createData()
+    pin.framesForwardKinematics(mechanism.model, at, mechanism.model_q(np.zeros(3)))
+    place = {f.name: at.oMf[k].translation for k, f in enumerate(mechanism.model.frames)}
+    A1, B1, A2 = (place[name] for name in ("crank", "coupler", "rocker"))
+    crank, ground = np.linalg.norm(B1 - A1), np.linalg.norm(A2 - A1)
+    coupler = np.linalg.norm(place["coupler_end"] - B1)
+    rocker = np.linalg.norm(place["rocker_end"] - A2)
+    ends = sorted([crank, coupler, rocker, ground])
+    rest = f"{ends[0] + ends[3]:g} > {ends[1] + ends[2]:g} m"
+    loci = {x.kind: x for x in loop_forms(mechanism).loci}
+    told = {
+        "type 2": ("coupler and rocker stretched", crank, coupler + rocker),
+        "type 1": ("crank and coupler stretched", crank + coupler, rocker),
+    }
+    for kind, (words, near, far) in told.items():
+        cosine = (near**2 + ground**2 - far**2) / (2 * near * ground)
+        found = loci[kind].witness
+        yield (
+            f"{kind}, {words}: crank at ±{np.degrees(np.arccos(cosine)):.6f}° (law of cosines)",
+            f"crank at {np.degrees(found.inputs[0]):.6f}°",
+        )
+    limits = feasible(mechanism, home(mechanism)[list(mechanism.actuated)])["crank"]
+    yield (
+        f"no link turns round, since shortest and longest together are longer ({rest}, Grashof)",
+        "crank between "
+        + f"{np.degrees(limits[0].lower):.6f}° and {np.degrees(limits[0].upper):.6f}°",
+    )
+
+
 def of_agile_eye(mechanism: Mechanism) -> Iterator[tuple[str, str]]:
     found = pinsing.assembly_modes(mechanism)
     yield "8 assembly modes (Gosselin, Sefrioui and Richard 1994)", found.statement
@@ -372,6 +405,7 @@ KNOWN: dict[str, Known] = {
     "bennett": of_bennett,
     "rssr": of_rssr,
     "five_bar": of_loci,
+    "four_bar": of_four_bar,
     "planar_3rrr": of_loci,
     "rps3": of_rps,
     "agile_eye": of_agile_eye,
