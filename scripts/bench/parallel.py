@@ -75,6 +75,9 @@ more.
   the checker reads. Type 2 has none: it is about several chains that the closure ties, of which the
   checker knows nothing; its equation is the rank condition itself, with no list of families that
   could be proven complete.
+- A ball that is written as three hinges is a ball: where these lie in a plane (cos s1y = 0, say, a
+  gimbal lock) the numbers are those of the ball, and no singularity is reported for it. The joint
+  equations name the lock among passive joints that move by themselves, since the file's joints do.
 - Legs may be written from the base or from the platform, cut at either end or at the elbow, in any
   plane; links that spin idly between two balls are held, joints without limits move without end.
   Of the 18 loop files of gepetto/example-parallel-robots (at 52e64b3) 14 have as many freedoms as

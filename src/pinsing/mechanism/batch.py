@@ -31,11 +31,14 @@ class Placed:
         Of its origin.
     axis : (n, N, 3) array
         Axes of the joints.
+    pivot : (n + 1, N, 3) array
+        A point of each joint's axis: ``position``, but for what is turned about another one.
     """
 
     rotation: Array
     position: Array
     axis: Array
+    pivot: Array
 
 
 class BatchLoops:
@@ -91,7 +94,7 @@ class BatchLoops:
                 p[j + 1] += Q[:, j, None] * axis[j]
             else:
                 _turn(up, self._own[j], Q[:, j], R[j + 1])
-        return Placed(R, p, axis)
+        return Placed(R, p, axis, p)
 
     def _frame(self, placed: Placed, which: tuple[int, Array, Array]) -> tuple[Array, Array]:
         body, turned, moved = which
@@ -107,7 +110,7 @@ class BatchLoops:
             return linear, angular
         axis = placed.axis[above]
         slides = self.mechanism.prismatic[above]
-        moved = _cross(axis, point - placed.position[above + 1])
+        moved = _cross(axis, point - placed.pivot[above + 1])
         moved[slides] = axis[slides]
         linear[:, :, above] = moved.transpose(1, 2, 0)
         angular[:, :, above] = np.where(slides[:, None, None], 0.0, axis).transpose(1, 2, 0)

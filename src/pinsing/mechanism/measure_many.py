@@ -10,6 +10,7 @@ from pinsing._types import Array
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.mechanism.batch import BatchLoops
 from pinsing.mechanism.closure import ranks
+from pinsing.mechanism.whole_balls import locked
 
 _ZERO = 1e-12
 
@@ -59,14 +60,18 @@ def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> Ma
     two = np.asarray(held[:, d - 1] if d <= held.shape[1] else np.zeros(len(Q)), dtype=float)
     with np.errstate(divide="ignore", invalid="ignore"):
         one = np.where(size > 0, moved[:, generic.output - 1] / size, 0.0)
-    lost = np.flatnonzero(constraint <= rtol)
+    least = np.minimum(np.minimum(one, two), constraint)
+    judged = least <= NEAR_RTOL
+    judged[judged] = locked(mechanism, Q[judged])
+    lost = np.flatnonzero((constraint <= rtol) | judged)
     if len(lost):
         from pinsing.mechanism.motion import motions
 
-        # More motions than the mobility: the basis is wider there, and few are.
+        # More motions than the mobility, or a ball that is locked as written; few are either.
         for k in lost.tolist():
             found = motions(mechanism, Q[k], rtol)
             one[k], two[k] = found.output_ratio, found.input_ratio
+            constraint[k] = found.constraint_ratio
     return ManyMeasures(np.asarray(one, dtype=float), two, np.asarray(constraint, dtype=float))
 
 

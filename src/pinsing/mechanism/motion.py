@@ -13,10 +13,14 @@ type 3
     both;
 constraint singularity
     the constraint Jacobian itself loses rank: more motions than the mobility.
+
+What is near one of them is judged with balls as balls: that three hinges which are written for one
+lie in a plane (a gimbal lock) takes no freedom from the mechanism.
 """
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
@@ -26,8 +30,10 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.mechanism.batch import BatchLoops
 from pinsing.mechanism.closure import Loops, ranks
 from pinsing.mechanism.modes import mode_of
+from pinsing.mechanism.whole_balls import ball_jacobians, hinge_rates, locked
 from pinsing.robot.load_mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
@@ -42,7 +48,8 @@ class Motions:
     Attributes
     ----------
     basis : (n, d) array
-        Orthonormal joint velocities; d is the mobility, more at a constraint singularity.
+        Orthonormal joint velocities; d is the mobility, more at a constraint singularity. Beside
+        the gimbal lock of a ball what its hinges show of them (`whole_balls`).
     inputs : (n_a, d) array
         Their actuated part, S N.
     outputs : (m, d) array
@@ -82,14 +89,25 @@ def motions(mechanism: Mechanism, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL)
 
 
 def _motions(loops: Loops, q: Array, rtol: float) -> Motions:
-    generic = ranks(loops.mechanism)
-    G = loops.scaled(q)[1]
+    mechanism = loops.mechanism
+    found = _measured(mechanism, loops.scaled(q)[1], loops.output_scaled(q), rtol)
+    least = min(found.constraint_ratio, found.input_ratio, found.output_ratio)
+    if least > NEAR_RTOL or not locked(mechanism, q[None])[0]:
+        return found
+    batch = mechanism.once("ball_loops", lambda: BatchLoops(mechanism))
+    G, J = ball_jacobians(batch, q[None])
+    whole = _measured(mechanism, G[0], J[0], rtol)
+    return replace(whole, basis=hinge_rates(batch, q, whole.basis))
+
+
+def _measured(mechanism: Mechanism, G: Array, J: Array, rtol: float) -> Motions:
+    """From the constraint Jacobian (k, n) and the output's (m, n), without units."""
+    generic = ranks(mechanism)
     _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
     r = generic.constraint
     ratio = float(sigma[r - 1] / sigma[0]) if sigma[0] > 0 else 0.0
     N = Vt[r if ratio > rtol else int((sigma > rtol * sigma[0]).sum()) :].T
-    inputs = N[list(loops.mechanism.actuated)]
-    J = loops.output_scaled(q)
+    inputs = N[list(mechanism.actuated)]
     outputs = J @ N
     size = float(np.linalg.norm(J, 2))
     sigma_in = np.linalg.svd(inputs, compute_uv=False)
