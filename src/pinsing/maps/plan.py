@@ -120,23 +120,7 @@ class MapPlan(JsonResult):
             raise OptionError(
                 f"configurations {start} to {stop} are outside 0 to {self.count} of the map"
             )
-        return self.rows(start, stop)
-
-    def rows(self, start: int, stop: int) -> Array:
-        """Configurations (stop - start, n), as `configurations`, of numbers that there are."""
-        moving, count = list(self.moving), stop - start
-        every = moving == list(range(self.arm.n))
-        Q = np.empty((count, self.arm.n)) if every else np.tile(self.base, (count, 1))
-        if self.sampling == "grid":
-            sliding = self.arm.prismatic[moving]
-            axes = [
-                grid_axis(float(low), float(high), steps, bool(slides))
-                for (low, high), steps, slides in zip(self.ranges, self.steps, sliding, strict=True)
-            ]
-            Q[:, moving] = grid_points(axes, start, stop)
-        else:
-            put_points(Q, moving, self.sampling, start, self.ranges, self.seed)
-        return Q
+        return rows_of(self, start, stop)
 
     def identity(self) -> dict[str, Any]:
         """What decides the numbers and the chunks, as plain JSON values."""
@@ -149,6 +133,23 @@ class MapPlan(JsonResult):
         how = {"grid": "grid", "sobol": "Sobol sample", "random": "random sample"}[self.sampling]
         size = " x ".join(map(str, self.steps)) + " = " if len(self.steps) > 1 else ""
         return f"{how} of {size}{self.count:,} configurations over {names}"
+
+
+def rows_of(plan: MapPlan, start: int, stop: int) -> Array:
+    """Configurations (stop - start, n) of a plan, of numbers that there are."""
+    moving, count = list(plan.moving), stop - start
+    every = moving == list(range(plan.arm.n))
+    Q = np.empty((count, plan.arm.n)) if every else np.tile(plan.base, (count, 1))
+    if plan.sampling == "grid":
+        sliding = plan.arm.prismatic[moving]
+        axes = [
+            grid_axis(float(low), float(high), steps, bool(slides))
+            for (low, high), steps, slides in zip(plan.ranges, plan.steps, sliding, strict=True)
+        ]
+        Q[:, moving] = grid_points(axes, start, stop)
+    else:
+        put_points(Q, moving, plan.sampling, start, plan.ranges, plan.seed)
+    return Q
 
 
 @checked

@@ -23,7 +23,7 @@ from pinsing.maps.clearance import (
     clearance_room,
     put_clearance,
 )
-from pinsing.maps.plan import BLOCK, WORST, MapPlan, plan_map
+from pinsing.maps.plan import BLOCK, WORST, MapPlan, plan_map, rows_of
 from pinsing.maps.result import MapResult, result_of
 from pinsing.proximity.watched import Forms
 from pinsing.robot.arm import Arm
@@ -113,7 +113,7 @@ def compute_map_chunk(job: MapJob, index: int) -> Record:
     tally, distances = Tally(plan.worst), Tally(plan.worst)
     kept = []
     for first in range(start, stop, BLOCK):
-        Q = plan.rows(first, min(stop, first + BLOCK))
+        Q = rows_of(plan, first, min(stop, first + BLOCK))
         found = job.evaluator.measure(Q)
         tally.add(first, found.sigma[:, -1], found.ratio)
         if job.near is not None:

@@ -82,6 +82,8 @@ def _forms(mechanism: Mechanism) -> JointForms:
         legs = leg_wrenches(mechanism)
         loci = [*_type2(mechanism, legs), *_type1(mechanism, legs), *_passive(mechanism, legs)]
         off = legs.off
+        if any(p.ball for p in legs.passive):
+            notes[0] += "; three hinges in a plane lock the angles of the file, not the ball"
         if type1_alone(mechanism):
             ones = " or ".join(str(x.equation) for x in loci if x.kind == "type 1")
             notes.append(
