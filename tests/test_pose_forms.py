@@ -470,7 +470,8 @@ def test_slices_over_the_pose_show_the_loci():
         for x, y in contour(ax, TYPE_2)
     ]
     assert np.abs(equation_values(forms, rows)).max() < 0.01
-    labels = [t.get_text() for t in ax.get_legend().get_texts()]
+    (legend,) = ax.figure.legends
+    labels = [t.get_text() for t in legend.get_texts()]
     assert any(t.startswith("aspect 2: assembly") for t in labels)
     plt.close("all")
 
