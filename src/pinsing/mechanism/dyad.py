@@ -15,6 +15,7 @@ from pinsing._types import Array
 from pinsing.robot.load_mechanism import Mechanism
 
 _TOUCH = 1e-12
+_FLAT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +146,10 @@ class Dyad:
             and np.allclose(output.placement.translation, p.placement.translation, atol=1e-12)
             for p in pins
         )
-        flat = abs(self.basis[0, 0]) == 1 and set(mechanism.task.rows) == {0, 1}
-        return meets and flat
+        rows = mechanism.task.rows
+        across = [k for k in range(3) if k not in rows]
+        position = set(rows) <= {0, 1, 2} and not (np.abs(self.basis[:, across]) > _FLAT).any()
+        return meets and position
 
     def close(self, inputs: npt.ArrayLike) -> tuple[Array, ...]:
         """All configurations (n,) at one set of inputs (n_a,): two, one at type 2, or none.

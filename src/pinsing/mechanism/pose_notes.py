@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+import numpy as np
+
 from pinsing._types import Array
 from pinsing.mechanism.pose_hinges import counts_hinges
 from pinsing.mechanism.pose_ring import PoseRing
-from pinsing.mechanism.rod import Rod
+from pinsing.mechanism.rod import Rod, Rods
 from pinsing.mechanism.structure import structure
 from pinsing.mechanism.three_distances import degree_notes, length_name, rod_length
+
+_SMALL = 1e-9
 
 
 def _written(axis: Array) -> str:
@@ -123,6 +127,21 @@ def _lines(ring: PoseRing) -> Iterator[str]:
         yield text
 
 
+def in_plane(found: Rods, turns: bool = True) -> Iterator[str]:
+    """What x, y, and φ where the output ``turns``, are in a plane that is not that of the base."""
+    eye = np.eye(3)
+    if not found.tilted or (not turns and np.abs(found.axes - eye).max() <= _SMALL):
+        return
+    x, y, n = (_written(a) for a in found.axes)
+    if not turns:
+        yield f"x and y are in the plane of the mechanism: x along {x} of the base, y along {y}"
+        return
+    yield (
+        f"x, y and φ are in the plane of the mechanism: x along {x} of the base, y along {y}, "
+        f"φ about {n}, zero where {_written(found.own[:, 0])} of the output is along x"
+    )
+
+
 def needs(ring: PoseRing) -> Iterator[str]:
     """Notes, one after the other."""
     mechanism = ring.rods.mechanism
@@ -139,13 +158,7 @@ def needs(ring: PoseRing) -> Iterator[str]:
             told = tied or any(rod.moved or rod.bends for rod in ring.rods.rods)
             also = "also " if told else ""
             yield f"type 1: {also}where a leg has no length{_short(ring, legs)}; {_else(ring)}"
-    if ring.rods.tilted:
-        x, y, n = (_written(a) for a in ring.rods.axes)
-        own = _written(ring.rods.own[:, 0])
-        yield (
-            f"x, y and φ are in the plane of the mechanism: x along {x} of the base, y along {y}, "
-            f"φ about {n}, zero where {own} of the output is along x"
-        )
+    yield from in_plane(ring.rods)
     if any(rod.moved for rod in ring.rods.rods):
         yield (
             "the equations are in the pose and the inputs together: a pose and inputs that close "

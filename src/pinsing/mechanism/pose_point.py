@@ -7,15 +7,13 @@ slide.
 
 from __future__ import annotations
 
-import numpy as np
-
 from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.pose_equation import PoseEquation, pose_equation
 from pinsing.mechanism.pose_forms import PoseForms, PoseLocus
+from pinsing.mechanism.pose_notes import in_plane
 from pinsing.mechanism.pose_real import has_real_points
 from pinsing.mechanism.pose_ring import PoseRing
 from pinsing.mechanism.pose_turning import simple
-from pinsing.mechanism.rod import Rods
 from pinsing.mechanism.three_pins import point_legs
 from pinsing.robot.mechanism import Mechanism
 
@@ -25,7 +23,7 @@ def point_forms(mechanism: Mechanism) -> PoseForms | None:
     legs = point_legs(mechanism)
     if legs is None or planar_dyad(mechanism) is not None:
         return None
-    found = Rods(mechanism, tuple(rod for rod, _ in legs), True, np.eye(3), np.eye(3))
+    found = legs.rods
     ring = PoseRing(found, level=True)
     (a, b, _), (c, d, _) = (ring.direction(rod) for rod in found.rods)
     parts = [("type 2", "both rods are in line", a * d - b * c)]
@@ -46,8 +44,12 @@ def point_forms(mechanism: Mechanism) -> PoseForms | None:
         for factor, _ in poly.factor()[1]
         for equation in [written(factor)]
     ]
-    closing = tuple(written(ring.length(rod, simple(length))) for rod, length in legs)
-    notes = [
+    closing = tuple(
+        written(ring.length(rod, simple(length)))
+        for rod, length in zip(found.rods, legs.lengths, strict=True)
+    )
+    notes = [*in_plane(found, turns=False)]
+    notes += [
         "the equations are in the position and the inputs together: a position and inputs that "
         "close the loop are singular if and only if one of them is zero"
     ]

@@ -9,7 +9,9 @@ from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_equation import PoseEquation
 from pinsing.mechanism.pose_forms import PoseForms
+from pinsing.mechanism.rod import Rods
 from pinsing.mechanism.rods import rods
+from pinsing.mechanism.three_pins import point_legs
 from pinsing.robot.mechanism import Mechanism
 
 _LEVEL = 1e-9
@@ -23,7 +25,7 @@ def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
     as in ``e3 = 0``, says how near it is.
     """
     at = variables_at(mechanism, forms, q)
-    found = rods(mechanism)
+    found = _rods(mechanism)
     places = [] if found is None else [p for r in found.rods for p in (r.inner, r.outer)]
     reach = max((float(np.linalg.norm(p)) for p in places), default=mechanism.length_scale)
     reach = max(reach, *(abs(at[n]) for n in "xyz"))
@@ -35,7 +37,7 @@ def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
 
 def variables_at(mechanism: Mechanism, forms: PoseForms, q: Array) -> dict[str, float]:
     """Values of the variables of equations at a configuration q (n,)."""
-    found = rods(mechanism)
+    found = _rods(mechanism)
     there = output_pose(mechanism, q)
     pose = pose_of(there if found is None else found.placed(there))
     out = dict(zip("xyz", pose.position, strict=True))
@@ -45,6 +47,14 @@ def variables_at(mechanism: Mechanism, forms: PoseForms, q: Array) -> dict[str, 
         out[name] = value
         out[f"cos {name}"], out[f"sin {name}"] = float(np.cos(value)), float(np.sin(value))
     return out
+
+
+def _rods(mechanism: Mechanism) -> Rods | None:
+    """Of legs that pass one force on the output, or of a five-bar on its pin."""
+    if (found := rods(mechanism)) is not None:
+        return found
+    legs = point_legs(mechanism)
+    return None if legs is None else legs.rods
 
 
 def _relative(equation: PoseEquation, at: dict[str, float], reach: float) -> float:

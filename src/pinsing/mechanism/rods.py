@@ -67,13 +67,9 @@ def _rods(mechanism: Mechanism) -> Rods | str:
         return ends
     rng = np.random.default_rng(_SEED)
     drawn = mechanism.space.sample(4, rng)
-    axes, own = np.eye(3), np.eye(3)
-    zero = Sample(mechanism, built, np.zeros(mechanism.n), axes, own)
-    normal = _normal(mechanism, zero.axis)
-    planar = normal is not None
-    if normal is not None:
-        axes = _level(normal)
-        own = _upright(axes @ zero.output.rotation, axes)
+    plane = plane_axes(mechanism)
+    planar = plane is not None
+    axes, own = plane or (np.eye(3), np.eye(3))
     samples = [Sample(mechanism, built, q, axes, own) for q in drawn]
     out = []
     for path, end in ends:
@@ -91,6 +87,19 @@ def _rods(mechanism: Mechanism) -> Rods | str:
     if {r.joint for r in out} != set(mechanism.actuated):
         return "there are actuated joints that are on no leg from the base to the output"
     return Rods(mechanism, tuple(out), planar, axes, own)
+
+
+def plane_axes(mechanism: Mechanism) -> tuple[Array, Array] | None:
+    """Axes of the base and of the output, as of ``Rods``, of the plane in which all moves; or None.
+
+    None in space.
+    """
+    zero = Sample(mechanism, structure(mechanism), np.zeros(mechanism.n), np.eye(3), np.eye(3))
+    normal = _normal(mechanism, zero.axis)
+    if normal is None:
+        return None
+    axes = _level(normal)
+    return axes, _upright(axes @ zero.output.rotation, axes)
 
 
 def _upright(turned: Array, axes: Array) -> Array:

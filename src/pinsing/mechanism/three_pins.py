@@ -11,12 +11,13 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.mechanism.leg_wrenches import path_to
 from pinsing.mechanism.mode_counts import inside, values
 from pinsing.mechanism.modes import home
-from pinsing.mechanism.rod import Rod, Sample
-from pinsing.mechanism.rods import carried
+from pinsing.mechanism.rod import Rods, Sample
+from pinsing.mechanism.rods import carried, plane_axes
 from pinsing.mechanism.structure import structure
 from pinsing.robot.mechanism import Mechanism
 
@@ -56,42 +57,70 @@ def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
     if legs is None:
         return None
     count = 1
-    for rod, length in legs:
-        roots = values(mechanism, rod, p, True, length)
+    for rod, length in zip(legs.rods.rods, legs.lengths, strict=True):
+        roots = values(mechanism, rod, legs.rods.axes @ p, True, length)
         if roots is None:
             return None
         count *= sum(inside(mechanism, rod.joint, v) for v in roots)
     return count
 
 
-def point_legs(mechanism: Mechanism) -> tuple[tuple[Rod, float], ...] | None:
-    """Both rods of a five-bar whose output is the middle pin in x and y, with their lengths.
+@dataclass(frozen=True, eq=False)
+class PointLegs:
+    """Both rods of a five-bar whose output is the position of the middle pin, in any plane.
 
-    Each hangs on a crank or a slide; None of other mechanisms.
+    Attributes
+    ----------
+    rods : Rods
+        Each hangs on a crank or a slide.
+    lengths : tuple of float
+        Metres.
     """
+
+    rods: Rods
+    lengths: tuple[float, ...]
+
+
+def point_legs(mechanism: Mechanism) -> PointLegs | None:
+    """The rods of such a five-bar; None of other mechanisms."""
     return mechanism.once("point_legs", lambda: _point_legs(mechanism))
 
 
-def _point_legs(mechanism: Mechanism) -> tuple[tuple[Rod, float], ...] | None:
-    ring = _ring(mechanism)
-    if ring is None or set(mechanism.task.rows) != {0, 1}:
+def _point_legs(mechanism: Mechanism) -> PointLegs | None:
+    ring, plane = _ring(mechanism), plane_axes(mechanism)
+    if ring is None or plane is None or not _position_in(plane[0], mechanism.task.rows):
         return None
     driven = [j in mechanism.actuated for j in ring]
     if driven != [True, False, False, False, True] or len(ring) != mechanism.n + (LOOP in ring):
         return None
-    start = _sample(mechanism, home(mechanism))
-    if abs(abs(start.axis[ring[1]][2]) - 1) > _SMALL or not _at_pin(mechanism, ring[2]):
+    start = _sample(mechanism, home(mechanism), *plane)
+    zero = _sample(mechanism, np.zeros(mechanism.n), *plane)
+    if not _at_pin(mechanism, ring[2], start):
         return None
-    zero = _sample(mechanism, np.zeros(mechanism.n))
-    legs = []
-    for act, pin in ((ring[0], ring[1]), (ring[4], ring[3])):
-        C = np.array(zero.joints[pin + 1].translation)
-        rod = carried(mechanism, zero, act, C, np.zeros(3))
-        if rod is None or abs(abs(zero.axis[act][2]) - (not mechanism.prismatic[act])) > _SMALL:
+    loop = mechanism.loops[0]
+    found, lengths = [], []
+    for act, pin, own in ((ring[0], ring[1], loop.frame_a), (ring[4], ring[3], loop.frame_b)):
+        rod = carried(mechanism, zero, act, _place(mechanism, zero, pin, own), np.zeros(3))
+        if rod is None:
             return None
-        reach = np.array(start.joints[pin + 1].translation - start.output.translation)
-        legs.append((rod, float(np.linalg.norm(reach[:2]))))
-    return tuple(legs)
+        reach = _place(mechanism, start, pin, own) - np.array(start.output.translation)
+        found.append(rod)
+        lengths.append(float(np.linalg.norm(reach[:2])))
+    return PointLegs(Rods(mechanism, tuple(found), True, *plane), tuple(lengths))
+
+
+def _position_in(axes: Array, rows: Sequence[int]) -> bool:
+    """Whether rows of a task are the position in a plane, whose axes are rows of (3, 3)."""
+    across = [k for k in range(3) if k not in rows]
+    return set(rows) <= {0, 1, 2} and bool((np.abs(axes[:2, across]) <= _SMALL).all())
+
+
+def _place(mechanism: Mechanism, sample: Sample, pin: int, own: str) -> Array:
+    """Where a pin is (3,); that of the loop by its frame ``own``, since the tree may be open."""
+    if pin != LOOP:
+        return np.array(sample.joints[pin + 1].translation)
+    frames = zip(sample.frames, mechanism.model.frames, strict=True)
+    return np.array(next(f for f, x in frames if x.name == own).translation)
 
 
 def _ring(mechanism: Mechanism) -> list[int] | None:
@@ -110,7 +139,7 @@ def _ring(mechanism: Mechanism) -> list[int] | None:
 
 def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | None:
     """The three pins (3, 2) in their plane; None where they are not parallel."""
-    sample, loop = _sample(mechanism, q), mechanism.loops[0]
+    sample, loop = _sample(mechanism, q, np.eye(3), np.eye(3)), mechanism.loops[0]
     pins = [j for j in ring if j not in mechanism.actuated]
     axes = np.array([sample.axis[j] for j in pins if j != LOOP])
     frame = next(f for f, x in zip(sample.frames, mechanism.model.frames, strict=True)
@@ -125,7 +154,7 @@ def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | Non
     return np.asarray(points @ np.linalg.svd(axes[:1])[2][1:].T)
 
 
-def _at_pin(mechanism: Mechanism, pin: int) -> bool:
+def _at_pin(mechanism: Mechanism, pin: int, at: Sample) -> bool:
     """Whether the output is the position of a pin, as a point of one of its two bodies."""
     frames = {f.name: f for f in mechanism.model.frames}
     output, loop = frames[mechanism.output], mechanism.loops[0]
@@ -135,16 +164,9 @@ def _at_pin(mechanism: Mechanism, pin: int) -> bool:
         bodies = {pin + 1, mechanism.model.parents[pin + 1]}
     if output.parentJoint not in bodies:
         return False
-    at = _sample(mechanism, home(mechanism))
-    where = (
-        next(f for f, x in zip(at.frames, mechanism.model.frames, strict=True)
-             if x.name == loop.frame_a)
-        if pin == LOOP
-        else at.joints[pin + 1]
-    )  # fmt: skip
-    away = np.array(where.translation) - np.array(at.output.translation)
+    away = _place(mechanism, at, pin, loop.frame_a) - np.array(at.output.translation)
     return bool(np.linalg.norm(away[:2]) <= _SMALL * mechanism.length_scale)
 
 
-def _sample(mechanism: Mechanism, q: Array) -> Sample:
-    return Sample(mechanism, structure(mechanism), q, np.eye(3), np.eye(3))
+def _sample(mechanism: Mechanism, q: Array, axes: Array, own: Array) -> Sample:
+    return Sample(mechanism, structure(mechanism), q, axes, own)
