@@ -22,7 +22,7 @@ from pinsing.mechanism.pose_values import variables_at
 from pinsing.mechanism.rods import rods
 from pinsing.plot.mechanism import TYPE_2
 from pinsing.plot.pose_aspects import colors, regions
-from pinsing.plot.pose_map import pose_map
+from pinsing.plot.pose_map import border_field, pose_map
 from pinsing.robot.load_mechanism import Loop, Mechanism
 
 mpl.use("agg")
@@ -491,3 +491,22 @@ def test_regions_of_a_slice_are_parted_by_the_loci_alone():
     band = [np.cos(np.pi * y)]
     assert regions(np.ones_like(inside), band)[0].max() == 3
     assert regions(np.ones_like(inside), band, (False, True))[0].max() == 2
+
+
+def test_the_border_of_what_is_reached_is_where_type_1_is_zero():
+    # A disc, and a half plane, whose left sides go to zero as roots of the distance do.
+    x, y = np.meshgrid(np.linspace(-1, 1, 61), np.linspace(-1, 1, 61))
+    r2, cell = x**2 + y**2, 2 / 60
+    reached = (r2 < 0.61) & (x < 0.437)
+    with np.errstate(invalid="ignore"):
+        ones = [np.where(reached, np.sqrt(0.61 - r2), np.nan), np.sqrt(0.437 - x)]
+    field = np.ma.masked_invalid(border_field(reached, ones))
+    figure, ax = plt.subplots()
+    (path,) = ax.contour(x, y, field, levels=[0.0]).get_paths()
+    plt.close(figure)
+    away = np.abs(np.hypot(*path.vertices.T) - np.sqrt(0.61))
+    across = np.abs(path.vertices[:, 0] - 0.437)
+    corner = np.hypot(path.vertices[:, 0] - 0.437, np.abs(path.vertices[:, 1]) - 0.647)
+    off = np.minimum(away, across)[corner > 2 * cell]
+    assert off.max() < 0.25 * cell
+    assert off.mean() < 0.05 * cell

@@ -91,26 +91,26 @@ more.
   in the pose and the inputs together, a determinant that is not multiplied out (tens of thousands
   of terms), with the lengths of the rods as the equations of closure: `families --loops --exact`
   and `--json` write both out. To eliminate the inputs would multiply all working modes (64 where
-  there are six). A five-bar on slides, or a welded one, has its equations over the position of its
-  pin and the inputs. Others have none: an output that turns on the base itself (RSSR), other loops
-  that are welded, overconstrained ones (Bennett), redundant actuators, legs with a hinge at the
-  platform (SPR): no determinant of lines of force from the feet is their condition. Theirs are
-  those in the joint angles.
+  there are six). A five-bar on slides, or one that is welded or closes at an elbow, in any plane,
+  has its equations over the position of its pin and the inputs. Others have none: an output that
+  turns on the base itself (RSSR), other loops that are welded, overconstrained ones (Bennett),
+  redundant actuators, legs with a hinge at the platform (SPR): no determinant of lines of force
+  from the feet is their condition. Theirs are those in the joint angles.
 - Where algebra gives the number of modes it is said: the two solutions of each leg, three spheres,
   the triangle of three pins, one rod's quadratic equation, the real roots of a polynomial; "at
   most 40" and "at most 16" are bounds over the complex numbers. "found from 400 starts; more may
   exist" is no more than that.
 - Maps: `pinsing map NAME --loops --over poses` (or `inputs`). Per second of processor time on one
   thread, with Pinocchio's constraint models one configuration after the other in brackets
-  (`scripts/bench/mechanism_rate.py`): constraint and output Jacobians of 188,000 configurations of
-  the 3-RRR and 55,000 of the Gough-Stewart platform (47,000 and 31,000: 4.0 and 1.7 times), with
-  the measures 70,000 and 16,400 (8,700 and 5,400: 8.1 and 3.1 times; five-bar 156,000, 15 times).
-  Closing the loops of inputs drawn at random costs more: a map takes 15,700 and 1,350 a second. Few
-  inputs close a platform with long strokes: of 500 drawn for the Gough-Stewart platform 48 do, 290
-  cannot (two legs' ends would be too far apart or too near: proven), at 162 four starts found
-  nothing (sixty find six more). Those of the Griffis-Duffy platform that close it have no volume.
-  The map says these numbers; `--over poses` draws where the output goes: 319 of 500 within the
-  limits, type 2 near at 17 of them.
+  (`scripts/bench/mechanism_rate.py`, an idle machine): constraint and output Jacobians of 520,000
+  configurations of the 3-RRR and 107,000 of the Gough-Stewart platform (58,000 and 37,000: 9.0 and
+  2.9 times), with the measures 114,000 and 23,000 (10,700 and 3,600: 10.6 and 6.4 times; five-bar
+  260,000, 21 times). Closing the loops of inputs drawn at random costs more: a map takes 13,600 and
+  2,000 a second. Few inputs close a platform with long strokes: of 500 drawn for the Gough-Stewart
+  platform 48 do, 290 cannot (two legs' ends would be too far apart or too near: proven), at 162
+  four starts found nothing (sixty find six more). Those of the Griffis-Duffy platform that close it
+  have no volume. The map says these numbers; `--over poses` draws where the output goes: 319 of 500
+  within the limits, type 2 near at 17 of them.
 - Slices through the workspace: `pinsing plot map NAME --loops --over x,y -o map.png`, one for each
   working mode. Coloured is what lies within all limits of joints: each aspect (no singular pose
   parts it) in a colour of its own, green and blue in the assembly mode of home, warm in the other.

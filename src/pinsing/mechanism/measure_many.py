@@ -10,7 +10,8 @@ from pinsing._types import Array
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.mechanism.batch import BatchLoops
 from pinsing.mechanism.closure import ranks
-from pinsing.mechanism.whole_balls import locked
+from pinsing.mechanism.whole_balls import ball_jacobians, locked
+from pinsing.robot.mechanism import Mechanism
 
 _ZERO = 1e-12
 
@@ -43,36 +44,39 @@ class ManyMeasures:
 def measure_many(loops: BatchLoops, Q: Array, rtol: float = SINGULAR_RTOL) -> ManyMeasures:
     """Measures at closed configurations Q (N, n)."""
     mechanism = loops.mechanism
-    generic = ranks(mechanism)
     placed = loops.place(Q)
-    G = loops.closure(Q, placed=placed)[1]
     J = loops.output(Q, placed)[2][:, list(mechanism.task.rows)]
+    ratios = _ratios(mechanism, loops.closure(Q, placed=placed)[1], J)
+    beside = ratios.min(axis=0) <= NEAR_RTOL
+    beside[beside] = locked(mechanism, Q[beside])
+    if beside.any():  # a ball that is locked as written turns as a ball does
+        ratios[:, beside] = _ratios(mechanism, *ball_jacobians(loops, Q[beside]))
+    lost = np.flatnonzero(ratios[2] <= rtol)
+    if len(lost):
+        from pinsing.mechanism.motion import motions
+
+        for k in lost.tolist():  # more motions than the mobility; few are
+            found = motions(mechanism, Q[k], rtol)
+            ratios[:, k] = found.output_ratio, found.input_ratio, found.constraint_ratio
+    return ManyMeasures(*ratios)
+
+
+def _ratios(mechanism: Mechanism, G: Array, J: Array) -> Array:
+    """Measures (3, N), in their order, from Jacobians of closure (N, k, n) and output (N, m, n)."""
+    generic = ranks(mechanism)
     r = generic.constraint
     sigma, N = _motions(G, r)
     top = sigma[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        constraint = np.where(top > 0, sigma[:, r - 1] / top, 0.0)
     inputs = N[:, list(mechanism.actuated)]
     size = np.sqrt(np.maximum(np.linalg.eigvalsh(J @ np.swapaxes(J, 1, 2))[:, -1], 0.0))
     moved = np.linalg.svd(J @ N, compute_uv=False)
     held = np.linalg.svd(inputs, compute_uv=False)
     d = N.shape[2]
-    two = np.asarray(held[:, d - 1] if d <= held.shape[1] else np.zeros(len(Q)), dtype=float)
+    two = held[:, d - 1] if d <= held.shape[1] else np.zeros(len(G))
     with np.errstate(divide="ignore", invalid="ignore"):
         one = np.where(size > 0, moved[:, generic.output - 1] / size, 0.0)
-    least = np.minimum(np.minimum(one, two), constraint)
-    judged = least <= NEAR_RTOL
-    judged[judged] = locked(mechanism, Q[judged])
-    lost = np.flatnonzero((constraint <= rtol) | judged)
-    if len(lost):
-        from pinsing.mechanism.motion import motions
-
-        # More motions than the mobility, or a ball that is locked as written; few are either.
-        for k in lost.tolist():
-            found = motions(mechanism, Q[k], rtol)
-            one[k], two[k] = found.output_ratio, found.input_ratio
-            constraint[k] = found.constraint_ratio
-    return ManyMeasures(np.asarray(one, dtype=float), two, np.asarray(constraint, dtype=float))
+        constraint = np.where(top > 0, sigma[:, r - 1] / top, 0.0)
+    return np.array([one, two, constraint], dtype=float)
 
 
 def _motions(G: Array, rank: int) -> tuple[Array, Array]:

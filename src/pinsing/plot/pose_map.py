@@ -43,6 +43,7 @@ _SAMPLES = {1: 161, 2: 141, 4: 111, 8: 91}
 _MOST_PANELS = 8
 _ALIKE = 1e-6
 _MOST_NAMED = 6
+_JUST = 1e-6
 _ROUNDING = 1e-10
 """Left sides, whose factors have unit length, of a locus that is zero all over a slice."""
 _EDGE = 0.9
@@ -333,8 +334,12 @@ def _draw(ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degree
             norm=BoundaryNorm(edges, len(shades)), shading="nearest", rasterized=True,
         )  # fmt: skip
     if _bordered(panel):
-        smooth = gaussian_filter(panel.reached.astype(float), _EDGE)
-        ax.contour(x, y, smooth, levels=[0.5], colors=[_border(mechanism)], linewidths=1.2)
+        ones = [left for kind, left in panel.lefts if kind == "type 1"]
+        if ones:
+            edge, level = np.ma.masked_invalid(border_field(panel.reached, ones)), 0.0
+        else:
+            edge, level = gaussian_filter(panel.reached.astype(float), _EDGE), 0.5
+        ax.contour(x, y, edge, levels=[level], colors=[_border(mechanism)], linewidths=1.2)
     _zero(ax, x, y, np.where(np.isfinite(panel.margin), panel.margin, np.nan), LIMIT, "--")
     for kind, left in panel.lefts:
         if kind == "passive":
@@ -349,6 +354,37 @@ def _draw(ax: Axes, mechanism: Mechanism, found: PoseSlice, panel: Panel, degree
 
 def _bordered(panel: Panel) -> bool:
     return bool(panel.reached.any()) and int((~panel.reached).sum()) >= LEAST
+
+
+def border_field(reached: Bool, ones: Sequence[Array]) -> Array:
+    """Over the grid (ny, nx), what is zero where the loops close no further; NaN away from there.
+
+    The left side of type 1 goes to zero there as the root of the distance does: its square, which
+    is known inside, goes on in a straight line to the cells outside. Where it does not go to zero
+    the border is half way between the cells.
+    """
+    squares = np.array([np.square(v) / max(float(np.nanmax(v * v)), 1e-300) for v in ones])
+    squares[:, ~reached] = np.nan
+    padded = np.pad(squares, ((0, 0), (2, 2), (2, 2)), constant_values=np.nan)
+    ny, nx = reached.shape
+    field: Array = squares.min(axis=0)
+    straight, slanted = ((0, 1), (0, -1), (1, 0), (-1, 0)), ((1, 1), (1, -1), (-1, 1), (-1, -1))
+    for ways, sure in ((straight, True), (slanted, True), (straight, False), (slanted, False)):
+        led = []
+        for j, i in ways:
+            near, further = (
+                padded[:, 2 + k * j : 2 + k * j + ny, 2 + k * i : 2 + k * i + nx] for k in (1, 2)
+            )
+            last = near.min(axis=0)
+            on = (2 * near - further).min(axis=0) if sure else -last
+            # What bends downwards is led a little too high.
+            on = np.where((on >= 0) & (on < last / 2), -_JUST * last, on)
+            led.append(np.where(on < 0, on, np.nan))
+        known = np.isfinite(led)
+        mean = np.where(known, led, 0.0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+        new = ~np.isfinite(field) & known.any(axis=0)
+        field[new] = mean[new]
+    return field
 
 
 def _border(mechanism: Mechanism) -> str:
