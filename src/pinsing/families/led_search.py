@@ -17,6 +17,8 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from itertools import combinations
 
+import numpy as np
+
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
@@ -27,6 +29,7 @@ from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.near_minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.algebra.second_prime import RandomSteps
+from pinsing.families.inner_parts import without_inner
 from pinsing.families.modular_chain import at_value, value_modulo
 from pinsing.families.real_control import RandomSingular
 from pinsing.families.slice_count import Slice, SliceCount, Slices
@@ -52,6 +55,8 @@ _IN_VAIN = 2
 """Searches of many joints after which another field is asked: one alone may be misleading."""
 _BY_NEIGHBOURS = 0.1
 """Share of what time is left that the search by neighbours at one value may take."""
+_FOR_PARTS = 0.03
+"""Share of the time for whether components that were not met are parts of others."""
 _AT_ONE = 0.4
 """Share of what time is left that the search at one value may take."""
 
@@ -167,6 +172,9 @@ class _Leader:
         if not counted or (self._open and not clean and len(self._open) < _FIELDS):
             return Led(self.components, None, False, self.steps)
         on = None if self.real is None else self.real.on
+        unmet = [c for c in self.components if not any(map(np.any, self.slices.held(counted, c)))]
+        time = self.time.at_least(_FOR_PARTS)
+        self.components = without_inner(self.components, unmet, self.ring, time)
         self.components = self.slices.without_parts(counted, self.components, on)
         count = self.slices.count(counted, self.components)
         enough = self._enough() and not count.off and count.met >= _MET * count.known
