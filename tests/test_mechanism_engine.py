@@ -23,6 +23,7 @@ from pinsing.mechanism import (
     stretch,
     working_modes,
 )
+from pinsing.mechanism.batch import BatchLoops, newton
 from pinsing.mechanism.closure import Loops, random_closed
 from pinsing.mechanism.dyad import planar_dyad
 from pinsing.mechanism.likeness import output_pose
@@ -507,3 +508,35 @@ def test_whole_turns_are_left_out_and_what_is_too_far_is_refused() -> None:
             assert one["reached"] == 0
             assert one["words"] == "it is moved by at most 1000000 rad at once"
             assert q == pytest.approx(home(mechanism))
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["gough_stewart", "rps3"])
+def test_a_gimbal_lock_of_a_file_s_ball_is_judged_as_in_python(name: str) -> None:
+    """Closed with the middle hinge of a ball at a right angle, and beside it."""
+    mechanism = shipped(name).without_limits()
+    loops = BatchLoops(mechanism)
+    rng = np.random.default_rng(4)
+    k = mechanism.joints.index("s1y")
+    Q = rng.uniform(-1, 1, (60, mechanism.n)) * np.where(mechanism.prismatic, 1, np.pi)
+    Q[:, k] = np.pi / 2 + np.repeat([0, 1e-4, 0.05], 20)
+    Q, error = newton(loops, Q, np.arange(mechanism.n) != k)
+    Q = Q[error <= 1e-12]
+    assert len(Q) > 8
+    found = run(
+        """(m, {data, Q}) => Q.map((q) => { const s = m.stateAt(data, q), f = m.motions(data, q);
+             return { one: s.one, two: s.two, constraint: s.constraint, kind: s.kind,
+                      near: s.near, basis: f.basis }; })""",
+        {"data": data_of(mechanism), "Q": [q.tolist() for q in Q]},
+    )
+    for q, here in zip(Q, found, strict=True):
+        state, moved = mechanism_at(mechanism, q), motions(mechanism, q)
+        assert (here["kind"], here["near"]) == (state.kind, state.near)
+        assert here["constraint"] == pytest.approx(state.constraint_ratio, abs=1e-9)
+        assert here["one"] == pytest.approx(state.output_ratio, abs=1e-8)
+        assert here["two"] == pytest.approx(state.input_ratio, abs=1e-8)
+        # Both bases span the same motions of the joints.
+        ours, theirs = moved.basis, np.array(here["basis"]).T
+        both = np.hstack([ours, theirs])
+        ranks = [np.linalg.matrix_rank(x, tol=1e-6) for x in (ours, theirs, both)]
+        assert len(set(ranks)) == 1

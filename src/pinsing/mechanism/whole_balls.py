@@ -15,7 +15,7 @@ import numpy as np
 
 from pinsing._types import Array, Bool
 from pinsing.mechanism.batch import BatchLoops, Placed
-from pinsing.mechanism.structure import structure
+from pinsing.mechanism.structure import Centre, structure
 from pinsing.robot.mechanism import Mechanism
 
 BESIDE = 0.1
@@ -42,7 +42,7 @@ def ball_jacobians(loops: BatchLoops, Q: Array) -> tuple[Array, Array]:
     mechanism = loops.mechanism
     placed = loops.place(Q)
     axis, pivot = placed.axis.copy(), placed.position.copy()
-    for ball, at in zip(_balls(mechanism), _centres(mechanism, placed), strict=True):
+    for ball, at in zip(_balls(mechanism), _centres(placed, hinged_balls(mechanism)), strict=True):
         for joint, along in zip(ball, np.eye(_HINGES), strict=True):
             axis[joint], pivot[joint + 1] = along, at
     whole = replace(placed, axis=axis, pivot=pivot)
@@ -64,13 +64,16 @@ def hinge_rates(loops: BatchLoops, q: Array, basis: Array) -> Array:
     return out
 
 
+def hinged_balls(mechanism: Mechanism) -> tuple[Centre, ...]:
+    """Balls of three hinges that carry nothing between them, with their centres."""
+    return mechanism.once("whole_balls", lambda: _find(mechanism))
+
+
 def _balls(mechanism: Mechanism) -> list[tuple[int, ...]]:
-    """Balls of three hinges that carry nothing between them."""
-    found = mechanism.once("whole_balls", lambda: _find(mechanism))
-    return list(found)
+    return [ball.joints for ball in hinged_balls(mechanism)]
 
 
-def _find(mechanism: Mechanism) -> list[tuple[int, ...]]:
+def _find(mechanism: Mechanism) -> tuple[Centre, ...]:
     model = mechanism.model
     frames = {f.name: int(f.parentJoint) - 1 for f in model.frames}
     held = {frames[name] for x in mechanism.loops for name in (x.frame_a, x.frame_b)}
@@ -83,16 +86,16 @@ def _find(mechanism: Mechanism) -> list[tuple[int, ...]]:
         carried = {j for j in range(mechanism.n) if int(model.parents[j + 1]) - 1 in ball[:2]}
         in_line = all(int(model.parents[b + 1]) - 1 == a for a, b in itertools.pairwise(ball))
         if in_line and not held & set(ball[:2]) and carried == set(ball[1:]):
-            out.append(ball)
-    return out
+            out.append(centre)
+    return tuple(out)
 
 
-def _centres(mechanism: Mechanism, placed: Placed) -> list[Array]:
+def _centres(placed: Placed, balls: tuple[Centre, ...]) -> list[Array]:
     """Centres (N, 3) of the balls."""
-    points = {c.joints: c.point for c in structure(mechanism).centres}
+    firsts = [ball.joints[0] + 1 for ball in balls]
     return [
-        placed.position[ball[0] + 1] + placed.rotation[ball[0] + 1] @ points[ball]
-        for ball in _balls(mechanism)
+        placed.position[first] + placed.rotation[first] @ ball.point
+        for first, ball in zip(firsts, balls, strict=True)
     ]
 
 

@@ -18,6 +18,7 @@ ENGINE = (
     "linear",
     "orthogonal",
     "chain",
+    "balls",
     "measures",
     "measured",
     "families",

@@ -3,7 +3,7 @@
 // `data` is the "engine" part of a mechanism's page: { chain (its tip is the output), loops:
 // [{ kind, a, b }] of frames { parent, R, t }, task: { rows, lengthScale }, metric (what counts as one
 // radian, per joint), joints, actuated, ranks: { constraint, mobility, output }, judge, home, assembly,
-// elbows, dyad, normal, sizes }. Everything below is without units: lengths over the length scale.
+// balls, elbows, dyad, normal, sizes }. Everything below is without units: lengths over the length scale.
 
 import { frameOf, jacobianOf, placements } from "./chain.mjs";
 import { generator } from "./families.mjs";
@@ -14,12 +14,12 @@ export const CLOSED = 1e-11; // a residual up to this counts as closed
 const ROWS = { planar: 2, "3d": 3, "6d": 6 }, FULL = 2 * Math.PI;
 
 // Residual (k) and constraint Jacobian G (k x n) at q (n). Rows of a loop are in the axes of its first
-// frame, translations before rotations.
-export function closure(data, q) {
+// frame, translations before rotations. `columns`: Jacobian of a frame.
+export function closure(data, q, columns = jacobianOf) {
   const places = placements(data.chain, q), L = data.task.lengthScale, residual = [], G = [];
   for (const { kind, a, b } of data.loops) {
     const A = frameOf(a, places), B = frameOf(b, places), inA = transpose(A.R);
-    const Ja = jacobianOf(data.chain, places, a), Jb = jacobianOf(data.chain, places, b);
+    const Ja = columns(data.chain, places, a), Jb = columns(data.chain, places, b);
     const gap = scaled(times(inA, subtract(B.t, A.t)), 1 / L);
     if (kind === "6d") gap.push(...turning(product(inA, B.R)));
     for (let i = 0; i < ROWS[kind]; i++) {
@@ -45,8 +45,8 @@ function turning(R) {
 export const worst = (values) => values.reduce((most, v) => Math.max(most, Math.abs(v)), 0);
 
 // Task rows of the output (m x n) by all joints, and its placement.
-export function output(data, q) {
-  const places = placements(data.chain, q), full = jacobianOf(data.chain, places, data.chain.tip);
+export function output(data, q, columns = jacobianOf) {
+  const places = placements(data.chain, q), full = columns(data.chain, places, data.chain.tip);
   const J = data.task.rows.map((r) => full[r].map((x, j) => x * data.metric[j] * (r < 3 ? 1 / data.task.lengthScale : 1)));
   return { J, place: frameOf(data.chain.tip, places), places };
 }

@@ -5,6 +5,7 @@
 // singularity where the closure itself does (C. Gosselin and J. Angeles, 1990; D. Zlatanov, R. G. Fenton
 // and B. Benhabib, 1995).
 
+import { ballColumns, hingeRates, locked } from "./balls.mjs";
 import { placements } from "./chain.mjs";
 import { cross, dot, norm, subtract, svd, times, transpose } from "./linear.mjs";
 import { closure, determinant, output, worst } from "./loops.mjs";
@@ -18,12 +19,22 @@ const largest = (A) => (A.length ? svd(A).sigma[0] ?? 0 : 0);
 
 // Motions { basis (d vectors), inputs (n_a x d), outputs (m x d), size, constraint, two, one }.
 export function motions(data, q, known = closure(data, q)) {
+  const found = measured(data, known.G, output(data, q).J);
+  const least = Math.min(found.constraint, found.two, found.one);
+  if (least > data.judge.nearRtol || !locked(data, known.places)) return found;
+  const columns = ballColumns(data);
+  const whole = measured(data, closure(data, q, columns).G, output(data, q, columns).J);
+  return { ...whole, basis: hingeRates(data, known.places, whole.basis) };
+}
+
+// The same from the Jacobians of closure and output.
+function measured(data, G, J) {
   const { rtol } = data.judge, { ranks } = data;
-  const { sigma, left } = svdOfTransposed(known.G), r = ranks.constraint;
+  const { sigma, left } = svdOfTransposed(G), r = ranks.constraint;
   const constraint = sigma[0] > 0 ? sigma[r - 1] / sigma[0] : 0;
   const basis = left.slice(constraint > rtol ? r : sigma.filter((s) => s > rtol * sigma[0]).length);
   const inputs = data.actuated.map((j) => basis.map((v) => v[j]));
-  const { J } = output(data, q), outputs = J.map((row) => basis.map((v) => dot(row, v)));
+  const outputs = J.map((row) => basis.map((v) => dot(row, v)));
   const size = largest(J), d = basis.length, sigmaIn = svd(inputs).sigma;
   return {
     basis, inputs, outputs, size, constraint,

@@ -13,6 +13,7 @@ from pinsing.mechanism.dyad import Side, planar_dyad
 from pinsing.mechanism.led_pose import led_pose
 from pinsing.mechanism.modes import assembly_rows, elbows, home
 from pinsing.mechanism.structure import structure
+from pinsing.mechanism.whole_balls import hinged_balls
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.tip import frame_index
 from pinsing.view.ellipsoids import Sizes
@@ -29,7 +30,8 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
     (limits, None where infinite), ``actuated``; ``ranks`` that are generic; ``judge``, tolerances
     of the verdict; ``home`` (n,), closed; ``assembly``, rows of the closure whose determinant
     tells assembly modes apart, and its sign at home, or None; ``pose``, coordinates in which the
-    output is led (see `led_pose`); ``legs``, the joints of each; ``elbows``; ``dyad``, where two
+    output is led (see `led_pose`); ``balls`` that are written as three hinges, their centres in
+    the frame of the first; ``legs``, the joints of each; ``elbows``; ``dyad``, where two
     links in a plane close the loop, or None; ``normal`` of the plane of a planar mechanism;
     ``sizes``.
 
@@ -67,6 +69,9 @@ def mechanism_data(mechanism: Mechanism, sizes: Sizes, normal: Array | None) -> 
         "home": numbers(home(m)),
         "assembly": None if rows is None else {"rows": rows, "sign": sign},
         "pose": led_pose(m),
+        "balls": [
+            {"joints": list(ball.joints), "centre": numbers(ball.point)} for ball in hinged_balls(m)
+        ],
         "legs": [list(leg.joints) for leg in structure(m).legs],
         "elbows": [
             {
