@@ -34,7 +34,7 @@ _ROUNDING = 1e-6
 
 SECONDS = 60.0
 """Time that an analysis may take."""
-_ALGEBRA = 1 / 3
+_ALGEBRA = 1 / 2
 
 
 @checked
@@ -67,7 +67,7 @@ def analyze(
     random_starts : int
         Random configurations within the limits that are refined as a third opinion.
     seconds : float
-        Time for all of it, of which closed forms may take a third. What there is when it is up,
+        Time for all of it, of which closed forms may take a half. What there is when it is up,
         or at Ctrl-C, is returned, and ``missing`` says what is not.
     angle_tol, snap_length
         As in ``closed_form``.

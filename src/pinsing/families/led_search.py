@@ -152,7 +152,9 @@ class _Leader:
 
     def led(self) -> Led:
         fields = list(self.slices.fields)
-        while fields and not self.time.over and not self._done():
+        while not self.time.over and not self._done():
+            if len(fields) < _FIELDS + len(self._open):
+                break  # so many contradict that too few are left to say otherwise
             prime = min(fields, key=lambda p: (self._turns[p] // _TWICE, p))
             try:
                 new = self.slices.turn(prime, self.time)

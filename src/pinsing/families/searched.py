@@ -49,6 +49,9 @@ _NEAR, _NEAR_OF_MANY, _NEAR_ONLY = 0.4, 0.25, 0.7
 joints and more, and where there are none."""
 _LED = 0.7
 """Share of the time that is then left for slices: families of many joints take long to describe."""
+_AGAIN, _LONGER = 0.8, 2.0
+"""Where slices contradict what is known, share of what is left then for all minors once more, if it
+is so much longer than they had."""
 _CONTROL = 0.1
 """Share of the time that is then left after which no more random starts are made."""
 
@@ -183,12 +186,35 @@ def searched(
         components, count = slices.components, slices.count
         gaps = [] if slices.enough else gaps
         steps = together([steps, *slices.steps] if gaps else slices.steps)
+        missed = on_none(maker, real.q, components)
+        if arm.n == _MANY and (missed.any() or not slices.enough):
+            again = _AGAIN * (limits.seconds - (time.monotonic() - started))
+            if again > _LONGER * share * limits.seconds:
+                whole = _ended(geometry, arm, rank, symbols, limits, again)
+                if whole is not None:
+                    return whole
         if count is not None:
-            missed = on_none(maker, real.q, components)
             gaps = gap(real.q, missed, arm.prismatic) + gaps
             count = replace(count, real=len(real.q), real_off=int(missed.sum()))
     maker.confirm = own
     return Searched(geometry, ring, components, gaps, maker, steps, count)
+
+
+def _ended(
+    geometry: Nominal,
+    arm: Arm,
+    rank: int,
+    symbols: Sequence[str],
+    limits: Allowed,
+    seconds: float,
+) -> Searched | None:
+    """All minors once more, with more time; None if that is over before they end."""
+    ring, found = _all_minors(geometry, arm, rank, seconds)
+    if found.gaps:
+        return None
+    rest = Budget(0.1 * limits.seconds)
+    maker = PieceMaker(geometry, ring, rank, symbols, _SEED, rest, limits.angle_tol)
+    return Searched(geometry, ring, list(found.components), [], maker, found.second)
 
 
 def _in_line(
