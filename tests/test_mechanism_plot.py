@@ -9,6 +9,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 from mechanisms import URDF, shipped
+from test_three_pins import joint, loaded
 from tiers import tiered
 
 from pinsing.cli.mechanism_plot import plot_loops
@@ -20,6 +21,7 @@ from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.pose import pose_of
 from pinsing.mechanism.pose_slice import COORDINATES, pose_slice
 from pinsing.mechanism.problems import working_modes
+from pinsing.plot.mechanism import TYPE_1, draw_linkage, input_map, is_left, map_legend
 from pinsing.plot.mode_sheet import mode_sheet
 from pinsing.plot.motion_curve import MINUS, PLUS, motion_curve
 from pinsing.plot.pose_map import _modes, panels, pose_map, pose_maps
@@ -289,3 +291,65 @@ def test_the_command_refuses_what_makes_no_sense(tmp_path: Path) -> None:
     with pytest.raises(OptionError, match="there is no mode to draw"):
         run("five_bar", out, "modes", configurations=["1.7453,1.0472"])
     assert not out.exists()
+
+
+def _upright_arm(folder):
+    """A palletizer in x and z: the forearm is held by a parallelogram, the tool is at its end."""
+    y = "0 1 0"
+    return loaded(
+        folder,
+        [
+            joint("m1", "continuous", "base", "upper", axis=y),
+            joint("elbow", "continuous", "upper", "fore", (0, 0, 0.5), axis=y),
+            joint("at_tool", "fixed", "fore", "tool", (0.6, 0, 0.2)),
+            joint("at_back", "fixed", "fore", "back", (-0.15, 0, 0)),
+            joint("m2", "continuous", "base", "crank", axis=y),
+            joint("knee", "continuous", "crank", "push", (-0.15, 0, 0), axis=y),
+            joint("at_end", "fixed", "push", "end", (0, 0, 0.5)),
+        ],
+        "closed_loop: [[back, end]]\ntype: [3d]\nname_mot: [m1, m2]\n"
+        "output: {frame: tool, rows: [vx, vz]}\n",
+    )
+
+
+def test_a_map_over_the_inputs_is_of_the_output_and_not_of_the_pin(tmp_path):
+    mechanism = _upright_arm(tmp_path)
+    dyad = planar_dyad(mechanism)
+    ax = input_map(mechanism, "+", samples=181, degrees=False)
+    map_legend(ax, mechanism)
+    said = [t.get_text() for t in ax.get_legend().get_texts()]
+    assert "type 1: the output loses a direction" in said
+    assert not any("leg" in text for text in said)
+    lines = [
+        p.vertices
+        for c in ax.collections
+        if len(c.get_edgecolor())
+        and np.allclose(c.get_edgecolor()[0][:3], mpl.colors.to_rgb(TYPE_1))
+        for p in c.get_paths()
+    ]
+    inputs = np.concatenate([x for x in lines if len(x)])[::7]
+    left = is_left(mechanism, dyad)
+    told = 0
+    for at in inputs:
+        q = dyad.configuration(at, left)
+        if not np.isfinite(q).all():
+            continue
+        state = mechanism_at(mechanism, q)
+        if state.constraint_ratio > 0.05:  # elsewhere the parallelogram is flat
+            assert state.output_ratio < 0.03
+            told += 1
+    assert told > 20
+
+
+def test_what_stands_upright_is_drawn_over_x_and_z(tmp_path):
+    mechanism = _upright_arm(tmp_path)
+    ax = draw_linkage(mechanism, home(mechanism), ellipse=0)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "z [m]")
+    drawn = np.concatenate(
+        [line.get_xydata() for line in ax.lines] + [p.get_xy() for p in ax.patches]
+    )
+    # The tool is no loose dot: the forearm goes from its back end over the elbow to it.
+    for corner in ((0.6, 0.7), (-0.15, 0.5), (0, 0.5), (0, 0), (-0.15, 0)):
+        assert np.abs(drawn - corner).max(axis=1).min() < 1e-9
+    (forearm,) = ax.patches
+    assert len({tuple(np.round(p, 9)) for p in forearm.get_xy()}) == 3

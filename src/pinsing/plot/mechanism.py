@@ -2,21 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
-from pinsing.mechanism.closure import Loops
 from pinsing.mechanism.dyad import Dyad, planar_dyad
+from pinsing.mechanism.joint_loci import joint_forms
+from pinsing.mechanism.likeness import output_pose
 from pinsing.mechanism.loci import LoopForms, loop_forms
 from pinsing.mechanism.modes import assembly_sign, home
 from pinsing.mechanism.motion import mechanism_at
 from pinsing.mechanism.singular_points import SingularPoint
 from pinsing.mechanism.trace import Trace
+from pinsing.plot.space_linkage import bodies, distinct, drawing_plane
 from pinsing.plot.style import pi_ticks, plain, unit
 from pinsing.robot.load_mechanism import Mechanism
 
@@ -70,7 +72,7 @@ def input_map(
     x, y = (np.linspace(*r, samples) for r in ranges)
     grid = np.stack(np.meshgrid(x, y), axis=-1)
     q = dyad.configuration(grid, left)
-    closed = np.isfinite(q).all(axis=-1)
+    closed = np.asarray(np.isfinite(q).all(axis=-1))
     d = np.degrees if degrees else np.asarray
     ax.contourf(d(x), d(y), closed.astype(float), levels=[0.5, 1.5], colors=[_FEASIBLE])
     gap = np.subtract(*dyad.ends(grid))
@@ -82,13 +84,8 @@ def input_map(
     if abs(one - two) == 0:
         for inputs in _coincident_inputs(mechanism):
             ax.plot(*d(inputs), "o", color=TYPE_2, ms=5, mfc="white", zorder=4)
-    for leg in (0, 1):
-        crank, rod = dyad.link_directions(q, leg)
-        straight = (crank * rod).sum(axis=-1) > 0
-        sine = dyad.elbow_sine(q, leg)
-        for stretched, style in ((True, "-"), (False, "--")):
-            value = np.where(closed & (straight == stretched), sine, np.nan)
-            _zero(ax, d(x), d(y), value, TYPE_1, style)
+    for value, style in _type_1(mechanism, dyad, q, closed):
+        _zero(ax, d(x), d(y), value, TYPE_1, style)
     for axis, name, (low, high) in zip((ax.xaxis, ax.yaxis), mechanism.inputs, ranges, strict=True):
         axis.set_label_text(f"{plain(name)} [{unit(False, degrees)}]")
         if not degrees:
@@ -98,8 +95,33 @@ def input_map(
     return ax
 
 
-def map_legend(ax: Axes) -> None:
-    """Say what the lines of ``input_map`` are."""
+def _type_1(
+    mechanism: Mechanism, dyad: Dyad, q: Array, closed: Bool
+) -> Iterator[tuple[Array, str]]:
+    """Left sides of type 1 over the grid, NaN where the loops do not close, with their strokes.
+
+    Of an output that is the pin: of each leg, stretched and folded. Of another one the equations in
+    the joint angles.
+    """
+    if not dyad.at_pin(mechanism):
+        forms = joint_forms(mechanism)
+        for k, locus in enumerate(forms.loci):
+            if locus.kind == "type 1":
+                value = np.full(closed.shape, np.nan)
+                value[closed] = forms.values(q[closed])[:, k]
+                yield value, "-"
+        return
+    for leg in (0, 1):
+        crank, rod = dyad.link_directions(q, leg)
+        straight = (crank * rod).sum(axis=-1) > 0
+        sine = dyad.elbow_sine(q, leg)
+        for stretched, style in ((True, "-"), (False, "--")):
+            yield np.where(closed & (straight == stretched), sine, np.nan), style
+
+
+def map_legend(ax: Axes, mechanism: Mechanism | None = None) -> None:
+    """Say what the lines of ``input_map`` are: of this mechanism, or of one led at its pin."""
+    dyad = None if mechanism is None else planar_dyad(mechanism)
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -107,9 +129,14 @@ def map_legend(ax: Axes) -> None:
         Patch(color=_FEASIBLE, label="loops close"),
         Line2D([], [], color=TYPE_2, label="type 2: B1, P, B2 in line"),
         Line2D([], [], color=TYPE_2, marker="o", mfc="white", ls="", label="type 2: B1 = B2"),
-        Line2D([], [], color=TYPE_1, label="type 1: a leg stretched"),
-        Line2D([], [], color=TYPE_1, ls="--", label="type 1: a leg folded"),
     ]
+    if mechanism is None or dyad is None or dyad.at_pin(mechanism):
+        handles += [
+            Line2D([], [], color=TYPE_1, label="type 1: a leg stretched"),
+            Line2D([], [], color=TYPE_1, ls="--", label="type 1: a leg folded"),
+        ]
+    else:
+        handles.append(Line2D([], [], color=TYPE_1, label="type 1: the output loses a direction"))
     ax.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=8)
 
 
@@ -178,49 +205,53 @@ def draw_linkage(
         Of the links.
     """
     ax = _axes(ax)
-    import pinocchio as pin
-
     model = mechanism.model
-    data = model.createData()
     q = mechanism.check(q)
-    pin.framesForwardKinematics(model, data, mechanism.model_q(q))
-    closing = {name for loop in mechanism.loops for name in (loop.frame_a, loop.frame_b)}
-    for j in range(1, model.njoints):
-        here, driven = data.oMi[j].translation, model.parents[j] == 0
-        ends = [data.oMi[k].translation for k in range(1, model.njoints) if model.parents[k] == j]
-        ends += [
-            data.oMi[j].act(f.placement.translation)
-            for f in model.frames
-            if f.parentJoint == j and f.name in closing
-        ]
-        shade = color or _LINKS[int(not driven)]
-        if len(ends) > 1:
-            body = np.array([here, *ends])[:, :2]
-            around = np.arctan2(*(body - body.mean(axis=0)).T[::-1])
-            body = body[np.argsort(around)]
-            ax.fill(*body.T, facecolor="#e9d5d6", edgecolor=shade, lw=3.2, zorder=2)
-        for there in ends:
-            if len(ends) == 1:
-                ax.plot([here[0], there[0]], [here[1], there[1]], color=shade, lw=3.2, zorder=2)
-            ax.plot(*there[:2], "o", color="#37424d", ms=4, zorder=3)
-        ax.plot(*here[:2], "s" if driven else "o", color="#37424d", ms=7 if driven else 5, zorder=3)
-    loops = Loops(mechanism)
-    loops.at(q)
-    P = np.array(loops.output(q)[0].translation)[:2]
+    across, up = drawing_plane(mechanism) or (0, 1)
+    plane = [across, up]
+    driven = {j for j in range(1, model.njoints) if model.parents[j] == 0}
+    for body, points, output in bodies(mechanism, q):
+        if body == 0:
+            continue
+        shade = color or _LINKS[int(body not in driven)]
+        ends = distinct(points)[:, plane]
+        if len(ends) > 2:
+            around = np.arctan2(*(ends - ends.mean(axis=0)).T[::-1])
+            ax.fill(
+                *ends[np.argsort(around)].T, facecolor="#e9d5d6", edgecolor=shade, lw=3.2, zorder=2
+            )
+        else:
+            ax.plot(*ends.T, color=shade, lw=3.2, zorder=2)
+        ax.plot(*ends.T, "o", color="#37424d", ms=4, zorder=3)
+        first = body in driven
+        ax.plot(
+            *points[0, plane],
+            "s" if first else "o",
+            color="#37424d",
+            ms=7 if first else 5,
+            zorder=3,
+        )
+        if output is not None:
+            stem = np.array([ends.mean(axis=0), output[plane]])
+            if len(ends) > 2:
+                ax.plot(*stem.T, color=shade, lw=1.4, zorder=2)
+    P = np.array(output_pose(mechanism, q).translation)[plane]
     ax.plot(*P, "o", color="#cc333d", ms=7, zorder=5)
     rows = list(mechanism.task.rows)
-    if ellipse > 0 and 0 in rows and 1 in rows:
-        _velocity(ax, mechanism, q, P, rows, ellipse)
+    if ellipse > 0 and {across, up} <= set(rows):
+        _velocity(ax, mechanism, q, P, [rows.index(across), rows.index(up)], ellipse)
     ax.set_aspect("equal")
     ax.margins(0.1)
+    if plane != [0, 1]:
+        ax.set_xlabel(f"{'xyz'[across]} [m]")
+        ax.set_ylabel(f"{'xyz'[up]} [m]")
     return ax
 
 
 def _velocity(
-    ax: Axes, mechanism: Mechanism, q: Array, P: Array, rows: list[int], scale: float
+    ax: Axes, mechanism: Mechanism, q: Array, P: Array, plane: list[int], scale: float
 ) -> None:
     state = mechanism_at(mechanism, q)
-    plane = [rows.index(0), rows.index(1)]
     if state.velocity is None:
         free = state.uncontrolled[plane, 0] * scale
         free = free / max(float(np.linalg.norm(free)), 1e-12) * 1.4 * scale

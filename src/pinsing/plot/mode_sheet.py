@@ -18,7 +18,7 @@ from pinsing.mechanism.pose_slice import COORDINATES, free_coordinates
 from pinsing.mechanism.problems import Modes, assembly_modes, working_modes
 from pinsing.mechanism.solve import Solution
 from pinsing.plot.mechanism import draw_linkage
-from pinsing.plot.space_linkage import draw_space_linkage, joint_points
+from pinsing.plot.space_linkage import draw_space_linkage, drawing_plane, joint_points
 from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 _MOST = 16
 _ROW = 4
 _SMALL = 7.5
-_LEVEL = 1e-6
 _ALIKE = 1e-6
 
 
@@ -69,7 +68,7 @@ def mode_sheet(
     generic = ranks(mechanism)
     if inverse is None and generic.output >= generic.mobility:
         inverse = working_modes(mechanism, output_pose(mechanism, q).homogeneous)
-    flat = _level(mechanism)
+    plane = drawing_plane(mechanism)
     parts = [("At these inputs", direct, _pose_words)]
     if inverse is not None and inverse.modes:
         parts.append(("At this pose", inverse, _input_words))
@@ -90,8 +89,8 @@ def mode_sheet(
         block.suptitle(_wrapped(f"{title}: {found.statement}{more}", columns), fontsize=9)
         for place, k in enumerate(which, 1):
             mode = found.modes[k]
-            ax = block.add_subplot(count, columns, place, **({} if flat else {"projection": "3d"}))
-            _draw(mechanism, mode.q, ax, flat, box)
+            ax = block.add_subplot(count, columns, place, **({} if plane else {"projection": "3d"}))
+            _draw(mechanism, mode.q, ax, plane, box)
             ways = f"; {mode.ways} ways" if mode.ways > 1 else ""
             words = _wrapped(told(mechanism, mode, degrees), 1)
             ax.set_title(f"{k + 1}: {mode.mode}{ways}\n{words}", fontsize=_SMALL)
@@ -123,12 +122,16 @@ def _left_out(count: int) -> str:
     )
 
 
-def _draw(mechanism: Mechanism, q: Array, ax: Any, flat: bool, box: Array) -> None:
-    if flat:
+def _draw(
+    mechanism: Mechanism, q: Array, ax: Any, plane: tuple[int, int] | None, box: Array
+) -> None:
+    if plane:
         draw_linkage(mechanism, q, ax, ellipse=0)
-        ax.set_xlim(box[0, 0], box[1, 0])
-        ax.set_ylim(box[0, 1], box[1, 1])
+        ax.set_xlim(*box[:, plane[0]])
+        ax.set_ylim(*box[:, plane[1]])
         ax.tick_params(labelsize=_SMALL - 1)
+        for axis in (ax.xaxis, ax.yaxis):
+            axis.label.set_fontsize(_SMALL)
         return
     draw_space_linkage(mechanism, q, ax)
     for letter, low, high in zip("xyz", *box, strict=True):
@@ -146,17 +149,6 @@ def _box(mechanism: Mechanism, every: Sequence[Array]) -> Array:
     # What is flat has some room too.
     thin = np.maximum(0.0, 0.25 * (high - low).max() - (high - low)) / 2
     return np.array([low - more - thin, high + more + thin])
-
-
-def _level(mechanism: Mechanism) -> bool:
-    """Whether everything moves in planes parallel to x and y."""
-    model, data = mechanism.model, mechanism.model.createData()
-    import pinocchio as pin
-
-    J = np.array(pin.computeJointJacobians(model, data, mechanism.model_q(home(mechanism))))
-    turning, sliding = J[3:, ~mechanism.prismatic], J[2, mechanism.prismatic]
-    level = np.abs(turning[:2]).max(initial=0.0) <= _LEVEL
-    return bool(level and np.abs(sliding).max(initial=0.0) <= _LEVEL)
 
 
 def _pose_words(mechanism: Mechanism, mode: Solution, degrees: bool) -> str:

@@ -8,17 +8,34 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.mechanism.rods import plane_axes
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
 _LINK, _DRIVEN, _NODE, _OUTPUT = "#8a9ba8", "#41719c", "#37424d", "#cc333d"
 _PLATE, _GROUND = "#e9d5d6", "#e3e7ea"
 _FLAT = 1e-9
+_LEVEL = 1e-6
 
 
 def joint_points(mechanism: Mechanism, q: Array) -> Array:
     """Origins (k, 3) of all joints, of the frames that close loops, and of the output."""
-    return np.concatenate([p for _, p, _ in _bodies(mechanism, q)])
+    return np.concatenate([p for _, p, _ in bodies(mechanism, q)])
+
+
+def drawing_plane(mechanism: Mechanism) -> tuple[int, int] | None:
+    """Axes of the base to draw a planar mechanism over, across and up; None of others.
+
+    0, 1, 2 for x, y, z.
+    """
+    plane = plane_axes(mechanism)
+    if plane is None:
+        return None
+    found = np.abs(plane[0][2])
+    k = int(np.argmax(found))
+    if found[k] < 1 - _LEVEL:
+        return None
+    return ((1, 2), (0, 2), (0, 1))[k]
 
 
 def draw_space_linkage(mechanism: Mechanism, q: Array, ax: Any) -> None:
@@ -26,25 +43,27 @@ def draw_space_linkage(mechanism: Mechanism, q: Array, ax: Any) -> None:
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection  # type: ignore[import-untyped]
 
     driven = {j + 1 for j in mechanism.actuated}
-    for body, points, output in _bodies(mechanism, q):
-        distinct = _distinct(points)
+    for body, points, output in bodies(mechanism, q):
+        corners = distinct(points)
         color = _DRIVEN if body in driven else _LINK
-        if len(distinct) > 2:
+        if len(corners) > 2:
             face = _GROUND if body == 0 else _PLATE
             plate = Poly3DCollection(
-                [_around(distinct)], facecolor=face, edgecolor=_NODE, alpha=0.75, linewidths=1.2
+                [_around(corners)], facecolor=face, edgecolor=_NODE, alpha=0.75, linewidths=1.2
             )
             ax.add_collection3d(plate)
-        elif len(distinct) == 2 and body > 0:
-            ax.plot(*distinct.T, color=color, lw=2.6, solid_capstyle="round")
-        elif len(distinct) == 2:
-            ax.plot(*distinct.T, color=_NODE, lw=1.0, ls=":")
-        ax.plot(*distinct.T, ls="", marker="o", color=_NODE, ms=3)
+        elif len(corners) == 2 and body > 0:
+            ax.plot(*corners.T, color=color, lw=2.6, solid_capstyle="round")
+        elif len(corners) == 2:
+            ax.plot(*corners.T, color=_NODE, lw=1.0, ls=":")
+        ax.plot(*corners.T, ls="", marker="o", color=_NODE, ms=3)
         if output is not None:
+            if len(corners) > 2:
+                ax.plot(*np.array([corners.mean(axis=0), output]).T, color=color, lw=1.2)
             ax.plot(*output[:, None], ls="", marker="o", color=_OUTPUT, ms=5)
 
 
-def _bodies(mechanism: Mechanism, q: Array) -> list[tuple[int, Array, Array | None]]:
+def bodies(mechanism: Mechanism, q: Array) -> list[tuple[int, Array, Array | None]]:
     """Each body with the points (k, 3) where it holds others, and the output if it bears it."""
     model, data = mechanism.model, mechanism.model.createData()
     pin.framesForwardKinematics(model, data, mechanism.model_q(q))
@@ -63,7 +82,7 @@ def _bodies(mechanism: Mechanism, q: Array) -> list[tuple[int, Array, Array | No
         here = None
         if output.parentJoint == body:
             here = np.array(data.oMi[body].act(output.placement.translation))
-            if len(points) < 2:
+            if len(points) < 3:  # the link goes to it
                 points.append(here)
         if points:
             out.append((body, np.array(points), here))
@@ -91,7 +110,8 @@ def _places(mechanism: Mechanism, data: pin.Data) -> list[Array]:
     return out
 
 
-def _distinct(points: Array) -> Array:
+def distinct(points: Array) -> Array:
+    """Points (k, 3) without those that coincide with earlier ones."""
     kept: list[Array] = []
     for p in points:
         if all(np.linalg.norm(p - other) > _FLAT for other in kept):

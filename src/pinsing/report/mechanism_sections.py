@@ -160,7 +160,7 @@ def maps(mechanism: Mechanism) -> Section | None:
     drawn, axes = plt.subplots(1, 2, figsize=(9, 5.2))
     for ax, sign in zip(axes, "+-", strict=True):
         input_map(mechanism, sign, ax, samples=361)
-        map_legend(ax)
+        map_legend(ax, mechanism)
     drawn.tight_layout()
     alt = (
         f"Two maps over {mechanism.inputs[0]} and {mechanism.inputs[1]}, one for each assembly "
