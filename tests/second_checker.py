@@ -460,7 +460,13 @@ def stepped(matrix, steps, ring, what):
         whole(k, 0, len(matrix) - 1, what)
         need(i != k, f"{what}: a line and itself")
         c = ring.number(text)
-        pairs = zip(matrix[i], matrix[k], strict=True)
+        pairs = list(zip(matrix[i], matrix[k], strict=True))
+        alike = [
+            all(ring.degree(p, j) == ring.degree(f, j) for j in range(ring.n))
+            for p, f in pairs
+            if p != 0 and f != 0
+        ]
+        need(any(alike), f"{what}: lines of different degrees")
         matrix[i] = [ring.reduced(p - c * f) for p, f in pairs]
     return [row for row in matrix if any(row)]
 

@@ -122,7 +122,7 @@ def nine(name):
 def test_nine_joints_are_complete_by_a_count(name):
     arm = nine(name)
     assert arm.n == 9
-    form = closed_form(arm, seconds=300)
+    form = closed_form(arm, seconds=300, prove=False)
     assert form.complete, form.gaps
     assert form.word == "probable"
     count = form.slice_count
@@ -146,7 +146,7 @@ def test_nine_joints_are_complete_by_a_count(name):
 def test_nine_joints_end_in_time_and_say_what_stopped_them():
     form = closed_form(nine("alex, torso and arm"), seconds=0.3)
     assert not form.complete
-    assert any("time budget" in g or "told apart" in g for g in form.gaps)
+    assert any("budget of" in g or "told apart" in g for g in form.gaps)
 
 
 def test_describing_keeps_to_the_time_as_well():
@@ -154,7 +154,7 @@ def test_describing_keeps_to_the_time_as_well():
     form = closed_form(arm, seconds=1)
     assert not form.complete
     # Which step it is that does not end in time, the machine's load decides.
-    why = ("simultaneous equations or more", "time budget", "algebra was stopped", "told apart")
+    why = ("simultaneous equations or more", "budget of", "algebra was stopped", "told apart")
     assert any(reason in gap for gap in form.gaps for reason in why), form.gaps
 
 

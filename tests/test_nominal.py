@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from pinsing.errors import OptionError
 from pinsing.geometry.chain import flatten
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
+from pinsing.geometry.snap import Deviation
 from pinsing.geometry.surd import Surd, cosine, sine
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
@@ -214,6 +215,48 @@ def test_snapped_angles_do_not_spoil_the_lengths():
     assert Fraction("0.39225") in lengths
 
 
+@pytest.mark.parametrize("tolerance", [ANGLE_TOL, 0.01])
+def test_angles_that_are_moved_move_no_length(make_model, rng, tolerance):
+    """A calibrated arm: angles off by a milliradian, lengths with all their digits."""
+    R = [pin.utils.rotate("x", math.pi / 2 + 1.5e-3), pin.utils.rotate("y", -1e-3), np.eye(3)]
+    lengths = [(0.0, 0.0, 0.162712244574), (-0.425170344631, 1.23e-5, 0.0003519)]
+    lengths += [(0.0, -0.099603596358, 2.5e-6)]
+    joints = [(pin.JointModelRZ(), place(t, r)) for t, r in zip(lengths, R, strict=True)]
+    arm = load(make_model(joints, place((0.0007, 0, 0.1))), tip="tip")
+    exact = nominal(arm, angle_tol=tolerance)
+    assert exact.rotation[0] == ((1, 0, 0), (0, 0, -1), (0, 1, 0))
+    assert {s.what for s in exact.snaps} == {"angle"}
+    for found, written in zip(exact.translation, [*lengths, (0.0007, 0, 0.1)], strict=True):
+        assert found == tuple(Fraction(repr(float(x))) for x in written)
+    check(arm, exact, draw(arm, rng, 50))
+    deviation = Deviation.of(exact.snaps)
+    assert deviation is not None
+    assert (deviation.angle, deviation.length) == (pytest.approx(1.5e-3), 0.0)
+    assert "lengths as written" in str(deviation)
+
+
+def test_origins_stay_on_axes_that_are_turned(make_model, rng):
+    """The origin slides along the axis as it is made, not as it was rounded."""
+    tilted = rotation("z", -177.2) @ rotation("x", 0) @ pin.utils.rotate("x", 1.5708)
+    joints = [
+        (pin.JointModelRZ(), place((0.1, 0, 0.2))),
+        (pin.JointModelRZ(), place((0, -0.0611, 0.0181), pin.utils.rotate("x", 1.5708))),
+        (pin.JointModelRZ(), place((0.1, 0.0611, 0.0181), tilted.T)),
+    ]
+    arm = load(make_model(joints, place((0, 0, 0.1))), tip="tip")
+    exact = nominal(arm)
+    digits = [len(f"{float(x):.15g}") for t in exact.translation[1:] for x in t]
+    assert max(digits) <= 8
+    check(arm, exact, draw(arm, rng, 50))
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 1e-12])
+def test_rounding_is_taken_out_at_any_tolerance(tolerance):
+    exact = nominal(load("ur5"), angle_tol=tolerance)
+    assert all(x.denominator == 1 for R in exact.rotation for row in R for x in row)
+    assert Deviation.of(exact.snaps) is None
+
+
 def test_snap_length(make_model, rng):
     """The 0.436 mm offset of an iiwa model: kept by default, gone on request."""
     model = make_model(
@@ -326,12 +369,6 @@ def test_a_real_twist_behind_a_slide(make_model, rng):
     assert exact.exact
     assert not exact.snaps
     check(arm, exact, draw(arm, rng, 30))
-    near = nominal(arm, rational=True)
-    (twist,) = near.snaps
-    assert twist.what == "twist"
-    assert 0 < twist.size < 1e-11
-    assert all(isinstance(x, Fraction) for R in near.rotation for row in R for x in row)
-    check(arm, near, draw(arm, rng, 30))
 
 
 @pytest.mark.parametrize("degrees", [15, -30, 45, 60, -75, 105, 135, 150, -165])
@@ -566,9 +603,7 @@ def test_the_nominal_arm_is_its_own_nominal_arm(name, tip):
     assert generic_rank(exact.arm) == generic_rank(load(name, tip=tip))
 
 
-@pytest.mark.parametrize(
-    "given", [{"angle_tol": 1e-6}, {"snap_length": 0.2}, {"angle_tol": 0.1}, {"rational": True}]
-)
+@pytest.mark.parametrize("given", [{"angle_tol": 1e-6}, {"snap_length": 0.2}, {"angle_tol": 0.1}])
 def test_what_other_tolerances_made_stays_and_is_made_anew_with_others(given):
     exact = nominal(load("kinova"), **given)
     again = nominal(exact.arm)
@@ -622,3 +657,31 @@ def test_z_is_turned_to_an_axis(direction):
             along = axis_rotation(sign * np.eye(3)[k])
             assert (along[:, 2] == sign * np.eye(3)[k]).all()
             assert np.linalg.det(along) == 1.0
+
+
+def test_a_fixed_joint_of_four_digits_tilts_no_length(tmp_path):
+    """Flanges and mounts are turned by 1.5708 as well: what is written behind them stays."""
+    path = tmp_path / "fixed.urdf"
+    path.write_text(
+        '<robot name="fixed"><link name="a"/><link name="m"/><link name="b"/><link name="c"/>'
+        '<link name="flange"/><link name="tool"/>'
+        '<joint name="mount" type="fixed"><origin xyz="0 0 0.1" rpy="1.5708 0 0"/>'
+        '<parent link="a"/><child link="m"/></joint>'
+        '<joint name="j1" type="continuous"><origin xyz="0.1 0.2 0.3"/>'
+        '<parent link="m"/><child link="b"/><axis xyz="0 1 0"/></joint>'
+        '<joint name="j2" type="continuous"><origin xyz="0.4 0 0" rpy="1.5708 0 0"/>'
+        '<parent link="b"/><child link="c"/><axis xyz="0 1 0"/></joint>'
+        '<joint name="f1" type="fixed"><origin xyz="0.05 0 0" rpy="0 -1.5708 -1.5708"/>'
+        '<parent link="c"/><child link="flange"/></joint>'
+        '<joint name="f2" type="fixed"><origin xyz="0.01 0.02 0.15"/>'
+        '<parent link="flange"/><child link="tool"/></joint></robot>'
+    )
+    arm = load(path, tip="tool", task="position")
+    exact = nominal(arm)
+    assert exact.translation == (
+        (Fraction("0.1"), Fraction("-0.3"), Fraction("0.3")),
+        (0, Fraction("0.4"), 0),
+        (Fraction("0.01"), Fraction("0.07"), Fraction("0.15")),
+    )
+    assert {s.what for s in exact.snaps} == {"angle"}
+    check(arm, exact, draw(arm, np.random.default_rng(1), 50))

@@ -292,6 +292,17 @@ def test_steps_keep_the_rank(ur5):
     assert not steps or verdict(changed(planar, (("row_steps",), []), (("column_steps",), [])))
 
 
+def test_steps_take_lines_of_the_same_degrees_alone():
+    """Rows are divided by units, each by itself: a sum of two that differ would be no form."""
+    data = made("planar3r", task="vx,vy,wz")
+    assert verdict(data) == ""
+    rows = Certificate(data).matrix
+    assert [Certificate(data).ring.degrees(row[0]) for row in rows[1:]] == [[2, 2, 2], [0, 0, 0]]
+    for step in ([1, 2, "1"], [2, 1, "1"]):
+        assert "different degrees" in verdict(changed(data, (("row_steps",), [step])))
+    assert verdict(changed(data, (("row_steps",), [[0, 1, "1"]]))) == ""
+
+
 def test_axes_may_not_change_the_task():
     one_row = made("planar3r", task="vx")
     assert one_row["axes"] == 0

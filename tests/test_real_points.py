@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import pinsing
+from pinsing.algebra.budget import Budget
 from pinsing.families.describe import describe
 from pinsing.families.own_points import OwnPoints
 from pinsing.families.searched import Allowed, searched
@@ -21,7 +22,7 @@ def search():
     """The arm, its exact geometry, and the components that were found of it."""
     arm = pinsing.load("ur5")
     geometry = nominal(arm)
-    limits = Allowed(60.0, 0.002, 0.0)
+    limits = Allowed(Budget(60.0), 0.002)
     rank = generic_rank(geometry.arm)
     return arm, geometry, searched(geometry, arm, rank, joint_symbols(arm), limits)
 

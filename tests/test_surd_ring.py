@@ -144,6 +144,14 @@ def test_common_divisors(data):
     assert r.gcd(a, r.zero) == r.monic(a)
 
 
+def test_common_divisors_of_monomials():
+    r = ring(ROOT2)
+    x, y, u, v, z = gens(r)
+    assert r.gcd(y, y * v) == y
+    assert r.gcd(x * y * z * z, x * x * u * z) == x * z
+    assert r.gcd(x * (u + v), x * y * (u - v)) == x
+
+
 def test_joint_values_with_square_roots():
     r = ring(ROOT2)
     x, y, u, v, z = gens(r)
@@ -169,7 +177,7 @@ def test_too_long_coefficients_are_no_hang():
 
 def test_real_roots_with_square_roots():
     r = ring(ROOT2, ROOT3)
-    x, _, *_ = gens(r)
+    x = gens(r)[4]  # of a joint that slides
     wanted = [math.sqrt(2), 1 - math.sqrt(3), math.sqrt(6) / 5]
     poly = product(
         r,
@@ -180,11 +188,24 @@ def test_real_roots_with_square_roots():
             x**2 + r.number(ROOT3),
         ],
     )
-    assert sorted(real_roots(poly, 0, r)) == pytest.approx(sorted(wanted), rel=1e-15)
+    found = [float(v.ball) for v in real_roots(poly, 2, r)]
+    assert sorted(found) == pytest.approx(sorted(wanted), rel=1e-15)
     plain = make_ring((True,))
     t = plain.context.gens()[0]
-    found = real_roots((t**2 - 2) * (t - 3) ** 2 * (t**2 + 1), 0, plain)
+    found = [float(v.ball) for v in real_roots((t**2 - 2) * (t - 3) ** 2 * (t**2 + 1), 0, plain)]
     assert sorted(found) == pytest.approx([-math.sqrt(2), math.sqrt(2), 3], rel=1e-15)
+
+
+def test_a_product_has_its_root_at_half_a_turn():
+    """2 x y is sin q: zero at 0 and at 180 degrees, whose tangent of half the angle is infinite."""
+    x, y = (ring := make_ring((False,))).context.gens()
+    found = real_roots(2 * x * y, 0, ring)
+    assert sorted(v.angle() for v in found) == [0.0, math.pi]
+    assert [v.exact(slides=False) for v in found] == [(1, 0), (0, 1)]
+    found = real_roots(x**3 * (x - y) ** 2 * (x**2 - 2 * y**2), 0, ring)
+    angles = [2 * math.atan(t) for t in (1, math.sqrt(0.5), -math.sqrt(0.5), math.inf)]
+    assert sorted(v.angle() for v in found) == pytest.approx(sorted(angles))
+    assert sum(v.exact(slides=False) is None for v in found) == 2
 
 
 def test_a_long_common_divisor_may_be_handed_to_a_process_that_can_be_stopped():

@@ -1,17 +1,28 @@
-"""What keeps searches within their time: counted in steps, never by a clock."""
+"""What keeps searches within their time: counted in steps, and by a clock for what runs away."""
 
 from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import pinsing
-from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra import apart
+from pinsing.algebra import budget as budgets
+from pinsing.algebra.apart import in_child
+from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
 from pinsing.families.empty_box import proven_empty
 from pinsing.families.zero_set import search, thrown
 from pinsing.geometry.nominal import nominal
+from pinsing.postures import halving
+from pinsing.postures.boxes import Leaves
 from pinsing.proof.checker import Ring
 from pinsing.proof.reduction import without_dependent_lines
 from pinsing.proof.skeleton import roots_in, skeleton
@@ -124,7 +135,7 @@ def test_families_take_a_stop() -> None:
 def test_the_jacobian_of_a_certificate_ends_with_the_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of fifteen joints it takes long: it is begun, and left at the first look at the time."""
     arm = pinsing.load("talos", base="left_sole_link", tip="gripper_left_base_link")
-    geometry = nominal(arm, rational=True)
+    geometry = nominal(arm)
     data = skeleton(geometry, 6, roots_in(geometry))
     spent: list[int] = []
     spend = Ring.spend
@@ -137,3 +148,122 @@ def test_the_jacobian_of_a_certificate_ends_with_the_time(monkeypatch: pytest.Mo
     with pytest.raises(BudgetExceeded):
         without_dependent_lines(data, Budget(0.0))
     assert len(spent) < 10
+
+
+def test_parts_of_a_budget_count_together_and_take_shares_of_work() -> None:
+    whole = Budget(100.0)
+    half = whole.part(0.5)
+    with pytest.raises(BudgetExceeded, match="work budget of 50 s"):
+        half.check(51 * PER_SECOND)
+    half.check(40 * PER_SECOND)
+    assert whole.left == pytest.approx(60.0, abs=0.1)
+    assert half.left == pytest.approx(10.0, abs=0.1)
+    assert not whole.over
+    whole.spend(11 * PER_SECOND)  # what others did is gone from the share, too
+    assert half.over
+    assert whole.part(0.0, least=0.2).left == pytest.approx(20.0)
+    assert whole.at_most(3.0).left == pytest.approx(3.0)
+
+
+def test_what_a_child_did_is_counted() -> None:
+    budget = Budget(100.0)
+
+    def work() -> int:
+        budget.check(30 * PER_SECOND)
+        return 1
+
+    assert in_child(work, budget, 30.0) == 1
+    assert budget.done == pytest.approx(30 * PER_SECOND, rel=0.01)
+
+
+def test_a_child_has_no_more_memory_than_is_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(apart, "_MEMORY", 100_000_000)
+    with pytest.raises(BudgetExceeded, match="memory"):
+        in_child(lambda: len(bytes(400_000_000)), Budget(30.0), 30.0)
+
+
+def test_work_stops_a_search_whatever_the_clock_says(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is found does not depend on how fast the machine is: here a hundred times as fast."""
+    arm = pinsing.load("panda", task="position")
+    monkeypatch.setattr(apart, "possible", lambda: False)
+    found = []
+    for rate in (0.1, 0.001):
+        monkeypatch.setattr(budgets, "time", SimpleNamespace(monotonic=slowed(rate)))
+        form = pinsing.closed_form(arm, seconds=0.3)
+        found.append(([f.text for f in form.families], form.gaps))
+    assert found[0] == found[1]
+    assert any("work budget" in gap for gap in found[0][1])
+
+
+def slowed(rate: float) -> Callable[[], float]:
+    """A clock that goes slower than the time."""
+    began = time.monotonic()
+    return lambda: began + rate * (time.monotonic() - began)
+
+
+def test_halving_looks_at_the_clock_within_a_level(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A level of very many boxes is not halved as a whole when the time is over."""
+    seen: list[int] = []
+
+    def classify(_: object, level: np.ndarray, index: np.ndarray) -> Leaves:
+        seen.append(len(level))
+        none = np.zeros(len(level), dtype=bool)
+        return Leaves(level, index, np.zeros((len(level), 1), dtype=np.int64), none)
+
+    def count(leaves: Leaves) -> tuple[SimpleNamespace, np.ndarray]:
+        return SimpleNamespace(proven=False, leaves=leaves), np.zeros(len(leaves.level), dtype=bool)
+
+    monkeypatch.setattr(halving, "time", SimpleNamespace(monotonic=lambda: sum(seen)))
+    grid = SimpleNamespace(first=(128, 128), d=2)
+    found = halving.halved(grid, classify, count, until=128**2 + 1)  # type: ignore[arg-type]
+    assert seen[0] == 128**2
+    assert 0 < sum(seen[1:]) < 2 * 128**2  # the whole level: four times as many
+    halves = found.leaves.level == 1
+    assert (4.0**-found.leaves.level).sum() == 128**2  # none is lost
+    assert halves.any()
+    assert not halves.all()
+
+
+_LONG_PROOFS = {
+    "vx,vy,vz,wz": """
+        revolute 0,0,0 0,0,0
+        prismatic 0,-0.25,0 -90,0,-90
+        continuous 0.4,0,0 180,0,0
+        continuous 0,0,0 -45,0,90
+        revolute 0,0.4,0.25 180,0,90 <mimic joint="j1" multiplier="1" offset="0"/>
+        revolute 0,0,0 -90,0,0
+        fixed 0,0,0 180,0,0
+    """,
+}
+"""Kind, place and angles in degrees of each joint, by task."""
+
+
+def chain(rows: str) -> str:
+    """A URDF of joints one after the other."""
+    lines = rows.strip().splitlines()
+    joints = []
+    for k, line in enumerate(lines, 1):
+        kind, xyz, angles, *mimic = line.split(maxsplit=3)
+        rpy = " ".join(str(math.radians(float(a))) for a in angles.split(","))
+        tip = "tip" if k == len(lines) else f"l{k}"
+        joints.append(
+            f'<link name="{tip}"/><joint name="j{k}" type="{kind}"><parent link="l{k - 1}"/>'
+            f'<child link="{tip}"/><origin xyz="{xyz.replace(",", " ")}" rpy="{rpy}"/>'
+            '<axis xyz="0 0 1"/><limit lower="-3.14159" upper="3.14159" effort="1" velocity="1"/>'
+            f"{''.join(mimic)}</joint>"
+        )
+    return f'<robot name="arm"><link name="l0"/>{"".join(joints)}</robot>'
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("task", list(_LONG_PROOFS))
+def test_one_factor_of_a_proof_does_not_go_on_for_minutes(task: str, tmp_path: Path) -> None:
+    """By the clock, and generously: of 2.5 s it took 150, and 3.7 GB."""
+    (tmp_path / "arm.urdf").write_text(chain(_LONG_PROOFS[task]))
+    arm = pinsing.load(tmp_path / "arm.urdf", tip="tip", task=task)
+    began = time.monotonic()
+    form = pinsing.closed_form(arm, seconds=2.5)
+    assert time.monotonic() - began < 15.0
+    assert form.proof is not None
+    assert not form.proof.accepted
+    assert form.proof.out_of_time

@@ -31,6 +31,10 @@ _LOOK = 0.2
 """Seconds between looks at whether the child is still there."""
 _GRACE = 0.1
 """Seconds that a child has after its time to say what it has."""
+_MEMORY = 1_500_000_000
+"""Bytes of data that a child may have: a step that needs more is given up."""
+_DIE_WITH_PARENT = 1
+"""Linux's PR_SET_PDEATHSIG."""
 
 
 def possible() -> bool:
@@ -70,10 +74,14 @@ class Apart:
         The computation's own; it says when things become long.
     seconds : float
         After this time the child is killed.
+    hear : callable, optional
+        Given what the child tells, as it does; else that is kept for the outcome.
     """
 
-    def __init__(self, budget: Budget, seconds: float) -> None:
-        self._budget = budget
+    def __init__(
+        self, budget: Budget, seconds: float, hear: Callable[[Any], None] | None = None
+    ) -> None:
+        self._budget, self._hear = budget, hear
         self._until = time.monotonic() + seconds
         self._seconds = seconds
         self._to_parent: Connection | None = None
@@ -88,7 +96,7 @@ class Apart:
     def tell(self, what: Any) -> None:
         """Tell the parent something that can be pickled; nothing where there is none."""
         if self._to_parent is not None:
-            self._to_parent.send(("told", what))
+            self._to_parent.send(("told", what, self._budget.done))
 
     def run(self, work: Callable[[], T], at_once: bool = False) -> Outcome[T]:
         """Work's result, which can be pickled if ``child``.
@@ -129,8 +137,7 @@ class Apart:
             pid = os.fork()
         if pid == 0:
             signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-            signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.alarm(max(1, int(self._until - time.monotonic()) + 5))  # without a parent, too
+            _confine()
             reading.close()
             self._to_parent = writing
             return
@@ -143,7 +150,7 @@ class Apart:
         code = 0
         try:
             assert self._to_parent is not None
-            self._to_parent.send((kind, what))
+            self._to_parent.send((kind, what, self._budget.done))
         except BaseException:
             code = 1
         finally:
@@ -160,13 +167,17 @@ class Apart:
                     return Outcome(None, told, f"{budget} ran out in one step of the algebra")
                 if not self._from_child.poll(min(left, _LOOK)):
                     continue
-                kind, what = self._from_child.recv()
+                kind, what, done = self._from_child.recv()
+                self._budget.spend(done - self._budget.done)
                 if kind == "result":
                     return Outcome(what, told)
                 if kind == "problem":
                     raise what
-                told.append(what)
-        except EOFError:
+                if self._hear is None:
+                    told.append(what)
+                else:
+                    self._hear(what)
+        except (EOFError, MemoryError):
             return Outcome(None, told, "the process of the algebra was ended, perhaps for memory")
         finally:
             self._end()
@@ -178,6 +189,20 @@ class Apart:
             os.kill(self._pid, signal.SIGKILL)
         with contextlib.suppress(ChildProcessError):  # where somebody waits for all children
             os.waitpid(self._pid, 0)
+
+
+def _confine() -> None:
+    """Let this process die with its parent, and not take the machine's memory."""
+    import ctypes  # most algebra is short, and does without
+    import resource
+
+    ctypes.CDLL(None).prctl(_DIE_WITH_PARENT, signal.SIGKILL)
+    with open("/proc/self/statm", encoding="ascii") as file:
+        used = int(file.read().split()[5]) * resource.getpagesize()
+    _, hard = resource.getrlimit(resource.RLIMIT_DATA)
+    most = used + _MEMORY
+    resource.setrlimit(resource.RLIMIT_DATA, (most if hard < 0 else min(most, hard), hard))
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # flint says on its own that memory is over
 
 
 def in_child(work: Callable[[], T], budget: Budget, seconds: float) -> T:

@@ -68,7 +68,7 @@ class Decomposition:
         self.ring = ring
         self.time = time
         self._within = within
-        self._apart = Apart(time, time.left + _TO_ASK * time.seconds)
+        self._apart = Apart(time, time.on_clock + _TO_ASK * time.seconds)
         self._found = FoundComponents(ring, self._tell)
         for c in () if within is None else within.known:
             self._found.add(c.values, c.relations, c.proven, c.codimension)
@@ -107,7 +107,7 @@ class Decomposition:
                 else str(reason)
             )
         self.components = self._found.irredundant(self.time)
-        time = self.time.at_least(_TO_ASK)
+        time = self.time.part(1.0, _TO_ASK)
         self.second = ask_again(search.asked, self.components, self.ring, time)
         self.gaps += self.second.gaps
         if not self._apart.child:

@@ -18,8 +18,8 @@ from typing import Any
 
 from flint import Ordering, acb, arb, ctx, fmpz_mpoly_ctx, fmpz_mpoly_vec, fmpz_poly
 
-from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
+from pinsing.algebra.real_roots import AlgebraicValue
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.terms import terms_of
 
@@ -34,31 +34,6 @@ _SHORT = (2, 60, 16)
 
 class NotFinite(Exception):
     """The solutions are not finitely many, or too many to be told apart here."""
-
-
-@dataclass(frozen=True)
-class AlgebraicValue:
-    """A real algebraic number: a joint's half-angle tangent, or its metres.
-
-    Attributes
-    ----------
-    ball : arb or None
-        Where it is; None is an infinite tangent, an angle of 180 degrees.
-    minimal : tuple of int
-        Coefficients of its minimal polynomial, the constant first; empty where it is infinite.
-    """
-
-    ball: Any
-    minimal: tuple[int, ...]
-
-    @property
-    def rational(self) -> bool:
-        """Whether it is rational or infinite."""
-        return len(self.minimal) <= 2
-
-    def angle(self) -> float:
-        """The angle in radians whose half has this tangent."""
-        return math.pi if self.ball is None else float(2 * self.ball.atan())
 
 
 Solution = Mapping[int, AlgebraicValue]

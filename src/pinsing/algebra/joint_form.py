@@ -15,6 +15,7 @@ from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.equation_text import format_angle, latex_symbol
 from pinsing.algebra.product_form import Expression, expressions
+from pinsing.prose import listed
 
 ONCE = frozenset({0, 2, -2})
 """Twice the multiples of an angle that enters once."""
@@ -135,8 +136,7 @@ class JointForm:
         return r",\ ".join([self.condition(latex=True), *(f"{a} = {b}" for a, b in parts)])
 
     def _given(self) -> str:
-        names = [self.equation.joints[j] for j in self.given]
-        return ", ".join(names[:-1]) + " and " + names[-1] if len(names) > 1 else "".join(names)
+        return listed([self.equation.joints[j] for j in self.given])
 
     def _name(self, latex: bool) -> str:
         name = self.equation.joints[self.joint]

@@ -12,11 +12,12 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from flint import arb, fmpq, fmpz_mat, fmpz_poly
+from flint import arb, fmpq, fmpz_mat
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.finite_system import AlgebraicValue, NotFinite, Solution, real_solutions
+from pinsing.algebra.finite_system import NotFinite, Solution, real_solutions
 from pinsing.algebra.fourier import fourier
+from pinsing.algebra.real_roots import AlgebraicValue, real_roots
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.terms import terms_of
 from pinsing.geometry.surd import Surd, parts_of
@@ -107,7 +108,7 @@ def semidefinite(poly: Poly, ring: Ring, time: Budget) -> bool:
         if multiplicity % 2 == 0 or not joints or _outweighed(f, ring):
             continue
         if len(joints) == 1:
-            if not _without_roots(f, joints[0], ring):
+            if real_roots(f, joints[0], ring):
                 return False
             continue
         if not any(
@@ -202,18 +203,3 @@ def _discriminant(poly: Poly, joint: int, ring: Ring) -> Poly:
         parts[int(m[y])][rest] = c
     a, b, c = (poly.context().from_dict(parts[k]) for k in (0, 1, 2))
     return b * b - 4 * a * c
-
-
-def _without_roots(poly: Poly, joint: int, ring: Ring) -> bool:
-    """Whether a polynomial in one joint has no real root."""
-    terms = ring.terms(poly)
-    v = ring.variables(joint)[-1]
-    scale = 1
-    for c in terms.values():
-        scale *= parts_of(c)[0].denominator
-    line = [0] * (max(m[v] for m in terms) + 1)
-    for m, c in terms.items():
-        line[m[v]] = int(parts_of(c)[0] * scale)
-    if len(line) - 1 < _degree(poly, joint, ring):
-        return False  # y is free of x: a root at 180 degrees
-    return all(z.imag != 0 for z, _ in fmpz_poly(line).complex_roots())

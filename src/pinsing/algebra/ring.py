@@ -276,8 +276,12 @@ class Ring:
         """Over Q."""
         found = self._of_form(poly) if len(poly) >= _WORTH else None
         if found is None:
-            found = [f for f, _ in poly.factor()[1]]
+            found = self._irreducible(poly)
         return [f for f in found if not any(w is not None and f == w for w in self.w)]
+
+    def _irreducible(self, poly: Poly) -> list[Poly]:
+        """Irreducible factors of any polynomial."""
+        return [f for f, _ in poly.factor()[1]]
 
     def _of_form(self, poly: Poly) -> list[Poly] | None:
         """Irreducible factors of a form in each turning joint's variables; None if it is none.
@@ -285,28 +289,36 @@ class Ring:
         Those that are no variable are forms in the tangents alone, which have half as many
         variables, and fall apart as they do.
         """
-        gens, least = self.context.gens(), poly.term_content().degrees()
+        gens, content = self.context.gens(), poly.term_content().degrees()
+        least = [e if v < self.nvars else 0 for v, e in enumerate(content)]
         factors = [gens[v] for v, e in enumerate(least) if e]
         rest = poly / self.context.term(exp_vec=least) if factors else poly
-        degrees, first = rest.degrees(), rest.monomial(0)
+        tangents = self._tangents(rest)
+        if tangents is None:
+            return None
+        found = self._irreducible(rest.subs(self._at_one(tangents)))
+        forms = [self._form(f, tangents) for f in found]
+        factors += [-f if f.leading_coefficient() < 0 else f for f in forms]
+        # In the order that flint has them in: the last joints first, of a joint y before x.
+        return sorted(factors, key=self._place)
+
+    def _tangents(self, poly: Poly) -> list[int] | None:
+        """First variables of the turning joints in a form; None if it is none in one of them."""
+        gens, degrees, first = self.context.gens(), poly.degrees(), poly.monomial(0)
         tangents = []
         for x, slides in zip(self.start, self.prismatic, strict=True):
             if slides or not (degrees[x] or degrees[x + 1]):
                 continue
             # Euler: a form of degree d is what its derivatives by x and y make of it, over d.
-            made = gens[x] * rest.derivative(x) + gens[x + 1] * rest.derivative(x + 1)
-            if made != rest * (first[x] + first[x + 1]):
+            made = gens[x] * poly.derivative(x) + gens[x + 1] * poly.derivative(x + 1)
+            if made != poly * (first[x] + first[x + 1]):
                 return None
             tangents.append(x)
+        return tangents
+
+    def _at_one(self, tangents: Sequence[int]) -> dict[str, int]:
         names = self.context.names()
-        scale, found = rest.subs({names[x]: 1 for x in tangents}).factor()
-        if len(found) == 1 and found[0][1] == 1:
-            forms = [rest / scale]
-        else:
-            forms = [self._form(f, tangents) for f, _ in found]
-        factors += [-f if f.leading_coefficient() < 0 else f for f in forms]
-        # In the order that flint has them in: the last joints first, of a joint y before x.
-        return sorted(factors, key=self._place)
+        return {names[x]: 1 for x in tangents}
 
     def _form(self, poly: Poly, tangents: Sequence[int]) -> Poly:
         """A polynomial in tangents y with as much of each x as makes it a form."""

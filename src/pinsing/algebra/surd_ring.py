@@ -173,6 +173,18 @@ class SurdRing(Ring):
             return self.monic(p + g)
         if self.is_constant(p) or self.is_constant(g):
             return self.one
+        of_p, of_g = self._tangents(p), self._tangents(g)
+        if of_p is not None and of_g is not None:
+            degrees = zip(p.degrees(), g.degrees(), strict=True)
+            tangents = [x for x, d in enumerate(degrees) if x in {*of_p, *of_g} and any(d)]
+            if tangents:  # powers of x are lost at x = 1, and those of y are not
+                contents = zip(p.term_content().degrees(), g.term_content().degrees(), strict=True)
+                powers = [min(c) if x in tangents else 0 for x, c in enumerate(contents)]
+                # Flint's gcd of forms modulo a prime may not end where that of the same in half-
+                # angle tangents takes less than a millisecond.
+                at = self._at_one(tangents)
+                found = self._form(self.gcd(p.subs(at), g.subs(at)), tangents)
+                return self.monic(found * self.context.term(exp_vec=powers))
         p, g = self.monic(p), self.monic(g)
         if not any(p.degrees()[self.nvars :]) and not any(g.degrees()[self.nvars :]):
             return self.monic(p.gcd(g))
@@ -192,9 +204,18 @@ class SurdRing(Ring):
 
     def _factors(self, poly: Poly) -> list[Poly]:
         """Over the field of the roots."""
+        stripped = self.strip(poly)
+        found = self._of_form(stripped)
+        if found is None:
+            found = self._irreducible(stripped)
+        found = [self.monic(f) for f in found]
+        return [f for f in found if not any(w is not None and f == w for w in self.w)]
+
+    def _irreducible(self, poly: Poly) -> list[Poly]:
+        """Irreducible factors of any polynomial, over the field of the roots."""
         found: list[Poly] = []
-        for f in self._factor(self.monic(self.strip(poly)), len(self.roots)):
-            if f not in found and not any(w is not None and f == w for w in self.w):
+        for f in self._factor(self.monic(poly), len(self.roots)):
+            if f not in found:
                 found.append(f)
         return found
 
@@ -262,19 +283,25 @@ class SurdRing(Ring):
         return self.reduce(plain * plain - self.roots[level - 1] * times_root * times_root)
 
     def _shifted(self, poly: Poly, joint: int, k: int, level: int) -> Poly:
-        """X + k s y in the place of x (or z + k s in that of z), for the last root s."""
+        """X + k s y for x, or z + k s for z (and for a tangent), with the last root s."""
         self.time.check()
         gens = self.context.gens()
-        first, *second = self.variables(joint)
+        first = self._variable(poly, joint)
         images = list(gens)
         step = k * gens[self.nvars + level - 1]
-        images[first] = gens[first] + (step * gens[second[0]] if second else step)
+        form = first == self.start[joint] and not self.prismatic[joint]
+        images[first] = gens[first] + (step * gens[first + 1] if form else step)
         return self.reduce(poly.compose(*images, ctx=self.context))
+
+    def _variable(self, poly: Poly, joint: int) -> int:
+        """The first of a joint's variables that occurs: y of a polynomial in tangents."""
+        degrees = poly.degrees()
+        return next(v for v in self.variables(joint) if degrees[v])
 
     def _has_square(self, poly: Poly, joint: int) -> bool:
         """Whether some factor with a joint in it is there more than once, modulo a prime."""
         reduced = image(poly, self, WORD_PRIME)
-        slope = reduced.derivative(self.variables(joint)[0])
+        slope = reduced.derivative(self._variable(poly, joint))
         return not reduced.gcd(slope).is_constant()
 
     def _bits_needed(self, poly: Poly) -> int:

@@ -104,7 +104,7 @@ def analyze(
     swept = exact if geometry == "nominal" else arm
     stages = Stages(seconds)
     forms = closed_form(
-        arm, seconds=_ALGEBRA * seconds, angle_tol=angle_tol, snap_length=snap_length, prove=None
+        arm, seconds=_ALGEBRA * seconds, angle_tol=angle_tol, snap_length=snap_length
     )
     options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
     result = stages.run(

@@ -186,10 +186,11 @@ def _dual(c: Conditions, g: Array) -> Array:
 
 
 def _no_nearer(value: Array, slope: Array, curvature: Array) -> Array:
-    root = np.sqrt(slope**2 + 2 * (curvature * value))
+    root = np.hypot(slope, np.sqrt(2 * (curvature * value)))  # squares of huge slopes overflow
     return np.asarray(2 * value / np.maximum(slope + root, _TINY) * (1 - 8e-15))
 
 
+@np.errstate(over="ignore")  # a quotient that overflows is a distance farther than any other
 def _of_equations(c: Conditions, b: int, X: Array) -> tuple[Array, Array]:
     numbers = range(c.equation_start[b], c.equation_start[b + 1])
     sums = [sum_at(c, e, X) for e in numbers]
@@ -210,10 +211,11 @@ def _of_equations(c: Conditions, b: int, X: Array) -> tuple[Array, Array]:
 def _reached(c: Conditions, e: int, X: Array, value: Array, slope: Array) -> Array:
     """Distance by which a zero is reached along the gradient; infinite where it need not be."""
     within = np.minimum(2 * value / np.maximum(slope, _TINY), _WIDEST)
-    room = slope**2 - 2 * (curvature_within(c, e, X, within) * value)
-    root = np.sqrt(np.maximum(room, 0.0))
+    least = np.sqrt(2 * (curvature_within(c, e, X, within) * value))
+    # The root of slope^2 - least^2: squares of huge slopes overflow.
+    root = np.sqrt(np.maximum(slope - least, 0.0)) * np.sqrt(np.maximum(slope + least, 0.0))
     found = 2 * value / np.maximum(slope + root, _TINY) * (1 + 8e-15)
-    good = (room >= 0) & (slope > 0) & (found <= within * (1 + 1e-9))
+    good = (slope >= least) & (slope > 0) & (found <= within * (1 + 1e-9))
     return np.where(good, found, np.inf)
 
 

@@ -50,6 +50,7 @@ from pinsing.kinematics.verdict import (
     scale_notes,
     status_of,
 )
+from pinsing.prose import listed
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
 
@@ -261,8 +262,7 @@ def _self_motion(v: Array, prismatic: npt.NDArray[np.bool_]) -> SelfMotion:
         f"joint {i + 1} at {v[i]:+.3g} {'m/s' if prismatic[i] else 'rad/s'}"
         for i in np.flatnonzero(np.abs(v) > 1e-6)
     ]
-    words = parts[0] if len(parts) == 1 else ", ".join(parts[:-1]) + " and " + parts[-1]
-    return SelfMotion(v, words)
+    return SelfMotion(v, listed(parts))
 
 
 def _notes(arm: Arm, q: Array, r: int, ratio: float, rtol: float) -> Iterator[str]:

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.configuration.vectors import cross, cross_rows, length, nearest_to_lines
+from pinsing.prose import listed
 
 STRUCTURE_TOL = 2e-5
 """Radians, and share of the arm's size: parallel or meeting within what files round angles to."""
@@ -150,8 +151,7 @@ def find_centres(samples: Sequence[JointAxes]) -> tuple[AxesCentre, ...]:
 
 def numbers(ids: Sequence[int]) -> str:
     """Joint numbers, counted from 1: ``1``, ``1 and 2``, ``1, 2 and 3``."""
-    words = [str(i + 1) for i in ids]
-    return words[0] if len(words) == 1 else ", ".join(words[:-1]) + " and " + words[-1]
+    return listed([str(i + 1) for i in ids])
 
 
 def joints_of(ids: Sequence[int]) -> str:

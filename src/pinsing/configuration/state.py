@@ -294,7 +294,8 @@ def _joints(state: State, degrees: bool) -> Iterator[Line]:
             unit = "m"
         elif degrees:
             value, unit = np.degrees(value), "deg"
-        outside = "  (outside its limits)" if name in state.outside else ""
+        limits = arm.space.range_words(i, degrees)
+        outside = f"  (outside its limits, {limits})" if name in state.outside else ""
         left = unbroken(f"{i + 1:>2} {name:<{width}}")
         yield label, f"{left} {unbroken(f'{value:>11.6g} {unit}')}{outside}"
         label = ""

@@ -19,6 +19,7 @@ from pinsing.families.drawn import Step, peeled
 from pinsing.families.parts import Branch
 from pinsing.families.solved_for import LONG
 from pinsing.families.zero_set import gradients
+from pinsing.prose import listed
 
 _INDEPENDENT = 1e-7
 _EQUATIONS = 6
@@ -82,11 +83,6 @@ class AtOnce:
                 else (f"the other {self.left} equations say")
             )
             yield f"{more} which of these values hold"
-
-
-def listed(names: Sequence[str]) -> str:
-    """``q1, q2 and q3``."""
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def long_ones(equations: Sequence[Equation]) -> list[Equation]:

@@ -7,6 +7,7 @@ from typing import Protocol
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.families.proof import Proof
 from pinsing.families.slice_count import SliceCount
+from pinsing.geometry.snap import Deviation
 from pinsing.prose import PLAIN, Page, caution, good, unbroken
 
 
@@ -33,16 +34,22 @@ class Answer(Protocol):
     def slice_count(self) -> SliceCount | None:
         """What random slices told."""
 
+    @property
+    def deviation(self) -> Deviation | None:
+        """How far its geometry is from the file's."""
+
 
 def coverage_words(forms: Answer) -> str:
     """How sure it is that none is missing, in a few words for a page that lists families."""
+    of = "" if forms.deviation is None else f" for {forms.deviation.geometry}"
+    how = "" if forms.deviation is None else f" ({forms.deviation.change})"
     if forms.word == "proven":
-        return "Proven: there are no others."
+        return f"Proven{of}{how}: there are no others."
     if forms.word == "probable":
-        return "Probable: nothing is known to be missing, but there is no certificate here."
+        return f"Probable{of}{how}: nothing is known to be missing, but there is no certificate."
     return (
-        f"NOT complete: {'; '.join(forms.gaps)}. Distances are to what is listed: other singular "
-        "configurations may be nearer."
+        f"NOT complete{of}{how}: {'; '.join(forms.gaps)}. Distances are to what is "
+        "listed: other singular configurations may be nearer."
     )
 
 
@@ -60,11 +67,12 @@ def certainty(forms: Answer, page: Page = PLAIN) -> str:
 def proof_text(forms: Answer, page: Page = PLAIN) -> str:
     """What the word rests on: a certificate, or random points."""
     proof = forms.proof
+    of = "" if forms.deviation is None else f" for {forms.deviation.geometry}"
     if proof is not None and proof.accepted:
         size = unbroken(f"{proof.size / 1e3:.1f} kB")
         took = unbroken(f"{1e3 * proof.check_seconds:.0f} ms")
         return page.paragraph(
-            good("proven"), f": certificate of {size}, checked in {took}", first="  "
+            good("proven"), f"{of}: certificate of {size}, checked in {took}", first="  "
         )
     counted = f"; it rests on a count: {forms.slice_count.sentence()}" if forms.slice_count else ""
     if proof is None:

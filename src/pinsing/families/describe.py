@@ -171,7 +171,7 @@ def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, 
 
 
 def _until(time: Budget) -> Stop:
-    return lambda: time.over
+    return time.stop
 
 
 def _unreachable(family: Family, stop: Stop) -> Reachability:

@@ -42,7 +42,8 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
     began = time.monotonic()
     geometry, n = lengths.geometry, lengths.joints
     task = geometry.arm.task
-    budget = Budget(_FOR_SEARCH * seconds, long_to_factor=_LONG)
+    time_left = Budget(seconds, long_to_factor=_LONG)
+    budget = time_left.part(_FOR_SEARCH)
     slides = [not angle for angle in (*(True for _ in joints), *lengths.angles)]
     for j, slide in zip(lengths.order, geometry.prismatic, strict=True):
         slides[j] = slide
@@ -56,7 +57,7 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
     stated = _stated(search.components, design)
     families, assumed = stated.families, stated.assumed
     changes = list(stated.appearing)
-    rest = Budget(max(seconds - (time.monotonic() - began), 0.1 * seconds))
+    rest = time_left.part(1.0, 0.1)
     single = [OneEquation(f.stated.name, f.polys) for f in families if f.polys]
     try:
         changes.extend(Changes(single, assumed, matrix, rank, design, rest).all())

@@ -56,7 +56,7 @@ def readable(family: Family, branch: Branch, q: Array, arm: Arm, within_limits: 
     rounded[held] = start[held]
     tries = iter([rounded]) if not branch.equations else _solved(branch, rounded)
     for found in tries:
-        if not (within_limits and arm.space.outside(found).any()) and _alike(arm, found, q):
+        if not (within_limits and arm.space.unreachable(found).any()) and _alike(arm, found, q):
             return np.asarray(found)
     return q
 

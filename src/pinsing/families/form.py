@@ -23,6 +23,7 @@ from pinsing.families.proof import Proof
 from pinsing.families.slice_count import SliceCount
 from pinsing.families.system_text import SystemHead, system_text
 from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.snap import Deviation
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
@@ -74,6 +75,9 @@ class ClosedForm(JsonResult):
         Of a long chain: singular configurations on random slices over small finite fields, and
         how many of them lie on the families. Evidence, no proof; where all slices were gone through
         often enough, the word "probable" rests on it.
+    deviation : Deviation or None
+        How far the geometry that all of this is true of is from the file's: largest angle and
+        length moved; None where they agree to 1e-9.
 
     Examples
     --------
@@ -110,13 +114,14 @@ class ClosedForm(JsonResult):
     hints: tuple[str, ...] = ()
     random_steps: RandomSteps | None = None
     slice_count: SliceCount | None = None
+    deviation: Deviation | None = field(default=None, metadata={"optional": True})
 
     @property
     def word(self) -> str:
         """How sure it is that nothing is missing: proven, probable, or not complete."""
-        if self.proof is not None and self.proof.accepted:
-            return "proven"
-        return "probable" if self.complete else "not complete"
+        if not self.complete:
+            return "not complete"
+        return "proven" if self.proof is not None and self.proof.accepted else "probable"
 
     @property
     def certificate(self) -> dict[str, Any] | None:
@@ -275,6 +280,8 @@ def families_text(
         Leave out how sure it is that none is missing: a proof is still looked for.
     """
     lines = [page.paragraph(*_head(forms, brief, undecided))]
+    if forms.deviation is not None:
+        lines.append(page.paragraph(str(forms.deviation), first="  "))
     if not undecided and (forms.gaps or not brief):
         lines.append(certainty(forms, page))
     named = [unbroken(f"{symbol} = {name}") for symbol, name in forms.legend if symbol != name]
@@ -323,8 +330,13 @@ def _head(forms: ClosedForm, brief: bool, undecided: bool) -> tuple[Span, ...]:
 def _word(forms: ClosedForm) -> Span:
     """Proven, probable or NOT complete."""
     if forms.word == "proven":
-        return good("proven")
-    return "probable" if forms.complete else caution("NOT complete")
+        return good(f"proven{_about(forms)}")
+    return "probable" + _about(forms) if forms.complete else caution("NOT complete")
+
+
+def _about(forms: ClosedForm) -> str:
+    """The geometry that the word is said of, where that is not the file's."""
+    return "" if forms.deviation is None else f" for {forms.deviation.geometry}"
 
 
 def _example(family: Family, forms: ClosedForm, page: Page, degrees: bool) -> Iterator[str]:
@@ -353,6 +365,8 @@ def families_html(forms: ClosedForm) -> str:
         f"{text('family' if count == 1 else 'families')} {text('of singular configurations,')} "
         f"{state}"
     )
+    if forms.deviation is not None:
+        head += f" {text(f'for {forms.deviation}')}"
     gaps = "".join(
         f"<p>{notebook.verdict('not complete:', 'caution')} {text(g)}</p>" for g in forms.gaps
     )

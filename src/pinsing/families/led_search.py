@@ -102,7 +102,7 @@ def led(
     Parameters
     ----------
     geometry : Nominal
-        A chain each of whose joints moves on its own, in rational numbers.
+        A chain each of whose joints moves on its own.
     task : Task
         Rows, as many as their rank.
     ring : Ring
@@ -152,7 +152,7 @@ class _Leader:
 
     def led(self) -> Led:
         fields = list(self.slices.fields)
-        while not self.time.over and not self._done():
+        while not self.time.stop() and not self._done():
             if len(fields) < _FIELDS + len(self._open):
                 break  # so many contradict that too few are left to say otherwise
             prime = min(fields, key=lambda p: (self._turns[p] // _TWICE, p))
@@ -175,7 +175,7 @@ class _Leader:
             return Led(self.components, None, False, self.steps)
         on = None if self.real is None else self.real.on
         unmet = [c for c in self.components if not any(map(np.any, self.slices.held(counted, c)))]
-        time = self.time.at_least(_FOR_PARTS)
+        time = self.time.part(1.0, _FOR_PARTS)
         self.components = without_inner(self.components, unmet, self.ring, time)
         self.components = self.slices.without_parts(counted, self.components, on)
         count = self.slices.count(counted, self.components)
@@ -199,7 +199,7 @@ class _Leader:
         """Search where points on no family lead to; whether some are left."""
         off = self._taken_in(self._left(slices))
         in_vain = 0
-        while off and not self.time.over:
+        while off and not self.time.stop():
             at = self._next(off)
             if at is None or (self.near is not None and in_vain == _IN_VAIN):
                 return True
@@ -216,7 +216,7 @@ class _Leader:
         if self.real is None or self.time.over:
             return
         off = self.real.missed(self.components)
-        while len(off) and not self.time.over:
+        while len(off) and not self.time.stop():
             at = self._next_real(off)
             if at is None:
                 return
@@ -240,7 +240,7 @@ class _Leader:
 
     def _taken_in(self, off: list[Slice]) -> list[Slice]:
         """What is left of points when systems that have some of them are components, too."""
-        while off and self._unseen and not self.time.over:
+        while off and self._unseen and not self.time.stop():
             has = [sum(int(m.sum()) for m in self.slices.held(off, c)) for c in self._unseen]
             best = max(range(len(has)), key=lambda i: (has[i], self._unseen[i].codimension))
             if not has[best]:
@@ -319,16 +319,17 @@ class _Leader:
         until = self.time.part(_FOR_VALUES)
         rank = len(self.task.rows)
         for some in sorted(combinations(range(n), rank), key=lambda c: c[-1] - c[0]):
-            if until.over:
+            if until.stop():
                 break
-            one_of = Budget(min(_ONE_MINOR, until.left))
+            one_of = until.at_most(_ONE_MINOR)
             minors = NearMinors(self.geometry, self.ring, self.task, rank, one_of)
             try:
                 minor = minors.minor(some, {})
                 one_of.check_factor(len(minor))
+                factors = self.ring.factors(minor) if minor != 0 else []
             except (BudgetExceeded, NotSquare):
                 continue
-            for f in self.ring.factors(minor) if minor != 0 else []:
+            for f in factors:
                 fixed = self.ring.joint_value(f)
                 if fixed is not None:
                     found[fixed[0]][fixed[1]] = None

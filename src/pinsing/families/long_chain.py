@@ -125,7 +125,7 @@ class LongChain:
 
     def _run(self, thorough: bool) -> None:
         self._go_on(first=True)
-        while thorough and self._later and not self.time.over:
+        while thorough and self._later and not self.time.stop():
             self._by_real_points()
             self._go_on()
         self.progress.waiting += len(self._waiting)
@@ -159,7 +159,7 @@ class LongChain:
     def _go_on(self, first: bool = False) -> None:
         """Search at all places that wait."""
         while self._waiting:
-            if self.time.over:
+            if self.time.stop():
                 break
             _, _, place = heapq.heappop(self._waiting)
             if self._found.covers(place):
@@ -171,7 +171,7 @@ class LongChain:
                 self.progress.waiting += 1
             if first and not self.time.over:
                 with self._part(_FOR_GENERAL):
-                    while self._later and not self.time.over:
+                    while self._later and not self.time.stop():
                         self._by_real_points()
                 with self._part(_FOR_GROUPS):
                     self._groups(place)

@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
-from pinsing.arguments import checked, real_numbers, whole_number
+from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.nearness import Confirm, Distance, near, nearest, own_nearest
 from pinsing.families.parts import Branch
 from pinsing.families.points import spread
-from pinsing.families.starts import Starts
+from pinsing.families.starts import ON, Starts
 from pinsing.families.zero_set import ROUNDS
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
@@ -309,6 +309,8 @@ class Members:
         free = np.ones(self.n, dtype=bool)
         free[[v.joint for branch in self.branches for v in branch.values]] = False
         sharp = self.confirm.sharpened(points, free)
+        stays = near(self.branches, self.space, sharp, ON)  # else another singular set is near
+        sharp = np.where(stays[:, None], sharp, points)
         if not within_limits:
             return sharp
         lower, upper = self.limits
@@ -370,6 +372,6 @@ class Members:
     def _check(self, q: npt.ArrayLike) -> Array:
         if self.arm is not None:
             return self.arm.check(q)
-        array = real_numbers(q, "q")
+        array = real_numbers(columns_of(q, self.space.names, "q"), "q")
         require_values(array, self.space.names, "q")
         return array

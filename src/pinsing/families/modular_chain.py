@@ -19,9 +19,9 @@ from flint import nmod_mat
 
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.algebra.terms import terms_of
 from pinsing.geometry.nominal import Nominal
 from pinsing.geometry.residue import residue
+from pinsing.geometry.surd import parts_of
 
 _CHECKED = 4_000
 """Singular points of one slice that are held against the families."""
@@ -201,12 +201,12 @@ def short(A: npt.NDArray[np.int16], p: int) -> npt.NDArray[np.bool_]:
 
 
 def value_modulo(value: Value, prime: int) -> tuple[int, ...]:
-    """A joint's rational value in a field: half-angle coordinates, a length; none at infinity."""
-    whole = [Fraction(str(v)) for v in value]
-    bottom = math.lcm(*(v.denominator for v in whole))
+    """A joint's value in a field: half-angle coordinates, a length; none at infinity."""
+    bottom = math.lcm(*(part.denominator for v in value for part in parts_of(v)))
+    whole = tuple(residue(v * bottom, prime) for v in value)
     if len(whole) > 1:
-        return tuple(int(v * bottom) % prime for v in whole)
-    return (int(whole[0] * bottom) * pow(bottom, -1, prime) % prime,) if bottom % prime else ()
+        return whole
+    return (whole[0] * pow(bottom, -1, prime) % prime,) if bottom % prime else ()
 
 
 def at_value(x: Ints, y: Ints, value: tuple[int, ...], prime: int) -> npt.NDArray[np.bool_]:
@@ -223,7 +223,7 @@ class ModularSet:
     def __init__(self, component: Component, ring: Ring, prime: int) -> None:
         self.p = prime
         self.values = {j: value_modulo(x, prime) for j, x in component.values.items()}
-        self.relations = [_Split(_residues(r, prime), prime) for r in component.relations]
+        self.relations = [_Split(_residues(r, ring, prime), prime) for r in component.relations]
         self.variables = [(j, k) for j in range(len(ring.prismatic)) for k in _kinds(ring, j)]
 
     def holds(self, x: Ints, y: Ints) -> npt.NDArray[np.bool_]:
@@ -294,10 +294,15 @@ def _kinds(ring: Ring, j: int) -> Iterator[int]:
     return iter(range(len(ring.variables(j))))
 
 
-def _residues(poly: Poly, prime: int) -> dict[tuple[int, ...], int]:
-    """Coefficients of a polynomial modulo a prime, no multiple of which all of them are."""
-    terms = {tuple(map(int, m)): c for m, c in terms_of(poly).items()}
-    scale = math.lcm(*(int(c.q) for c in terms.values()))
-    whole = {m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()}
-    content = math.gcd(*whole.values())
-    return {m: r for m, c in whole.items() if (r := c // content % prime)}
+def _residues(poly: Poly, ring: Ring, prime: int) -> dict[tuple[int, ...], int]:
+    """Coefficients of a polynomial modulo a prime, no multiple of which all of them are.
+
+    With square roots a prime may divide all of them nevertheless: then the polynomial counts as
+    zero nowhere, so that points are left over rather than taken in.
+    """
+    terms = ring.terms(poly)
+    parts = [part for c in terms.values() for part in parts_of(c) if part]
+    bottom = math.lcm(*(part.denominator for part in parts))
+    scale = Fraction(bottom, math.gcd(*(int(part * bottom) for part in parts)))
+    found = {m: r for m, c in terms.items() if (r := residue(c * scale, prime))}
+    return found or {(0,) * ring.nvars: 1}

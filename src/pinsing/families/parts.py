@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import field
 
 import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.equation import Equation
+from pinsing.algebra.ring import Value
 from pinsing.robot.joint_space import JointSpace
 
 _AT_LIMIT = 1e-9
@@ -28,15 +30,19 @@ class JointValue:
     rational : bool
         True if its half-angle tangent (or its length) is rational; else an algebraic number.
     minimal : tuple of int
-        Where several joints' values depend on each other: coefficients, the constant first, of
-        the irreducible polynomial that the tangent of half the angle (counted from where the
-        nominal geometry has its zero) or the length is a root of.
+        Where it was solved for: coefficients, the constant first, of the irreducible polynomial
+        that the tangent of half the angle (counted from where the nominal geometry has its zero)
+        or the length is a root of.
+    exact : tuple or None
+        The value in the ring of the exact polynomials, where it is in its field: x and y of a
+        revolute joint, metres of a prismatic one; not written to JSON.
     """
 
     joint: int
     value: float
     rational: bool
     minimal: tuple[int, ...] = ()
+    exact: Value | None = field(default=None, compare=False, repr=False, metadata={"json": False})
 
 
 @dataclass(frozen=True)

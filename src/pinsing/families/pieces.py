@@ -6,7 +6,6 @@ import itertools
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from fractions import Fraction
 
 import numpy as np
 
@@ -15,10 +14,10 @@ from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation, equation, scale_to_lengths
-from pinsing.algebra.finite_system import AlgebraicValue, NotFinite, real_solutions
+from pinsing.algebra.finite_system import NotFinite, real_solutions
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros
-from pinsing.algebra.real_roots import real_roots
+from pinsing.algebra.real_roots import AlgebraicValue, real_roots
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.families.certain import certainly_empty, never_zero
 from pinsing.families.nearness import Confirm
@@ -127,7 +126,7 @@ class PieceMaker:
         equations = [self.equation_of(p) for p in others]
         branches = []
         for combination in combinations:
-            branches += self._branches([*fixed, *combination], equations)
+            branches += self._branches(fixed, combination, equations)
         alive = [b for b in branches if not self._empty(b)]
         if not alive:
             return []
@@ -176,19 +175,12 @@ class PieceMaker:
         return left
 
     def _at_exact_values_of(self, branch: Branch, component: Component) -> bool:
-        """Whether rational joint values put a branch of nothing else into a component."""
-        values: dict[int, Value] = {}
-        for v in branch.values:
-            if not v.rational or branch.equations:
-                return False
-            top, bottom = (0, 1) if not v.minimal else (-v.minimal[0], v.minimal[1])
-            exact = Fraction(top, bottom)
-            if self.ring.prismatic[v.joint]:
-                values[v.joint] = (exact,)
-            elif v.minimal:
-                values[v.joint] = (Fraction(1), exact)
-            else:
-                values[v.joint] = (Fraction(0), Fraction(1))
+        """Whether exact joint values put a branch of nothing else into a component."""
+        if branch.equations:
+            return False
+        values = {v.joint: v.exact for v in branch.values if v.exact is not None}
+        if len(values) < len(branch.values):
+            return False
         return all(values.get(j) == x for j, x in component.values.items()) and all(
             self.ring.substitute(r, values) == 0 for r in component.relations
         )
@@ -224,18 +216,28 @@ class PieceMaker:
                 self.unsolved += 1
             else:
                 return [[self._algebraic(j, v) for j, v in s.items()] for s in found], [], []
-        roots = [self._roots(p) for p in alone]
-        return (
-            [list(c) for c in itertools.product(*roots)],
-            [self.equation_of(p) for p in alone],
-            together,
-        )
+        lines: dict[int, Poly] = {}
+        for p in alone:
+            (joint,) = self.ring.joints_of(p)
+            lines[joint] = self.ring.gcd(lines[joint], p) if joint in lines else p
+        roots = [
+            [self._algebraic(j, v) for v in real_roots(p, j, self.ring)] for j, p in lines.items()
+        ]
+        unlike = [
+            self.equation_of(p)
+            for p, values in zip(lines.values(), roots, strict=True)
+            if any(v.exact is None for v in values)  # else the values say as much
+        ]
+        return [list(c) for c in itertools.product(*roots)], unlike, together
 
     def _algebraic(self, joint: int, value: AlgebraicValue) -> JointValue:
-        if self.ring.prismatic[joint]:
-            return JointValue(joint, float(value.ball), value.rational, value.minimal)
-        angle = value.angle() - float(self.offset[joint])
-        return JointValue(joint, wrap(angle), value.rational, value.minimal)
+        slides = self.ring.prismatic[joint]
+        exact = value.exact(slides)
+        if exact is not None:
+            return replace(self._value(joint, exact), minimal=value.minimal)
+        if slides:
+            return JointValue(joint, float(value.ball), False, value.minimal)
+        return JointValue(joint, self._angle(joint, value.angle()), False, value.minimal)
 
     def _real_part(self, poly: Poly) -> list[list[JointValue]] | None:
         """All real zeros of a polynomial, where these are less than a hypersurface; else None.
@@ -263,9 +265,7 @@ class PieceMaker:
             box = self.lower, self.upper
             left = self.rounds(rounds)
             until = self.time
-            return search(
-                branch.equations, *box, free, fixed, some, self.rng, left, lambda: until.over
-            )
+            return search(branch.equations, *box, free, fixed, some, self.rng, left, until.stop)
 
         found = searched(count)
         if self.confirm is None:
@@ -295,7 +295,7 @@ class PieceMaker:
         """
         fixed, free = self._start(branch)
         box = self.lower, self.upper
-        return thrown(branch.equations, *box, free, fixed, count, self.rng, lambda: self.time.over)
+        return thrown(branch.equations, *box, free, fixed, count, self.rng, self.time.stop)
 
     def branch_of(self, values: Mapping[int, Value], relations: Sequence[Poly]) -> Branch:
         """Joints at exact values, and polynomials that vanish, as what points are found on."""
@@ -312,25 +312,13 @@ class PieceMaker:
 
     def _value(self, joint: int, value: Value) -> JointValue:
         if self.ring.prismatic[joint]:
-            return JointValue(joint, float(value[0]), True)
+            return JointValue(joint, float(value[0]), True, exact=value)
         x, y = (float(v) for v in value)
-        angle = 2 * math.atan2(y, x) - float(self.offset[joint])
-        return JointValue(joint, wrap(angle), True)
+        return JointValue(joint, self._angle(joint, 2 * math.atan2(y, x)), True, exact=value)
 
-    def _roots(self, poly: Poly) -> list[JointValue]:
-        """Real values of the one joint of ``poly``."""
-        fixed = self.ring.joint_value(poly)
-        if fixed is not None:
-            return [self._value(*fixed)]
-        joint = self.ring.joints_of(poly)[0]
-        variables = self.ring.variables(joint)
-        if not self.ring.prismatic[joint]:  # irreducible of degree >= 2: x = 0 is no root
-            poly = poly.subs({self.ring.context.names()[variables[0]]: 1})
-        real = real_roots(poly, variables[-1], self.ring)
-        if self.ring.prismatic[joint]:
-            return [JointValue(joint, t, False) for t in real]
-        offset = float(self.offset[joint])
-        return [JointValue(joint, wrap(2 * math.atan(t) - offset), False) for t in real]
+    def _angle(self, joint: int, angle: float) -> float:
+        """A joint's angle of the ring's."""
+        return wrap(angle - float(self.offset[joint]))
 
     def equation_of(self, poly: Poly) -> Equation:
         """A polynomial as an equation in the joints, made once."""
@@ -339,16 +327,17 @@ class PieceMaker:
             self._made[id(poly)] = poly, scale_to_lengths(made, self.lengths)
         return self._made[id(poly)][1]
 
-    def _branches(self, values: list[JointValue], equations: list[Equation]) -> list[Branch]:
-        """The equations with irrational values put into them; none if one is a constant then."""
+    def _branches(
+        self, fixed: list[JointValue], solved: list[JointValue], equations: list[Equation]
+    ) -> list[Branch]:
+        """The equations with solved values put into them; none if one is a constant then."""
         left: list[Equation] = list(equations)
-        for v in values:
-            if not v.rational or v.minimal:
-                put = [fix_joint(e, v.joint, v.value) for e in left]
-                left = _distinct([e for e in put if e is not None])
+        for v in solved:
+            put = [fix_joint(e, v.joint, v.value) for e in left]
+            left = _distinct([e for e in put if e is not None])
         if any(not e.involved for e in left):
             return []  # far above rounding: this root goes with another one
-        return [Branch(tuple(sorted(values, key=lambda v: v.joint)), tuple(left))]
+        return [Branch(tuple(sorted([*fixed, *solved], key=lambda v: v.joint)), tuple(left))]
 
     def ratios(self, points: Array, arm: Arm | None = None) -> Array:
         """sigma_r / sigma_1 of the nominal arm (or ``arm``) at points (N, n)."""
@@ -369,7 +358,7 @@ class PieceMaker:
             return False
         if self.time.over or any(e.powers.any() for e in branch.equations):
             return False  # no box holds all values of a slider
-        return certainly_empty(branch.equations, self.lower, self.upper, lambda: self.time.over)
+        return certainly_empty(branch.equations, self.lower, self.upper, self.time.stop)
 
 
 def _distinct(equations: Sequence[Equation]) -> list[Equation]:

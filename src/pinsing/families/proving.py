@@ -7,23 +7,22 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
+from pinsing.algebra.apart import Apart
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
 from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.faithful import disagreements
 from pinsing.families.form import ClosedForm
 from pinsing.families.proof import Proof
 from pinsing.proof.checker import Rejected, verify
 from pinsing.proof.place import NotFound
 from pinsing.proof.produce import Stated, certificate, text_of
 
-SHORT = 2.0
-"""Seconds of processor time that a search may take where nobody asked for one."""
-SHORT_ON_CLOCK = 1.0, 8.0
-"""Seconds on the clock for that, at least and at most: how busy the machine is does not change the
-word, unless it is very busy."""
+SHORT = 10.0
+"""Seconds of work for a search where nobody asked for one; as a rule they take three."""
 LONG = 60.0
-"""Seconds, on the clock, for one that was asked for."""
+"""Seconds of work for one that was asked for."""
 
 
 def prove(
@@ -51,20 +50,18 @@ def prove(
 def prove_briefly(
     form: ClosedForm, seconds: float, progress: Callable[[str], None] | None = None
 ) -> ClosedForm:
-    """The same where nobody asked for it: for `SHORT` seconds of processor time.
+    """The same where nobody asked for it: for `SHORT` seconds of work.
 
     Parameters
     ----------
     form : ClosedForm
         As `closed_form` gave it.
     seconds : float
-        What is left on the clock; more or less than `SHORT_ON_CLOCK` says is not used.
+        Cap on the time on the clock, for where that work takes unusually long.
     progress : callable
         Told now and then how far the search is.
     """
-    least, most = SHORT_ON_CLOCK
-    budget = Budget(max(least, min(seconds, most)), SHORT)
-    found = within(form, budget, progress)
+    found = within(form, Budget(max(seconds, 0.0), SHORT), progress)
     if found.proof is None or found.proof.accepted or not found.proof.out_of_time:
         return found
     said = f"{found.proof.reason}; --prove, or prove=True, looks for one for {LONG:g} s"
@@ -72,7 +69,28 @@ def prove_briefly(
 
 
 def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | None) -> ClosedForm:
-    """The same, in the time of a budget: first of families as stated, then of these in parts."""
+    """The same, within a budget; what becomes long goes on in a child, which can be stopped."""
+    search = Apart(budget, budget.on_clock, progress or (lambda text: None))
+
+    def say(text: str) -> None:
+        if search.child:
+            search.tell(text)
+        elif progress is not None:
+            progress(text)
+
+    started = time.monotonic()
+    ended = search.run(lambda: _proof(form, budget, say))
+    proof = ended.result
+    if proof is None:
+        reason = f"none was found: {ended.reason}"
+        proof = _none(form, reason, True, time.monotonic() - started)
+    if not proof.accepted:
+        return replace(form, proof=proof)
+    return replace(form, proof=proof, complete=True, gaps=())
+
+
+def _proof(form: ClosedForm, budget: Budget, progress: Callable[[str], None]) -> Proof:
+    """What becomes of the search: first of families as stated, then of these in parts."""
     started = time.monotonic()
     reason, stopped = "", False
     for in_parts in (False, True):
@@ -80,7 +98,7 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
             stopped = True
             break
         try:
-            # Half of the time for the first way, so that some is left for the second.
+            # Half of the work for the first way, so that some is left for the second.
             share = budget.part(1.0 if in_parts else 0.5)
             data = _made(form, share, progress, in_parts)
             found = time.monotonic()
@@ -95,7 +113,7 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
         except (OverflowError, RecursionError) as problem:
             reason = f"the search for one was given up: {problem}"
         else:
-            proof = Proof(
+            return Proof(
                 accepted=True,
                 reason="",
                 size=len(text),
@@ -105,10 +123,9 @@ def within(form: ClosedForm, budget: Budget, progress: Callable[[str], None] | N
                 primes=(),
                 certificate=data,
             )
-            return replace(form, proof=proof, complete=True, gaps=())
     if stopped:
         reason = f"none was found in the {budget.allowed} allowed"
-    return replace(form, proof=_none(form, reason, stopped, time.monotonic() - started))
+    return _none(form, reason, stopped, time.monotonic() - started)
 
 
 def _made(
@@ -126,6 +143,8 @@ def _made(
         raise NotFound(f"the algebra does not follow a mimic joint: {reason}") from None
     slides = tuple(bool(p) for p in geometry.arm.prismatic)
     ring = ring_of(slides, numbers, budget)
+    if off := disagreements(form.families, (), ring, geometry, form.symbols):
+        raise NotFound(off[0])  # the certificate is of the polynomials, not of what is stated
     stated = [Stated(f.name, c) for f in form.families for c in f.components]
     return certificate(
         geometry, ring, form.generic_rank, stated, budget, progress, in_parts=in_parts

@@ -21,6 +21,8 @@ from pinsing.families.zero_set import residuals
 
 _BATCH, _BATCHES = 100, 4
 """Random starts at once, and how often."""
+_OF_A_BATCH = 1e6
+"""Work of a batch of starts, in products of terms."""
 _SEED = 37
 _OFF = 1e-4
 """Radians, metres, or shares of an equation's coefficients: points that Newton's method found are
@@ -46,7 +48,7 @@ def real_points(maker: PieceMaker, own: OwnPoints, time: Budget) -> Array:
     for _ in range(_BATCHES):
         starts = rng.uniform(*box, (_BATCH, n))
         found.append(own.drawn(starts, np.ones(n, dtype=bool), box))
-        if time.over:
+        if time.stop(_OF_A_BATCH):
             break
     return np.concatenate(found)
 

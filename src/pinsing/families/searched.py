@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
@@ -22,13 +21,14 @@ from pinsing.families.pieces import PieceMaker
 from pinsing.families.planar_chain import planar_chain, turn_alike
 from pinsing.families.real_control import RandomSingular, gap, on_none, real_points
 from pinsing.families.slice_count import SliceCount
-from pinsing.geometry.nominal import Nominal, nominal
-from pinsing.geometry.surd import Surd
+from pinsing.geometry.nominal import Nominal
 from pinsing.robot.arm import Arm
 
 MAX_JOINTS = 12
 """Beyond it all minors need more memory than there is before they can be stopped."""
 _SEED = 20
+_AND_AFTER = 1.2
+"""Times the search's own that polynomials with square roots may take, describing included."""
 _MANY = 9
 """Joints from which on all minors have a part of the time, and near ones and slices the rest."""
 _LINKS = 6
@@ -62,8 +62,6 @@ class Searched:
 
     Attributes
     ----------
-    geometry : Nominal
-        What it is true of.
     ring : Ring
         Of its polynomials.
     components : list of Component
@@ -78,7 +76,6 @@ class Searched:
         Of many joints: singular points on random slices, held against the components.
     """
 
-    geometry: Nominal
     ring: Ring
     components: list[Component]
     gaps: list[str]
@@ -89,11 +86,10 @@ class Searched:
 
 @dataclass(frozen=True)
 class Allowed:
-    """Time in seconds, and the tolerances that the nominal geometry is made with."""
+    """The budget, and the tolerance that the nominal geometry is made with."""
 
-    seconds: float
+    time: Budget
     angle_tol: float
-    snap_length: float
 
 
 def searched(
@@ -112,11 +108,13 @@ def searched(
     symbols : sequence of str
         Of the joints.
     limits : Allowed
-        Time and tolerances.
+        Time and tolerance.
     """
-    started = time.monotonic()
+    slides = tuple(bool(p) for p in arm.prismatic)
+    # Families are described after the search, in the same ring.
+    ring = ring_of(slides, constants(geometry, arm.task), limits.time.part(1.0, _AND_AFTER))
     if arm.n >= _LINKS and arm.coupling is None and turn_alike(geometry):
-        in_line = _in_line(geometry, arm, rank, symbols, limits)
+        in_line = _in_line(geometry, arm, rank, symbols, limits, ring)
         if in_line is not None:
             return in_line
     every = arm.n <= MAX_JOINTS
@@ -129,40 +127,26 @@ def searched(
         if lead and not near:
             share = _MOST
             if arm.task.name != "pose":
-                share = min(_FIRST, _FIRST_SECONDS / limits.seconds)
-        ring, found = _all_minors(geometry, arm, rank, share * limits.seconds)
-        if found.stopped and not ring.rational:
-            # Square roots were too much: with rational twists close by, and that is stated.
-            geometry = nominal(arm, limits.angle_tol, limits.snap_length, rational=True)
-            again = share * limits.seconds - (time.monotonic() - started)
-            ring, found = _all_minors(geometry, arm, rank, max(again, 0.1 * limits.seconds))
-    else:
-        # Square roots make each step some times longer, and these chains have many.
-        geometry = nominal(arm, limits.angle_tol, limits.snap_length, rational=True)
-        ring = ring_of(
-            tuple(bool(p) for p in arm.prismatic),
-            constants(geometry, arm.task),
-            Budget(limits.seconds),
-        )
+                share = min(_FIRST, _FIRST_SECONDS / limits.time.seconds)
+        first = limits.time.part(share)
+        found = _all_minors(geometry, arm, rank, ring, first)
 
     def rest(share: float) -> Budget:
-        left = limits.seconds - (time.monotonic() - started)
-        return Budget(max(share * left, 0.1 * limits.seconds))
+        return limits.time.part(share, 0.1)
 
     many = found is None or (bool(found.gaps) and (near or lead or not found.components))
-    slices_follow = lead and ring.rational
     followed = _NEAR if arm.n <= _MANY else _NEAR_OF_MANY
-    short = rest(1.0 if not many else followed if slices_follow else _NEAR_ONLY)
+    short = rest(1.0 if not many else followed if lead else _NEAR_ONLY)
     maker = PieceMaker(geometry, ring, rank, symbols, _SEED, short, limits.angle_tol)
     components = [] if found is None else list(found.components)
     gaps = [] if found is None else list(dict.fromkeys(found.gaps))
     steps = RandomSteps(0, (), ()) if found is None else found.second
     if not many:
-        return Searched(geometry, ring, components, gaps, maker, steps)
+        return Searched(ring, components, gaps, maker, steps)
     try:
         chain = LongChain(geometry, arm.task, rank, ring, maker, short)
     except BudgetExceeded as reason:
-        return Searched(geometry, ring, components, [*gaps, str(reason)], maker, steps)
+        return Searched(ring, components, [*gaps, str(reason)], maker, steps)
     test = FoundComponents(ring, lambda c: None)
     for c in chain.components:
         if not any(test.inside(c, k) for k in components):
@@ -170,7 +154,7 @@ def searched(
     gaps += chain.progress.gaps(arm.n)
     count: SliceCount | None = None
     own = OwnPoints(geometry.arm)
-    if slices_follow:
+    if lead:
 
         def at(values: Mapping[int, Value], some: Budget) -> Sequence[Component]:
             maker.time = some
@@ -188,16 +172,16 @@ def searched(
         steps = together([steps, *slices.steps] if gaps else slices.steps)
         missed = on_none(maker, real.q, components)
         if arm.n == _MANY and (missed.any() or not slices.enough):
-            again = _AGAIN * (limits.seconds - (time.monotonic() - started))
-            if again > _LONGER * share * limits.seconds:
-                whole = _ended(geometry, arm, rank, symbols, limits, again)
+            again = limits.time.part(_AGAIN)
+            if again.seconds > _LONGER * first.seconds:
+                whole = _ended(geometry, arm, rank, symbols, limits, again, ring)
                 if whole is not None:
                     return whole
         if count is not None:
             gaps = gap(real.q, missed, arm.prismatic) + gaps
             count = replace(count, real=len(real.q), real_off=int(missed.sum()))
     maker.confirm = own
-    return Searched(geometry, ring, components, gaps, maker, steps, count)
+    return Searched(ring, components, gaps, maker, steps, count)
 
 
 def _ended(
@@ -206,42 +190,41 @@ def _ended(
     rank: int,
     symbols: Sequence[str],
     limits: Allowed,
-    seconds: float,
+    again: Budget,
+    ring: Ring,
 ) -> Searched | None:
     """All minors once more, with more time; None if that is over before they end."""
-    ring, found = _all_minors(geometry, arm, rank, seconds)
+    found = _all_minors(geometry, arm, rank, ring, again)
     if found.gaps:
         return None
-    rest = Budget(0.1 * limits.seconds)
+    rest = limits.time.part(0.0, 0.1)
     maker = PieceMaker(geometry, ring, rank, symbols, _SEED, rest, limits.angle_tol)
-    return Searched(geometry, ring, list(found.components), [], maker, found.second)
+    return Searched(ring, list(found.components), [], maker, found.second)
 
 
 def _in_line(
-    geometry: Nominal, arm: Arm, rank: int, symbols: Sequence[str], limits: Allowed
+    geometry: Nominal,
+    arm: Arm,
+    rank: int,
+    symbols: Sequence[str],
+    limits: Allowed,
+    ring: Ring,
 ) -> Searched | None:
     """The singular set of a planar chain, whatever its length; None if the chain is none."""
-    slides = tuple(bool(p) for p in arm.prismatic)
-    ring = ring_of(slides, constants(geometry, arm.task), Budget(limits.seconds))
     found = planar_chain(geometry, arm.task, rank, ring)
     if found is None:
         return None
-    rest = Budget(limits.seconds)
-    maker = PieceMaker(geometry, ring, rank, symbols, _SEED, rest, limits.angle_tol)
+    maker = PieceMaker(geometry, ring, rank, symbols, _SEED, limits.time, limits.angle_tol)
     maker.products = True
-    return Searched(geometry, ring, list(found), [], maker, RandomSteps(0, (), ()))
+    return Searched(ring, list(found), [], maker, RandomSteps(0, (), ()))
 
 
 def _all_minors(
-    geometry: Nominal, arm: Arm, rank: int, seconds: float
-) -> tuple[Ring, Decomposition]:
-    """Components of the singular set, in the ring that the geometry's numbers need."""
-    numbers = constants(geometry, arm.task)
-    # With square roots only half of the time, so that some is left to do without.
-    time_left = Budget(seconds / 2 if any(isinstance(x, Surd) for x in numbers) else seconds)
-    ring = ring_of(tuple(bool(p) for p in arm.prismatic), numbers, time_left)
+    geometry: Nominal, arm: Arm, rank: int, ring: Ring, time_left: Budget
+) -> Decomposition:
+    """Components of the singular set."""
 
     def matrix() -> Matrix:
         return jacobian_matrix(geometry, ring, arm.task, time_left)
 
-    return ring, Decomposition(matrix, rank, ring, time_left)
+    return Decomposition(matrix, rank, ring, time_left)

@@ -24,6 +24,8 @@ from pinsing.algebra.ring import Ring
 from pinsing.families.modular_chain import Ints, ModularChain, ModularSet
 from pinsing.families.modular_rows import ModularRows, joints_that_matter, short_everywhere
 from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.residue import root_modulo
+from pinsing.proof.skeleton import roots_in
 from pinsing.robot.task import Task
 
 FIELDS = (7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)
@@ -44,6 +46,9 @@ _TELLING, _TELLING_FIELDS = 12, 2
 others by them."""
 
 Bools = npt.NDArray[np.bool_]
+
+_OF_A_POINT = 3.0
+"""Work that each point of a slice is asked with, in products of terms."""
 
 
 @dataclass(frozen=True)
@@ -171,8 +176,9 @@ class Slices:
     def fields(self) -> tuple[int, ...]:
         """Those over which a slice is not too large."""
         least = _LARGER if self.joints <= _FEW_JOINTS else FIELDS[0]
+        known = [p for p in FIELDS if p >= least and _has_roots(self.geometry, p)]
         within = [
-            tuple(p for p in FIELDS if p >= least and (p + 1) ** self.joints <= most)
+            tuple(p for p in known if (p + 1) ** self.joints <= most)
             for most in (_MANY_POINTS, _MOST_POINTS)
         ]
         chosen = within[0] if len(within[0]) >= _FEW_FIELDS else within[1]
@@ -207,7 +213,7 @@ class Slices:
             self._chains[prime] = chain
         out = []
         for chosen in self.choices:
-            if time.over:
+            if time.stop(_OF_A_POINT * prime ** len(chosen)):
                 break
             out.append(Slice(prime, chosen, *self._chains[prime].singular(chosen, self._draw)))
         return out
@@ -318,6 +324,14 @@ class Slices:
         return self._sets[key][1]
 
 
+def _has_roots(geometry: Nominal, prime: int) -> bool:
+    """Whether the square roots of a chain are numbers modulo a prime."""
+    try:
+        return all(root_modulo(square, prime) for square in roots_in(geometry))
+    except ValueError:
+        return False
+
+
 def count_on_slices(
     geometry: Nominal,
     task: Task,
@@ -346,11 +360,9 @@ def count_on_slices(
     Returns
     -------
     SliceCount or None
-        None where the field does not know the chain's numbers (square roots, denominators), or
-        one field contradicts and there is no time to ask the other.
+        None where the field does not know the chain's numbers (denominators, roots), or one
+        field contradicts and there is no time to ask the other.
     """
-    if not ring.rational:
-        return None
     counted: list[SliceCount] = []
     for prime in ASKED:
         slices = Slices(geometry, task, ring, min(most, MOST_JOINTS))

@@ -6,7 +6,7 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import TYPE_CHECKING, overload
+from typing import TYPE_CHECKING, Literal, TypeAlias, overload
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
@@ -16,17 +16,18 @@ from pinsing.algebra.second_prime import RandomSteps
 from pinsing.arguments import checked, not_loaded
 from pinsing.errors import OptionError
 from pinsing.families.describe import describe, stated
+from pinsing.families.faithful import disagreements
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.hints import SNAP, by_rank_hint, small_offset, snap_hint, unsolved_hint
 from pinsing.families.pieces import SolvedPiece
+from pinsing.families.proving import LONG, prove_briefly
 from pinsing.families.proving import prove as add_proof
-from pinsing.families.proving import prove_briefly
 from pinsing.families.searched import MAX_JOINTS, Allowed, Searched, searched
 from pinsing.families.slice_count import SliceCount, count_on_slices
 from pinsing.families.statement import mirror_key
 from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
-from pinsing.geometry.snap import Snap
+from pinsing.geometry.snap import Deviation, Snap
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
@@ -34,6 +35,12 @@ from pinsing.robot.arm_summary import summarize
 if TYPE_CHECKING:
     from pinsing.families.design_form import DesignForm
 
+Prove: TypeAlias = bool | Literal["auto"] | None
+"""Whether to look for a certificate: as far as some work leads, till it is found, or not at all."""
+SECONDS = 10.0
+"""Work, in seconds, for the algebra where none is given."""
+_AT_MOST = 1.4
+"""Time on the clock after which a certificate that nobody asked for is given up, of that given."""
 _FOR_SEARCH = 0.9
 """Share of the time that there is for finding components; describing them needs some too."""
 _TO_DESCRIBE = 0.1
@@ -43,6 +50,8 @@ _OF_ONE = 0.5
 
 _TO_COUNT = 0.05
 """Share of the time that there is for counting on slices what a long chain's families miss."""
+_TO_COMPARE = 0.5
+"""Share of what is left for what lengths snapped away would change."""
 _LONG = 6
 """Joints from which on singular configurations on slices are counted."""
 
@@ -51,10 +60,10 @@ _LONG = 6
 def closed_form(
     arm: Arm,
     *,
-    seconds: float = 10.0,
+    seconds: float | None = None,
     angle_tol: float = ANGLE_TOL,
     snap_length: float = 0.0,
-    prove: bool | None = False,
+    prove: Prove = "auto",
     progress: Callable[[str], None] | None = None,
 ) -> ClosedForm: ...
 
@@ -64,7 +73,7 @@ def closed_form(
     arm: Arm | str | os.PathLike[str],
     *,
     symbols: bool | str | Sequence[str],
-    seconds: float = 10.0,
+    seconds: float | None = None,
     angle_tol: float = ANGLE_TOL,
 ) -> DesignForm: ...
 
@@ -74,10 +83,10 @@ def closed_form(
     arm: Arm | str | os.PathLike[str],
     *,
     symbols: bool | str | Sequence[str] | None = None,
-    seconds: float = 10.0,
+    seconds: float | None = None,
     angle_tol: float = ANGLE_TOL,
     snap_length: float = 0.0,
-    prove: bool | None = False,
+    prove: Prove = "auto",
     progress: Callable[[str], None] | None = None,
 ) -> ClosedForm | DesignForm:
     """Find all families of singular configurations, exactly, on the nominal geometry.
@@ -90,18 +99,20 @@ def closed_form(
         Lengths that stay symbols: all that are not zero (True), or those named, such as
         ``"a2,d4"``. Of a DH table they are a1, d1, a2, ..., and twists alpha1, ... that are named
         stay symbols, too; of any other arm they are named after its joints, as ``elbow_joint_x``.
-    seconds : float
-        Time after which the algebra is given up; what was found till then is returned,
-        with ``complete`` False and the reason. Describing that ends as soon, or as a short
-        look at each family is taken.
+    seconds : float, optional
+        Work after which the algebra is given up, 10 by default; what was found till then is
+        returned, with ``complete`` False and the reason. Work is counted in steps, so that the
+        answer does not depend on the machine; as a rule it takes less than these seconds. On the
+        clock all ends within 1.5 times as many: where that strikes first, the reason says so.
+        With ``prove=True`` a certificate is looked for in what is left, for a minute by default.
     angle_tol, snap_length : float
         As in ``nominal``: radians, metres.
-    prove : bool or None
-        Whether to look for a certificate that nothing is missing, for up to a minute; None, as
-        on the command line: for up to two seconds of processor time, and eight on the clock or
-        what ``seconds`` leaves of them. With False, as here by default, ``word`` is at most
-        "probable", whatever the command line says of the same arm. It comes after the answer:
-        `prove` adds one to an answer that is there.
+    prove : bool, "auto" or None
+        Whether to look for a certificate that nothing is missing. "auto" gives up after some
+        work, which takes a second or two and is the same on every machine: ``word`` is then what
+        every command, page and report says of the arm; None means the same. True goes on until
+        the time is over. False looks for none, for where ``word`` is not needed: it is at most
+        "probable" then.
     progress : callable
         Told now and then how far the search for a certificate is.
 
@@ -126,29 +137,37 @@ def closed_form(
     >>> [family.text for family in form.families]
     ['q2 = 0° or 180°', 'd3 = 0', 'q5 = 0° or 180°']
     >>> form.complete, form.word
-    (True, 'probable')
-    >>> pinsing.closed_form(pinsing.load("stanford"), prove=True).word
-    'proven'
+    (True, 'proven')
     """
+    given, seconds = seconds, SECONDS if seconds is None else seconds
     if not seconds > 0:
         raise OptionError(f"seconds must be positive, got {seconds!r}")
     if symbols is not None and symbols is not False:
-        if prove or snap_length:
+        if prove is True or snap_length:
             raise OptionError("symbols do not go with prove or snap_length: give numbers for these")
         return _design(arm, symbols, seconds, angle_tol)
     if not isinstance(arm, Arm):
         raise not_loaded("arm", "an Arm", arm)
     started = time.monotonic()
-    found = _found(arm, seconds, angle_tol, snap_length)
+    found = _found(arm, Budget(seconds), angle_tol, snap_length)
     if prove is False:
         return found
-    if prove is None:
-        return prove_briefly(found, seconds - (time.monotonic() - started), progress)
-    return add_proof(found, progress=progress)
+    whole = LONG if prove is True and given is None else _AT_MOST * seconds
+    left = max(whole - (time.monotonic() - started), 0.0)
+    return (add_proof if prove is True else prove_briefly)(found, left, progress)
+
+
+def form_to_measure(arm: Arm) -> ClosedForm:
+    """The closed form, for who measures how near its families are and does not say the word.
+
+    A certificate is looked for only where it decides more than that: where some may be missing.
+    """
+    found = closed_form(arm, prove=False)
+    return found if found.complete else prove_briefly(found, SECONDS)
 
 
 def _found(
-    arm: Arm, seconds: float, angle_tol: float, snap_length: float, told: bool = True
+    arm: Arm, whole: Budget, angle_tol: float, snap_length: float, told: bool = True
 ) -> ClosedForm:
     """The closed form, without a proof; unless ``told`` families may be their conditions alone."""
     started = time.monotonic()
@@ -165,13 +184,12 @@ def _found(
     if obstacle is not None:
         gaps.append(obstacle)
     elif arm.n > 0 and rank > 0:
-        limits = Allowed(_FOR_SEARCH * seconds, angle_tol, snap_length)
+        limits = Allowed(whole.part(_FOR_SEARCH), angle_tol)
         search = searched(geometry, arm, rank, symbols, limits)
-        geometry, maker = search.geometry, search.maker
+        maker = search.maker
         gaps += search.gaps
         steps = search.steps
-        left = max(seconds - (time.monotonic() - started), _TO_DESCRIBE * seconds)
-        maker.time = Budget(left)
+        maker.time = describing = whole.part(1.0, _TO_DESCRIBE)
         pieces = [maker.own(c, maker.make(c), search.components) for c in search.components]
         unsolved = maker.unsolved
         left_out = [c for c, p in zip(search.components, pieces, strict=True) if not p]
@@ -184,30 +202,28 @@ def _found(
             [p for parts, within in zip(pieces, inside, strict=True) if not within for p in parts]
         )
         for i, group in enumerate(grouped, 1):
-            whole = maker.time
             # Most take little; one that takes long leaves as much to the others.
-            maker.time = whole if i == len(grouped) else whole.part(_OF_ONE)
+            maker.time = describing if i == len(grouped) else describing.part(_OF_ONE)
             if told or any(len(b.equations) > 1 for p in group for b in p.branches):
                 families.append(describe(group, maker, arm, geometry))
             else:
                 families.append(stated(group, maker, arm))
-            maker.time = whole
         families = [_named(f, i) for i, f in enumerate(sorted(families, key=_order), 1)]
+        gaps += disagreements(families, left_out, maker.ring, geometry, symbols)
     counted: SliceCount | None = None if search is None else search.count
     if gaps and search is not None and counted is None and _on_slices(arm, rank):
-        left = max(seconds - (time.monotonic() - started), _TO_COUNT * seconds)
+        left = whole.part(1.0, _TO_COUNT)
         counted = count_on_slices(
-            search.geometry, arm.task, maker.ring, search.components, arm.n - rank + 1, Budget(left)
+            geometry, arm.task, maker.ring, search.components, arm.n - rank + 1, left
         )
     if counted is not None and counted.off:
         gaps.append(f"{counted.sentence()}, and so it is over another: something is missing")
     hints: tuple[str, ...] = ()
-    left = (1 - _FOR_SEARCH) * seconds + seconds - (time.monotonic() - started)
     if snap_length == 0 and (offset := small_offset(geometry)):
-        if left <= 0:
+        if whole.over:
             hints = (snap_hint(offset, None),)
         else:
-            snapped = _found(arm, left / 2, angle_tol, SNAP, told=False)
+            snapped = _found(arm, whole.part(_TO_COMPARE), angle_tol, SNAP, told=False)
             if [f.text for f in snapped.families] != [f.text for f in families]:
                 hints = (snap_hint(offset, snapped.families, snapped.complete),)
     if unsolved:
@@ -231,6 +247,7 @@ def _found(
         hints=hints,
         random_steps=steps,
         slice_count=counted,
+        deviation=Deviation.of((*geometry.snaps, *moved)),
     )
 
 

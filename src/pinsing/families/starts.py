@@ -9,17 +9,17 @@ import numpy as np
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.families.empty_box import Stop
-from pinsing.families.nearness import Confirm
+from pinsing.families.nearness import Confirm, near
 from pinsing.families.parts import Branch
-from pinsing.families.zero_set import residuals, thrown
+from pinsing.families.zero_set import thrown
 from pinsing.robot.joint_space import JointSpace
 
 _LATE, _FEWEST, _MOST = 12, 40, 400
 """Starts at once: where the time is over, and where it is not."""
 _TURNS = 4
 """Times that so many are tried."""
-_ON = 1e-8
-"""Residual of equations up to which a point is on a branch."""
+ON = 1e-9
+"""Distance in joint space up to which a point is on a branch: small residuals say less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,9 +83,7 @@ class Starts:
         count = _LATE if late else min(max(_FEWEST, 4 * n), _MOST)
         starts = np.where(free, rng.uniform(self.lower, self.upper, (count, len(free))), fixed)
         q = self._inside(confirm.drawn(starts, free, (self.lower, self.upper)))
-        if len(q) and branch.equations:
-            q = q[np.abs(residuals(branch.equations, q)).max(axis=-1) < _ON]
-        return q
+        return q[near((branch,), self.space, q, ON)] if len(q) else q
 
     def _by_equations(
         self,

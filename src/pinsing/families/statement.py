@@ -10,10 +10,11 @@ import numpy as np
 
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.equation_text import format_angle, latex_symbol
-from pinsing.families.at_once import listed, long_ones
+from pinsing.families.at_once import long_ones
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import SolvedPiece
 from pinsing.families.solved_for import LONG, long_form
+from pinsing.prose import listed
 
 _MANY = 3
 """Joints that are each at 0 or 180 degrees, beyond which these are not listed one by one."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 import pinocchio as pin
@@ -65,6 +67,49 @@ def _flatten(arm: Arm) -> Chain:
     return _frozen(
         Chain(np.array(rotations), np.array(translations), np.array(sliding, dtype=bool))
     )
+
+
+def with_fixed_joints_put(
+    arm: Arm, put: Callable[[int, Array], Array | None]
+) -> tuple[Array, Array]:
+    """The placements (R, t) of an arm with the fixed joints on the way put elsewhere.
+
+    A fixed joint turned by 1.5708 tilts every length that is written behind it. Put at a right
+    angle before placements are multiplied, it leaves these lengths as they are written.
+
+    Parameters
+    ----------
+    arm : Arm
+        Any arm.
+    put : callable
+        Gives the rotation (3, 3) to take for one of placement i, or None to leave it.
+    """
+    raw, model = flatten(arm), arm.model
+    R, t = raw.R.copy(), raw.t.copy()
+    own = {f.parentJoint: f.parentFrame for f in model.frames if f.type == pin.FrameType.JOINT}
+    before = np.eye(3)
+    for i in range(raw.n + 1):
+        tip = model.frames[arm.tip_id]
+        at = own.get(i + 1, 0) if i < raw.n else tip.parentFrame
+        place = model.jointPlacements[i + 1] if i < raw.n else tip.placement
+        composed = [place]
+        while (here := model.frames[at]).parentJoint == i and here.type != pin.FrameType.JOINT:
+            composed.append(here.placement)
+            if here.parentFrame >= at:  # the universe, or a locked joint: Pinocchio's own parent
+                break
+            at = here.parentFrame
+        made, last, moved = pin.SE3.Identity(), pin.SE3.Identity(), False
+        for here in reversed(composed):
+            step = last.actInv(here)
+            found = None if here is place else put(i, step.rotation)
+            made = made * (step if found is None else pin.SE3(found, step.translation))
+            last, moved = here, moved or found is not None
+        if moved:
+            R[i] = before.T @ made.rotation @ place.rotation.T @ before @ R[i]
+            t[i] = before.T @ made.translation
+        if i < raw.n:
+            before = axis_rotation(joint_axis(model.joints[i + 1])[0])
+    return R, t
 
 
 def keep_chain(arm: Arm, chain: Chain) -> None:

@@ -1,4 +1,4 @@
-"""The chain of an arm in exact numbers: right angles, roots, short decimals, rational twists.
+"""The chain of an arm in exact numbers: right angles, roots, written decimals, rational twists.
 
 What is moved is listed with its size; `nominal` says which arm that makes.
 """
@@ -13,10 +13,11 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.geometry.chain import Chain
+from pinsing.geometry.chain import Chain, with_fixed_joints_put
 from pinsing.geometry.jacobian_bound import rotation_angle
-from pinsing.geometry.snap import Snap, shortest_decimal
-from pinsing.geometry.surd import Exact, cosine, sine
+from pinsing.geometry.snap import ROUNDING, Snap, shortest_decimal
+from pinsing.geometry.surd import Exact, Surd, cosine, sine
+from pinsing.robot.arm import Arm
 
 Length3 = tuple[Fraction, Fraction, Fraction]
 Row = tuple[Exact, Exact, Exact]
@@ -27,6 +28,8 @@ _FIFTEEN = math.pi / 12
 _QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _UNITS = {k: Fraction(k) for k in (-1, 0, 1)}
 _FLOAT_NOISE = 1e-13
+_WRITTEN_DIGITS = 8
+"""Digits of a length that somebody wrote; a product with a root has more."""
 _TWIST_DENOMINATOR = 10**6
 _STEEP = 0.2  # sine of a twist from which on origins are slid along their axes
 
@@ -41,13 +44,10 @@ class Leeway:
         Radians; an angle closer than this to a multiple of 90 degrees is put there.
     length : float
         Metres; a coordinate of a placement shorter than this is put to zero.
-    rational : bool
-        Replace twists of 15 degrees and its multiples by rational ones nearby, like any other.
     """
 
     angle: float
     length: float = 0.0
-    rational: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,8 +62,10 @@ class ExactPlacements:
         Of the tip frame, if it was asked for.
     tip_turn : (3, 3) array
         The same as it was.
+    squared : Chain
+        The raw geometry, with fixed joints at right angles where they are near.
     turned : Chain
-        The raw geometry with turned axes: what was snapped is the difference.
+        The same with turned axes: what else was snapped is the difference.
     snaps : tuple of Snap
         What was moved.
     """
@@ -73,12 +75,17 @@ class ExactPlacements:
     offset: Array
     tip_rotation: Matrix | None
     tip_turn: Array
+    squared: Chain
     turned: Chain
     snaps: tuple[Snap, ...]
 
 
 def exact_placements(
-    raw: Chain, places: Sequence[str], leeway: Leeway, with_tip: bool = False
+    raw: Chain,
+    places: Sequence[str],
+    leeway: Leeway,
+    with_tip: bool = False,
+    arm: Arm | None = None,
 ) -> ExactPlacements:
     """Put a chain on exact numbers.
 
@@ -92,17 +99,37 @@ def exact_placements(
         What may be moved.
     with_tip : bool
         Whether the rotation of the tip frame matters.
+    arm : Arm, optional
+        The arm whose chain it is, for the fixed joints that placements are made of.
     """
-    return _Maker(raw, places, leeway).make(with_tip)
+    maker = _Maker(raw, places, leeway)
+    if arm is not None:
+        maker.put_fixed_joints(arm)
+    return maker.make(with_tip)
 
 
 class _Maker:
     """Carries the lists that the passes over one chain fill."""
 
     def __init__(self, raw: Chain, places: Sequence[str], leeway: Leeway) -> None:
-        self.raw, self.places, self.rational = raw, places, leeway.rational
-        self.angle_tol, self.snap_length = leeway.angle, leeway.length
+        self.raw, self.places = raw, places
+        self.angle_tol, self.snap_length = max(leeway.angle, ROUNDING), leeway.length
+        self.fine_tol = max(leeway.angle * _FINE, ROUNDING)
+        self.noise = _FLOAT_NOISE * (float(np.linalg.norm(raw.t, axis=1).sum()) or 1.0)
         self.snaps: list[Snap] = []
+
+    def put_fixed_joints(self, arm: Arm) -> None:
+        """Put fixed joints at right angles, where they are near, before all else."""
+
+        def put(i: int, R: Array) -> Array | None:
+            found = self._signed_permutation(i, R)
+            quarter = None if found is None else np.array(found, dtype=float)
+            near = quarter is None or rotation_angle(quarter.T @ R) <= _FLOAT_NOISE
+            return None if near else quarter
+
+        R, t = with_fixed_joints_put(arm, put)
+        if (R != self.raw.R).any() or (t != self.raw.t).any():
+            self.raw = Chain(R, t, self.raw.prismatic)
 
     def make(self, with_tip: bool) -> ExactPlacements:
         raw, n = self.raw, self.raw.n
@@ -154,38 +181,66 @@ class _Maker:
                 offset[i] += b
         if not np.array_equal(carried, np.eye(3)):
             t[n], tip_turn = carried @ t[n], carried @ tip_turn
-        self._slide_to_common_normals(R, t, twist)
         rotation = [
             self._rational_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)
         ]
+        lengths = self._lengths(self._slid_to_common_normals(R, t, twist, rotation))
         rotation.append(identity())
         exact_tip = self._tip_rotation(tip_turn) if with_tip else None
-        lengths = self._lengths(t)
         # So far R and t are the raw geometry still, only with turned axes: what was snapped
         # is the difference between them and the rational numbers.
         R[n] = np.eye(3)
         turned = Chain(np.array(R), np.array(t), raw.prismatic)
         return ExactPlacements(
-            tuple(rotation), tuple(lengths), offset, exact_tip, tip_turn, turned, tuple(self.snaps)
+            tuple(rotation),
+            tuple(lengths),
+            offset,
+            exact_tip,
+            tip_turn,
+            raw,
+            turned,
+            tuple(self.snaps),
         )
 
-    def _slide_to_common_normals(
-        self, R: list[Array], t: list[Array], twist: list[Matrix | None]
-    ) -> None:
+    def _slid_to_common_normals(
+        self,
+        R: list[Array],
+        t: list[Array],
+        twist: list[Matrix | None],
+        rotation: Sequence[Matrix],
+    ) -> list[Array]:
         """Move the origins of tilted axes along them, to where the axes come closest.
 
         An origin may sit anywhere on its axis. With R = Rx(alpha), the translation is
         (a, 0, d) plus d' along the new axis, which commutes with the joint's motion and goes
         into the next placement; axes that meet then have a = 0 and not a rounding of it.
+        The origins of ``t`` move along the raw axes, and those returned along the exact ones, so
+        that turning an axis moves no origin off it. Beside a root, decimals that would become
+        multiples of it stay as they are written.
         """
+        moved = [np.array(v) for v in t]
         for i in range(1, self.raw.n):
-            axis = R[i][:, 2]  # (0, -sin alpha, cos alpha), up to what will be snapped
-            if twist[i] is not None or abs(axis[1]) < _STEEP:
+            raw = R[i][:, 2]  # (0, -sin alpha, cos alpha), up to what is snapped
+            if twist[i] is not None or abs(raw[1]) < _STEEP:
                 continue  # nearly parallel axes come closest far away, if at all
-            beyond = t[i][1] / axis[1]
-            t[i] = t[i] - beyond * axis
-            t[i][1] = 0.0
-            t[i + 1] = t[i + 1] + np.array([0.0, 0.0, beyond])
+            exact = [row[2] for row in rotation[i]]
+            rooted = any(isinstance(x, Surd) for x in exact)
+            # A rational twist is close to the raw one, of which lengths may be multiples.
+            whole = rooted or all(x in _UNITS.values() for x in exact)
+            axis = np.array([float(x) for x in exact]) if whole else raw
+            beyond = moved[i][1] / axis[1]
+            there = moved[i] - beyond * axis
+            if rooted and not (self._written(beyond) and self._written(there[2])):
+                continue
+            moved[i] = there
+            moved[i][1] = 0.0
+            t[i] = t[i] - beyond * raw
+            for of in (moved, t):
+                of[i + 1] = of[i + 1] + np.array([0.0, 0.0, beyond])
+        return moved
+
+    def _written(self, value: float) -> bool:
+        return abs(round(value, _WRITTEN_DIGITS) - value) <= self.noise
 
     def _tilted(self, R: Array) -> bool:
         return bool(np.hypot(R[0, 2], R[1, 2]) > self.angle_tol)
@@ -214,7 +269,7 @@ class _Maker:
         nominal_angle = angle
         if abs(angle - quarter) <= self.angle_tol:
             nominal_angle = quarter
-        elif abs(angle - fine) <= self.angle_tol * _FINE:
+        elif abs(angle - fine) <= self.fine_tol:
             nominal_angle = fine
         if abs(nominal_angle - angle) > _FLOAT_NOISE:
             self._replace_snap(Snap(self.places[i], "angle", angle, nominal_angle))
@@ -254,9 +309,9 @@ class _Maker:
     def _circle(self, i: int, angle: float) -> tuple[Exact, Exact]:
         """Exact (cos, sin) near ``angle``, rational but at multiples of 15 degrees."""
         fine = round(angle / _FIFTEEN)
-        if not self.rational and fine % 6:
+        if fine % 6:
             moved = abs(fine * _FIFTEEN - angle)
-            if moved <= self.angle_tol * _FINE:
+            if moved <= self.fine_tol:
                 if moved > _FLOAT_NOISE:
                     self._replace_snap(Snap(self.places[i], "angle", angle, fine * _FIFTEEN))
                 return cosine(fine), sine(fine)
@@ -276,21 +331,16 @@ class _Maker:
         return c * qc - s * qs, s * qc + c * qs
 
     def _lengths(self, t: list[Array]) -> list[Length3]:
-        """Shortest decimals, within what the moved angles leave uncertain anyway."""
-        reach = float(sum(np.linalg.norm(v) for v in t)) or 1.0
-        moved = max((s.size for s in self.snaps if s.what == "angle"), default=0.0)
-        slack = moved * reach
+        """The decimals that were written; below ``snap_length``, zero."""
         rows: list[Length3] = []
         for i, vector in enumerate(t):
             row = []
-            for value in vector:
-                value = float(value)
-                if abs(value) < self.snap_length:
-                    exact = Fraction(0)
-                else:
-                    exact = shortest_decimal(value, slack, _FLOAT_NOISE * reach)
-                if abs(float(exact) - value) > _FLOAT_NOISE * reach:
-                    self.snaps.append(Snap(self.places[i], "length", value, float(exact)))
+            for value in vector.tolist():
+                exact = Fraction(0)
+                if abs(value) >= self.snap_length:
+                    exact = shortest_decimal(value, self.noise)
+                elif abs(value) > self.noise:
+                    self.snaps.append(Snap(self.places[i], "length", value, 0.0))
                 row.append(exact)
             rows.append((row[0], row[1], row[2]))
         return rows

@@ -2,8 +2,8 @@
 
 Model files carry rounded angles (``rpy="1.5708"``) and the float noise of composed
 placements. The nominal chain puts angles near multiples of 90 degrees exactly there,
-keeps multiples of 15 degrees as the square roots that they are made of, gives lengths
-their shortest decimal value, and replaces any other twist by a rational point of the unit
+keeps multiples of 15 degrees as the square roots that they are made of, leaves lengths at
+their decimal value, and replaces any other twist by a rational point of the unit
 circle. Everything that was moved is listed with its size.
 
 A turn about a joint's own axis is no geometry at all: it only shifts where the joint's
@@ -41,7 +41,7 @@ from pinsing.robot.arm import Arm
 ANGLE_TOL = 2e-3
 """Default tolerance, radians, for moving an angle to a multiple of 90 degrees (1.57, 3.14)."""
 
-_USUAL = (ANGLE_TOL, 0.0, False)
+_USUAL = (ANGLE_TOL, 0.0)
 _ITSELF = "nominal geometry of itself"
 
 
@@ -101,8 +101,6 @@ def nominal(
     arm: Arm,
     angle_tol: float = ANGLE_TOL,
     snap_length: float = 0.0,
-    *,
-    rational: bool = False,
 ) -> Nominal:
     """Make the geometry of ``arm`` exact. That of an arm made so stays.
 
@@ -111,11 +109,11 @@ def nominal(
     arm : Arm
         Any arm.
     angle_tol : float
-        Radians; an angle closer than this to a multiple of 90 degrees is put there.
+        Radians; an angle closer than this to a multiple of 90 degrees is put there. What is
+        within 1e-9 always is.
     snap_length : float
-        Metres; a coordinate of a placement shorter than this is put to zero. Off by default.
-    rational : bool
-        Replace twists of 15, 30, 45, 60, 75 degrees by rational ones nearby, like any other.
+        Metres; a coordinate of a placement shorter than this is put to zero. Off by default:
+        lengths stay the decimals that the file has.
 
     Returns
     -------
@@ -138,7 +136,7 @@ def nominal(
         raise OptionError(f"angle_tol must lie in [0, pi/4) radians, got {angle_tol!r}")
     if not 0 <= snap_length < math.inf:
         raise OptionError(f"snap_length must be zero or a positive length, got {snap_length!r}")
-    key = (float(angle_tol), float(snap_length), bool(rational))
+    key = (float(angle_tol), float(snap_length))
     if key == _USUAL and _ITSELF in arm.known:  # made for each who asks: an arm holds not itself
         return Nominal(arm=arm, **arm.known[_ITSELF], snaps=(), jacobian_change=0.0)
     return arm.once(f"nominal {key}", lambda: _on(arm, Leeway(*key)))
@@ -149,7 +147,7 @@ def _on(arm: Arm, leeway: Leeway) -> Nominal:
     ends = [arm.base, *names, arm.tip]
     places = [f"{a} to {b}" for a, b in itertools.pairwise(ends)]
     raw = flatten(arm)
-    found = exact_placements(raw, places, leeway, bool(arm.task.at_tip))
+    found = exact_placements(raw, places, leeway, bool(arm.task.at_tip), arm)
     rotation, lengths, offset = found.rotation, found.translation, found.offset
     tip_turn, exact_tip, n = found.tip_turn, found.tip_rotation, raw.n
     R = [np.array([[float(x) for x in row] for row in m]) for m in rotation]
@@ -160,6 +158,9 @@ def _on(arm: Arm, leeway: Leeway) -> Nominal:
         tip_angle, tip_turn = rotation_angle(there.T @ tip_turn), there
     at_zero = Chain(np.array(R), t, raw.prismatic)
     change = jacobian_change(found.turned, at_zero, arm, tip_angle)
+    if found.squared is not raw:
+        end = rotation_angle(raw.R[n].T @ found.squared.R[n])
+        change += jacobian_change(raw, found.squared, arm, end)
     for i in range(n):
         if offset[i] != 0.0:  # fold the offset back: the arm keeps the user's joint zero
             turn = turn_about_z(float(offset[i]))

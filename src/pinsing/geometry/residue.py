@@ -1,10 +1,13 @@
-"""Exact numbers modulo primes at which 2 and 3 are squares."""
+"""Exact numbers modulo primes, square roots at one of their values there."""
 
 from __future__ import annotations
 
 import functools
 
 from pinsing.geometry.surd import SQUARES, Exact, parts_of
+
+_SMALL = 1000
+"""Primes below which all residues are tried."""
 
 
 def residue(value: Exact, prime: int) -> int:
@@ -19,18 +22,28 @@ def residue(value: Exact, prime: int) -> int:
 
 @functools.cache
 def root_modulo(square: int, prime: int) -> int:
-    """Square root of 1, 2, 3 or 6 modulo a prime that is 1 modulo 24.
+    """Square root of 1, 2, 3 or 6 modulo a prime that is 1 modulo 24, or a small one.
 
     sqrt(2) = z + 1/z for a z of order 8, sqrt(3) for one of order 12.
+
+    Raises
+    ------
+    ValueError
+        If there is none modulo the prime.
     """
     if square == 1:
         return 1
     if square == 6:
         return root_modulo(2, prime) * root_modulo(3, prime) % prime
+    if prime < _SMALL:
+        for root in range(1, prime):
+            if (root * root - square) % prime == 0:
+                return root
+        raise ValueError(f"no square root of {square} modulo {prime}")
     order = {2: 8, 3: 12}[square]
     for base in range(2, 1000):
         z = pow(base, (prime - 1) // order, prime)
         root = (z + pow(z, -1, prime)) % prime
         if (root * root - square) % prime == 0:
             return root
-    raise ArithmeticError(f"no square root of {square} modulo {prime}")
+    raise ValueError(f"no square root of {square} modulo {prime}")

@@ -57,6 +57,11 @@ class Evaluator:
         """Singular values, as `sigma`, and what is singular is judged by."""
         return measured(Batch(self.arm, self.engine, 1), Q)
 
+    def last_and_ratio(self, Q: Array) -> tuple[Array, Array]:
+        """Return sigma_r (N,) of configurations Q (N, n), and the ratio (N,) of verdicts."""
+        found = self.measure(Q)
+        return found.sigma[:, -1], found.ratio
+
 
 def evaluator(arm: Arm, engine: str = "auto") -> Evaluator:
     """Fix the engine for ``arm``.

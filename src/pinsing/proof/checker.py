@@ -84,6 +84,11 @@ def flipped(lines: Matrix) -> Matrix:
     return [list(line) for line in zip(*lines, strict=True)]
 
 
+def gcd(a: Poly, b: Poly) -> Poly:
+    """Greatest common divisor."""
+    return a.gcd(b)
+
+
 def cross(a: list[Poly], b: list[Poly]) -> list[Poly]:
     """Cross product."""
     return [a[i - 2] * b[i - 1] - a[i - 1] * b[i - 2] for i in range(3)]
@@ -161,13 +166,16 @@ class Ring:
 
     def joints(self, form: Poly) -> list[int]:
         """Joints that occur."""
-        degrees, end = form.degrees(), 2 * len(self.pairs)
-        both = zip(degrees[:end:2], degrees[1:end:2], strict=True)
-        return [j for j, (x, y) in enumerate(both) if x > 0 or y > 0]
+        degrees = form.degrees()
+        return [j for j in range(len(self.pairs)) if degrees[2 * j] > 0 or degrees[2 * j + 1] > 0]
 
     def degree(self, form: Poly, joint: int) -> int:
         """Degree in x and y of a joint, of a form that is not zero."""
         return int(sum(form.monomial(0)[2 * joint : 2 * joint + 2]))
+
+    def degrees(self, form: Poly) -> list[int]:
+        """Degrees in x and y of all joints."""
+        return [self.degree(form, j) for j in range(len(self.pairs))]
 
     def divides(self, p: Poly, form: Poly) -> bool:
         """Whether ``form`` is shown to be a multiple of ``p``: zero wherever that is."""
@@ -176,16 +184,22 @@ class Ring:
 
     def stripped(self, *forms: Poly) -> list[Poly]:
         """Forms without the units, zero at no configuration, that all of them share."""
-        first = next((f for f in forms if f != 0), self.zero)
-        for unit, least, x in zip(self.unit, self.least, first.degrees()[::2], strict=False):
-            while x >= least and any(forms) and all(self.divides(unit, f) for f in forms):
-                forms = tuple(divmod(f, unit)[0] for f in forms)
+        first = next((f for f in forms if f != 0), None)
+        if first is None:
+            return list(forms)
+        # The first monomial of a multiple is one times that of the unit, and so is the last one.
+        top, low = first.monomial(0), first.monomial(len(first) - 1)
+        for j, least in enumerate(self.least):
+            x, y = top[2 * j], low[2 * j + least - 1]
+            while x >= least <= y and all(self.divides(self.unit[j], f) for f in forms):
+                forms = tuple(divmod(f, self.unit[j])[0] for f in forms)
+                x, y = x - least, y - least
         return list(forms)
 
     def put(self, form: Poly, values: dict[int, Any]) -> Poly:
         """The form with some joints at points."""
         degrees = form.degrees() if values else []
-        inside = [j for j in values if max(degrees[2 * j : 2 * j + 2]) > 0]
+        inside = [j for j in values if degrees[2 * j] > 0 or degrees[2 * j + 1] > 0]
         if not inside:
             return form
         self.spend(100 * len(values) + len(form))
@@ -199,9 +213,11 @@ class Ring:
         values: dict[int, tuple[Poly, Poly]] = {}
         forms = [f for form in forms for f in self.stripped(form) if f != 0]
         while linear := [f for f in forms if sum(f.monomial(0)[: 2 * len(self.pairs)]) == 1]:
-            (j,) = self.joints(linear[0])
-            a, b = (self.put(linear[0], {j: (self.one * k, self.one * (1 - k))}) for k in (1, 0))
-            values[j] = (b, -a)
+            for form in linear:
+                (j,) = self.joints(form)
+                if j not in values:  # ax + by is zero at (b : -a), and its derivatives are a and b
+                    values[j] = (form.derivative(2 * j + 1), -form.derivative(2 * j))
+                    forms.remove(form)
             forms = [g for f in forms for g in self.stripped(self.put(f, values)) if g != 0]
         return values, forms
 
@@ -251,6 +267,8 @@ class Ring:
         for j in free if all(map(self.joints, forms)) else ():  # else a number vanishes
             having = sorted((f for f in forms if self.degree(f, j)), key=len)
             forms = [f for f in forms if not self.degree(f, j)]
+            if j == free[-1] and len(having) > 3 and self.joints(functools.reduce(gcd, having)):
+                return False  # they have a common zero
             for pair in combinations(having, 2):
                 forms += [f for f in [self.resultant(*pair, j)] if f != 0]
                 if not all(map(self.joints, forms[-1:])):
@@ -355,21 +373,23 @@ class Certificate:
         lines = [*lines]
         for i, k, factor in steps:
             need(i != k, "a line is taken from itself")
-            c, other = self.ring.number(factor), pick(lines, k)
-            less = zip(pick(lines, i), other, strict=True)
-            lines[i] = [self.ring.reduced(a - c * b) for a, b in less]
+            c, both = self.ring.number(factor), [*zip(pick(lines, i), pick(lines, k), strict=True)]
+            degrees = [[self.ring.degrees(a) for a in ab] for ab in both if ab[0] != 0 != ab[1]]
+            need(any(a == b for a, b in degrees), "a step mixes lines of different degrees")
+            lines[i] = [self.ring.reduced(a - c * b) for a, b in both]
         return [line for line in lines if any(line)]
 
     def at(self, values: dict[int, Any]) -> Callable[..., Poly]:
         """Determinants of chosen rows and columns, in order, with joints at points."""
         if (key := str(sorted(values.items()))) not in self.known:
             M = [[self.ring.put(a, values) for a in row] for row in self.matrix]
+            size = [sum(map(len, row)) for row in M]
 
             @functools.cache
             def minor(rows: tuple[int, ...], columns: tuple[int, ...]) -> Poly:
                 if not rows:
                     return self.ring.one
-                i = min(range(len(rows)), key=lambda i: sum(len(M[rows[i]][j]) for j in columns))
+                i = rows.index(min(rows, key=size.__getitem__))
                 total = self.ring.zero
                 for k, j in enumerate(columns):
                     if (entry := M[rows[i]][j]) != 0:
@@ -389,10 +409,11 @@ class Certificate:
 
     def minors(self, size: int, values: dict[int, Any], within: Any = ((), ())) -> Iterator[Poly]:
         """All minors of a size that have some lines, with joints at points."""
+        minor = self.at(values)
         for rows in combinations(range(self.sides[0]), size):
             for columns in combinations(range(self.sides[1]), size):
                 if {*within[0]} <= {*rows} and {*within[1]} <= {*columns}:
-                    yield self.at(values)(rows, columns)
+                    yield minor(rows, columns)
 
     def forms(self, entry: dict[str, Any]) -> list[Poly]:
         """Forms of a family or a place."""

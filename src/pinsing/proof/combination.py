@@ -43,6 +43,7 @@ def _solved(ring: Ring, form: Poly, others: Sequence[Poly]) -> list[Poly] | None
     for at, column in enumerate([*columns, target]):
         for m, c in column.items():
             matrix[rows[m], at] = c
+    ring.spend(matrix.nrows() * matrix.ncols())
     reduced, rank = matrix.rref()
     found = [ring.zero for _ in others]
     for i in range(rank):

@@ -20,6 +20,8 @@ Term = tuple[str, Any]
 """A form as text, and the source that it is times."""
 _MANY = 3
 """Relations up to which none is looked at for saying nothing new."""
+_FACTORED = 30
+"""Products of terms that take as long as factoring a short form does, for each of its terms."""
 _SHORTEST, _SHORT = 8, 40
 """Terms of relations that others may follow from, and of these others."""
 
@@ -63,8 +65,7 @@ class Forms:
         for p in sorted(map(self.tidy, left), key=lambda p: (len(p), str(p))):
             if not any(self.ring.divides(r, p) for r in relations):
                 relations.append(p)
-        values, relations_left = self.ring.where([*linear, *relations])
-        return Place([*linear, *relations], values, relations_left, points)
+        return Place([*linear, *relations], self.ring.where(linear)[0], relations, points)
 
     def without_implied(self, place: Place) -> Place:
         """A place without short relations that vanish where two of the shortest ones do.
@@ -132,6 +133,7 @@ class Forms:
         if key not in self._factors:
             (left,) = self.ring.stripped(poly)
             self._budget.check_factor(len(left))
+            self._budget.spend(_FACTORED * len(left) + len(left) ** 2)
             if isinstance(self._algebra, SurdRing):
                 self._factors[key] = self._with_roots(left)
             else:

@@ -120,10 +120,11 @@ def _is_apart(draft: Certificate, family: Place, form: Poly) -> bool:
 def _minors(
     draft: Certificate, tidy: Forms, family: Place, size: int
 ) -> Iterator[tuple[Lines, Poly]]:
+    minor = draft.at(family.values)
     for rows in itertools.combinations(range(draft.sides[0]), size):
         for columns in itertools.combinations(range(draft.sides[1]), size):
             tidy.require_time()
-            yield (rows, columns), draft.at(family.values)(rows, columns)
+            yield (rows, columns), minor(rows, columns)
 
 
 def _pivot(

@@ -71,7 +71,7 @@ def certificate(
     try:
         data, jacobian = without_dependent_lines(data, budget)
         budget.check()
-        draft = Draft(data, jacobian)
+        draft = Draft(data, budget, jacobian)
         polynomials, tidy = _Table(), Forms(draft, budget)
         for s in stated:
             tidy.require_time()
@@ -90,8 +90,9 @@ def certificate(
                         "multiples": why.multiples,
                     }
                 )
+        draft.polys = [draft.ring.parse(text) for text in polynomials.texts]
         data["polynomials"] = polynomials.texts
-        root = Tree(Draft(data, jacobian), budget, progress).root()
+        root = Tree(tidy, budget, progress).root()
     except Rejected as reason:
         raise NotFound(str(reason)) from None
     order = _ordered(root)

@@ -4,17 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from fractions import Fraction
-from typing import Any
+from typing import Any, TypeAlias
 
 from pinsing.algebra.budget import Budget
-from pinsing.geometry.surd import Exact, surd
-from pinsing.proof.checker import Certificate, Matrix, Poly, flipped
+from pinsing.geometry.surd import surd
+from pinsing.proof.checker import Certificate, Matrix, Poly, Ring, flipped
 from pinsing.proof.skeleton import number_text
+
+Number: TypeAlias = Any
+"""An exact number: fmpq over the rationals, `Exact` where there are square roots."""
 
 _POSITION = {(0, 0): 0, (1, 0): 1, (0, 1): 2, (1, 1): 3}
 
-_ASKED_AFTER = 1000
-"""Products of terms, some tenths of a millisecond, between two looks at the clock."""
+_ASKED_AFTER = 100_000
+"""Products of terms, some milliseconds, between two questions to the budget."""
+
+_STEP = 30
+"""Products of terms that take as long as what else a step does, some microseconds."""
 
 _KEPT = 1_000_000
 """Terms of resultants that are kept: some hundred megabytes."""
@@ -23,11 +29,11 @@ _KEPT = 1_000_000
 class Draft(Certificate):
     """A certificate in the making: the Jacobian of its chain is found once for all drafts.
 
-    Finding it, which takes long for many joints, ends with the time of a budget.
+    All that its ring does is counted, and ends with a budget.
     """
 
     def __init__(
-        self, data: dict[str, Any], jacobian: Matrix | None = None, budget: Budget | None = None
+        self, data: dict[str, Any], budget: Budget, jacobian: Matrix | None = None
     ) -> None:
         self.known_jacobian = jacobian
         self._budget = budget
@@ -50,20 +56,18 @@ class Draft(Certificate):
 
     def jacobian(self) -> Matrix:
         """As the checker finds it, which does so by itself in the end."""
+        self.ring.spend = self._in_time  # type: ignore[method-assign]
         if self.known_jacobian is None:
-            spend = self.ring.spend
-            self.ring.spend = self._in_time  # type: ignore[method-assign]
             self.known_jacobian = super().jacobian()
-            self.ring.spend = spend  # type: ignore[method-assign]
         return self.known_jacobian
 
     def _in_time(self, work: int) -> None:
-        """Count as the checker does, unless so many products of terms would outlast the time."""
-        self._unasked += work + 1
-        if self._budget is not None and self._unasked > _ASKED_AFTER:
+        """Count as the checker does, unless the budget has no room for so many products."""
+        self._unasked += work + _STEP
+        if self._unasked > _ASKED_AFTER:
             self._budget.check(self._unasked)
             self._unasked = 0
-        type(self.ring).spend(self.ring, work)
+        Ring.spend(self.ring, work)
 
 
 def without_dependent_lines(
@@ -76,7 +80,7 @@ def without_dependent_lines(
     BudgetExceeded
         If there is no time for it.
     """
-    whole = Draft({**data, "rank": 1, "row_steps": [], "column_steps": []}, budget=budget)
+    whole = Draft({**data, "rank": 1, "row_steps": [], "column_steps": []}, budget)
     rows = _steps(whole, whole.jacobian(), budget)
     columns = _steps(whole, flipped(whole.without_dependent(whole.jacobian(), rows)), budget)
     return {**data, "row_steps": rows, "column_steps": columns}, whole.jacobian()
@@ -89,11 +93,14 @@ def _steps(certificate: Certificate, lines: Matrix, budget: Budget) -> list[list
         budget.check()
         vectors.append(_vector(certificate, line))
     found = _dependent(vectors, budget)
-    return [[i, k, number_text(c)] for i, terms in found.items() for k, c in terms.items()]
+    text = number_text if certificate.data["square_roots"] else str
+    return [[i, k, text(c)] for i, terms in found.items() for k, c in terms.items()]
 
 
-def _vector(certificate: Certificate, line: list[Any]) -> dict[Any, Exact]:
+def _vector(certificate: Certificate, line: list[Any]) -> dict[Any, Number]:
     """Coefficients of a row or column, by entry and monomial."""
+    if not certificate.data["square_roots"]:
+        return {(k, m): c for k, x in enumerate(line) for m, c in x.to_dict().items()}
     count = 2 * len(certificate.ring.pairs)
     roots = certificate.data["square_roots"]
     parts: dict[Any, list[Fraction]] = {}
@@ -106,12 +113,14 @@ def _vector(certificate: Certificate, line: list[Any]) -> dict[Any, Exact]:
     return {key: surd(*four) for key, four in parts.items()}
 
 
-def _dependent(lines: list[dict[Any, Exact]], budget: Budget) -> dict[int, dict[int, Exact]]:
+def _dependent(lines: list[dict[Any, Number]], budget: Budget) -> dict[int, dict[int, Number]]:
     """Lines that are sums of multiples of earlier ones that stay, and these multiples."""
-    basis: list[tuple[Any, dict[Any, Exact], dict[int, Exact]]] = []
-    found: dict[int, dict[int, Exact]] = {}
+    basis: list[tuple[Any, dict[Any, Number], dict[int, Number]]] = []
+    found: dict[int, dict[int, Number]] = {}
     for i, line in enumerate(lines):
-        vector, terms = dict(line), dict[int, Exact]({i: Fraction(1)})
+        # One as a number of the line's kind; a line of zeros stands for itself.
+        one = next((c / c for c in line.values()), Fraction(1))
+        vector, terms = dict(line), dict[int, Number]({i: one})
         for lead, other, other_terms in basis:
             if lead in vector:
                 budget.check()
@@ -125,9 +134,9 @@ def _dependent(lines: list[dict[Any, Exact]], budget: Budget) -> dict[int, dict[
     return found
 
 
-def _less(a: Mapping[Any, Exact], ratio: Exact, b: Mapping[Any, Exact]) -> dict[Any, Exact]:
+def _less(a: Mapping[Any, Number], ratio: Number, b: Mapping[Any, Number]) -> dict[Any, Number]:
     """Return a - ratio b, without zeros."""
     out = dict(a)
     for key, c in b.items():
-        out[key] = out.get(key, Fraction(0)) - ratio * c
+        out[key] = out[key] - ratio * c if key in out else -(ratio * c)
     return {k: c for k, c in out.items() if c != 0}

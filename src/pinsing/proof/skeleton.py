@@ -9,6 +9,7 @@ from typing import Any
 from pinsing.algebra.mimic import Drive, drives
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.geometry.nominal import Nominal
+from pinsing.geometry.snap import Deviation
 from pinsing.geometry.surd import SQUARES, Exact, parts_of
 from pinsing.proof.checker import SCHEMA
 
@@ -62,10 +63,11 @@ def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, An
     invariant = list(task.rows) in ([*range(6)], [0, 1, 2], [3, 4, 5])
     if task.at_tip and not all(task.at_tip):
         raise NotStated("certificates have all rows in the base's axes or all in the tip's")
+    deviation = Deviation.of((*geometry.snaps, *drives(geometry)[1]))
     axes = links // 2 if invariant else links + 1 if task.at_tip else 0
     return {
         "schema": SCHEMA,
-        "robot": arm.name,
+        "robot": arm.name if deviation is None else f"{arm.name}, {deviation}",
         "base": arm.base,
         "tip_frame": arm.tip,
         "task": str(arm.task),
@@ -118,6 +120,8 @@ def _with_constant(
     if slides:
         return R, _add(t, _turned(R, [Fraction(0), Fraction(0), drive.shift]))
     c, s = drive.turn
+    if c == 1 and s == 0:
+        return R, t
     zero, one = Fraction(0), Fraction(1)
     return _times(R, [[c, -s, zero], [s, c, zero], [zero, zero, one]]), t
 

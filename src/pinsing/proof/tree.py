@@ -14,7 +14,7 @@ from typing import Any
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.ring import Poly
-from pinsing.proof.checker import Certificate, Rejected, Ring
+from pinsing.proof.checker import Rejected, Ring
 from pinsing.proof.division import divisions, empty, shown, vanishes
 from pinsing.proof.forms import Forms
 from pinsing.proof.place import NotFound, Place, Split, place_text
@@ -40,12 +40,13 @@ class Tree:
 
     def __init__(
         self,
-        certificate: Certificate,
+        forms: Forms,
         budget: Budget,
         progress: Callable[[str], None] | None = None,
     ) -> None:
-        self.certificate, self.ring, self._progress = certificate, certificate.ring, progress
-        self._budget, self.forms = budget, Forms(certificate, budget)
+        self.forms, self.certificate, self.ring = forms, forms.certificate, forms.ring
+        self._budget, self._progress = budget, progress
+        certificate = self.certificate
         self.families = [certificate.forms(f) for f in certificate.data["families"]]
         self._most = max([_MOST, *map(len, self.families)])
         self._splits = Splits(self.forms, self.families, self._check_time)
@@ -64,8 +65,7 @@ class Tree:
         return place
 
     def _check_time(self) -> None:
-        if self._budget.over:
-            raise NotFound("time was over")
+        self._budget.check()
         self.ring.work = 0  # what is counted is one step here, the whole check there
 
     def _place(self, forms: Sequence[Poly], points: bool = False) -> Place | None:

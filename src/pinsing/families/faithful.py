@@ -1,0 +1,297 @@
+"""Whether the branches that an answer states are its exact components: every answer is checked.
+
+What was made of polynomials is compared with them in numbers, by nothing that made it. The
+equations of a branch must be multiples of a component's relations at random configurations with
+its joints at their values. Each component must be on a branch: either that one has its joints at
+the same values, with all of its relations, or each real point that is found of the component, by
+all roots in one joint after the other, must be on some branch.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pinsing._types import Array
+from pinsing.algebra.components import Component
+from pinsing.algebra.equation import equation
+from pinsing.algebra.mimic import own_offsets
+from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.terms import terms_of
+from pinsing.families.family import Family
+from pinsing.families.parts import Branch
+from pinsing.families.zero_set import thrown
+from pinsing.geometry.nominal import Nominal
+from pinsing.joint_text import typed
+
+_SEED = 11
+_COMPARED = 6
+"""Random configurations at which equations are compared with relations."""
+_ALIKE = 1e-6
+"""Relative difference of an equation's values and a multiple of a relation's."""
+_ZERO = 1e-10
+"""A relation's value, relative to its terms, that is zero."""
+_TRIES = 3
+"""Choices of free joints by which points of a component are looked for."""
+_MOST = 256
+"""Points of a component that are looked at."""
+_STARTS, _TERMS = 16, 500
+"""Random starts where roots in one joint after the other give no point; up to so many terms."""
+_SHARP, _BLUNT = 1e-6, 1e-4
+"""Radians or metres from a branch's values, and residual of its equations: of a point on it, and
+of one that is a multiple root, which has half of the digits or less."""
+_REAL = 1e-6
+"""Distance from the unit circle, or from the real line, of a root that is real."""
+
+
+def disagreements(
+    families: Sequence[Family],
+    left_out: Sequence[Component],
+    ring: Ring,
+    geometry: Nominal,
+    symbols: Sequence[str],
+) -> list[str]:
+    """Where families and their exact components do not say the same, in words.
+
+    Parameters
+    ----------
+    families : sequence of Family
+        What is stated, with its components.
+    left_out : sequence of Component
+        What is not stated, since all of its real points are on these families.
+    ring : Ring
+        Of the components' polynomials.
+    geometry : Nominal
+        The exact chain.
+    symbols : sequence of str
+        Of the joints.
+    """
+    exact = _Exact(ring, geometry, symbols)
+    branches = [b for f in families for b in f.branches]
+    said, whole = [], set()
+    for family in families:
+        for branch in family.branches:
+            like = [c for c in family.components if exact.same(branch, c)]
+            whole |= {id(c) for c in like if len(c.values) == len(branch.values)}
+            if not like:
+                said.append(
+                    f"{family.name} has a branch that its exact equations do not have: "
+                    "an error of pinsing"
+                )
+    for c in [c for f in families for c in f.components] + list(left_out):
+        if id(c) not in whole and (q := exact.off(c, branches)) is not None:
+            said.append(
+                f"singular by the exact equations, and on no family that is stated: "
+                f"{typed(q, np.array(ring.prismatic), True)}: an error of pinsing"
+            )
+    return list(dict.fromkeys(said))
+
+
+class _Form:
+    """A polynomial in numbers: exponents (T, variables), and coefficients (T,), largest 1."""
+
+    def __init__(self, poly: Poly, ring: Ring) -> None:
+        terms = terms_of(poly)
+        top = max(abs(c) for c in terms.values())
+        every = np.array(list(terms), dtype=np.int64)
+        self.numbers = np.array([int(q.p) / int(q.q) for q in (c / top for c in terms.values())])
+        for at, square in enumerate(getattr(ring, "roots", ()), ring.nvars):
+            self.numbers = self.numbers * math.sqrt(square) ** every[:, at]
+        self.exponents = every[:, : ring.nvars]
+        self.joints = frozenset(ring.joints_of(poly))
+
+    def __call__(self, x: Array) -> tuple[Array, float]:
+        """Values (N,) where the ring's variables are x (N, variables), and how large terms can be.
+
+        With any sines and cosines: x y has no rounding at 180 degrees relative to x y itself.
+        """
+        values = np.prod(x[:, None, :] ** self.exponents, axis=-1) @ self.numbers
+        most = np.maximum(1.0, np.abs(x)).max(axis=0) ** self.exponents
+        return values, float(np.prod(most, axis=-1) @ np.abs(self.numbers))
+
+
+class _Exact:
+    """The side of the polynomials: their values, and real points of components."""
+
+    def __init__(self, ring: Ring, geometry: Nominal, symbols: Sequence[str]) -> None:
+        self.ring, self.symbols, self.offset = ring, symbols, own_offsets(geometry)
+        self.slides = np.array(ring.prismatic, dtype=bool)
+        self.rng = np.random.default_rng(_SEED)
+        size = sum(abs(float(x)) for row in geometry.translation for x in row) or 1.0
+        self.reach = np.where(self.slides, size, np.pi)
+        self._made: dict[int, tuple[Poly, _Form]] = {}
+
+    def same(self, branch: Branch, component: Component) -> bool:
+        """Whether a branch is the part of a component that has its joints at their values."""
+        there = {v.joint: v.value for v in branch.values}
+        for j, value in self._values(component).items():
+            if j not in there or self._apart(j, there[j] - value) > _SHARP:
+                return False
+        q = self._random(_COMPARED)
+        q[:, list(there)] = list(there.values())
+        x = self._variables(q)
+        left = {k: _unit(e(q)) for k, e in enumerate(branch.equations)}
+        stated = list(left.values())
+        for poly in component.relations:
+            values, size = self._form(poly)(x)
+            own = _unit(values)
+            alike = [k for k, e in enumerate(stated) if 1 - (own * e).sum() ** 2 < _ALIKE**2]
+            if not alike and (np.abs(values) > _ZERO * size).any():
+                return False
+            left = {k: e for k, e in left.items() if k not in alike}
+        return not left
+
+    def off(self, component: Component, branches: Sequence[Branch]) -> Array | None:
+        """A real point (n,) of a component on none of the branches; None if none is found."""
+        conditions, found = self._conditions(component), False
+        for count, (q, tol) in enumerate(self._points(component, conditions)):
+            if not any(self._on(b, q, tol) for b in branches):
+                return q
+            found = True
+            if count == _MOST:
+                break
+        if found or sum(map(len, component.relations)) > _TERMS:
+            return None
+        if any(not self._of_one(forms) for forms in conditions):
+            return None  # it has no real point
+        values = self._values(component)
+        free = np.array([j not in values for j in range(len(self.slides))])
+        fixed = np.array([values.get(j, 0.0) for j in range(len(self.slides))])
+        stated = [equation(p, self.ring, self.symbols, self.offset) for p in component.relations]
+        for q in thrown(stated, -self.reach, self.reach, free, fixed, _STARTS, self.rng):
+            if not any(self._on(b, q, _BLUNT) for b in branches):
+                return np.asarray(q)
+        return None
+
+    def _on(self, branch: Branch, q: Array, tol: float) -> bool:
+        at = q.copy()
+        for v in branch.values:
+            if self._apart(v.joint, q[v.joint] - v.value) > tol:
+                return False
+            at[v.joint] = v.value
+        return all(abs(float(e(at))) <= tol * e.unit for e in branch.equations)
+
+    def _apart(self, joint: int, difference: float) -> float:
+        return abs(difference if self.slides[joint] else math.remainder(difference, 2 * math.pi))
+
+    def _values(self, component: Component) -> dict[int, float]:
+        """The joints that a component has at values: angles in radians, metres."""
+        out = {}
+        for j, value in component.values.items():
+            numbers = [float(x) for x in value]
+            turned = 0.0 if self.slides[j] else 2 * math.atan2(numbers[1], numbers[0])
+            out[j] = numbers[0] if self.slides[j] else turned - float(self.offset[j])
+        return out
+
+    def _random(self, count: int) -> Array:
+        return self.rng.uniform(-self.reach, self.reach, (count, len(self.reach)))
+
+    def _form(self, poly: Poly) -> _Form:
+        if id(poly) not in self._made:  # the polynomial is kept, so that its id stays its own
+            self._made[id(poly)] = poly, _Form(poly, self.ring)
+        return self._made[id(poly)][1]
+
+    def _variables(self, q: Array) -> Array:
+        """The ring's variables (N, variables) at configurations (N, n)."""
+        out = np.empty((len(q), self.ring.nvars))
+        half = (q + self.offset) / 2
+        for j, first in enumerate(self.ring.start):
+            if self.slides[j]:
+                out[:, first] = q[:, j]
+            else:
+                out[:, first], out[:, first + 1] = np.cos(half[:, j]), np.sin(half[:, j])
+        return out
+
+    def _conditions(self, component: Component) -> list[list[_Form]]:
+        """What vanishes, one of each list: of one joint's multiple roots each is a factor's."""
+        return [
+            [self._form(p) for p, _ in poly.factor()[1]]
+            if self.ring.rational and len(self.ring.joints_of(poly)) == 1
+            else [self._form(poly)]
+            for poly in component.relations
+        ]
+
+    def _of_one(self, forms: Sequence[_Form]) -> bool:
+        """Whether a condition has a real root, or is one of several joints."""
+        joints = frozenset().union(*(f.joints for f in forms))
+        q = np.zeros(len(self.slides))
+        return len(joints) > 1 or any(self._roots(f, j, q) for f in forms for j in joints)
+
+    def _points(
+        self, component: Component, conditions: Sequence[Sequence[_Form]]
+    ) -> Iterator[tuple[Array, float]]:
+        """Real points (n,) of a component, and how sharp they are."""
+        values = self._values(component)
+        for q in self._random(_TRIES):
+            q[list(values)] = list(values.values())
+            yield from self._followed(conditions, q, frozenset(values), _SHARP)
+
+    def _followed(
+        self, conditions: Sequence[Sequence[_Form]], q: Array, known: frozenset[int], tol: float
+    ) -> Iterator[tuple[Array, float]]:
+        """The points with the known joints as they are in q (n,), and some of the others, too."""
+        unknown: list[frozenset[int]] = []
+        left = []
+        x = self._variables(q[None])
+        for forms in conditions:
+            joints = frozenset().union(*(f.joints for f in forms)) - known
+            if joints:
+                left.append(forms)
+                unknown.append(joints)
+            elif not any(abs(v[0]) <= tol * s for v, s in (f(x) for f in forms)):
+                return
+        if not left:
+            yield q, tol
+            return
+        least = min(range(len(left)), key=lambda k: len(unknown[k]))
+        joint = int(self.rng.choice(sorted(unknown[least])))
+        if len(unknown[least]) > 1:
+            if len(frozenset().union(*unknown)) > len(left):
+                yield from self._followed(left, q, known | {joint}, tol)
+            return
+        for form in left[least]:
+            for value, sharp in self._roots(form, joint, q):
+                at = q.copy()
+                at[joint] = value
+                yield from self._followed(left, at, known | {joint}, tol if sharp else _BLUNT)
+
+    def _roots(self, form: _Form, joint: int, q: Array) -> list[tuple[float, bool]]:
+        """Values of a joint at which a form is zero, the others as in q (n,); which are simple.
+
+        On the circle it is a polynomial in exp(i angle), once it is turned by half its degree;
+        its coefficients are the Fourier transform of its values.
+        """
+        variables = list(self.ring.variables(joint))
+        degree = int(form.exponents[:, variables].sum(axis=1).max())
+        angles = 2 * np.pi * np.arange(degree + 1) / (degree + 1)
+        x = np.repeat(self._variables(q[None]), degree + 1, axis=0).astype(complex)
+        if self.slides[joint]:
+            x[:, variables[0]] = self.reach[joint] * np.exp(1j * angles)
+            values, size = form(x)
+        else:
+            x[:, variables] = np.stack([np.cos(angles / 2), np.sin(angles / 2)], axis=-1)
+            values, size = form(x)
+            values = values * np.exp(0.5j * degree * angles)
+        powers = np.arange(degree, -1, -1)[:, None]
+        line = (np.exp(-1j * powers * angles) * values).mean(axis=-1)
+        if (np.abs(line) <= _ZERO * size).all():
+            return [(float(q[joint]), True)]  # whatever it is
+        line[np.abs(line) <= 1e-14 * size] = 0.0
+        roots = np.roots(line)
+        out = []
+        for k, w in enumerate(roots):
+            sharp = not (np.abs(np.delete(roots, k) - w) < _BLUNT).any()
+            if self.slides[joint]:
+                if abs(w.imag) < _REAL:
+                    out.append((float(w.real) * float(self.reach[joint]), sharp))
+            elif abs(abs(w) - 1) < _REAL:
+                angle = math.atan2(w.imag, w.real) - float(self.offset[joint])
+                out.append((math.remainder(angle, 2 * math.pi), sharp))
+        return out
+
+
+def _unit(values: Array) -> Array:
+    size = math.sqrt(float((values * values).sum()))
+    return values / size if size else values
