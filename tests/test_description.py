@@ -19,7 +19,7 @@ from pinsing.description.catalog import data_folder
 from pinsing.description.urdf import Description, read_description
 from pinsing.errors import PinsingError, RobotFileError, UnknownNameError
 from pinsing.robot import build_model as model_module
-from pinsing.robot.build_model import build_model, diagnose
+from pinsing.robot.build_model import build_model
 
 DATA = data_folder()
 assert DATA is not None
@@ -455,21 +455,8 @@ def test_build_model_is_silent_and_reports_why_it_fails(read, capfd):
     message = str(caught.value)
     assert "Pinocchio cannot build it: Error: Joint" in message
     assert "[j2] is of type REVOLUTE but it does not specify limits" in message
-    assert "yourdfpy: " in message
     assert "\n" not in message
     assert capfd.readouterr() == ("", "")
-
-
-def test_pinocchios_own_words_do_where_nobody_else_is_asked(read, monkeypatch):
-    monkeypatch.setitem(sys.modules, "yourdfpy", None)  # as where it is not installed
-    broken = with_text(read(robot()), robot(joint(inner="")))
-    with pytest.raises(RobotFileError, match=r"\[j2\] is of type REVOLUTE") as caught:
-        build_model(broken)
-    assert "yourdfpy" not in str(caught.value)
-
-
-def test_diagnose_finds_nothing_in_a_good_file(read):
-    assert diagnose(read(robot())) == []
 
 
 def test_capture_survives_a_process_without_stderr(read):

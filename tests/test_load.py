@@ -8,8 +8,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+import pinsing
 from pinsing.errors import (
     ChainError,
+    ConfigurationError,
     JointError,
     PinsingError,
     RobotFileError,
@@ -654,18 +656,116 @@ def test_folding_by_whole_turns():
     assert arm.within_limits(folded) == arm.within_limits(q)
 
 
-def test_limits_count_whole_turns_but_no_slides():
+def test_limits_count_values_as_they_are():
     arm = load("stanford")
     q = np.clip(np.full(6, 0.2), arm.lower, arm.upper)
     assert arm.within_limits(q)
     slide = int(np.flatnonzero(arm.prismatic)[0])
     for i in range(6):
         turned = q + 2 * np.pi * np.eye(6)[i]
-        assert arm.within_limits(turned) == (i != slide)
+        assert not arm.within_limits(turned)
+        assert arm.within_limits(arm.fold(turned)) == (i != slide)
     out = q.copy()
     out[slide] = arm.upper[slide] + 0.1
     assert arm.within_limits(np.array([q, out])).tolist() == [True, False]
     assert arm.fold(out)[slide] == out[slide]
+
+
+class Table:
+    """What pinsing knows a DataFrame by."""
+
+    def __init__(self, columns, values):
+        self.columns, self.values = columns, np.asarray(values)
+
+    def __getitem__(self, name):
+        return self.values[..., self.columns.index(name)]
+
+    def __array__(self, dtype=None, copy=None):
+        return self.values
+
+
+def test_columns_are_found_by_their_names():
+    arm = load("ur5")
+    form = pinsing.closed_form(arm)
+    Q = np.random.default_rng(0).uniform(-2, 2, (5, 6))
+    table = Table(list(arm.joints[::-1]), Q[:, ::-1])
+    row = Table(list(arm.joints[::-1]), Q[0, ::-1])
+    assert np.array_equal(pinsing.singular_values(arm, table), pinsing.singular_values(arm, Q))
+    assert np.array_equal(pinsing.clearance(form, table).lower, pinsing.clearance(form, Q).lower)
+    assert np.array_equal(pinsing.at(arm, row).q, Q[0])
+    assert pinsing.Monitor(form).update(row) == pinsing.Monitor(form).update(Q[0])
+    same = [pinsing.check_trajectory(arm, x, forms=form).to_dict() for x in (table, Q)]
+    assert same[0] == same[1]
+    family = form.families[0]
+    assert family.distance(row).upper == family.distance(Q[0]).upper
+    assert np.array_equal(family.contains(table), family.contains(Q))
+    numbered = Table(list(range(6)), Q)
+    assert np.array_equal(pinsing.singular_values(arm, numbered), pinsing.singular_values(arm, Q))
+
+
+@pytest.mark.parametrize(
+    ("columns", "words"),
+    [
+        (["base", *load("ur5").joints[1:]], "has no column shoulder_pan_joint"),
+        ([*load("ur5").joints, "time"], "has an unknown column time"),
+        ([*load("ur5").joints, "elbow_joint"], "has twice column elbow_joint"),
+    ],
+)
+def test_columns_that_do_not_fit_are_named(columns, words):
+    arm = load("ur5")
+    table = Table(columns, np.zeros((2, len(columns))))
+    for take in (pinsing.singular_values, pinsing.check_trajectory):
+        with pytest.raises(ConfigurationError, match=words):
+            take(arm, table)
+
+
+DEGREES = [0, -70, 75, -90, -80, 0]
+
+
+def test_degrees_are_refused_and_radians_can_be_insisted_on():
+    arm = load("ur5")
+    form = pinsing.closed_form(arm)
+    takes = [
+        lambda a, f: pinsing.at(a, DEGREES),
+        lambda a, f: pinsing.singular_values(a, [DEGREES] * 3),
+        lambda a, f: pinsing.check_trajectory(a, [[0.0] * 6, DEGREES], forms=f),
+        lambda a, f: pinsing.clearance(f, DEGREES),
+        lambda a, f: pinsing.is_clear(f, DEGREES, 0.1),
+        lambda a, f: pinsing.Monitor(f).update(DEGREES),
+        lambda a, f: pinsing.Monitor(f).update(np.array(DEGREES, dtype=float)),
+        lambda a, f: pinsing.Monitor(f).update([float(x) for x in DEGREES]),
+        lambda a, f: pinsing.crossings(f, [DEGREES, DEGREES]),
+    ]
+    for take in takes:
+        with pytest.raises(ConfigurationError, match=r"shoulder_lift_joint = -70 rad is -11\.1"):
+            take(arm, form)
+    insisting = load("ur5", units="rad")
+    its_form = pinsing.closed_form(insisting)
+    for take in takes:
+        take(insisting, its_form)
+    for q in ([9.0, 0, 0, 0, 0, 0], [0, 12.5, 0, 0, 0, 0], [0, 500.0, 0, 0, 0, 0]):
+        assert not arm.within_limits(arm.check(q))  # outside, but not by the rule for degrees
+
+
+def test_joints_without_limits_count_as_limited_to_a_turn():
+    arm = load("kinova")
+    endless = int(np.flatnonzero(~np.isfinite(arm.upper))[0])
+    for value, refused in ((12.5, False), (12.6, True), (-90, True), (361, False)):
+        q = np.clip(np.zeros(arm.n), arm.lower, arm.upper)
+        q[endless] = value
+        if refused:
+            with pytest.raises(ConfigurationError, match="no limits"):
+                arm.check(q)
+        else:
+            arm.check(q)
+
+
+def test_a_few_rows_in_degrees_are_seen_in_a_long_array():
+    arm = load("ur5")
+    Q = np.zeros((100_000, 6))
+    Q[40_000:41_000, 1] = -70
+    with pytest.raises(ConfigurationError, match=r"Q\[40000\]: shoulder_lift_joint"):
+        pinsing.singular_values(arm, Q)
 
 
 def test_frames_are_read_only():

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import pinsing
 from pinsing.configuration.at import at
 from pinsing.configuration.lost_motion import Tool, lost_motions, nice_basis
 from pinsing.configuration.state import State, state_text
@@ -244,6 +245,20 @@ def test_limits_are_told_joint_by_joint():
     assert not state.within_limits
     assert state.outside == (arm.joints[2],)
     assert str(state).count("outside its limits") == 1
+
+
+def test_limits_are_the_same_for_all():
+    """A bounded value counts as it is: at, trajectories, lines and arms say so alike."""
+    arm = arm_of("ur5")
+    q = np.array([9.0, -1.2, 1.3, -1, 0.5, 0])  # limits of 2 pi; a whole turn aside it is inside
+    assert at(arm, q).outside == (arm.joints[0],)
+    assert not arm.within_limits(q)
+    assert arm.within_limits(arm.fold(q))
+    form = pinsing.closed_form(arm)
+    check = pinsing.check_trajectory(arm, [q, q + 0.01], forms=form)
+    assert {e.joint for e in check.outside} == {arm.joints[0]}
+    line = pinsing.check_line(arm, q, at(arm, q).tip_position + 0.01, forms=form)
+    assert any(arm.joints[0] in note for note in line.notes)
 
 
 def test_rounded_file_is_told_apart_from_the_exact_geometry():

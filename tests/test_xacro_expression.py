@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 import sys
+import tracemalloc
 from pathlib import Path
 
 import pytest
@@ -194,6 +195,26 @@ def test_what_is_refused(text):
     with pytest.raises((Refused, SyntaxError, ValueError)) as caught:
         evaluate(text, NAMES, KINDS)
     assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "'%(a(b))99999999d' % {'a(b)': 1}",
+        "'%(a(b)c)-99999999s' % {'a(b)c': 1}",
+        "('%(a)999s' * 10000) % {'a': 1}",
+        "('%(a)s' * 10000) % {'a': 'a' * 1000}",
+        "('%(a)d' * 10000) % {'a': 1 << 8000}",
+    ],
+)
+def test_a_format_is_refused_before_it_takes_memory(text):
+    tracemalloc.start()
+    try:
+        with pytest.raises(Refused):
+            evaluate(text, NAMES, KINDS)
+        assert tracemalloc.get_traced_memory()[1] < 5_000_000
+    finally:
+        tracemalloc.stop()
 
 
 def test_a_value_of_any_other_type_is_refused_where_it_turns_up():

@@ -114,3 +114,62 @@ def test_a_package_is_a_name_and_no_path(name, tmp_path):
         read_description(path)
     assert "\n" not in str(caught.value)
     assert "not found" in str(caught.value) or "find" in str(caught.value)
+
+
+def test_a_folder_above_needs_a_package_xml_that_names_it(tmp_path):
+    """Else a file could read whatever lies beside any folder above it."""
+    for name in ("secret", "secret/robots", "other"):
+        (tmp_path / name).mkdir()
+    for folder in ("secret", "other"):
+        (tmp_path / folder / "key.xml").write_text('<robot><link name="key"/></robot>')
+    path = tmp_path / "secret" / "robots" / "a" / "b" / "arm.xacro"
+    path.parent.mkdir(parents=True)
+    for name in ("secret", "other"):
+        path.write_text(XACRO.format(f'<xacro:include filename="$(find {name})/key.xml"/>'))
+        with pytest.raises(RobotFileError, match=f"package '{name}' not found"):
+            read_description(path)
+        manifest = tmp_path / name / "package.xml"
+        manifest.write_text("<package><name>different</name></package>")
+        with pytest.raises(RobotFileError, match=f"package '{name}' not found"):
+            read_description(path)
+        manifest.write_text(f"<package><name>{name}</name></package>")
+        with pytest.raises(RobotFileError, match="the robot has no joints"):
+            read_description(path)
+        manifest.unlink()
+
+
+def test_wildcards_are_bounded_whatever_links_there_are(tmp_path):
+    """Ten links to the folder itself: ten times as many names at every step."""
+    for k in range(10):
+        (tmp_path / f"l{k}").symlink_to(".")
+    path = tmp_path / "arm.xacro"
+    path.write_text(XACRO.format(f'<xacro:include filename="{"*/" * 30}nothere.xml"/>'))
+    with pytest.raises(RobotFileError, match="has no links"):
+        read_description(path)
+    (tmp_path / "a").mkdir()
+    (tmp_path / "a" / "x.xml").write_text('<robot><link name="a"/></robot>')
+    path.write_text(XACRO.format('<xacro:include filename="*/x.xml"/>'))
+    with pytest.raises(RobotFileError, match="has no joints"):
+        read_description(path)
+
+
+def test_wildcards_follow_no_link_out_of_the_folder(tmp_path):
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "x.xml").write_text('<robot><link name="a"/></robot>')
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot" / "link").symlink_to(tmp_path / "out")
+    path = tmp_path / "robot" / "arm.xacro"
+    path.write_text(XACRO.format('<xacro:include filename="*/x.xml"/>'))
+    with pytest.raises(RobotFileError, match="has no links"):
+        read_description(path)
+
+
+def test_a_wildcard_over_too_many_files_is_refused(tmp_path):
+    for name in range(150):
+        (tmp_path / f"d{name}").mkdir()
+        for inner in range(140):
+            (tmp_path / f"d{name}" / f"{inner}").touch()
+    path = tmp_path / "arm.xacro"
+    path.write_text(XACRO.format('<xacro:include filename="*/*.xml"/>'))
+    with pytest.raises(RobotFileError, match="looks at more than 20000 files"):
+        read_description(path)

@@ -120,6 +120,36 @@ def real_numbers(values: npt.ArrayLike, name: str, own: bool = True) -> Array:
     return np.array(values, dtype=float) if own else np.asarray(values, dtype=float)
 
 
+def columns_of(values: Any, names: Sequence[str], called: str) -> Any:
+    """Return the columns ``names`` of a table, or the entries of a row, in this order.
+
+    A table is what has named columns: a DataFrame of pandas or Polars, a table of Arrow; a row is
+    a Series of pandas with names. All else is returned as it is.
+
+    Raises
+    ------
+    ConfigurationError
+        If a column is not there, there twice, or of another name.
+    """
+    if type(values) in (np.ndarray, list, tuple):
+        return values
+    labels = getattr(values, "column_names", None)  # Arrow
+    labels = getattr(values, "columns", None) if labels is None else labels
+    labels = getattr(values, "index", None) if labels is None else labels
+    found = [] if labels is None or callable(labels) else list(labels)
+    if not any(isinstance(name, str) for name in found):  # numbered, not named
+        return values
+    unknown = [name for name in found if name not in names]
+    missing = [name for name in names if name not in found]
+    twice = [name for name in names if found.count(name) > 1]
+    for wrong, problem in ((missing, "has no"), (unknown, "has an unknown"), (twice, "has twice")):
+        if wrong:
+            raise ConfigurationError(
+                f"{called} {problem} column {wrong[0]!s:.80}: the joints are {', '.join(names)}"
+            )
+    return np.stack([np.asarray(values[name]) for name in names], axis=-1)
+
+
 def whole_number(value: int, name: str, least: int, most: int) -> int:
     """Return ``value`` if it is between ``least`` and ``most``, both included.
 

@@ -62,6 +62,9 @@ class PackageIndex:
         Folders of packages by name; they win over all else.
     roots : tuple of Path
         More folders that meshes may be in (those that the xacro of the file has used).
+    named : bool
+        Accept folders above the file, or beside these, only if their package.xml names the package:
+        any file in them can be read, not only meshes.
     """
 
     def __init__(
@@ -69,10 +72,12 @@ class PackageIndex:
         file: Path | None,
         packages: Mapping[str, str | Path] | None = None,
         roots: tuple[Path, ...] = (),
+        *,
+        named: bool = False,
     ) -> None:
         self.file = None if file is None else Path(os.path.abspath(file))
         self.given = {name: Path(os.path.abspath(d)) for name, d in (packages or {}).items()}
-        self._more_roots = roots
+        self._more_roots, self._named = roots, named
         # As they are now: meshes are looked for later, and are still those of the file as loaded.
         ros, ament = _folders("ROS_PACKAGE_PATH"), _folders("AMENT_PREFIX_PATH")
         self._environment = (*ros, *(prefix / "share" for prefix in ament))
@@ -113,9 +118,14 @@ class PackageIndex:
 
     def _search_upward(self, name: str) -> Path | None:
         for level, folder in enumerate(self._ancestors):
-            if folder.name == name or _is_package(folder, name):
+            known = not self._named or folder == self.own_folder
+            if _is_package(folder, name) or (known and folder.name == name):
                 return folder
             sibling = folder / name
+            if self._named and folder != self.own_folder:
+                if _is_package(sibling, name):
+                    return sibling
+                continue
             if sibling.is_dir() and (
                 level < _LEVELS_UP_UNNAMED or (sibling / "package.xml").is_file()
             ):

@@ -92,7 +92,7 @@ def expand_xacro(
         a missing include or package, an undefined name, a bad expression, an argument that is
         missing or that the file does not have, or an expansion that does not end.
     """
-    index = PackageIndex(path, packages)
+    index = PackageIndex(path, packages, named=True)
     request = {
         "path": str(index.file),
         "arguments": {name: str(value) for name, value in (arguments or {}).items()},

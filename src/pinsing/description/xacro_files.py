@@ -22,6 +22,7 @@ from pinsing.description.ros_packages import PackageIndex
 _MOST_BYTES = 64 * 2**20
 _MOST_QUESTIONS = 5000
 _MOST_FOUND = 1000
+_MOST_STEPS = 20_000
 
 
 SHOWN = ("ROS_*", "AMENT_*", "GAZEBO_*", "GZ_*")
@@ -41,6 +42,13 @@ def _variable(name: str) -> dict[str, Any]:
         "problem": f"the environment variable {name!r} is not shown to files: set "
         f"{MORE_SHOWN}={name} if this one may read it"
     }
+
+
+def _fits(name: str, part: str) -> bool:
+    """Return True if a name is one that a part of a pattern stands for, as `glob` has it."""
+    if not glob.has_magic(part):
+        return name == part
+    return (part[0] == "." or name[0] != ".") and fnmatch.fnmatchcase(name, part)
 
 
 class XacroFiles:
@@ -86,12 +94,32 @@ class XacroFiles:
             return {"problem": f"{pattern} leads upward after a wildcard"}
         if self._real(Path(os.path.dirname(fixed))) is None:
             return {"problem": self._outside(pattern)}
-        found: list[str] = []
-        for name in glob.iglob(pattern):
-            if len(found) == _MOST_FOUND:
-                return {"problem": f"{pattern} finds more than {_MOST_FOUND} files"}
-            found.append(name)
-        return {"names": sorted(found)}
+        start = os.path.dirname(fixed)
+        parts = [part for part in pattern[len(start) :].split("/") if part]
+        folders, steps = [start], 0
+        for depth, part in enumerate(parts):
+            last, below = depth == len(parts) - 1, {}
+            for folder in folders:
+                try:
+                    names = sorted(os.listdir(folder or ".")) if glob.has_magic(part) else [part]
+                except OSError:
+                    continue
+                steps += 1 + len(names)
+                if steps > _MOST_STEPS:
+                    return {"problem": f"{pattern} looks at more than {_MOST_STEPS} files"}
+                for name in names:
+                    path = os.path.join(folder, name)
+                    if not _fits(name, part) or not os.path.lexists(path):
+                        continue
+                    # A folder that links lead to again holds nothing new; one outside is not read.
+                    if last:
+                        below[path] = path
+                    elif os.path.isdir(path) and self._real(Path(path)) is not None:
+                        below.setdefault(os.path.realpath(path), path)
+            folders = list(below.values())
+        if len(folders) > _MOST_FOUND:
+            return {"problem": f"{pattern} finds more than {_MOST_FOUND} files"}
+        return {"names": sorted(folders)}
 
     def _content(self, path: Path) -> dict[str, Any]:
         real = self._real(path)

@@ -110,15 +110,31 @@ def _fits(bits: int) -> None:
         raise Refused("an integer of thousands of digits is not accepted")
 
 
-_CONVERSION = re.compile(r"%(?:\([^)]*\))?[#0\- +]*(\*|\d+)?(?:\.(\*|\d+))?")
+_CONVERSION = re.compile(r"%(?:\([^()]*\))?[#0\- +]*(\*|\d+)?(?:\.(\*|\d+))?")
+_NESTED = re.compile(r"%\([^)]*\(")
+
+
+def _letters(value: Any) -> int:
+    """How long a text or an integer is at most when it is printed."""
+    if isinstance(value, (str, bytes)):
+        return len(value)
+    return value.bit_length() // 3 + 2 if isinstance(value, int) else 0
 
 
 def remainder(left: Any, right: Any) -> Any:
-    """``left % right``: numbers, or old formatting with widths of a sane size."""
+    """``left % right``: numbers, or old formatting whose result is of a sane size."""
     if isinstance(left, str):
-        for width, precision in _CONVERSION.findall(left):
-            if any(w == "*" or len(w) > 3 for w in (width, precision)):
-                raise Refused("a format with a width of that size is not accepted")
+        if _NESTED.search(left):  # Python counts them, the expression above does not
+            raise Refused("a format with parentheses within parentheses is not accepted")
+        sizes = _CONVERSION.findall(left)
+        if any(w == "*" or len(w) > 3 for size in sizes for w in size):
+            raise Refused("a format with a width of that size is not accepted")
+        values = right.values() if isinstance(right, dict) else right
+        values = values if isinstance(right, (dict, tuple)) else (values,)
+        longest = max(map(_letters, values), default=0)
+        total = sum(max(longest, *(int(w or 0) for w in size)) for size in sizes)
+        if len(left) + total > LONGEST_TEXT:
+            raise Refused(f"a text of more than {LONGEST_TEXT} characters is not accepted")
     return operator.mod(left, right)
 
 

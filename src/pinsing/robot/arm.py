@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.arguments import checked, real_numbers
+from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.errors import ConfigurationError
 from pinsing.notebook import one_line
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale
@@ -58,6 +58,9 @@ class Arm(Memory):
         Where it comes from.
     coupling : Coupling or None
         Mimic joints inside the chain.
+    units : str or None
+        "rad": joint values are radians, however large. None: those that make sense in degrees
+        only are refused.
     """
 
     name: str
@@ -73,6 +76,7 @@ class Arm(Memory):
     notes: tuple[str, ...]
     source: Source = field(repr=False)
     coupling: Coupling | None = None
+    units: str | None = None
 
     made_by: ClassVar[str] = 'pinsing.load("ur5")'
 
@@ -154,14 +158,16 @@ class Arm(Memory):
         Parameters
         ----------
         q : (..., n) or (..., nq) array_like
-            Joint vectors, radians and metres, or configurations of the whole model (``q_of``).
+            Joint vectors, radians and metres, or configurations of the whole model (``q_of``);
+            a table's columns (pandas, Polars, Arrow) are found by the joints' names.
         name : str
             What messages call it.
 
         Raises
         ------
         ConfigurationError
-            If the last axis has neither of these lengths, or a number is not finite.
+            If the last axis has neither of these lengths, a number is not finite, or values make
+            sense in degrees only and the arm was not loaded with ``units="rad"``.
 
         Examples
         --------
@@ -170,7 +176,16 @@ class Arm(Memory):
         Traceback (most recent call last):
         pinsing.errors.ConfigurationError: q needs 3 values for q1, q2, q3; got 2
         """
-        return self._whole.chain_q(real_numbers(q, name), name)
+        return self._radians(self._as_typed(q, name), name)
+
+    def _as_typed(self, q: npt.ArrayLike, name: str = "q", own: bool = True) -> Array:
+        values = columns_of(q, self.joints, name)
+        return self._whole.chain_q(real_numbers(values, name, own), name)
+
+    def _radians(self, q: Array, name: str) -> Array:
+        if self.units is None:
+            self.space.require_radians(q, name)
+        return q
 
     def check_one(self, q: npt.ArrayLike, name: str = "q") -> Array:
         """As `check`, of one joint vector (n,).
@@ -223,7 +238,7 @@ class Arm(Memory):
         >>> pinsing.load("planar3r").check_many([0, 1, 2])
         array([[0., 1., 2.]])
         """
-        array = self._whole.chain_q(real_numbers(q, name, own), name)
+        array = self._radians(self._as_typed(q, name, own), name)
         array = array if array.ndim == 2 else np.atleast_2d(array)
         if array.ndim != 2:
             raise ConfigurationError(
@@ -304,9 +319,9 @@ class Arm(Memory):
 
     @checked
     def within_limits(self, q: npt.ArrayLike, slack: float = 1e-9) -> npt.NDArray[np.bool_]:
-        """Tell for q (..., n) whether all joints are inside their limits, whole turns aside.
+        """Tell for q (..., n) whether all joints are within their limits.
 
-        A revolute value counts as inside when it is so after some whole turns.
+        Values count as they are; ``fold`` takes off whole turns first.
 
         Parameters
         ----------
@@ -331,7 +346,7 @@ class Arm(Memory):
         >>> pinsing.load("scara").within_limits([[0, 1, 0.1, 0], [0, 3, 0.1, 0]])
         array([ True, False])
         """
-        return np.asarray(~self.space.outside(self.check(q), slack).any(axis=-1))
+        return np.asarray(~self.space.outside(self._as_typed(q), slack).any(axis=-1))
 
     @checked
     def fold(self, q: npt.ArrayLike) -> Array:
@@ -361,7 +376,7 @@ class Arm(Memory):
         >>> pinsing.load("scara").fold([7, 1, 0.1, 0]).round(4)
         array([0.7168, 1.    , 0.1   , 0.    ])
         """
-        return self.space.fold(self.check(q))
+        return self.space.fold(self._as_typed(q))
 
     @checked
     def model_q(self, q: npt.ArrayLike) -> Array:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.robot.arm import Arm
+from pinsing.robot.joint_space import JointSpace
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +47,11 @@ class ArmSummary:
     def n(self) -> int:
         """Number of free joints."""
         return len(self.joints)
+
+    @property
+    def space(self) -> JointSpace:
+        """Its joints alone: limits, and what is outside of them."""
+        return JointSpace(self.joints, self.prismatic, self.lower, self.upper, self.length_scale)
 
 
 def summarize(arm: Arm) -> ArmSummary:

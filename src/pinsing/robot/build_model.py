@@ -7,7 +7,6 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from io import BytesIO
 from typing import BinaryIO, cast
 
 import pinocchio as pin
@@ -25,8 +24,7 @@ def build_model(description: Description) -> pin.Model:
     Raises
     ------
     RobotFileError
-        If Pinocchio refuses it nevertheless; the reason is what Pinocchio printed, and what
-        yourdfpy finds where it is installed.
+        If Pinocchio refuses it nevertheless; the reason is what Pinocchio printed.
     """
     reason = ""
     with _stderr_of_c() as captured:
@@ -39,30 +37,7 @@ def build_model(description: Description) -> pin.Model:
     said = " ".join(
         word for line in printed.splitlines() if " at line " not in line for word in line.split()
     )
-    reasons = [said or reason, *diagnose(description)]
-    raise RobotFileError("Pinocchio cannot build it: " + "; ".join(reasons), description.path)
-
-
-def diagnose(description: Description) -> list[str]:
-    """Return what yourdfpy finds wrong with a description, if it is installed.
-
-    A second opinion only: it brings 250 MB, and takes half a second to import.
-    """
-    try:
-        import yourdfpy
-    except ImportError:
-        return []
-
-    try:
-        robot = yourdfpy.URDF.load(
-            BytesIO(description.kinematics.encode()),
-            build_scene_graph=False,
-            load_meshes=False,
-        )
-        robot.validate()
-    except (KeyError, ValueError, TypeError, AttributeError) as error:
-        return [f"yourdfpy: {type(error).__name__} {error}"]
-    return [f"yourdfpy: {error}" for error in robot.errors]
+    raise RobotFileError(f"Pinocchio cannot build it: {said or reason}", description.path)
 
 
 @contextlib.contextmanager

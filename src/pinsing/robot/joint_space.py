@@ -113,9 +113,103 @@ class JointSpace:
         return np.where(inside, q, folded)
 
     def outside(self, q: npt.ArrayLike, slack: float = SLACK) -> Bool:
-        """Which values of q (..., n) are beyond a limit, whole turns aside."""
+        """Return which values of q (..., n) are beyond a limit as they are, no turn taken off."""
+        q = np.asarray(q, dtype=float)
+        return np.asarray((q < self.lower - slack) | (q > self.upper + slack))
+
+    def unreachable(self, q: npt.ArrayLike, slack: float = SLACK) -> Bool:
+        """Return which values of q (..., n) are beyond a limit, whatever whole turns are added."""
+        return self.outside(self.fold(q), slack)
+
+    def range_words(self, j: int, degrees: bool = False) -> str:
+        """Return the limits of joint j, such as ``-6.283 to 6.283 rad``."""
+        turns = not self.prismatic[j]
+        factor, unit = (180 / np.pi, "°") if degrees and turns else (1.0, " rad" if turns else " m")
+        return f"{factor * self.lower[j]:.4g} to {factor * self.upper[j]:.4g}{unit}"
+
+    def outside_words(self, q: Array, degrees: bool = False) -> list[str]:
+        """Return a sentence about each value of q (n,) outside its limits."""
         folded = self.fold(q)
-        return np.asarray(np.abs(folded - np.clip(folded, self.lower, self.upper)) > slack)
+        out = []
+        for j in map(int, np.flatnonzero(self.outside(q))):
+            factor = 180 / np.pi if degrees and not self.prismatic[j] else 1.0
+            unit = "m" if self.prismatic[j] else "°" if degrees else "rad"
+            value, near = (f"{factor * x[j]:.6g} {unit}".replace(" °", "°") for x in (q, folded))
+            limits = self.range_words(j, degrees)
+            hint = "" if self.outside(folded)[j] else f"; {near}, whole turns aside, is within them"
+            out.append(f"{self.names[j]} = {value} is outside its limits, {limits}{hint}")
+        return out
+
+    def require_radians(
+        self,
+        q: Array,
+        called: str,
+        *,
+        first: int | None = None,
+        rows: int = 1000,
+        endless: bool = True,
+    ) -> None:
+        """Raise if values of q (..., n) make sense in degrees only.
+
+        A revolute value does if it is more than a turn beyond a limit, and read as degrees it is
+        within the limits. Joints without limits count as limited to a turn to each side.
+
+        Parameters
+        ----------
+        q : (..., n) array
+            Radians and metres.
+        called : str
+            What messages call it.
+        first : int, optional
+            Number of its first row in messages: ``sample 1``; else they say ``Q[0]``.
+        rows : int
+            Of more rows about as many are looked at, evenly spaced.
+        endless : bool
+            Whether joints without limits are judged.
+
+        Raises
+        ------
+        ConfigurationError
+            With the joint, its value and its limits.
+        """
+        if q.ndim == 1 and max(map(abs, q.tolist())) < self._near:  # a microsecond, for loops
+            return
+        step = max(1, len(q) // rows) if q.ndim > 1 else 1
+        looked = (q[::step] if q.ndim > 1 else q).reshape(-1, self.n)
+        low, high = self._ends
+        over = np.maximum(looked - high, low - looked)
+        if not (over > 2 * np.pi).any():
+            return
+        as_degrees = np.radians(looked)
+        odd = (over > 2 * np.pi) & (as_degrees > low - 0.01) & (as_degrees < high + 0.01)
+        odd &= ~self.prismatic & (endless | np.isfinite(self.upper))
+        if not odd.any():
+            return
+        i, j = (int(k) for k in np.argwhere(odd)[0])
+        value = float(looked[i, j])
+        row = "" if q.ndim == 1 else f"[{i * step}]" if first is None else f" {first + i * step}"
+        limits = f"limits {self.range_words(j)}" if np.isfinite(self.upper[j]) else "no limits"
+        raise ConfigurationError(
+            f"{called}{row}: {self.names[j]} = {value:g} rad is {value / (2 * np.pi):.1f} turns "
+            f"({limits}). For degrees add --deg (Python: numpy.radians); if radians are meant, "
+            'add --rad (Python: load(..., units="rad"))',
+            joint=self.names[j],
+            value=value,
+            limits=(float(self.lower[j]), float(self.upper[j])),
+        )
+
+    @cached_property
+    def _ends(self) -> tuple[Array, Array]:
+        """Limits, a turn to each side for joints without."""
+        turn = np.where(self.prismatic, np.inf, 2 * np.pi)
+        low = np.where(np.isfinite(self.lower), self.lower, -turn)
+        return low, np.where(np.isfinite(self.upper), self.upper, turn)
+
+    @cached_property
+    def _near(self) -> float:
+        """Magnitude below which no value is more than a turn beyond a limit."""
+        low, high = self._ends
+        return float(np.minimum(high, -low)[~self.prismatic].min(initial=np.inf)) + 2 * np.pi
 
     def sample(self, count: int, rng: np.random.Generator, ignore_limits: bool = False) -> Array:
         """Random joint vectors (count, n) in `range`."""

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import pinocchio as pin
 
@@ -68,6 +69,7 @@ def load(
     *,
     xacro_args: Mapping[str, str] | None = None,
     tool_axis: str | None = None,
+    units: Literal["rad"] | None = None,
 ) -> Arm:
     """Take the serial chain from ``base`` to ``tip`` out of a robot and lock the rest.
 
@@ -104,6 +106,10 @@ def load(
     tool_axis : str, optional
         ``x``, ``y`` or ``z``: the axis of the tip that the task ``tool-axis`` leaves free; z if
         not given.
+    units : "rad", optional
+        Take joint values as radians, however large. By default values that make sense in degrees
+        only are an error: a revolute joint more than a turn beyond its limits (two turns from 0 if
+        it has none) that is within them when read as degrees.
 
     Returns
     -------
@@ -147,9 +153,9 @@ def load(
     free = _free_joints(whole, way, joints, notes)
     many = "" if way.up or joints is not None else long_chain_note(model, last, base_joint)
     notes += [many] if many else []
-    return _build(
-        whole, _Ends(tip, base_frame, way), free, parsed_task, float(length_scale), tuple(notes)
-    )
+    ends = _Ends(tip, base_frame, way)
+    arm = _build(whole, ends, free, parsed_task, float(length_scale), tuple(notes))
+    return arm if units is None else replace(arm, units=units)
 
 
 def _read(

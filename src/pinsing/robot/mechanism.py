@@ -13,7 +13,7 @@ import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.arguments import checked, real_numbers
+from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.notebook import one_line
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values
 from pinsing.robot.memory import Memory
@@ -287,6 +287,6 @@ class Mechanism(Memory):
 
 
 def _numbers(values: npt.ArrayLike, names: tuple[str, ...], what: str) -> Array:
-    array = real_numbers(values, what)
+    array = real_numbers(columns_of(values, names, what), what)
     require_values(array, names, what)
     return array

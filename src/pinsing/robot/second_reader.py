@@ -1,0 +1,174 @@
+"""A second opinion on a file: what yourdfpy, which shares no code with ours, reads in it."""
+
+from __future__ import annotations
+
+import logging
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing._dataclass import dataclass
+from pinsing.robot.arm import Arm
+
+if TYPE_CHECKING:
+    from yourdfpy import URDF
+
+CONFIGURATIONS = 20
+SEED = 20
+_TABLES = {".yaml", ".yml"}
+# Both read the same decimals, and multiply some twenty matrices of entries up to a few metres.
+_SAME = 1e-9
+
+
+@dataclass(frozen=True)
+class SecondReading:
+    """Joints, limits and forward kinematics by yourdfpy, compared with Pinocchio's.
+
+    Attributes
+    ----------
+    reader : str
+        Name and version.
+    seed, configurations : int
+        Of the random configurations; joints off the chain stay where they are locked.
+    links : tuple of str
+        Links whose placements in the root link were compared at each.
+    translation, rotation : float
+        Largest differences of a placement [m], [rad].
+    differences : tuple of str
+        What the two do not agree on; empty where they agree.
+    note : str
+        Why yourdfpy could not read the file; empty where it could.
+    """
+
+    reader: str
+    seed: int
+    configurations: int
+    links: tuple[str, ...]
+    translation: float
+    rotation: float
+    differences: tuple[str, ...]
+    note: str
+
+    def __str__(self) -> str:
+        if self.note:
+            return f"{self.reader} cannot read the file: {self.note}"
+        if self.differences:
+            return f"{self.reader} DIFFERS: {'; '.join(self.differences)}"
+        return (
+            f"{self.reader} agrees: joints, limits, and {len(self.links)} links at "
+            f"{self.configurations} random configurations (seed {self.seed}) within "
+            f"{self.translation:.0e} m and {self.rotation:.0e} rad"
+        )
+
+
+def second_reading(arm: Arm, seed: int = SEED) -> SecondReading | None:
+    """Compare what Pinocchio made of an arm's URDF with what yourdfpy makes of it.
+
+    yourdfpy gets the text that our strict reader has made of the file, never the file: no
+    entities, nothing to be fetched; no mesh is opened.
+
+    Parameters
+    ----------
+    arm : Arm
+        Read from URDF or xacro.
+    seed : int
+        Of the random configurations.
+
+    Returns
+    -------
+    SecondReading or None
+        None for an arm that was not read from a URDF.
+    """
+    path, shapes = arm.source.path, arm.source.shapes
+    if shapes is None or (path is not None and path.suffix.lower() in _TABLES):
+        return None
+    from importlib.metadata import version
+
+    import yourdfpy  # brings trimesh and SciPy: half a second
+
+    reader = f"yourdfpy {version('yourdfpy')}"
+    logging.getLogger("yourdfpy").setLevel(logging.CRITICAL)  # what it warns of is compared
+    links: tuple[str, ...] = ()
+    moved = turned = 0.0
+    differences: list[str] = []
+    note = ""
+    try:
+        robot = yourdfpy.URDF.load(BytesIO(shapes.text.encode()), load_meshes=False)
+        differences = [*_joints(arm, robot), *_limits(arm, robot)]
+        if not differences:
+            links = _links(arm, robot)
+            moved, turned = _placements(arm, robot, links, seed)
+            if max(moved, turned) > _SAME:
+                differences.append(f"links are up to {moved:.3g} m and {turned:.3g} rad apart")
+    except Exception as error:  # another's code: whatever it raises is no fault of the robot
+        note = f"{type(error).__name__} {error}"
+    return SecondReading(
+        reader, seed, CONFIGURATIONS, links, moved, turned, tuple(differences), note
+    )
+
+
+def _joints(arm: Arm, robot: URDF) -> list[str]:
+    """Joints of the chain that the other has not, or of another kind or direction of motion."""
+    model = arm.source.full_model
+    said = []
+    for j in arm.source.kept:
+        name, kind = model.names[j], model.joints[j].shortname()
+        other = robot.joint_map.get(name)
+        if other is None:
+            said.append(f"there is no joint {name}")
+        elif (other.type == "prismatic") != kind.startswith("JointModelP"):
+            said.append(f"joint {name} is {other.type}, not {kind}")
+    return said
+
+
+def _limits(arm: Arm, robot: URDF) -> list[str]:
+    model = arm.source.full_model
+    said = []
+    for j in arm.source.kept:
+        other = robot.joint_map.get(model.names[j])
+        if other is None or other.type == "continuous" or model.nqs[j] != 1:
+            continue
+        at = model.idx_qs[j]
+        own = (float(model.lowerPositionLimit[at]), float(model.upperPositionLimit[at]))
+        limit = other.limit
+        their = (None, None) if limit is None else (limit.lower or 0.0, limit.upper or 0.0)
+        if their != own:
+            said.append(
+                f"limits of {other.name} are {their[0]} to {their[1]}, not {own[0]} to {own[1]}"
+            )
+    return said
+
+
+def _links(arm: Arm, robot: URDF) -> tuple[str, ...]:
+    """Links that the joints of the chain move, and the tip if it is a link."""
+    names = [robot.joint_map[arm.source.full_model.names[j]].child for j in arm.source.kept]
+    return tuple(dict.fromkeys(n for n in (*names, arm.tip) if n in robot.link_map))
+
+
+def _placements(arm: Arm, robot: URDF, links: tuple[str, ...], seed: int) -> tuple[float, float]:
+    """Largest differences of links' placements in the root link [m], [rad]."""
+    model = arm.source.full_model
+    data = model.createData()
+    moved = turned = 0.0
+    for q in arm.space.sample(CONFIGURATIONS, np.random.default_rng(seed)):
+        full = arm.full_q(q)
+        pin.framesForwardKinematics(model, data, full)
+        robot.update_cfg(_values(model, full, robot))
+        for link in links:
+            own = data.oMf[model.getFrameId(link, pin.FrameType.BODY)]
+            their = robot.get_transform(link)
+            moved = max(moved, float(np.linalg.norm(own.translation - their[:3, 3])))
+            turned = max(turned, float(np.linalg.norm(pin.log3(own.rotation.T @ their[:3, :3]))))
+    return moved, turned
+
+
+def _values(model: pin.Model, q: np.ndarray, robot: URDF) -> dict[str, float]:
+    """Values of the joints [rad] or [m] by name; a continuous joint is its cosine and sine in q."""
+    values = {}
+    for j in range(1, model.njoints):
+        own = q[model.idx_qs[j] : model.idx_qs[j] + model.nqs[j]]
+        if model.names[j] in robot.actuated_joint_names and len(own) <= 2:
+            values[model.names[j]] = float(own[0] if len(own) == 1 else np.arctan2(own[1], own[0]))
+    return values

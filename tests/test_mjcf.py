@@ -1,0 +1,291 @@
+"""MuJoCo models: read as MuJoCo reads them, or refused in one sentence with the line."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from click.testing import CliRunner
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.errors import PinsingError
+
+GOOD = """<mujoco model="arm">
+  <compiler angle="degree" autolimits="true"/>
+  <option timestep="0.01"/>
+  <default>
+    <joint axis="0 0 1" damping="1"/>
+    <default class="side"><joint axis="0 1 0" range="-120 120"/></default>
+  </default>
+  <worldbody>
+    <light pos="0 0 3"/>
+    <body name="base" pos="0 0 0.2">
+      <geom size="0.1"/>
+      <body name="upper" pos="0.1 0 0.3" euler="0 0 90">
+        <joint name="j1" pos="0 0 0.05" range="-170 170"/>
+        <body name="lower" pos="0.4 0 0" quat="1 0 0 0" childclass="side">
+          <joint name="j2" ref="30"/>
+          <body name="hand" pos="0 0 0.3">
+            <joint name="j3" type="slide" axis="0 0 2" range="-0.1 0.1"/>
+            <site name="tool" pos="0 0 0.1" zaxis="1 0 0"/>
+          </body>
+        </body>
+      </body>
+    </body>
+  </worldbody>
+  <actuator><motor joint="j1"/></actuator>
+</mujoco>
+"""
+Q = np.array([0.4, -0.7, 0.06])
+
+
+def _turn(axis: str, angle: float) -> np.ndarray:
+    c, s = math.cos(angle), math.sin(angle)
+    return {
+        "y": np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]),
+        "z": np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]),
+    }[axis]
+
+
+def tool(upper: float = 0.1, lower: float = 0.4, ref: float = 30.0, bend: float = 90.0):
+    """Where the tool of `GOOD` is at `Q`, by hand."""
+    R = _turn("z", math.radians(bend)) @ _turn("z", Q[0])
+    x = np.array([upper, 0, 0.5]) + R @ [lower, 0, 0]
+    R = R @ _turn("y", Q[1] - math.radians(ref))
+    return x + R @ [0, 0, 0.3 + Q[2] + 0.1], R @ [1, 0, 0]
+
+
+def placed(arm: pinsing.Arm, name: str = "tool"):
+    """Where a site is at `Q`, and its z axis."""
+    data = arm.model.createData()
+    pin.framesForwardKinematics(arm.model, data, Q)
+    place = data.oMf[arm.model.getFrameId(name)]
+    return place.translation, place.rotation[:, 2]
+
+
+def load(folder: Path, text: str) -> pinsing.Arm:
+    file = folder / "arm.xml"
+    file.write_text(text)
+    return pinsing.load(file, tip="tool", task="vx,vy,vz")
+
+
+def refused(folder: Path, text: str) -> str:
+    file = folder / "arm.xml"
+    file.write_text(text)
+    done = CliRunner().invoke(command, ["info", str(file)])
+    assert done.exit_code == 2, (done.stdout, done.exception)
+    (line,) = done.stderr.strip().splitlines()
+    return line
+
+
+def changed(old: str, new: str, text: str = GOOD) -> str:
+    assert text.count(old) == 1, old
+    return text.replace(old, new)
+
+
+def line_of(old: str) -> int:
+    return GOOD[: GOOD.index(old)].count("\n") + 1
+
+
+NUMBERS = {
+    'pos="0 0 0.2"': 3, 'pos="0.1 0 0.3"': 3, 'euler="0 0 90"': 3, 'quat="1 0 0 0"': 4,
+    'range="-170 170"': 2, 'ref="30"': 1, 'axis="0 0 2"': 3, 'zaxis="1 0 0"': 3,
+    'axis="0 1 0"': 3, 'range="-120 120"': 2,
+}  # fmt: skip
+BAD = {
+    "few": lambda w: w[:-1],
+    "many": lambda w: [*w, "0"],
+    "letters": lambda w: ["a", *w[1:]],
+    "nan": lambda w: ["nan", *w[1:]],
+    "infinite": lambda w: [*w[:-1], "inf"],
+    "comma": lambda w: [*w[:-1], "0,3"],
+    "huge": lambda w: ["1e308", *w[1:]],
+}
+
+
+@pytest.mark.parametrize("how", BAD)
+@pytest.mark.parametrize("attribute", NUMBERS)
+def test_a_broken_number_is_refused_where_it_stands(tmp_path, attribute, how):
+    name, _, value = attribute.strip('"').partition('="')
+    words = BAD[how](value.split())
+    said = refused(tmp_path, changed(attribute, f'{name}="{" ".join(words)}"'))
+    assert f"arm.xml:{line_of(attribute)}: " in said
+    assert f" {name}=" in said
+    reason = {"few": "must have", "many": "must have", "huge": "is too large"}
+    reason |= dict.fromkeys(("nan", "infinite"), "not a finite")
+    assert reason.get(how, "is not a number") in said
+
+
+REFUSED = [
+    ('<body name="lower"', '<frame><bady name="lower"/></frame><body name="lower"', "<bady>"),
+    ("<geom size", "<gemo size", "<gemo> in <body> is unknown"),
+    ("<option", "<optoin", "<optoin> in <mujoco> is unknown"),
+    ('quat="1', 'qaut="1', "no attribute 'qaut'"),
+    ('ref="30"', 'rfe="30"', "no attribute 'rfe'"),
+    ('zaxis="1 0 0"', 'zaxis="0 0 0"', "has no direction"),
+    ('axis="0 0 2"', 'axis="0 0 0"', "has no direction"),
+    ('quat="1 0 0 0"', 'quat="0 0 0 0"', "has no direction"),
+    ('zaxis="1 0 0"', 'xyaxes="1 0 0 2 0 0"', "has no direction"),
+    ('zaxis="1 0 0"', 'zaxis="1 0 0" euler="0 0 1"', "are both given"),
+    ('zaxis="1 0 0"', 'fromto="0 0 0 0 0 1"', "are both given"),
+    ('type="slide"', 'type="screw"', "unknown type 'screw'"),
+    ('type="slide"', 'type="free"', "only a body of the world"),
+    ('childclass="side"', 'childclass="sides"', "no default class 'sides'"),
+    ('range="-170 170"', 'range="170 -170"', "give the lower limit first"),
+    ('range="-170 170"', 'limited="true"', "give the lower limit first"),
+    ('range="-170 170"', 'limited="maybe"', "must be true or false or auto"),
+    ('ref="30"', 'ref="30" limited="yes"', "must be true or false or auto"),
+    ('angle="degree"', 'angle="degrees"', "must be degree or radian"),
+    ('angle="degree"', 'coordinate="global"', 'only <compiler coordinate="local">'),
+    ('angle="degree"', 'eulerseq="xy"', "must be three of"),
+    ('name="j2"', 'name="j1"', "two joints are named 'j1'"),
+    ('name="hand"', 'name="lower"', "two bodys are named 'lower'"),
+    ('name="hand"', 'name="universe"', "Pinocchio's own"),
+    ('class="side"><', 'class="main"><', "two defaults are of class 'main'"),
+    (' class="side"><', "><", 'no class="..."'),
+    ("<light", '<joint name="w"/><light', "the world cannot move"),
+    ("<geom", '<attach model="m" body="b" prefix="p"/><geom', "<attach> is not supported"),
+    ("<geom", '<composite type="cable"/><geom', "<composite> is not supported"),
+    ("<geom", '<flexcomp name="f"/><geom', "<flexcomp> is not supported"),
+    ("<geom", '<replicate count="2"><body/></replicate><geom', "<replicate> is not supported"),
+    ("<geom", '<include file="../x.xml"/><geom', "outside the folder of the model"),
+    ("<geom", '<include file="/etc/passwd"/><geom', "outside the folder of the model"),
+    ("<geom", '<include file="x.xml"/><geom', "no such file beside the model"),
+    ("<geom", '<include file="arm.xml"/><geom', "included already"),
+    ("<geom", "<include/><geom", 'has no file="..."'),
+    ('<mujoco model="arm">', '<!DOCTYPE m><mujoco model="arm">', "document types"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new", "said"), REFUSED)
+def test_what_cannot_be_read_is_refused_by_name(tmp_path, old, new, said):
+    found = refused(tmp_path, changed(old, new))
+    assert said in found
+    assert f"arm.xml:{line_of(old)}: " in found
+
+
+SAME = [
+    ('pos="0 0 0.2"', 'pos="  0\t0 2e-1 "'),
+    ('euler="0 0 90"', 'axisangle="0 0 3 90"'),
+    ('euler="0 0 90"', 'xyaxes="0 2 0 -1 5 0"'),
+    ('euler="0 0 90"', 'quat="5 0 0 5"'),
+    (' quat="1 0 0 0"', ""),
+    ('zaxis="1 0 0"', 'euler="0 90 0"'),
+    ('pos="0 0 0.1" zaxis="1 0 0"', 'fromto="0.5 0 0.1 -0.5 0 0.1"'),
+    ('axis="0 0 2"', 'class="main"'),
+    (' damping="1"', ' damping="nan"'),
+    ('<geom size="0.1"/>', '<replicate count="2"><geom size="0.1"/></replicate>'),
+    ('<body name="hand" pos="0 0 0.3">', '<body name="hand" pos="0 0 0.3"><frame pos="0 0 0"/>'),
+    ('name="j2" ref', 'name="j2" class="side" ref'),
+    ('<joint name="j1" pos="0 0 0.05"', '<joint name="j1" type="hinge" pos="0 0 -7"'),
+    ('<site name="tool" pos="0 0 0.1" zaxis="1 0 0"/>',
+     '<frame pos="0 0 0.1" euler="0 90 0"><site name="tool"/></frame>'),
+    ("<actuator>", "<worldbody><geom/></worldbody><actuator>"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("old", "new"), SAME)
+def test_other_words_for_the_same_give_the_same(tmp_path, old, new):
+    arm = load(tmp_path, changed(old, new))
+    assert arm.joints == ("j1", "j2", "j3")
+    for found, true in zip(placed(arm), tool(), strict=True):
+        np.testing.assert_allclose(found, true, atol=1e-12)
+    degrees = np.radians([170, 120])
+    np.testing.assert_allclose(arm.upper, [*degrees, 0.1])
+    np.testing.assert_allclose(arm.lower, [*-degrees, -0.1])
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ('pos="0.1 0 0.3"', 'pos="0.7 0 0.3"', {"upper": 0.7}),
+        ('pos="0.4 0 0"', 'pos="-0.4 0 0"', {"lower": -0.4}),
+        ('ref="30"', 'ref="-50"', {"ref": -50.0}),
+        ('euler="0 0 90"', 'euler="0 0 -20"', {"bend": -20.0}),
+    ],
+)
+def test_other_numbers_give_another_arm(tmp_path, old, new, said):
+    found = placed(load(tmp_path, changed(old, new)))
+    for one, true in zip(found, tool(**said), strict=True):
+        np.testing.assert_allclose(one, true, atol=1e-12)
+
+
+@pytest.mark.parametrize(("sequence", "turns"), [("zyx", "90 0 0"), ("XZY", "0 90 0")])
+def test_the_sequence_of_euler_angles_counts(tmp_path, sequence, turns):
+    text = changed('angle="degree"', f'angle="degree" eulerseq="{sequence}"')
+    found = placed(load(tmp_path, changed('euler="0 0 90"', f'euler="{turns}"', text)))
+    for one, true in zip(found, tool(), strict=True):
+        np.testing.assert_allclose(one, true, atol=1e-12)
+
+
+def test_capital_letters_turn_about_the_axes_of_the_parent(tmp_path):
+    places = []
+    for sequence, turns in (("xyz", "20 40 60"), ("ZYX", "60 40 20")):
+        text = changed('angle="degree"', f'angle="degree" eulerseq="{sequence}"')
+        places.append(placed(load(tmp_path, changed("0 0 90", turns, text))))
+    np.testing.assert_allclose(places[0], places[1], atol=1e-12)
+    assert np.abs(np.subtract(places[0], tool())).max() > 0.01
+
+
+def test_a_range_needs_limited_where_limits_are_not_automatic(tmp_path):
+    text = changed('autolimits="true"', 'autolimits="false"')
+    assert "arm.xml:13: joint 'j1' has a range, and autolimits" in refused(tmp_path, text)
+
+
+def test_an_included_file_is_read_and_its_lines_are_named(tmp_path):
+    inner = GOOD[GOOD.index('<body name="hand"') : GOOD.index("</body>") + len("</body>")]
+    (tmp_path / "parts").mkdir()
+    part = tmp_path / "parts" / "hand.xml"
+    part.write_text(f"<mujocoinclude>\n{inner}\n</mujocoinclude>")
+    text = GOOD.replace(inner, '<include file="parts/hand.xml"/>')
+    for found, true in zip(placed(load(tmp_path, text)), tool(), strict=True):
+        np.testing.assert_allclose(found, true, atol=1e-12)
+    part.write_text(part.read_text().replace("0 0 2", "0 0 nan"))
+    assert f"{part}:3: joint 'j3': <joint axis='0 0 nan'>" in refused(tmp_path, text)
+
+
+def test_a_link_does_not_lead_an_include_out_of_the_folder(tmp_path):
+    (tmp_path / "secret.xml").write_text("<mujocoinclude/>")
+    inner = tmp_path / "model"
+    inner.mkdir()
+    (inner / "link.xml").symlink_to(tmp_path / "secret.xml")
+    text = changed("<geom", '<include file="link.xml"/><geom')
+    assert "outside the folder of the model" in refused(inner, text)
+
+
+def test_includes_without_end_are_refused(tmp_path):
+    for name, other in (("a", "b"), ("b", "a")):
+        text = f'<mujocoinclude><include file="{other}.xml"/></mujocoinclude>'
+        (tmp_path / f"{name}.xml").write_text(text)
+    said = refused(tmp_path, changed("<geom", '<include file="a.xml"/><geom'))
+    assert "b.xml:1: <include file='a.xml'>: that file is included already" in said
+
+
+def test_two_joints_of_a_body_are_two_joints(tmp_path):
+    text = changed(
+        '<body name="hand" pos="0 0 0.3">\n            <joint',
+        '<body name="hand" pos="0 0 0.3">\n<joint name="j0" type="slide" axis="1 0 0"/><joint',
+    )
+    assert load(tmp_path, text).joints == ("j1", "j2", "j0", "j3")
+
+
+def test_radians_and_unlimited_joints(tmp_path):
+    text = changed('angle="degree"', 'angle="radian"')
+    text = text.replace('euler="0 0 90"', 'euler="0 0 1.5707963267948966"')
+    text = text.replace('ref="30"', f'ref="{math.pi / 6!r}"').replace('range="-170 170"', "")
+    arm = load(tmp_path, text)
+    for found, true in zip(placed(arm), tool(), strict=True):
+        np.testing.assert_allclose(found, true, atol=1e-12)
+    np.testing.assert_allclose(arm.upper, [np.inf, 120, 0.1])
+
+
+def test_a_free_base_is_locked(tmp_path):
+    text = changed('<geom size="0.1"/>', '<freejoint name="free"/><geom size="0.1"/>')
+    arm = load(tmp_path, text)
+    assert any("floating base: joint free is locked" in note for note in arm.notes)
+    with pytest.raises(PinsingError, match="aligned with its inertia"):
+        load(tmp_path, text.replace("<freejoint", '<freejoint align="true"'))

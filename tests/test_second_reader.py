@@ -1,0 +1,93 @@
+"""yourdfpy beside Pinocchio: they agree on what is read, and what differs is seen."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from click.testing import CliRunner
+from tiers import tiered
+
+import pinsing
+from pinsing.cli.app import command
+from pinsing.description.catalog import known_robots
+from pinsing.errors import PinsingError
+from pinsing.robot.arm import Arm
+from pinsing.robot.second_reader import second_reading
+
+QUICK = ("tiago", "stanford", "ur5")
+ROBOTS = sorted(entry.name for entry in known_robots().values() if not entry.alias_of)
+
+
+@pytest.mark.parametrize("name", tiered(ROBOTS, QUICK))
+def test_both_read_the_same_in_every_arm_of_the_catalogue(name: str) -> None:
+    try:
+        arm = pinsing.load(name)
+    except PinsingError:
+        pytest.skip("no single arm by default")
+    found = second_reading(arm)
+    assert found is not None
+    assert (found.note, found.differences) == ("", ())
+    assert len(found.links) >= len(arm.source.kept)
+    assert max(found.translation, found.rotation) < 1e-12
+
+
+def planar(length: str = "0.3", kind: str = "revolute", upper: str = "2", last: str = "j2") -> Arm:
+    joints = [("j1", "l0", "l1", "revolute", "2"), (last, "l1", "l2", kind, upper)]
+    inside = "".join(
+        f'<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="{length} 0 0"/><axis xyz="0 0 1"/>'
+        f'<limit lower="-2" upper="{upper}" effort="1" velocity="1"/></joint>'
+        for name, parent, child, kind, upper in joints
+    )
+    links = "".join(f'<link name="l{i}"/>' for i in range(3))
+    return pinsing.load(f'<robot name="planar">{links}{inside}</robot>', task="vx,vy")
+
+
+def with_text_of(arm: Arm, other: Arm) -> Arm:
+    """An arm whose model says one thing and whose file says another, as by a reader's fault."""
+    return replace(arm, source=replace(arm.source, shapes=other.source.shapes))
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        ({"length": "0.31"}, "links are up to 0.0"),
+        ({"upper": "2.5"}, "limits of j2 are -2.0 to 2.5, not -2.0 to 2.0"),
+        ({"kind": "prismatic"}, "joint j2 is prismatic"),
+        ({"last": "j3"}, "there is no joint j2"),
+    ],
+)
+def test_what_differs_is_said(other: dict[str, str], said: str) -> None:
+    found = second_reading(with_text_of(planar(), planar(**other)))
+    assert found is not None
+    assert said in str(found)
+    assert "DIFFERS" in str(found)
+    assert second_reading(planar()).differences == ()
+
+
+def test_a_file_that_it_cannot_read_is_a_note(capfd: pytest.CaptureFixture[str]) -> None:
+    arm = planar()
+    for text in ("<robot", '<robot name="a"/>', "<robot><joint/></robot>"):
+        broken = replace(arm.source, shapes=replace(arm.source.shapes, text=text))
+        found = second_reading(replace(arm, source=broken))
+        assert found is not None
+        assert found.note or found.differences
+    assert capfd.readouterr().err == ""
+
+
+def test_info_says_what_it_found_and_only_of_urdf(tmp_path) -> None:
+    said = CliRunner().invoke(command, ["info", "stanford"]).stdout
+    assert "second reader" in said
+    assert "random configurations (seed 20)" in " ".join(said.split())
+    data = json.loads(CliRunner().invoke(command, ["info", "stanford", "--json", "-"]).stdout)
+    assert data["second_reading"]["seed"] == 20
+    assert data["second_reading"]["differences"] == []
+    table = tmp_path / "arm.yaml"
+    table.write_text(
+        "name: a\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
+        + "  - {alpha: 0, a: 1, d: 0, theta: 0, type: revolute, limits: [-90, 90]}\n" * 2
+    )
+    assert second_reading(pinsing.load(table)) is None
+    assert second_reading(pinsing.load(planar().model)) is None
