@@ -385,6 +385,95 @@ def test_loci_agree_with_the_measures_on_another_5r(rng):
     assert all(c.passed for c in a.checks), [c.words for c in a.checks]
 
 
+@pytest.mark.parametrize(
+    ("gap", "links", "lost", "at"),
+    [
+        # base + both cranks = both rods: stretched at the one point where the cranks point outward
+        ((0.2, 0.0), (0.2, 0.3, 0.2, 0.3), "B1, P, B2 in line, stretched", (np.pi, 0.0)),
+        ((-0.3, 0.4), (0.1, 0.45, 0.2, 0.35), "B1, P, B2 in line, stretched", None),
+        # crank 1 = base + crank 2 + the rods' difference: folded
+        ((0.0, 0.2), (0.9, 0.8, 0.3, 0.4), "B1, P, B2 in line, folded", (np.pi / 2, np.pi / 2)),
+        # leg 1 folded inward to 0.1 with base and crank 2 is as long as rod 2
+        ((0.3, -0.4), (0.4, 0.3, 0.2, 0.8), "A1, B1, P in line, folded", None),
+    ],
+)
+@pytest.mark.parametrize("off", [0.0, 1e-6, -1e-6])
+def test_loci_that_shrink_to_a_point_are_stated(gap, links, lost, at, off):
+    """A reach just met is one isolated point of the inputs; a little more a small loop; less none.
+
+    The equation of each locus is that of a quadrilateral of base, crank (or leg in line), crank
+    and reach: real if and only if its longest side is no longer than the others together.
+    """
+    l1, d1, l2, d2 = links
+    grown = d2 + off
+    model = planar_tree(
+        {
+            "one": ((0.1, 0.0), [("q1", l1), ("b1", d1)]),
+            "two": ((0.1 + gap[0], gap[1]), [("q2", l2), ("b2", grown)]),
+        }
+    )
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
+    forms = loop_forms(mechanism)
+    assert forms.complete
+    base = float(np.hypot(*gap))
+    sides = {
+        "B1, P, B2 in line, stretched": (base, l1, l2, d1 + grown),
+        "B1, P, B2 in line, folded": (base, l1, l2, abs(d1 - grown)),
+        "A1, B1, P in line, stretched": (base, l1 + d1, l2, grown),
+        "A1, B1, P in line, folded": (base, abs(l1 - d1), l2, grown),
+        "A2, B2, P in line, stretched": (base, l1, l2 + grown, d1),
+        "A2, B2, P in line, folded": (base, l1, abs(l2 - grown), d1),
+    }
+    slack = {words: sum(x) - 2 * max(x) for words, x in sides.items()}
+    assert abs(slack[lost]) <= 1.1e-6
+    single = {w for w, s in slack.items() if abs(s) < 1e-9 and "coincide" not in w}
+    assert (lost in single) == (off == 0)
+    found = {x.words: x for x in forms.loci if "coincide" not in x.words}
+    assert set(found) == {w for w, s in slack.items() if s > -1e-9 and sides[w][-1] > 0}
+    for words, locus in found.items():
+        assert locus.points_only == (words in single)
+        assert locus.witness is not None
+        assert locus.witness.converged
+    if off == 0:
+        assert "isolated points" in str(found[lost])
+        if at is not None:
+            turned = np.array(found[lost].witness.inputs) - at
+            np.testing.assert_allclose(np.sin(turned / 2), 0, atol=1e-9)
+
+
+def test_an_isolated_point_is_found_along_its_lines_too():
+    model = planar_tree(
+        {
+            "one": ((-0.1, 0.0), [("q1", 0.2), ("b1", 0.3)]),
+            "two": ((0.1, 0.0), [("q2", 0.2), ("b2", 0.3)]),
+        }
+    )
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
+    found = analyze_mechanism(mechanism, [np.pi, 0.0])
+    assert found.state.input_ratio < 1e-12
+    assert [c.passed for c in found.checks] == [True, True]
+
+
+def test_cranks_on_one_axis_meet_along_a_line():
+    """Ends that coincide at equal angles, whatever these are: no isolated points."""
+    model = planar_tree(
+        {
+            "one": ((0.0, 0.0), [("q1", 0.2), ("b1", 0.3)]),
+            "two": ((0.0, 0.0), [("q2", 0.2), ("b2", 0.3)]),
+        }
+    )
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
+    (meet,) = [x for x in loop_forms(mechanism).loci if "coincide" in x.words]
+    assert not meet.points_only
+    assert float(meet.equation([0.7, 0.7])) == pytest.approx(0, abs=1e-12)
+
+
 def test_regular_points_are_on_no_locus(rng):
     mechanism = shipped("five_bar")
     forms = loop_forms(mechanism)

@@ -13,7 +13,7 @@ from pinsing._types import Array
 from pinsing.bounds.conditions import Conditions
 from pinsing.bounds.two_sided import two_sided
 from pinsing.errors import OptionError
-from pinsing.families import closed_form
+from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.proximity.watched import Forms, require_forms_of, watch
 from pinsing.robot.arm import Arm
@@ -105,7 +105,7 @@ class Nearness:
             If they are of another arm, or there is no family at all.
         """
         if forms is None:
-            forms = closed_form(arm)
+            forms = form_to_measure(arm)
         require_forms_of(forms, arm)
         watched = watch(forms)
         if not watched.names:
@@ -126,11 +126,15 @@ class Nearness:
 
     def add(self, tally: Tally, first: int, Q: Array, engine: str) -> None:
         """Count the bounds at configurations Q (N, n) with numbers from ``first`` on."""
+        tally.add(first, *self.bounds(Q, engine))
+
+    def bounds(self, Q: Array, engine: str) -> tuple[Array, Array]:
+        """Return the upper and lower bounds (N,) at configurations Q (N, n)."""
         compiled = engine != PINOCCHIO
         found = two_sided(
             self.conditions, Q, compiled=compiled, threads=1, isa=engine if compiled else None
         )
-        tally.add(first, found.upper, found.lower)
+        return found.upper, found.lower
 
     def spread(self, tally: Tally, locate: Callable[[int], Array]) -> ClearanceSpread:
         """Turn a tally that has seen something into a result."""

@@ -283,7 +283,7 @@ def mechanism_map(
         Q, ruled_out = draw_closed(loops, driven, over, min(_CHUNK, count - start), rng, known)
         closed += len(Q)
         impossible += ruled_out
-        outside = mechanism.space.outside(Q).any(axis=1) if len(Q) else np.zeros(0, dtype=bool)
+        outside = mechanism.space.unreachable(Q).any(axis=1) if len(Q) else np.zeros(0, dtype=bool)
         beyond += int(outside.sum())
         Q = Q[~outside]
         if not len(Q):

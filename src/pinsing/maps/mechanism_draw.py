@@ -82,7 +82,7 @@ def draw_closed(
         Q = mechanism.space.fold(Q)
         # One beyond a limit is kept until it is found within it another way.
         out[left[done]], kept[left[done]] = Q[done], True
-        done &= ~mechanism.space.outside(Q).any(axis=1)
+        done &= ~mechanism.space.unreachable(Q).any(axis=1)
         left = left[~done]
     return out[kept], impossible
 
@@ -121,7 +121,7 @@ def known_closed(loops: BatchLoops) -> Array:
         # Starts within narrow limits lead nowhere; those that told the ranks did.
         spare = random_closed(mechanism, _SPARE, rng) + near_home(mechanism)
         Q = mechanism.space.fold(np.array(spare).reshape(-1, mechanism.n))
-    inside = Q[~mechanism.space.outside(Q).any(axis=1)]
+    inside = Q[~mechanism.space.unreachable(Q).any(axis=1)]
     return inside if len(inside) >= _FEW else Q
 
 

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
+from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.kinematics.evaluator import Evaluator, run_identity
@@ -31,7 +32,14 @@ from pinsing.runs.chunk_file import Record
 from pinsing.runs.execute import planned_evaluator, running
 from pinsing.runs.options import Progress, RunOptions, Tell
 from pinsing.runs.tally import Tally
-from pinsing.runs.tally_check import TALLY, check_names, check_tally, finite, tally_room
+from pinsing.runs.tally_check import (
+    TALLY,
+    check_names,
+    check_tally,
+    check_values,
+    finite,
+    tally_room,
+)
 
 MEASURES = ("sigma", "clearance")
 """What a map measures."""
@@ -92,6 +100,14 @@ class MapJob:
         check_tally(record, self.plan.worst, stop - start, start, stop)
         if self.keep_values:
             finite(record, "sigma", (stop - start, self.evaluator.rank))
+
+        def locate(number: int) -> Array:
+            return np.asarray(rows_of(self.plan, number, number + 1)[0])
+
+        check_values(record, locate, self.evaluator.last_and_ratio)
+        if self.near is not None:
+            near, engine = self.near, self.evaluator.engine
+            check_values(clearance_part(record), locate, lambda Q: near.bounds(Q, engine))
 
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""

@@ -58,7 +58,7 @@ def distinct(mechanism: Mechanism, found: Sequence[Array]) -> list[Array]:
     marks: list[Array] = []
     for q in found:
         q = mechanism.space.fold(q)
-        if mechanism.space.outside(q).any():
+        if mechanism.space.unreachable(q).any():
             continue
         mark = likeness(mechanism, q)
         if not any(same(mark, other) for other in marks):

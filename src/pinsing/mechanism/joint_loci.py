@@ -362,14 +362,13 @@ def _together(ring: Ring, factors: Sequence[Poly]) -> list[Poly]:
         joints = ring.joints_of(factor)
         if len(joints) == 1 and not ring.prismatic[joints[0]]:
             (j,) = joints
-            y = ring.context.names()[ring.variables(j)[1]]
             if int(factor.total_degree()) % 2:
                 if j in halves:
                     out.append(halves.pop(j) * factor)
                 else:
                     halves[j] = factor
                 continue
-            if not real_roots(factor.subs({y: 1}), ring.variables(j)[0], ring):
+            if not real_roots(factor, j, ring):
                 continue
         out.append(factor)
     return [*out, *halves.values()]

@@ -150,7 +150,7 @@ def _grouped(mechanism: Mechanism, leg: Leg, mine: Bool, solutions: list[Array])
     groups: list[tuple[Array, list[Array]]] = []
     for q in solutions:
         q = mechanism.space.fold(q)
-        if mechanism.space.outside(q)[mine].any():
+        if mechanism.space.unreachable(q)[mine].any():
             continue
         mark = likeness(mechanism, q, leg.joints, pose=False)
         for other, members in groups:

@@ -12,7 +12,7 @@ common divisor leaves out what the order alone brings in.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field
 from fractions import Fraction
 from typing import Any, ClassVar
@@ -34,6 +34,7 @@ from pinsing.serialization import JsonResult
 _EXACT = 1e-12
 _DENOMINATOR = 10**9
 _WITNESS_SEED = 6151
+_TRIED = 60
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,7 +51,8 @@ class Locus:
         Zero on the locus; joints are the inputs. Its value is in square metres: the squared
         distance that must equal a squared reach, minus that.
     points_only : bool
-        Whether its real points are isolated (two cranks ends that coincide).
+        Whether its real points are isolated, of codimension 2: the ends of two cranks that
+        coincide, or a reach that is met at one point alone, with everything in line.
     witness : SingularPoint or None
         A verified configuration on it; None where no feasible one was found.
     """
@@ -260,18 +262,27 @@ def _loci(
     system: _LoopEquations, kind: str, leg: int | None, eliminated: Poly, sense: int = 0
 ) -> list[Locus]:
     """The factors that have real points; ``sense`` as in `_LoopEquations.in_line`, 0 for either."""
-    ring = system.ring
-    coincide = system.v[0] ** 2 + system.v[1] ** 2
+    ring, dyad = system.ring, system.dyad
+    square = system.v[0] ** 2 + system.v[1] ** 2
+    apart = bool(np.any(dyad.sides[0].pivot != dyad.sides[1].pivot))
+    extremes = _extremes(dyad, leg)
     out = []
     for factor in ring.factors(eliminated):
         form = system.equation(factor)
-        _, remainder = divmod(coincide, factor)
-        points_only = kind == "type 2" and remainder == 0
-        witness = _witness(system.dyad, kind, leg, form, points_only, sense)
-        words = _words(system.dyad, kind, leg, witness, points_only)
-        if witness is not None or _has_real_points(form):
-            metric = _metric(system.dyad, form, leg, words)
-            out.append(Locus(kind, words, metric, points_only, witness))
+        coincide = kind == "type 2" and divmod(square, factor)[1] == 0
+        lowest, highest, touching = _range(form, extremes)
+        # Where the ends coincide, rods of different lengths do not close.
+        if lowest > 0 or highest < 0 or (coincide and system.rods[0] != system.rods[1]):
+            continue
+        # It touches zero only where all is in line or two ends meet: at single points if both
+        # inputs and the distance of their pivots count, else all along one of the inputs.
+        single = lowest == 0 or highest == 0
+        points_only = apart and (coincide or (single and len(form.involved) == 2))
+        candidates = touching if points_only else _on(form, extremes)
+        witness = _witness(dyad, kind, leg, candidates, points_only, sense)
+        words = _words(dyad, kind, leg, witness, coincide)
+        metric = _metric(dyad, form, leg, words)
+        out.append(Locus(kind, words, metric, points_only, witness))
     return out
 
 
@@ -292,14 +303,26 @@ def _metric(dyad: Dyad, form: Equation, leg: int | None, words: str) -> Equation
     return form.scaled(target / size) if target > 1e-12 else form
 
 
-def _candidates(dyad: Dyad, form: Equation, points_only: bool) -> Iterator[Array]:
-    """Inputs on a locus, found as they are asked for: most often the first will do."""
-    n = len(dyad.mechanism.inputs)
-    if points_only:
-        yield from _coincident(dyad)
-        return
-    rng = np.random.default_rng(_WITNESS_SEED)
-    for base in rng.uniform(-np.pi, np.pi, (60 if n > 1 else 1, n)):
+def _range(form: Equation, extremes: Array) -> tuple[float, float, Array]:
+    """Least and largest value, zero where that is rounding, and the extremes on the locus."""
+    n = len(form.joints)
+    tried = np.random.default_rng(_WITNESS_SEED).uniform(-np.pi, np.pi, (_TRIED, n))
+    values = form(np.concatenate([extremes, tried]))
+    values[np.abs(values) <= _EXACT * form.size] = 0.0
+    if n == 1 and len(roots(form, [0.0], 0)):
+        values = np.append(values, 0.0)
+    touching = extremes[values[: len(extremes)] == 0]
+    return float(values.min()), float(values.max()), touching
+
+
+def _on(form: Equation, extremes: Array) -> Iterator[Array]:
+    """Inputs on a locus, found as they are asked for: most often the first will do.
+
+    Lines along the inputs, random ones first; small loops lie about an extreme of the equation.
+    """
+    n = len(form.joints)
+    tried = np.random.default_rng(_WITNESS_SEED).uniform(-np.pi, np.pi, (_TRIED, n))
+    for base in np.concatenate([tried, extremes]) if n > 1 else tried[:1]:
         for free in range(n):
             for value in roots(form, base, free):
                 q = base.copy()
@@ -307,44 +330,47 @@ def _candidates(dyad: Dyad, form: Equation, points_only: bool) -> Iterator[Array
                 yield q
 
 
-def _has_real_points(form: Equation) -> bool:
-    rng = np.random.default_rng(_WITNESS_SEED)
-    n = len(form.joints)
-    return any(
-        len(roots(form, base, free))
-        for base in rng.uniform(-np.pi, np.pi, (60, n))
-        for free in range(n)
-    )
+def _extremes(dyad: Dyad, leg: int | None) -> Array:
+    """Inputs (k, n_a) at which the distance that decides on a locus is largest or least.
 
-
-def _coincident(dyad: Dyad) -> list[Array]:
-    """Inputs at which the ends of the two cranks meet."""
+    It is that of the ends of two arms that turn about the pivots: the cranks, for type 1 of a leg
+    its crank with the rod along it. It is stationary where both arms lie on the line of the
+    pivots, and least where the ends meet.
+    """
     first, second = dyad.sides
     gap = second.pivot - first.pivot
-    far = float(np.linalg.norm(gap))
-    l1, l2 = first.crank_length, second.crank_length
-    if far == 0 or not abs(l1 - l2) <= far <= l1 + l2:
-        return []
-    bend = float(np.arccos((far**2 + l1**2 - l2**2) / (2 * far * l1)))
-    out = []
-    for turn in (bend, -bend):
-        q = np.zeros(len(dyad.mechanism.inputs))
-        angle = float(np.arctan2(gap[1], gap[0])) + turn
-        meet = first.pivot + l1 * np.array([np.cos(angle), np.sin(angle)])
-        for side in dyad.sides:
-            if side.crank is not None:
-                reach = meet - side.pivot
-                direction = float(np.arctan2(reach[1], reach[0])) - side.crank_angle
-                q[dyad.mechanism.actuated.index(side.crank)] = side.crank_sign * direction
-        out.append(q)
-    return out
+    far, along = float(np.linalg.norm(gap)), float(np.arctan2(gap[1], gap[0]))
+    found = [(along + a, along + b) for a in (0.0, np.pi) for b in (0.0, np.pi)]
+    for sense in (1, -1):
+        one, two = (
+            side.crank_length + (sense * side.rod_length if leg == k else 0.0)
+            for k, side in enumerate(dyad.sides)
+        )
+        if far > 0 and one != 0 and abs(abs(one) - abs(two)) <= far <= abs(one) + abs(two):
+            cosine = (far**2 + one**2 - two**2) / (2 * far * one)
+            bend = float(np.arccos(np.clip(cosine, -1, 1)))
+            for turn in (bend, -bend):
+                away = one * np.array([np.cos(turn), np.sin(turn)]) - [far, 0.0]
+                away = away if two > 0 else -away
+                found.append((along + turn, along + float(np.arctan2(away[1], away[0]))))
+    out = np.zeros((len(found), len(dyad.mechanism.inputs)))
+    for side, angle in zip(dyad.sides, np.array(found).T, strict=True):
+        if side.crank is not None:
+            k = dyad.mechanism.actuated.index(side.crank)
+            out[:, k] = side.crank_sign * (angle - side.crank_angle)
+    return np.pi - np.mod(np.pi - out, 2 * np.pi)
 
 
 def _witness(
-    dyad: Dyad, kind: str, leg: int | None, form: Equation, points_only: bool, sense: int
+    dyad: Dyad,
+    kind: str,
+    leg: int | None,
+    candidates: Iterable[Array],
+    points_only: bool,
+    sense: int,
 ) -> SingularPoint | None:
     mechanism = dyad.mechanism
-    for inputs in _candidates(dyad, form, points_only):
+    for inputs in candidates:
         for q in dyad.close(inputs) or _touching(dyad, inputs):
             if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
                 continue
@@ -372,9 +398,9 @@ def _touching(dyad: Dyad, inputs: Array) -> tuple[Array, ...]:
 
 
 def _words(
-    dyad: Dyad, kind: str, leg: int | None, witness: SingularPoint | None, points_only: bool
+    dyad: Dyad, kind: str, leg: int | None, witness: SingularPoint | None, coincide: bool
 ) -> str:
-    if points_only:
+    if coincide:
         return "B1 and B2 coincide and P turns about them"
     one, two = _points(dyad)
     if leg is None:

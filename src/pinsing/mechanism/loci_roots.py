@@ -9,6 +9,7 @@ from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 
 _EXACT = 1e-12
+_FLAT = 1e-6
 
 
 def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
@@ -32,20 +33,23 @@ def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
     found = np.roots(coefficients[::-1])
     angles = 2 * np.angle(found[np.abs(np.abs(found) - 1) < 1e-5])
     turn = frequency / 2
-    for _ in range(20):
+    for k in range(23):
         at = phase + np.multiply.outer(angles, turn)
         cos, sin = np.cos(at), np.sin(at)
         value = cos @ equation.cos + sin @ equation.sin
         slope = cos @ (equation.sin * turn) - sin @ (equation.cos * turn)
         going = (value != 0) & (np.abs(slope) > 1e-14 * equation.size)
-        if not going.any():
-            break
+        if k >= 20:
+            # Newton stalls at half the digits of a double root, which is a single one of the slope.
+            going = np.abs(slope) <= _FLAT * equation.size
+            bend = -cos @ (equation.cos * turn**2) - sin @ (equation.sin * turn**2)
+            going &= np.abs(bend) > _FLAT * equation.size
+            value, slope = slope, bend
         angles[going] -= value[going] / slope[going]
     angles = np.pi - np.mod(np.pi - angles, 2 * np.pi)
     Q = np.tile(base, (len(angles), 1))
     Q[:, free] = angles
     out: list[float] = []
-    # At a double root Newton stalls at half the digits.
     for angle in angles[np.abs(equation(Q)) <= 1e-12 * equation.size].tolist():
         if all(abs(np.sin((angle - other) / 2)) > 1e-7 for other in out):
             out.append(angle)

@@ -239,7 +239,7 @@ def home(mechanism: Mechanism) -> Array:
 def home_outside(mechanism: Mechanism) -> str:
     """Which limits home breaks, in words; empty where it keeps them all."""
     q = home(mechanism)
-    outside = np.flatnonzero(mechanism.space.outside(q))
+    outside = np.flatnonzero(mechanism.space.unreachable(q))
     if not len(outside):
         return ""
     named = ", ".join(
@@ -271,7 +271,7 @@ def _home(mechanism: Mechanism) -> Array:
         found, error = gauss_newton(loops, mechanism.home.copy(), free)
         if error <= CLOSED:
             found = mechanism.space.fold(found)
-            if not mechanism.space.outside(found).any():
+            if not mechanism.space.unreachable(found).any():
                 return found
             spare.append(found)
     rng = np.random.default_rng(_SEED)
@@ -279,18 +279,18 @@ def _home(mechanism: Mechanism) -> Array:
     for start in rng.uniform(low, high, (_HOME_STARTS, mechanism.n)):
         found, error = gauss_newton(loops, start, masks[1])
         found = mechanism.space.fold(found)
-        if error <= CLOSED and not mechanism.space.outside(found).any():
+        if error <= CLOSED and not mechanism.space.unreachable(found).any():
             return found
     # Where few of the poses are within the limits: many starts, all at once.
     Q, size = newton(
         BatchLoops(mechanism), rng.uniform(low, high, (_MORE_STARTS, mechanism.n)), masks[1]
     )
     for q in Q[size <= _POINT]:
-        if mechanism.space.outside(mechanism.space.fold(q)).any():
+        if mechanism.space.unreachable(mechanism.space.fold(q)).any():
             continue
         found, error = gauss_newton(loops, q, masks[1])
         found = mechanism.space.fold(found)
-        if error <= CLOSED and not mechanism.space.outside(found).any():
+        if error <= CLOSED and not mechanism.space.unreachable(found).any():
             return found
     if not spare:
         spare = random_closed(mechanism, 30, np.random.default_rng(_SEED))

@@ -213,7 +213,7 @@ class _Grid:
         inside = np.zeros_like(self.solved)
         margin = np.full(self.solved.shape, np.nan)
         Q = space.fold(self.q[self.solved])
-        inside[self.solved] = ~space.outside(Q).any(axis=1)
+        inside[self.solved] = ~space.unreachable(Q).any(axis=1)
         room = np.minimum(Q - space.lower, space.upper - Q) / space.metric
         margin[self.solved] = room.min(axis=1)
         return inside, margin
@@ -237,7 +237,7 @@ class _Grid:
                 gap = np.abs(way.mechanism.space.wrap(Q - Q0)) / way.mechanism.space.metric
                 ok &= gap.max(axis=1) <= far
             if within:
-                ok &= ~way.mechanism.space.outside(Q).any(axis=1)
+                ok &= ~way.mechanism.space.unreachable(Q).any(axis=1)
             ok[ok] &= self._alike(here[ok, 0], Q[ok])
             c = here[ok]
             self.q[c[:, 0], c[:, 1], c[:, 2]] = Q[ok]

@@ -232,7 +232,7 @@ def _check_starts(starts: int) -> None:
 
 
 def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: int) -> Modes:
-    inside = [q for q in found if not mechanism.space.outside(q).any()]
+    inside = [q for q in found if not mechanism.space.unreachable(q).any()]
     beyond = len(found) - len(inside)
     modes = _ordered([_solution(mechanism, q, 1) for q in inside], mechanism)
     what = noun(problem, len(modes))

@@ -159,7 +159,7 @@ def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[Singu
     out: list[SingularPoint] = []
     marks: list[Array] = []
     for point in found:
-        if mechanism.space.outside(point.q, _SAME).any():
+        if mechanism.space.unreachable(point.q, _SAME).any():
             continue
         mark = likeness(mechanism, point.q)
         for k, (other, seen) in enumerate(zip(marks, out, strict=True)):
