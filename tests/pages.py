@@ -139,10 +139,7 @@ class Reader:
 
 @pytest.fixture
 def reader(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Reader:
-    """A reader in an empty folder, not in a clone, and with patience."""
+    """A reader in an empty folder, not in a clone."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("COLUMNS", "100")
-    # What is shown as proven must not hang on how busy the machine is.
-    monkeypatch.setattr("pinsing.families.proving.SHORT", 60.0)
-    monkeypatch.setattr("pinsing.families.proving.SHORT_ON_CLOCK", (60.0, 60.0))
     return Reader()

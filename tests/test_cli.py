@@ -225,10 +225,43 @@ class TestAt:
         assert State.from_json(strict).status == "regular"
 
     def test_likely_degrees_are_questioned(self):
-        done = run("at", "ur5", "--q", "0,-90,90,0,0,0")
+        q = ("--q", "0,-90,90,0,0,0")
+        commands = [
+            ("at", "ur5", *q),
+            ("line", "ur5", *q, "--to", "0.3,0.2,0.5"),
+            ("postures", "ur5", *q),
+            ("view", "ur5", *q, "--html", "never.html"),
+            ("sweep", "ur5", "--special", "0,90"),
+            ("suggest", "ur5", "--near", q[1]),
+        ]
+        for words in commands:
+            done = run(*words)
+            assert done.exit_code == 2, words
+            assert "-90 rad is -14.3 turns" in done.stderr or "90 rad is 14.3" in done.stderr, words
+            assert "add --deg" in done.stderr
+            assert "add --rad" in done.stderr
+        assert "add --deg" not in run("at", "ur5", *q, "--deg").stderr
+        insisted = run("at", "ur5", *q, "--rad", "--json", "-")
+        assert insisted.exit_code == 0
+        assert State.from_json(insisted.stdout).q[1] == -90
+
+    def test_a_value_outside_its_limits_is_named_with_them(self):
+        done = run("at", "ur5", "--q", "9,-1,1,0.5,1,0")
         assert done.exit_code == 0
-        assert "add --deg" in done.stderr
-        assert "add --deg" not in run("at", "ur5", "--q", "0,-90,90,0,0,0", "--deg").stderr
+        words = "shoulder_pan_joint = 9 rad is outside its limits, -6.283 to 6.283 rad"
+        assert f"{words}; 2.71681 rad, whole turns aside, is within them" in done.stderr
+        assert "9 rad (outside its limits" in " ".join(done.stdout.split())
+        degrees = run("at", "ur5", "--q", "0,0,181,0,0,0", "--deg").stderr
+        assert "elbow_joint = 181° is outside its limits, -180 to 180°" in degrees
+
+    def test_a_plain_clearance_is_in_the_unit_of_the_command(self, tmp_path):
+        file = tmp_path / "path.csv"
+        file.write_text("0.1,-1.2,1.3,-1.6,-1.4,0.3\n0.1,-1.2,1.3,-1.6,-1.3,0.3\n")
+        done = run("check", "ur5", str(file), "--near", "5")
+        assert done.exit_code == 2
+        assert "write 5deg or 5rad" in done.stderr
+        degrees = run("check", "ur5", str(file), "--near", "5", "--deg", "--json", "-")
+        assert json.loads(degrees.stdout)["near"] == pytest.approx(np.radians(5))
 
     def test_options_choose_the_arm(self):
         done = run(

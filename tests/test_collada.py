@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+import xml.etree.ElementTree as ET
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,10 +13,12 @@ import pytest
 
 import pinsing
 from pinsing.description import collada as references
-from pinsing.view import painted
+from pinsing.view import collada as collada_reader
+from pinsing.view import meshes
 from pinsing.view.collada import NotPlainError, read_collada
-from pinsing.view.links import read_links
-from pinsing.view.painted import Painted, as_object, read_painted
+from pinsing.view.links import draw_links, read_links
+from pinsing.view.meshes import Mesh, read_meshes
+from pinsing.view.painted import Painted, as_object
 from pinsing.view.record import Recorder
 
 HEAD = '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
@@ -125,6 +129,12 @@ def test_meshes_of_robots_are_those_that_assimp_reads() -> None:
         assert np.sort(np.ptp(every, axis=0)) == pytest.approx(np.sort(np.ptp(vertices, axis=0)))
 
 
+def read_painted(file: Path) -> tuple[Painted, ...]:
+    mesh = read_meshes([file])[file]
+    assert isinstance(mesh, Mesh), mesh
+    return mesh.painted
+
+
 def test_rounding_and_the_cache_keep_the_shape(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -135,7 +145,7 @@ def test_rounding_and_the_cache_keep_the_shape(
         back = part.vertices[:, :3] * part.step + np.array(part.middle)
         assert np.abs(back - exact.vertices).max() <= 0.51 * part.step
         assert np.abs(part.normals[:, :3] / 127 - exact.normals).max() < 0.01
-    monkeypatch.setattr(painted, "read_collada", lambda text: pytest.fail("it was kept"))
+    monkeypatch.setattr(meshes, "_ask_child", lambda *_: pytest.fail("it was kept"))
     for kept, part in zip(read_painted(file), fresh, strict=True):
         assert (kept.middle, kept.step, kept.paint) == (part.middle, part.step, part.paint)
         assert np.array_equal(kept.vertices, part.vertices)
@@ -149,9 +159,53 @@ def test_a_cache_of_something_else_is_not_taken(
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path / "cache"))
     file = tmp_path / "square.dae"
     file.write_text(collada())
-    monkeypatch.setattr(painted, "kept", lambda folder, key: (b'[{"vertices": 9}]', b"x"))
+    monkeypatch.setattr(meshes, "kept", lambda folder, key: (b'[{"vertices": 9}]', b"x"))
     (part,) = read_painted(file)
     assert len(part.faces) == 2
+
+
+def test_polygons_of_all_sizes_take_time_by_their_corners() -> None:
+    """One polygon of very many corners beside very many triangles."""
+    corners, triangles = 200_000, 200_000
+    index = " ".join(["0 0 1 0 2 0 3 0"] * (corners // 4) + ["0 0 1 0 2 0"] * triangles)
+    shape = POLYGON.replace("<vcount>4", f"<vcount>{corners}" + " 3" * triangles)
+    shape = shape.replace('count="1"', f'count="{triangles + 1}"')
+    begun = time.process_time()
+    (part,) = read_collada(collada(shape.replace("0 0 1 0 2 0 3 0", index)))
+    assert time.process_time() - begun < 10
+    assert len(part.faces) == corners - 2 + triangles
+    first = np.round(part.vertices[part.faces[:3]], 9).tolist()
+    a, b, c, d = [0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]
+    assert first == [[a, b, c], [a, c, d], [a, d, a]]
+
+
+def test_one_geometry_used_very_often_is_refused() -> None:
+    use = "<instance_geometry url='#g'/>"
+    shape = POLYGON.replace("<vcount>4", "<vcount>" + "4 " * 10_000).replace(
+        "0 0 1 0 2 0 3 0", "0 0 1 0 2 0 3 0 " * 10_000
+    )
+    text = collada(shape).replace("</node>", use * 50_000 + "</node>")
+    begun = time.process_time()
+    with pytest.raises(NotPlainError, match="too large"):
+        read_collada(text)
+    assert time.process_time() - begun < 30
+
+
+def test_no_collada_file_is_parsed_in_this_process(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A stranger's file may be made to take any time: a child with limits reads it."""
+    monkeypatch.setenv("PINSING_CACHE", "")
+    monkeypatch.setattr(ET, "parse", lambda *_: pytest.fail("parsed here"))
+    monkeypatch.setattr(collada_reader, "read_collada", lambda _: pytest.fail("parsed here"))
+    links = read_links(pinsing.load("panda"))
+    recorder = Recorder()
+    assert draw_links(recorder.visualizer(), links) == ()
+    assert recorder.packed().count(b"MeshPhongMaterial") > 20
+    monkeypatch.setattr(meshes, "SECONDS_EACH", 1.0)
+    file = tmp_path / "slow.dae"
+    file.write_text(collada(POLYGON.replace("0 0 1 0 2 0 3 0", "0 0 1 0 2 0 3 0 " * 3_000_000)))
+    assert "is not read within 1 s" in str(read_meshes([file])[file])
 
 
 def test_each_paint_of_a_link_is_drawn() -> None:

@@ -1,13 +1,17 @@
-"""The oldest dependencies that are allowed are those that are tested."""
+"""What the sources import is declared, and its oldest versions are those that are tested."""
 
 from __future__ import annotations
 
+import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+
+import pinsing
 
 ROOT = Path(__file__).parent.parent
 OLDEST = ROOT / ".github" / "oldest.txt"
@@ -42,7 +46,52 @@ def test_set_up_installs_what_the_project_names():
     named = {k: re.findall(r'"([^"]+)"', v) for k, v in lists.items()}
     assert needed() == named["dependencies"]
     own = [r for r in named["test"] if not r.startswith("pinsing[")]
-    users = named["cluster"] + named["descriptions"] + named["diagnosis"]
+    users = named["cluster"] + named["descriptions"]
     assert sorted(needed("test")) == sorted(named["dependencies"] + own + users)
     more = [r for r in named["dev"] if not r.startswith("pinsing[")] + named["docs"]
     assert sorted(needed("dev")) == sorted(needed("test") + more)
+
+
+# The packages whose modules have other names than themselves.
+PROVIDER = {
+    "flint": "python-flint",
+    "mpl_toolkits": "matplotlib",
+    "pil": "pillow",
+    "pinocchio": "pin",
+    "umsgpack": "u-msgpack-python",
+    "yaml": "pyyaml",
+}
+# Imported by a call of import_module, which the walk does not see.
+BY_NAME = {"example-robot-data": "files alone", "meshcat": "pinsing.view.drawing"}
+
+
+def imported(tree: ast.AST) -> Iterator[str]:
+    """Packages that code imports when it runs, within functions too."""
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            yield from imported(ast.Module(node.orelse, []))
+        elif isinstance(node, ast.Import):
+            yield from (alias.name.partition(".")[0] for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            yield str(node.module).partition(".")[0]
+        else:
+            yield from imported(node)
+
+
+def test_the_walk_sees_imports_within_functions_and_none_for_types():
+    code = (
+        "import a.b\nif TYPE_CHECKING:\n import c\nelse:\n import d\ndef f():\n from e.g import h"
+    )
+    assert set(imported(ast.parse(code))) == {"a", "d", "e"}
+
+
+@pytest.mark.skipif(not OLDEST.exists(), reason="not a checkout of the repository")
+def test_all_that_the_sources_import_is_declared_and_nothing_else():
+    """What comes only because something else needs it may stop to come."""
+    sources = Path(pinsing.__file__).parent.rglob("*.py")
+    names = {n for path in sources for n in imported(ast.parse(path.read_text(encoding="utf-8")))}
+    names -= {*sys.stdlib_module_names, "pinsing"}
+    used = {PROVIDER.get(name.lower(), name.lower()) for name in names}
+    declared = {re.split("[<>=]", requirement)[0].lower() for requirement in needed()}
+    assert used - declared == set()
+    assert declared - used == set(BY_NAME)

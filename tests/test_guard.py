@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from singular_sets import Joint, arm_of, build, closed
+from singular_sets import ROBOTS, Joint, arm_of, build, closed
 from tiers import tiered
 
 import pinsing
@@ -136,8 +136,8 @@ def configurations(form: ClosedForm, count: int, seed: int = 0) -> Array:
 
 def sliding_form() -> tuple[Arm, ClosedForm]:
     """d3^2 + 0.5 d3 cos q2 - 0.3 = 0 and q5 = 0.2, and d3 = 0.1 or both, in a Stanford arm."""
-    arm = arm_of("stanford").with_task(length_scale=0.4)
-    form = pinsing.closed_form(arm)
+    arm = pinsing.load("stanford", units="rad", length_scale=0.4)
+    form = pinsing.closed_form(arm, prove=False)
     frequencies, powers = np.zeros((2, 3, 6), dtype=np.int64)
     powers[:2, 2], frequencies[1, 1] = (2, 1), 2
     equation = Equation(
@@ -157,7 +157,8 @@ def sliding_form() -> tuple[Arm, ClosedForm]:
 def case(name: str) -> tuple[Arm, ClosedForm]:
     if name == "slides":
         return sliding_form()
-    return arm_of(name), closed(name)
+    arm = pinsing.load(**ROBOTS[name], units="rad")
+    return arm, pinsing.closed_form(arm, prove=False)
 
 
 def compare(arm: Arm, form: ClosedForm, found: CGuard, count: int) -> None:
@@ -234,8 +235,8 @@ def test_a_hundred_thousand_configurations_and_none_is_falsely_clear(
     tiered([("-O0",), ("-O3", "-march=native"), ("-Os", "-ffp-contract=off")], [("-O0",)]),
 )
 def test_other_optimisations(flags: tuple[str, ...], tmp_path: Path) -> None:
-    found = compiled(pinsing.export_guard(arm_of("z1"), forms=closed("z1")), tmp_path, *flags)
-    compare(arm_of("z1"), closed("z1"), found, 1000)
+    arm, form = case("z1")
+    compare(arm, form, compiled(pinsing.export_guard(arm, forms=form), tmp_path, *flags), 1000)
 
 
 @needs_gcc
@@ -456,7 +457,7 @@ def test_the_hash_is_that_of_the_numbers() -> None:
 
 def test_forms_of_two_tasks_and_of_another_arm() -> None:
     arm = arm_of("ur5")
-    both = [closed("ur5"), pinsing.closed_form(arm.with_task("position"))]
+    both = [closed("ur5"), pinsing.closed_form(arm.with_task("position"), prove=False)]
     text = pinsing.export_guard(arm, "python", forms=both)
     assert "'pose F1'" in text
     assert "'position F1'" in text
@@ -472,9 +473,9 @@ def test_forms_of_two_tasks_and_of_another_arm() -> None:
 
 def test_a_guard_of_two_tasks_is_as_sure_as_the_less_sure_one() -> None:
     arm = arm_of("ur5")
-    proven = pinsing.closed_form(arm, prove=True)
+    proven = pinsing.closed_form(arm)
     assert make_guard(arm, "c", forms=proven).word == "proven"
-    probable = pinsing.closed_form(arm.with_task("position"))
+    probable = pinsing.closed_form(arm.with_task("position"), prove=False)
     made = make_guard(arm, "c", forms=[proven, probable])
     assert made.word == "probable"
     assert made.complete
@@ -498,7 +499,7 @@ class TestCommand:
         done = run("export", "ur5", "--c", str(h), "--python", str(py))
         assert done.exit_code == 0, done.stderr
         assert f"wrote {h}" in done.stderr
-        proven = pinsing.closed_form(arm_of("ur5"), prove=True)
+        proven = pinsing.closed_form(arm_of("ur5"))
         assert h.read_text() == pinsing.export_guard(arm_of("ur5"), forms=proven)
         script = "import guard; print(guard.clearance([0, -1.2, 1.3, -1, -1.4, 0]) > 0.1)"
         said = subprocess.run(

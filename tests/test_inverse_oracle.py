@@ -242,7 +242,7 @@ class TestSteps:
         "name", ["ur5", "puma560", "kinova", "z1", "irb1400", "stanford", "talos_arm"]
     )
     def test_they_are_solutions_of_the_nominal_arm(self, name):
-        geometry = pinsing.nominal(pinsing.load(name))
+        geometry = pinsing.nominal(pinsing.load(name, units="rad"))
         arm = geometry.arm
         for q in arm.space.sample(5, np.random.default_rng(3), True):
             T = tip_placement(arm, q)

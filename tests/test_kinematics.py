@@ -352,7 +352,7 @@ def test_no_configuration_at_all():
 
 
 def test_continuous_joints_take_plain_angles(rng):
-    arm = load("kinova")
+    arm = load("kinova", units="rad")
     assert arm.model.nq == 9
     assert arm.n == 6
     assert np.isinf(arm.upper[[0, 3, 5]]).all()

@@ -180,7 +180,9 @@ def test_the_command(capsys: pytest.CaptureFixture[str]) -> None:
 
     code, out, _ = run("--to", "0.3,0.2,0.5")
     assert code == 0
-    assert out.startswith("The line is followed to its end")
+    assert out.startswith("The line is followed to its end, 0.3479 m. There q =")
+    _, fast, _ = run("--to", "0.3,0.2,0.5", "--speed", "3")
+    assert "m, but joints are too fast at 3 m/s. There q =" in " ".join(fast.split())
     code, out, _ = run("--to", "3,0,0")
     assert code == 0
     assert out.startswith("SINGULAR: the line ends after ")

@@ -123,7 +123,7 @@ def test_a_line_that_leaves_the_limits_has_postures_too(puma):
     assert not leaves(arm, other.q)
     arguments = ["line", "puma560", f"--q={','.join(map(str, q0))}"]
     run = CliRunner().invoke(command, [*arguments, f"--to={','.join(map(str, goal))}"])
-    assert "OUTSIDE: q4 leaves its limits at " in run.output
+    assert "OUTSIDE: q4 leaves its limits, " in run.output
     assert "of 7 others of the start, 1 would do:" in run.output
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from pinsing.algebra.budget import Budget
@@ -21,6 +22,7 @@ from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
 from pinsing.robot.load import load
+from pinsing.robot.task import parse_task
 
 SCRIPTS = Path(__file__).parent.parent / "scripts"
 GROUPS, CHAINS = 6, 10
@@ -52,6 +54,44 @@ def test_random_structured_chains_have_no_false_claim(oracle, chains, group):
     for seed in range(group, GROUPS * CHAINS, GROUPS):
         outcome = oracle.judged(chains.random_spec(seed), seed, seconds=1.0, points=2_000)
         assert outcome.verdict in ("complete", "not complete", "unconfirmed", "no motion"), outcome
+
+
+def test_the_oracle_of_real_points_moves_as_pinocchio_does(oracle, chains):
+    """Its Jacobians, of every task, and singular points of a chain with a known family."""
+    points = sys.modules["oracle_points"]
+    rng = np.random.default_rng(0)
+    for seed in range(30):
+        spec = chains.strange_spec(seed)
+        model = chains.arm_of(replace(spec, task="pose")).model
+        data, frame = model.createData(), model.getFrameId("tip")
+        q = rng.uniform(-3, 3, len(spec.rows))
+        J = pin.computeFrameJacobian(model, data, q, frame, pin.LOCAL_WORLD_ALIGNED)
+        pin.updateFramePlacements(model, data)
+        turned = data.oMf[frame].rotation[:, :2].T @ J[3:]
+        J = np.concatenate([J[:3], turned]) if spec.task == "tool-axis" else J[_rows(spec.task)]
+        assert points.jacobians(spec, q[None])[0] == pytest.approx(J, abs=1e-12)
+
+
+def _rows(task: str) -> list[int]:
+    return list(parse_task("pose" if task == "tool-axis" else task).rows)
+
+
+@pytest.mark.parametrize(
+    "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 20))]
+)
+def test_singular_points_that_newton_finds_are_on_families(oracle, chains, seed):
+    outcome = oracle.judged(chains.strange_spec(seed), seed, seconds=2.0, real=True)
+    assert outcome.verdict in ("complete", "not complete", "no motion"), outcome
+
+
+def test_a_family_that_is_dropped_is_noticed_by_real_points(oracle, chains):
+    rows = [chains.Row(0, 0, 0.2, 0), chains.Row(0, 0, 0.3, 90), chains.Row(0, 0, 0.2, 0)]
+    spec = chains.Spec(tuple(rows), "position")
+    form = closed_form(chains.arm_of(spec))
+    assert oracle.by_points(form, spec, 1, 0)[0] == "complete"
+    for i in range(len(form.families)):
+        less = replace(form, families=form.families[:i] + form.families[i + 1 :])
+        assert oracle.by_points(less, spec, 1, 0)[0] == "missed"
 
 
 @pytest.mark.slow

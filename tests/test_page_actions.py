@@ -174,10 +174,13 @@ def open_a_path(page: Any) -> None:
     bad = {"name": "bad.csv", "mimeType": "text/csv", "buffer": b"1,2,3"}
     page.locator("#path-file").set_input_files(bad)
     until(page, "#playing", "3 columns for 6 joints")
-    turned = {"name": "turned.csv", "mimeType": "text/csv", "buffer": b"0,-90,0.3,90,45,0"}
-    page.locator("#path-file").set_input_files(turned)
-    until(page, "#playing", "turned.csv: 1 sample, nearest: ")
-    until(page, "#playing", "some are outside the limits (radians and metres are expected)")
+    degrees = {"name": "degrees.csv", "mimeType": "text/csv", "buffer": b"0,-90,0.3,90,45,0"}
+    page.locator("#path-file").set_input_files(degrees)
+    until(page, "#playing", "= -90 makes sense in degrees only: write radians")
+    beyond = {"name": "beyond.csv", "mimeType": "text/csv", "buffer": b"0,7,0.3,0.2,0.7,0"}
+    page.locator("#path-file").set_input_files(beyond)
+    until(page, "#playing", "beyond.csv: 1 sample, nearest: ")
+    until(page, "#playing", "outside the limits: ")
 
 
 def look_at_parts(page: Any) -> None:

@@ -432,6 +432,29 @@ def test_a_path_with_a_huge_value_is_refused() -> None:
 
 
 @needs_node
+def test_a_path_in_degrees_is_refused() -> None:
+    tried = """(m, {text, joints}) => {
+      try { return m.parseTrajectory(text, joints); } catch (error) { return error.message; }
+    }"""
+    limits = {"prismatic": False, "lower": -3.0, "upper": 3.0}
+    joints = [{"name": "a", **limits}, {"name": "b", **limits, "lower": None, "upper": None}]
+    said = run(tried, {"text": "1,2\n-90,2\n", "joints": joints})
+    assert said == "line 2: a = -90 makes sense in degrees only: write radians"
+    assert run(tried, {"text": "7,400", "joints": joints}) == [[7, 400]]  # outside; without limits
+
+
+@needs_node
+def test_limits_are_judged_as_in_python() -> None:
+    arm = load("ur5")
+    data, _ = engine(arm)
+    for value in (9.0, 2 * np.pi, 2 * np.pi + 1e-6, -7.0, 0.3):
+        q = [value, -1.0, 1.0, 0.5, 1.0, 0.0]
+        frame = run("(m, {data, q}) => m.frameAt(data, q)", {"data": data, "q": q})
+        beyond = arm.joints[:1] if abs(value) > 6.283186 else ()
+        assert tuple(frame["outside"]) == at(arm, q).outside == beyond
+
+
+@needs_node
 def test_what_is_missing_everywhere_is_counted_as_in_python() -> None:
     """Five joints and a pose task: one of the two motions is missing wherever it stands."""
     arm = load("so101")

@@ -146,7 +146,7 @@ def test_every_true_zero_is_marked_with_the_arm_alone() -> None:
     Q[:, 1] = fine
     f = shoulder(Q)
     assert len(mark.get_xdata()) == (f[:-1] * f[1:] < 0).sum() >= 2
-    said = " ".join(text.get_text() for text in ax.texts)
+    said = ax.get_legend().get_title().get_text()
     assert "rests at" in said
     assert "$q_{1}$ = " in said
     with pytest.raises(OptionError, match="other joints"):

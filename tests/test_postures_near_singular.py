@@ -140,7 +140,7 @@ class TestInverseThatStalls:
 
 
 def test_a_joint_held_outside_its_limits_stays_there_and_is_flagged():
-    arm = arm_of("iiwa14")
+    arm = pinsing.load("iiwa14", units="rad")
     q = np.array([0.1, 0.5, 0.3, -1, 0.2, 0.7, 0.4])
     pose = pose_of(arm, q)
     found = inverse(arm, pose, fixed={arm.joints[2]: 0.3 + 4 * np.pi})

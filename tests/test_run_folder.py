@@ -184,6 +184,11 @@ WRONG: dict[str, Callable[[dict[str, np.ndarray]], dict[str, np.ndarray]]] = {
     "a histogram of nothing": lambda r: change(r, "ratio_counts", r["ratio_counts"] * 0),
     "a histogram of another shape": lambda r: change(r, "ratio_counts", [BLOCK]),
     "a histogram elsewhere": lambda r: change(r, "sigma_bins", r["sigma_bins"] + 1),
+    "another worst configuration": lambda r: change(
+        r, "worst_index", np.sort(r["worst_index"]) // BLOCK * BLOCK + np.arange(20)
+    ),
+    "another sigma of the worst": lambda r: change(r, "worst_sigma", r["worst_sigma"] * 1.001),
+    "another place of the largest": lambda r: change(r, "index", r["index"] // BLOCK * BLOCK),
     "text": lambda r: change(r, "worst_sigma", ["a"] * 20),
     "large numbers": lambda r: change(r, "index", np.full((2, 2), 2**62)),
 }

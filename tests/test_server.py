@@ -22,6 +22,7 @@ import pytest
 
 from pinsing.view.door import Listener
 from pinsing.view.messages import LONGEST, BadMessage, read_message
+from pinsing.view.page import asset, meshcat_script, static_html
 from pinsing.view.server import _FAREWELL, Server
 
 SECONDS = 120
@@ -316,7 +317,7 @@ def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None
     held = []
     for _ in range(8):
         held.append(socket.create_connection(("127.0.0.1", server.port), timeout=5))
-    assert [what_comes(link) for link in held[5:]] == [b""] * 3
+    assert [what_comes(link) for link in held[:3]] == [b""] * 3  # the oldest make room
     for link in held:
         link.close()
     until = time.monotonic() + 10
@@ -329,6 +330,52 @@ def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None
         tab.link.close()
     server.close()
     assert not caplog.records
+
+
+HALF = {
+    "nothing": b"",
+    "half a line": b"GET /",
+    "half a header": b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\n",
+    "half a body": b"POST / HTTP/1.1\r\nHost: 127.0.0.1\r\nContent-Length: 9\r\n\r\nx",
+}
+
+
+@pytest.mark.parametrize("kind", HALF)
+def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any, kind: str) -> None:
+    monkeypatch.setattr("pinsing.view.door._MOST_LINKS", 40)
+    monkeypatch.setattr("pinsing.view.server._REQUEST_SECONDS", 1.5)
+    server = Server(Stage(), b"scene")
+    tab = Tab(server)
+    held = []
+    for _ in range(60):
+        held.append(socket.create_connection(("127.0.0.1", server.port), timeout=10))
+        held[-1].sendall(HALF[kind])
+    begun = time.monotonic()
+    for _ in range(3):
+        assert raw(server, f"/{token(server)}/")[0] == 200
+    assert time.monotonic() - begun < 1
+    for link in held:  # a slow one is dropped,
+        what_comes(link)
+    assert time.monotonic() - begun < 8
+    until = time.monotonic() + 5
+    while server._http is None or server._http._held:
+        assert time.monotonic() < until
+        time.sleep(0.01)
+    tab.send('{"id":4,"want":"start"}')  # a page is not
+    assert tab.read()["id"] == 4
+    for link in (*held, tab.link):
+        link.close()
+    server.close()
+
+
+def test_the_viewer_comes_with_the_licences_of_what_is_in_it(server: Server) -> None:
+    static = static_html("page", {}, b"", b"")
+    for text in (static, server._site.texts["meshcat.js"][1]):
+        for words in ("2010-2021 three.js authors", "Robin Deits", "Apache License", "AS IS"):
+            assert words in text
+    code = meshcat_script()
+    assert code.startswith("/*\n")
+    assert code.index("*/") == len("/*\n" + asset("licences.txt"))  # the comment ends where it must
 
 
 def test_a_process_out_of_files_says_nothing_and_takes_up_again(monkeypatch: Any) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
 from pinsing.cli import app
 
@@ -162,3 +163,56 @@ def test_no_command_ends_with_1_where_nobody_takes_its_output(
             said = [x for x in done.stderr.splitlines() if x.startswith("pinsing: error: ")]
             assert len(said) == (done.returncode == 2), done.stderr
             assert all(x.startswith("pinsing: ") for x in done.stderr.splitlines())
+
+
+@pytest.mark.parametrize("limit", [30_000, 60_000, 150_000, 300_000, 500_000])
+def test_a_memory_limit_is_said_in_one_line(limit: int) -> None:
+    line = f'ulimit -v {limit}; "$0" -m pinsing "$@"'
+    words = [sys.executable, "info", "planar3r"]
+    done = subprocess.run(
+        ["bash", "-c", line, *words], capture_output=True, text=True, timeout=120, check=False
+    )
+    if limit <= 30_000 and "pinsing" not in done.stderr:
+        pytest.skip("Python itself does not start")
+    assert done.returncode == 2
+    (said,) = done.stderr.splitlines()
+    assert said.startswith("pinsing: error: memory is limited to ") or "out of memory" in said
+    assert said.endswith("raise the limit (ulimit -v)")
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        MemoryError(),
+        RuntimeError("std::bad_alloc"),
+        RuntimeError("can't start new thread"),
+        ImportError("libcoal.so: failed to map segment from shared object"),
+    ],
+)
+def test_running_out_of_memory_is_one_line(
+    error: Exception, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from pinsing.robot import load
+
+    def fail(*_: object, **__: object) -> None:
+        raise error
+
+    monkeypatch.setattr(load, "_read", fail)
+    done = CliRunner().invoke(app.command, ["info", "planar3r"])
+    assert done.exit_code == 2
+    assert done.stderr.splitlines() == [
+        "pinsing: error: out of memory: ask for less, or close other programs"
+    ]
+
+
+def test_any_other_error_is_not_taken_for_too_little_memory(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from pinsing.robot import load
+
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("a fault of ours")
+
+    monkeypatch.setattr(load, "_read", fail)
+    done = CliRunner().invoke(app.command, ["info", "planar3r"])
+    assert isinstance(done.exception, RuntimeError)

@@ -229,7 +229,7 @@ def test_each_number_of_the_details_has_a_unit() -> None:
             unit = "m" if slides else turning
             assert re.search(rf"(-?[0-9.e+]+) {unit}(/s)? at t = .* {unit}(/s)?\),", line), line
         assert any(line.split(":")[0].strip() == arm.joints[2] for line in lines)
-    assert "tip speed 1 (m/s, rad/s)" in details(check)
+    assert "tip speed of 1 (m/s, rad/s)" in details(check)
 
 
 class TestTheWholeRobotsColumns:
@@ -334,6 +334,49 @@ def test_other_bad_files(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> 
         error = capsys.readouterr().err
         assert words in error
         assert error.count("error:") == 1
+
+
+def test_the_first_line_says_the_worst() -> None:
+    arm = arm_of("ur5")
+    Q, t = path(51, (-1.4, -0.4))
+    away = np.array([7.0, 0, 0, 0, 0, 0])
+
+    def first(Q: Array, t: Array | None, **options: object) -> str:
+        return summary(check_trajectory(arm, Q, t, forms=closed("ur5"), **options)).split("\n")[0]  # type: ignore[arg-type]
+
+    assert first(Q, t) == "Meets no singular configuration: 51 samples, proven in between."
+    assert "but exceeds joint speed limits:" in first(Q, t / 100)
+    assert "but leaves joint limits:" in first(Q + away, t)
+    assert "but comes within 30° of one:" in first(Q, t, near=np.radians(30))
+    abrupt = first(Q, t, acceleration_limits=np.full(6, 1e-9))
+    assert "but exceeds joint acceleration limits:" in abrupt
+    crossed, t = path(51, (-1.0, 1.0))
+    both = first(crossed + away, t)
+    assert both.startswith("SINGULAR once (F2)")
+    assert both.endswith("; also leaves joint limits.")
+
+
+def test_what_a_tip_speed_would_take_is_not_said_of_the_motion() -> None:
+    Q, t = path(51, (-1.4, -0.1))
+    text = summary(check_trajectory(arm_of("ur5"), Q, t, forms=closed("ur5"), near=0.01))
+    line = text.split("\n")[3]
+    assert line.startswith("The motion keeps joint limits and speed limits; in the worst direction")
+    assert "limits are kept" not in text
+
+
+def test_a_file_in_degrees_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    Q, t = path(51, (-1.4, -0.4))
+    file = tmp_path / "degrees.csv"
+    np.savetxt(file, np.column_stack([t, np.degrees(Q)]), delimiter=",")
+    assert run("check", "ur5", file) == 2
+    said = capsys.readouterr()
+    assert "sample 1: shoulder_lift_joint = " in said.err
+    assert "add --deg" in said.err
+    assert "SINGULAR" not in said.out
+    assert run("check", "ur5", file, "--deg") == 0
+    assert capsys.readouterr().out.startswith("Meets no singular configuration: 51 samples")
+    assert run("check", "ur5", file, "--rad") == 0
+    assert "leaves joint limits" in " ".join(capsys.readouterr().out.split())
 
 
 # The command --------------------------------------------------------------------------------

@@ -278,7 +278,7 @@ def test_an_address_that_is_no_pose_is_told(page: Any, static: Path) -> None:
         assert page.locator("#refused").is_visible()
     page.evaluate("() => { location.hash = 'q=6.5,0.5,0.1,0.2'; }")
     page.wait_for_function("() => document.getElementById('refused').hidden")
-    assert "but for whole turns" in text(page, "#outside")
+    assert "outside the limits" in text(page, "#outside")
     assert page.locator(".joint.beyond").count() == 1
 
 

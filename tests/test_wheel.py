@@ -14,6 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from pinsing.cli.commands import COMMANDS
+from pinsing.cli.plot import KINDS
+
 ROOT = Path(__file__).parent.parent
 # What scripts/demo and scripts/setup call. No compiler, no CMake, nothing else.
 PROGRAMS = (
@@ -91,6 +94,59 @@ def runs(pinsing: Path, alone: dict[str, str], folder: Path) -> None:
     assert (folder / "page.html").stat().st_size > 500_000
 
 
+ARM = """name: wenger
+convention: standard
+units: {angle: deg, length: m}
+rows:
+  - {alpha: -90, a: 1, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
+  - {alpha: 90, a: 2, d: 1, theta: 0, type: revolute, limits: [-180, 180]}
+  - {alpha: 0, a: 1.5, d: 0, theta: 0, type: revolute, limits: [-180, 180]}
+"""
+Q, OTHER = "0,-1,1,0,1,0", "0.3,-1.2,1.2,0,0.8,0"
+CALLS = (
+    *("info ur5", "list", "at ur5 --q " + Q),
+    *("analyze planar3r", "analyze five_bar --loops", "families ur5 --certificate proof.json"),
+    *("families planar_3rrr --loops", "verify proof.json", "sweep planar3r"),
+    *("map ur5 --count 1000", "map five_bar --loops --count 1000", "suggest ur5"),
+    *("check ur5 path.csv", f"line ur5 --q {Q} --to 0.3,0.2,0.5", "aspects scara"),
+    *(
+        f"postures ur5 --q {Q}",
+        "cuspidal scara --poses 2",
+        "export ur5 --c guard.h --python guard.py",
+    ),
+    *("view stanford --html arm.html", "view five_bar --loops --html five_bar.html"),
+    *("report planar3r -o arm.report.html", "report planar_3rrr --loops -o loops.report.html"),
+    f"dh {ROOT / 'urdf/scara.dh.yaml'} -o scara.urdf",
+    *("plot curves stanford", "plot map scara --over q1,q2", "plot ellipsoids ur5"),
+    *("plot locus ur5 --family F3", f"plot along ur5 --q={Q} --q={OTHER}"),
+    *(
+        "plot workspace planar3r --task position",
+        "plot aspects ur5 --over elbow_joint,wrist_2_joint",
+    ),
+    *("plot solutions arm.dh.yaml --task position", "plot curves five_bar --loops"),
+    *("plot map planar_3rpr --loops", "plot map delta --loops", "plot map five_bar --loops"),
+    *("plot map four_bar --loops", "plot ellipsoids delta --loops", "plot modes five_bar --loops"),
+)
+"""Every command, and every kind of plot, for arms and for mechanisms."""
+
+
+def every_command_runs(pinsing: Path, alone: dict[str, str], folder: Path) -> None:
+    """Nothing is missing that a command imports on the way; refusals are said, in one line."""
+    called = [call.split() for call in CALLS]
+    assert {words[0] for words in called} == set(COMMANDS)
+    assert {words[1] for words in called if words[0] == "plot"} == set(KINDS)
+    (folder / "path.csv").write_text("\n".join([Q, OTHER]) + "\n")
+    (folder / "arm.dh.yaml").write_text(ARM)
+    wrong = []
+    for number, words in enumerate(called):
+        if words[0] == "plot":
+            words += ["-o", f"figure{number}.png"]
+        said = run([pinsing, *words], alone, folder)
+        if said.returncode != 0 or "Traceback" in said.stderr:
+            wrong.append((" ".join(words), said.returncode, said.stderr[-400:]))
+    assert wrong == []
+
+
 def test_a_wheel_and_the_demo_run_where_there_is_no_compiler(tmp_path):
     """One test, so that what it installs is installed once.
 
@@ -110,6 +166,7 @@ def test_a_wheel_and_the_demo_run_where_there_is_no_compiler(tmp_path):
     )
     assert done.returncode == 0, done.stderr
     runs(place / "bin/pinsing", alone, tmp_path / "elsewhere")
+    every_command_runs(place / "bin/pinsing", alone, tmp_path / "elsewhere")
 
     done = run([tree / "scripts/demo"], alone, tree)
     assert done.returncode == 0, done.stderr

@@ -75,6 +75,12 @@ _LOUD_WORDS = re.compile(rf"\b({'|'.join(_LOUD)})\b")
 _HEAD = re.compile(r" *(?:\d+  )?")  # an indent, and the number in a list
 
 
+def listed(words: Sequence[str]) -> str:
+    """Return ``a, b and c``; an empty text for none."""
+    *head, last = words or [""]
+    return f"{', '.join(head)} and {last}" if head else last
+
+
 def unbroken(text: str) -> str:
     """A text whose spaces are no places to break a line at."""
     return text.replace(" ", _KEPT)

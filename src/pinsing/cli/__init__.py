@@ -11,7 +11,17 @@ from collections.abc import Sequence
 from types import FrameType
 from typing import NoReturn
 
-__all__ = ["main", "program"]
+__all__ = ["main", "memory_problem", "memory_refusal", "program"]
+
+_NO_MEMORY = (
+    "failed to map segment",  # of a shared library
+    "annot allocate memory",
+    "nable to allocate",
+    "can't start new thread",
+    "bad_alloc",
+)
+_LEAST_MEMORY = 512 * 2**20
+"""Address space that NumPy and Pinocchio need. Below that OpenBLAS ends the process by itself."""
 
 _STOPPED = 130
 _SAID = b"pinsing: stopped\n"
@@ -38,7 +48,14 @@ def program() -> NoReturn:
     heard = signal.getsignal(signal.SIGINT) is signal.default_int_handler
     if heard:  # else it is put off, as by nohup
         signal.signal(signal.SIGINT, _at_once)
-    from pinsing.cli.app import main as run
+    try:
+        from pinsing.cli.app import main as run
+    except (MemoryError, ImportError) as error:
+        said = memory_problem(error)
+        if not said:
+            raise
+        os.write(2, f"pinsing: error: {said}\n".encode())
+        os._exit(2)
 
     try:
         try:
@@ -56,6 +73,39 @@ def program() -> NoReturn:
         signal.signal(signal.SIGINT, signal.SIG_IGN)
         os.write(2, _SAID)
         sys.exit(_STOPPED)
+
+
+def memory_problem(error: BaseException) -> str:
+    """Return a sentence for an error that means too little memory, "" for any other."""
+    if not isinstance(error, MemoryError) and not any(x in str(error) for x in _NO_MEMORY):
+        return ""
+    limit = _memory_limit()
+    return (
+        "out of memory: ask for less, or close other programs"
+        if limit is None
+        else f"out of memory, which is limited to {limit >> 20} MiB: raise the limit (ulimit -v)"
+    )
+
+
+def memory_refusal() -> str:
+    """Return a sentence where a limit leaves too little memory to begin, "" otherwise."""
+    limit = _memory_limit()
+    if limit is None or limit >= _LEAST_MEMORY:
+        return ""
+    return (
+        f"memory is limited to {limit >> 20} MiB, and {_LEAST_MEMORY >> 20} MiB are needed: raise "
+        "the limit (ulimit -v)"
+    )
+
+
+def _memory_limit() -> int | None:
+    """Address space of this process in bytes; None where it is not limited."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 def _leave(code: Sequence[int]) -> None:

@@ -15,6 +15,7 @@ import click
 
 from pinsing._version import __version__
 from pinsing.atomic_write import why
+from pinsing.cli import memory_problem, memory_refusal
 from pinsing.cli.commands import COMMANDS, Commands
 from pinsing.cli.output import STOPPED, complain, say
 from pinsing.cli.running import WORDS
@@ -61,6 +62,11 @@ class PinsingGroup(click.Group):
         except (KeyboardInterrupt, click.Abort):
             say("stopped")
             return STOPPED
+        except (MemoryError, ImportError, RuntimeError, SystemError) as error:
+            said = memory_problem(error)
+            if not said:
+                raise
+            complain(said)
         return BAD_INPUT
 
     def make_context(
@@ -82,6 +88,8 @@ class PinsingGroup(click.Group):
         """Find the command, or name those that resemble it."""
         if args and not args[0].startswith("-") and self.get_command(ctx, args[0]) is None:
             raise UnknownNameError("command", args[0], self.list_commands(ctx))
+        if too_little := memory_refusal():
+            raise click.ClickException(too_little)
         return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -110,7 +118,7 @@ def command() -> None:
 
     \b
     Exit codes:  0  done
-                 1  done and singular (only with --fail-if-singular); verify: rejected
+                 1  done and singular (only with --fail-if-singular); verify: not accepted
                  2  bad input, or output that cannot be written
                130  stopped with Ctrl-C, or out of time: what is missing is said
                141  whoever reads the output has gone

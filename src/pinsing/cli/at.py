@@ -96,8 +96,8 @@ def at_command(
         rtol=SINGULAR_RTOL if rtol is None else rtol,
         near_rtol=NEAR_RTOL if near_rtol is None else near_rtol,
     )
-    for name in state.outside:
-        say(f"note: joint {name} is outside its limits")
+    for said in arm.space.outside_words(values, deg):
+        say(f"note: {said}")
     found = _distances(arm, values) if far else None
     data = state.to_dict()
     if found is not None:
@@ -115,11 +115,11 @@ def at_command(
 
 def _distances(arm: Arm, q: Array) -> Distances | None:
     """Distances to all families; none, and why, where closed forms are not to be had."""
-    from pinsing.families import closed_form
+    from pinsing.families.solve import form_to_measure
     from pinsing.proximity.distances import distances
 
     try:
-        form = closed_form(arm)
+        form = form_to_measure(arm)
     except PinsingError as error:
         say(f"note: no distances to families: {error}")
         return None

@@ -17,16 +17,18 @@ from pinsing.cli.running import run_progress
 from pinsing.cli.serving import show
 from pinsing.errors import OptionError
 
+_FOR_ASPECTS = 10.0
+"""Seconds for telling the aspects apart that a motion may change."""
 _ANGLE = re.compile(r"\s*([0-9.eE+-]+)\s*(deg|°|rad)?\s*")
 
 
-def angle(text: str, option: str) -> float:
-    """Radians from ``3deg``, ``0.05rad`` or ``0.05``.
+def angle(text: str, option: str, degrees: bool) -> float:
+    """Radians from ``3deg``, ``0.05rad``, or a plain number in the unit of the command.
 
     Raises
     ------
     OptionError
-        If it is no positive angle.
+        If it is no positive angle, or a plain number of radians is more than half a turn.
     """
     match = _ANGLE.fullmatch(text)
     try:
@@ -35,7 +37,10 @@ def angle(text: str, option: str) -> float:
         value = math.nan
     if not (value > 0 and math.isfinite(value)):
         raise OptionError(f"{option}: {text!r} is no positive angle such as 3deg or 0.05rad")
-    return math.radians(value) if match and match.group(2) in ("deg", "°") else value
+    unit = match.group(2) if match else None
+    if unit is None and not degrees and value > math.pi:
+        raise OptionError(f"{option} {text} is more than half a turn: write {text}deg or {text}rad")
+    return math.radians(value) if unit in ("deg", "°") or (degrees and not unit) else value
 
 
 @click.command("check")
@@ -102,10 +107,10 @@ def check_command(
 
     Example: pinsing check ur5 path.csv --deg --fail-within 3deg
     """
-    bound = angle(near, "--near")
+    bound = angle(near, "--near", deg)
     if plot is not None:
         check_figure(plot)
-    fail = None if fail_within is None else angle(fail_within, "--fail-within")
+    fail = None if fail_within is None else angle(fail_within, "--fail-within", deg)
     arm = request.load()
     from pinsing.families import closed_form
     from pinsing.proximity.trajectory import check_trajectory
@@ -128,10 +133,16 @@ def check_command(
             progress=progress,
         )
     if any(c.kind == "crossing" for c in check.crossings):
+        from pinsing.postures.aspects import aspects
         from pinsing.postures.motions import aspect_changes
 
-        found = aspect_changes(form, read.Q, read.t)
-        check = replace(check, aspect_changes=found)
+        found = aspects(form, not check.outside, seconds=_FOR_ASPECTS)
+        if found.proven:
+            changes = aspect_changes(form, read.Q, read.t, of=found)
+            check = replace(check, aspect_changes=changes)
+        else:
+            skipped = f"changes of aspect are left out: {_FOR_ASPECTS:g} s did not tell all apart"
+            check = replace(check, notes=(*check.notes, skipped))
     if plot is not None:
         off_screen()
         from pinsing.plot.clearance import clearance_along

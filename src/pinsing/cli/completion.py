@@ -203,5 +203,5 @@ def _computed(ctx: click.Context) -> Iterator[tuple[str, str | None]]:
         packages=dict(given.get("packages") or ()),
         xacro_args=dict(given.get("xacro_args") or ()),
     )
-    for family in closed_form(arm, seconds=_FAMILY_SECONDS).families:
+    for family in closed_form(arm, seconds=_FAMILY_SECONDS, prove=False).families:
         yield family.name, family.text

@@ -3,14 +3,19 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from pinsing.atomic_write import write_text
 from pinsing.cli.options import RobotRequest, arm_options
 from pinsing.cli.output import STDOUT, OutputFile, say
+from pinsing.cli.singularities import prove_option
 from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError
+
+if TYPE_CHECKING:
+    from pinsing.families.solve import Prove
 
 
 @click.command("export")
@@ -31,28 +36,16 @@ from pinsing.errors import OptionError
 @click.option(
     "--prefix", metavar="NAME", help="What names in C begin with.  [default: the robot's name]"
 )
-@click.option(
-    "--seconds",
-    type=float,
-    default=10.0,
-    show_default=True,
-    metavar="S",
-    help="Time for the closed form.",
-)
-@click.option(
-    "--prove/--no-prove",
-    default=None,
-    help="Look for a certificate that no family is missing, for up to a minute, or not at all.  "
-    "[default: for up to 2 s of processor time]",
-)
+@click.option("--seconds", type=float, metavar="S", help="Time for the closed form.  [default: 10]")
+@prove_option
 def export_command(
     request: RobotRequest,
     c: str | Path | None,
     python: str | Path | None,
     families: tuple[str, ...],
     prefix: str | None,
-    seconds: float,
-    prove: bool | None,
+    seconds: float | None,
+    prove: Prove,
 ) -> None:
     """Write the singular families of ROBOT as one file without dependencies.
 

@@ -14,13 +14,14 @@ import click
 from pinsing.cli.mechanism import families_loops, loops_option
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, fail_option, json_option
 from pinsing.cli.output import OutputFile, emit, emit_json, say
-from pinsing.cli.singularities import algebra_options
+from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError, RobotFileError
 from pinsing.prose import Page, is_terminal
 
 if TYPE_CHECKING:
     from pinsing.families import ClosedForm
+    from pinsing.families.solve import Prove
 
 _REDRAW_SECONDS = 0.1
 
@@ -42,12 +43,7 @@ _REDRAW_SECONDS = 0.1
     "joints.",
 )
 @algebra_options
-@click.option(
-    "--prove/--no-prove",
-    default=None,
-    help="Look for a certificate that no family is missing, for up to a minute, or not at all.  "
-    "[default: for up to 2 s of processor time]",
-)
+@prove_option
 @click.option(
     "--certificate",
     type=OutputFile(dash=False),
@@ -78,7 +74,7 @@ def families_command(
     symbolic: str | None,
     deg: bool,
     algebra: dict[str, Any],
-    prove: bool | None,
+    prove: Prove,
     certificate: Path | None,
     system: Path | None,
     chosen: tuple[str, ...],
@@ -90,7 +86,7 @@ def families_command(
     "proven": a certificate was found that nothing is missing, and the checker accepted it.
     "probable": nothing is known to be missing, but some steps were decided at random points of
     finite fields. "NOT complete": says what is missing. The answer comes first, a proof that
-    takes longer than 2 s of processor time after it.
+    takes longer than a second or two after it.
 
     With --loops, --prove looks at each leg of the mechanism as an arm (type 1 is a question about
     one leg), and --certificate NAME.json writes NAME_leg1.json, NAME_leg2.json and so on.
@@ -102,7 +98,7 @@ def families_command(
     if chosen and system is None:
         raise OptionError("--family goes with --system: it says which equations are written")
     if symbolic is not None:
-        if certificate is not None or prove or system is not None:
+        if certificate is not None or prove is True or system is not None:
             raise OptionError(
                 "--prove, --certificate and --system do not go with --symbolic: they need numbers"
             )
@@ -113,6 +109,7 @@ def families_command(
     from pinsing.families import prove as add_proof
     from pinsing.families.certainty import certainty
     from pinsing.families.form import families_text
+    from pinsing.families.proving import LONG
 
     def written(form: ClosedForm, undecided: bool = False) -> str:
         if latex:
@@ -122,13 +119,13 @@ def families_command(
     long = prove is True or certificate is not None
     with waiting() as step:
         step("looking for families")
-        found = closed_form(arm, **algebra, prove=False if prove is False else None)
+        found = closed_form(arm, **algebra, prove=prove and "auto")
     again = long and found.word != "proven"
     if json_target is None:
         emit(written(found, undecided=again))
     if again:
         with _progress() as progress:
-            found = add_proof(found, progress=progress)
+            found = add_proof(found, algebra.get("seconds", LONG), progress)
     if json_target is not None:
         if not emit_json(found, json_target):
             emit(written(found))
@@ -193,34 +190,45 @@ def _write(data: dict[str, Any] | None, reason: str, path: Path) -> None:
 @click.argument(
     "files", metavar="FILE.json...", nargs=-1, required=True, type=click.Path(path_type=Path)
 )
-def verify_command(files: tuple[Path, ...]) -> int:
+@click.option(
+    "--seconds",
+    type=click.FloatRange(min=0, min_open=True),
+    default=60.0,
+    show_default=True,
+    help="Time for each file.",
+)
+def verify_command(files: tuple[Path, ...], seconds: float) -> int:
     """Check certificates that `pinsing families --certificate` wrote.
 
-    Exits with 0 if the checker accepts all of them, with 1 if it rejects one, and says why in one
-    line each. The checker is pinsing/proof/checker.py, which also runs alone: it imports nothing
-    of pinsing.
+    Exits with 0 if the checker accepts all of them, with 1 if it rejects one or is not done in
+    time, and says why in one line each. The checker is pinsing/proof/checker.py, which also runs
+    alone: it imports nothing of pinsing.
     """
-    results = [_verified(file) for file in files]
+    results = [_verified(file, seconds) for file in files]
     for file, (_, text) in zip(files, results, strict=True):
         emit(text if len(files) == 1 else f"{file}: {text}")
     return 0 if all(accepted for accepted, _ in results) else 1
 
 
-def _verified(file: Path) -> tuple[bool, str]:
+def _verified(file: Path, seconds: float) -> tuple[bool, str]:
     """Whether a file is accepted, and what is said of it."""
+    from pinsing.algebra.apart import in_child
+    from pinsing.algebra.budget import Budget, BudgetExceeded
     from pinsing.proof.checker import LONGEST_FILE, Rejected, statement, verify
 
     started = time.perf_counter()
     try:
         with file.open(encoding="utf-8") as stream:
             text = stream.read(LONGEST_FILE + 1)
-        data = verify(text)
+        data = in_child(lambda: verify(text), Budget(seconds), seconds)
     except OSError as error:
         raise RobotFileError(error.strerror or "cannot be read", file) from None
     except UnicodeDecodeError:
         return False, "rejected: the file is no text"
     except Rejected as reason:
         return False, f"rejected: {reason}"
+    except BudgetExceeded:
+        return False, f"not verified within {seconds:g} s, or the memory that is allowed"
     took = 1e3 * (time.perf_counter() - started)
     return True, f"proven ({len(text) / 1e3:.1f} kB, checked in {took:.0f} ms): {statement(data)}"
 

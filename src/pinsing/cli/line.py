@@ -21,6 +21,7 @@ from pinsing.cli.options import (
 )
 from pinsing.cli.output import emit_json, emit_lines
 from pinsing.errors import OptionError
+from pinsing.prose import listed
 
 if TYPE_CHECKING:
     from pinsing.proximity.line import LineCheck, LinePosture
@@ -72,14 +73,14 @@ def line_command(
     if deg:
         pose[3:] = [math.radians(x) for x in pose[3:]]
     arm = request.load()
-    from pinsing.families import closed_form
+    from pinsing.families.solve import form_to_measure
     from pinsing.postures.lines import line_postures
     from pinsing.proximity.line import check_line
 
     start = joint_vector(arm, q, "--q", deg)
-    form = closed_form(arm)
+    form = form_to_measure(arm)
     line = check_line(arm, start, pose, speed, forms=form)
-    if line.outcome != "reached" or _stopped(line) or _left(line):
+    if line.outcome != "reached" or _stopped(line) or _left(line, deg):
         line = replace(line, postures=line_postures(arm, start, pose, forms=form))
     if not emit_json(line, json_target):
         emit_lines(_text(line, deg))
@@ -99,14 +100,28 @@ def _text(line: LineCheck, deg: bool) -> str:
         for x, turn in zip(line.q_end, turns, strict=True)
     )
     whole = f"{line.length:.6g}"
+    left = _left(line, deg)
+    met = line.outcome != "singular" and line.crossings
+    faults = [
+        words
+        for words, found in (
+            (f"it meets {met[0].family}" if met else "", met),
+            ("joints leave their limits", left),
+            (f"joints are too fast at {line.speed:g} m/s", line.too_fast),
+            (f"it comes within {math.degrees(line.near):.3g}° of a family", line.stretches),
+        )
+        if found
+    ]
+    but = ", but " * bool(faults) + listed(faults)
     lines = {
-        "reached": f"The line is followed to its end, {whole} m, at q = {q}.",
+        "reached": f"{'SINGULAR: the' if met else 'The'} line is followed to its end, {whole} m"
+        f"{but}. There q = {q}.",
         "singular": f"SINGULAR: the line ends after {line.s_end:.9g} of {whole} m on "
         f"{line.family}, at q = {q}; beyond it this posture has no solution.",
-        "undecided": f"NOT DECIDED: the line was followed for {line.s_end:.6g} of {whole} m, to "
-        f"q = {q}.",
+        "undecided": f"NOT DECIDED: the line was followed for {line.s_end:.6g} of {whole} m{but}. "
+        f"There q = {q}.",
     }[line.outcome]
-    out = [lines, *_left(line)]
+    out = [lines, *left]
     for c in line.crossings[:_LISTED]:
         if not (line.outcome == "singular" and c.t >= line.s_end - 1e-9):
             out.append(f"  {c.kind} {c.family} at {c.t:.6g} m")
@@ -140,14 +155,13 @@ def _text(line: LineCheck, deg: bool) -> str:
     return "\n".join(out)
 
 
-def _left(line: LineCheck) -> list[str]:
+def _left(line: LineCheck, deg: bool) -> list[str]:
     """Where joints leave their limits first."""
-    from pinsing.proximity.line import beyond_limits
-
-    beyond = beyond_limits(line.arm, line.q)
+    space = line.arm.space
     return [
-        f"OUTSIDE: {name} leaves its limits at {line.s[left.argmax()]:.4g} m"
-        for name, left in zip(line.arm.joints, beyond.T, strict=True)
+        f"OUTSIDE: {name} leaves its limits, {space.range_words(j, deg)}, at "
+        f"{line.s[left.argmax()]:.4g} m"
+        for j, (name, left) in enumerate(zip(space.names, space.outside(line.q).T, strict=True))
         if left.any()
     ]
 

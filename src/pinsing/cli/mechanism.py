@@ -20,6 +20,7 @@ from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing._types import Array
+    from pinsing.families.solve import Prove
     from pinsing.mechanism import MechanismAnalysis
     from pinsing.mechanism.leg_proofs import LegProof
     from pinsing.robot.load_mechanism import Mechanism
@@ -193,7 +194,7 @@ def families_loops(
     deg: bool = False,
     exact: bool = False,
     latex: bool = False,
-    prove: bool | None = None,
+    prove: Prove = "auto",
     certificate: Path | None = None,
     system: Path | None = None,
     chosen: tuple[str, ...] = (),
@@ -220,7 +221,7 @@ def families_loops(
     joints = joint_forms(mechanism)
     tell_of_limits(mechanism)
     proven: tuple[LegProof, ...] = ()
-    if prove or certificate is not None:
+    if prove is True or certificate is not None:
         from pinsing.mechanism.leg_proofs import leg_proofs
 
         proven = leg_proofs(mechanism, **({} if seconds is None else {"seconds": seconds}))

@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 import click
 from click.core import ParameterSource
@@ -42,6 +42,7 @@ class RobotRequest:
     packages: dict[str, str]
     xacro_args: dict[str, str]
     tool_axis: str | None = None
+    units: Literal["rad"] | None = None
 
     def load(self, quiet: bool = False) -> Arm:
         """Load the arm, and tell on stderr what was assumed."""
@@ -57,6 +58,7 @@ class RobotRequest:
             packages=self.packages,
             xacro_args=self.xacro_args,
             tool_axis=self.tool_axis,
+            units=self.units,
         )
         if not quiet:
             for note in arm.notes:
@@ -165,9 +167,10 @@ def arm_options(command: F) -> F:
         for value in rest.values():
             if isinstance(value, Path) and _same_file(value, robot):
                 raise OutputError(f"cannot write {value}: it is the robot itself")
-        asked = click.get_current_context().get_parameter_source("task")
-        if tool_axis is not None and asked is ParameterSource.DEFAULT:
+        source = click.get_current_context().get_parameter_source
+        if tool_axis is not None and source("task") is ParameterSource.DEFAULT:
             task = "tool-axis"
+        said = source("deg") is ParameterSource.COMMANDLINE
         request = RobotRequest(
             robot,
             tip,
@@ -178,13 +181,18 @@ def arm_options(command: F) -> F:
             dict(packages),
             dict(xacro_args),
             tool_axis,
+            "rad" if said else None,
         )
         return command(request, **rest)
 
     return wrapper  # type: ignore[return-value]
 
 
-deg_option = click.option("--deg", is_flag=True, help="Angles in degrees, typed and printed.")
+deg_option = click.option(
+    "--deg/--rad",
+    help="Angles in degrees, typed and printed; or in radians, even where they only make sense in "
+    "degrees.",
+)
 
 json_option = click.option(
     "--json",
@@ -253,17 +261,8 @@ def joint_vector(arm: Arm, text: str, what: str, degrees: bool) -> Array:
     """
     import numpy as np
 
-    q = arm.check(parse_numbers(text, what, degrees))
-    if degrees:
-        return np.where(arm.prismatic, q, np.radians(q))
-    far = np.flatnonzero(~arm.prismatic & (np.abs(q) > 4 * np.pi))
-    if far.size:
-        i = int(far[0])
-        say(
-            f"note: joint {i + 1} at {q[i]:g} rad is {q[i] / (2 * np.pi):.1f} turns; for degrees "
-            "add --deg"
-        )
-    return q
+    q = arm.check(parse_numbers(text, what, degrees), what)
+    return np.where(arm.prismatic, q, np.radians(q)) if degrees else q
 
 
 def whole_number(text: str, what: str) -> int:

@@ -42,7 +42,7 @@ def aspects_command(
     from pinsing.families import closed_form
     from pinsing.postures.aspects import aspects
 
-    found = aspects(closed_form(arm, prove=True), limits=not ignore_limits)
+    found = aspects(closed_form(arm), limits=not ignore_limits)
     if not emit_json(found, json_target):
         emit_lines(found.text(deg))
 
@@ -90,7 +90,7 @@ def postures_command(
     from pinsing.families import closed_form
     from pinsing.postures.changes import posture_changes
 
-    form = closed_form(arm, prove=True)
+    form = closed_form(arm)
     found = posture_changes(
         arm, joint_vector(arm, q, "--q", deg), forms=form, limits=not ignore_limits
     )
@@ -131,6 +131,6 @@ def cuspidal_command(
     from pinsing.families import closed_form
     from pinsing.postures.cuspidal import cuspidality
 
-    found = cuspidality(arm, forms=closed_form(arm, prove=True), poses=poses, seed=seed)
+    found = cuspidality(arm, forms=closed_form(arm), poses=poses, seed=seed)
     if not emit_json(found, json_target):
         emit_lines(found.text(deg))

@@ -14,11 +14,12 @@ from pinsing.cli.figure import off_screen
 from pinsing.cli.mechanism import loops_option, read
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
 from pinsing.cli.output import STDOUT, OutputFile, say
-from pinsing.cli.singularities import algebra_options
+from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.errors import OptionError, OutputError
 
 if TYPE_CHECKING:
     from pinsing._types import Array
+    from pinsing.families.solve import Prove
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -34,14 +35,14 @@ def _report_loops(
     skeleton: bool = False,
     poses: tuple[str, ...] = (),
     deg: bool = False,
-    prove: bool | None = None,
+    prove: Prove = "auto",
     **options: Any,
 ) -> None:
     """``report --loops``: of a mechanism."""
     import numpy as np
 
     html, printed = _files(out, pdf)
-    if prove is not None:
+    if prove != "auto":
         raise OptionError("--prove does not go with --loops: there are certificates of arms only")
     mechanism = read(loops, options)
     sliding = mechanism.prismatic[list(mechanism.actuated)]
@@ -90,12 +91,7 @@ def out_options(command: F) -> F:
     shell_complete=completion.files,
     help="Judge this configuration too; repeatable.",
 )
-@click.option(
-    "--prove/--no-prove",
-    default=None,
-    help="Look for a certificate for up to a minute, or not at all.  "
-    "[default: for up to 2 s of processor time]",
-)
+@prove_option
 @algebra_options
 @deg_option
 def report_command(
@@ -105,7 +101,7 @@ def report_command(
     page: str,
     skeleton: bool,
     poses: tuple[str, ...],
-    prove: bool | None,
+    prove: Prove,
     algebra: dict[str, Any],
     deg: bool,
 ) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -35,8 +36,9 @@ def info_command(request: RobotRequest, deg: bool, json_target: str | Path | Non
             _show_chains(request)
         raise
     from pinsing.report.info import ROUNDING, describe
+    from pinsing.robot.second_reader import second_reading
 
-    info = describe(arm)
+    info = replace(describe(arm), second_reading=second_reading(arm))
     if emit_json(info, json_target):
         return
     page = Page.of()

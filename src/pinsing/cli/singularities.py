@@ -102,6 +102,17 @@ def algebra_options(command: F) -> F:
     return wrapper  # type: ignore[return-value]
 
 
+def prove_option(command: F) -> F:
+    """Add ``--prove``; the command gets ``prove`` as `closed_form` takes it."""
+    return click.option(
+        "--prove/--no-prove",
+        default=None,
+        callback=lambda ctx, param, value: "auto" if value is None else value,
+        help="Look for a certificate that no family is missing, for up to a minute (or --seconds), "
+        "or not at all.  [default: as far as a second or two of work leads]",
+    )(command)
+
+
 def sweep_options(quiet: bool = False) -> Callable[[F], F]:
     """Add the options of the sweep; they reach the command as keyword arguments of `sweep`.
 

@@ -60,7 +60,7 @@ def suggest_command(
         parse_numbers(near, "--near", deg)
     from pinsing.proximity.suggestion import REACH, suggest
 
-    radius = REACH if reach is None else angle(reach, "--reach")
+    radius = REACH if reach is None else angle(reach, "--reach", deg)
     arm = request.load()
     found = suggest(
         arm,

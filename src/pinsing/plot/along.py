@@ -115,7 +115,7 @@ def sigma_along(
     zero = ratio <= SINGULAR_RTOL
     if zero.any():
         ax.plot(t[zero], drawn[zero, -1], "o", color=SINGULAR, markersize=3.5, label="singular")
-    _mark_crossings(ax, met, places, t[-1] - t[0])
+    rows = _mark_crossings(ax, met, places, t[-1] - t[0])
     ax.set_yscale("log")
     ax.set_xlim(t[0], t[-1])
     ax.set_xlabel(
@@ -126,9 +126,13 @@ def sigma_along(
     ax.tick_params(labelsize=SMALL)
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
-    ax.set_title(plain(arm.name), fontsize=SMALL + 1, pad=16 if forms is not None else 6)
+    ax.set_title(plain(arm.name), fontsize=SMALL + 1, pad=6 + _ROW * rows)
     legend_below(ax, 4)
     return ax
+
+
+_ROW = 9
+"""Points from one row of families' names to the next."""
 
 
 def _path_length(arm: Arm, Q: Array) -> Array:
@@ -150,19 +154,23 @@ def _with_crossings(
     )
 
 
-def _mark_crossings(ax: Axes, met: Sequence[Crossing], places: Array, length: float) -> None:
-    """A line, and the family's name above it, wherever a family is met."""
-    last = -np.inf
+def _mark_crossings(ax: Axes, met: Sequence[Crossing], places: Array, length: float) -> int:
+    """Draw a line, and the family's name above it, wherever a family is met.
+
+    Names that would lie over one another stand in rows; returns how many rows there are.
+    """
+    ends: list[float] = []  # of the last name in each row
     for one, place in zip(met, places.tolist(), strict=True):
         ax.axvline(place, color=SINGULAR, linewidth=0.8, linestyle=":", zorder=1)
-        lifted = place - last < 0.06 * length
+        row = next((k for k, end in enumerate(ends) if place >= end), len(ends))
+        ends[row : row + 1] = [place + 0.025 * (1 + len(one.family)) * length]
         ax.annotate(
             one.family,
             (place, 1.0),
             xycoords=("data", "axes fraction"),
-            xytext=(0, 9 if lifted else 2),
+            xytext=(0, 2 + _ROW * row),
             textcoords="offset points",
             ha="center",
             fontsize=SMALL - 1,
         )
-        last = -np.inf if lifted else place
+    return len(ends)

@@ -144,29 +144,15 @@ def sigma_curves(
     ax.grid(color="0.9", linewidth=0.6)
     ax.set_axisbelow(True)
     held = ", ".join(_held(summary, name, value, degrees) for name, value in (fixed or {}).items())
-    rest = _rest(result, fixed or {}, degrees)
-    ax.set_title(
-        plain(summary.name) + (f", {held}" if held else ""),
-        fontsize=SMALL + 1,
-        pad=_ROOM if rest else 6,
-    )
-    if top is ax:
-        ax.annotate(
-            rest, (0.5, 1), xycoords="axes fraction", xytext=(0, 4), textcoords="offset points",
-            ha="center", va="bottom", fontsize=SMALL - 2,
-        )  # fmt: skip
-    else:  # the other axis stands above
-        ax.text(0.5, -0.5, rest, transform=ax.transAxes, ha="center", va="top", fontsize=SMALL - 2)
+    ax.set_title(plain(summary.name) + (f", {held}" if held else ""), fontsize=SMALL + 1)
     if top is not ax:  # one legend for both
         for line in top.get_lines():
             ax.plot([], [], color=line.get_color(), linestyle=line.get_linestyle(),
                     marker=line.get_marker(), label=line.get_label())  # fmt: skip
-    legend_below(ax, 4)
+    legend_below(ax, 4, title=_rest(result, fixed or {}, degrees))
     return ax
 
 
-_ROOM = 26
-"""Points between a title and the axes, for the line that says where joints rest."""
 _SAME = 1e-7
 """Values of a joint closer than this are one zero of a curve."""
 

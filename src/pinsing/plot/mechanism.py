@@ -81,9 +81,9 @@ def input_map(
     for reach, style in ((one + two, "-"), (abs(one - two), "--")):
         if reach > 0:
             _zero(ax, d(x), d(y), distance - reach, TYPE_2, style)
-    if abs(one - two) == 0:
-        for inputs in _coincident_inputs(mechanism):
-            ax.plot(*d(inputs), "o", color=TYPE_2, ms=5, mfc="white", zorder=4)
+    for kind, inputs in _isolated(mechanism, dyad):
+        color = TYPE_2 if kind == "type 2" else TYPE_1
+        ax.plot(*d(inputs), "o", color=color, ms=5, mfc="white", zorder=4)
     for value, style in _type_1(mechanism, dyad, q, closed):
         _zero(ax, d(x), d(y), value, TYPE_1, style)
     for axis, name, (low, high) in zip((ax.xaxis, ax.yaxis), mechanism.inputs, ranges, strict=True):
@@ -281,23 +281,22 @@ def is_left(mechanism: Mechanism, dyad: Dyad) -> bool:
     return assembly_sign(mechanism, dyad.configuration(inputs, True)) == "+"
 
 
-def _coincident_inputs(mechanism: Mechanism) -> list[Array]:
+def _isolated(mechanism: Mechanism, dyad: Dyad) -> list[tuple[str, Array]]:
+    """Kind and inputs of the loci that are single points."""
     forms: LoopForms | None = loop_forms(mechanism)
-    found = [] if forms is None else [x.witness for x in forms.loci if x.points_only and x.witness]
-    out = [p.inputs for p in found]
-    # The other intersection of the cranks' circles mirrors it about the line of the pivots.
-    dyad = planar_dyad(mechanism)
-    assert dyad is not None  # only a dyad has such points
+    loci = () if forms is None else forms.loci
+    out = [(x.kind, x.witness.inputs) for x in loci if x.points_only and x.witness]
+    # Mirrored about the line of the pivots it is another, or itself where all is in line.
     gap = dyad.sides[1].pivot - dyad.sides[0].pivot
     axis = float(np.arctan2(gap[1], gap[0]))
-    for p in list(out):
+    for kind, p in list(out):
         mirrored = np.zeros(2)
         for side in dyad.sides:
             assert side.crank is not None  # two inputs, two cranks
             i = mechanism.actuated.index(side.crank)
             angle = side.crank_sign * p[i] + side.crank_angle
             mirrored[i] = side.crank_sign * (2 * axis - angle - side.crank_angle)
-        out.append((mirrored + np.pi) % (2 * np.pi) - np.pi)
+        out.append((kind, (mirrored + np.pi) % (2 * np.pi) - np.pi))
     return out
 
 

@@ -121,9 +121,17 @@ def ticks(axis: Axis, low: float, high: float, slides: bool, degrees: bool = Fal
 
 
 def legend_below(
-    ax: Axes, columns: int = 2, *, at: tuple[float, float] | None = None, left: bool = False
+    ax: Axes,
+    columns: int = 2,
+    *,
+    at: tuple[float, float] | None = None,
+    left: bool = False,
+    title: str = "",
 ) -> None:
-    """Legend under the data and the label of the axis; or ``at`` shares of the axes."""
+    """Legend under the data and the label of the axis, or ``at`` shares of the axes.
+
+    A title, which says what holds for all curves, stands in its first lines.
+    """
     from matplotlib.transforms import ScaledTranslation
 
     handles, labels = ax.get_legend_handles_labels()
@@ -137,6 +145,8 @@ def legend_below(
             bbox_to_anchor=at or (-0.17 if left else 0.5, 0),
             bbox_transform=ax.transAxes if at else ax.transAxes + down,
             borderaxespad=0.5 if at else 0,
+            title=title or None,
+            title_fontsize=SMALL - 2,
             ncols=min(columns, len(handles)),
             fontsize=SMALL - 1,
             frameon=False,

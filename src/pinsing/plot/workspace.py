@@ -127,9 +127,9 @@ def _measured(arm: Arm, Q: Array, measure: str, forms: ClosedForm | None) -> tup
     if measure == "sigma":
         return singular_values(arm, Q)[:, -1], r"$\sigma_{\min}$, best there"
     if forms is None:
-        from pinsing.families import closed_form
+        from pinsing.families.solve import form_to_measure
 
-        forms = closed_form(arm)
+        forms = form_to_measure(arm)
     lower = np.degrees(quick(watch(forms), Q).lower)
     if not np.isfinite(lower).all():
         raise OptionError("clearance is infinite: no family of singular configurations is known")

@@ -204,7 +204,7 @@ class Aspects(JsonResult):
         Examples
         --------
         >>> import pinsing
-        >>> form = pinsing.closed_form(pinsing.load("stanford"), prove=True)
+        >>> form = pinsing.closed_form(pinsing.load("stanford"))
         >>> print(pinsing.aspects(form).text().splitlines()[0])
         8 aspects within the joint limits, proven
         """

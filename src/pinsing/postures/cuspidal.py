@@ -19,7 +19,7 @@ from pinsing.kinematics.task_rows import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.postures.aspects import Aspects, aspects
 from pinsing.postures.connection import SAME, Connection, connect
-from pinsing.postures.grounds import PRACTICAL, certified, missing, nearly
+from pinsing.postures.grounds import PRACTICAL, PROVEN, missing, nearly
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.regular_way import one_sheet, regular_way
@@ -222,7 +222,7 @@ def cuspidality(
                     )
                 if error <= _SAME_POSE and least < PRACTICAL and _ends(arm, way.path):
                     # Too thin for the bound: the families stand for it, by their certificate.
-                    sure = certified(arm, form)
+                    sure = form.word == PROVEN
                     said = [_THIN, *(notes if not sure else []), *nearly(arm, least)]
                     return _answer(
                         arm, found, CUSPIDAL, _CLEAR, way, error, least, most, k + 1, said, sure
@@ -234,7 +234,7 @@ def cuspidality(
             )
     nan = float("nan")
     if crowded:
-        sure = certified(arm, form)
+        sure = form.word == PROVEN
         said = [] if sure else notes
         return _answer(arm, found, CUSPIDAL, crowded, None, nan, nan, most, poses, said, sure)
     ladder = ladder_of(nominal(arm))

@@ -138,8 +138,9 @@ class Divided(CountedPiece):
     def _neighbours(self) -> tuple[Ints, Ints]:
         """Boxes that share a face, both ways, sorted."""
         a, b = self.found.edges
-        both = np.unique(np.stack([np.append(a, b), np.append(b, a)]), axis=1)
-        return both[0], both[1]
+        count = len(self.found.label)
+        both = np.unique(np.append(a, b) * count + np.append(b, a))  # as numbers: much faster
+        return both // count, both % count
 
     def route(self, component: int, a: Array, b: Array, clear: Clear) -> Array | None:
         """Through certain boxes, from middle to middle by way of the faces in between."""

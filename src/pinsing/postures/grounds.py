@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.families import ClosedForm, closed_form
+from pinsing.families import ClosedForm
 from pinsing.geometry.nominal import nominal
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.regular_way import columns, regular_way
@@ -43,10 +43,7 @@ def missing(forms: Forms) -> list[str]:
     if tried:
         return [f"that no family is missing is probable: no certificate ({tried[0].reason})"]
     if sureness(forms) == PROBABLE:
-        return [
-            "that no family is missing is probable: no certificate was asked for "
-            "(closed_form with prove=True)"
-        ]
+        return ["that no family is missing is probable: no certificate was looked for"]
     return []
 
 
@@ -78,14 +75,6 @@ def opposite(forms: Forms, a: Array, b: Array) -> bool:
 
 def _each(forms: Forms) -> list[ClosedForm]:
     return [forms] if isinstance(forms, ClosedForm) else list(forms)
-
-
-def certified(arm: Arm, form: ClosedForm) -> bool:
-    """Whether a closed form is proven to be complete, by a certificate that is made if need be."""
-    if not form.complete:
-        return False
-    proof = form.proof if form.proof is not None else closed_form(arm, prove=True).proof
-    return proof is not None and proof.accepted
 
 
 def nearly(arm: Arm, least: float) -> list[str]:

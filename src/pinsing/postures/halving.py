@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import time
 from collections.abc import Callable
 from typing import Protocol, TypeVar
@@ -15,6 +16,8 @@ DEEPEST = 14
 """How often boxes are halved at most."""
 MOST = 400_000
 """Boxes at which to stop."""
+_AT_ONCE = 4_096
+"""Boxes that are halved between two looks at the clock."""
 
 
 class Counted(Protocol):
@@ -53,7 +56,12 @@ def halved(
         return time.monotonic() > until or len(leaves.level) > most
 
     def split(which: Bool) -> Leaves:
-        return leaves.take(~which).with_more(classify(ground, *leaves.halves(which)))
+        left, more = which.copy(), list[Leaves]()
+        while left.any() and not (more and full()):  # what there is no time for stays whole
+            some = left & (np.cumsum(left) <= _AT_ONCE)
+            more.append(classify(ground, *leaves.halves(some)))
+            left &= ~some
+        return functools.reduce(Leaves.with_more, more, leaves.take(left | ~which))
 
     grid = np.stack(
         np.meshgrid(*(np.arange(k) for k in ground.first), indexing="ij"), axis=-1

@@ -10,13 +10,14 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import ClosedForm, closed_form
+from pinsing.families import ClosedForm
+from pinsing.families.solve import form_to_measure
 from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.postures.inverse import inverse
 from pinsing.postures.names import posture_names
-from pinsing.proximity.line import LinePosture, beyond_limits, check_line
+from pinsing.proximity.line import LinePosture, check_line
 from pinsing.robot.arm import Arm
 
 _ITSELF = 1e-6
@@ -63,7 +64,7 @@ def line_postures(
     here = arm.check_one(q0, "q0")
     if arm.n != generic_rank(arm) or arm.coupling is not None:
         return ()
-    form = closed_form(arm) if forms is None else forms
+    form = form_to_measure(arm) if forms is None else forms
     try:
         known = inverse(arm, tip_placement(arm, here).homogeneous)
     except OptionError:
@@ -79,7 +80,7 @@ def line_postures(
         except ConfigurationError:
             continue
         turned = _turned(arm, line.q)
-        inside = not beyond_limits(arm, line.q + turned).any()
+        inside = not arm.space.outside(line.q + turned).any()
         if itself and not (inside and turned.any()):
             continue
         clear = min((a.lower for a in line.approaches), default=float("inf"))

@@ -9,7 +9,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
-from pinsing.postures.aspects import Aspects, aspects, map_of
+from pinsing.postures.aspects import SECONDS, Aspects, aspects, map_of
 from pinsing.postures.names import posture_names
 from pinsing.proximity.crossings import crossings_of
 from pinsing.proximity.motion import check_times, motion_of
@@ -27,6 +27,7 @@ def aspect_changes(
     t: npt.ArrayLike | None = None,
     *,
     of: Aspects | None = None,
+    seconds: float = SECONDS,
 ) -> tuple[AspectChange, ...]:
     """Find where a motion changes its aspect.
 
@@ -44,6 +45,8 @@ def aspect_changes(
     of : Aspects, optional
         Aspects of the arm, if at hand; by default those within the limits where the motion is
         within them, else those of joints that turn endlessly.
+    seconds : float
+        Time for these; where it does not do, two numbers may be of one aspect.
 
     Returns
     -------
@@ -79,7 +82,7 @@ def aspect_changes(
         return ()
     if of is None:
         inside = (samples >= arm.lower - 1e-9) & (samples <= arm.upper + 1e-9)
-        of = aspects(forms, bool(inside.all()))
+        of = aspects(forms, bool(inside.all()), seconds=seconds)
     chosen = map_of(of, forms)
     met = crossings_of(chosen.cutting, motion_of(chosen.cutting, samples, times))
     span = max(float(times[-1] - times[0]), 1e-300)

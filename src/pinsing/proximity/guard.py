@@ -123,7 +123,7 @@ def make_guard(
         )
     if forms is not None:
         require_forms_of(forms, arm)
-    forms = closed_form(arm, prove=None) if forms is None else forms
+    forms = closed_form(arm) if forms is None else forms
     all_of_them = every_name(forms)
     watched = watch(forms, all_of_them if families is None else families)
     every = [forms] if isinstance(forms, ClosedForm) else list(forms)

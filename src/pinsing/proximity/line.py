@@ -12,7 +12,8 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import Branch, closed_form
+from pinsing.families import Branch
+from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.pose import read_pose
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.proximity.crossings import Crossing
@@ -218,9 +219,10 @@ def check_line(
     if q.ndim != 1:
         raise ConfigurationError(f"q0 is one configuration, got shape {q.shape}")
     if forms is None:
-        forms = closed_form(arm)
+        forms = form_to_measure(arm)
     require_forms_of(forms, arm)
     watched = watch(forms)
+    watched.require_angle(near, "near")
     line = Line.to(arm, q, read_pose(pose))
     if line.length < 1e-9:
         raise ConfigurationError("the line has no length: the tip is at the target already")
@@ -311,11 +313,6 @@ def _edge(s: Array, allowed: Array, i: int, side: int, speed: float) -> float:
     return float(s[k] + min(max(share, 0.0), 1.0) * (s[i] - s[k]))
 
 
-def beyond_limits(arm: Arm | ArmSummary, q: Array) -> npt.NDArray[np.bool_]:
-    """Which joints (N, n) of a track are beyond their limits: a track cannot skip whole turns."""
-    return np.asarray((q < arm.lower - 1e-9) | (q > arm.upper + 1e-9))
-
-
 def _notes(arm: Arm, line: Line, tracked: Tracked, outcome: str, complete: bool) -> tuple[str, ...]:
     notes = []
     longest = span(arm)
@@ -331,7 +328,7 @@ def _notes(arm: Arm, line: Line, tracked: Tracked, outcome: str, complete: bool)
             "the tracking stopped and no family is there: the posture may jump to another branch, "
             "or the target be out of reach"
         )
-    left = beyond_limits(arm, tracked.q).any(axis=0)
+    left = arm.space.outside(tracked.q).any(axis=0)
     notes += [f"{arm.joints[j]} leaves its limits" for j in np.flatnonzero(left)]
     if arm.prismatic.any():
         notes.append(metric_note(arm.length_scale))

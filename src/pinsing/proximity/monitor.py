@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from pinsing._batch import engine
 from pinsing._types import Array
-from pinsing.arguments import checked, real_numbers
+from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.bounds.contact import contact_along
 from pinsing.bounds.two_sided import two_sided
 from pinsing.errors import ConfigurationError, OptionError
@@ -151,12 +151,14 @@ class Monitor:
         if not horizon > 0:
             raise OptionError(f"horizon must be positive, got {horizon!r}")
         watched = watch(forms, every_name(forms) if families is None else families, weights)
+        if weights is None:
+            watched.require_angle(warn, "warn")
         self._watched = watched
         self.joints, self.names, self.complete = watched.joints, watched.names, watched.complete
         self.level = CLEAR
         self.warn, self.stop = float(warn), float(stop)
         self.hysteresis, self.horizon = float(hysteresis), float(horizon)
-        self._shape = (watched.n,)
+        self._shape: tuple[int, ...] = ()  # until the first q was looked at
         self._weight = None if bool((watched.weight == 1).all()) else watched.weight
         self._x, self._v, self._out = np.empty(watched.n), np.empty(watched.n), np.empty(4)
         self._handle = watched.conditions.compiled()
@@ -202,7 +204,8 @@ class Monitor:
         ------
         ConfigurationError
             If q or dq has the wrong length, holds something else than numbers, or a value that is
-            not finite; the joint is named.
+            not finite; the joint is named. Also if the first q, or one that changes the level,
+            makes sense in degrees only (see ``units`` of ``load``).
 
         Examples
         --------
@@ -237,7 +240,11 @@ class Monitor:
             or not self.complete
         ):
             level = WARN
-        self.level = level
+        if level != self.level:
+            watched, x = self._watched, self._x
+            if watched.arm is None or watched.arm.units is None:
+                watched.space.require_radians(x / watched.weight, "q", endless=False)
+            self.level = level
         name = self._listed[family]
         if dq is None:
             return Verdict(level, name, lower, upper, None, None, None)
@@ -250,17 +257,19 @@ class Monitor:
         if type(values) is np.ndarray and values.dtype == _FLOAT and values.shape == self._shape:
             into[:] = values
         elif not self._plain(values, into):
-            array = real_numbers(values, name)
+            array = real_numbers(columns_of(values, self.joints, name), name)
+            n = len(self.joints)
             if name == "q" and array.ndim == 1:
                 array = self._watched.check(array, name)
+                self._shape = (n,)
             elif name == "dq" and (arm := self._watched.arm) is not None:
                 whole = WholeModel(arm.source, arm.joints, arm.tip, arm.coupling)
                 array = whole.chain_dq(array, name)
-            if array.shape != self._shape:
+            if array.shape != (n,):
                 raise ConfigurationError(
-                    f"{name} needs {len(self.joints)} values for {', '.join(self.joints)}; got "
+                    f"{name} needs {n} values for {', '.join(self.joints)}; got "
                     f"shape {array.shape}",
-                    lengths=self._shape,
+                    lengths=(n,),
                 )
             into[:] = array
         if self._weight is not None:
@@ -268,7 +277,7 @@ class Monitor:
 
     def _plain(self, values: npt.ArrayLike, into: Array) -> bool:
         """Take a list or tuple of floats without further ado."""
-        if not isinstance(values, list | tuple) or len(values) != len(into):
+        if not isinstance(values, list | tuple) or (len(values),) != self._shape:
             return False
         if not all(type(value) is float for value in values):
             return False

@@ -14,7 +14,7 @@ from pinsing._types import Array, Bool
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.bounds.nearest import SearchOptions
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import closed_form
+from pinsing.families.solve import form_to_measure
 from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import ratios
 from pinsing.measures import NEAR_RTOL
@@ -196,7 +196,7 @@ def suggest(
     target = None if near is None else arm.check_one(near, "near")
     if forms is not None:
         require_forms_of(forms, arm)
-    watched = watch(closed_form(arm) if forms is None else forms, families)
+    watched = watch(form_to_measure(arm) if forms is None else forms, families)
     notes: list[str] = []
     room = _room(arm, watched, target, reach, notes)
     usable = _usable(arm, watched.complete)

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.arguments import checked
+from pinsing.arguments import checked, columns_of
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families import closed_form
+from pinsing.families.solve import form_to_measure
 from pinsing.notebook import one_line
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.motion import check_reach, check_times
@@ -161,7 +161,8 @@ def check_trajectory(
     arm : Arm
         A serial arm.
     Q : (N, n) or (N, nq) array_like
-        Samples, radians and metres; joints move linearly between them. A ``numpy.memmap`` is
+        Samples, radians and metres; joints move linearly between them. Of a table (pandas, Polars,
+        Arrow) the columns are found by the joints' names. A ``numpy.memmap`` is
         read in pieces, so that memory stays bounded.
     t : (N,) array_like, optional
         Seconds, ascending. Without them speeds are not judged, and t counts samples from 0.
@@ -202,10 +203,12 @@ def check_trajectory(
         raise OptionError(f"near must be positive, got {near!r}")
     if not tip_speed > 0:
         raise OptionError(f"tip_speed must be positive, got {tip_speed!r}")
-    watched = watch(closed_form(arm) if forms is None else forms, families)
+    watched = watch(form_to_measure(arm) if forms is None else forms, families)
     if watched.joints != arm.joints:
         raise OptionError("the closed form is of an arm with other joints")
-    samples = Q if isinstance(Q, np.ndarray) else np.asarray(Q, dtype=float)
+    watched.require_angle(near, "near")
+    table = columns_of(Q, arm.joints, "Q")
+    samples = table if isinstance(table, np.ndarray) else np.asarray(table, dtype=float)
     if samples.ndim == 2 and samples.shape[1] != arm.n:
         samples = arm.check(samples, "Q")
     if samples.ndim != 2:
@@ -234,6 +237,8 @@ def check_trajectory(
                 f"joint {arm.joints[j]!r} is {part[i, j]} in sample {low + i + 1} of {N}"
             )
         check_reach(watched, part, "sample", low + 1)
+        if arm.units is None:
+            arm.space.require_radians(part, "sample", first=low + 1, rows=len(part))
         passage.feed(times[low:high], part, first - low, last - low, last == N)
         speeds.feed(times[low:high], part, first - low, last - low)
         if progress is not None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from pinsing.prose import listed
 from pinsing.proximity.speeds import Excess
 from pinsing.proximity.trajectory import TrajectoryCheck
 
@@ -46,11 +47,11 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
             least = f"{_angle(s.clearance)} from {s.family}"
             lines.append(f"  t = {s.t:.6g} to {s.t_end:.6g}: at least {least}")
         lines += _more(len(check.stretches), False)
-    tip = f"tip speed {check.tip_speed:g} (m/s, rad/s)"
+    tip = f"a tip speed of {check.tip_speed:g} (m/s, rad/s)"
     for name, per, found in (
         ("joint speeds above their limits", "/s", check.too_fast),
         ("joint accelerations above the limits given", "/s²", check.too_abrupt),
-        (f"joint speeds that {tip} takes in the worst direction", "/s", check.costly),
+        (f"joint speeds that {tip} would take in the worst direction", "/s", check.costly),
         ("jumps between two samples", "", check.jumps),
         ("outside the joint limits", "", check.outside),
     ):
@@ -104,15 +105,28 @@ def _excess(check: TrajectoryCheck, e: Excess, per: str, degrees: bool) -> str:
 
 
 def _met(check: TrajectoryCheck) -> str:
+    faults = [
+        words
+        for words, found in (
+            ("jumps", check.jumps),
+            ("leaves joint limits", check.outside),
+            ("exceeds joint speed limits", check.too_fast),
+            ("exceeds joint acceleration limits", check.too_abrupt),
+            (f"comes within {_angle(check.near)} of one", check.stretches),
+        )
+        if found
+    ]
     if not check.crossings:
         of = "1 sample" if check.samples == 1 else f"{check.samples} samples, proven in between"
-        return f"Meets no singular configuration: {of}."
+        none = "Meets no singular configuration" if check.complete else "Meets no known family"
+        return f"{none}{', but ' * bool(faults)}{listed(faults)}: {of}."
     first = check.crossings[0]
     names = sorted({c.family for c in check.crossings})
     times = "once" if len(check.crossings) == 1 else f"{len(check.crossings)} times"
+    also = [words for words in faults if not words.startswith("comes")]
     return (
         f"SINGULAR {times} ({', '.join(names)}): first at t = {first.t:.6g}, "
-        f"{first.kind} {first.family}."
+        f"{first.kind} {first.family}{'; also ' * bool(also)}{listed(also)}."
     )
 
 
@@ -151,7 +165,12 @@ def _speeds(check: TrajectoryCheck) -> str:
         parts.append(f"outside joint limits ({check.outside[0].joint})")
     if not check.timed:
         parts.append("no times, so speeds were not judged")
-    words = "; ".join(parts) if parts else "Joint speeds and limits are kept"
+    if check.timed and not (check.jumps or check.too_fast or check.outside):
+        parts.append("the motion keeps joint limits and speed limits")
+    if check.costly:
+        tip = f"a tip speed of {check.tip_speed:g} (m/s, rad/s)"
+        parts.append(f"in the worst direction {tip} would need more of {check.costly[0].joint}")
+    words = "; ".join(parts)
     return words[0].upper() + words[1:] + "."
 
 
@@ -165,21 +184,24 @@ def _advice(check: TrajectoryCheck) -> str:
             f"Plan around t = {c.t:.6g}: there tip speeds are lost; other inverse kinematics "
             f"solutions may stay on one side of {c.family}."
         )
+    if check.outside:
+        return f"Bring {check.outside[0].joint} within its limits."
     if check.too_fast:
         e = max(check.too_fast, key=lambda x: x.worst / x.limit)
         return (
             f"Slow down to {100 * e.limit / e.worst:.3g} % around t = {e.t_worst:.6g} ({e.joint})."
         )
+    if check.too_abrupt:
+        e = max(check.too_abrupt, key=lambda x: x.worst / x.limit)
+        return f"Accelerate less around t = {e.t_worst:.6g} ({e.joint})."
     if check.stretches:
         s = min(check.stretches, key=lambda x: x.clearance)
         return f"Slow down, or keep away from {s.family}, around t = {s.t:.6g} to {s.t_end:.6g}."
-    if check.outside:
-        return f"Bring {check.outside[0].joint} within its limits."
     if check.costly:
         e = check.costly[0]
         return (
-            f"Keep tip speeds below {check.tip_speed:g} (m/s, rad/s) around t = {e.t_worst:.6g} "
-            f"({e.joint}), or take another posture."
+            f"Nothing to do for this motion; others need tip speeds below {check.tip_speed:g} "
+            f"(m/s, rad/s) around t = {e.t_worst:.6g} ({e.joint}), or another posture."
         )
     if not check.complete:
         return "The closed form is not complete: look at singular values along it as well."

@@ -12,13 +12,13 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
-from pinsing.arguments import real_numbers
+from pinsing.arguments import columns_of, real_numbers
 from pinsing.bounds.conditions import Conditions
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
-from pinsing.robot.joint_space import require_values
+from pinsing.robot.joint_space import JointSpace, require_values
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]
 """A closed form; or several of the same arm, such as those of two tasks."""
@@ -70,6 +70,11 @@ class Watched:
         return len(self.joints)
 
     @cached_property
+    def space(self) -> JointSpace:
+        """Its joints alone."""
+        return JointSpace(self.joints, self.prismatic, self.lower, self.upper, 1.0)
+
+    @cached_property
     def conditions(self) -> Conditions:
         """All families as flat arrays."""
         branches = [f.branches for f in self.families]
@@ -100,9 +105,22 @@ class Watched:
         """
         if self.arm is not None:
             return self.arm.check(Q, name)
-        array = real_numbers(Q, name)
+        array = real_numbers(columns_of(Q, self.joints, name), name)
         require_values(array, self.joints, name)
+        self.space.require_radians(array, name)
         return array
+
+    def require_angle(self, value: float, called: str) -> None:
+        """Raise an OptionError if a clearance is more than half a turn: it is in degrees.
+
+        Nothing is that far from all families. It says nothing of arms that only slide, and of
+        those that were loaded with ``units="rad"``.
+        """
+        if value > np.pi and not (self.prismatic.all() or (self.arm and self.arm.units)):
+            raise OptionError(
+                f"{called} is {value:g} rad, more than half a turn: for {value:g} degrees give "
+                f"math.radians({value:g})"
+            )
 
     def length(self, Q: Array) -> Array:
         """Length of joint differences Q (..., n) in this metric."""

@@ -130,7 +130,7 @@ def gather(
     poses : mapping of str to (n,) array, optional
         More configurations to judge.
     """
-    forms = closed_form(arm, prove=None) if forms is None else forms
+    forms = closed_form(arm) if forms is None else forms
     clearest = _clearest(arm, forms)
     asked = {**special_poses(arm), **(poses or {})}
     if clearest is not None:

@@ -74,7 +74,7 @@ def singular_poses(arm: Arm) -> tuple[SingularPose, ...]:
     ]
     if not named:
         return ()
-    form = closed_form(arm, seconds=_SECONDS)
+    form = closed_form(arm, seconds=_SECONDS, prove=False)
     out = []
     for name, q in named:
         instead, clearance = None, 0.0

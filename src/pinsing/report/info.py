@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import ClassVar
 
 import numpy as np
@@ -16,6 +16,7 @@ from pinsing.prose import PLAIN, Page, Table
 from pinsing.report.home_pose import SingularPose, singular_poses
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.second_reader import SecondReading
 from pinsing.serialization import JsonResult
 
 ROUNDING = 1e-9
@@ -46,6 +47,8 @@ class ArmInfo(JsonResult):
         What computes batches of Jacobians for this arm on this machine.
     singular_poses : tuple of SingularPose
         Zero, neutral and named poses that are singular, each with a clear one near it.
+    second_reading : SecondReading or None
+        What yourdfpy reads in the same URDF; None where it was not asked, or the arm is from none.
     """
 
     schema: ClassVar[str] = "pinsing/info/2"
@@ -59,6 +62,7 @@ class ArmInfo(JsonResult):
     jacobian_change: float
     engine: str
     singular_poses: tuple[SingularPose, ...]
+    second_reading: SecondReading | None = field(default=None, metadata={"optional": True})
 
     def head(self, page: Page = PLAIN) -> str:
         """Lines above the table of joints."""
@@ -80,6 +84,8 @@ class ArmInfo(JsonResult):
             ("geometry", self.geometry()),
             ("engine", self.engine),
         ]
+        if self.second_reading is not None:
+            rows.append(("second reader", str(self.second_reading)))
         return page.fields(rows)
 
     def geometry(self) -> str:

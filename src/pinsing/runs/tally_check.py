@@ -6,9 +6,12 @@ follows from the number of configurations, and all that says the same thing twic
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
+from pinsing._types import Array
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.runs.chunk_file import Record
 from pinsing.runs.tally import BINS, LARGEST, MEASURES, SMALLEST, bin_numbers
@@ -16,6 +19,7 @@ from pinsing.runs.tally import BINS, LARGEST, MEASURES, SMALLEST, bin_numbers
 _SIGMA, _RATIO = range(len(MEASURES))
 _ABOVE = 1 + 1e-9  # of a ratio that is 1, but for rounding
 _HEADERS = 8192
+_RELATIVE, _ABSOLUTE = 1e-8, 1e-11  # arrays of other lengths are added up in another order
 
 TALLY = (
     *("counts", "value", "index", "worst_index", "worst_sigma", "worst_ratio"),
@@ -120,6 +124,40 @@ def check_tally(
     for row, name in zip(value, MEASURES, strict=True):
         _check_histogram(record, name, row, count)
     return None
+
+
+def check_values(
+    record: Record,
+    locate: Callable[[int], Array],
+    measure: Callable[[Array], tuple[Array, Array]],
+) -> None:
+    """Compute the worst configurations and the extremes of a tally again.
+
+    Parameters
+    ----------
+    record : Record
+        As `check_tally` has judged it.
+    locate : callable
+        Configuration (n,) of a number.
+    measure : callable
+        Of configurations (N, n): what stands for sigma_r (N,) and for the ratio (N,).
+
+    Raises
+    ------
+    ValueError
+        If they have other values, rounding aside.
+    """
+    worst = record["worst_index"].tolist()
+    numbers = [*worst, *record["index"].ravel().tolist()]
+    if not worst:
+        return
+    sigma, ratio = measure(np.stack([locate(int(number)) for number in numbers]))
+    n = len(worst)
+    found = np.concatenate([sigma[:n], ratio[:n], sigma[n : n + 2], ratio[n + 2 :]])
+    names = ("worst_sigma", "worst_ratio", "value")
+    said = np.concatenate([record[name].ravel().astype(np.float64) for name in names])
+    if not np.allclose(found, said, _RELATIVE, _ABSOLUTE):
+        raise ValueError("its worst configurations have other values than it says")
 
 
 def _singular(record: Record) -> int:

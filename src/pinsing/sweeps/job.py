@@ -19,7 +19,15 @@ from pinsing._types import Array
 from pinsing.kinematics.evaluator import Evaluator, run_identity
 from pinsing.runs.chunk_file import Record
 from pinsing.runs.tally import Tally
-from pinsing.runs.tally_check import TALLY, check_names, check_tally, finite, tally_room, whole
+from pinsing.runs.tally_check import (
+    TALLY,
+    check_names,
+    check_tally,
+    check_values,
+    finite,
+    tally_room,
+    whole,
+)
 from pinsing.sweeps.curves import CurveRows, CurveTable, axis_values
 from pinsing.sweeps.minima import DIPS, Pool, kinds, minima
 from pinsing.sweeps.plan import SweepPlan
@@ -201,6 +209,7 @@ class SweepJob:
         """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
         start, stop = self.span(index)
         check_curves(record, self.kept, start, stop, regular_count(self.table, start, stop))
+        check_values(record, self.table.configuration, self.evaluator.last_and_ratio)
 
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""

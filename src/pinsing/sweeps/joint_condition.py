@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 from pinsing._dataclass import dataclass
+from pinsing.prose import listed
 
 _TURN = 2 * math.pi
 
@@ -66,7 +67,7 @@ class JointCondition:
             for name, value in self.fixed.items()
         ]
         if self.related:
-            parts.append(f"a relation between {_listed(self.related)}")
+            parts.append(f"a relation between {listed(self.related)}")
         return " and ".join(parts) if parts else "every configuration"
 
 
@@ -80,11 +81,6 @@ def value_text(value: float, prismatic: bool = False) -> str:
     if abs(degrees - round(degrees)) < 1e-9:
         return f"{round(degrees)} deg"
     return f"{degrees:.4f} deg ({value:.6f} rad)"
-
-
-def _listed(names: Sequence[str]) -> str:
-    *head, last = names
-    return f"{', '.join(head)} and {last}" if head else last
 
 
 def tidy(value: float, prismatic: bool) -> float:

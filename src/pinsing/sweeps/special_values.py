@@ -60,7 +60,7 @@ def uniform_configurations(
         if any(_same(value, known, False) for known, _ in found):
             continue
         q = np.where(arm.prismatic, nominal, value)
-        if not ignore_limits and not arm.within_limits(q):
+        if not ignore_limits and arm.space.unreachable(q).any():
             outside.append(value_text(value))
             continue
         found.append((float(value), q if ignore_limits else arm.fold(q)))
@@ -157,6 +157,7 @@ def special_values(
                 raise OptionError(f"special value {value} of {name} is not finite")
             row = np.zeros(arm.n)
             row[i] = value
+            arm.check(row, "special")
             folded = value if ignore_limits else float(arm.fold(row)[i])
             room = SLACK if arm.prismatic[i] else ANGLE_TOL  # files say 1.5707 for 90 degrees
             if not ignore_limits and not arm.lower[i] - room <= folded <= arm.upper[i] + room:

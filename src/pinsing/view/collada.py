@@ -1,5 +1,8 @@
 """Collada files as triangles, so that a page has little to read and nothing to parse.
 
+Runs in the child process that reads meshes (`pinsing.view.mesh_worker`): a stranger's file may be
+made to take time and memory. Each element is read once, and what it makes is counted.
+
 Only what robots' files are usually made of: triangles and polygons with normals, painted evenly.
 Any other file goes into the page as it is, where three.js reads it.
 
@@ -21,6 +24,8 @@ from pinsing._types import Array
 
 _SPACE = "{http://www.collada.org/2005/11/COLLADASchema}"
 _DEEPEST = 64
+_MOST_VERTICES = 5_000_000
+_MOST_USES = 100_000  # of geometry, by nodes
 
 
 class NotPlainError(ValueError):
@@ -77,6 +82,10 @@ class _File:
     def __init__(self, root: ET.Element) -> None:
         self.root = root
         self.by_id = {e.get("id"): e for e in root.iter() if e.get("id")}
+        # By element: files refer to the same one from many places.
+        self.paints: dict[ET.Element, Paint] = {}
+        self.sources: dict[ET.Element, Array] = {}
+        self.vertices = self.uses = 0
 
     def parts(self) -> tuple[PaintedPart, ...]:
         for unusual in ("texture", "instance_controller", "instance_node", "lookat", "skew"):
@@ -101,6 +110,9 @@ class _File:
         for child in node:
             place = place @ _transform(child)
         for use in node.findall(f"{_SPACE}instance_geometry"):
+            self.uses += 1
+            if self.uses > _MOST_USES:
+                raise NotPlainError("it is too large")
             paints = {
                 e.get("symbol"): self._paint(self._named(e, "target"))
                 for e in use.iter(f"{_SPACE}instance_material")
@@ -124,6 +136,9 @@ class _File:
                 continue
             paint = paints.get(shape.get("material"), Paint())
             vertices, normals, corners = self._corners(shape)
+            self.vertices += len(vertices) + len(corners)
+            if self.vertices > 4 * _MOST_VERTICES:
+                raise NotPlainError("it is too large")
             yield PaintedPart(
                 vertices, normals, _triangles(shape, corners).astype(np.uint32), paint
             )
@@ -143,7 +158,8 @@ class _File:
             user = inputs["NORMAL"]
             at_normal = index[:, int(user.get("offset") or 0)]
         places, normals = self._source(own["POSITION"]), self._source(user)
-        if min(at_vertex.min(), at_normal.min()) < 0:
+        ends = ((at_vertex, places), (at_normal, normals))
+        if any(at.min() < 0 or at.max() >= len(rows) for at, rows in ends):
             raise NotPlainError("a corner is none of its vertices")
         used, corners = np.unique(at_vertex * len(normals) + at_normal, return_inverse=True)
         vertex, normal = np.divmod(used, len(normals))
@@ -152,15 +168,23 @@ class _File:
     def _source(self, user: ET.Element) -> Array:
         """Rows of three numbers."""
         source = self._named(user, "source")
+        if source in self.sources:
+            return self.sources[source]
         access = _need(source, f"{_SPACE}technique_common/{_SPACE}accessor")
         if int(access.get("stride") or 1) != 3 or int(access.get("offset") or 0) != 0:
             raise NotPlainError("its numbers are not in threes")
         rows = _numbers(_need(source, f"{_SPACE}float_array")).reshape(-1, 3)
         if not np.isfinite(rows).all():
             raise NotPlainError("a number is not finite")
+        self.sources[source] = rows
         return rows
 
     def _paint(self, material: ET.Element) -> Paint:
+        if material not in self.paints:
+            self.paints[material] = self._read_paint(material)
+        return self.paints[material]
+
+    def _read_paint(self, material: ET.Element) -> Paint:
         effect = self._named(_need(material, f"{_SPACE}instance_effect"))
         technique = _need(effect, f"{_SPACE}profile_COMMON/{_SPACE}technique")
         model = next(
@@ -198,12 +222,10 @@ def _triangles(shape: ET.Element, corners: npt.NDArray[Any]) -> npt.NDArray[Any]
     sides = _numbers(_need(shape, f"{_SPACE}vcount")).astype(np.int64)
     if sides.sum() != len(corners) or (sides < 0).any():
         raise NotPlainError("its polygons have other corners than it says")
-    first = np.cumsum(sides) - sides
-    fans = []
-    for k in range(1, int(sides.max()) - 1):
-        here = first[sides > k + 1]
-        fans.append(np.stack([corners[here], corners[here + k], corners[here + k + 1]], axis=1))
-    return np.concatenate(fans) if fans else np.zeros((0, 3), dtype=np.int64)
+    first, fans = np.cumsum(sides) - sides, np.maximum(sides - 2, 0)
+    here = np.repeat(first, fans)
+    k = np.arange(len(here)) - np.repeat(np.cumsum(fans) - fans, fans) + 1
+    return np.stack([corners[here], corners[here + k], corners[here + k + 1]], axis=1)
 
 
 def _transform(element: ET.Element) -> Array:
@@ -244,8 +266,10 @@ def _moved(part: PaintedPart, place: Array) -> PaintedPart:
 def _joined(parts: list[PaintedPart]) -> tuple[PaintedPart, ...]:
     """Parts of the same paint as one."""
     out = []
-    for paint in dict.fromkeys(part.paint for part in parts):
-        same = [part for part in parts if part.paint == paint]
+    by_paint: dict[Paint, list[PaintedPart]] = {}
+    for part in parts:
+        by_paint.setdefault(part.paint, []).append(part)
+    for paint, same in by_paint.items():
         starts = np.cumsum([0, *(len(part.vertices) for part in same[:-1])])
         faces = [part.faces + np.uint32(k) for part, k in zip(same, starts, strict=True)]
         vertices = np.concatenate([part.vertices for part in same])

@@ -10,6 +10,7 @@ import errno
 import socket
 import sys
 import time
+from collections.abc import Callable
 from typing import Any
 
 from tornado.httpserver import HTTPServer
@@ -36,36 +37,52 @@ class Listener(socket.socket):
 
 
 class Door(HTTPServer):  # type: ignore[misc,unused-ignore]
-    """A server that holds a limited number of links, and drops those beyond."""
+    """A server that holds a limited number of links.
+
+    One more takes the place of the link that has waited longest without a request: links that say
+    nothing keep nobody out. Where all are being answered, it is dropped.
+    """
 
     def initialize(self, *args: Any, **kwargs: Any) -> None:
         """Take what `HTTPServer` takes."""
         super().initialize(*args, **kwargs)
         self._held, self._most = 0, most_links()
+        self._silent: dict[Any, None] = {}  # streams without a whole request, the oldest first
 
     def handle_stream(self, stream: Any, address: Any) -> None:
         """Take a new link, or drop it."""
         if self._held >= self._most:
-            stream.close()
-            return
+            oldest = next(iter(self._silent), stream)
+            self._silent.pop(oldest, None)
+            oldest.close()
+            if oldest is stream:
+                return
         self._held += 1
+        self._silent[stream] = None
         super().handle_stream(stream, address)
 
     def on_close(self, server_conn: object) -> None:
         """Count a link no more that has ended, or has become one of a page."""
         self._held -= 1
+        self._silent.pop(getattr(server_conn, "stream", None), None)
         super().on_close(server_conn)
 
     def start_request(self, server_conn: object, request_conn: Any) -> HTTPMessageDelegate:
         """Read a request."""
-        return _Request(super().start_request(server_conn, request_conn))
+        stream = getattr(server_conn, "stream", None)
+        if stream is not None and not stream.closed():
+            self._silent[stream] = None
+        return _Request(
+            super().start_request(server_conn, request_conn),
+            lambda: self._silent.pop(stream, None),
+        )
 
 
 class _Request(HTTPMessageDelegate):  # type: ignore[misc,unused-ignore]
     """Passes a request on, but for one that tornado itself stumbles over."""
 
-    def __init__(self, then: HTTPMessageDelegate) -> None:
-        self._then = then
+    def __init__(self, then: HTTPMessageDelegate, complete: Callable[[], object]) -> None:
+        self._then, self._complete = then, complete
 
     def headers_received(self, start_line: Any, headers: Any) -> Any:
         if len(headers.get("Host", "")) > _LONGEST_HOST:
@@ -76,6 +93,7 @@ class _Request(HTTPMessageDelegate):  # type: ignore[misc,unused-ignore]
         return self._then.data_received(chunk)
 
     def finish(self) -> None:
+        self._complete()
         self._then.finish()
 
     def on_connection_close(self) -> None:

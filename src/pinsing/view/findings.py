@@ -70,7 +70,7 @@ class FixedJoints:
         Q = self.arm.space.sample(n, rng)
         for j, value in self.values[0].items():
             Q[:, j] = value
-        return Q[self.arm.within_limits(Q)]
+        return Q[~self.arm.space.unreachable(Q).any(axis=1)]
 
 
 def finding_entries(arm: Arm, findings: Iterable[Finding]) -> tuple[Entry, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,7 @@ from pinsing.robot.backward import turned_round
 from pinsing.robot.reduced_model import make_names_unique
 from pinsing.robot.tip import frame_index
 from pinsing.view.body import Body
-from pinsing.view.meshes import read_geometry
+from pinsing.view.meshes import Mesh, read_geometry, read_meshes
 from pinsing.view.shapes import draw_shape
 
 _AHEAD = "links that are being read"
@@ -112,10 +113,13 @@ def draw_links(node: Any, links: Links) -> tuple[str, ...]:
     if links.geometry is None:
         return ()
     notes = []
+    files = {Path(g.meshPath) for g in links.geometry.geometryObjects}
+    found = read_meshes(sorted(file for file in files if file.suffix.lower() == ".dae"))
     for number, g in enumerate(links.geometry.geometryObjects):
         # Names of the file stay out of paths.
         here = node[f"{int(g.parentJoint)}/visual/{number}"]
-        note = draw_shape(here, g)
+        mesh = found.get(Path(g.meshPath))
+        note = draw_shape(here, g, mesh.painted if isinstance(mesh, Mesh) else ())
         if note:
             notes.append(note)
             continue

@@ -13,7 +13,7 @@ from pathlib import Path
 from pinsing.atomic_write import write_bytes
 from pinsing.errors import PinsingError
 
-_VERSION = "1"
+_VERSION = "2"
 _MOST_BYTES = 512 * 2**20
 _LARGEST = 64 * 2**20
 
@@ -44,8 +44,8 @@ def cache_folder() -> Path | None:
     return folder if stat.S_ISDIR(found.st_mode) and mine and not shared else None
 
 
-def content_key(path: Path, content: bool) -> str:
-    """Name under which a mesh file's answer is kept: of its bytes, its kind, and what was asked.
+def content_key(path: Path) -> str:
+    """Name under which a mesh file's answer is kept: of its bytes and its kind.
 
     Raises
     ------
@@ -56,7 +56,7 @@ def content_key(path: Path, content: bool) -> str:
     with path.open("rb") as file:
         while part := file.read(1 << 20):
             digest.update(part)
-    asked = f"{_VERSION}\0{path.suffix.lower()}\0{int(content)}"
+    asked = f"{_VERSION}\0{path.suffix.lower()}"
     return hashlib.sha256(digest.digest() + asked.encode()).hexdigest()
 
 

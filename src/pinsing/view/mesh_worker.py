@@ -1,8 +1,9 @@
 """The child process that reads mesh files: Assimp trusts them more than one may.
 
 It is started by path (see `pinsing.view.meshes`), gets the paths of meshes as a line of JSON, and
-answers for each, in order, with a line of JSON: ``problem``, or the numbers of vertices and of
-triangles, whose doubles and 32-bit integers follow as bytes. Memory is limited, nothing can be
+answers for each, in order, with a line of JSON: ``problem``, or the sizes of two pieces of bytes
+that follow: vertices as doubles and triangles as 32-bit integers, or what `packed` makes of a
+Collada file; both empty where the page gets the file itself. Memory is limited, nothing can be
 written, and on Linux the kernel lets it read files in the folders of its meshes only, where it has
 Landlock, and any file where it has not: no socket, no process. What is missing of that is said in
 the line before the answers.
@@ -14,24 +15,37 @@ import importlib.util
 import json
 import os
 import sys
+import types
+from pathlib import Path
 from typing import Any, BinaryIO
 
 _MOST_VERTICES = 5_000_000
 _LARGEST = 1e9
 
 
-def read(loader: Any, path: str, content: bool) -> tuple[Any, Any]:
-    """Return vertices (n, 3) in the unit of the file, and triangles (m, 3).
+def read(loader: Any, path: str, wanted: str) -> tuple[bytes, bytes]:
+    """Return the two pieces of an answer.
 
-    Without ``content`` they are judged, and none are returned.
+    ``wanted`` is "content", "paint" or "judge": what is judged only has empty ones.
 
     Raises
     ------
     ValueError
-        If there are none, too many, or they are not finite.
+        If there are no vertices, too many, or they are not finite.
     """
     import numpy as np
 
+    if wanted == "paint":
+        from pinsing.view.collada import NotPlainError, read_collada
+        from pinsing.view.painted import Painted, packed
+
+        try:
+            parts = read_collada(Path(path).read_text(encoding="utf-8", errors="replace"))
+            if max(np.abs(part.vertices).max(initial=0.0) for part in parts) > _LARGEST:
+                raise ValueError("has vertices farther away than any robot reaches")
+            return packed([Painted.of(part) for part in parts if len(part.vertices)])
+        except NotPlainError:
+            pass
     mesh = loader.load(path, np.ones(3))
     if not 0 < mesh.num_vertices <= _MOST_VERTICES or mesh.num_tris == 0:
         raise ValueError(f"has {mesh.num_vertices} vertices and {mesh.num_tris} triangles")
@@ -40,30 +54,28 @@ def read(loader: Any, path: str, content: bool) -> tuple[Any, Any]:
         raise ValueError("has vertices that are not finite")
     if np.abs(vertices).max() > _LARGEST:
         raise ValueError("has vertices farther away than any robot reaches")
-    if not content:
-        return vertices[:0], np.zeros((0, 3), np.int32)
+    if wanted != "content":
+        return b"", b""
     triangles = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
     faces = np.array([[t[0], t[1], t[2]] for t in triangles], dtype=np.int32)
     if faces.min() < 0 or faces.max() >= len(vertices):
         raise ValueError("has triangles without vertices")
-    return vertices, faces
+    return vertices.tobytes(), faces.tobytes()
 
 
-def answer(loader: Any, path: str, content: bool, out: BinaryIO) -> None:
+def answer(loader: Any, path: str, wanted: str, out: BinaryIO) -> None:
     """Write what became of one file."""
+    pieces = (b"", b"")
     try:
-        vertices, faces = read(loader, path, content)
+        pieces = read(loader, path, wanted)
     except MemoryError:
         message: dict[str, Any] = {"problem": "needs too much memory"}
     except Exception as error:  # the reader has no error of its own
         lines = [x for x in str(error).splitlines() if x.strip() and not x.startswith("Hint")]
         message = {"problem": " ".join((lines or [type(error).__name__])[-1].split())[:200]}
     else:
-        message = {"vertices": len(vertices), "faces": len(faces)}
-    out.write(json.dumps(message).encode() + b"\n")
-    if "problem" not in message:
-        out.write(vertices.tobytes())
-        out.write(faces.tobytes())
+        message = {"bytes": [len(piece) for piece in pieces]}
+    out.write(json.dumps(message).encode() + b"\n" + b"".join(pieces))
     out.flush()
 
 
@@ -77,9 +89,15 @@ def main() -> None:
     os.dup2(nowhere, 2)
     sys.path[:] = request["sys_path"]
     import coal
-    import numpy  # noqa: F401 (before files are out of reach)
 
-    name = "child_jail"  # by its file: the package around it is not wanted here
+    here = Path(__file__).resolve().parent
+    for name, folder in (("pinsing", here.parent), ("pinsing.view", here)):
+        package = types.ModuleType(name)  # the packages themselves import more than is wanted
+        package.__path__ = [str(folder)]
+        sys.modules[name] = package
+    import pinsing.view.painted  # noqa: F401 (before files are out of reach, with NumPy)
+
+    name = "child_jail"
     spec = importlib.util.spec_from_file_location(name, request["jail"])
     assert spec is not None
     assert spec.loader is not None
@@ -93,9 +111,9 @@ def main() -> None:
     walls = (child_jail.read_only_below(folders), child_jail.close_in(reading=True))
     out.write(json.dumps({"no_wall": [why for why in walls if why]}).encode() + b"\n")
     out.flush()
-    for path, content in request["paths"]:
+    for path, wanted in request["paths"]:
         child_jail.begin_work(request["seconds_each"])
-        answer(loader, path, content, out)
+        answer(loader, path, wanted, out)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.description import child_jail
 from pinsing.view.mesh_cache import cache_folder, content_key, keep, kept
+from pinsing.view.painted import Painted, unpacked
 
 SECONDS_EACH = 20.0
 """Processor time for one mesh, which a busy machine does not use up."""
@@ -43,10 +44,13 @@ class Mesh:
         In the unit of the file.
     faces : (m, 3) array of int
         Triangles: three vertices each, counted from 0.
+    painted : tuple of Painted
+        The same of a Collada file that holds plain painted triangles, by their paints.
     """
 
     vertices: Array
     faces: npt.NDArray[np.int32]
+    painted: tuple[Painted, ...] = ()
 
     def geometry(self) -> Any:
         """Return the triangles as Pinocchio keeps them."""
@@ -139,7 +143,7 @@ def read_meshes(
     for path, key in keys.items():
         assert folder is not None
         before = kept(folder, key)
-        if before is not None and (mesh := _mesh(*before)) is not None:
+        if before is not None and (mesh := _mesh(path, *before)) is not None:
             found[path] = mesh
     left = [path for path in left if path not in found]
     told = False
@@ -149,40 +153,49 @@ def read_meshes(
         if missing and not told:
             told = True
             tell(f"meshes were read without all of the kernel's walls: {'; '.join(missing)}")
-        found.update(done)
         if len(done) == 0:  # the child did not even start
             found.update(dict.fromkeys(left, "the reader of meshes cannot be started"))
             break
         left = left[len(done) :]
         for path, answered in done.items():
-            if folder is not None and path in keys and isinstance(answered, Mesh):
-                keep(folder, keys[path], answered.vertices.tobytes(), answered.faces.tobytes())
+            if isinstance(answered, str):
+                found[path] = answered
+                continue
+            found[path] = _mesh(path, *answered) or "breaks its reader"
+            if folder is not None and path in keys:
+                keep(folder, keys[path], *answered)
     return {path: found[path] for path in paths}
 
 
 def _key(path: Path) -> str | None:
     try:
-        return content_key(path, path.suffix.lower() not in _AS_FILES)
+        return content_key(path)
     except OSError:  # the child says what is wrong with it
         return None
 
 
-def _mesh(vertices: bytes, faces: bytes) -> Mesh | None:
-    if len(vertices) % 24 or len(faces) % 12:
+def _mesh(path: Path, first: bytes, second: bytes) -> Mesh | None:
+    """A mesh of the two pieces that the child sent; None if they are something else."""
+    parts: tuple[Painted, ...] | None = ()
+    if path.suffix.lower() == ".dae":
+        parts = unpacked(first, second) if first else ()
+        first = second = b""
+    if len(first) % 24 or len(second) % 12 or parts is None:
         return None
     return Mesh(
-        np.frombuffer(vertices, dtype=np.float64).reshape(-1, 3),
-        np.frombuffer(faces, dtype=np.int32).reshape(-1, 3),
+        np.frombuffer(first, dtype=np.float64).reshape(-1, 3),
+        np.frombuffer(second, dtype=np.int32).reshape(-1, 3),
+        parts,
     )
 
 
-def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, Mesh | str]:
+def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, tuple[bytes, bytes] | str]:
     """Return what a child made of the first files; the one at which it ended comes last.
 
     What it says of walls that are not there is put into ``missing``.
     """
     request = {
-        "paths": [(str(path), path.suffix.lower() not in _AS_FILES) for path in paths],
+        "paths": [(str(path), _wanted(path)) for path in paths],
         "sys_path": [os.path.abspath(entry) for entry in sys.path],
         "jail": child_jail.__file__,
         "seconds_each": SECONDS_EACH,
@@ -206,7 +219,7 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, Mesh | s
         late.set()
         child.kill()
 
-    done: dict[Path, Mesh | str] = {}
+    done: dict[Path, tuple[bytes, bytes] | str] = {}
     try:
         with child.stdout:
             with child.stdin:
@@ -243,13 +256,18 @@ def _ask_child(paths: Sequence[Path], missing: list[str]) -> dict[Path, Mesh | s
     return done
 
 
+def _wanted(path: Path) -> str:
+    kind = path.suffix.lower()
+    return "paint" if kind == ".dae" else "judge" if kind in _AS_FILES else "content"
+
+
 def _walls(stream: Any) -> list[str]:
     """What a child says of walls that are not there; nothing if it has ended before."""
     line = stream.readline(10_000)
     return [str(why) for why in json.loads(line)["no_wall"]] if line.endswith(b"\n") else []
 
 
-def _receive(stream: Any) -> Mesh | str | None:
+def _receive(stream: Any) -> tuple[bytes, bytes] | str | None:
     """Return one answer of the child, None where there is none."""
     line = stream.readline(10_000)
     if not line.endswith(b"\n"):
@@ -257,8 +275,8 @@ def _receive(stream: Any) -> Mesh | str | None:
     message = json.loads(line)
     if "problem" in message:
         return str(message["problem"])
-    n, m = int(message["vertices"]), int(message["faces"])
-    vertices, faces = stream.read(24 * n), stream.read(12 * m)
-    if len(vertices) != 24 * n or len(faces) != 12 * m:
+    sizes = [int(size) for size in message["bytes"]]
+    pieces = [stream.read(size) for size in sizes]
+    if [len(piece) for piece in pieces] != sizes:
         return None
-    return _mesh(vertices, faces)
+    return pieces[0], pieces[1]

@@ -15,6 +15,7 @@ from string import Template
 from typing import Any
 
 ENGINE = (
+    "limits",
     "linear",
     "orthogonal",
     "chain",
@@ -96,13 +97,14 @@ def asset(name: str) -> str:
 
 @cache
 def meshcat_script() -> str:
-    """Meshcat's own viewer, three.js included (MIT licence)."""
+    """Meshcat's own viewer, three.js included, after the texts of their licences."""
     # Found, not imported: its Python side brings IPython, and a browser waits for this file.
     spec = importlib.util.find_spec("meshcat")
     assert spec is not None
     assert spec.origin is not None
     folder = Path(spec.origin).parent / "viewer" / "dist"
-    return (folder / "main.min.js").read_text(encoding="utf-8")
+    code = (folder / "main.min.js").read_text(encoding="utf-8")
+    return f"/*\n{asset('licences.txt')}*/\n{code}"
 
 
 @cache

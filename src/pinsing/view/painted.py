@@ -5,17 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 from uuid import uuid1
 
 import numpy as np
 import numpy.typing as npt
-from umsgpack import Ext
 
 from pinsing._dataclass import dataclass
-from pinsing.view.collada import Paint, PaintedPart, read_collada
-from pinsing.view.mesh_cache import cache_folder, content_key, keep, kept
+from pinsing.view.collada import Paint, PaintedPart
 
 _STEPS = 32767  # of the longest side, in each direction
 _TYPES = {"Int8Array": 17, "Int16Array": 19, "Uint16Array": 20, "Uint32Array": 22}
@@ -63,30 +60,8 @@ class Painted:
         return cls(middle, step, steps, normals, part.faces.astype(kind), part.paint)
 
 
-def read_painted(file: Path) -> tuple[Painted, ...]:
-    """Read a Collada file, or take what was kept of it.
-
-    Raises
-    ------
-    NotPlainError
-        If it holds more than plain painted triangles.
-    OSError
-        If it cannot be read.
-    """
-    folder = cache_folder()
-    key = None if folder is None else content_key(file, True)
-    if folder is not None and key is not None:
-        before = kept(folder, key)
-        if before is not None and (found := _unpacked(*before)) is not None:
-            return found
-    text = file.read_text(encoding="utf-8", errors="replace")
-    parts = tuple(Painted.of(part) for part in read_collada(text) if len(part.vertices))
-    if folder is not None and key is not None:
-        keep(folder, key, *_packed(parts))
-    return parts
-
-
-def _packed(parts: Sequence[Painted]) -> tuple[bytes, bytes]:
+def packed(parts: Sequence[Painted]) -> tuple[bytes, bytes]:
+    """Return parts as bytes: what they are in JSON, and their numbers."""
     head = [
         {
             "middle": part.middle,
@@ -103,8 +78,8 @@ def _packed(parts: Sequence[Painted]) -> tuple[bytes, bytes]:
     return json.dumps(head).encode(), b"".join(body)
 
 
-def _unpacked(head: bytes, body: bytes) -> tuple[Painted, ...] | None:
-    """The parts that `_packed` was given; None if that is something else."""
+def unpacked(head: bytes, body: bytes) -> tuple[Painted, ...] | None:
+    """Return the parts that `packed` was given; None if that is something else."""
     parts, at = [], 0
 
     def take(kind: type[np.generic], rows: int, columns: int) -> npt.NDArray[Any]:
@@ -169,6 +144,8 @@ def as_object(parts: Sequence[Painted]) -> dict[str, Any]:
 
 
 def _array(kind: str, values: npt.NDArray[Any], columns: int) -> dict[str, Any]:
+    from umsgpack import Ext  # the child process that makes the parts can do without
+
     little = values.astype(values.dtype.newbyteorder("<"), copy=False)
     return {
         "itemSize": columns,

@@ -28,6 +28,8 @@ __all__ = ["Served", "Server", "is_loopback"]
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _FAREWELL = 0.3
+_REQUEST_SECONDS = 4.0
+"""How long a request may take to come, from the link or the answer before; no matter for pages."""
 _LATER = ("page.json", "scene", "links")
 
 
@@ -135,7 +137,11 @@ class Server:
     def _run(self, ready: threading.Event) -> None:
         asyncio.set_event_loop(self._loop)
         self._http = Door(
-            self._app, max_body_size=LONGEST, max_header_size=LONGEST, idle_connection_timeout=10
+            self._app,
+            max_body_size=LONGEST,
+            max_header_size=LONGEST,
+            idle_connection_timeout=_REQUEST_SECONDS,
+            body_timeout=_REQUEST_SECONDS,
         )
         self._http.add_sockets(self._sockets)
         self._loop.call_soon(ready.set)

@@ -7,7 +7,7 @@ it puts any file into the page that a Collada file calls its texture.
 from __future__ import annotations
 
 import base64
-import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +16,12 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.view.collada import NotPlainError
+from pinsing.description.collada import ColladaProblem, image_references
 from pinsing.view.drawing import geometry as mg
-from pinsing.view.painted import as_object, read_painted
+from pinsing.view.painted import Painted, as_object
 
 _IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
 _LARGEST_IMAGE = 32 * 2**20
-_COLLADA = "{http://www.collada.org/2005/11/COLLADASchema}"
 _AROUND = 24
 
 
@@ -38,13 +37,10 @@ class DrawnRod(mg.Cylinder):  # type: ignore[misc]
 class _Collada(mg.ReferenceSceneElement):  # type: ignore[misc]
     """A Collada file: its triangles; with its textures, as it is, where it is not plain."""
 
-    def __init__(self, file: Path) -> None:
+    def __init__(self, file: Path, parts: Sequence[Painted]) -> None:
         super().__init__()
         self.path: Any = None
-        try:
-            self.content = as_object(read_painted(file))
-        except NotPlainError:
-            self.content = self._as_file(file)
+        self.content = as_object(parts) if parts else self._as_file(file)
 
     def _as_file(self, file: Path) -> dict[str, Any]:
         return {
@@ -65,11 +61,14 @@ class _Collada(mg.ReferenceSceneElement):  # type: ignore[misc]
         return {"type": "set_object", "path": self.path.lower(), "object": self.content}
 
 
-def draw_shape(node: Any, shape: pin.GeometryObject) -> str:
-    """Draw one shape at a meshcat node; return why it cannot be drawn, empty if it is."""
+def draw_shape(node: Any, shape: pin.GeometryObject, parts: Sequence[Painted] = ()) -> str:
+    """Draw one shape at a meshcat node; return why it cannot be drawn, empty if it is.
+
+    ``parts`` are those of a Collada file, as far as it is plain.
+    """
     try:
-        made = _made(shape)
-    except (OSError, ValueError, ET.ParseError) as error:
+        made = _made(shape, parts)
+    except (OSError, ValueError, ColladaProblem) as error:
         return f"the shape {shape.name!r} is not drawn: {' '.join(str(error).split())}"
     if made is None:
         kind = type(shape.geometry).__name__
@@ -85,7 +84,7 @@ def draw_shape(node: Any, shape: pin.GeometryObject) -> str:
     return ""
 
 
-def _made(shape: pin.GeometryObject) -> Any:
+def _made(shape: pin.GeometryObject, parts: Sequence[Painted]) -> Any:
     geometry = shape.geometry
     if isinstance(geometry, coal.Box):
         return mg.Box([2.0 * float(x) for x in geometry.halfSide])
@@ -102,7 +101,7 @@ def _made(shape: pin.GeometryObject) -> Any:
     file = Path(shape.meshPath)
     kind = file.suffix.lower()
     if kind == ".dae":
-        return _Collada(file)
+        return _Collada(file, parts)
     if kind == ".obj":
         return mg.MeshGeometry(file.read_text(encoding="utf-8", errors="replace"), "obj")
     if kind == ".stl":
@@ -143,13 +142,9 @@ def _color(rgba: Array) -> int:
 
 def _textures(file: Path) -> dict[str, str]:
     """Images that a Collada file names, as data addresses; only real images from beside it."""
-    library = ET.parse(file).getroot().find(f"{_COLLADA}library_images")
-    names = (
-        [e.text or "" for e in library.iter(f"{_COLLADA}init_from")] if library is not None else []
-    )
     home = file.resolve().parent.parent
     out = {}
-    for name in names:
+    for name in image_references(file):
         image = (file.parent / name.removeprefix("file://")).resolve()
         if not image.is_relative_to(home) or not image.is_file():
             continue

@@ -244,8 +244,7 @@ class App {
     const frames = rows.map((q) => this.source.compute(q));
     const worst = frames.reduce((a, b) => ((b.verdict?.value ?? Infinity) < (a.verdict?.value ?? Infinity) ? b : a));
     this.showWay(frames, (f) => (f.verdict ? f.verdict.lower : Infinity));
-    const { joints } = this.page, beyond = (v, { limited, lower, upper }) => limited !== false && (v < lower - 1e-6 || v > upper + 1e-6);
-    const outside = rows.some((q) => q.some((v, j) => beyond(v, joints[j]))) ? "; some are outside the limits (radians and metres are expected)" : "";
+    const beyond = [...new Set(frames.flatMap((f) => f.outside))], outside = beyond.length ? `; outside the limits: ${beyond.join(", ")}` : "";
     const { engine } = this.page, crossed = Engine.crossingWords(Engine.crossings(engine.families, all, engine.joints, engine.task.lengthScale));
     // What is shown may be poses between the samples, or some of them.
     const said = crossed && all.length !== count ? crossed.replace(/ between samples \d+ and \d+/g, "") : crossed;

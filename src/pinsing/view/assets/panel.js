@@ -244,27 +244,18 @@ class Panel {
     this.readings(frame);
     $("why").textContent = frame.why.length ? `because ${frame.why.join("; ")}` : "";
     $("remarks").textContent = frame.notes.join("; ");
-    const turned = this.beyond(frame), away = turned.filter((name) => !frame.outside.includes(name));
-    $("outside").hidden = !frame.outside.length && !turned.length;
-    $("outside").textContent = [
-      ...(frame.outside.length ? [`outside the limits: ${frame.outside.join(", ")}`] : []),
-      ...(away.length ? [`beyond the limits, within them but for whole turns: ${away.join(", ")}`] : []),
-    ].join("; ");
+    const limits = (name) => { const joint = this.page.joints.find((j) => j.name === name); return joint ? ` (${this.limits(joint)})` : ""; };
+    $("outside").hidden = !frame.outside.length;
+    $("outside").textContent = frame.outside.length ? `outside the limits: ${frame.outside.map((name) => name + limits(name)).join(", ")}` : "";
     this.rows.forEach(({ row, slider, value }, i) => {
       const joint = this.page.joints[i];
       const shown = this.value(frame, i);
       row.classList.toggle("hot", frame.hot.includes(i));
-      row.classList.toggle("beyond", turned.includes(joint.name) || frame.outside.includes(joint.name));
+      row.classList.toggle("beyond", frame.outside.includes(joint.name));
       if (i !== dragged) slider.value = shown;
       value.textContent = joint.prismatic ? `${(1000 * shown).toFixed(1)} mm`
         : `${((shown * 180) / Math.PI).toFixed(2).replace(/^-0\.00$/, "0.00")}\u00b0`;
     });
-  }
-
-  // Joints whose values as they stand are beyond their limits, be it by whole turns.
-  beyond(frame) {
-    return this.page.joints.filter(({ limited, lower, upper }, i) =>
-      limited !== false && (frame.q[i] < lower - 1e-6 || frame.q[i] > upper + 1e-6)).map(({ name }) => name);
   }
 
   value(frame, joint) { return frame.q[joint]; }

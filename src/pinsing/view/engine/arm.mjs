@@ -6,7 +6,7 @@
 
 import { jacobian, placements, tipOf } from "./chain.mjs";
 import { nearestOf } from "./distance.mjs";
-import { apart } from "./families.mjs";
+import { outside } from "./limits.mjs";
 import { norm, quaternion, subtract, transpose, turnZTo } from "./linear.mjs";
 import { causes } from "./lost.mjs";
 import { measure, ownTask } from "./measured.mjs";
@@ -50,19 +50,6 @@ export function frameAt(data, q, families = data.families) {
     outside: outside(data, q), notes: notes(data, q, ratio),
     verdict: here,
   };
-}
-
-// Joints outside their limits, whole turns aside.
-export function outside(data, q) {
-  return data.joints.filter((joint, i) => {
-    const { lower, upper, prismatic } = joint;
-    const low = lower ?? -Infinity, high = upper ?? Infinity;
-    const inside = (v) => v >= low - 1e-9 && v <= high + 1e-9;
-    if (inside(q[i])) return false;
-    if (prismatic || !Number.isFinite(low) || !Number.isFinite(high)) return prismatic;
-    const middle = (low + high) / 2;
-    return !inside(middle + apart(q[i], middle, false));
-  }).map((joint) => joint.name);
 }
 
 function ellipsoids(J, sizes, lost, rtol) {

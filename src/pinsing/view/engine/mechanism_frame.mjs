@@ -1,5 +1,6 @@
 // Everything that the page shows of a mechanism at one closed configuration.
 
+import { outside } from "./limits.mjs";
 import { dot, norm, quaternion, scaled, subtract, svd, transpose, turnZTo } from "./linear.mjs";
 import { combined, output } from "./loops.mjs";
 import { drawnRadii, ellipsoid, pureEllipsoids } from "./measures.mjs";
@@ -33,7 +34,7 @@ export function mechanismFrame(data, q) {
     one: state.one, two: state.two, constraint: state.constraint,
     condition: sigma.length && sigma[sigma.length - 1] > 0 ? sigma[0] / sigma[sigma.length - 1] : Infinity,
     gain: state.velocity ? svd(state.velocity).sigma[0] : Infinity,
-    outside: data.joints.filter(({ lower, upper }, j) => q[j] < (lower ?? -Infinity) - 1e-9 || q[j] > (upper ?? Infinity) + 1e-9).map((j) => j.name),
+    outside: outside(data, q),
     notes: [], verdict: { text: verdict(state) }, refused: null,
   };
 }

@@ -1,5 +1,7 @@
 // Joint positions out of a CSV text: names in the first line, in any order, or none at all.
 
+import { inDegrees } from "./limits.mjs";
+
 const TIME = /^(t|time|stamp|timestamp|seconds)([ _.([]|$)/i;
 const NUMBER = /^[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$/i, NO_NUMBER = /^[-+]?(nan|inf|infinity)$/i;
 const HUGE = 1e6; // beyond it the digits of an angle are gone
@@ -33,10 +35,11 @@ export function parseTrajectory(text, joints) {
     const time = clock < 0 || !NUMBER.test(cells[clock]) ? last : Number(cells[clock]);
     if (time < last) throw new Error(`line ${at}: time runs backwards, from ${last} to ${time}`);
     last = time;
-    return columns.map((c) => {
+    return columns.map((c, j) => {
       const value = Number(cells[c]);
       if (!NUMBER.test(cells[c]) || !Number.isFinite(value)) throw new Error(`line ${at}: ${cells[c] || "nothing"} is not a number`);
       if (Math.abs(value) > HUGE) throw new Error(`line ${at}: ${cells[c]} is too large (radians and metres, up to 1e6)`);
+      if (inDegrees(joints[j], value)) throw new Error(`line ${at}: ${joints[j].name} = ${cells[c]} makes sense in degrees only: write radians`);
       return value;
     });
   });

@@ -1,0 +1,16 @@
+// Values and limits of joints; `lower` and `upper` are null where there is none.
+
+const TURN = 2 * Math.PI, SLACK = 1e-9;
+
+// Names of the joints outside their limits, as their values are: no whole turn is taken off.
+export function outside(data, q) {
+  return data.joints.filter(({ lower, upper }, i) => q[i] < (lower ?? -Infinity) - SLACK || q[i] > (upper ?? Infinity) + SLACK).map((joint) => joint.name);
+}
+
+// Whether a value of a limited revolute joint makes sense in degrees only: more than a turn beyond a limit,
+// and within both if read as degrees.
+export function inDegrees({ prismatic, lower, upper }, value) {
+  if (prismatic || !Number.isFinite(lower) || !Number.isFinite(upper)) return false;
+  const read = (value * Math.PI) / 180;
+  return (value < lower - TURN || value > upper + TURN) && read > lower - 0.01 && read < upper + 0.01;
+}
