@@ -76,6 +76,37 @@ def random_spec(seed: int) -> Spec:
     return Spec(tuple(rows), task)
 
 
+def strange_spec(seed: int) -> Spec:
+    """A chain of 3 to 8 joints that is special in many ways; the same for the same seed.
+
+    Few lengths, so that many are equal, and many zero: axes meet, are parallel, or coincide.
+    """
+    rng = np.random.default_rng([20261, seed])
+    n = int(rng.integers(3, 9))
+    few = [float(x) * float(rng.choice([1, 1, -1])) for x in rng.choice(_LENGTHS, 2)]
+    twists = [0.0, 0.0, 180.0, 90.0, -90.0, 90.0, -90.0]
+    if rng.random() < 0.3:
+        twists += [float(x) for x in rng.choice([30, 45, 60, -45, -60, 120], 2)]
+    zero, slides = rng.uniform(0.2, 0.8), float(rng.choice([0.0, 0.0, 0.2, 0.5]))
+    rows = tuple(
+        Row(
+            float(rng.choice([0.0, 0.0, 90.0, 180.0, -90.0])),
+            *(0.0 if rng.random() < zero else float(rng.choice(few)) for _ in range(2)),
+            float(rng.choice(twists)),
+            bool(rng.random() < slides),
+        )
+        for _ in range(n)
+    )
+    if rng.random() < 0.2:  # the same backwards
+        rows = (*rows[: n // 2], *reversed(rows[: n - n // 2]))
+    tasks = ("pose", "pose", "pose", "position", "orientation", "tool-axis", "vx,vy,vz,wz")
+    task = str(rng.choice([*tasks, "rows"]))
+    if task == "rows":
+        size = int(rng.integers(1, 6))
+        task = ",".join(_ROWS[i] for i in sorted(rng.choice(6, size, replace=False)))
+    return Spec(rows, task)
+
+
 def arm_of(spec: Spec, limit: float = math.pi) -> Arm:
     """The arm as a model: joint i turns or slides along z, then come d, a and alpha."""
     model = pin.Model()

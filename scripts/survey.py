@@ -115,12 +115,14 @@ def run(job: Job, done: Collection[str], budget: Budget, analyse: bool) -> dict[
         if about["geometry"] in done and not analyse:
             return about
         result = pinsing.analyze(arm, seconds=budget.search) if analyse else None
-        found = pinsing.closed_form(arm, seconds=budget.search) if result is None else None
+        found = (
+            pinsing.closed_form(arm, seconds=budget.search, prove=False) if result is None else None
+        )
     except pinsing.PinsingError as error:
         return {"outcome": "refused", "reason": str(error).replace(f"{folder}/", "")}
     found = result.closed_form if result is not None else found
     if found.word != "proven":
-        found = within(found, Time(budget.whole, budget.proof), None)
+        found = within(found, Time(budget.proof), None)
     proof = found.proof
     about |= {
         "rank": found.generic_rank,
@@ -266,12 +268,12 @@ def main(argv: Iterable[str] | None = None) -> int:
         sys.path.insert(0, str(Path(__file__).parent))
         from survey_report import report
 
-        chains, without = jobs()
+        chains, _ = jobs()
         order = {job.key: number for number, job in enumerate(chains)}
         entries = sorted(
             (e for e in read(arguments.store) if e["key"] in order), key=lambda e: order[e["key"]]
         )
-        text = report(entries, without, (budget.whole, budget.search, budget.proof))
+        text = report(entries, (budget.whole, budget.search, budget.proof))
         arguments.report.write_text(text, encoding="utf-8")
         return 0
     if arguments.one:

@@ -108,7 +108,7 @@ def work() -> None:
         if task == "survey":  # a new arm each time: what is found once an arm counts
             arm = pinsing.load(**name)
             began = used()
-            pinsing.closed_form(arm, seconds=SURVEY_SECONDS)
+            pinsing.closed_form(arm, seconds=SURVEY_SECONDS, prove=False)
             print(json.dumps(used() - began), flush=True)
             continue
         if name not in arms:
@@ -117,7 +117,7 @@ def work() -> None:
         arm = arms[name]
         if task == "closed":
             began = used()
-            pinsing.closed_form(arm, seconds=60)
+            pinsing.closed_form(arm, seconds=60, prove=False)
             spent = used() - began
         elif task in FUNCTIONS:
             began = used()

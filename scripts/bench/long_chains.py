@@ -1,7 +1,7 @@
 """Closed forms of long chains and of positions: what is found in a given time.
 
     python scripts/bench/long_chains.py [CHAIN ...] [--seconds 60]
-    python scripts/bench/long_chains.py --write docs/long_chains.md
+    python scripts/bench/long_chains.py --write
 
 Chains from a foot to a hand, torso and arm, planar arms of many links, positions of arms with seven
 joints. The search ends by the clock, so that on a busy machine less is found.
@@ -10,9 +10,6 @@ joints. The search ends by the clock, so that on a busy machine less is found.
 from __future__ import annotations
 
 import argparse
-import datetime
-import os
-import platform
 import sys
 import time
 from collections.abc import Iterator
@@ -73,31 +70,8 @@ CARRIED: dict[str, dict[str, str]] = {
     "panda": {"tip": "panda_hand_tcp"},
 }
 PLANAR = (6, 12, 20)
-_SHOWN = 8
-"""Families that are written out."""
-_WIDE = 150
-_STEPS = 6
-"""Joints that follow one after the other, beyond which it is said which do."""
 
-PAGE = """# Long chains and positions
-
-Written by `python scripts/bench/long_chains.py --write docs/long_chains.md` on {date},
-Python {python}, load {load:.0f} on {cores} processors, {seconds:g} s on the clock a chain.
-The search ends by the clock: with more time, or on an idle machine, more is found. Where it is not
-complete, no families means that none was found in time, not that there is none. What a word
-rests on is in [proof.md](proof.md).
-
-A chain from a foot to a hand goes up to the pelvis, joints backwards, and down:
-`--base left_sole_link --tip gripper_left_base_link`. Planar arms, judged by the position of the
-tip, are singular where all links are in line: shown for any number of joints by the argument at the
-head of `families/planar_chain.py`, exactly and without random points. A certificate has it to 6
-joints: the terms of its Jacobian grow threefold with each joint more.
-`pinsing families ... --system FILE.sing` writes the exact equations of any family.
-
-{table}
-
-{families}
-"""
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "long_chains.md"
 
 
 def planar(n: int) -> Arm:
@@ -153,56 +127,26 @@ def row(name: str, form: ClosedForm) -> str:
     return f"| {name} | {chain} | {form.arm.n} | {form.generic_rank} | {count} | {form.word} |"
 
 
-def families(name: str, form: ClosedForm) -> Iterator[str]:
-    """What was found, family by family, and what is missing."""
-    yield f"## {name}\n"
-    for gap in form.gaps:
-        yield f"- not complete: {gap}"
-    if form.slice_count is not None and not form.slice_count.off:
-        rests = "it rests on a count" if form.complete else "evidence, no proof"
-        yield f"- {rests}: {form.slice_count.sentence()}"
-    for family in form.families[:_SHOWN]:
-        text = family.text if len(family.text) <= _WIDE else f"{family.text[:_WIDE]} ..."
-        yield f"- {family.name}, codimension {family.codimension}: {text}"
-        for said in family.at_once:
-            if len(said.steps) > _STEPS:
-                yield f"  - {said.lines()[0]}"
-                yield f"  - {said.lines()[-1]}"
-    if len(form.families) > _SHOWN:
-        yield f"- and {len(form.families) - _SHOWN} more"
-    yield ""
-
-
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("chains", nargs="*", metavar="CHAIN", help="part of a name; default all")
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--write", type=Path, metavar="FILE")
+    parser.add_argument("--write", action="store_true", help="the table in docs/long_chains.md")
     options = parser.parse_args()
-    rows, texts = [], []
+    rows = ["| arm | chain | joints | rank | families | word |", "|---|---|---|---|---|---|"]
     for name, arm in chains():
         if options.chains and not any(c.lower() in name.lower() for c in options.chains):
             continue
         started = time.process_time()
-        form = closed_form(arm, seconds=options.seconds, prove=None)
+        rows.append(row(name, closed_form(arm, seconds=options.seconds)))
         took = time.process_time() - started
-        rows.append(row(name, form))
-        texts += families(name, form)
         print(f"{rows[-1]} {took:.1f} s of processor time", file=sys.stderr, flush=True)
-    head = "| arm | chain | joints | rank | families | word |\n|---|---|---|---|---|---|"
-    page = PAGE.format(
-        date=datetime.datetime.now(tz=datetime.timezone.utc).date(),
-        python=platform.python_version(),
-        load=os.getloadavg()[0],
-        cores=os.cpu_count(),
-        seconds=options.seconds,
-        table="\n".join([head, *rows]),
-        families="\n".join(texts),
-    )
+    table = "\n".join(rows) + "\n"
     if options.write:
-        options.write.write_text(page.rstrip() + "\n", encoding="utf-8")
+        head = PAGE.read_text(encoding="utf-8").partition("| arm |")[0]
+        PAGE.write_text(head + table, encoding="utf-8")
     else:
-        print(page)
+        print(table)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,13 @@
 """Analyse the shelf of parallel mechanisms and set known results beside what was computed.
 
 python scripts/bench/parallel.py [NAME ...]
-python scripts/bench/parallel.py --write docs/parallel.md
+python scripts/bench/parallel.py --write
 """
 
 from __future__ import annotations
 
 import argparse
+import re
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -25,8 +26,6 @@ from pinsing.mechanism import (
     ranks,
 )
 from pinsing.mechanism.feasible import feasible
-from pinsing.mechanism.forms_text import forms_text
-from pinsing.mechanism.rods import why_no_rods
 from pinsing.robot.mechanism import Mechanism
 
 URDF = Path(__file__).resolve().parents[2] / "urdf"
@@ -46,80 +45,10 @@ SHELF = (
     "bennett",
     "rssr",
 )
-TOP = """# Parallel mechanisms
-
-Made by `scripts/bench/parallel.py`. Each mechanism is a spanning tree with a loop file in `urdf/`;
-those with a table (`NAME.mechanism.yaml`, `bennett.dh.yaml`) are made from it by
-`scripts/generate_urdf.py`. `pinsing analyze urdf/NAME.urdf --loops urdf/NAME.loops.yaml` prints
-more.
-
-- A **mode** is a configuration up to flipped balls and universal joints; *ways* says how many such
-  flips there are. Modes were sought from 400 random starts; the joint limits are those of the file.
-- Equations are over the pose of the output where each leg passes one force: x, y, z in metres and
-  a unit quaternion e0, e1, e2, e3 (scalar first); in the plane x, y, cos φ, sin φ; with inputs
-  where a crank moves the inner end of a rod. "complete": every singular pose is on one of them,
-  each step exact over the rationals, but for what the notes below them name: legs without length,
-  and passive joints that move by themselves (a rod along the first axis of its universal joint),
-  whose equations are those in the joint angles. Slides may be counted from anywhere in their
-  stroke; a leg that is driven at its elbow is of type 1 where it is stretched or folded, an
-  equation in the pose.
-- Equations in the joint angles hold where the loops close: singular if and only if one is zero. A
-  determinant has a row for each wrench that a leg passes on (force and moment about the origin of
-  the base; in the plane fx, fy, mz; on the sphere the moment), in that leg's own angles.
-- Where the legs are of another kind the matrices are those of the closure equations themselves,
-  with a column for each passive joint (type 2), or each joint (type 1): singular if and only if the
-  columns are dependent. So for loops that are overconstrained or welded, and redundant actuators.
-- Certificates: `families NAME --loops --certificate NAME.json` writes one for each leg as an arm of
-  its own, `pinsing verify` checks them. They prove where an actuator does no work on what its leg
-  passes, or passive joints are dependent by themselves: rank conditions of one chain, which is what
-  the checker reads. Type 2 has none: it is about several chains that the closure ties, of which the
-  checker knows nothing; its equation is the rank condition itself, with no list of families that
-  could be proven complete.
-- A ball that is written as three hinges is a ball: where these lie in a plane (cos s1y = 0, say, a
-  gimbal lock) the numbers are those of the ball, and no singularity is reported for it. The joint
-  equations name the lock among passive joints that move by themselves, since the file's joints do.
-- Legs may be written from the base or from the platform, cut at either end or at the elbow, in any
-  plane; links that spin idly between two balls are held, joints without limits move without end.
-  Of the 18 loop files of gepetto/example-parallel-robots (at 52e64b3) 14 have as many freedoms as
-  motors. Of the others disney_robot's names joints that its URDF has not, disney_like's has a pin
-  0.3 mm beside the ball that it would spin about, and the two kangaroos' loops were not closed, to
-  0.08 and 0.03 (metres, radians) at best. Without limits and with many free balls an analysis takes
-  minutes (cassie_like 110 s).
-- Over the pose a leg passes one force along its rod, or across its slide where it is driven at the
-  foot (RPR, RPS, UPS), and one more where it begins with a hinge; or the mechanism is a spherical
-  3-RRR. Rods on rails or cranks whose output turns (hexaglide, 6-RUS, 3-PRS) have their equations
-  in the pose and the inputs together, a determinant that is not multiplied out (tens of thousands
-  of terms), with the lengths of the rods as the equations of closure: `families --loops --exact`
-  and `--json` write both out. To eliminate the inputs would multiply all working modes (64 where
-  there are six). A five-bar on slides, or one that is welded or closes at an elbow, in any plane,
-  has its equations over the position of its pin and the inputs. Others have none: an output that
-  turns on the base itself (RSSR), other loops that are welded, overconstrained ones (Bennett),
-  redundant actuators, legs with a hinge at the platform (SPR): no determinant of lines of force
-  from the feet is their condition. Theirs are those in the joint angles.
-- Where algebra gives the number of modes it is said: the two solutions of each leg, three spheres,
-  the triangle of three pins, one rod's quadratic equation, the real roots of a polynomial; "at
-  most 40" and "at most 16" are bounds over the complex numbers. "found from 400 starts; more may
-  exist" is no more than that.
-- Maps: `pinsing map NAME --loops --over poses` (or `inputs`). Per second of processor time on one
-  thread, with Pinocchio's constraint models one configuration after the other in brackets
-  (`scripts/bench/mechanism_rate.py`, an idle machine): constraint and output Jacobians of 520,000
-  configurations of the 3-RRR and 107,000 of the Gough-Stewart platform (58,000 and 37,000: 9.0 and
-  2.9 times), with the measures 114,000 and 23,000 (10,700 and 3,600: 10.6 and 6.4 times; five-bar
-  260,000, 21 times). Closing the loops of inputs drawn at random costs more: a map takes 13,600 and
-  2,000 a second. Few inputs close a platform with long strokes: of 500 drawn for the Gough-Stewart
-  platform 48 do, 290 cannot (two legs' ends would be too far apart or too near: proven), at 162
-  four starts found nothing (sixty find six more). Those of the Griffis-Duffy platform that close it
-  have no volume. The map says these numbers; `--over poses` draws where the output goes: 319 of 500
-  within the limits, type 2 near at 17 of them.
-- Slices through the workspace: `pinsing plot map NAME --loops --over x,y -o map.png`, one for each
-  working mode. Coloured is what lies within all limits of joints: each aspect (no singular pose
-  parts it) in a colour of its own, green and blue in the assembly mode of home, warm in the other.
-  Blue lines are type 2, red ones type 1, broken ones limits; the rest of the pose is as at home.
-  A mechanism of one freedom is drawn over its input.
-- Modes side by side: `pinsing plot modes NAME --loops -o modes.png`; the output is red.
-
-| mechanism | joints | closure equations, independent of written | degrees of freedom | actuated |
-|---|---|---|---|---|
+PAGE = URDF.parent / "docs" / "parallel.md"
+TABLE = """| mechanism | joints | closure equations, independent of written | degrees of freedom \
+| actuated | at home | assembly modes | working modes |
+|---|---:|---|---:|---:|---|---|---|
 """
 IMAGES = URDF.parent / "docs" / "images"
 SLICES = {
@@ -146,7 +75,7 @@ Known = Callable[[Mechanism], Iterator[tuple[str, str]]]
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", default=list(SHELF))
-    parser.add_argument("--write", type=Path, metavar="FILE.md")
+    parser.add_argument("--write", action="store_true", help="into docs/parallel.md")
     parser.add_argument("--pictures", action="store_true", help="make the pictures alone")
     options = parser.parse_args()
     if options.pictures:
@@ -155,47 +84,37 @@ def main() -> None:
             pictures(pinsing.load_mechanism(URDF / f"{name}.urdf"), name)
             print(f"{name}: {time.process_time() - began:.1f} s of processor time", flush=True)
         return
-    rows, parts = [], []
+    rows, known, drawn = [], [], []
     for name in options.names or SHELF:
+        began = time.process_time()
         mechanism = pinsing.load_mechanism(URDF / f"{name}.urdf")
-        found = ranks(mechanism)
+        found, at = ranks(mechanism), mechanism_at(mechanism, home(mechanism))
+        direct, inverse = pinsing.assembly_modes(mechanism), pinsing.working_modes(mechanism)
         rows.append(
-            f"| [{name}](#{name}) | {mechanism.n} | {found.constraint} of {mechanism.rows} | "
-            f"{found.mobility} | {len(mechanism.actuated)} |\n"
+            f"| {name} | {mechanism.n} | {found.constraint} of {mechanism.rows} | {found.mobility} "
+            f"| {len(mechanism.actuated)} | {at.kind} | {count(direct)} | {count(inverse)} |\n"
         )
-        parts.append(part(mechanism, name))
-    text = TOP + "".join(rows) + "\n" + "\n".join(parts)
-    if options.write is None:
-        print(text)
+        claims = KNOWN[name](mechanism) if name in KNOWN else ()
+        known += [f"| {name} | {claim} | {computed} |\n" for claim, computed in claims]
+        drawn += [f"## {name}", "", source(name), "", *pictures(mechanism, name)]
+        print(f"{name}: {time.process_time() - began:.1f} s of processor time")
+    head = "\n| mechanism | known | computed |\n|---|---|---|\n"
+    words = PAGE.read_text(encoding="utf-8").partition("| mechanism |")[0]
+    text = words + TABLE + "".join(rows) + head + "".join(known) + "\n" + "\n".join(drawn)
+    if options.write:
+        PAGE.write_text(text, encoding="utf-8")
     else:
-        options.write.write_text(text, encoding="utf-8")
+        print(text)
 
 
-def part(mechanism: Mechanism, name: str) -> str:
-    began = time.process_time()
-    lines = [f"## {name}", "", source(name), ""]
-    at = mechanism_at(mechanism, home(mechanism))
-    lines.append(f"At home: {at.kind}.")
-    lines.append("")
-    for title, which in (("within the limits", mechanism), ("without", mechanism.without_limits())):
-        direct = pinsing.assembly_modes(which)
-        inverse = pinsing.working_modes(which)
-        lines.append(f"- {title}: {direct.statement}; {inverse.statement}.{ways(direct)}")
-    lines.append("")
-    loops = loop_forms(mechanism)
-    forms = pose_forms(mechanism) if loops is None else loops
-    joints = joint_forms(mechanism)
-    if forms is None:
-        lines += [f"No closed form over the pose: {why_no_rods(mechanism)}.", ""]
-    lines += ["```", forms_text(mechanism.inputs, forms, joints=joints, longest=1_500), "```", ""]
-    lines += pictures(mechanism, name)
-    known = KNOWN.get(name)
-    if known is not None:
-        lines += ["| known | computed |", "|---|---|"]
-        lines += [f"| {claim} | {computed} |" for claim, computed in known(mechanism)]
-        lines.append("")
-    print(f"{name}: {time.process_time() - began:.1f} s of processor time")
-    return "\n".join(lines)
+def count(modes: pinsing.Modes) -> str:
+    """Return how many modes there are, with the bound that is known."""
+    if "do not fix the pose" in modes.statement:
+        return "not fixed by the inputs"
+    most = re.search(r"at most (\d+)", modes.statement)
+    if "all there are" in modes.statement or "no more can exist" in modes.statement:
+        return f"{len(modes.modes)} (all)"
+    return f"{len(modes.modes)}" + (f" (at most {most[1]})" if most else "")
 
 
 def pictures(mechanism: Mechanism, name: str) -> list[str]:
@@ -224,13 +143,6 @@ def pictures(mechanism: Mechanism, name: str) -> list[str]:
         aside = ", limits left aside" if suffix and name in BEYOND else ""
         lines += [f"![{alt} of {name}{aside}](images/{file})", ""]
     return lines
-
-
-def ways(found: pinsing.Modes) -> str:
-    counts = sorted({s.ways for s in found.modes})
-    if not counts or counts == [1]:
-        return ""
-    return f" Ways to assemble each mode: {', '.join(map(str, counts))}."
 
 
 def source(name: str) -> str:

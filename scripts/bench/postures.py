@@ -1,13 +1,12 @@
 """Count the aspects of the table of arms, and look which are cuspidal.
 
 python scripts/bench/postures.py [ARM ...]
-python scripts/bench/postures.py --write docs/postures.md
+python scripts/bench/postures.py --write
 """
 
 from __future__ import annotations
 
 import argparse
-import platform
 import tempfile
 import time
 from pathlib import Path
@@ -112,7 +111,7 @@ def count(form: pinsing.ClosedForm, limits: bool) -> tuple[str, str]:
 
 def row(name: str, arm: Arm, poses: int) -> str:
     """One line of the table."""
-    form = pinsing.closed_form(arm, prove=True)
+    form = pinsing.closed_form(arm)
     word = "no" if not form.complete else "yes"
     if form.complete and form.proof is not None and form.proof.accepted:
         word = "proven"
@@ -137,21 +136,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else "")
     parser.add_argument("arms", nargs="*")
     parser.add_argument("--poses", type=int, default=60)
-    parser.add_argument("--write", type=Path)
+    parser.add_argument("--write", action="store_true", help="the table in docs/postures.md")
     options = parser.parse_args()
     lines = [
-        "# Aspects and cuspidality",
-        "",
-        f"Made by `python scripts/bench/postures.py --poses {options.poses} --write "
-        "docs/postures.md`; Python "
-        f"{platform.python_version()}, {platform.machine()}; milliseconds of processor time, the "
-        "closed form at hand.",
-        "A count is one number where the lower and the upper bound agree: proven, of the families "
-        "as they are. *Families* says whether these are all: proven by a certificate, or found "
-        "complete. Cuspidal is asked without limits, of arms with as many joints as conditions, at "
-        f"{options.poses} random poses; *not cuspidal* is proven by signs that tell all inverse "
-        "solutions of a pose apart (`pinsing.postures.ladder`), which the poses did not refute.",
-        "",
         "| arm | joints | families | aspects on circles | ms | within limits | ms | cuspidal |",
         "| --- | ---: | --- | ---: | ---: | ---: | ---: | --- |",
     ]
@@ -159,7 +146,9 @@ def main() -> None:
         lines.append(row(name, arm, options.poses))
         print(lines[-1], flush=True)
     if options.write:
-        options.write.write_text("\n".join(lines) + "\n", encoding="utf-8")
+        page = Path(__file__).resolve().parents[2] / "docs" / "postures.md"
+        head = page.read_text(encoding="utf-8").partition("| arm |")[0]
+        page.write_text(head + "\n".join(lines) + "\n", encoding="utf-8")
 
 
 if __name__ == "__main__":

@@ -138,7 +138,7 @@ SECTION = """## Positions of arms with more joints
 
 The task is the position of the tip (`--task position`): singular where all axes meet one line
 through it, or are parallel to it. At most {seconds:g} s on the clock, load {load:.0f}; the seconds
-are of processor time, with up to 2 s for a certificate.
+are of processor time, with a certificate looked for as far as a second or two of work leads.
 
 | arm | joints | families | word | s |
 |---|---|---|---|---|
@@ -174,7 +174,7 @@ def positions(seconds: float) -> str:
         options = {k: v for k, v in words.items() if k != "robot"}
         arm = load(words["robot"], task="position", **options)
         start = processor_seconds()
-        form = closed_form(arm, seconds=seconds, prove=None)
+        form = closed_form(arm, seconds=seconds)
         took = processor_seconds() - start
         counts = Counter(f.codimension for f in form.families)
         said = ", ".join(f"{k} of codimension {c}" for c, k in sorted(counts.items()))

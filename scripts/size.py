@@ -1,0 +1,79 @@
+"""Print how large the project is against its limits; exit code 1 where one is passed."""
+
+from __future__ import annotations
+
+import ast
+import sys
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parent.parent
+LIMITS: dict[str, tuple[int, int]] = {
+    "Python in src: statements": (44_140, 30_000),
+    "Python in src: lines": (84_640, 56_000),
+    "C++, JavaScript, templates, styles: lines": (11_830, 9_500),
+    "modules": (483, 220),
+    "packages directly under pinsing": (21, 16),
+    "numbers in module constants": (1_535, 500),
+    "names exported by pinsing": (73, 32),
+    "lines of tests": (46_440, 28_000),
+    "words of Markdown, changelog excluded": (40_000, 40_000),
+    "CHANGELOG.md: lines": (150, 150),
+}
+"""Of each size what it may be today, to be lowered with each step, and the target."""
+_OTHERS = {".cpp", ".hpp", ".js", ".mjs", ".html", ".css", ".in", ".inc"}
+
+
+def sizes() -> dict[str, int]:
+    """Count all of it; docstrings and other strings that stand alone are no statements."""
+    out = Counter(dict.fromkeys(LIMITS, 0))
+    package = ROOT / "src" / "pinsing"
+    for path in package.rglob("*.py"):
+        text = _text(path)
+        tree = ast.parse(text)
+        out["modules"] += 1
+        out["Python in src: lines"] += text.count("\n")
+        out["Python in src: statements"] += sum(
+            isinstance(n, ast.stmt) and not _stands_alone(n) for n in ast.walk(tree)
+        )
+        out["numbers in module constants"] += sum(
+            isinstance(n, ast.Constant) and type(n.value) in (int, float, complex)
+            for s in tree.body
+            if isinstance(s, ast.Assign | ast.AnnAssign) and s.value is not None
+            for n in ast.walk(s.value)
+        )
+        if path == package / "__init__.py":
+            listed = next(s for s in tree.body if "__all__" in ast.unparse(s).split()[:1])
+            assert isinstance(listed, ast.Assign)
+            out["names exported by pinsing"] = len(ast.literal_eval(listed.value))
+    out["packages directly under pinsing"] = len(list(package.glob("*/__init__.py")))
+    others = [p for p in (ROOT / "src").rglob("*") if p.suffix in _OTHERS]
+    out["C++, JavaScript, templates, styles: lines"] = sum(_text(p).count("\n") for p in others)
+    out["lines of tests"] = sum(_text(p).count("\n") for p in (ROOT / "tests").rglob("*.py"))
+    folders = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+    counted = [p for p in folders if p.name != "CHANGELOG.md"]
+    out["words of Markdown, changelog excluded"] = sum(len(_text(p).split()) for p in counted)
+    out["CHANGELOG.md: lines"] = _text(ROOT / "CHANGELOG.md").count("\n")
+    return dict(out)
+
+
+def _text(path: Path) -> str:
+    return path.read_text(encoding="utf-8")
+
+
+def _stands_alone(node: ast.stmt) -> bool:
+    return isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+
+
+def main() -> int:
+    """Print the table; 1 where a limit is passed."""
+    found = sizes()
+    print(f"{'':44}{'now':>8}{'limit':>8}{'target':>8}")
+    for name, (limit, target) in LIMITS.items():
+        over = "  over its limit" * (found[name] > limit)
+        print(f"{name:44}{found[name]:8}{limit:8}{target:8}{over}")
+    return int(any(found[name] > limit for name, (limit, _) in LIMITS.items()))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
