@@ -11,7 +11,7 @@ import numpy as np
 import pinsing
 
 DT, STEPS = 0.002, 600
-arm = pinsing.load("ur5")
+arm = pinsing.load("ur5", units="rad")  # without damping joints are thrown several turns
 shoulder = pinsing.closed_form(arm).families[2]
 above = shoulder.distance([0, -1.8, 1.2, -0.9, -1.4, 0]).q  # the wrist above the shoulder
 bent = np.array([0, -1.2, 1.4, -1.2, 0.5, 0])
