@@ -52,7 +52,7 @@ def _mechanism(tree: str, loops: str) -> int:
 
     from pinsing.description.dh_urdf import urdf_folder
     from pinsing.errors import PinsingError
-    from pinsing.mechanism.closure import Loops
+    from pinsing.loops.closure import Loops
     from pinsing.robot.load_mechanism import load_mechanism
 
     try:

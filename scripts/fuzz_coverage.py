@@ -15,7 +15,7 @@ from typing import Any
 
 # Below src/pinsing; what reads files, messages and data of strangers.
 _READERS = (
-    "description", "proof/checker.py", "runs", "serialization.py", "sweeps/npz.py",
+    "description", "proof/checker.py", "sampling", "serialization.py", "chunk_file.py",
     "proximity/trajectory_file.py", "robot/load.py", "robot/load_mechanism.py",
     "view/handlers.py", "view/messages.py", "view/stage.py", "view/meshes.py",
     "view/mesh_worker.py",

@@ -124,7 +124,7 @@ def _forge(rng: random.Random, path: Path) -> None:
     """A chunk whose digest is right and whose arrays cannot be."""
     import numpy as np
 
-    from pinsing.runs.chunk_file import DamagedError, pack, read_arrays
+    from pinsing.chunk_file import DamagedError, pack, read_arrays
 
     try:
         record = read_arrays(path.read_bytes(), 1 << 30)

@@ -35,7 +35,7 @@ def _goods() -> dict[str, bytes]:
     import numpy as np
 
     import pinsing
-    from pinsing.sweeps.npz import pack_sweep
+    from pinsing.sampling.npz import pack_sweep
 
     arm = pinsing.load("planar3r")
     Q = np.linspace([-1.0, -0.5, 0.4], [1.0, 0.6, -0.3], 7)
@@ -58,11 +58,11 @@ def _goods() -> dict[str, bytes]:
 def table(rngs: list[random.Random], folder: Path) -> Ended:
     """A trajectory that is read is finite or not, but of the arm's width; a sweep can be shown."""
     import numpy as np
+    from pinsing.proximity.trajectory_file import read_trajectory
 
     import pinsing
     from pinsing.errors import PinsingError
-    from pinsing.proximity.trajectory_file import read_trajectory
-    from pinsing.sweeps.npz import load_npz
+    from pinsing.sampling.npz import load_npz
 
     name = rngs[0].choice(sorted(_goods()))
     data = _goods()[name]

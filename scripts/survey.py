@@ -155,8 +155,8 @@ def run(job: Job, done: Collection[str], budget: Budget, analyse: bool) -> dict[
 
 def identity(arm: Any) -> str:
     """What two chains share for which the same certificate holds: all it states, names aside."""
-    from pinsing.geometry.nominal import nominal
     from pinsing.proof.skeleton import roots_in, skeleton
+    from pinsing.robot.nominal import nominal
 
     geometry = nominal(arm)
     stated = skeleton(geometry, 1, roots_in(geometry))

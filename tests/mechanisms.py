@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from pinsing.mechanism import MechanismAnalysis, analyze_mechanism
+from pinsing.loops import MechanismAnalysis, analyze_mechanism
 from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
 
 URDF = Path(__file__).parent.parent / "urdf"

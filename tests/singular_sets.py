@@ -17,10 +17,10 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.configuration.refine import walk
 from pinsing.families import ClosedForm, closed_form
-from pinsing.geometry.nominal import ANGLE_TOL, nominal
 from pinsing.kinematics.jacobian import generic_rank, task_jacobians
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
+from pinsing.robot.nominal import ANGLE_TOL, nominal
 
 RIGHT = np.pi / 2
 

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 from tiers import tiered
 
-from pinsing.analysis import analyze as module
-from pinsing.analysis.analyze import analyze
-from pinsing.analysis.result import Analysis
 from pinsing.errors import OptionError, ResultError
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.robot.load import load
+from pinsing.sampling import analyze as module
+from pinsing.sampling.analysis_result import Analysis
+from pinsing.sampling.analyze import analyze
 
 ARMS = ("stanford", "surgical7", "puma560", "scara", "planar3r", "iiwa14", "ur5", "so101", "z1")
 

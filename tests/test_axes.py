@@ -13,11 +13,11 @@ from scipy.optimize import brentq
 from pinsing.configuration.axis_dependence import axis_dependences, dependent_axes
 from pinsing.configuration.column_ranks import ColumnRanks
 from pinsing.errors import ConfigurationError
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian
 from pinsing.kinematics.own_scale import own_scale
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
 from pinsing.robot.source import Coupling
 
 HALF_PI = np.pi / 2

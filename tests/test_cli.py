@@ -17,7 +17,6 @@ import pytest
 from click.testing import CliRunner, Result
 
 import pinsing
-from pinsing.analysis.result import Analysis
 from pinsing.atomic_write import check_writable, write_bytes, write_text
 from pinsing.cli.app import command
 from pinsing.cli.commands import COMMANDS
@@ -30,8 +29,9 @@ from pinsing.kinematics.jacobian import task_jacobian
 from pinsing.prose import safe
 from pinsing.report.info import ArmInfo
 from pinsing.robot.load import load
-from pinsing.sweeps.npz import load_npz
-from pinsing.sweeps.run import SweepResult
+from pinsing.sampling.analysis_result import Analysis
+from pinsing.sampling.npz import load_npz
+from pinsing.sampling.sweep_run import SweepResult
 
 URDF = Path(__file__).parent.parent / "urdf"
 
@@ -306,7 +306,7 @@ class TestSweep:
         assert run(*words, "--fail-if-singular").exit_code == 1
 
     def test_ctrl_c_keeps_what_is_done(self, monkeypatch, tmp_path):
-        import pinsing.sweeps.job as module
+        import pinsing.sampling.sweep_job as module
 
         def interrupted(*_):
             raise KeyboardInterrupt

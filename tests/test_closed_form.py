@@ -27,7 +27,7 @@ from tiers import tiered
 from pinsing.errors import OptionError, ResultError
 from pinsing.families import ClosedForm, Equation, Family, closed_form
 from pinsing.families.family_text import latex_lines
-from pinsing.geometry.nominal import nominal
+from pinsing.robot.nominal import nominal
 
 ZERO = (0.0, np.pi)
 SIDE = (-RIGHT, RIGHT)

@@ -9,12 +9,12 @@ import pytest
 from singular_sets import check_families, check_search, drop
 from tiers import tiered
 
-from pinsing.analysis.analyze import analyze
 from pinsing.description.catalog import data_folder
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
-from pinsing.geometry.nominal import nominal
 from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
+from pinsing.sampling.analyze import analyze
 
 POSITIONS = {
     "ur5": 3,

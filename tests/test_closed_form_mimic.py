@@ -8,10 +8,10 @@ import pytest
 from pinsing.algebra.mimic import NotFollowed, drives
 from pinsing.configuration.rank_drop import approach
 from pinsing.families import closed_form
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
 
 LINK = '<link name="{}"/>'
 JOINT = """<joint name="j{i}" type="{kind}"><parent link="l{p}"/><child link="l{i}"/>

@@ -11,7 +11,7 @@ from singular_sets import ROBOTS, arm_of, check_families, check_search, closed, 
 from tiers import tiered
 
 from pinsing.families import closed_form
-from pinsing.geometry.nominal import nominal
+from pinsing.robot.nominal import nominal
 
 SYSTEMS = {"baxter", "g1", "tiago_pro"}
 """Arms of which one family stays a system of several equations."""

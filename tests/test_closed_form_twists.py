@@ -12,9 +12,9 @@ from tiers import tiered
 from pinsing.configuration.rank_drop import approach
 from pinsing.families import ClosedForm, closed_form, prove
 from pinsing.families.certainty import coverage_words
-from pinsing.geometry.surd import Surd
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.load import load
+from pinsing.robot.surd import Surd
 
 DHRows = list[tuple[float, float, float]]
 """a, alpha in degrees, d."""

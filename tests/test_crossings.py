@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pinsing.proximity.crossings import crossings
 from scipy.interpolate import CubicSpline, PPoly
 from singular_sets import closed
 from tiers import tiered
@@ -11,11 +12,10 @@ from tiers import tiered
 import pinsing
 from pinsing._batch import engine
 from pinsing._types import Array
-from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.zeros import zeros_along
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.sum_zeros import zeros_along
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, Family
-from pinsing.proximity.crossings import crossings
 
 
 def changes(family: Family, Q: Array) -> int:

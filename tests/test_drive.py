@@ -10,10 +10,10 @@ from mechanisms import analyzed, four_bar, shipped
 from tiers import tiered
 
 from pinsing.errors import PinsingError
-from pinsing.mechanism import feasible, home, motions, residual
-from pinsing.mechanism.drive import drive, stretch
-from pinsing.mechanism.modes import assembly_sign
-from pinsing.mechanism.trace import trace
+from pinsing.loops import feasible, home, motions, residual
+from pinsing.loops.drive import drive, stretch
+from pinsing.loops.modes import assembly_sign
+from pinsing.loops.trace import trace
 from pinsing.robot.mechanism import Mechanism
 
 NAMES = ["five_bar", "four_bar", "planar_3rrr"]

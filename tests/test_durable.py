@@ -25,17 +25,17 @@ from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
+from pinsing.chunk_file import Record, pack
 from pinsing.cli.app import command
 from pinsing.errors import EngineError, OutputError
-from pinsing.maps import plan_map, sigma_map
-from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
-from pinsing.runs.chunk_file import Record, pack
-from pinsing.runs.inbox import ctrl_c_afterwards
-from pinsing.runs.run_folder import RunFolder, open_run, recorded
-from pinsing.sweeps.npz import load_npz
-from pinsing.sweeps.planning import plan_sweep
-from pinsing.sweeps.run import SweepResult, run_sweep
+from pinsing.sampling import plan_map, sigma_map
+from pinsing.sampling.inbox import ctrl_c_afterwards
+from pinsing.sampling.map_plan import BLOCK
+from pinsing.sampling.npz import load_npz
+from pinsing.sampling.planning import plan_sweep
+from pinsing.sampling.run_folder import RunFolder, open_run, recorded
+from pinsing.sampling.sweep_run import SweepResult, run_sweep
 
 IDENTITY = {"kind": "test", "size": 3}
 RECORD = {"a": np.arange(5.0), "b": np.array([1, 2])}
@@ -190,7 +190,7 @@ def test_a_damaged_plan_is_refused(tmp_path: Path, text: str) -> None:
 
 def test_two_at_once(tmp_path: Path) -> None:
     code = (
-        "import sys, time; from pinsing.runs.run_folder import open_run\n"
+        "import sys, time; from pinsing.sampling.run_folder import open_run\n"
         f"with open_run({str(tmp_path)!r}, {IDENTITY!r}, 3):\n"
         "    print('in', flush=True); time.sleep(60)"
     )
@@ -336,7 +336,7 @@ def test_ctrl_c_at_a_terminal(tmp_path: Path, where: str) -> None:
 def test_workers_do_not_outlive_a_killed_parent(tmp_path: Path) -> None:
     code = (
         "import os, time\n"
-        "from pinsing.runs.executors import local_processes\n"
+        "from pinsing.sampling.executors import local_processes\n"
         "if __name__ == '__main__':\n"
         "    with local_processes(2) as (executor, _):\n"
         "        print(*{executor.submit(os.getpid).result() for _ in range(9)}, flush=True)\n"
@@ -476,7 +476,7 @@ def test_ctrl_c_in_the_middle_of_a_write_raises_nothing_there(
         whole.append(index)
         return data
 
-    monkeypatch.setattr("pinsing.runs.run_folder.pack", interrupted)
+    monkeypatch.setattr("pinsing.sampling.run_folder.pack", interrupted)
     if kind == "map":
         assert not sigma_map(arm, count=9 * BLOCK, chunk=BLOCK, threads=1, out=out).complete
     else:
@@ -497,10 +497,10 @@ def _ctrl_c_before(function: Callable[..., Any]) -> Callable[..., Any]:
 @pytest.mark.parametrize(
     ("name", "place"),
     [
-        ("run", "pinsing.sweeps.run.pack_sweep"),
-        ("run", "pinsing.sweeps.findings.singular_configurations"),
-        ("curves.npz", "pinsing.sweeps.npz.save_npz"),
-        ("curves.npz", "pinsing.sweeps.findings.singular_configurations"),
+        ("run", "pinsing.sampling.sweep_run.pack_sweep"),
+        ("run", "pinsing.sampling.findings.singular_configurations"),
+        ("curves.npz", "pinsing.sampling.npz.save_npz"),
+        ("curves.npz", "pinsing.sampling.findings.singular_configurations"),
     ],
 )
 def test_ctrl_c_after_the_last_chunk_of_a_sweep(
@@ -525,7 +525,7 @@ def test_ctrl_c_after_the_last_chunk_of_a_sweep(
 def test_ctrl_c_when_a_map_is_complete_takes_nothing_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    module = importlib.import_module("pinsing.maps.run")
+    module = importlib.import_module("pinsing.sampling.map_run")
     monkeypatch.setattr(module, "result_of", _ctrl_c_before(module.result_of))
     words = ["map", "planar3r", "--count", "4096", "--threads", "1"]
     done = run(*words, "--out", str(tmp_path / "run"))

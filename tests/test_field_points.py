@@ -22,8 +22,8 @@ from pinsing.algebra.prime_field import SECOND_PRIME, WORD_PRIME, modular_contex
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.slices import Slices, random_slice, slice_points
 from pinsing.algebra.zeros import zeros
-from pinsing.geometry.nominal import nominal
 from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
 
 compiled = pytest.mark.skipif(not engine.available(), reason="the engine is not compiled here")
 RNG = np.random.default_rng

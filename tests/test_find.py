@@ -11,14 +11,14 @@ import pytest
 
 from pinsing.errors import OptionError, ResultError, UnknownNameError
 from pinsing.families import closed_form
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import Reachability, sigma_ratio
 from pinsing.robot.load import load
-from pinsing.sweeps.finding import Finding
-from pinsing.sweeps.findings import singular_configurations
-from pinsing.sweeps.minima import dips
-from pinsing.sweeps.run import sweep
+from pinsing.robot.nominal import nominal
+from pinsing.sampling.finding import Finding
+from pinsing.sampling.findings import singular_configurations
+from pinsing.sampling.minima import dips
+from pinsing.sampling.sweep_run import sweep
 
 PI = np.pi
 _ENDS = ("0", "180 deg")

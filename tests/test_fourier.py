@@ -12,7 +12,7 @@ from pinsing.algebra.equation import equation
 from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.geometry.surd import parts_of, surd
+from pinsing.robot.surd import parts_of, surd
 
 TINY = Fraction(1, 10**30)
 

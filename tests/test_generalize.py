@@ -11,8 +11,8 @@ from pinsing.errors import ConfigurationError, OptionError
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
-from pinsing.sweeps.generalize import Generalization, generalize, random_configurations
-from pinsing.sweeps.joint_condition import value_text
+from pinsing.sampling.generalize import Generalization, generalize, random_configurations
+from pinsing.sampling.joint_condition import value_text
 
 PI = np.pi
 
@@ -154,7 +154,7 @@ def test_raw_geometry_is_judged_too():
 
 
 def refine_on_nominal(arm, q):
-    from pinsing.geometry.nominal import nominal
+    from pinsing.robot.nominal import nominal
 
     return refine(nominal(arm).arm, q)
 

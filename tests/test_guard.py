@@ -16,19 +16,19 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
+from pinsing.proximity.guard import make_guard
+from pinsing.proximity.watched import every_name, watch
 from singular_sets import ROBOTS, Joint, arm_of, build, closed
 from tiers import tiered
 
 import pinsing
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
-from pinsing.bounds.two_sided import two_sided
+from pinsing.algebra.two_sided import two_sided
 from pinsing.cli.app import command
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch, ClosedForm
 from pinsing.proximity import guard as guard_module
-from pinsing.proximity.guard import make_guard
-from pinsing.proximity.watched import every_name, watch
 from pinsing.robot.arm import Arm
 
 DRIVER = Path(__file__).parent / "guard_driver.c"

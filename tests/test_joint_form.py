@@ -19,10 +19,10 @@ from pinsing.algebra.equation import Equation
 from pinsing.algebra.joint_form import JointForm, joint_form
 from pinsing.algebra.product_form import expressions
 from pinsing.cli.families import families_command
-from pinsing.geometry.surd import exact_of, exact_text, surd
 from pinsing.kinematics.verdict import ratios
 from pinsing.mathml import mathml
 from pinsing.proof.checker import verify
+from pinsing.robot.surd import exact_of, exact_text, surd
 from pinsing.view.ellipsoids import sizes
 from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import family_entries

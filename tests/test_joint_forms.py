@@ -15,7 +15,7 @@ from urdf_text import J, frame, loop_text, stewart, written
 
 import pinsing
 from pinsing.cli import main
-from pinsing.mechanism import (
+from pinsing.loops import (
     JointForms,
     JointLocus,
     LoopForms,
@@ -25,10 +25,10 @@ from pinsing.mechanism import (
     mechanism_at,
     refine,
 )
-from pinsing.mechanism.closure import Loops, random_closed
-from pinsing.mechanism.closure_forms import closure_forms
-from pinsing.mechanism.joint_loci import _matrix
-from pinsing.mechanism.leg_wrenches import kind_of
+from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.closure_forms import closure_forms
+from pinsing.loops.joint_loci import _matrix
+from pinsing.loops.leg_wrenches import kind_of
 from pinsing.robot.load_mechanism import Loop
 
 SHELF = ["five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "delta", "rps3",

@@ -12,10 +12,10 @@ import pytest
 from tiers import tiered
 
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics import jacobian as kinematics
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
 
 ARMS = [
     ("stanford", None),

@@ -34,23 +34,19 @@ ORDER = (
     "notebook",
     "serialization",
     "atomic_write",
+    "chunk_file",
     "description",
     "robot",
     "_batch",
-    "geometry",
     "kinematics",
     "algebra",
     "proof",
-    "bounds",
     "configuration",
-    "runs",
     "families",
     "proximity",
     "postures",
-    "sweeps",
-    "mechanism",
-    "maps",
-    "analysis",
+    "sampling",
+    "loops",
     "plot",
     "view",
     "report",
@@ -191,7 +187,7 @@ except ImportError:
         ("pinsing.robot.arm", True),
         ("zmq.eventloop", True),
     }
-    assert room("pinsing.sweeps.plan") == "sweeps"
+    assert room("pinsing.sampling.sweep_plan") == "sweeps"
     assert room("pinsing") == "__init__"
     assert not allowed("robot", "kinematics")
     assert not allowed("families", "sweeps")
@@ -322,7 +318,7 @@ def test_a_command_pulls_in_no_browser_no_processes_no_log_and_no_meshes(words, 
     heavy = (
         "webbrowser subprocess tempfile shutil logging html asyncio yaml http.server matplotlib "
         "xml.etree pinsing.description.collada pinsing.view pinsing.plot pinsing.report "
-        "pinsing.mechanism pinsing.sweeps pinsing.maps pinsing.postures"
+        "pinsing.loops pinsing.sampling pinsing.sampling pinsing.postures"
     )
     assert answer in said
     assert loaded.isdisjoint(heavy.split())

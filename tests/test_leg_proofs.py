@@ -13,9 +13,9 @@ from tiers import tiered
 import pinsing
 from pinsing.cli import main
 from pinsing.errors import OptionError
-from pinsing.mechanism import joint_forms
-from pinsing.mechanism.closure import random_closed
-from pinsing.mechanism.leg_proofs import leg_proofs
+from pinsing.loops import joint_forms
+from pinsing.loops.closure import random_closed
+from pinsing.loops.leg_proofs import leg_proofs
 from pinsing.proof.checker import Rejected, verify
 
 LEGS = {"planar_3rrr": 3, "planar_3rpr": 3, "gough_stewart": 6, "delta": 6, "rps3": 3,

@@ -14,8 +14,8 @@ from pinsing.families.long_chain import LongChain
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.families.zero_set import residuals
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.robot.nominal import nominal
 
 
 def table(folder, name, rows):

@@ -18,10 +18,10 @@ from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.own_points import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
-from pinsing.geometry.exact_rank import PRIMES
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
+from pinsing.robot.exact_rank import PRIMES
+from pinsing.robot.nominal import nominal
 
 LENGTHS, OFFSETS, TWISTS = (0.2, 0.15, 0.25), (0.1, 0.05), (90, -90)
 

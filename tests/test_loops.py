@@ -28,7 +28,7 @@ from pinsing.errors import (
     RobotFileError,
     UnknownNameError,
 )
-from pinsing.mechanism import (
+from pinsing.loops import (
     InfeasibleError,
     MechanismAnalysis,
     analyze_mechanism,
@@ -51,10 +51,10 @@ from pinsing.mechanism import (
     solve,
     split,
 )
-from pinsing.mechanism.closure import Loops, gauss_newton, random_closed
-from pinsing.mechanism.dyad import planar_dyad
-from pinsing.mechanism.loci_roots import roots
-from pinsing.mechanism.modes import elbow_sines, passive_determinant
+from pinsing.loops.closure import Loops, gauss_newton, random_closed
+from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.loci_roots import roots
+from pinsing.loops.modes import elbow_sines, passive_determinant
 from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
 
 MODELS = ("five_bar", "four_bar", "planar_3rrr")

@@ -21,7 +21,7 @@ from pinsing.cli.mechanism import (
 )
 from pinsing.cli.mechanism_plot import plot_loops
 from pinsing.errors import ConfigurationError, OptionError, PinsingError
-from pinsing.mechanism import (
+from pinsing.loops import (
     MechanismAnalysis,
     analyze_mechanism,
     assemblies,
@@ -210,7 +210,7 @@ def test_ctrl_c_keeps_what_an_analysis_has_done(monkeypatch, capsys, tmp_path):
 
     whole = analyze_mechanism(shipped("five_bar"))
     assert whole.missing == ()
-    monkeypatch.setattr("pinsing.mechanism.singular_points.refine_point", stopped)
+    monkeypatch.setattr("pinsing.loops.singular_points.refine_point", stopped)
     cut = analyze_mechanism(shipped("five_bar"))
     assert cut.missing == (
         "curves of q1, its range and singular points: stopped before its end",

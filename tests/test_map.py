@@ -36,14 +36,14 @@ from pinsing.errors import (
     WorkerError,
 )
 from pinsing.kinematics.evaluator import evaluator, fingerprint, fixed_engine
-from pinsing.maps import MapResult, plan_map, sigma_map, sobol
-from pinsing.maps.plan import BLOCK
-from pinsing.maps.sample import grid_axis, grid_points, put_points, unit_points
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.source import Coupling
-from pinsing.runs.executors import local_processes
-from pinsing.runs.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers, count_values
+from pinsing.sampling import MapResult, plan_map, sigma_map, sobol
+from pinsing.sampling.executors import local_processes
+from pinsing.sampling.map_plan import BLOCK
+from pinsing.sampling.map_sample import grid_axis, grid_points, put_points, unit_points
+from pinsing.sampling.tally import BINS, QUANTILE_ERROR, Tally, bin_edges, bin_numbers, count_values
 
 N = 5 * BLOCK + 77
 
@@ -513,7 +513,7 @@ def test_fingerprints_are_of_numbers_and_not_of_names() -> None:
 def peak_mebibytes(count: str, *words: str) -> float:
     """Peak resident memory of a child process that maps a Panda."""
     code = (
-        "from pinsing.maps import sigma_map\n"
+        "from pinsing.sampling import sigma_map\n"
         "from pinsing.robot.load import load\n"
         f"result = sigma_map(load('panda'), count={count}, threads=2)\n"
         "assert result.complete\n"

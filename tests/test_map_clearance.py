@@ -14,9 +14,9 @@ import pytest
 
 from pinsing import Viewer, clearance, closed_form, plot
 from pinsing.errors import ConfigurationError, OptionError, OutputError, UnknownNameError
-from pinsing.maps import MapResult, sigma_map
-from pinsing.maps.plan import BLOCK
 from pinsing.robot.load import load
+from pinsing.sampling import MapResult, sigma_map
+from pinsing.sampling.map_plan import BLOCK
 from pinsing.view.way import FRAMES, thinned
 
 

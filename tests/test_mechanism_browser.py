@@ -14,7 +14,7 @@ import pytest
 from chromium import BLUE, HOT, PINK, near, open_page, picture, show_only, text
 from mechanisms import analyzed, shipped
 
-from pinsing.mechanism import home, mechanism_at, residual
+from pinsing.loops import home, mechanism_at, residual
 from pinsing.view.mechanism import MechanismViewer
 from pinsing.view.picture import find_browser
 

@@ -12,7 +12,7 @@ from mechanisms import analyzed, four_bar, from_model, planar_tree, shipped
 from node import needs_node, run
 from tiers import tiered
 
-from pinsing.mechanism import (
+from pinsing.loops import (
     assemblies,
     drive,
     home,
@@ -23,11 +23,11 @@ from pinsing.mechanism import (
     stretch,
     working_modes,
 )
-from pinsing.mechanism.batch import BatchLoops, newton
-from pinsing.mechanism.closure import Loops, random_closed
-from pinsing.mechanism.dyad import planar_dyad
-from pinsing.mechanism.likeness import output_pose
-from pinsing.mechanism.lost_motion import free_motions, lost_motions
+from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.likeness import output_pose
+from pinsing.loops.lost_motion import free_motions, lost_motions
 from pinsing.robot.load_mechanism import Loop, Mechanism
 from pinsing.view.mechanism.engine_data import mechanism_data
 from pinsing.view.mechanism.groups import groups

@@ -10,8 +10,8 @@ from urdf_text import J, X, ball, frame, loop_text, stewart, written
 
 import pinsing
 from pinsing.errors import JointError, OptionError
-from pinsing.mechanism import home, mechanism_at, pose_forms
-from pinsing.mechanism.closure import ranks, residual
+from pinsing.loops import home, mechanism_at, pose_forms
+from pinsing.loops.closure import ranks, residual
 
 
 @pytest.fixture(scope="module")

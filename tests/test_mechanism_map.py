@@ -12,12 +12,11 @@ from mechanisms import URDF, shipped
 import pinsing
 from pinsing.cli import main
 from pinsing.errors import OptionError
-from pinsing.maps import MechanismMap
-from pinsing.mechanism import mechanism_at, refine
-from pinsing.mechanism.batch import BatchLoops
-from pinsing.mechanism.closure import random_closed
-from pinsing.mechanism.four_distances import cannot_close
-from pinsing.mechanism.measure_many import measure_many
+from pinsing.loops import MechanismMap, mechanism_at, refine
+from pinsing.loops.batch import BatchLoops
+from pinsing.loops.closure import random_closed
+from pinsing.loops.four_distances import cannot_close
+from pinsing.loops.measure_many import measure_many
 
 
 @pytest.mark.parametrize("name", ["five_bar", "planar_3rrr", "gough_stewart", "agile_eye", "rssr"])

@@ -14,13 +14,13 @@ from tiers import tiered
 
 from pinsing.cli.mechanism_plot import plot_loops
 from pinsing.errors import OptionError
-from pinsing.mechanism import home, mechanism_at, mode_of, refine
-from pinsing.mechanism.closure import Loops
-from pinsing.mechanism.dyad import planar_dyad
-from pinsing.mechanism.likeness import output_pose
-from pinsing.mechanism.pose import pose_of
-from pinsing.mechanism.pose_slice import COORDINATES, pose_slice
-from pinsing.mechanism.problems import working_modes
+from pinsing.loops import home, mechanism_at, mode_of, refine
+from pinsing.loops.closure import Loops
+from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.likeness import output_pose
+from pinsing.loops.pose import pose_of
+from pinsing.loops.pose_slice import COORDINATES, pose_slice
+from pinsing.loops.problems import working_modes
 from pinsing.plot.mechanism import TYPE_1, draw_linkage, input_map, is_left, map_legend
 from pinsing.plot.mode_sheet import mode_sheet
 from pinsing.plot.motion_curve import MINUS, PLUS, motion_curve

@@ -11,12 +11,12 @@ import pytest
 from mechanisms import analyzed, from_model, planar_tree, shipped
 from node import needs_node, run
 
-from pinsing.mechanism import home, mechanism_at, working_modes
-from pinsing.mechanism.closure import Loops
-from pinsing.mechanism.led_pose import led_pose
-from pinsing.mechanism.likeness import output_pose
-from pinsing.mechanism.modes import elbows, mode_of
-from pinsing.mechanism.pose import read_pose
+from pinsing.loops import home, mechanism_at, working_modes
+from pinsing.loops.closure import Loops
+from pinsing.loops.led_pose import led_pose
+from pinsing.loops.likeness import output_pose
+from pinsing.loops.modes import elbows, mode_of
+from pinsing.loops.pose import read_pose
 from pinsing.robot.load_mechanism import Loop, Mechanism
 from pinsing.view.mechanism.engine_data import mechanism_data
 from pinsing.view.mechanism.linkage import linkage_sizes, plane_normal

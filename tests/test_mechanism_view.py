@@ -18,7 +18,7 @@ from test_view import converse, get
 
 from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
-from pinsing.mechanism import home, mechanism_at
+from pinsing.loops import home, mechanism_at
 from pinsing.view.links import read_links
 from pinsing.view.mechanism import MechanismViewer
 from pinsing.view.mechanism.groups import groups

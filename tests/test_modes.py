@@ -18,7 +18,7 @@ from urdf_text import frame, loop_text, stewart, written
 import pinsing
 from pinsing.cli import main
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.mechanism import (
+from pinsing.loops import (
     analyze_mechanism,
     assembly_modes,
     curves,
@@ -29,14 +29,14 @@ from pinsing.mechanism import (
     residual,
     working_modes,
 )
-from pinsing.mechanism.batch import BatchLoops
-from pinsing.mechanism.closure import Loops, random_closed
-from pinsing.mechanism.feasible import intervals
-from pinsing.mechanism.forms_text import Values
-from pinsing.mechanism.likeness import likeness, same
-from pinsing.mechanism.pose_table import Column, pose_table
-from pinsing.mechanism.problems import Modes
-from pinsing.mechanism.structure import structure
+from pinsing.loops.batch import BatchLoops
+from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.feasible import intervals
+from pinsing.loops.forms_text import Values
+from pinsing.loops.likeness import likeness, same
+from pinsing.loops.pose_table import Column, pose_table
+from pinsing.loops.problems import Modes
+from pinsing.loops.structure import structure
 from pinsing.robot.load_mechanism import Loop
 
 SHELF = {
@@ -388,11 +388,11 @@ def test_all_joints_on_request_only(name, pose, joint, capsys, monkeypatch):
 
     more = []
     if name == "planar_3rpr":  # it has so few joints that all are listed unasked
-        monkeypatch.setattr("pinsing.mechanism.result._FEW", 3)
+        monkeypatch.setattr("pinsing.loops.result._FEW", 3)
         more = ["--ignore-limits"]
     else:  # whose analysis takes long: the same for both
         once = functools.cache(lambda *_: analyze_mechanism(shipped(name)))
-        monkeypatch.setattr("pinsing.mechanism.analyze_mechanism", lambda *_, **__: once())
+        monkeypatch.setattr("pinsing.loops.analyze_mechanism", lambda *_, **__: once())
     given = ["analyze", str(URDF / f"{name}.urdf"), "--loops", str(URDF / f"{name}.loops.yaml")]
     code, said = run(*given)
     assert code == 0

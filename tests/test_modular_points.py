@@ -14,8 +14,8 @@ from pinsing.families.long_chain import LongChain
 from pinsing.families.modular_points import ModularPoints, solving_order
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.robot.nominal import nominal
 
 HEAD = "name: snake\nconvention: standard\nunits: {angle: deg, length: m}\nrows:\n"
 

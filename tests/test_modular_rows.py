@@ -11,8 +11,8 @@ from flint import nmod_mat
 
 import pinsing
 from pinsing.families.modular_rows import ModularRows, joints_that_matter, short_everywhere
-from pinsing.geometry.exact_rank import jacobian_modulo
-from pinsing.geometry.nominal import nominal
+from pinsing.robot.exact_rank import jacobian_modulo
+from pinsing.robot.nominal import nominal
 
 TASKS = [
     ("ur5", "vx,vy,vz,wz"),

@@ -13,10 +13,6 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from pinsing.errors import OptionError
-from pinsing.geometry.chain import flatten
-from pinsing.geometry.nominal import ANGLE_TOL, Nominal, nominal
-from pinsing.geometry.snap import Deviation
-from pinsing.geometry.surd import Surd, cosine, sine
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
     frame_jacobians,
@@ -25,8 +21,12 @@ from pinsing.kinematics.jacobian import (
 )
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
+from pinsing.robot.chain import flatten
 from pinsing.robot.joint_axis import axis_rotation, computed_axis, joint_axis
 from pinsing.robot.load import load
+from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
+from pinsing.robot.snap import Deviation
+from pinsing.robot.surd import Surd, cosine, sine
 
 ARMS = [
     ("stanford", None),

@@ -9,8 +9,8 @@ from test_pose_forms import pluecker
 from urdf_text import J, Y, ball, frame, loop_text, written
 
 import pinsing
-from pinsing.mechanism import mechanism_at, residual
-from pinsing.mechanism.closure import Loops, gauss_newton, random_closed
+from pinsing.loops import mechanism_at, residual
+from pinsing.loops.closure import Loops, gauss_newton, random_closed
 
 HALF = 0.05
 

@@ -14,7 +14,7 @@ from pinsing.algebra.minors import Minors
 from pinsing.algebra.place import SearchPlace
 from pinsing.algebra.place_matrices import PlaceMatrices
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.geometry.nominal import nominal
+from pinsing.robot.nominal import nominal
 
 STRAIGHT, BACK = (Fraction(1), Fraction(0)), (Fraction(0), Fraction(1))
 

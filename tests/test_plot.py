@@ -29,8 +29,8 @@ from pinsing.errors import ConfigurationError, OptionError, OutputError, Unknown
 from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.plot.style import pi_text, pi_ticks
-from pinsing.sweeps.findings import singular_configurations
-from pinsing.sweeps.run import SweepResult, sweep
+from pinsing.sampling.findings import singular_configurations
+from pinsing.sampling.sweep_run import SweepResult, sweep
 
 
 @pytest.fixture(autouse=True)

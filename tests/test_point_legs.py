@@ -14,8 +14,8 @@ import pytest
 from test_three_pins import crossings, joint, loaded
 
 import pinsing
-from pinsing.mechanism import mechanism_at, pose_forms
-from pinsing.mechanism.pose_values import variables_at
+from pinsing.loops import mechanism_at, pose_forms
+from pinsing.loops.pose_values import variables_at
 
 PLANES = {
     "level": ((0.0, 0.0, 0.0), "vx, vy"),

@@ -13,7 +13,7 @@ from pinsing.algebra.determinant import RowExpansion, determinant
 from pinsing.algebra.matrix import independent_rows
 from pinsing.algebra.ring import Ring, make_ring
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.geometry.surd import surd
+from pinsing.robot.surd import surd
 
 SLIDES = (False, False, True)
 PLAIN = make_ring(SLIDES)

@@ -14,12 +14,12 @@ from urdf_text import J, frame, loop_text, written
 
 import pinsing
 from pinsing.cli import main
-from pinsing.mechanism import PoseForms, mechanism_at, pose_forms, refine, working_modes
-from pinsing.mechanism.closure import Loops, random_closed
-from pinsing.mechanism.pose_loci import _split, _together, _type1
-from pinsing.mechanism.pose_ring import PoseRing
-from pinsing.mechanism.pose_values import variables_at
-from pinsing.mechanism.rods import rods
+from pinsing.loops import PoseForms, mechanism_at, pose_forms, refine, working_modes
+from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.pose_loci import _split, _together, _type1
+from pinsing.loops.pose_ring import PoseRing
+from pinsing.loops.pose_values import variables_at
+from pinsing.loops.rods import rods
 from pinsing.plot.mechanism import TYPE_2
 from pinsing.plot.pose_aspects import colors, regions
 from pinsing.plot.pose_map import border_field, pose_map

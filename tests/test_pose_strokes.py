@@ -13,10 +13,10 @@ from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
 from pinsing.cli import main
-from pinsing.mechanism import assembly_modes, pose_forms, working_modes
-from pinsing.mechanism.closure import random_closed
-from pinsing.mechanism.pose_values import variables_at
-from pinsing.mechanism.rods import most_assemblies, why_no_rods
+from pinsing.loops import assembly_modes, pose_forms, working_modes
+from pinsing.loops.closure import random_closed
+from pinsing.loops.pose_values import variables_at
+from pinsing.loops.rods import most_assemblies, why_no_rods
 
 URDF = Path(__file__).parents[1] / "urdf"
 OFF = 0.5

@@ -13,9 +13,9 @@ from urdf_text import J, X, Y, Z, ball, frame, loop_text, written
 
 import pinsing
 from pinsing.cli import main
-from pinsing.mechanism import PoseForms, mechanism_at, pose_forms, ranks, refine
-from pinsing.mechanism.closure import random_closed, residual
-from pinsing.mechanism.pose_values import locus_distance, variables_at
+from pinsing.loops import PoseForms, mechanism_at, pose_forms, ranks, refine
+from pinsing.loops.closure import random_closed, residual
+from pinsing.loops.pose_values import locus_distance, variables_at
 
 
 @dataclass(frozen=True, eq=False)

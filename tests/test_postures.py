@@ -8,6 +8,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from pinsing.proximity.watched import watch
 
 import pinsing
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
@@ -21,7 +22,6 @@ from pinsing.postures.regular_way import one_sheet, regular_way
 from pinsing.postures.sectioned import Sectioned
 from pinsing.postures.subdivision import subdivide
 from pinsing.postures.wheel import Wheel
-from pinsing.proximity.watched import watch
 
 # Counts of the literature's method, on whole circles and within the limits.
 COUNTS = {

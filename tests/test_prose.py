@@ -22,8 +22,8 @@ from tiers import tiered
 from pinsing.cli.app import command
 from pinsing.cli.options import parse_numbers
 from pinsing.joint_text import typed
-from pinsing.mechanism import analyze_mechanism
-from pinsing.mechanism.result import analysis_text
+from pinsing.loops import analyze_mechanism
+from pinsing.loops.result import analysis_text
 from pinsing.prose import (
     NARROWEST,
     WIDEST,

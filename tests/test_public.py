@@ -22,8 +22,8 @@ def test_every_public_name_is_there(name):
 @pytest.mark.parametrize(
     "first",
     tiered(
-        ["pinsing.analysis.analyze", "pinsing.sweeps.run", "pinsing.families"],
-        ("pinsing.sweeps.run",),
+        ["pinsing.sampling.analyze", "pinsing.sampling.sweep_run", "pinsing.families"],
+        ("pinsing.sampling.sweep_run",),
     ),
 )
 def test_modules_do_not_shadow_functions(first):
@@ -35,7 +35,7 @@ def test_modules_do_not_shadow_functions(first):
         "arm = pinsing.load('planar3r')\n"
         "pinsing.analyze(arm)\n"
         "assert pinsing.closed_form(arm).families and pinsing.sweep(arm).curves\n"
-        "from pinsing.sweeps.run import SweepResult\n"
+        "from pinsing.sampling.sweep_run import SweepResult\n"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -7,9 +7,9 @@ import dataclasses
 import pytest
 
 from pinsing import load
-from pinsing.analysis.random_search import leads_down, random_search
 from pinsing.families import closed_form
-from pinsing.runs.stages import Stages
+from pinsing.sampling.random_search import leads_down, random_search
+from pinsing.sampling.stages import Stages
 
 FLAT = """
 name: flat

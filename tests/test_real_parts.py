@@ -16,20 +16,20 @@ from pinsing.algebra.finite_system import NotFinite, real_solutions
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros, semidefinite
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.analysis.analyze import analyze
-from pinsing.analysis.result import analysis_text
 from pinsing.families import closed_form
 from pinsing.families.form import families_text
 from pinsing.families.pieces import PieceMaker
-from pinsing.geometry.nominal import nominal
-from pinsing.geometry.surd import cosine
 from pinsing.kinematics.verdict import ratios
 from pinsing.plot.curves import _singular as singular_values_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.runs.stages import Stages
-from pinsing.sweeps.findings import singular_configurations
-from pinsing.sweeps.run import sweep
+from pinsing.robot.nominal import nominal
+from pinsing.robot.surd import cosine
+from pinsing.sampling.analysis_result import analysis_text
+from pinsing.sampling.analyze import analyze
+from pinsing.sampling.findings import singular_configurations
+from pinsing.sampling.stages import Stages
+from pinsing.sampling.sweep_run import sweep
 
 RIGHT = math.pi / 2
 
@@ -273,7 +273,7 @@ def test_ctrl_c_keeps_the_closed_forms(monkeypatch):
     def interrupted(*args: object, **rest: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("pinsing.analysis.analyze.singular_configurations", interrupted)
+    monkeypatch.setattr("pinsing.sampling.analyze.singular_configurations", interrupted)
     found = analyze(load("stanford"), seconds=120.0)
     assert len(found.families) == 3
     assert found.missing[0] == "findings of the sweep: stopped before its end"

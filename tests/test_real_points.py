@@ -13,8 +13,8 @@ from pinsing.families.describe import describe
 from pinsing.families.own_points import OwnPoints
 from pinsing.families.searched import Allowed, searched
 from pinsing.families.solve import joint_symbols
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import generic_rank
+from pinsing.robot.nominal import nominal
 
 
 @pytest.fixture(scope="module")

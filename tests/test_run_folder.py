@@ -14,14 +14,14 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
+from pinsing.chunk_file import DamagedError, pack, read_arrays, read_bounded
 from pinsing.errors import OutputError, ResultError
-from pinsing.maps import sigma_map
-from pinsing.maps.plan import BLOCK
-from pinsing.runs.chunk_file import DamagedError, pack, read_arrays, read_bounded
-from pinsing.runs.run_folder import RunFolder, recorded
-from pinsing.sweeps.npz import kept_curves, load_npz
-from pinsing.sweeps.planning import plan_sweep
-from pinsing.sweeps.run import run_sweep
+from pinsing.sampling import sigma_map
+from pinsing.sampling.map_plan import BLOCK
+from pinsing.sampling.npz import kept_curves, load_npz
+from pinsing.sampling.planning import plan_sweep
+from pinsing.sampling.run_folder import RunFolder, recorded
+from pinsing.sampling.sweep_run import run_sweep
 
 COUNT = 4 * BLOCK
 

@@ -12,10 +12,10 @@ from pinsing._batch import second_orders as kernel
 from pinsing.configuration import clear_kinds as module
 from pinsing.configuration.clear_kinds import clear_kinds
 from pinsing.configuration.second_order import second_order
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, task_size
+from pinsing.robot.nominal import nominal
 
 pytestmark = pytest.mark.skipif(not engine.available(), reason="needs the compiled kernel")
 

@@ -14,7 +14,7 @@ from pinsing.algebra.prime_field import rank_over
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.slices import slice_points
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.geometry.surd import cosine, sine
+from pinsing.robot.surd import cosine, sine
 
 
 @pytest.fixture

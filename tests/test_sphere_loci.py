@@ -11,9 +11,9 @@ from tiers import tiered
 from urdf_text import J, frame, loop_text, written
 
 import pinsing
-from pinsing.mechanism import joint_forms, mechanism_at, pose_forms, refine
-from pinsing.mechanism.closure import random_closed
-from pinsing.mechanism.pose_values import variables_at
+from pinsing.loops import joint_forms, mechanism_at, pose_forms, refine
+from pinsing.loops.closure import random_closed
+from pinsing.loops.pose_values import variables_at
 
 
 def eye(folder, base, middle, outer):

@@ -16,9 +16,9 @@ from pinsing.configuration.lost_motion import Tool, lost_motions, nice_basis
 from pinsing.configuration.state import State, state_text
 from pinsing.configuration.vectors import nearest_to_lines
 from pinsing.errors import ConfigurationError, OptionError, ResultError
-from pinsing.geometry.nominal import nominal
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
 
 REGULAR_Q = {
     "ur5": [0.1, -1.0, 0.8, 0.3, 0.9, 0.2],

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pinsing.geometry.surd import SQUARES, Surd, cosine, parts_of, sine, surd
+from pinsing.robot.surd import SQUARES, Surd, cosine, parts_of, sine, surd
 
 fractions = st.fractions(min_value=-9, max_value=9, max_denominator=50)
 numbers = st.builds(surd, fractions, fractions, fractions, fractions)

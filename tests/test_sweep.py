@@ -13,10 +13,10 @@ import pytest
 from pinsing.errors import ConfigurationError, OptionError, OutputError, ResultError
 from pinsing.errors import UnknownNameError as NoName
 from pinsing.kinematics.jacobian import singular_values
-from pinsing.sweeps.npz import load_npz, save_npz
-from pinsing.sweeps.plan import SweepPlan
-from pinsing.sweeps.planning import plan_sweep
-from pinsing.sweeps.run import SweepResult, run_sweep, sweep
+from pinsing.sampling.npz import load_npz, save_npz
+from pinsing.sampling.planning import plan_sweep
+from pinsing.sampling.sweep_plan import SweepPlan
+from pinsing.sampling.sweep_run import SweepResult, run_sweep, sweep
 
 PI = np.pi
 PAPER = [0.3, *[PI / 3] * 6]

@@ -21,14 +21,14 @@ from pinsing.errors import OptionError, OutputError, ResultError
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import ratios
 from pinsing.plot import sigma_curves
-from pinsing.runs.executors import local_processes
-from pinsing.sweeps import job as sweep_job
-from pinsing.sweeps.curves import CurveTable, axis_values
-from pinsing.sweeps.findings import singular_configurations
-from pinsing.sweeps.minima import Pool, dips, minima
-from pinsing.sweeps.npz import kept_curves, load_npz
-from pinsing.sweeps.planning import plan_sweep
-from pinsing.sweeps.run import SweepResult, run_sweep, sweep
+from pinsing.sampling import sweep_job as sweep_job
+from pinsing.sampling.curves import CurveTable, axis_values
+from pinsing.sampling.executors import local_processes
+from pinsing.sampling.findings import singular_configurations
+from pinsing.sampling.minima import Pool, dips, minima
+from pinsing.sampling.npz import kept_curves, load_npz
+from pinsing.sampling.planning import plan_sweep
+from pinsing.sampling.sweep_run import SweepResult, run_sweep, sweep
 
 SWEEP = sys.modules[run_sweep.__module__]  # the package has a function of that name
 
@@ -438,10 +438,10 @@ def count_and_peak(step: int, levels: int, samples: int, find: bool) -> tuple[in
     """Jacobians that a child process sweeps a Panda through, and its peak memory in MiB."""
     code = (
         "import numpy as np\n"
-        "from pinsing.sweeps.findings import singular_configurations\n"
+        "from pinsing.sampling.findings import singular_configurations\n"
         "from pinsing.robot.load import load\n"
-        "from pinsing.sweeps.run import run_sweep\n"
-        "from pinsing.sweeps.planning import plan_sweep\n"
+        "from pinsing.sampling.sweep_run import run_sweep\n"
+        "from pinsing.sampling.planning import plan_sweep\n"
         "arm = load('panda')\n"
         f"special = tuple(np.deg2rad(np.arange(-180, 180, {step})).tolist())\n"
         f"plan = plan_sweep(arm, special=special, levels=({levels},), samples={samples})\n"

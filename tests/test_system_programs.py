@@ -17,7 +17,7 @@ import pytest
 from test_closed_form_twists import HOLLOW, arm_of
 
 import pinsing
-from pinsing.geometry.nominal import nominal
+from pinsing.robot.nominal import nominal
 
 PROGRAM = shutil.which("Singular")
 pytestmark = pytest.mark.skipif(PROGRAM is None, reason="Singular is not installed")

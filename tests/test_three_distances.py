@@ -9,8 +9,8 @@ from tiers import tiered
 from urdf_text import J, X, frame, loop_text, written
 
 import pinsing
-from pinsing.mechanism import PoseForms, pose_forms
-from pinsing.mechanism.three_distances import count_poses, input_degrees, input_loci
+from pinsing.loops import PoseForms, pose_forms
+from pinsing.loops.three_distances import count_poses, input_degrees, input_loci
 
 
 def turned(angle):

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.mechanism import home, mechanism_at, pose_forms
-from pinsing.mechanism.pose_slice import pose_slice
+from pinsing.loops import home, mechanism_at, pose_forms
+from pinsing.loops.pose_slice import pose_slice
 
 JOINT = (
     '<joint name="{name}" type="{kind}"><parent link="{parent}"/><child link="{child}"/>'

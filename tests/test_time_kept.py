@@ -20,12 +20,12 @@ from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
 from pinsing.families.empty_box import proven_empty
 from pinsing.families.zero_set import search, thrown
-from pinsing.geometry.nominal import nominal
 from pinsing.postures import halving
 from pinsing.postures.boxes import Leaves
 from pinsing.proof.checker import Ring
 from pinsing.proof.reduction import without_dependent_lines
 from pinsing.proof.skeleton import roots_in, skeleton
+from pinsing.robot.nominal import nominal
 
 _JOINTS = 6
 _LOW, _HIGH = np.full(_JOINTS, -np.pi), np.full(_JOINTS, np.pi)

@@ -18,10 +18,10 @@ from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.evaluator import evaluator
 from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import measure, own_shares, ratios, status_of
-from pinsing.maps import plan_map, sigma_map
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
-from pinsing.sweeps.findings import singular_configurations
+from pinsing.sampling import plan_map, sigma_map
+from pinsing.sampling.findings import singular_configurations
 from pinsing.view.ellipsoids import sizes as sizes_of
 from pinsing.view.frame import make_frame
 

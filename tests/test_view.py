@@ -28,7 +28,6 @@ import umsgpack
 from arms import planar, textbook, ur5
 from tiers import tiered
 
-from pinsing.analysis.analyze import analyze
 from pinsing.errors import (
     ArgumentError,
     ConfigurationError,
@@ -44,6 +43,7 @@ from pinsing.kinematics.jacobian import frame_jacobian, singular_values
 from pinsing.measures import SINGULAR_RTOL, velocity_ellipsoid
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
+from pinsing.sampling.analyze import analyze
 from pinsing.view import Viewer
 from pinsing.view.ellipsoids import (
     FLOOR,
@@ -226,8 +226,8 @@ def test_an_upper_bound_is_never_called_the_distance(
 
 
 def test_findings_of_a_sweep_are_listed() -> None:
-    from pinsing.sweeps.findings import singular_configurations
-    from pinsing.sweeps.run import sweep
+    from pinsing.sampling.findings import singular_configurations
+    from pinsing.sampling.sweep_run import sweep
 
     arm = textbook("stanford")
     findings = singular_configurations(arm, sweep(arm, levels=1, samples=24))

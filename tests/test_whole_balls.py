@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from mechanisms import shipped
 
-from pinsing.mechanism import mechanism_at, pose_forms
-from pinsing.mechanism.analysis import locus_distance
-from pinsing.mechanism.batch import BatchLoops, newton
-from pinsing.mechanism.measure_many import measure_many
-from pinsing.mechanism.motion import motions
+from pinsing.loops import mechanism_at, pose_forms
+from pinsing.loops.analysis import locus_distance
+from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.measure_many import measure_many
+from pinsing.loops.motion import motions
 
 
 def _locked(name, middle, rng):

@@ -23,12 +23,12 @@ from peers import missing, peers
 
 from pinsing._batch import engine
 from pinsing._batch.chain import FlatChain
-from pinsing.geometry.chain import flatten
 from pinsing.kinematics.evaluator import evaluator
-from pinsing.maps.plan import plan_map
-from pinsing.maps.run import MapJob, compute_map_chunk
 from pinsing.robot.arm import Arm
+from pinsing.robot.chain import flatten
 from pinsing.robot.load import load
+from pinsing.sampling.map_plan import plan_map
+from pinsing.sampling.map_run import MapJob, compute_map_chunk
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 ARMS = {

@@ -12,8 +12,8 @@ import resource
 import time
 
 from pinsing._batch import engine
-from pinsing.maps import sigma_map
 from pinsing.robot.load import load
+from pinsing.sampling import sigma_map
 
 
 def main() -> None:

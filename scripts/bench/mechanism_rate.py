@@ -23,11 +23,11 @@ from collections.abc import Callable
 import numpy as np
 
 import pinsing
-from pinsing.maps.mechanism import mechanism_map
-from pinsing.mechanism.batch import BatchLoops
-from pinsing.mechanism.closure import Loops, random_closed
-from pinsing.mechanism.measure_many import measure_many
-from pinsing.mechanism.motion import _motions
+from pinsing.loops.batch import BatchLoops
+from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.map import mechanism_map
+from pinsing.loops.measure_many import measure_many
+from pinsing.loops.motion import _motions
 
 SHELF = (
     "five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "stewart_6_3", "delta",

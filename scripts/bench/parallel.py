@@ -17,7 +17,7 @@ import pinocchio as pin
 import yaml
 
 import pinsing
-from pinsing.mechanism import (
+from pinsing.loops import (
     home,
     joint_forms,
     loop_forms,
@@ -25,7 +25,7 @@ from pinsing.mechanism import (
     pose_forms,
     ranks,
 )
-from pinsing.mechanism.feasible import feasible
+from pinsing.loops.feasible import feasible
 from pinsing.robot.mechanism import Mechanism
 
 URDF = Path(__file__).resolve().parents[2] / "urdf"

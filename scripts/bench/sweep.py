@@ -17,9 +17,9 @@ import numpy as np
 
 from pinsing._batch import engine
 from pinsing.robot.load import load
-from pinsing.sweeps.findings import singular_configurations
-from pinsing.sweeps.planning import plan_sweep
-from pinsing.sweeps.run import run_sweep
+from pinsing.sampling.findings import singular_configurations
+from pinsing.sampling.planning import plan_sweep
+from pinsing.sampling.sweep_run import run_sweep
 
 
 def main() -> None:

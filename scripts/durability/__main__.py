@@ -68,7 +68,12 @@ def main() -> int:
 def _kills(options: argparse.Namespace, folder: Path) -> tuple[list[Any], list[str]]:
     from durability.kills import KINDS, campaign
 
-    for module in ("pinsing.cli.app", "pinsing.maps", "pinsing.sweeps.findings", "distributed"):
+    for module in (
+        "pinsing.cli.app",
+        "pinsing.sampling",
+        "pinsing.sampling.findings",
+        "distributed",
+    ):
         importlib.import_module(module)  # each life is forked with them
     rows, wrong = [], []
     share = dict.fromkeys(KINDS, 0.2)

@@ -10,12 +10,12 @@ import numpy as np
 from paper import printed
 from paper.rows import AGREES, DIFFERS, EXTENDED, Row, Section, Table
 from pinsing.families import ClosedForm, closed_form
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import frame_jacobian
-from pinsing.mechanism import loop_forms
+from pinsing.loops import loop_forms
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.load_mechanism import load_mechanism
+from pinsing.robot.nominal import nominal
 
 ARMS = ("stanford", "puma560", "irb1400", "ur5", "surgical7", "iiwa14", "panda", "xarm7")
 _SMALL = 1e-9

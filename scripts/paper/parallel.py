@@ -11,7 +11,7 @@ from paper import printed
 from paper.charts import COLORS, save
 from paper.rows import AGREES, DIFFERS, INCOMPLETE, Figure, Row, Section, Table, judged, tiny
 from pinsing import measures
-from pinsing.mechanism import (
+from pinsing.loops import (
     MechanismAnalysis,
     SingularPoint,
     analyze_mechanism,
@@ -21,7 +21,7 @@ from pinsing.mechanism import (
     leg_form,
     mechanism_at,
 )
-from pinsing.mechanism.dyad import planar_dyad
+from pinsing.loops.dyad import planar_dyad
 from pinsing.plot.mechanism import draw_linkage, input_map, is_left, map_legend
 from pinsing.robot.load_mechanism import Mechanism, load_mechanism
 

@@ -18,7 +18,7 @@ from pinsing.families import closed_form
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.load import load
-from pinsing.sweeps.run import SweepResult, sweep
+from pinsing.sampling.sweep_run import SweepResult, sweep
 
 SAMPLES = 361
 _FLAT = 1e-9

@@ -8,14 +8,11 @@ from typing import TYPE_CHECKING, Any
 from pinsing._version import __version__ as __version__
 
 if TYPE_CHECKING:
-    from pinsing.analysis.analyze import analyze
-    from pinsing.analysis.result import Analysis
     from pinsing.configuration.at import at
     from pinsing.configuration.refine import SingularConfiguration, refine, refine_many
     from pinsing.configuration.state import State
     from pinsing.errors import PinsingError
     from pinsing.families import ClosedForm, DesignForm, Family, closed_form
-    from pinsing.geometry.nominal import Nominal, nominal
     from pinsing.kinematics.inverse_velocity import InverseVelocity, inverse_velocity
     from pinsing.kinematics.jacobian import (
         frame_jacobian,
@@ -25,19 +22,13 @@ if TYPE_CHECKING:
         task_jacobian,
         task_jacobians,
     )
-    from pinsing.maps import (
-        MapPlan,
-        MapResult,
-        MechanismMap,
-        mechanism_map,
-        plan_map,
-        sigma_map,
-    )
-    from pinsing.mechanism import (
+    from pinsing.loops import (
         MechanismAnalysis,
+        MechanismMap,
         Modes,
         analyze_mechanism,
         assembly_modes,
+        mechanism_map,
         working_modes,
     )
     from pinsing.postures.aspects import Aspects, aspects
@@ -59,18 +50,27 @@ if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
     from pinsing.robot.load import load
     from pinsing.robot.load_mechanism import Mechanism, load_mechanism
-    from pinsing.sweeps.finding import Finding
-    from pinsing.sweeps.findings import singular_configurations
-    from pinsing.sweeps.generalize import generalize
-    from pinsing.sweeps.plan import SweepPlan
-    from pinsing.sweeps.planning import plan_sweep
-    from pinsing.sweeps.run import SweepResult, sweep
+    from pinsing.robot.nominal import Nominal, nominal
+    from pinsing.sampling import (
+        MapPlan,
+        MapResult,
+        plan_map,
+        sigma_map,
+    )
+    from pinsing.sampling.analysis_result import Analysis
+    from pinsing.sampling.analyze import analyze
+    from pinsing.sampling.finding import Finding
+    from pinsing.sampling.findings import singular_configurations
+    from pinsing.sampling.generalize import generalize
+    from pinsing.sampling.planning import plan_sweep
+    from pinsing.sampling.sweep_plan import SweepPlan
+    from pinsing.sampling.sweep_run import SweepResult, sweep
     from pinsing.view.viewer import Viewer
 
 # Where each public name lives: imported when first used, so that `import pinsing` and the
 # command line's --help wait for neither Pinocchio nor NumPy.
 _HOME = {
-    "Analysis": "pinsing.analysis.result",
+    "Analysis": "pinsing.sampling.analysis_result",
     "Arm": "pinsing.robot.arm",
     "Aspects": "pinsing.postures.aspects",
     "Clearance": "pinsing.proximity.clearance",
@@ -81,31 +81,31 @@ _HOME = {
     "Cuspidality": "pinsing.postures.cuspidal",
     "DesignForm": "pinsing.families",
     "Family": "pinsing.families",
-    "Finding": "pinsing.sweeps.finding",
+    "Finding": "pinsing.sampling.finding",
     "InverseSolutions": "pinsing.postures.inverse_solutions",
     "InverseVelocity": "pinsing.kinematics.inverse_velocity",
     "LineCheck": "pinsing.proximity.line",
-    "MapPlan": "pinsing.maps",
-    "MapResult": "pinsing.maps",
+    "MapPlan": "pinsing.sampling",
+    "MapResult": "pinsing.sampling",
     "Mechanism": "pinsing.robot.load_mechanism",
-    "MechanismAnalysis": "pinsing.mechanism",
-    "MechanismMap": "pinsing.maps",
-    "Modes": "pinsing.mechanism",
+    "MechanismAnalysis": "pinsing.loops",
+    "MechanismMap": "pinsing.loops",
+    "Modes": "pinsing.loops",
     "Monitor": "pinsing.proximity.monitor",
-    "Nominal": "pinsing.geometry.nominal",
+    "Nominal": "pinsing.robot.nominal",
     "PinsingError": "pinsing.errors",
     "PostureChanges": "pinsing.postures.changes",
     "SingularConfiguration": "pinsing.configuration.refine",
     "State": "pinsing.configuration.state",
     "Suggestion": "pinsing.proximity.suggestion",
-    "SweepPlan": "pinsing.sweeps.plan",
-    "SweepResult": "pinsing.sweeps.run",
+    "SweepPlan": "pinsing.sampling.sweep_plan",
+    "SweepResult": "pinsing.sampling.sweep_run",
     "TrajectoryCheck": "pinsing.proximity.trajectory",
     "Verdict": "pinsing.proximity.monitor",
     "Viewer": "pinsing.view.viewer",
-    "analyze": "pinsing.analysis.analyze",
-    "analyze_mechanism": "pinsing.mechanism",
-    "assembly_modes": "pinsing.mechanism",
+    "analyze": "pinsing.sampling.analyze",
+    "analyze_mechanism": "pinsing.loops",
+    "assembly_modes": "pinsing.loops",
     "aspect_changes": "pinsing.postures.motions",
     "aspects": "pinsing.postures.aspects",
     "at": "pinsing.configuration.at",
@@ -119,7 +119,7 @@ _HOME = {
     "export_guard": "pinsing.proximity.guard",
     "frame_jacobian": "pinsing.kinematics.jacobian",
     "frame_jacobians": "pinsing.kinematics.jacobian",
-    "generalize": "pinsing.sweeps.generalize",
+    "generalize": "pinsing.sampling.generalize",
     "generic_rank": "pinsing.kinematics.jacobian",
     "inverse": "pinsing.postures.inverse",
     "inverse_velocity": "pinsing.kinematics.inverse_velocity",
@@ -127,21 +127,21 @@ _HOME = {
     "line_postures": "pinsing.postures.lines",
     "load": "pinsing.robot.load",
     "load_mechanism": "pinsing.robot.load_mechanism",
-    "mechanism_map": "pinsing.maps",
-    "nominal": "pinsing.geometry.nominal",
-    "plan_map": "pinsing.maps",
-    "plan_sweep": "pinsing.sweeps.planning",
+    "mechanism_map": "pinsing.loops",
+    "nominal": "pinsing.robot.nominal",
+    "plan_map": "pinsing.sampling",
+    "plan_sweep": "pinsing.sampling.planning",
     "posture_changes": "pinsing.postures.changes",
     "refine": "pinsing.configuration.refine",
     "refine_many": "pinsing.configuration.refine",
-    "sigma_map": "pinsing.maps",
-    "singular_configurations": "pinsing.sweeps.findings",
+    "sigma_map": "pinsing.sampling",
+    "singular_configurations": "pinsing.sampling.findings",
     "singular_values": "pinsing.kinematics.jacobian",
     "suggest": "pinsing.proximity.suggestion",
-    "sweep": "pinsing.sweeps.run",
+    "sweep": "pinsing.sampling.sweep_run",
     "task_jacobian": "pinsing.kinematics.jacobian",
     "task_jacobians": "pinsing.kinematics.jacobian",
-    "working_modes": "pinsing.mechanism",
+    "working_modes": "pinsing.loops",
     "write_report": "pinsing.report.write",
 }
 

@@ -289,7 +289,7 @@ def _output(out: Floats | None, shape: tuple[int, ...], Q: Floats) -> Floats:
 
 
 class FlatConditions(Protocol):
-    """Conditions as flat arrays, named as in ``pinsing.bounds.conditions``."""
+    """Conditions as flat arrays, named as in ``pinsing.algebra.conditions``."""
 
     @property
     def families(self) -> int:

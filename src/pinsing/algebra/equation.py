@@ -22,8 +22,8 @@ from pinsing._types import Array
 from pinsing.algebra.equation_text import LATEX, PLAIN, Style, exact_sum, signed_sum
 from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
-from pinsing.geometry.surd import Exact, Surd, exact_of, exact_text, parts_of
 from pinsing.robot.memory import Memory
+from pinsing.robot.surd import Exact, Surd, exact_of, exact_text, parts_of
 
 _NOTHING = 1e-15
 """Coefficients this small, relative to the sum of all, are rounding, and are not written out."""

@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 
 from pinsing._dataclass import dataclass
-from pinsing.geometry.surd import Exact, exact_text, parts_of
+from pinsing.robot.surd import Exact, exact_text, parts_of
 
 
 @dataclass(frozen=True)

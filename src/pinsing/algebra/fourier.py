@@ -19,7 +19,7 @@ import numpy.typing as npt
 
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.terms import terms_of
-from pinsing.geometry.surd import SQUARES, Exact, surd
+from pinsing.robot.surd import SQUARES, Exact, surd
 
 Key = tuple[tuple[int, ...], tuple[int, ...]]
 """Twice the multiple of each angle, the first one that is not 0 positive; powers of sliders."""

@@ -19,8 +19,8 @@ from pinsing.algebra.matrix import Matrix, primitive
 from pinsing.algebra.mimic import Drive, driven_by, drives
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.row_axes import in_axes, tip_axes, turns_with_first
-from pinsing.geometry.nominal import Nominal
-from pinsing.geometry.surd import Exact
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.surd import Exact
 from pinsing.robot.task import Task
 
 Row = list[Poly]

@@ -16,7 +16,7 @@ from pinsing.algebra.jacobian_matrix import jacobian_matrix, neighbouring_screws
 from pinsing.algebra.matrix import Matrix, reduce_matrix
 from pinsing.algebra.mimic import Drive, driven_by, drives
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.geometry.nominal import Nominal
+from pinsing.robot.nominal import Nominal
 from pinsing.robot.task import Task
 
 

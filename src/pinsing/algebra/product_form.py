@@ -20,7 +20,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.equation_text import format_angle, latex_symbol
-from pinsing.geometry.surd import exact_of, parts_of
+from pinsing.robot.surd import exact_of, parts_of
 
 Number: TypeAlias = Any
 """A float or an Exact; one expression has one kind alone."""

@@ -20,7 +20,7 @@ from pinsing.algebra.fourier import fourier
 from pinsing.algebra.real_roots import AlgebraicValue, real_roots
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.terms import terms_of
-from pinsing.geometry.surd import Surd, parts_of
+from pinsing.robot.surd import Surd, parts_of
 
 _POINTS = 256
 _SEED = 3

@@ -10,7 +10,7 @@ from flint import acb, arb, ctx, fmpz_poly
 
 from pinsing._dataclass import dataclass
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.geometry.surd import SQUARES, Exact, Surd, parts_of, surd
+from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
 
 _BITS = (400, 1_600, 6_400)
 _SIGNS = ((1, 1), (-1, 1), (1, -1), (-1, -1))

@@ -20,7 +20,7 @@ from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from pinsing._dataclass import dataclass
 from pinsing.algebra.terms import terms_of
-from pinsing.geometry.surd import Exact, Surd
+from pinsing.robot.surd import Exact, Surd
 
 _DENSE, _MANY = 1_500, 1_000
 """Terms that a polynomial of some degrees can have in half-angle tangents, and has: up to so many

@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 
-from pinsing.geometry.exact_placements import Matrix as Rotation
-from pinsing.geometry.nominal import Nominal
-from pinsing.geometry.surd import Exact
+from pinsing.robot.exact_placements import Matrix as Rotation
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.surd import Exact
 from pinsing.robot.task import Task
 
 

@@ -37,7 +37,7 @@ from pinsing.algebra.ring import (
     variable_names,
 )
 from pinsing.algebra.terms import terms_of
-from pinsing.geometry.surd import SQUARES, Exact, Surd, parts_of, surd
+from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
 
 _EXPONENTS = (276, 534, 2208, 2816)
 """3 * 2^k + 1 is prime for these k, and 2 and 3 are squares modulo it."""

@@ -85,9 +85,9 @@ def at_command(
     arm = request.load()
     from pinsing.configuration.at import at
     from pinsing.configuration.state import LABEL, state_text
-    from pinsing.geometry.nominal import nominal
     from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
     from pinsing.proximity.distances import distance_words
+    from pinsing.robot.nominal import nominal
 
     values = joint_vector(arm, q, "--q", deg)
     state = at(

@@ -134,8 +134,8 @@ def map_command(
         chosen["q"] = joint_vector(arm, q, "--q", deg)
     if pairs:
         chosen["ranges"] = {n: _in_radians(arm, n, low, high, deg) for n, low, high in pairs}
-    from pinsing.maps import sigma_map
-    from pinsing.runs.inbox import ctrl_c_afterwards
+    from pinsing.sampling import sigma_map
+    from pinsing.sampling.inbox import ctrl_c_afterwards
 
     result = None
     try:

@@ -21,8 +21,8 @@ from pinsing.prose import Page
 if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.families.solve import Prove
-    from pinsing.mechanism import MechanismAnalysis
-    from pinsing.mechanism.leg_proofs import LegProof
+    from pinsing.loops import MechanismAnalysis
+    from pinsing.loops.leg_proofs import LegProof
     from pinsing.robot.load_mechanism import Mechanism
 
 _ARM_MAPS: dict[str, Any] = {
@@ -117,7 +117,7 @@ def map_loops(
     **options: Any,
 ) -> int:
     """``map --loops``: how near to singular a mechanism is, over inputs or poses."""
-    from pinsing.maps.mechanism import map_text, mechanism_map
+    from pinsing.loops.map import map_text, mechanism_map
 
     given = [
         name for name, usual in _ARM_MAPS.items() if options.get(name, usual) not in (usual, ())
@@ -150,8 +150,8 @@ def analyze_loops(
     **options: Any,
 ) -> int:
     """``analyze --loops``: modes, ranges, singular points and loci of a mechanism."""
-    from pinsing.mechanism import analyze_mechanism
-    from pinsing.mechanism.result import analysis_text
+    from pinsing.loops import analyze_mechanism
+    from pinsing.loops.result import analysis_text
 
     _refuse_arm_only(options)
     mechanism = read(loops, options)
@@ -202,9 +202,9 @@ def families_loops(
     **options: Any,
 ) -> int:
     """``families --loops``: the loci as equations, over inputs or pose, and in all joint angles."""
-    from pinsing.mechanism import joint_forms, loop_forms, pose_forms
-    from pinsing.mechanism.forms_text import forms_text
-    from pinsing.mechanism.rods import why_no_rods
+    from pinsing.loops import joint_forms, loop_forms, pose_forms
+    from pinsing.loops.forms_text import forms_text
+    from pinsing.loops.rods import why_no_rods
 
     if latex:
         raise OptionError(
@@ -222,7 +222,7 @@ def families_loops(
     tell_of_limits(mechanism)
     proven: tuple[LegProof, ...] = ()
     if prove is True or certificate is not None:
-        from pinsing.mechanism.leg_proofs import leg_proofs
+        from pinsing.loops.leg_proofs import leg_proofs
 
         proven = leg_proofs(mechanism, **({} if seconds is None else {"seconds": seconds}))
     elif seconds is not None:
@@ -308,7 +308,7 @@ def view_loops(
         page = served_ahead(mechanism.name, host, port, no_open)
         server = stack.enter_context(page) if live and not late else None
         # Imports that the browser does not wait for.
-        from pinsing.mechanism import analyze_mechanism
+        from pinsing.loops import analyze_mechanism
         from pinsing.view.mechanism import MechanismViewer
 
         with waiting() as at:
@@ -337,7 +337,7 @@ def view_loops(
 def _saved(path: Path, mechanism: Mechanism) -> MechanismAnalysis:
     """What ``analyze --loops --json`` wrote, of the same mechanism."""
     from pinsing.cli.serving import read_json
-    from pinsing.mechanism import MechanismAnalysis
+    from pinsing.loops import MechanismAnalysis
 
     data = read_json(path)
     try:
@@ -385,7 +385,7 @@ def read(loops: Path, options: dict[str, Any]) -> Mechanism:
 
 def tell_of_limits(mechanism: Mechanism) -> None:
     """Say that home breaks limits where nothing else that is printed would."""
-    from pinsing.mechanism.modes import home_outside
+    from pinsing.loops.modes import home_outside
 
     beyond = home_outside(mechanism)
     if beyond:
@@ -396,7 +396,7 @@ def typed_inputs(mechanism: Mechanism, texts: Sequence[str], deg: bool) -> Array
     """Inputs that were typed, or those of home."""
     import numpy as np
 
-    from pinsing.mechanism import home
+    from pinsing.loops import home
 
     if not texts:
         return home(mechanism)[list(mechanism.actuated)]

@@ -68,8 +68,8 @@ def _figure(
 ) -> Any:
     import matplotlib.pyplot as plt
 
-    from pinsing.mechanism import assemblies, curves, find_singular, ranks
-    from pinsing.mechanism.dyad import planar_dyad
+    from pinsing.loops import assemblies, curves, find_singular, ranks
+    from pinsing.loops.dyad import planar_dyad
     from pinsing.plot.mechanism import draw_linkage, input_map, map_legend, measure_curves
 
     names = None if over is None else [n.strip() for n in over.split(",")]

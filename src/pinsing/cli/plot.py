@@ -203,8 +203,8 @@ def _draw(
         return plot.sigma_along(arm, way, forms=form_to_measure(arm), degrees=deg)
     if kind == "workspace":
         return plot.workspace(arm, measure=measure)
-    from pinsing.sweeps.findings import singular_configurations
-    from pinsing.sweeps.run import sweep
+    from pinsing.sampling.findings import singular_configurations
+    from pinsing.sampling.sweep_run import sweep
 
     levels = (max(len(held), 1),)
     values = tuple(held.values())

@@ -28,7 +28,7 @@ from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing.robot.arm import Arm
-    from pinsing.sweeps.finding import Finding
+    from pinsing.sampling.finding import Finding
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -251,14 +251,14 @@ def sweep_command(
     folder = out if out is not None and not is_npz(out) else None
     if keep and out is None:
         raise OptionError("--keep needs a folder to keep the curves in: give --out DIR")
-    from pinsing.geometry.nominal import nominal
-    from pinsing.runs.inbox import ctrl_c_afterwards
+    from pinsing.robot.nominal import nominal
+    from pinsing.sampling.findings import singular_configurations
+    from pinsing.sampling.inbox import ctrl_c_afterwards
+    from pinsing.sampling.npz import CURVES, save_npz
+    from pinsing.sampling.planning import plan_sweep
+    from pinsing.sampling.sweep_result import sweep_text
+    from pinsing.sampling.sweep_run import check_keep, run_sweep
     from pinsing.serialization import encode
-    from pinsing.sweeps.findings import singular_configurations
-    from pinsing.sweeps.npz import CURVES, save_npz
-    from pinsing.sweeps.planning import plan_sweep
-    from pinsing.sweeps.result import sweep_text
-    from pinsing.sweeps.run import check_keep, run_sweep
 
     tests = nominal(arm, angle_tol=RAW_ANGLE_TOL).arm if geometry == "raw" else nominal(arm).arm
     swept = tests if geometry == "nominal" else arm
@@ -280,7 +280,7 @@ def sweep_command(
         if folder is not None and result.complete:
             say(f"wrote {folder / CURVES}")
             if keep and not result.kept:
-                say(f"the curves are in {folder}: read them with pinsing.sweeps.npz.kept_curves")
+                say(f"the curves are in {folder}: read them with pinsing.sampling.npz.kept_curves")
         findings = singular_configurations(swept, result, geometry=tests)
         told = True
     except KeyboardInterrupt:  # what was swept is an answer without them
@@ -330,14 +330,14 @@ def analyze_command(
 
     With --fail-if-singular, exits with 1 if any is within the joint limits.
     """
-    from pinsing.analysis.analyze import analyze
+    from pinsing.sampling.analyze import analyze
 
     if random_starts is not None:
         chosen["random_starts"] = random_starts
     with run_progress() as progress:
         analysis = analyze(arm, geometry=geometry, progress=progress, **chosen, **algebra)
     if not emit_json(analysis, json_target):
-        from pinsing.analysis.result import analysis_text
+        from pinsing.sampling.analysis_result import analysis_text
 
         emit(analysis_text(analysis, Page.of(), deg))
     for problem in analysis.problems:

@@ -19,10 +19,10 @@ from pinsing.cli.waiting import waiting
 from pinsing.errors import OptionError, ResultError
 
 if TYPE_CHECKING:
-    from pinsing.analysis.result import Analysis
     from pinsing.families import Family
     from pinsing.robot.arm import Arm
-    from pinsing.sweeps.finding import Finding
+    from pinsing.sampling.analysis_result import Analysis
+    from pinsing.sampling.finding import Finding
 
 
 @click.command("view")
@@ -150,7 +150,7 @@ def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
         return found.families, (), coverage_words(found)
     for gap in found.gaps:
         say(f"note: the closed forms have a gap, so a sweep runs too: {gap}")
-    from pinsing.analysis.analyze import analyze
+    from pinsing.sampling.analyze import analyze
 
     at("sweeping")
     return *_parts(analyze(arm)), coverage_words(found)
@@ -158,8 +158,8 @@ def _find(arm: Arm, at: Callable[[str], None]) -> _Listed:
 
 def _read(path: Path, arm: Arm) -> _Listed:
     """Families and findings of a saved analysis, or of a saved closed form, of the same arm."""
-    from pinsing.analysis.result import Analysis
     from pinsing.families import ClosedForm
+    from pinsing.sampling.analysis_result import Analysis
 
     data = read_json(path)
     schema = data.get("schema") if isinstance(data, dict) else None

@@ -30,7 +30,6 @@ from pinsing.configuration.state import (
     State,
     VelocityEllipsoid,
 )
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import (
     frame_jacobians,
     scale_rows,
@@ -53,6 +52,7 @@ from pinsing.kinematics.verdict import (
 from pinsing.prose import listed
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
+from pinsing.robot.nominal import nominal
 
 _SEED = 77041
 

@@ -24,12 +24,12 @@ from pinsing.configuration.line_geometry import (
     pose_reason,
     position_reason,
 )
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians
 from pinsing.kinematics.jacobian import tip_placement as placement_of
 from pinsing.kinematics.own_scale import own_scale, random_turns
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import nominal
 from pinsing.robot.task import TOOL_AXES
 
 DEPENDENCE_RTOL = 10 * SINGULAR_RTOL

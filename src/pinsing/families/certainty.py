@@ -7,8 +7,8 @@ from typing import Protocol
 from pinsing.algebra.second_prime import RandomSteps
 from pinsing.families.proof import Proof
 from pinsing.families.slice_count import SliceCount
-from pinsing.geometry.snap import Deviation
 from pinsing.prose import PLAIN, Page, caution, good, unbroken
+from pinsing.robot.snap import Deviation
 
 
 class Answer(Protocol):

@@ -24,10 +24,10 @@ from pinsing.families.solved_for import solved_for
 from pinsing.families.statement import statement
 from pinsing.families.value_reach import ValueReach, values_reached
 from pinsing.families.zero_set import gradients
-from pinsing.geometry.nominal import Nominal
 from pinsing.kinematics.verdict import ratios
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import Nominal
 
 _SEED = 20
 _WITNESSES = 32

@@ -24,12 +24,12 @@ from pinsing.algebra.mimic import own_offsets
 from pinsing.description.dh_table import BASE, FLANGE, TIP, DHTable, read_dh
 from pinsing.description.dh_urdf import bare_urdf, with_turns
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
-from pinsing.geometry.chain import Chain
-from pinsing.geometry.exact_placements import Leeway, Length3, exact_placements
-from pinsing.geometry.nominal import Nominal, nominal
 from pinsing.robot.arm import Arm
+from pinsing.robot.chain import Chain
+from pinsing.robot.exact_placements import Leeway, Length3, exact_placements
 from pinsing.robot.joint_axis import axis_rotation
 from pinsing.robot.load import load
+from pinsing.robot.nominal import Nominal, nominal
 
 _ALIKE = 1e-9
 _AXES = {"x": np.array([1.0, 0.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}

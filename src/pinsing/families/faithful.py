@@ -23,8 +23,8 @@ from pinsing.algebra.terms import terms_of
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import thrown
-from pinsing.geometry.nominal import Nominal
 from pinsing.joint_text import typed
+from pinsing.robot.nominal import Nominal
 
 _SEED = 11
 _COMPARED = 6

@@ -22,12 +22,12 @@ from pinsing.families.html import families_table
 from pinsing.families.proof import Proof
 from pinsing.families.slice_count import SliceCount
 from pinsing.families.system_text import SystemHead, system_text
-from pinsing.geometry.nominal import Nominal
-from pinsing.geometry.snap import Deviation
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
 from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.snap import Deviation
 from pinsing.serialization import JsonResult
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pinsing.families.family import Family
-from pinsing.geometry.nominal import Nominal
+from pinsing.robot.nominal import Nominal
 
 SNAP = 1e-3
 """Metres; shorter offsets in a longer arm are often those of a drawing."""

@@ -33,7 +33,7 @@ from pinsing.families.inner_parts import without_inner
 from pinsing.families.modular_chain import at_value, value_modulo
 from pinsing.families.real_control import RandomSingular
 from pinsing.families.slice_count import Slice, SliceCount, Slices
-from pinsing.geometry.nominal import Nominal
+from pinsing.robot.nominal import Nominal
 from pinsing.robot.task import Task
 
 _TURNS, _MOST_TURNS = 5, 7

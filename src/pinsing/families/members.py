@@ -9,9 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array, Bool
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.nearest import GAP, SECONDS, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
-from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.nearness import Confirm, Distance, near, nearest, own_nearest
 from pinsing.families.parts import Branch

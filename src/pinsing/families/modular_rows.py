@@ -24,9 +24,9 @@ from pinsing.families.modular_chain import (
     Pairs,
     short,
 )
-from pinsing.geometry.exact_rank import PRIMES, jacobian_modulo
-from pinsing.geometry.nominal import Nominal
-from pinsing.geometry.residue import residue
+from pinsing.robot.exact_rank import PRIMES, jacobian_modulo
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.residue import residue
 from pinsing.robot.task import Task
 
 _CHUNK = 100_000

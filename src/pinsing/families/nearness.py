@@ -8,8 +8,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from pinsing._types import Array, Bool
-from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.nearest import SearchOptions, nearest_points
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import project
 from pinsing.notebook import one_line

@@ -28,10 +28,10 @@ from pinsing.families.zero_set import (
     search,
     thrown,
 )
-from pinsing.geometry.nominal import Nominal
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import Nominal
 
 _THROWN = 40
 """Random starts, where no point of equations that was drawn is the family's own."""

@@ -20,8 +20,8 @@ from fractions import Fraction
 from pinsing._dataclass import dataclass
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.geometry.nominal import Nominal
-from pinsing.geometry.surd import Exact
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.surd import Exact
 from pinsing.robot.task import Task
 
 Vector = tuple[Exact, Exact, Exact]

@@ -21,8 +21,8 @@ from pinsing.families.pieces import PieceMaker
 from pinsing.families.planar_chain import planar_chain, turn_alike
 from pinsing.families.real_control import RandomSingular, gap, on_none, real_points
 from pinsing.families.slice_count import SliceCount
-from pinsing.geometry.nominal import Nominal
 from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import Nominal
 
 MAX_JOINTS = 12
 """Beyond it all minors need more memory than there is before they can be stopped."""

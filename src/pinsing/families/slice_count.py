@@ -23,9 +23,9 @@ from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring
 from pinsing.families.modular_chain import Ints, ModularChain, ModularSet
 from pinsing.families.modular_rows import ModularRows, joints_that_matter, short_everywhere
-from pinsing.geometry.nominal import Nominal
-from pinsing.geometry.residue import root_modulo
 from pinsing.proof.skeleton import roots_in
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.residue import root_modulo
 from pinsing.robot.task import Task
 
 FIELDS = (7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)

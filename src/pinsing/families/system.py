@@ -22,8 +22,8 @@ from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.ring import Poly, Ring, Value, rational
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.family import Family
-from pinsing.geometry.nominal import Nominal
-from pinsing.geometry.surd import SQUARES, Exact, parts_of
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.surd import SQUARES, Exact, parts_of
 
 _SECONDS = 10.0
 _NOISE = 1e-12

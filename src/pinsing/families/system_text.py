@@ -9,9 +9,9 @@ from pinsing._dataclass import dataclass
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.family import Family
 from pinsing.families.system import FamilySystem, Systems, Terms, systems
-from pinsing.geometry.nominal import Nominal
 from pinsing.prose import visible
 from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.nominal import Nominal
 
 SUFFIXES = {
     ".sing": "singular",

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.two_sided import two_sided
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.two_sided import two_sided
 from pinsing.families.family import Family
 from pinsing.families.paths import FamilyLike
 from pinsing.kinematics.jacobian import tip_placement

@@ -13,8 +13,8 @@ from pinsing._batch import engine as kernel
 from pinsing._batch.chain import FlatChain
 from pinsing._types import Array
 from pinsing.errors import EngineError, OptionError
-from pinsing.geometry.chain import flatten
 from pinsing.robot.arm import Arm
+from pinsing.robot.chain import flatten
 
 PINOCCHIO = "pinocchio"
 ENGINES = ("auto", "batch", PINOCCHIO)

@@ -17,12 +17,12 @@ import pinocchio as pin
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing._version import __version__
-from pinsing.geometry.chain import flatten
 from pinsing.kinematics.batch import Batch
 from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.engine import fixed_engine as fixed_engine
 from pinsing.kinematics.verdict import Measured, basis, generic_rank, measured
 from pinsing.robot.arm import Arm
+from pinsing.robot.chain import flatten
 
 
 @dataclass(frozen=True, eq=False)

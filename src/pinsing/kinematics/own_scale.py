@@ -14,10 +14,10 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.geometry.chain import flatten
 from pinsing.kinematics.engine import pinocchio_jacobians
 from pinsing.kinematics.task_rows import task_rows
 from pinsing.robot.arm import Arm
+from pinsing.robot.chain import flatten
 
 _SEED = 20231
 _SAMPLES = 16

@@ -16,13 +16,13 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.geometry.exact_rank import exact_generic_rank
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.batch import Batch, batch
 from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.own_scale import own_scale, random_turns
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Status, sigma_ratio, status_of
 from pinsing.robot.arm import Arm
+from pinsing.robot.exact_rank import exact_generic_rank
+from pinsing.robot.nominal import nominal
 
 __all__ = [
     "NEAR_RTOL",
@@ -68,7 +68,7 @@ class Measured(NamedTuple):
 def generic_rank(arm: Arm) -> int:
     """Rank of the task Jacobian at almost every configuration.
 
-    Taken on the nominal geometry, exactly (`pinsing.geometry.exact_rank`): no tolerance, no
+    Taken on the nominal geometry, exactly (`pinsing.robot.exact_rank`): no tolerance, no
     length scale. On the raw geometry a rounded angle could pretend a motion of relative size
     1e-6. Where it is not full, with mimic joints it is the greatest rank of random configurations
     at the own scale.

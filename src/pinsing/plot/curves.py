@@ -30,9 +30,9 @@ from pinsing.plot.style import (
 from pinsing.plot.zeros import curve_zeros
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary
-from pinsing.sweeps.finding import Finding
-from pinsing.sweeps.joint_condition import JointCondition
-from pinsing.sweeps.run import SweepCurve, SweepResult
+from pinsing.sampling.finding import Finding
+from pinsing.sampling.joint_condition import JointCondition
+from pinsing.sampling.sweep_run import SweepCurve, SweepResult
 
 
 @checked

@@ -10,13 +10,13 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.errors import OptionError
-from pinsing.mechanism.batch import BatchLoops
-from pinsing.mechanism.closure import ranks
-from pinsing.mechanism.feasible import curves
-from pinsing.mechanism.led_pose import led_pose
-from pinsing.mechanism.modes import assembly_sign, home
-from pinsing.mechanism.pose_slice import COORDINATES
-from pinsing.mechanism.singular_points import find_singular
+from pinsing.loops.batch import BatchLoops
+from pinsing.loops.closure import ranks
+from pinsing.loops.feasible import curves
+from pinsing.loops.led_pose import led_pose
+from pinsing.loops.modes import assembly_sign, home
+from pinsing.loops.pose_slice import COORDINATES
+from pinsing.loops.singular_points import find_singular
 from pinsing.plot.mechanism import TYPE_1, TYPE_2
 from pinsing.robot.mechanism import Mechanism
 

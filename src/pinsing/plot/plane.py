@@ -11,9 +11,9 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from pinsing._types import Array
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked, whole_number
-from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.two_sided import two_sided
 from pinsing.errors import OptionError
 from pinsing.families import Family
 from pinsing.kinematics.jacobian import singular_values

@@ -12,20 +12,20 @@ import pinocchio as pin
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
-from pinsing.mechanism.closure import ranks
-from pinsing.mechanism.joint_forms import JointForms
-from pinsing.mechanism.joint_loci import joint_forms
-from pinsing.mechanism.likeness import likeness, output_pose, same
-from pinsing.mechanism.modes import assembly_sign, home, mode_at
-from pinsing.mechanism.pose_loci import pose_forms
-from pinsing.mechanism.pose_slice import (
+from pinsing.loops.closure import ranks
+from pinsing.loops.joint_forms import JointForms
+from pinsing.loops.joint_loci import joint_forms
+from pinsing.loops.likeness import likeness, output_pose, same
+from pinsing.loops.modes import assembly_sign, home, mode_at
+from pinsing.loops.pose_loci import pose_forms
+from pinsing.loops.pose_slice import (
     COORDINATES,
     PoseSlice,
     free_coordinates,
     keeps_turn,
     pose_slice,
 )
-from pinsing.mechanism.problems import working_modes
+from pinsing.loops.problems import working_modes
 from pinsing.plot.mechanism import TYPE_1, TYPE_2
 from pinsing.plot.mode_sheet import looks_apart
 from pinsing.plot.pose_aspects import LEAST, colors, regions

@@ -16,7 +16,6 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
-from pinsing.geometry.nominal import nominal
 from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
@@ -31,6 +30,7 @@ from pinsing.postures.whole_turns import Copies, whole_turns
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.nominal import nominal
 from pinsing.serialization import JsonResult
 
 SECONDS = 60.0

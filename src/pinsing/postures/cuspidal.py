@@ -12,7 +12,6 @@ from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
-from pinsing.geometry.nominal import nominal
 from pinsing.joint_text import typed
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.task_rows import picked, turn_left
@@ -26,6 +25,7 @@ from pinsing.postures.regular_way import one_sheet, regular_way
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.nominal import nominal
 from pinsing.serialization import JsonResult
 
 POSES = 60

@@ -10,9 +10,9 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.geometry.exact_placements import Length3, Matrix
-from pinsing.geometry.nominal import Nominal
-from pinsing.geometry.surd import Exact
+from pinsing.robot.exact_placements import Length3, Matrix
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.surd import Exact
 
 Vector = tuple[Exact, Exact, Exact]
 

@@ -6,11 +6,11 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing.families import ClosedForm
-from pinsing.geometry.nominal import nominal
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.regular_way import columns, regular_way
 from pinsing.proximity.watched import Forms
 from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import nominal
 
 PRACTICAL = 1e-5
 """sigma_r / sigma_1 under which no motor tells a configuration from a singular one."""

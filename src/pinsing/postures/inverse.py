@@ -11,7 +11,6 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.pose import read_pose
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.postures.found import ENOUGH, FoundSolutions
@@ -23,6 +22,7 @@ from pinsing.postures.starts import drawn, mirrored
 from pinsing.postures.stepwise import steps_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import summarize
+from pinsing.robot.nominal import nominal
 
 STARTS = 256
 MOST_STARTS = 4096

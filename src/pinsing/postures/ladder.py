@@ -31,11 +31,11 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.geometry.exact_rank import exact_generic_rank
-from pinsing.geometry.nominal import Nominal
 from pinsing.postures.exact_chain import ExactChain
 from pinsing.postures.stage import SolutionStage
 from pinsing.postures.three_joints import ways_of
+from pinsing.robot.exact_rank import exact_generic_rank
+from pinsing.robot.nominal import Nominal
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,13 +12,13 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm
 from pinsing.families.solve import form_to_measure
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.postures.inverse import inverse
 from pinsing.postures.names import posture_names
 from pinsing.proximity.line import LinePosture, check_line
 from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import nominal
 
 _ITSELF = 1e-6
 

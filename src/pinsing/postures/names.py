@@ -21,8 +21,8 @@ from __future__ import annotations
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.geometry.nominal import Nominal
 from pinsing.postures.ladder import Ladder, ladder_of
+from pinsing.robot.nominal import Nominal
 
 _LEVEL = 1e-9
 

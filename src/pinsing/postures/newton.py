@@ -8,10 +8,10 @@ from pinsing._batch.chain import FlatChain
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError
-from pinsing.geometry.chain import flatten
 from pinsing.kinematics.task_rows import picked, turn_left
 from pinsing.postures.stalled import Stalled
 from pinsing.robot.arm import Arm
+from pinsing.robot.chain import flatten
 from pinsing.robot.task import Task
 
 _ITERATIONS = 60

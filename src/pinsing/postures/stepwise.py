@@ -23,10 +23,10 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.geometry.nominal import Nominal
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.exact_chain import ExactChain, turns
 from pinsing.postures.three_joints import Measures, Point
+from pinsing.robot.nominal import Nominal
 
 _NEAR = 0.05
 """Roots this far from real are starts, too: the arm itself may have what its nominal one lacks."""

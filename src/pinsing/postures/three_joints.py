@@ -26,10 +26,10 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.geometry.surd import Exact
 from pinsing.postures.exact_chain import ExactChain, Vector, added, apply, transposed_apply
 from pinsing.postures.root_bound import Deflated, one_root_left
 from pinsing.postures.stage import SolutionStage
+from pinsing.robot.surd import Exact
 
 Pair = tuple[Exact, Exact]
 _ZERO = Fraction(0)

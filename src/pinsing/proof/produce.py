@@ -10,7 +10,6 @@ from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring, Value
-from pinsing.geometry.nominal import Nominal
 from pinsing.proof.checker import Certificate, Rejected, verify
 from pinsing.proof.division import vanishes
 from pinsing.proof.forms import Forms
@@ -19,6 +18,7 @@ from pinsing.proof.place import NotFound, Place
 from pinsing.proof.reduction import Draft, without_dependent_lines
 from pinsing.proof.skeleton import NotStated, form_of, form_text, number_text, roots_in, skeleton
 from pinsing.proof.tree import Tree
+from pinsing.robot.nominal import Nominal
 
 
 @dataclass(frozen=True)

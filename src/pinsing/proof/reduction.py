@@ -7,9 +7,9 @@ from fractions import Fraction
 from typing import Any, TypeAlias
 
 from pinsing.algebra.budget import Budget
-from pinsing.geometry.surd import surd
 from pinsing.proof.checker import Certificate, Matrix, Poly, Ring, flipped
 from pinsing.proof.skeleton import number_text
+from pinsing.robot.surd import surd
 
 Number: TypeAlias = Any
 """An exact number: fmpq over the rationals, `Exact` where there are square roots."""

@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
+from pinsing.algebra.nearest import GAP, SECONDS, SearchOptions, nearest_points
+from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked
-from pinsing.bounds.nearest import GAP, SECONDS, SearchOptions, nearest_points
-from pinsing.bounds.two_sided import two_sided
 from pinsing.errors import OptionError
 from pinsing.proximity.watched import Forms, Watched, watch
 from pinsing.serialization import JsonResult

@@ -12,8 +12,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from pinsing._types import Array, Ints
-from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.two_sided import two_sided
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.two_sided import two_sided
 from pinsing.families import Branch
 from pinsing.proximity.motion import Motion
 from pinsing.proximity.watched import Watched

@@ -11,11 +11,11 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
+from pinsing.algebra.sum_zeros import SIMPLE, Zeros, zeros_along
+from pinsing.algebra.two_sided import sum_at, two_sided
 from pinsing.arguments import checked
-from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.two_sided import sum_at, two_sided
-from pinsing.bounds.zeros import SIMPLE, Zeros, zeros_along
 from pinsing.families import Branch, JointValue
 from pinsing.proximity.contacts import contacts
 from pinsing.proximity.motion import Motion, motion_of

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.bounds.nearest import GAP, SECONDS
+from pinsing.algebra.nearest import GAP, SECONDS
 from pinsing.errors import OptionError
 from pinsing.proximity.watched import Forms, watch
 from pinsing.serialization import JsonResult

@@ -17,7 +17,7 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
-from pinsing.bounds.nearest import SearchOptions, nearest_points
+from pinsing.algebra.nearest import SearchOptions, nearest_points
 from pinsing.families import Branch, Family
 from pinsing.proximity.watched import Watched
 

@@ -10,17 +10,17 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._version import __version__
+from pinsing.algebra.conditions import Conditions
 from pinsing.arguments import checked
-from pinsing.bounds.conditions import Conditions
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family, closed_form
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.evaluator import fingerprint
 from pinsing.proximity.guard_c import c_text
 from pinsing.proximity.guard_python import python_text
 from pinsing.proximity.guard_source import GuardSource
 from pinsing.proximity.watched import Forms, every_name, require_forms_of, watch
 from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import nominal
 
 MOST_TERMS = 20_000
 """Of all equations together; a family that goes beyond it is left out, and that is said."""

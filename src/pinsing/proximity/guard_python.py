@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from pinsing.bounds.conditions import Conditions
+from pinsing.algebra.conditions import Conditions
 from pinsing.proximity.guard_source import COMBINED, PLACE, GuardSource, template
 
 

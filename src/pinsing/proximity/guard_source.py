@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.bounds.conditions import Conditions
+from pinsing.algebra.conditions import Conditions
 from pinsing.prose import visible
 
 PLACE = re.compile("@([a-z_]+)@")

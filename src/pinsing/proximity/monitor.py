@@ -11,9 +11,9 @@ import numpy.typing as npt
 
 from pinsing._batch import engine
 from pinsing._types import Array
+from pinsing.algebra.contact import contact_along
+from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked, columns_of, real_numbers
-from pinsing.bounds.contact import contact_along
-from pinsing.bounds.two_sided import two_sided
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.notebook import one_line
 from pinsing.proximity.watched import Forms, every_name, watch

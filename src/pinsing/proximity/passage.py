@@ -6,9 +6,9 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.nearest import SearchOptions, nearest_points
-from pinsing.bounds.two_sided import two_sided
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.nearest import SearchOptions, nearest_points
+from pinsing.algebra.two_sided import two_sided
 from pinsing.proximity.crossings import Crossing, crossings_of
 from pinsing.proximity.motion import Motion
 from pinsing.proximity.stretches import NearStretch, Stretches

@@ -14,7 +14,7 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
-from pinsing.bounds.two_sided import two_sided
+from pinsing.algebra.two_sided import two_sided
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.motion import Motion
 from pinsing.proximity.watched import Watched

@@ -11,8 +11,8 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
+from pinsing.algebra.nearest import SearchOptions
 from pinsing.arguments import MAX_SEED, checked, whole_number
-from pinsing.bounds.nearest import SearchOptions
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families.solve import form_to_measure
 from pinsing.joint_text import typed

@@ -16,9 +16,9 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ConfigurationError
 from pinsing.robot.arm import Arm
-from pinsing.runs.chunk_file import DamagedError, read_arrays, read_bounded
 
 _TIME = re.compile(r"(?i)(t|time|times|timestamp|seconds|secs?)(\s*[\[(_]?\s*s(ec(onds)?)?[\])]?)?")
 _HANDED = ("/dev/stdin", "/dev/fd/", "/proc/self/fd/")  # pipes that the shell has set up

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
+from pinsing.algebra.conditions import Conditions
 from pinsing.arguments import columns_of, real_numbers
-from pinsing.bounds.conditions import Conditions
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
 from pinsing.robot.arm import Arm

@@ -21,12 +21,12 @@ from pinsing.configuration.state import State
 from pinsing.errors import PinsingError
 from pinsing.families import ClosedForm, Family, closed_form
 from pinsing.families.telling_poses import telling_poses
-from pinsing.geometry.nominal import nominal
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.proximity.clearance import Clearance, clearance
 from pinsing.proximity.suggestion import Suggestion, suggest
 from pinsing.report.info import ArmInfo, describe
 from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import nominal
 
 _LIBRARIES = ("numpy", "pin", "python-flint", "matplotlib", "meshcat")
 _CLEARANCE_SECONDS = 1.0

@@ -10,11 +10,11 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import PinsingError
 from pinsing.families import closed_form
-from pinsing.geometry.nominal import nominal
 from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.proximity.suggestion import suggest
 from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import nominal
 
 _SECONDS = 2.0
 """Time for the closed form; where it needs more, the command that takes it is named."""

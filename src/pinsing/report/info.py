@@ -8,15 +8,15 @@ from typing import ClassVar
 import numpy as np
 
 from pinsing._dataclass import dataclass
-from pinsing.geometry.nominal import nominal
-from pinsing.geometry.snap import Snap
 from pinsing.kinematics.engine import engine_name
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.prose import PLAIN, Page, Table
 from pinsing.report.home_pose import SingularPose, singular_poses
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.nominal import nominal
 from pinsing.robot.second_reader import SecondReading
+from pinsing.robot.snap import Snap
 from pinsing.serialization import JsonResult
 
 ROUNDING = 1e-9

@@ -6,10 +6,10 @@ import math
 from collections.abc import Iterator, Sequence
 
 from pinsing._types import Array
-from pinsing.mechanism import MechanismAnalysis
-from pinsing.mechanism.dyad import planar_dyad
-from pinsing.mechanism.forms_text import Line, joint_lines, pose_lines
-from pinsing.mechanism.pose_slice import free_coordinates
+from pinsing.loops import MechanismAnalysis
+from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.forms_text import Line, joint_lines, pose_lines
+from pinsing.loops.pose_slice import free_coordinates
 from pinsing.prose import Page
 from pinsing.report.markup import figure, name, paragraph, section, text
 from pinsing.report.markup import math as formula
@@ -58,7 +58,7 @@ def loci(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
 
 def modes(mechanism: Mechanism, a: MechanismAnalysis) -> Section:
     """All modes side by side."""
-    from pinsing.mechanism.problems import Modes
+    from pinsing.loops.problems import Modes
     from pinsing.plot.mode_sheet import mode_sheet
 
     def found(problem: str, solutions: object, statement: str) -> Modes:
@@ -107,8 +107,8 @@ def aspects(mechanism: Mechanism, a: MechanismAnalysis) -> Section | None:
 
 def _telling(mechanism: Mechanism) -> tuple[str, str]:
     """Two coordinates over which the slice at home shows more than one aspect; else the first."""
-    from pinsing.mechanism.modes import home
-    from pinsing.mechanism.pose_slice import pose_slice
+    from pinsing.loops.modes import home
+    from pinsing.loops.pose_slice import pose_slice
     from pinsing.plot.pose_map import panels
 
     free = free_coordinates(mechanism)

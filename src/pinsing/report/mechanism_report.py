@@ -9,9 +9,9 @@ import numpy as np
 
 from pinsing._types import Array
 from pinsing._version import __version__
-from pinsing.mechanism import MechanismAnalysis, analyze_mechanism, mechanism_at
-from pinsing.mechanism.problems import assemblies
-from pinsing.mechanism.solve import InfeasibleError
+from pinsing.loops import MechanismAnalysis, analyze_mechanism, mechanism_at
+from pinsing.loops.problems import assemblies
+from pinsing.loops.solve import InfeasibleError
 from pinsing.report.arm_report import SCHEMA
 from pinsing.report.closing import computed, data, model, result
 from pinsing.report.content import Made

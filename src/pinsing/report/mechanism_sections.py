@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.mechanism import MechanismAnalysis, MechanismState
-from pinsing.mechanism.dyad import planar_dyad
-from pinsing.mechanism.feasible import Interval
+from pinsing.loops import MechanismAnalysis, MechanismState
+from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.feasible import Interval
 from pinsing.report.arm_sections import counted
 from pinsing.report.markup import (
     badge,

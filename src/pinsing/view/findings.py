@@ -13,7 +13,7 @@ from pinsing._types import Array
 from pinsing.families import Branch, JointValue, joint_symbols
 from pinsing.families.telling_poses import telling_poses
 from pinsing.robot.arm import Arm
-from pinsing.sweeps.finding import Finding
+from pinsing.sampling.finding import Finding
 from pinsing.view.entries import Entry
 
 

@@ -15,7 +15,7 @@ from pinsing.families import Family
 from pinsing.families.certainty import coverage_words
 from pinsing.families.paths import FamilyLike
 from pinsing.robot.arm import Arm
-from pinsing.sweeps.finding import Finding
+from pinsing.sampling.finding import Finding
 from pinsing.view.ellipsoids import sizes
 from pinsing.view.entries import Entry, family_entries, pose_entries
 from pinsing.view.findings import finding_entries

@@ -8,8 +8,8 @@ from itertools import pairwise
 import numpy as np
 
 from pinsing._types import Array
-from pinsing.bounds.conditions import Conditions
-from pinsing.bounds.two_sided import two_sided
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.two_sided import two_sided
 from pinsing.errors import ConfigurationError
 from pinsing.families import Family
 from pinsing.robot.arm import Arm

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.loops.closure import ranks
+from pinsing.loops.dyad import Side, planar_dyad
+from pinsing.loops.led_pose import led_pose
+from pinsing.loops.modes import assembly_rows, elbows, home
+from pinsing.loops.structure import structure
+from pinsing.loops.whole_balls import hinged_balls
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
-from pinsing.mechanism.closure import ranks
-from pinsing.mechanism.dyad import Side, planar_dyad
-from pinsing.mechanism.led_pose import led_pose
-from pinsing.mechanism.modes import assembly_rows, elbows, home
-from pinsing.mechanism.structure import structure
-from pinsing.mechanism.whole_balls import hinged_balls
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.tip import frame_index
 from pinsing.view.ellipsoids import Sizes

@@ -6,10 +6,10 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.mechanism.loci import Locus
-from pinsing.mechanism.modes import STRAIGHT, elbow_sines, elbows, home
-from pinsing.mechanism.result import MechanismAnalysis
-from pinsing.mechanism.singular_points import SingularPoint
+from pinsing.loops.loci import Locus
+from pinsing.loops.modes import STRAIGHT, elbow_sines, elbows, home
+from pinsing.loops.result import MechanismAnalysis
+from pinsing.loops.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
 
 _ON = 1e-7

@@ -9,9 +9,9 @@ import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.mechanism.closure import random_closed
-from pinsing.mechanism.modes import home
-from pinsing.mechanism.motion import mechanism_at
+from pinsing.loops.closure import random_closed
+from pinsing.loops.modes import home
+from pinsing.loops.motion import mechanism_at
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
 from pinsing.robot.tip import frame_index

@@ -9,8 +9,8 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.mechanism.modes import home
-from pinsing.mechanism.singular_points import SingularPoint
+from pinsing.loops.modes import home
+from pinsing.loops.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.ellipsoids import LEAST, Sizes
 from pinsing.view.frame import ARROWS

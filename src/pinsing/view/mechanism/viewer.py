@@ -6,11 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing.errors import OptionError
-from pinsing.mechanism.analysis import analyze_mechanism
-from pinsing.mechanism.drive import drive
-from pinsing.mechanism.motion import mechanism_at
-from pinsing.mechanism.problems import assemblies
-from pinsing.mechanism.result import MechanismAnalysis
+from pinsing.loops.analysis import analyze_mechanism
+from pinsing.loops.drive import drive
+from pinsing.loops.motion import mechanism_at
+from pinsing.loops.problems import assemblies
+from pinsing.loops.result import MechanismAnalysis
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.links import Links, read_links
 from pinsing.view.mechanism.groups import Group, groups

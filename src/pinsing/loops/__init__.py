@@ -1,0 +1,71 @@
+"""Closed loops: solving, modes and singularities of mechanisms."""
+
+from pinsing.loops.analysis import analyze_mechanism
+from pinsing.loops.closure import constraint_jacobian, output_jacobian, ranks, residual, split
+from pinsing.loops.drive import Stretch, drive, stretch
+from pinsing.loops.feasible import curves, feasible
+from pinsing.loops.joint_forms import JointForms, JointLocus
+from pinsing.loops.joint_loci import joint_forms
+from pinsing.loops.loci import Locus, LoopForms, loop_forms
+from pinsing.loops.map import MechanismMap, WorstConfiguration, mechanism_map
+from pinsing.loops.modes import home, mode_of
+from pinsing.loops.motion import MechanismState, input_output, leg_form, mechanism_at, motions
+from pinsing.loops.pose import Pose
+from pinsing.loops.pose_equation import PoseEquation
+from pinsing.loops.pose_forms import PoseForms, PoseLocus
+from pinsing.loops.pose_loci import pose_forms
+from pinsing.loops.problems import Modes, assemblies, assembly_modes, working_modes
+from pinsing.loops.result import MechanismAnalysis
+from pinsing.loops.singular_points import SingularPoint, find_singular
+from pinsing.loops.singular_points import refine_point as refine
+from pinsing.loops.solve import InfeasibleError, Solution, follow, solve
+from pinsing.loops.trace import Trace, trace
+
+__all__ = [
+    "InfeasibleError",
+    "JointForms",
+    "JointLocus",
+    "Locus",
+    "LoopForms",
+    "MechanismAnalysis",
+    "MechanismMap",
+    "MechanismState",
+    "Modes",
+    "Pose",
+    "PoseEquation",
+    "PoseForms",
+    "PoseLocus",
+    "SingularPoint",
+    "Solution",
+    "Stretch",
+    "Trace",
+    "WorstConfiguration",
+    "analyze_mechanism",
+    "assemblies",
+    "assembly_modes",
+    "constraint_jacobian",
+    "curves",
+    "drive",
+    "feasible",
+    "find_singular",
+    "follow",
+    "home",
+    "input_output",
+    "joint_forms",
+    "leg_form",
+    "loop_forms",
+    "mechanism_at",
+    "mechanism_map",
+    "mode_of",
+    "motions",
+    "output_jacobian",
+    "pose_forms",
+    "ranks",
+    "refine",
+    "residual",
+    "solve",
+    "split",
+    "stretch",
+    "trace",
+    "working_modes",
+]

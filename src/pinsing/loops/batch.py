@@ -1,0 +1,315 @@
+"""Loop closure of many configurations at once: residuals, constraint Jacobians, Newton steps.
+
+The same numbers as Pinocchio's constraint models give one by one, for arrays of configurations.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array, Bool
+from pinsing.loops.structure import structure
+from pinsing.robot.mechanism import Mechanism
+
+_TINY = 1e-12
+_FLOOR = 1e-15
+_LARGEST_STEP = 0.5
+_CLOSE = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """Placements of N configurations, metres.
+
+    Attributes
+    ----------
+    rotation : (n + 1, N, 3, 3) array
+        Of each joint's frame; entry 0 is the base.
+    position : (n + 1, N, 3) array
+        Of its origin.
+    axis : (n, N, 3) array
+        Axes of the joints.
+    pivot : (n + 1, N, 3) array
+        A point of each joint's axis: ``position``, but for what is turned about another one.
+    """
+
+    rotation: Array
+    position: Array
+    axis: Array
+    pivot: Array
+
+
+class BatchLoops:
+    """Closure of the loops, and the motion of the output, of many configurations at once."""
+
+    def __init__(self, mechanism: Mechanism) -> None:
+        self.mechanism = mechanism
+        model = mechanism.model
+        built = structure(mechanism)
+        self._parents = [int(model.parents[j + 1]) for j in range(mechanism.n)]
+        self._own = built.axes
+        places = [model.jointPlacements[j + 1] for j in range(mechanism.n)]
+        # None for no turn, and for no shift: most have one of them at most.
+        self._place = [
+            (
+                None if np.array_equal(m.rotation, np.eye(3)) else np.array(m.rotation),
+                None if not np.any(m.translation) else np.array(m.translation),
+            )
+            for m in places
+        ]
+        self._above = np.zeros((mechanism.n + 1, mechanism.n), dtype=bool)
+        for j, parent in enumerate(self._parents):
+            self._above[j + 1] = self._above[parent]
+            self._above[j + 1, j] = True
+        frames = {f.name: f for f in model.frames}
+
+        def fixed(name: str) -> tuple[int, Array, Array]:
+            frame = frames[name]
+            place = frame.placement
+            return int(frame.parentJoint), np.array(place.rotation), np.array(place.translation)
+
+        self._loops = [
+            (fixed(x.frame_a), fixed(x.frame_b), x.kind, x.rows) for x in mechanism.loops
+        ]
+        self._output = fixed(mechanism.output)
+        self._scale = mechanism.length_scale
+        self.units = mechanism.space.metric
+
+    def place(self, Q: Array) -> Placed:
+        """Placements of all joints at Q (N, n)."""
+        count, n = Q.shape
+        R = np.empty((n + 1, count, 3, 3))
+        p = np.empty((n + 1, count, 3))
+        axis = np.empty((n, count, 3))
+        R[0], p[0] = np.eye(3), 0.0
+        for j, parent in enumerate(self._parents):
+            turned, moved = self._place[j]
+            up = R[parent] if turned is None else R[parent] @ turned
+            p[j + 1] = p[parent] if moved is None else p[parent] + R[parent] @ moved
+            axis[j] = _along(up, self._own[j])
+            if self.mechanism.prismatic[j]:
+                R[j + 1] = up
+                p[j + 1] += Q[:, j, None] * axis[j]
+            else:
+                _turn(up, self._own[j], Q[:, j], R[j + 1])
+        return Placed(R, p, axis, p)
+
+    def _frame(self, placed: Placed, which: tuple[int, Array, Array]) -> tuple[Array, Array]:
+        body, turned, moved = which
+        R = placed.rotation[body]
+        return R @ turned, placed.position[body] + R @ moved
+
+    def _velocity(self, placed: Placed, body: int, point: Array) -> tuple[Array, Array]:
+        """Velocity of a point (N, 3) of a body, and its turning, per joint: (N, 3, n) each."""
+        count, n = point.shape[0], self.mechanism.n
+        linear, angular = np.zeros((count, 3, n)), np.zeros((count, 3, n))
+        above = np.flatnonzero(self._above[body])
+        if not len(above):
+            return linear, angular
+        axis = placed.axis[above]
+        slides = self.mechanism.prismatic[above]
+        moved = _cross(axis, point - placed.pivot[above + 1])
+        moved[slides] = axis[slides]
+        linear[:, :, above] = moved.transpose(1, 2, 0)
+        angular[:, :, above] = np.where(slides[:, None, None], 0.0, axis).transpose(1, 2, 0)
+        return linear, angular
+
+    def closure(
+        self, Q: Array, loops: tuple[int, ...] | None = None, placed: Placed | None = None
+    ) -> tuple[Array, Array]:
+        """Residual (N, k) and Jacobian (N, k, n) of loops at Q, lengths over the length scale."""
+        placed = self.place(Q) if placed is None else placed
+        errors, rows = [np.zeros((len(Q), 0))], [np.zeros((len(Q), 0, self.mechanism.n))]
+        for k in range(len(self._loops)) if loops is None else loops:
+            a, b, kind, count = self._loops[k]
+            Ra, pa = self._frame(placed, a)
+            Rb, pb = self._frame(placed, b)
+            one, turn_a = self._velocity(placed, a[0], pb)
+            two, turn_b = self._velocity(placed, b[0], pb)
+            back = np.swapaxes(Ra, 1, 2)
+            e = (back @ (pb - pa)[:, :, None])[:, :, 0] / self._scale
+            J = back @ (two - one) / self._scale
+            errors.append(e[:, : min(count, 3)])
+            rows.append(J[:, : min(count, 3)])
+            if kind == "6d":
+                errors.append(_log(back @ Rb))
+                rows.append(back @ (turn_b - turn_a))
+        J = np.concatenate(rows, axis=1)
+        return np.concatenate(errors, axis=1), J * self.units
+
+    def output(self, Q: Array, placed: Placed | None = None) -> tuple[Array, Array, Array]:
+        """Rotation (N, 3, 3), position (N, 3) and 6-row Jacobian (N, 6, n) of the output.
+
+        Base axes; lengths over the length scale in the Jacobian only.
+        """
+        placed = self.place(Q) if placed is None else placed
+        R, p = self._frame(placed, self._output)
+        linear, angular = self._velocity(placed, self._output[0], p)
+        J = np.concatenate([linear / self._scale, angular], axis=1)
+        return R, p, J * self.units
+
+    def reach(
+        self,
+        Q: Array,
+        rotation: Array,
+        position: Array,
+        placed: Placed | None = None,
+        rows: tuple[int, ...] = tuple(range(6)),
+    ) -> tuple[Array, Array]:
+        """Error (N, 6) of the output's pose against wanted ones, and its Jacobian (N, 6, n).
+
+        With one turn not among the ``rows`` those that are have to bring its axis into place,
+        whatever the turn about it.
+        """
+        R, p, J = self.output(Q, placed)
+        away = R @ np.swapaxes(rotation, -1, -2)
+        free = [k for k in range(3) if k + 3 not in rows]
+        turn = _swing(away, free[0]) if len(free) == 1 else _log(away)
+        return np.concatenate([(p - position) / self._scale, turn], axis=1), J
+
+
+def _along(up: Array, own: Array) -> Array:
+    """Directions (N, 3) of an axis ``own`` (3,) of frames with rotations up (N, 3, 3)."""
+    main = np.flatnonzero(own)
+    if len(main) == 1:
+        return np.asarray(up[:, :, main[0]] * own[main[0]])
+    return np.asarray(up @ own)
+
+
+def _turn(up: Array, own: Array, angle: Array, out: Array) -> None:
+    """Rotations up (N, 3, 3) followed by turns about an axis ``own`` (3,) of theirs, into out."""
+    s, c = np.sin(angle), np.cos(angle)
+    main = np.flatnonzero(own)
+    if len(main) == 1 and abs(own[main[0]]) == 1:
+        # About one of their own axes only the two other columns change.
+        k = int(main[0])
+        i, j = (k + 1) % 3, (k + 2) % 3
+        s = s * own[k]
+        out[:, :, k] = up[:, :, k]
+        out[:, :, i] = c[:, None] * up[:, :, i] + s[:, None] * up[:, :, j]
+        out[:, :, j] = c[:, None] * up[:, :, j] - s[:, None] * up[:, :, i]
+        return
+    K = np.array([[0, -own[2], own[1]], [own[2], 0, -own[0]], [-own[1], own[0], 0]])
+    out[:] = up @ (np.eye(3) + s[:, None, None] * K + (1 - c)[:, None, None] * (K @ K))
+
+
+def newton(
+    loops: BatchLoops,
+    Q: Array,
+    free: Bool,
+    which: tuple[int, ...] | None = None,
+    target: tuple[Array, Array, tuple[int, ...]] | None = None,
+    steps: int = 60,
+) -> tuple[Array, Array]:
+    """Damped Gauss-Newton on many starts at once: configurations (N, n), residuals (N,).
+
+    Parameters
+    ----------
+    loops : BatchLoops
+        Of the mechanism.
+    Q : (N, n) array
+        Starts; joints that are not ``free`` stay.
+    free : (n,) array of bool
+        What may move.
+    which : tuple of int, optional
+        Loops to close; all by default.
+    target : (rotation, position, rows), optional
+        Pose of the output to reach, (3, 3) or (N, 3, 3) and (3,) or (N, 3), and which of its six
+        rows count.
+    steps : int
+        Most steps.
+    """
+    Q = Q.copy()
+    columns = np.flatnonzero(free)
+    size = np.full(len(Q), np.inf)
+    active = np.arange(len(Q))
+    for _ in range(steps + 1):
+        if not len(active):
+            break
+        X = Q[active]
+        error, J = _system(loops, X, which, target, active)
+        size[active] = np.abs(error).max(axis=1, initial=0.0)
+        active_now = size[active] > 1e-13
+        J = J[:, :, columns]
+        step = _step(J[active_now], error[active_now])
+        longest = np.abs(step).max(axis=1, initial=0.0)
+        step *= np.minimum(1.0, _LARGEST_STEP / np.maximum(longest, 1e-300))[:, None]
+        active = active[active_now]
+        moved = Q[active]
+        moved[:, columns] += step * loops.units[columns]
+        Q[active] = moved
+        # What has stopped moving without having arrived is at a minimum that is not zero.
+        active = active[longest > 1e-12]
+    error, _ = _system(loops, Q, which, target, np.arange(len(Q)))
+    return Q, np.abs(error).max(axis=1, initial=0.0)
+
+
+def _system(
+    loops: BatchLoops,
+    X: Array,
+    which: tuple[int, ...] | None,
+    target: tuple[Array, Array, tuple[int, ...]] | None,
+    active: npt.NDArray[np.intp],
+) -> tuple[Array, Array]:
+    placed = loops.place(X)
+    error, J = loops.closure(X, which, placed)
+    if target is not None:
+        R, p, rows = target
+        R = R if R.ndim == 2 else R[active]
+        p = p if p.ndim == 1 else p[active]
+        miss, K = loops.reach(X, R, p, placed, rows)
+        error = np.concatenate([error, miss[:, list(rows)]], axis=1)
+        J = np.concatenate([J, K[:, list(rows)]], axis=1)
+    return error, J
+
+
+def _step(J: Array, error: Array) -> Array:
+    """Least steps of Levenberg and Marquardt; the damping goes with the square of the error."""
+    damping = 1e-13 + 1e-3 * np.minimum(1.0, (error**2).sum(axis=1))
+    Jt = np.swapaxes(J, 1, 2)
+    wide = J.shape[1] <= J.shape[2]
+    A = J @ Jt if wide else Jt @ J
+    # Of long links the products are so large that this would be rounded away.
+    damping = np.maximum(damping, _FLOOR * np.trace(A, axis1=1, axis2=2))
+    A = A + damping[:, None, None] * np.eye(A.shape[-1])
+    if wide:
+        return np.asarray(-(Jt @ np.linalg.solve(A, error[:, :, None]))[:, :, 0])
+    return np.asarray(-np.linalg.solve(A, Jt @ error[:, :, None])[:, :, 0])
+
+
+def _cross(a: Array, b: Array) -> Array:
+    """Vector products over the last axis; NumPy's own takes many times as long for few."""
+    x, y, z = a[..., 0], a[..., 1], a[..., 2]
+    u, v, w = b[..., 0], b[..., 1], b[..., 2]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-1)
+
+
+def _swing(R: Array, k: int) -> Array:
+    """The least turns (N, 3) that bring axis k to where R (N, 3, 3) has it."""
+    axis = np.eye(3)[k]
+    across = np.cross(axis, R[:, :, k])
+    size = np.linalg.norm(across, axis=1)
+    angle = np.arctan2(size, R[:, k, k])
+    grown = np.where(size > _TINY, angle / np.where(size > _TINY, size, 1.0), 1.0)
+    return np.asarray(across * grown[:, None])
+
+
+def _log(R: Array) -> Array:
+    """Rotation vectors (N, 3) of rotations (N, 3, 3)."""
+    skew = np.stack(
+        [R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1
+    )
+    cosine = np.clip((np.trace(R, axis1=1, axis2=2) - 1) / 2, -1, 1)
+    sine = np.linalg.norm(skew, axis=1) / 2
+    angle = np.arctan2(sine, cosine)
+    factor = np.where(sine > _CLOSE, angle / np.maximum(2 * sine, _CLOSE), 0.5)
+    out = factor[:, None] * skew
+    # Half a turn: the axis is the largest column of R + 1.
+    half = (sine <= 1e-7) & (cosine < 0)
+    for k in np.flatnonzero(half):
+        columns = R[k] + np.eye(3)
+        best = columns[:, int(np.argmax(np.diag(columns)))]
+        out[k] = np.pi * best / np.linalg.norm(best)
+    return np.asarray(out)

@@ -1,0 +1,402 @@
+"""Singular loci of a mechanism in its own joint angles, on the configurations that close its loops.
+
+With all actuators locked the legs hold the output by the wrenches of `leg_wrenches`: it is of type
+2, or has more motions than its mobility, where these are dependent. With the actuators free, what
+they feel of each wrench and the rows of the output that count tell where a motion leaves the output
+at rest (type 1). Both are determinants of polynomials in the joint angles, exactly; small ones are
+multiplied out and factored.
+"""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from pinsing.algebra.equation import Equation, equation
+from pinsing.algebra.real_roots import real_roots
+from pinsing.algebra.ring import Poly, Ring, rational
+from pinsing.loops.closure import near_home, random_closed, ranks
+from pinsing.loops.closure_forms import closure_forms
+from pinsing.loops.joint_forms import JointForms, JointLocus
+from pinsing.loops.leg_chain import Row, cross
+from pinsing.loops.leg_wrenches import (
+    PLANE,
+    SIZE,
+    SPACE,
+    SPHERE,
+    LegWrench,
+    LegWrenches,
+    NotThisKind,
+    kind_of,
+    leg_wrenches,
+)
+from pinsing.loops.pose_equation import PoseEquation
+from pinsing.loops.pose_ring import determinant
+from pinsing.loops.sphere_loci import type1_alone
+from pinsing.loops.structure import without_length
+from pinsing.loops.trig_polynomial import trig_polynomial
+from pinsing.robot.mechanism import Mechanism
+
+_MOST_JOINTS = 7
+_MOST_TERMS = 4e8
+_ROUNDING = 1e-12
+_READ = 24
+_TRIED = 6
+_FEW = 4
+_ALWAYS = 1e-10
+_SEED = 6203
+
+
+def joint_forms(mechanism: Mechanism) -> JointForms:
+    """Closed forms in the joint angles.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From ``load_mechanism``.
+
+    Returns
+    -------
+    JointForms
+        With ``str()``: the equations. Without any where the legs are of another kind; the notes
+        say which.
+    """
+    return mechanism.once("joint_forms", lambda: _forms(mechanism))
+
+
+def _forms(mechanism: Mechanism) -> JointForms:
+    generic = ranks(mechanism)
+    notes = [
+        "a configuration that closes the loops is singular if and only if one of these is zero"
+    ]
+    try:
+        if kind_of(mechanism) == SPACE and generic.constraint < mechanism.rows:
+            raise NotThisKind(
+                f"of {mechanism.rows} closure equations {generic.constraint} are independent, and "
+                "that only where the loops close"
+            )
+        legs = leg_wrenches(mechanism)
+        loci = [*_type2(mechanism, legs), *_type1(mechanism, legs), *_passive(mechanism, legs)]
+        off = legs.off
+        if any(p.ball for p in legs.passive):
+            notes[0] += "; three hinges in a plane lock the angles of the file, not the ball"
+        if type1_alone(mechanism):
+            ones = " or ".join(str(x.equation) for x in loci if x.kind == "type 1")
+            notes.append(
+                f"type 2 needs one of type 1 (proven over the orientation): singular if and only "
+                f"if {ones}"
+            )
+    except NotThisKind as error:
+        if generic.output < generic.mobility:
+            why = "the output does not show each of the freedoms"
+            named = without_length(mechanism)
+            why += f": {named}" if named else ""
+            return JointForms(mechanism.joints, (), False, (f"none: {why}",))
+        loci, off = _of_closure(mechanism)
+        notes[0] = notes[0].replace("zero", "zero, or of less than full rank") if any(
+            len(x.matrix) > len(x.matrix[0]) for x in loci if x.matrix
+        ) else notes[0]  # fmt: skip
+        notes.append(f"from the closure equations as they are, since {error}")
+    else_ = " else" if any(x.kind == "passive" for x in loci) else ""
+    kinds = {x.kind for x in loci}
+    notes += [f"{k}: nowhere{else_}" for k in ("type 1", "type 2") if k not in kinds]
+    if off > 1e-12:
+        notes.append(f"coordinates were made exact, by at most {off:.1e}")
+    found = JointForms(mechanism.joints, tuple(loci), True, tuple(notes))
+    always = _everywhere(mechanism, found)
+    return replace(found, notes=(*found.notes, always)) if always else found
+
+
+def _everywhere(mechanism: Mechanism, forms: JointForms) -> str:
+    """What is to be said where one of them holds at every configuration that was tried."""
+    tried = near_home(mechanism) + random_closed(mechanism, _TRIED, np.random.default_rng(_SEED))
+    if len(tried) < _FEW:
+        return ""
+    at = np.array(tried)
+    kinds = dict.fromkeys(
+        x.kind for x in forms.loci if x.ratio(at, forms.joints).max() <= _ALWAYS
+    )  # fmt: skip
+    if not kinds:
+        return ""
+    return (
+        f"at each of the {len(tried)} closed configurations tried the condition of "
+        f"{' and '.join(kinds)} holds: taken for singular everywhere"
+    )
+
+
+def _of_closure(mechanism: Mechanism) -> tuple[list[JointLocus], float]:
+    """Both conditions as matrices of the closure equations, for legs of any kind."""
+    made = closure_forms(mechanism)
+    return [
+        *_loci(made.ring, mechanism, "type 2", "joints move with the actuators held", made.held),
+        *_loci(
+            made.ring, mechanism, "type 1", "a motion of the joints leaves the output at rest",
+            made.at_rest,
+        ),
+    ], made.off  # fmt: skip
+
+
+def _type2(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
+    unknowns = _unknowns(mechanism, legs, locked=True)
+    if len(legs.wrenches) != unknowns:
+        raise NotThisKind(
+            f"the legs pass {len(legs.wrenches)} forces where {unknowns} would fix the output: "
+            + ("more actuators than freedoms, or overconstrained loops"
+               if len(legs.wrenches) > unknowns else "too few")
+        )  # fmt: skip
+    rows = [_row(mechanism, legs, w, locked=True) for w in legs.wrenches]
+    return _loci(legs.ring, mechanism, "type 2", _words(legs), rows)
+
+
+def _type1(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
+    """Where a motion leaves the output at rest."""
+    generic = ranks(mechanism)
+    task = mechanism.task.rows
+    if generic.output < generic.mobility or len(task) != generic.mobility:
+        raise NotThisKind("the output does not show each of the freedoms once")
+    whole = SIZE[legs.kind] == len(task)
+    single = [tuple(w.arms) for w in legs.wrenches]
+    if whole and legs.ended and sorted(single) == [(j,) for j in sorted(mechanism.actuated)]:
+        out = []
+        for w in legs.wrenches:
+            name = mechanism.joints[next(iter(w.arms))]
+            words = f"leg {w.leg}: {name} does not work on the force that the leg passes"
+            out += _factored(legs.ring, mechanism, "type 1", words, next(iter(w.arms.values())))
+        return out
+    drivers = [j for j in mechanism.actuated if any(j in w.arms for w in legs.wrenches)]
+    rows = []
+    for w in legs.wrenches:
+        row = _row(mechanism, legs, w, locked=False)
+        felt = [legs.ring.zero - w.arms.get(j, legs.ring.zero) for j in drivers]
+        felt = [x for x, j in zip(felt, drivers, strict=True) if _counts(legs, j)]
+        rows.append(_level([*row, *felt], legs.ring))
+    spare = sum(_counts(legs, j) for j in drivers)
+    for k in task:
+        row = [*_output_row(mechanism, legs, k), *[legs.ring.zero] * spare]
+        rows.append(_level(row, legs.ring))
+    if any(len(row) != len(rows) for row in rows):
+        raise NotThisKind("there are other equations than motions")
+    words = "a motion of the joints leaves the output at rest"
+    return _loci(legs.ring, mechanism, "type 1", words, rows)
+
+
+def _counts(legs: LegWrenches, joint: int) -> bool:
+    """Whether an actuated joint is an unknown of its own: not where the carrier's joints are."""
+    return legs.ended or all(h.joint != joint for h in legs.carrier.hinges)
+
+
+def _unknowns(mechanism: Mechanism, legs: LegWrenches, locked: bool) -> int:
+    if legs.ended:
+        return SIZE[legs.kind]
+    return sum(not locked or h.joint in mechanism.passive for h in legs.carrier.hinges)
+
+
+def _row(mechanism: Mechanism, legs: LegWrenches, wrench: LegWrench, locked: bool) -> Row:
+    """A wrench by the output's twist, or by the carrier's joints where these are the unknowns."""
+    if legs.ended:
+        return wrench.line
+    out = []
+    for twist, joint in zip(_twists(legs), legs.carrier.hinges, strict=True):
+        if locked and joint.joint not in mechanism.passive:
+            continue
+        out.append(_power(wrench.line, twist, legs))
+    return _level(out, legs.ring)
+
+
+def _twists(legs: LegWrenches) -> list[tuple[Row, Row]]:
+    """Turning and velocity of the base's origin by each of the carrier's joints."""
+    chain, zero = legs.carrier, legs.ring.zero
+    out = []
+    for h in chain.hinges:
+        axis = chain.in_base(h.axis)
+        if h.slides:
+            out.append(([zero] * 3, axis))
+            continue
+        # Scales: both times that of the joint, squared in the velocity.
+        at = chain.placed(h.origin, h.scale)
+        out.append(([h.scale * a for a in axis], cross(at, axis)))
+    return out
+
+
+def _power(line: Row, twist: tuple[Row, Row], legs: LegWrenches) -> Poly:
+    turning, velocity = twist
+    if legs.kind == SPHERE:
+        pairs = list(zip(line, turning, strict=True))
+    elif legs.kind == PLANE:
+        pairs = [(line[0], velocity[0]), (line[1], velocity[1]), (line[2], turning[2])]
+    else:
+        pairs = list(zip(line, [*velocity, *turning], strict=True))
+    return sum((a * b for a, b in pairs), legs.ring.zero)
+
+
+def _output_row(mechanism: Mechanism, legs: LegWrenches, k: int) -> Row:
+    """A row of the output's velocity by the unknowns: in the axes of the turned base."""
+    ring, scale = legs.ring, legs.carrier.scale
+    zero = ring.zero
+    # Rows of the file are in the base; a plane may have been turned to lie level.
+    unit = [ring.one * rational(legs.turn[i][k % 3]) for i in range(3)]
+    if legs.ended:
+        p = legs.output
+        if k >= 3:
+            angular = [scale * u for u in unit]
+            whole = [*([zero] * 3), *angular]
+        else:
+            # u . (v + w x p) = u . v + w . (p x u)
+            whole = [*(scale * u for u in unit), *cross(p, unit)]
+        if legs.kind == SPHERE:
+            return whole[3:]
+        return [whole[0], whole[1], whole[5]] if legs.kind == PLANE else whole
+    out = []
+    for turning, velocity in _twists(legs):
+        if k >= 3:
+            out.append(sum((a * b for a, b in zip(unit, turning, strict=True)), zero))
+            continue
+        moved = [scale * v + c for v, c in zip(velocity, cross(turning, legs.output), strict=True)]
+        out.append(sum((a * b for a, b in zip(unit, moved, strict=True)), zero))
+    return out
+
+
+def _level(row: Row, ring: Ring) -> Row:
+    """Entries of one degree in each joint's pair of variables: times x^2 + y^2, which are 1."""
+    degrees = [
+        [sum(int(m[v]) for v in ring.variables(j)) for j in range(len(ring.w))]
+        if x != 0 else None
+        for x in row
+        for m in [next(iter(x.to_dict()), ())]
+    ]  # fmt: skip
+    known = [d for d in degrees if d is not None]
+    if not known:
+        return row
+    top = [max(d[j] for d in known) for j in range(len(ring.w))]
+    out = []
+    for x, d in zip(row, degrees, strict=True):
+        if d is not None:
+            for j, w in enumerate(ring.w):
+                if w is not None and top[j] > d[j]:
+                    x = x * w ** ((top[j] - d[j]) // 2)
+        out.append(x)
+    return out
+
+
+def _loci(
+    ring: Ring, mechanism: Mechanism, kind: str, words: str, rows: list[Row]
+) -> list[JointLocus]:
+    """A determinant multiplied out and factored where it is small; as it is where not."""
+    joints = sorted({j for row in rows for x in row if x != 0 for j in ring.joints_of(x)})
+    names = tuple(mechanism.joints[j] for j in joints)
+    whole = JointLocus(kind, words, names, None, _matrix(rows, ring, mechanism))
+    if len(rows) > len(rows[0]) and len(joints) > 1:
+        return [whole]
+    if len(joints) > _MOST_JOINTS:
+        return [whole]
+    rows = [_level(row, ring) for row in rows]
+    size = float(np.prod([max(len(x) for x in row) + 1.0 for row in rows]))
+    if size > _MOST_TERMS:
+        return [whole]
+    # Of one joint all largest minors vanish together where what they share does.
+    minors = [
+        determinant([rows[k] for k in chosen], ring.one)
+        for chosen in itertools.combinations(range(len(rows)), len(rows[0]))
+    ]
+    value = functools.reduce(lambda a, b: a.gcd(b), minors)
+    if value == 0:
+        return [whole]
+    found = _factored(ring, mechanism, kind, words, value)
+    if len(found) == 1 and len(found[0].equation.cos) > _READ:  # type: ignore[union-attr]
+        # One long factor: the determinant says more.
+        return [replace(found[0], matrix=whole.matrix)]
+    return found
+
+
+def _matrix(
+    rows: list[Row], ring: Ring, mechanism: Mechanism
+) -> tuple[tuple[PoseEquation, ...], ...]:
+    return tuple(_entries(row, ring, mechanism) for row in rows)
+
+
+def _entries(row: Row, ring: Ring, mechanism: Mechanism) -> tuple[PoseEquation, ...]:
+    """Entries without what is left of numbers that were made rational."""
+    found = [trig_polynomial(x, ring, mechanism.joints) for x in row]
+    most = max((float(np.abs(x.values).max(initial=0.0)) for x in found), default=0.0)
+    return tuple(x.without(_ROUNDING * most) for x in found)
+
+
+def _factored(
+    ring: Ring, mechanism: Mechanism, kind: str, words: str, value: Poly
+) -> list[JointLocus]:
+    out = []
+    for factor in _together(ring, ring.factors(ring.strip(value))):
+        found = _plain(equation(factor, ring, mechanism.joints, np.zeros(mechanism.n)))
+        names = tuple(mechanism.joints[j] for j in ring.joints_of(factor))
+        out.append(JointLocus(kind, words, names, found))
+    return out
+
+
+def _plain(found: Equation) -> Equation:
+    """An equation without what is left of numbers that were made rational."""
+    least = _ROUNDING * max(np.abs(found.cos).max(initial=0.0), np.abs(found.sin).max(initial=0.0))
+    cos = np.where(np.abs(found.cos) >= least, found.cos, 0.0)
+    sin = np.where(np.abs(found.sin) >= least, found.sin, 0.0)
+    kept = (cos != 0) | (sin != 0)
+    exact = [
+        ("0" if c == 0 else e[0], "0" if s == 0 else e[1])
+        for e, c, s in zip(found.exact, cos.tolist(), sin.tolist(), strict=False)
+    ]
+    return replace(
+        found, frequencies=found.frequencies[kept], powers=found.powers[kept], cos=cos[kept],
+        sin=sin[kept], exact=tuple(itertools.compress(exact, kept.tolist())),
+    )  # fmt: skip
+
+
+def _together(ring: Ring, factors: Sequence[Poly]) -> list[Poly]:
+    """Factors with real zeros; q = 0 and q = pi, half-angles of one joint, as sin q = 0."""
+    out: list[Poly] = []
+    halves: dict[int, Poly] = {}
+    for factor in factors:
+        if factor.is_constant():
+            continue
+        joints = ring.joints_of(factor)
+        if len(joints) == 1 and not ring.prismatic[joints[0]]:
+            (j,) = joints
+            if int(factor.total_degree()) % 2:
+                if j in halves:
+                    out.append(halves.pop(j) * factor)
+                else:
+                    halves[j] = factor
+                continue
+            if not real_roots(factor, j, ring):
+                continue
+        out.append(factor)
+    return [*out, *halves.values()]
+
+
+def _passive(mechanism: Mechanism, legs: LegWrenches) -> list[JointLocus]:
+    groups: dict[tuple[int, tuple[int, ...], bool], Poly] = {}
+    for p in legs.passive:
+        key = (p.leg, p.joints, p.ball)
+        groups[key] = groups.get(key, legs.ring.one) * p.factor
+    out: list[JointLocus] = []
+    for (leg, joints, ball), factor in groups.items():
+        names = ", ".join(mechanism.joints[j] for j in joints)
+        if ball:
+            words = f"the three hinges {names} that stand for a ball lie in a plane"
+        elif len(joints) == 1:
+            words = f"leg {leg}: the end of the leg is on the axis of {names}"
+        else:
+            words = f"leg {leg}: {names} move its end the same way"
+        out += _factored(legs.ring, mechanism, "passive", words, factor)
+    return out
+
+
+def _words(legs: LegWrenches) -> str:
+    if not legs.ended:
+        return "the forces of the legs leave the output free"
+    return {
+        SPACE: "the wrenches of the legs belong to one linear complex",
+        PLANE: "the lines of the legs' forces meet in one point or are parallel",
+        SPHERE: "the moments of the legs lie in a plane",
+    }[legs.kind]

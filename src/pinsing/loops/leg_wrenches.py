@@ -1,0 +1,427 @@
+"""What each leg passes on, in its own joint angles: wrenches that its passive joints do not feel.
+
+A leg ends at the output in a ball (a pin in the plane, a hinge through the centre of a spherical
+mechanism). It passes forces through that point which do no work on its passive joints: with one
+such joint those along its axis and along the arm to it, with two the one across both velocities.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array
+from pinsing.algebra.ring import Poly, Ring, make_ring, rational
+from pinsing.loops.leg_chain import (
+    Hinge,
+    LegChain,
+    Row,
+    Turn,
+    cross,
+    dot,
+    leg_chain,
+    rational_turn,
+    turn_to,
+)
+from pinsing.loops.structure import Structure, structure
+from pinsing.robot.mechanism import Mechanism
+
+_SMALL = 1e-9
+_SEED = 929
+SPACE, PLANE, SPHERE = "space", "plane", "sphere"
+SIZE = {SPACE: 6, PLANE: 3, SPHERE: 3}
+"""Dimension of the motions that each kind of mechanism has room for."""
+
+
+class NotThisKind(Exception):
+    """The legs are others; the message says in which way."""
+
+
+@dataclass(frozen=True, eq=False)
+class LegWrench:
+    """One wrench that a leg passes on with its actuator locked.
+
+    Attributes
+    ----------
+    leg : int
+        Number of the way from the base to the output, from 1.
+    line : list of Poly
+        Force and moment about the origin of the base (6,); in the plane fx, fy, mz; on the sphere
+        the moment about the centre. Homogeneous: all entries of one degree in each joint.
+    arms : dict of int to Poly
+        What each actuated joint of the leg feels of it; a joint that feels nothing is left out.
+    """
+
+    leg: int
+    line: Row
+    arms: dict[int, Poly]
+
+
+@dataclass(frozen=True, eq=False)
+class Passive:
+    """Where the passive joints of a leg are dependent themselves.
+
+    Attributes
+    ----------
+    leg : int
+        Number of the leg.
+    joints : tuple of int
+        The joints.
+    factor : Poly
+        Zero there.
+    ball : bool
+        Whether they are the three hinges that a file writes for a ball.
+    """
+
+    leg: int
+    joints: tuple[int, ...]
+    factor: Poly
+    ball: bool
+
+
+@dataclass(frozen=True, eq=False)
+class LegWrenches:
+    """All legs of a mechanism.
+
+    Attributes
+    ----------
+    kind : str
+        ``space``, ``plane`` or ``sphere``.
+    ring : Ring
+        Of all joints.
+    turn : Turn
+        Rotation before anything: the normal of the plane becomes z.
+    carrier : LegChain
+        The way along the tree, up to the output.
+    output : list of Poly
+        Origin of the output frame in the base, times the carrier's scale.
+    ended : bool
+        Whether the carrier ends in a ball (pin, hinge) at the output; else its own joints are the
+        unknowns.
+    wrenches : tuple of LegWrench
+        Of all ways; of the others alone where the carrier has no such end.
+    passive : tuple of Passive
+        What else is singular.
+    centre : (3,) array
+        Of a spherical mechanism.
+    off : float
+        By how much numbers of the file were changed to be exact.
+    """
+
+    kind: str
+    ring: Ring
+    turn: Turn
+    carrier: LegChain
+    output: Row
+    ended: bool
+    wrenches: tuple[LegWrench, ...]
+    passive: tuple[Passive, ...]
+    centre: Array
+    off: float
+
+
+def leg_wrenches(mechanism: Mechanism) -> LegWrenches:
+    """The wrenches of all legs.
+
+    Raises
+    ------
+    NotThisKind
+        If a leg does not end in a ball, pin or hinge at the output, or shares passive joints.
+    """
+    return mechanism.once("leg_wrenches", lambda: _wrenches(mechanism))
+
+
+def kind_of(mechanism: Mechanism) -> str:
+    """``space``, ``plane`` or ``sphere``: what the motions of all its joints have room in."""
+    return room_of(mechanism)[0]
+
+
+def room_of(mechanism: Mechanism) -> tuple[str, Turn, Array]:
+    """The same, the turn that makes the plane's normal z, and the sphere's centre."""
+    return mechanism.once("room", lambda: _kind(mechanism, structure(mechanism)))
+
+
+def _wrenches(mechanism: Mechanism) -> LegWrenches:
+    built = structure(mechanism)
+    zero = AtZero(mechanism, built)
+    kind, turn, centre = room_of(mechanism)
+    ring = make_ring(mechanism.prismatic.tolist())
+    ways = _ways(mechanism, built, zero, kind)
+    seen: set[int] = set()
+    for joints, _, _ in ways:
+        mine = {j for j in joints if j in mechanism.passive}
+        if seen & mine:
+            raise NotThisKind("legs share passive joints")
+        seen |= mine
+    wrenches: list[LegWrench] = []
+    passive: list[Passive] = []
+    off = 0.0
+    path = path_to(mechanism, built.output)
+    carrier = zero.chain(ring, path, turn)
+    at = np.array(zero.frames[mechanism.output_id].translation)
+    output = carrier.placed(carrier.point(at), carrier.scale)
+    ended = False
+    for number, (joints, end, ball) in enumerate(ways, 1):
+        if end is None and kind != SPHERE:
+            continue
+        ended = ended or number == 1
+        chain = zero.chain(ring, joints, turn)
+        off = max(off, chain.off)
+        found, own = _leg(mechanism, chain, number, kind, end, centre)
+        wrenches += found
+        passive += own
+        if ball:
+            passive += _gimbal(carrier, number, ball)
+    return LegWrenches(
+        kind, ring, turn, carrier, output, ended, tuple(wrenches), tuple(passive), centre,
+        max(off, carrier.off),
+    )  # fmt: skip
+
+
+def leg_ends(mechanism: Mechanism) -> list[tuple[list[int], Array | None]]:
+    """Of each way from the base to the output: its joints, and its end with all joints at zero.
+
+    The first is that of the tree; its end is None where it has none of its own, and on the sphere.
+
+    Raises
+    ------
+    NotThisKind
+        If a loop closes elsewhere, or in another way.
+    """
+    built = structure(mechanism)
+    kind = room_of(mechanism)[0]
+    ways = _ways(mechanism, built, AtZero(mechanism, built), kind)
+    return [(joints, end) for joints, end, _ in ways]
+
+
+class AtZero:
+    """Everything with all joints at zero, in the base.
+
+    Attributes
+    ----------
+    joints, frames : sequences of pin.SE3
+        Placements.
+    axes, origins : (n, 3) arrays
+        Axes of the joints, and points on them, metres.
+    """
+
+    def __init__(self, mechanism: Mechanism, built: Structure) -> None:
+        data = mechanism.model.createData()
+        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(np.zeros(mechanism.n)))
+        pin.updateFramePlacements(mechanism.model, data)
+        self.joints, self.frames = data.oMi, data.oMf
+        # Kept: the placements live as long as the data do.
+        self._data = data
+        self.axes = np.array([data.oMi[j + 1].rotation @ built.axes[j] for j in range(mechanism.n)])
+        self.origins = np.array([data.oMi[j + 1].translation for j in range(mechanism.n)])
+
+    def chain(self, ring: Ring, joints: Sequence[int], turn: Turn) -> LegChain:
+        """The joints as polynomials."""
+        return leg_chain(ring, joints, self.axes[joints], self.origins[joints], turn)
+
+
+def _kind(mechanism: Mechanism, built: Structure) -> tuple[str, Turn, Array]:
+    """Plane, sphere or space; the turn that makes the plane's normal z; the sphere's centre."""
+    q = mechanism.space.sample(1, np.random.default_rng(_SEED))[0]
+    data = mechanism.model.createData()
+    pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
+    axes = np.array([data.oMi[j + 1].rotation @ built.axes[j] for j in range(mechanism.n)])
+    points = np.array([data.oMi[j + 1].translation for j in range(mechanism.n)])
+    still, none = np.eye(3), np.zeros(3)
+    slides = mechanism.prismatic
+    if not slides.all():
+        normal = axes[np.flatnonzero(~slides)[0]]
+        normal = normal * np.sign(normal[int(np.argmax(np.abs(normal)))])
+        across = np.abs(axes @ normal)
+        if (np.abs(across - ~slides) <= _SMALL).all():
+            return PLANE, rational_turn(turn_to(normal).T), none
+    if not slides.any():
+        rows = np.concatenate([np.eye(3) - np.outer(a, a) for a in axes])
+        right = np.concatenate([p - (a @ p) * a for a, p in zip(axes, points, strict=True)])
+        centre, _, rank, _ = np.linalg.lstsq(rows, right, rcond=None)
+        if rank == 3 and np.abs(rows @ centre - right).max() <= _SMALL:
+            return SPHERE, rational_turn(still), centre
+    return SPACE, rational_turn(still), none
+
+
+def path_to(mechanism: Mechanism, body: int) -> list[int]:
+    """The joints on the tree's way from the base to a body."""
+    path: list[int] = []
+    while body:
+        path.insert(0, body - 1)
+        body = int(mechanism.model.parents[body])
+    return path
+
+
+def _ways(
+    mechanism: Mechanism, built: Structure, zero: AtZero, kind: str
+) -> list[tuple[list[int], Array | None, tuple[int, ...]]]:
+    """Each way from the base to the output: joints before its end, the end, hinges of a ball.
+
+    The first is that of the tree; its end is None where it has none.
+    """
+    if built.output == 0:
+        raise NotThisKind("the output is the base")
+    path = path_to(mechanism, built.output)
+    if kind == SPHERE:
+        return [(path, None, ()), *_closing(mechanism, built, zero, kind)]
+    last = next((c for c in built.centres if built.output - 1 in c.joints), None)
+    out: list[tuple[list[int], Array | None, tuple[int, ...]]] = []
+    size = 3 if kind == SPACE else 1
+    if last is not None and len(last.joints) == size and path[-size:] == list(last.joints):
+        if len(path) > size:
+            end = np.array(zero.joints[path[-size] + 1].act(last.point))
+            out.append((path[:-size], end, last.joints if kind == SPACE else ()))
+        else:
+            out.append((path, None, ()))
+    else:
+        out.append((path, None, ()))
+    return [*out, *_closing(mechanism, built, zero, kind)]
+
+
+def _closing(
+    mechanism: Mechanism, built: Structure, zero: AtZero, kind: str
+) -> list[tuple[list[int], Array | None, tuple[int, ...]]]:
+    """The ways through the loops."""
+    out: list[tuple[list[int], Array | None, tuple[int, ...]]] = []
+    frames = {f.name: f for f in mechanism.model.frames}
+    numbers = {f.name: k for k, f in enumerate(mechanism.model.frames)}
+    for loop in mechanism.loops:
+        a, b = frames[loop.frame_a], frames[loop.frame_b]
+        if int(a.parentJoint) == built.output:
+            a, b = b, a
+        if int(b.parentJoint) != built.output:
+            raise NotThisKind("a loop closes away from the output")
+        if loop.kind != ("planar" if kind == PLANE else "3d") and loop.kind != "3d":
+            raise NotThisKind(f"a loop of type {loop.kind} leaves no ball, pin or hinge")
+        joints = path_to(mechanism, int(a.parentJoint))
+        if not joints or built.output - 1 in joints:
+            raise NotThisKind("a loop ties the output to the base or to itself")
+        out.append((joints, np.array(zero.frames[numbers[a.name]].translation), ()))
+    return out
+
+
+def _leg(
+    mechanism: Mechanism,
+    chain: LegChain,
+    number: int,
+    kind: str,
+    end: Array | None,
+    centre: Array,
+) -> tuple[list[LegWrench], list[Passive]]:
+    """The wrenches of one way, and where its passive joints are dependent."""
+    ring, zero, one = chain.ring, chain.ring.zero, chain.ring.one
+    point = chain.position if end is None else chain.point(end)
+    passive = [h for h in chain.hinges if h.joint in mechanism.passive]
+    driven = [h for h in chain.hinges if h.joint in mechanism.actuated]
+    if kind == SPHERE:
+        arms = [h.axis for h in passive]
+        if end is not None:
+            # A loop that closes in a point of the sphere leaves a turn about the radius there.
+            middle = chain.fixed(centre)
+            arms.append([b - chain.scale * m for b, m in zip(point, middle, strict=True)])
+    else:
+        arms = [chain.velocity(h, point, chain.scale) for h in passive]
+    if kind == PLANE:
+        normal = _normal(chain)
+        choices = _planar(arms, normal, one, zero)
+    else:
+        choices = _spatial(chain, passive, arms, point, kind)
+    found: list[LegWrench] = []
+    own: list[Passive] = []
+    for force in choices:
+        plain, content = _primitive(force, ring)
+        own += [
+            Passive(number, tuple(h.joint for h in passive), f, False)
+            for f in ring.factors(content)
+            if not f.is_constant()
+        ]
+        felt = {
+            h.joint: arm
+            for h in driven
+            if (arm := _felt(chain, h, point, plain, kind)) != 0
+        }  # fmt: skip
+        found.append(LegWrench(number, _line(chain, plain, point, kind), felt))
+    return found, own
+
+
+def _normal(chain: LegChain) -> Row:
+    """Normal of the plane in the frame of the chain."""
+    return [chain.ring.one * rational(v) for v in chain.base[2]]
+
+
+def _planar(arms: list[Row], normal: Row, one: Poly, zero: Poly) -> list[Row]:
+    if not arms:
+        # Any two forces in the plane.
+        axes = [[one if i == k else zero for i in range(3)] for k in range(3)]
+        crossed = [cross(normal, a) for a in axes]
+        return [c for c in crossed if any(x != 0 for x in c)][:2]
+    if len(arms) == 1:
+        return [cross(normal, arms[0])]
+    raise NotThisKind("a leg has more passive joints than its end leaves it")
+
+
+def _spatial(
+    chain: LegChain, passive: list[Hinge], arms: list[Row], point: Row, kind: str
+) -> list[Row]:
+    one, zero = chain.ring.one, chain.ring.zero
+    if len(arms) == 2:
+        return [cross(arms[0], arms[1])]
+    if kind == SPHERE or len(arms) > 2:
+        raise NotThisKind("a leg has other passive joints than its end leaves it")
+    if not arms:
+        return [[one if i == k else zero for i in range(3)] for k in range(3)]
+    hinge = passive[0]
+    if hinge.slides:
+        raise NotThisKind("a passive slide is the only passive joint of a leg")
+    grown = chain.scale / hinge.scale
+    reach = [b - grown * o for b, o in zip(point, hinge.origin, strict=True)]
+    return [hinge.axis, reach]
+
+
+def _primitive(force: Row, ring: Ring) -> tuple[Row, Poly]:
+    """A vector over what its entries share, and that."""
+    parts = [x for x in force if x != 0]
+    if not parts:
+        raise NotThisKind("the passive joints of a leg are always dependent")
+    content = functools.reduce(lambda a, b: a.gcd(b), parts)
+    return [x / content for x in force], content
+
+
+def _felt(chain: LegChain, hinge: Hinge, point: Row, force: Row, kind: str) -> Poly:
+    """Power of a force (moment) per speed of an actuated joint, up to a positive factor."""
+    moved = hinge.axis if kind == SPHERE else chain.velocity(hinge, point, chain.scale)
+    return dot(force, moved, chain.ring.zero)
+
+
+def _line(chain: LegChain, force: Row, point: Row, kind: str) -> Row:
+    """Wrench of a force through a point, in the base; every entry of one degree."""
+    f = chain.in_base(force)
+    if kind == SPHERE:
+        return f
+    ring = chain.ring
+    scale = chain.scale
+    # About the first joint's place the moment is simple; what it has in common is taken out.
+    moment = cross(point, force)
+    row = [*(scale * x for x in force), *moment]
+    plain, _ = _primitive(row, ring)
+    f, m = chain.in_base(plain[:3]), chain.in_base(plain[3:])
+    at = [ring.one * rational(v) for v in chain.at]
+    shifted = cross(at, f)
+    m = [a + b for a, b in zip(m, shifted, strict=True)]
+    return [f[0], f[1], m[2]] if kind == PLANE else [*f, *m]
+
+
+def _gimbal(carrier: LegChain, number: int, ball: tuple[int, ...]) -> list[Passive]:
+    """Where the three hinges that are written for a ball lie in a plane."""
+    axes = [h.axis for h in carrier.hinges if h.joint in ball]
+    value = dot(axes[0], cross(axes[1], axes[2]), carrier.ring.zero)
+    return [
+        Passive(number, ball, f, True)
+        for f in carrier.ring.factors(value)
+        if not f.is_constant()
+    ]  # fmt: skip

@@ -1,0 +1,324 @@
+"""How near to singular a mechanism is, over its inputs or the poses of its output."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+import numpy as np
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array
+from pinsing.arguments import checked
+from pinsing.errors import OptionError
+from pinsing.loops.analysis import independent_inputs
+from pinsing.loops.batch import BatchLoops
+from pinsing.loops.closure import ranks
+from pinsing.loops.likeness import output_pose
+from pinsing.loops.map_draw import TRIES, draw_closed, known_closed
+from pinsing.loops.measure_many import measure_many
+from pinsing.loops.modes import home, mode_of
+from pinsing.loops.pose import Pose, pose_of
+from pinsing.loops.pose_table import pose_table
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.prose import PLAIN, Page
+from pinsing.robot.mechanism import Mechanism
+from pinsing.serialization import JsonResult
+
+OVER = ("inputs", "poses")
+_CHUNK = 2048
+_MOST = 10_000_000
+_QUANTILES = (0.0, 0.01, 0.1, 0.5, 0.9, 1.0)
+_KINDS = ("regular", "near", "type 1", "type 2", "type 3", "constraint")
+_NEAR = ("type 1", "type 2", "constraint")
+
+
+@dataclass(frozen=True, eq=False)
+class WorstConfiguration:
+    """One of the configurations of smallest measure.
+
+    Attributes
+    ----------
+    measure : float
+        The least of the three.
+    kind : str
+        ``regular``, ``near``, ``type 1``, ``type 2``, ``type 3`` or ``constraint``.
+    q : (n,) array
+        All joints, radians and metres.
+    inputs : (n_a,) array
+        The actuated ones.
+    pose : Pose
+        Of the output.
+    mode : str
+        Assembly and working mode.
+    """
+
+    measure: float
+    kind: str
+    q: Array
+    inputs: Array
+    pose: Pose
+    mode: str
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismMap(JsonResult):
+    """What a map over a mechanism has found.
+
+    Attributes
+    ----------
+    name : str
+        Name of the mechanism.
+    over : str
+        ``inputs`` or ``poses``: what was drawn at random.
+    count, seed, tries : int
+        How many were drawn, with which seed, and from how many starts each was to close: home,
+        the closed configuration that is nearest (of some known beforehand), then random ones.
+    closed : int
+        How many closed the loops.
+    impossible : int
+        At how many of the others the loops cannot close, by distances (proven); at what is left
+        none of the starts closed them.
+    thin : bool
+        Whether all configurations known beforehand are of type 2: inputs that close the loops are
+        then a set without volume, which random ones do not meet.
+    beyond : int
+        How many of the closed are beyond a limit of a joint; they are left out below.
+    kinds : dict of str to int
+        How many of the others are regular, near-singular, type 1, type 2, type 3, constraint.
+    near : dict of str to int
+        For ``type 1``, ``type 2`` and ``constraint``, at how many of them that measure is at most
+        0.01: singular or near it. One configuration may count for several.
+    quantiles : tuple of float
+        Shares at which the measures are given.
+    output_ratio, input_ratio, constraint_ratio : (len(quantiles),) arrays
+        The measures of type 1, type 2 and constraint there.
+    worst : tuple of WorstConfiguration
+        Smallest measure first.
+    """
+
+    schema: ClassVar[str] = "pinsing/mechanism-map/2"
+    made_by: ClassVar[str] = "pinsing.mechanism_map(mechanism)"
+
+    name: str
+    over: str
+    count: int
+    seed: int
+    tries: int
+    closed: int
+    impossible: int
+    thin: bool
+    beyond: int
+    kinds: dict[str, int]
+    near: dict[str, int]
+    quantiles: tuple[float, ...]
+    output_ratio: Array
+    input_ratio: Array
+    constraint_ratio: Array
+    worst: tuple[WorstConfiguration, ...]
+
+    def __str__(self) -> str:
+        return map_text(self)
+
+
+def map_text(found: MechanismMap, page: Page = PLAIN, degrees: bool = False) -> str:
+    """A map as text for people."""
+    what = "inputs" if found.over == "inputs" else "poses of the output"
+    kept = found.closed - found.beyond
+    lines = [
+        page.paragraph(
+            f"{found.name}: {found.count} {what} drawn at random (seed {found.seed}); the loops "
+            f"closed at {found.closed} of them ({100 * found.closed / found.count:.3g} %), "
+            f"{found.beyond} of these beyond the limits of joints"
+        ),
+        *(page.paragraph(x, first="  ", rest="    ") for x in _open(found)),
+        page.paragraph(
+            f"of the {kept} within: "
+            + ", ".join(f"{n} {k}" for k, n in found.kinds.items() if n or k == "regular"),
+            first="  ",
+            rest="    ",
+        ),
+    ]
+    if kept:
+        shares = (f"{k} {n} ({100 * n / kept:.3g} %)" for k, n in found.near.items())
+        lines.append(
+            page.paragraph(
+                f"singular or near (measure at most {NEAR_RTOL:g}): " + ", ".join(shares),
+                first="  ",
+                rest="    ",
+            )
+        )
+    if kept:
+        rows = [
+            (f"{100 * p:g} %", f"{a:.3g}", f"{b:.3g}", f"{c:.3g}")
+            for p, a, b, c in zip(
+                found.quantiles, found.output_ratio.tolist(), found.input_ratio.tolist(),
+                found.constraint_ratio.tolist(), strict=True,
+            )
+        ]  # fmt: skip
+        lines += ["", *_table(("share", "type 1", "type 2", "constraint"), rows)]
+        lines += ["", "smallest measures:"]
+        lines += [
+            "  " + line.replace("\u00a0", " ")  # these lines are not broken
+            for line in pose_table(
+                [w.pose for w in found.worst],
+                [(f"{w.measure:.3g}", w.kind) for w in found.worst],
+                ("measure", "kind"),
+                degrees,
+                page.width - 4,
+            )
+        ]
+    return "\n".join(lines)
+
+
+def _open(found: MechanismMap) -> Iterator[str]:
+    """Why the loops did not close at the others."""
+    rest = found.count - found.closed - found.impossible
+    if found.impossible:
+        yield (
+            f"at {found.impossible} they cannot: the ends of two legs would be too far apart or "
+            "too near to each other (proven, by four distances)"
+        )
+    if rest:
+        yield (
+            f"at {rest} {'others ' if found.impossible else ''}none of {found.tries} starts (home, "
+            f"the nearest closed configuration known, {found.tries - 2} random ones) closed them: "
+            "whether they close another way is not known"
+        )
+    if found.thin and found.over == "inputs":
+        yield (
+            "every closed configuration that was looked at is of type 2: inputs that close the "
+            "loops are a set without volume, which random ones do not meet; --over poses shows them"
+        )
+
+
+def _table(head: tuple[str, ...], rows: Sequence[tuple[str, ...]]) -> Iterator[str]:
+    every = [head, *rows]
+    widths = [max(len(r[k]) for r in every) for k in range(len(head))]
+    for row in every:
+        yield "  " + "  ".join(x.rjust(w) for x, w in zip(row, widths, strict=True))
+
+
+@checked
+def mechanism_map(
+    mechanism: Mechanism,
+    over: str = "inputs",
+    count: int = 10_000,
+    seed: int = 0,
+    *,
+    worst: int = 5,
+    ignore_limits: bool = False,
+) -> MechanismMap:
+    """How near to singular a mechanism is, at inputs or poses of the output drawn at random.
+
+    Inputs are drawn evenly within their limits; positions evenly in the box that holds those of
+    closed configurations known beforehand (from random starts, within the limits where enough are),
+    orientations from these. The loops are closed from home, else from the nearest of those, else
+    from random starts, thousands at once, and all constraint Jacobians are taken apart together.
+    Inputs that cannot close the loops, by the distances between legs, are counted and not tried.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From ``load_mechanism``.
+    over : str
+        ``inputs`` or ``poses``.
+    count : int
+        How many to draw.
+    seed : int
+        The same seed gives the same map.
+    worst : int
+        How many of the smallest measures to keep.
+    ignore_limits : bool
+        Let all joints, active and passive, go beyond their limits.
+
+    Returns
+    -------
+    MechanismMap
+        With ``str()``: a table.
+
+    Raises
+    ------
+    OptionError
+        If ``over`` is neither, a number is below 1, or a pose leaves a freedom open.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.mechanism_map(pinsing.load_mechanism("planar_3rrr"), count=200)
+    >>> found.closed <= 200, sorted(found.kinds)[0]
+    (True, 'constraint')
+    """
+    if over not in OVER:
+        raise OptionError(f"a map of a mechanism goes over inputs or poses, not {over!r}")
+    for name, value in (("count", count), ("worst", worst)):
+        if value < 1:
+            raise OptionError(f"{name} must be 1 or more, got {value}")
+    if count > _MOST:
+        raise OptionError(f"count must be at most {_MOST}, got {count}: take several seeds")
+    if seed < 0:
+        raise OptionError(f"seed must be 0 or more, got {seed}")
+    if ignore_limits:
+        mechanism = mechanism.without_limits()
+    generic = ranks(mechanism)
+    if over == "poses" and generic.output < generic.mobility:
+        raise OptionError(
+            f"{mechanism.name} has {generic.mobility} degrees of freedom, but its output shows "
+            f"{generic.output}: a pose leaves the others open; take a map over inputs"
+        )
+    loops = BatchLoops(mechanism)
+    # Of more actuators than freedoms those that are independent are drawn; the others follow.
+    driven = list(independent_inputs(mechanism, generic, home(mechanism)).actuated)
+    known = known_closed(loops)
+    thin = bool(len(known)) and bool(
+        (measure_many(loops, known).input_ratio <= SINGULAR_RTOL).all()
+    )
+    closed = beyond = impossible = 0
+    near = dict.fromkeys(_NEAR, 0)
+    parts: list[Array] = []
+    kinds = dict.fromkeys(_KINDS, 0)
+    least: list[tuple[float, int, str, Array]] = []
+    for k, start in enumerate(range(0, count, _CHUNK)):
+        rng = np.random.default_rng([seed, k])
+        Q, ruled_out = draw_closed(loops, driven, over, min(_CHUNK, count - start), rng, known)
+        closed += len(Q)
+        impossible += ruled_out
+        outside = mechanism.space.unreachable(Q).any(axis=1) if len(Q) else np.zeros(0, dtype=bool)
+        beyond += int(outside.sum())
+        Q = Q[~outside]
+        if not len(Q):
+            continue
+        found = measure_many(loops, Q)
+        ratios = np.stack([found.output_ratio, found.input_ratio, found.constraint_ratio], axis=1)
+        names = found.kinds()
+        for name, number in zip(*np.unique(names, return_counts=True), strict=True):
+            kinds[str(name)] += int(number)
+        for name, number in zip(_NEAR, (ratios <= NEAR_RTOL).sum(axis=0), strict=True):
+            near[name] += int(number)
+        parts.append(ratios)
+        low = ratios.min(axis=1)
+        for i in np.argsort(low, kind="stable")[:worst].tolist():
+            least.append((float(low[i]), start + i, str(names[i]), Q[i]))
+        least = sorted(least, key=lambda x: x[:2])[:worst]
+    ratios = np.concatenate(parts) if parts else np.zeros((0, 3))
+    told = (
+        np.quantile(ratios, _QUANTILES, axis=0, method="inverted_cdf")
+        if len(ratios)
+        else np.full((len(_QUANTILES), 3), math.nan)
+    )
+    return MechanismMap(
+        mechanism.name, over, count, seed, TRIES, closed, impossible, thin, beyond, kinds, near,
+        _QUANTILES,
+        told[:, 0], told[:, 1], told[:, 2],
+        tuple(_worst(mechanism, *x) for x in least),
+    )  # fmt: skip
+
+
+def _worst(
+    mechanism: Mechanism, measure: float, number: int, kind: str, q: Array
+) -> WorstConfiguration:
+    return WorstConfiguration(
+        measure, kind, q, q[list(mechanism.actuated)], pose_of(output_pose(mechanism, q)),
+        mode_of(mechanism, q),
+    )  # fmt: skip

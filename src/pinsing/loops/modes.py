@@ -1,0 +1,314 @@
+"""Assembly and working modes: the discrete choices between which a mechanism is locked.
+
+The *assembly mode* changes at type 2 singularities: the sign of the determinant of the passive
+columns of the constraints, counted from the home configuration. The *working mode* changes at
+type 1 singularities: for each actuated joint that a turning one follows, to which side that elbow
+is bent; of a driven slide, whether its rod leans ahead along it or back.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pinocchio as pin
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array
+from pinsing.errors import ConfigurationError
+from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.closure import (
+    CLOSED,
+    Loops,
+    Mask,
+    gauss_newton,
+    near_home,
+    random_closed,
+    ranks,
+)
+from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.load_mechanism import Mechanism
+
+STRAIGHT = 1e-9
+"""Sine of an elbow angle up to which it counts as straight."""
+
+_SEED = 947
+_HOME_STARTS = 60
+_MORE_STARTS = 4000
+_POINT = 1e-9
+_NO_ELBOW = "."
+_ORDER = {"+": 0, "0": 0, "-": 1, "?": 2, _NO_ELBOW: 0}
+
+
+@dataclass(frozen=True)
+class Elbow:
+    """An actuated joint, the turning one after it, and what follows that.
+
+    Attributes
+    ----------
+    crank, elbow : int
+        Indices of the two joints in the model.
+    end_joint : int
+        Joint of the model whose placement ``end`` is given in.
+    end : tuple of float
+        Where the distal link leads to: the next joint, or the frame that closes the loop. Where
+        all axes meet in one point, the direction of the third one.
+    slides : bool
+        Whether the actuated joint is a slide: its two ways meet where the rod is square to it.
+    """
+
+    crank: int
+    elbow: int
+    end_joint: int
+    end: tuple[float, float, float]
+    slides: bool = False
+
+    @property
+    def turns_freely(self) -> bool:
+        """Whether several axes meet at the elbow, so that the rod leaves the crank's plane."""
+        return self.end_joint != self.elbow
+
+
+@dataclass(frozen=True)
+class ModeSigns:
+    """A mode as data.
+
+    Attributes
+    ----------
+    assembly : str
+        ``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign.
+    elbows : tuple of str
+        ``+``, ``-`` or, at a type 1 singularity, ``0`` for each input, in their order; ``.`` for
+        one without an elbow where others have one; empty where none has.
+    """
+
+    assembly: str
+    elbows: tuple[str, ...]
+
+    @property
+    def order(self) -> tuple[int, ...]:
+        """What modes are listed by: the home assembly first, elbows to the left first."""
+        return tuple(_ORDER[sign] for sign in (self.assembly, *self.elbows))
+
+    def __str__(self) -> str:
+        assembly = f"assembly {self.assembly}"
+        return f"{assembly}, elbows {''.join(self.elbows)}" if self.elbows else assembly
+
+
+def elbows(mechanism: Mechanism) -> tuple[Elbow, ...]:
+    """Elbows of a mechanism, in the order of its inputs."""
+    model = mechanism.model
+    parents = [int(p) for p in model.parents]
+    out = []
+    for a in mechanism.actuated:
+        crank = a + 1
+        after = [j for j in range(1, model.njoints) if parents[j] == crank]
+        if len(after) != 1 or mechanism.prismatic[after[0] - 1]:
+            continue
+        elbow = after[0]
+        slides = bool(mechanism.prismatic[a])
+        if slides and _hangs(mechanism, crank):
+            continue
+        beyond = [j for j in range(1, model.njoints) if parents[j] == elbow]
+        last = elbow
+        # After a slide, or at the end of a crank, a rod may turn about several crossed axes.
+        carried = slides or not _meets(model, elbow)
+        while carried and len(beyond) == 1 and _meets(model, beyond[0]):
+            last = beyond[0]
+            beyond = [j for j in range(1, model.njoints) if parents[j] == last]
+        if beyond:
+            end = model.jointPlacements[beyond[0]].translation
+            if np.linalg.norm(end) <= _POINT:
+                # Two axes through one point: a ball has no elbow, a leg on a sphere has.
+                if slides or not _meets(model, elbow):
+                    continue
+                end = model.jointPlacements[beyond[0]].rotation @ _axis(model, beyond[0])
+        else:
+            names = {f.name: f for f in model.frames}
+            closing = [names[n] for x in mechanism.loops for n in (x.frame_a, x.frame_b)]
+            here = [f for f in closing if f.parentJoint == last]
+            if not here or (slides and np.linalg.norm(here[0].placement.translation) <= _POINT):
+                continue
+            end = here[0].placement.translation
+        x, y, z = (float(v) for v in end)
+        out.append(Elbow(crank, elbow, last, (x, y, z), slides))
+    return tuple(out)
+
+
+def _meets(model: pin.Model, joint: int) -> bool:
+    """Whether a joint stands where the one before it stands."""
+    return bool(np.linalg.norm(model.jointPlacements[joint].translation) <= _POINT)
+
+
+def _hangs(mechanism: Mechanism, joint: int) -> bool:
+    """Whether a passive joint stands between the base and a joint of the model."""
+    parent = int(mechanism.model.parents[joint])
+    while parent:
+        if parent - 1 not in mechanism.actuated:
+            return True
+        parent = int(mechanism.model.parents[parent])
+    return False
+
+
+def _axis(model: pin.Model, joint: int) -> Array:
+    """Direction of a joint's axis in its own frame."""
+    return np.asarray(joint_axis(model.joints[joint], model.names[joint])[0])
+
+
+def elbow_sines(mechanism: Mechanism, q: npt.ArrayLike) -> Array:
+    """Sine of each elbow angle at q (n,): positive to the left about the crank's axis.
+
+    In space it is the volume of crank, rod and axis, over the lengths of the two. Of a leg whose
+    axes meet in one point it is that of their directions: crank, elbow, end. Of a slide it is the
+    cosine between the rod and the slide.
+    """
+    model = mechanism.model
+    data = model.createData()
+    pin.computeJointJacobians(model, data, mechanism.model_q(q))
+    out = []
+    for e in elbows(mechanism):
+        a, b = data.oMi[e.crank].translation, data.oMi[e.elbow].translation
+        first = b - a
+        second = data.oMi[e.end_joint].act(np.array(e.end)) - b
+        if e.slides:
+            axis = np.array(data.J)[:3, model.joints[e.crank].idx_v]
+            out.append(float(axis @ second) / max(float(np.linalg.norm(second)), _POINT))
+            continue
+        axis = np.array(data.J)[3:, model.joints[e.crank].idx_v]
+        if np.linalg.norm(first) <= _POINT:
+            bent = np.array(data.J)[3:, model.joints[e.elbow].idx_v]
+            out.append(float(np.cross(axis, bent) @ second / max(np.linalg.norm(second), _POINT)))
+            continue
+        lengths = float(np.linalg.norm(first) * np.linalg.norm(second))
+        out.append(float(np.cross(first, second) @ axis) / lengths if lengths > 0 else 0.0)
+    return np.array(out)
+
+
+def passive_determinant(mechanism: Mechanism, q: npt.ArrayLike) -> float | None:
+    """Determinant of the passive constraint columns, positive at home; None if it has no sign.
+
+    It has one where as many closure equations as passive joints do not vanish identically
+    (planar loops); elsewhere the rows that count change with the configuration.
+    """
+    rows, sign = assembly_rows(mechanism)
+    if rows is None:
+        return None
+    G = Loops(mechanism).scaled(mechanism.check(q))[1]
+    return sign * float(np.linalg.det(G[np.ix_(rows, list(mechanism.passive))]))
+
+
+def assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
+    """Rows of the closure whose determinant tells assemblies apart, and its sign at home.
+
+    None for the rows where there are none.
+    """
+    return mechanism.once("assembly_rows", lambda: _assembly_rows(mechanism))
+
+
+def assembly_sign(mechanism: Mechanism, q: npt.ArrayLike) -> str:
+    """``+`` (as at home), ``-``, ``0`` at a type 2 singularity, ``?`` where there is no sign."""
+    value = passive_determinant(mechanism, q)
+    return "?" if value is None else _sign(value)
+
+
+def mode_at(mechanism: Mechanism, q: npt.ArrayLike) -> ModeSigns:
+    """Assembly and working mode at a closed configuration q (n,)."""
+    sines = elbow_sines(mechanism, q).tolist()
+    signs = {e.crank - 1: _sign(s) for e, s in zip(elbows(mechanism), sines, strict=True)}
+    named = tuple(signs.get(a, _NO_ELBOW) for a in mechanism.actuated) if signs else ()
+    return ModeSigns(assembly_sign(mechanism, q), named)
+
+
+def _sign(value: float) -> str:
+    return "0" if abs(value) <= STRAIGHT else "+" if value > 0 else "-"
+
+
+def mode_of(mechanism: Mechanism, q: npt.ArrayLike) -> str:
+    """Name of the mode at a closed configuration: ``assembly +, elbows -+``."""
+    return str(mode_at(mechanism, q))
+
+
+def home(mechanism: Mechanism) -> Array:
+    """The home configuration with its loops closed, within the limits if one can be found.
+
+    Where home leads nowhere, or beyond a limit, a random one within the limits; where there is
+    none either, one beyond them.
+    """
+    return np.array(mechanism.once("home", lambda: _home(mechanism)))
+
+
+def home_outside(mechanism: Mechanism) -> str:
+    """Which limits home breaks, in words; empty where it keeps them all."""
+    q = home(mechanism)
+    outside = np.flatnonzero(mechanism.space.unreachable(q))
+    if not len(outside):
+        return ""
+    named = ", ".join(
+        f"{mechanism.joints[k]} = {q[k]:.6g} is not in "
+        f"[{mechanism.lower[k]:.6g}, {mechanism.upper[k]:.6g}]"
+        for k in outside.tolist()
+    )
+    return (
+        f"home is beyond the joint limits ({named}): the loops closed nowhere within all of them, "
+        f"from home and {_HOME_STARTS + _MORE_STARTS} random starts"
+    )
+
+
+def home_error(mechanism: Mechanism) -> ConfigurationError:
+    """That home breaks limits, as an error, for what is asked of configurations within them."""
+    return ConfigurationError(
+        f"{mechanism.name}: {home_outside(mechanism)}; widen the limits, or ignore them "
+        "(--ignore-limits, without_limits())"
+    )
+
+
+def _home(mechanism: Mechanism) -> Array:
+    loops = Loops(mechanism)
+    # The inputs stay as given if they can.
+    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+    masks: tuple[Mask, Mask] = (passive, np.ones(mechanism.n, dtype=bool))
+    spare: list[Array] = []
+    for free in masks:
+        found, error = gauss_newton(loops, mechanism.home.copy(), free)
+        if error <= CLOSED:
+            found = mechanism.space.fold(found)
+            if not mechanism.space.unreachable(found).any():
+                return found
+            spare.append(found)
+    rng = np.random.default_rng(_SEED)
+    low, high = mechanism.space.span
+    for start in rng.uniform(low, high, (_HOME_STARTS, mechanism.n)):
+        found, error = gauss_newton(loops, start, masks[1])
+        found = mechanism.space.fold(found)
+        if error <= CLOSED and not mechanism.space.unreachable(found).any():
+            return found
+    # Where few of the poses are within the limits: many starts, all at once.
+    Q, size = newton(
+        BatchLoops(mechanism), rng.uniform(low, high, (_MORE_STARTS, mechanism.n)), masks[1]
+    )
+    for q in Q[size <= _POINT]:
+        if mechanism.space.unreachable(mechanism.space.fold(q)).any():
+            continue
+        found, error = gauss_newton(loops, q, masks[1])
+        found = mechanism.space.fold(found)
+        if error <= CLOSED and not mechanism.space.unreachable(found).any():
+            return found
+    if not spare:
+        spare = random_closed(mechanism, 30, np.random.default_rng(_SEED))
+    if not spare:
+        # The reason is said there; where ranks are known, loops close near home.
+        ranks(mechanism)
+        spare = near_home(mechanism)
+    return mechanism.space.fold(spare[0])
+
+
+def _assembly_rows(mechanism: Mechanism) -> tuple[list[int] | None, float]:
+    """Rows of the closure whose determinant tells assemblies apart, and its sign at home."""
+    loops = Loops(mechanism)
+    rank = ranks(mechanism).constraint
+    samples = random_closed(mechanism, 6, np.random.default_rng(_SEED))
+    stack = np.stack([loops.scaled(q)[1] for q in [home(mechanism), *samples]])
+    rows = [int(i) for i in np.flatnonzero(np.abs(stack).max(axis=(0, 2)) > 1e-9)]
+    if len(rows) != rank or rank != len(mechanism.passive):
+        return None, 0.0
+    at_home = float(np.linalg.det(stack[0][np.ix_(rows, list(mechanism.passive))]))
+    return rows, 1.0 if at_home >= 0 else -1.0

@@ -1,0 +1,300 @@
+"""What a mechanism can do at a configuration: input-output relation, singularity type, mode.
+
+Passive velocities are eliminated through the motions that the loops allow: with N a basis of the
+null space of the constraint Jacobian, inputs move as S N and the output as J N (S picks the
+actuated joints). After Gosselin and Angeles, "Singularity analysis of closed-loop kinematic
+chains" (1990), and Zlatanov, Fenton and Benhabib (1995):
+
+type 1
+    J N loses rank: some motion leaves the output at rest, a direction of the output is lost;
+type 2
+    S N loses rank: the output moves while all actuators are held;
+type 3
+    both;
+constraint singularity
+    the constraint Jacobian itself loses rank: more motions than the mobility.
+
+What is near one of them is judged with balls as balls: that three hinges which are written for one
+lie in a plane (a gimbal lock) takes no freedom from the mechanism.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array
+from pinsing.errors import ConfigurationError
+from pinsing.loops.batch import BatchLoops
+from pinsing.loops.closure import Loops, ranks
+from pinsing.loops.modes import mode_of
+from pinsing.loops.whole_balls import ball_jacobians, hinge_rates, locked
+from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.robot.load_mechanism import Mechanism
+from pinsing.serialization import JsonResult
+
+OPEN = 1e-6
+"""A configuration whose loops miss by more than this (over the length scale) is refused."""
+
+
+@dataclass(frozen=True, eq=False)
+class Motions:
+    """Motions that the loops allow, without units (lengths over the length scale).
+
+    Attributes
+    ----------
+    basis : (n, d) array
+        Orthonormal joint velocities; d is the mobility, more at a constraint singularity. Beside
+        the gimbal lock of a ball what its hinges show of them (`whole_balls`).
+    inputs : (n_a, d) array
+        Their actuated part, S N.
+    outputs : (m, d) array
+        The output velocity, J N.
+    constraint_ratio : float
+        sigma_r / sigma_1 of the constraint Jacobian.
+    input_ratio : float
+        Smallest singular value of S N, in [0, 1]: sine of the angle between the motions and
+        those that leave all actuators at rest. Zero at type 2.
+    output_ratio : float
+        Smallest generic singular value of J N over the largest of J. Zero at type 1.
+    """
+
+    basis: Array
+    inputs: Array
+    outputs: Array
+    constraint_ratio: float
+    input_ratio: float
+    output_ratio: float
+
+    def kind(self, rtol: float = SINGULAR_RTOL) -> str:
+        """``regular``, ``type 1``, ``type 2``, ``type 3`` or ``constraint``."""
+        if self.constraint_ratio <= rtol:
+            return "constraint"
+        one, two = self.output_ratio <= rtol, self.input_ratio <= rtol
+        return {
+            (False, False): "regular",
+            (True, False): "type 1",
+            (False, True): "type 2",
+            (True, True): "type 3",
+        }[one, two]
+
+
+def motions(mechanism: Mechanism, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL) -> Motions:
+    """Motions at a closed configuration q (n,), with the measures of each kind of singularity."""
+    return _motions(Loops(mechanism), mechanism.check(q), rtol)
+
+
+def _motions(loops: Loops, q: Array, rtol: float) -> Motions:
+    mechanism = loops.mechanism
+    found = _measured(mechanism, loops.scaled(q)[1], loops.output_scaled(q), rtol)
+    least = min(found.constraint_ratio, found.input_ratio, found.output_ratio)
+    if least > NEAR_RTOL or not locked(mechanism, q[None])[0]:
+        return found
+    batch = mechanism.once("ball_loops", lambda: BatchLoops(mechanism))
+    G, J = ball_jacobians(batch, q[None])
+    whole = _measured(mechanism, G[0], J[0], rtol)
+    return replace(whole, basis=hinge_rates(batch, q, whole.basis))
+
+
+def _measured(mechanism: Mechanism, G: Array, J: Array, rtol: float) -> Motions:
+    """From the constraint Jacobian (k, n) and the output's (m, n), without units."""
+    generic = ranks(mechanism)
+    _, sigma, Vt = np.linalg.svd(G, full_matrices=True)
+    r = generic.constraint
+    ratio = float(sigma[r - 1] / sigma[0]) if sigma[0] > 0 else 0.0
+    N = Vt[r if ratio > rtol else int((sigma > rtol * sigma[0]).sum()) :].T
+    inputs = N[list(mechanism.actuated)]
+    outputs = J @ N
+    size = float(np.linalg.norm(J, 2))
+    sigma_in = np.linalg.svd(inputs, compute_uv=False)
+    sigma_out = np.linalg.svd(outputs, compute_uv=False)
+    d = N.shape[1]
+    return Motions(
+        basis=N,
+        inputs=inputs,
+        outputs=outputs,
+        constraint_ratio=ratio,
+        input_ratio=float(sigma_in[d - 1]) if d <= len(sigma_in) else 0.0,
+        output_ratio=float(sigma_out[generic.output - 1] / size) if size > 0 else 0.0,
+    )
+
+
+def input_output(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
+    """Matrices of A x' = B q', passive velocities eliminated; rows of [A, -B] are orthonormal.
+
+    Returns
+    -------
+    A : (m, m_out) array
+    B : (m, n_a) array
+        A is singular at type 2, B at type 1; lengths are over the length scale.
+    """
+    found = motions(mechanism, q)
+    relation = np.vstack([found.outputs, found.inputs])
+    U, sigma, _ = np.linalg.svd(relation)
+    rank = int((sigma > SINGULAR_RTOL * sigma[0]).sum())
+    rows = U[:, rank:].T
+    m = found.outputs.shape[0]
+    return rows[:, :m], -rows[:, m:]
+
+
+def leg_form(mechanism: Mechanism, q: npt.ArrayLike) -> tuple[Array, Array]:
+    """A x' = B q' with one row per actuator: unit output forces over diagonal moment arms.
+
+    Row i is the unit force (wrench) at the output that only actuator i feels, and B[i, i] the
+    torque it needs per unit of that force. For the planar 5R they are the forces along the
+    distal links: paper Eq. (13) is this, each row times the length r2 of the distal link, with
+    A the matrix that the paper calls mechanism Jacobian ``J_q`` and B the one that it calls
+    configuration Jacobian ``J_x`` (up to sign).
+
+    Returns
+    -------
+    A : (n_a, m) array
+        Rows of unit length.
+    B : (n_a, n_a) array
+        Diagonal; both in metres and radians.
+
+    Raises
+    ------
+    ConfigurationError
+        At configurations where an actuator has no force of its own.
+    """
+    loops = Loops(mechanism)
+    q = mechanism.check(q)
+    found = _motions(loops, q, SINGULAR_RTOL)
+    A, B = input_output(mechanism, q)
+    A = A * loops.task_scale
+    B = B / loops.column_scale[list(mechanism.actuated)]
+    n_a = B.shape[1]
+    rows, arms = np.zeros((n_a, A.shape[1])), np.zeros(n_a)
+    for i in range(n_a):
+        others = [j for j in range(n_a) if j != i]
+        U, sigma, _ = np.linalg.svd(B[:, others]) if others else (np.eye(1), np.zeros(0), None)
+        # The combination of rows that no other actuator feels.
+        weight = U[:, len(others)]
+        force = weight @ A
+        size = float(np.linalg.norm(force))
+        free = bool((sigma > SINGULAR_RTOL).all())
+        if A.shape[0] != n_a or not free or size <= SINGULAR_RTOL:
+            raise ConfigurationError(
+                f"{mechanism.name}: {mechanism.inputs[i]} has no output force of its own here "
+                f"(input ratio {found.input_ratio:.1e}, output ratio {found.output_ratio:.1e}): "
+                "use input_output"
+            )
+        rows[i], arms[i] = force / size, weight @ B[:, i] / size
+    return rows, np.diag(arms)
+
+
+@dataclass(frozen=True, eq=False)
+class MechanismState(JsonResult):
+    """A mechanism at one configuration.
+
+    Attributes
+    ----------
+    name : str
+        Name of the mechanism.
+    joints : tuple of str
+        All joints.
+    q : (n,) array
+        Configuration, radians and metres.
+    inputs : (n_a,) array
+        Its actuated part.
+    position : (3,) array
+        Origin of the output frame, metres.
+    closure : float
+        Loop-closure error, over the length scale.
+    kind : str
+        ``regular``, ``type 1``, ``type 2``, ``type 3`` or ``constraint``.
+    near : bool
+        Whether a measure is below the near-singular threshold without being singular.
+    mode : str
+        Assembly and working mode.
+    constraint_ratio, input_ratio, output_ratio : float
+        Measures of the constraint, type 2 and type 1 singularities.
+    velocity : (m, n_a) array or None
+        Output velocity per unit input speed, metres and radians; None at type 2.
+    lost : (m, k) array
+        Output directions that no motion reaches (type 1); columns, without units.
+    uncontrolled : (m, k) array
+        Output velocities with all actuators at rest (type 2); columns, without units.
+    """
+
+    schema: ClassVar[str] = "pinsing/mechanism-state/1"
+
+    name: str
+    joints: tuple[str, ...]
+    q: Array
+    inputs: Array
+    position: Array
+    closure: float
+    kind: str
+    near: bool
+    mode: str
+    constraint_ratio: float
+    input_ratio: float
+    output_ratio: float
+    velocity: Array | None
+    lost: Array
+    uncontrolled: Array
+
+    def __str__(self) -> str:
+        values = ", ".join(f"{n} {v:.6g}" for n, v in zip(self.joints, self.q, strict=True))
+        what = self.kind + (" (near-singular)" if self.near else "")
+        return (
+            f"{self.name} at {values}: {what}; {self.mode}; "
+            f"type 1 measure {self.output_ratio:.3g}, type 2 measure {self.input_ratio:.3g}, "
+            f"constraint measure {self.constraint_ratio:.3g}"
+        )
+
+
+def mechanism_at(
+    mechanism: Mechanism, q: npt.ArrayLike, rtol: float = SINGULAR_RTOL
+) -> MechanismState:
+    """State of a mechanism at a closed configuration q (n,).
+
+    Raises
+    ------
+    ConfigurationError
+        If q has the wrong length, or the loops do not close there.
+    """
+    q = mechanism.check(q)
+    loops = Loops(mechanism)
+    closure = float(np.abs(loops.scaled(q)[0]).max())
+    if closure > OPEN:
+        raise ConfigurationError(
+            f"{mechanism.name}: the loops miss by {closure:.2g} at this configuration: "
+            "close them first (solve)"
+        )
+    found = _motions(loops, q, rtol)
+    generic = ranks(mechanism)
+    U, sigma_out, _ = np.linalg.svd(found.outputs)
+    size = float(np.linalg.norm(loops.output_scaled(q), 2))
+    reached = int((sigma_out > rtol * size).sum())
+    _, sigma_in, Vt = np.linalg.svd(found.inputs)
+    controlled = int((sigma_in > rtol).sum())
+    velocity = None
+    if controlled == found.basis.shape[1]:
+        scale = loops.task_scale[:, None] * loops.column_scale[list(mechanism.actuated)]
+        velocity = found.outputs @ np.linalg.pinv(found.inputs) / scale
+    kind = found.kind(rtol)
+    measures = (found.constraint_ratio, found.input_ratio, found.output_ratio)
+    return MechanismState(
+        name=mechanism.name,
+        joints=mechanism.joints,
+        q=q,
+        inputs=q[list(mechanism.actuated)],
+        position=np.array(loops.output(q)[0].translation),
+        closure=closure,
+        kind=kind,
+        near=kind == "regular" and min(measures) <= NEAR_RTOL,
+        mode=mode_of(mechanism, q),
+        constraint_ratio=found.constraint_ratio,
+        input_ratio=found.input_ratio,
+        output_ratio=found.output_ratio,
+        velocity=velocity,
+        lost=U[:, reached : generic.output],
+        uncontrolled=found.outputs @ Vt[controlled:].T,
+    )

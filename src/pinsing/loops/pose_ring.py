@@ -1,0 +1,303 @@
+"""Force lines of rods as rows of polynomials in the pose of the output and the inputs.
+
+The rotation is that of a quaternion (e0, e1, e2, e3), homogeneous: multiplied by its squared length
+N. With y in units of a root, e1 and e3 are as well, and all stays rational.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from flint import Ordering, fmpq_mpoly_ctx
+
+from pinsing._dataclass import dataclass
+from pinsing.algebra.ring import Poly, rational
+from pinsing.loops.exact_points import ExactPoints, Vector, exact_points
+from pinsing.loops.rod import Rod, Rods
+
+Row = list[Poly]
+
+PARALLEL = 1e-9
+"""Metres: the rods of one crank are parallel where their ends are that near to it."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseRing:
+    """The ring of one mechanism, and the lines of its rods.
+
+    Attributes
+    ----------
+    rods : Rods
+        What passes forces.
+    level : bool
+        The output keeps the orientation of the base axes: its rotation is left out.
+    unit : bool
+        The quaternion is of length 1: N = 1, and nothing is homogeneous.
+    """
+
+    rods: Rods
+    level: bool
+    unit: bool = False
+
+    @cached_property
+    def _exact(self) -> ExactPoints:
+        points = []
+        for rod in self.rods.rods:
+            hinge = np.zeros(3) if rod.hinge is None else rod.hinge
+            points += [rod.outer, rod.inner, rod.first, rod.second, hinge]
+        points += [np.zeros(3) if r.across is None else r.across for r in self.rods.rods]
+        return exact_points(points)
+
+    @cached_property
+    def _alike(self) -> tuple[tuple[Vector, ...], float]:
+        """The exact vectors, parallel rods of one crank exactly so, and what that changed."""
+        vectors, rods = list(self._exact.vectors), self.rods.rods
+        off = 0.0
+        pairs = [
+            (i, k)
+            for k, rod in enumerate(rods)
+            for i in range(k)
+            if self.level and rod.moved and rods[i].joint == rod.joint
+        ]
+        for i, k in pairs:
+            outer, inner, first, second, _ = vectors[5 * i : 5 * i + 5]
+            _, start, *_ = vectors[5 * k : 5 * k + 5]
+            across = (o + s - c for o, s, c in zip(outer, start, inner, strict=True))
+            x, y, z = across
+            wanted = ((x, y, z), start, first, second)
+            gap = max(
+                abs(float(a - b)) * (self.square**0.5 if axis == 1 else 1.0)
+                for new, old in zip(wanted, vectors[5 * k : 5 * k + 4], strict=True)
+                for axis, (a, b) in enumerate(zip(new, old, strict=True))
+            )
+            if gap <= PARALLEL:
+                vectors[5 * k : 5 * k + 4] = wanted
+                off = max(off, gap)
+        return tuple(vectors), off
+
+    @property
+    def snapped(self) -> float:
+        """By how much points were changed to make rods of one crank parallel, metres."""
+        return self._alike[1]
+
+    @property
+    def square(self) -> int:
+        """y, e1 and e3 are in units of its root."""
+        return self._exact.square
+
+    @property
+    def off(self) -> float:
+        """By how much coordinates were changed to be exact, metres."""
+        return self._exact.off
+
+    @cached_property
+    def drivers(self) -> tuple[int, ...]:
+        """Inputs that occur, since they move the inner ends of rods."""
+        return tuple(dict.fromkeys(r.joint for r in self.rods.rods if r.moved))
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names of the variables for people."""
+        position = ("x", "y") if self.rods.planar else ("x", "y", "z")
+        turn = ("e0", "e3") if self.rods.planar else ("e0", "e1", "e2", "e3")
+        mechanism = self.rods.mechanism
+        inputs: list[str] = []
+        for j in self.drivers:
+            name = mechanism.joints[j]
+            inputs += [name] if mechanism.prismatic[j] else [f"cos {name}", f"sin {name}"]
+        return (*position, *(() if self.level else turn), *inputs)
+
+    @cached_property
+    def context(self) -> Any:
+        """Flint's ring."""
+        return fmpq_mpoly_ctx.get([f"v{k}" for k in range(len(self.names))], Ordering.degrevlex)
+
+    def variable(self, name: str) -> Poly:
+        """A variable; zero for one that this ring leaves out."""
+        if name in self.names:
+            return self.context.gens()[self.names.index(name)]
+        return self.number(0)
+
+    def number(self, value: Any) -> Poly:
+        """A constant."""
+        return self.context.constant(rational(value))
+
+    @property
+    def odd(self) -> tuple[int, ...]:
+        """Indices of the variables in units of the root."""
+        return tuple(k for k, n in enumerate(self.names) if n in ("y", "e1", "e3"))
+
+    @cached_property
+    def turn(self) -> tuple[list[Row], Poly]:
+        """Rotation matrix times N, and N."""
+        one, zero = self.number(1), self.number(0)
+        if self.level:
+            return [[one if i == j else zero for j in range(3)] for i in range(3)], one
+        k = self.square
+        a, b, c, d = (self.variable(f"e{i}") for i in range(4))
+        a2, b2, c2, d2 = a * a, k * b * b, c * c, k * d * d
+        R = [
+            [a2 + b2 - c2 - d2, 2 * k * (b * c - a * d), 2 * (k * b * d + a * c)],
+            [2 * (b * c + a * d), a2 - b2 + c2 - d2, 2 * (c * d - a * b)],
+            [2 * (k * b * d - a * c), 2 * k * (c * d + a * b), a2 - b2 - c2 + d2],
+        ]
+        return R, self.number(1) if self.unit else a2 + b2 + c2 + d2
+
+    def _vectors(self, rod: Rod) -> tuple[Vector, ...]:
+        # Rods are told apart as objects: two may be alike.
+        k = next(i for i, r in enumerate(self.rods.rods) if r is rod)
+        return self._alike[0][5 * k : 5 * k + 5]
+
+    def outer(self, rod: Rod) -> Row:
+        """B times N."""
+        R, N = self.turn
+        b = self._vectors(rod)[0]
+        at = [self.variable(n) for n in "xyz"]
+        return [N * at[i] + sum(R[i][j] * rational(b[j]) for j in range(3)) for i in range(3)]
+
+    def inner(self, rod: Rod) -> Row:
+        """C."""
+        _, start, first, second, _ = self._vectors(rod)
+        c, s = self.driver(rod)
+        return [
+            self.number(start[i]) + c * rational(first[i]) + s * rational(second[i])
+            for i in range(3)
+        ]
+
+    def driver(self, rod: Rod) -> tuple[Poly, Poly]:
+        """Cosine and sine of the crank before C; the slide's value, and 0."""
+        mechanism = self.rods.mechanism
+        name = mechanism.joints[rod.joint]
+        if mechanism.prismatic[rod.joint]:
+            return self.variable(name), self.number(0)
+        return self.variable(f"cos {name}"), self.variable(f"sin {name}")
+
+    def direction(self, rod: Rod) -> Row:
+        """B - C times N."""
+        _, N = self.turn
+        return [b - N * c for b, c in zip(self.outer(rod), self.inner(rod), strict=True)]
+
+    def line(self, rod: Rod) -> Row:
+        """Plücker coordinates of the line C B about the origin; three numbers in the plane."""
+        if rod.side:
+            return self.wrench(self.force(rod), self.outer(rod))
+        d = self.direction(rod)
+        m = cross(self.inner(rod), self.outer(rod))
+        return [d[0], d[1], m[2]] if self.rods.planar else [*d, *m]
+
+    def force(self, rod: Rod) -> Row:
+        """Direction of the force; of one across C B times the root."""
+        d = self.direction(rod)
+        if not rod.side:
+            return d
+        k = next(i for i, r in enumerate(self.rods.rods) if r is rod)
+        axis = [self.number(v) for v in self._alike[0][5 * len(self.rods.rods) + k]]
+        f = self.product(axis, d)
+        return f if rod.side == 1 else self.product(f, d)
+
+    def product(self, a: Row, b: Row) -> Row:
+        """Vector product times the root, with y in units of it."""
+        x, y, z = cross(a, b)
+        return [self.square * x, y, self.square * z]
+
+    def wrench(self, force: Row, at: Row) -> Row:
+        """A force through a point that is given times N; three numbers in the plane."""
+        _, N = self.turn
+        f, m = [N * v for v in force], cross(at, force)
+        return [f[0], f[1], m[2]] if self.rods.planar else [*f, *m]
+
+    def hinge(self, rod: Rod) -> Row:
+        """Direction of the hinge at C."""
+        return [self.number(v) for v in self._vectors(rod)[4]]
+
+    def hinge_line(self, rod: Rod) -> Row:
+        """The line through B along the hinge at C."""
+        return self.wrench(self.hinge(rod), self.outer(rod))
+
+    def motion(self, rod: Rod) -> Row:
+        """Velocity of C by the actuator."""
+        _, _, first, second, _ = self._vectors(rod)
+        if self.rods.mechanism.prismatic[rod.joint]:
+            return [self.number(v) for v in first]
+        c, s = self.driver(rod)
+        return [c * rational(second[i]) - s * rational(first[i]) for i in range(3)]
+
+    def length(self, rod: Rod, length: Fraction) -> Poly:
+        """What is zero where C and B are at their distance, N times (B - C)^2 - length^2."""
+        R, N = self.turn
+        b, start, first, _, _ = self._vectors(rod)
+        k = self.square
+        away = [self.variable(n) - rational(v) for n, v in zip("xyz", start, strict=True)]
+        moved = [c - rational(v) for c, v in zip(self.inner(rod), start, strict=True)]
+        turned = [sum((R[i][j] * rational(b[j]) for j in range(3)), self.number(0))
+                  for i in range(3)]  # fmt: skip
+        if self.rods.planar:
+            away[2] = moved[2] = turned[2] = self.number(0)
+            b, first = (b[0], b[1], Fraction(0)), (first[0], first[1], Fraction(0))
+        own = b[0] ** 2 + k * b[1] ** 2 + b[2] ** 2 - length**2
+        arm = rational(first[0] ** 2 + k * first[1] ** 2 + first[2] ** 2)
+        if self.rods.mechanism.prismatic[rod.joint]:
+            arm = arm * self.variable(self.rods.mechanism.joints[rod.joint]) ** 2
+        fixed = self.dot(away, away) + rational(own) + arm - 2 * self.dot(away, moved)
+        reach = [x - y for x, y in zip(away, moved, strict=True)]
+        return N * fixed + 2 * self.dot(reach, turned)
+
+    def moment_arm(self, rod: Rod) -> Poly:
+        """Force along C B in the direction in which the actuator moves C."""
+        start = self._vectors(rod)[1]
+        _, N = self.turn
+        if self.rods.mechanism.prismatic[rod.joint]:
+            return self.dot(self.direction(rod), self.motion(rod))
+        along = self.motion(rod)
+        # (cos first + sin second) is across the motion of C.
+        reach = [b - N * rational(o) for b, o in zip(self.outer(rod), start, strict=True)]
+        return self.dot(reach, along)
+
+    def dot(self, a: Row, b: Row) -> Poly:
+        """Scalar product of vectors with y in units of the root."""
+        return a[0] * b[0] + self.square * a[1] * b[1] + a[2] * b[2]
+
+    def without_norm(self, poly: Poly) -> Poly:
+        """Divide by N as often as it goes: it is 1."""
+        _, N = self.turn
+        while poly != 0 and not N.is_constant():
+            quotient, rest = divmod(poly, N)
+            if rest != 0:
+                break
+            poly = quotient
+        return poly
+
+
+def cross(a: Row, b: Row) -> Row:
+    """Vector product, its middle entry over the root and the outer ones too: zero is what counts.
+
+    With y = root Y the true product is (root p, q, root r); the columns of a determinant may be
+    divided by constants.
+    """
+    return [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+
+
+def determinant(rows: list[Row], one: Poly) -> Poly:
+    """Determinant of polynomials by minors of the first columns, each formed once."""
+    count = len(rows)
+    minors: dict[tuple[int, ...], Poly] = {(): one}
+    for column in range(count):
+        level: dict[tuple[int, ...], Poly] = {}
+        for used, value in minors.items():
+            for k in range(count):
+                if k in used or rows[k][column] == 0 or value == 0:
+                    continue
+                key = tuple(sorted((*used, k)))
+                # Sign: how many of the rows used stand below.
+                sign = -1 if sum(u > k for u in used) % 2 else 1
+                term = sign * rows[k][column] * value
+                level[key] = level[key] + term if key in level else term
+        minors = level
+    return minors.get(tuple(range(count)), one - one)

@@ -1,0 +1,411 @@
+"""Direct and inverse problem: assembly modes for the inputs, working modes for a pose.
+
+Configurations that differ only in flipped passive joints are one mode (`likeness`). Poses of the
+output are sought from random starts, all at once; at each pose every leg is solved by itself, so
+that what is found of one leg counts for all.
+"""
+
+from __future__ import annotations
+
+import itertools
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array, Bool
+from pinsing.arguments import checked
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.closure import CLOSED, Loops, gauss_newton, ranks
+from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.feasible import feasible
+from pinsing.loops.leg_solutions import leg_modes
+from pinsing.loops.likeness import SAME, output_pose
+from pinsing.loops.linkage_counts import level_words, number_of_modes
+from pinsing.loops.mode_words import found_words, noun
+from pinsing.loops.modes import home, home_error, mode_at, mode_of
+from pinsing.loops.motion import motions
+from pinsing.loops.pose import pose_of, read_pose
+from pinsing.loops.solve import InfeasibleError, Solution
+from pinsing.robot.mechanism import Mechanism
+from pinsing.serialization import JsonResult
+
+STARTS = 400
+SEED = 811
+_CLOSED = 1e-9
+_FREE = 1e-6
+_DOUBLE = 1e-3
+_MOST = 4096
+
+
+@dataclass(frozen=True, eq=False)
+class Modes(JsonResult):
+    """The modes of a mechanism at given inputs (direct problem) or for a pose (inverse problem).
+
+    Attributes
+    ----------
+    problem : str
+        ``direct`` (assembly modes) or ``inverse`` (working modes).
+    modes : tuple of Solution
+        One configuration of each, with the number of ways to assemble it.
+    starts : int
+        Random starts from which poses were sought; 0 where a closed form gives them all.
+    hits : tuple of int
+        For each mode, how many starts led to its pose; empty with a closed form.
+    beyond : int
+        Poses of the output found that need a joint beyond its limits.
+    loose : int
+        Poses found at which the output moves with the inputs held. Where they are points of one
+        curve they are not counted: a single one is among the modes.
+    bound : int or None
+        No more can exist, by algebra, limits left aside; None where no such number is known.
+    complete : bool
+        Whether these are all: by a closed form, or since as many were found as algebra gives.
+    statement : str
+        All of this in words.
+    """
+
+    schema: ClassVar[str] = "pinsing/mechanism-modes/1"
+
+    problem: str
+    modes: tuple[Solution, ...]
+    starts: int
+    hits: tuple[int, ...]
+    beyond: int
+    loose: int
+    bound: int | None
+    complete: bool
+    statement: str
+
+    def __str__(self) -> str:
+        lines = [self.statement]
+        lines += [
+            f"  {k}: {s.pose}; {s.mode}; {s.ways} way{'s' * (s.ways != 1)} to assemble it"
+            for k, s in enumerate(self.modes, 1)
+        ]
+        return "\n".join(lines)
+
+
+@checked
+def assembly_modes(
+    mechanism: Mechanism,
+    inputs: npt.ArrayLike | None = None,
+    starts: int = STARTS,
+    seed: int = SEED,
+) -> Modes:
+    """Solve the direct problem: every pose of the output that was found at given inputs.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From ``load_mechanism``. Limits are kept; ``mechanism.without_limits()`` has none.
+    inputs : (n_a,) array_like, optional
+        Values of the actuated joints, radians and metres; home by default.
+    starts : int
+        Random starts.
+    seed : int
+        Seed of the starts.
+
+    Returns
+    -------
+    Modes
+        None in it where the loops do not close.
+
+    Raises
+    ------
+    ConfigurationError
+        If an input is beyond its limits.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.assembly_modes(pinsing.load_mechanism("five_bar"))
+    >>> len(found.modes), found.complete
+    (2, True)
+    """
+    ranks(mechanism)
+    actuated = list(mechanism.actuated)
+    asked = home(mechanism)[actuated] if inputs is None else mechanism.check_inputs(inputs)
+    _check_starts(starts)
+    passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+    dyad = planar_dyad(mechanism)
+    if dyad is not None:
+        return _exact(mechanism, "direct", dyad.close(asked), 2)
+    begin = mechanism.home.copy()
+    begin[actuated] = asked
+    outside = mechanism.space.outside(begin)[actuated]
+    if outside.any():
+        if inputs is None:
+            raise home_error(mechanism)
+        name = mechanism.inputs[int(np.argmax(outside))]
+        raise ConfigurationError(
+            f"{mechanism.name}: {name} = {asked[int(np.argmax(outside))]:.6g} is outside its "
+            "limits: take another value, or ignore the limits (--ignore-limits, without_limits())"
+        )
+    return _sought(mechanism, "direct", begin, passive, None, starts, seed)
+
+
+@checked
+def working_modes(
+    mechanism: Mechanism,
+    pose: npt.ArrayLike | None = None,
+    starts: int = STARTS,
+    seed: int = SEED,
+) -> Modes:
+    """Solve the inverse problem: every way to reach a pose of the output that was found.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From ``load_mechanism``. Limits are kept; ``mechanism.without_limits()`` has none.
+    pose : array_like, optional
+        Of the output, metres and radians, base axes; home by default. Either a matrix (4, 4); or
+        x, y, z and a quaternion, scalar first (7,); or x, y, z and roll, pitch, yaw (6,); or
+        x, y and the turn about z (3,) of an output with the rows vx, vy, wz; else the coordinates
+        that the rows of the output name: x, y, z for translations, roll, pitch, yaw for
+        rotations.
+    starts : int
+        Random starts.
+    seed : int
+        Seed of the starts.
+
+    Returns
+    -------
+    Modes
+        Empty where the output does not reach the pose.
+
+    Raises
+    ------
+    OptionError
+        If the pose leaves a freedom open: fewer rows than degrees of freedom.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> found = pinsing.working_modes(pinsing.load_mechanism("five_bar"))
+    >>> len(found.modes), found.complete
+    (4, True)
+    """
+    generic = ranks(mechanism)
+    _check_starts(starts)
+    if generic.output < generic.mobility:
+        raise OptionError(
+            f"{mechanism.name} has {generic.mobility} degrees of freedom, but the output "
+            f"{mechanism.output} ({mechanism.task}) shows {generic.output} of them: a pose leaves "
+            "the others open; name more rows of the output in the loop file"
+        )
+    wanted = read_pose(mechanism, pose)
+    dyad = planar_dyad(mechanism)
+    if dyad is not None and dyad.at_pin(mechanism):
+        at = dyad.basis @ np.array(wanted.translation)
+        return _exact(mechanism, "inverse", dyad.working_modes(at), 4)
+    free = np.ones(mechanism.n, dtype=bool)
+    target = (np.array(wanted.rotation), np.array(wanted.translation), mechanism.task.rows)
+    return _sought(mechanism, "inverse", mechanism.home.copy(), free, target, starts, seed)
+
+
+def assemblies(
+    mechanism: Mechanism, inputs: npt.ArrayLike, starts: int = STARTS, seed: int = SEED
+) -> tuple[Solution, ...]:
+    """All assembly modes found at given inputs (n_a,), each with one configuration.
+
+    From the closed form where the mechanism has one (planar RR-RR loops: exactly two), else by
+    Newton from ``starts`` random positions of the passive joints.
+
+    Raises
+    ------
+    InfeasibleError
+        If there is none; it carries the feasible range of each input.
+    """
+    found = assembly_modes(mechanism, inputs, starts, seed)
+    if not found.modes:
+        inputs = mechanism.check_inputs(inputs)
+        raise InfeasibleError(mechanism, inputs, feasible(mechanism, inputs), found.beyond)
+    return found.modes
+
+
+def _check_starts(starts: int) -> None:
+    if starts < 1:
+        raise OptionError(f"starts must be 1 or more, got {starts}")
+
+
+def _exact(mechanism: Mechanism, problem: str, found: tuple[Array, ...], most: int) -> Modes:
+    inside = [q for q in found if not mechanism.space.unreachable(q).any()]
+    beyond = len(found) - len(inside)
+    modes = _ordered([_solution(mechanism, q, 1) for q in inside], mechanism)
+    what = noun(problem, len(modes))
+    words = f"{len(modes)} {what}: all there are, by the intersection of circles"
+    if beyond:
+        words += f"; {beyond} more beyond the joint limits"
+    return Modes(problem, modes, 0, (), beyond, 0, most, True, words)
+
+
+def _sought(
+    mechanism: Mechanism,
+    problem: str,
+    begin: Array,
+    free: Bool,
+    target: tuple[Array, Array, tuple[int, ...]] | None,
+    starts: int,
+    seed: int,
+) -> Modes:
+    rng = np.random.default_rng(seed)
+    loops = BatchLoops(mechanism)
+    Q = np.repeat(begin[None], starts, axis=0)
+    low, high = mechanism.space.span
+    drawn = rng.uniform(low, high, Q.shape)
+    drawn[0] = home(mechanism)
+    Q[:, free] = drawn[:, free]
+    Q, size = newton(loops, Q, free, target=target)
+    poses, hits = _poses(loops, Q[size <= _CLOSED])
+    loose = [motions(mechanism, q).input_ratio <= _FREE for q in poses]
+    spare = _curve(loose)
+    kept = [k for k in range(len(poses)) if k not in spare]
+    reached = np.array([poses[k] for k in kept]).reshape(-1, mechanism.n)
+    modes: list[Solution] = []
+    count: list[int] = []
+    beyond, cut, moving = 0, False, 0
+    for k, legs in zip(kept, leg_modes(mechanism, reached, free, rng), strict=True):
+        beyond += not all(legs)
+        for choice in itertools.islice(itertools.product(*legs), _MOST + 1 - len(modes)):
+            q = poses[k].copy()
+            for leg, one in zip(_legs(mechanism), choice, strict=True):
+                q[list(leg)] = one.q[list(leg)]
+            ways = int(np.prod([one.ways for one in choice]))
+            modes.append(_solution(mechanism, q, ways, free))
+            moving += any(one.loose for one in choice)
+            count.append(hits[k])
+    if len(modes) > _MOST:
+        modes, count, cut = modes[:_MOST], count[:_MOST], True
+    pairs = sorted(zip(modes, count, strict=True), key=lambda x: _order(x[0], mechanism))
+    modes, count = [m for m, _ in pairs], [c for _, c in pairs]
+    bound = _bound(mechanism) if problem == "direct" else None
+    number, by = number_of_modes(mechanism, begin[list(mechanism.actuated)], target, poses)
+    reached_all = number == (len(poses) if problem == "direct" else len(modes)) and not spare
+    complete = reached_all or (bound is not None and len(poses) >= bound and not spare)
+    words = found_words(
+        problem, len(modes), starts, [hits[k] for k in kept], beyond, bound, complete
+    )
+    if reached_all and not cut:
+        words = f"{len(modes)} {noun(problem, len(modes))}: all there are, by {by}"
+        if beyond:
+            words += f"; {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
+    elif number is not None and target is None:
+        words += f"; there are {number}, by {by}"
+    elif number is not None and number > len(modes) and not cut:
+        words += f"; at most {number} within the limits of the actuators, by {by}"
+    if not complete and not spare and not cut:
+        found = poses if problem == "direct" else [m.q for m in modes]
+        at = np.zeros(3) if target is None else target[1]
+        words += level_words(mechanism, found, problem == "direct", at)
+    if moving:
+        words += (
+            f"; at {moving} of them a leg moves by itself, the output at rest and the inputs held: "
+            "one point stands for a curve of configurations"
+        )
+    if spare:
+        words = (
+            f"the inputs do not fix the pose: at {len(spare) + 1} of {len(poses)} poses found from "
+            f"{starts} starts the output moves with the inputs held. They are points of curves of "
+            "poses, of which one is given"
+        )
+    if cut:
+        words += f"; the list ends after {_MOST}"
+    return Modes(
+        problem, tuple(modes), starts, tuple(count), beyond, len(spare) + bool(spare), bound,
+        complete, words,
+    )  # fmt: skip
+
+
+def _curve(loose: list[bool]) -> set[int]:
+    """All but the first of the poses at which the output is loose, where there are many."""
+    places = [k for k, x in enumerate(loose) if x]
+    return set(places[1:]) if len(places) > 8 else set()
+
+
+def _legs(mechanism: Mechanism) -> list[tuple[int, ...]]:
+    from pinsing.loops.structure import structure
+
+    return [leg.joints for leg in structure(mechanism).legs]
+
+
+def _poses(loops: BatchLoops, Q: Array) -> tuple[list[Array], list[int]]:
+    """Configurations with different poses of the output, and how often each pose was found.
+
+    At a double solution (type 2) Newton's method stops with half of the digits, and what is one
+    looks like several: poses that lie close are brought nearer first.
+    """
+    if not len(Q):
+        return [], []
+    poses, hits = _apart(loops, Q, [1] * len(Q))
+    if len(poses) > 1:
+        marks = _marks(loops, np.array(poses))
+        gaps = np.abs(marks[:, None] - marks[None]).max(axis=-1) + np.eye(len(poses))
+        close = np.flatnonzero(gaps.min(axis=1) <= _DOUBLE)
+        if len(close):
+            mechanism = loops.mechanism
+            passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+            for k in close.tolist():
+                poses[k], _ = gauss_newton(Loops(mechanism), poses[k], passive)
+            poses, hits = _apart(loops, np.array(poses), hits)
+    return poses, hits
+
+
+def _apart(loops: BatchLoops, Q: Array, times: list[int]) -> tuple[list[Array], list[int]]:
+    kept: list[int] = []
+    hits: list[int] = []
+    marks = _marks(loops, Q)
+    for k, mark in enumerate(marks):
+        if kept:
+            away = np.abs(marks[kept] - mark).max(axis=1)
+            near = int(np.argmin(away))
+            if away[near] <= 10 * SAME:
+                hits[near] += times[k]
+                continue
+        kept.append(k)
+        hits.append(times[k])
+    return [Q[k] for k in kept], hits
+
+
+def _marks(loops: BatchLoops, Q: Array) -> Array:
+    R, p, _ = loops.output(Q)
+    return np.concatenate([p / loops.mechanism.length_scale, R.reshape(-1, 9)], axis=1)
+
+
+def _solution(mechanism: Mechanism, q: Array, ways: int, free: Bool | None = None) -> Solution:
+    loops = Loops(mechanism)
+    if free is not None:
+        passive = np.isin(np.arange(mechanism.n), mechanism.passive)
+        q, error = gauss_newton(loops, q, passive if passive.any() else free, steps=8)
+        if error > CLOSED:
+            q, _ = gauss_newton(loops, q, np.ones(mechanism.n, dtype=bool), steps=8)
+    q = mechanism.space.fold(q)
+    return Solution(
+        inputs=q[list(mechanism.actuated)],
+        q=q,
+        residual=float(np.abs(loops.scaled(q)[0]).max()),
+        converged=True,
+        mode=mode_of(mechanism, q),
+        reached=1.0,
+        note="",
+        pose=pose_of(output_pose(mechanism, q)),
+        ways=ways,
+    )
+
+
+def _order(s: Solution, mechanism: Mechanism) -> tuple[tuple[int, ...], list[float]]:
+    return mode_at(mechanism, s.q).order, np.round(mechanism.space.wrap(s.q), 6).tolist()
+
+
+def _ordered(found: list[Solution], mechanism: Mechanism) -> tuple[Solution, ...]:
+    return tuple(sorted(found, key=lambda s: _order(s, mechanism)))
+
+
+def _bound(mechanism: Mechanism) -> int | None:
+    """How many poses the inputs can have at most, where that is known."""
+    from pinsing.loops.rods import most_assemblies
+    from pinsing.loops.sphere_loci import MOST_ASSEMBLIES, sphere_loci
+
+    return MOST_ASSEMBLIES if sphere_loci(mechanism) is not None else most_assemblies(mechanism)

@@ -1,0 +1,390 @@
+"""Singular points of a mechanism: minima along curves, refined to numerical exactness.
+
+The measures have a kink at zero, so what is refined is a smooth system: the loops closed, all
+inputs but one held, and a velocity z of unit length with
+
+    type 1:      G z = 0, J z = 0     (a motion that leaves the output at rest)
+    type 2:      G z = 0, S z = 0     (a motion that leaves the actuators at rest)
+    type 3:      both, each with a motion of its own
+    constraint:  G Z = 0, Z' Z = 1    (one motion more than the mobility)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import field, replace
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array, Bool
+from pinsing.errors import OptionError
+from pinsing.loops.closure import Loops, ranks, to_its_size
+from pinsing.loops.likeness import likeness, same
+from pinsing.loops.modes import mode_of
+from pinsing.loops.motion import _motions
+from pinsing.loops.trace import STEP, Trace
+from pinsing.measures import SINGULAR_RTOL
+from pinsing.robot.load_mechanism import Mechanism
+from pinsing.serialization import JsonResult
+
+KINDS = ("type 1", "type 2", "constraint")
+_WORTH = 0.3
+_GROWTH = 1.3
+_STEPS = 40
+_SAME = 1e-6
+_ZERO = 1e-9
+_RUN = 3
+_MEETING = 1e-6
+_NEAR = 5e-3
+
+
+@dataclass(frozen=True, eq=False)
+class SingularPoint(JsonResult):
+    """A singular configuration of a mechanism.
+
+    Attributes
+    ----------
+    kind : str
+        ``type 1``, ``type 2``, ``type 3`` (both) or ``constraint``.
+    q : (n,) array
+        All joints, radians and metres.
+    inputs : (n_a,) array
+        The actuated ones.
+    moving : str
+        Input along which it was found; empty if none was singled out.
+    mode : str
+        Mode there: ``0`` for a sign that changes.
+    position : (3,) array
+        Origin of the output frame, metres.
+    ratio : float
+        Measure that vanishes.
+    closure : float
+        Loop-closure error, over the length scale.
+    converged : bool
+        Whether both are zero to tolerance.
+    range_end : bool
+        Whether the moving input turns back here: an end of its feasible range.
+    direction : (m,) array
+        Type 1: output direction lost; type 2: output velocity with the actuators held; unit
+        length, zero where nothing moves. Lengths over the length scale.
+    whole_curve : bool
+        Whether every point of the curve on which it was found is singular so: where that input
+        stays, the output moves with all inputs held.
+    """
+
+    schema: ClassVar[str] = "pinsing/mechanism-singular-point/1"
+
+    kind: str
+    q: Array
+    inputs: Array
+    moving: str
+    mode: str
+    position: Array
+    ratio: float
+    closure: float
+    converged: bool
+    range_end: bool
+    direction: Array
+    whole_curve: bool = field(default=False, metadata={"optional": True})
+
+    def __str__(self) -> str:
+        end = ", an end of its feasible range" if self.range_end else ""
+        along = f" (along {self.moving}{end})" if self.moving else ""
+        values = ", ".join(f"{x:.9g}" for x in self.inputs)
+        return f"{self.kind} at inputs ({values}){along}; {self.mode}; measure {self.ratio:.1e}"
+
+
+def refine_point(
+    mechanism: Mechanism,
+    q: npt.ArrayLike,
+    kind: str,
+    held: Sequence[int] = (),
+    rtol: float = SINGULAR_RTOL,
+) -> SingularPoint:
+    """Singular point of a kind near q (n,), the joints ``held`` (indices) kept at their values.
+
+    With one joint fewer held than the mobility the point is isolated; with fewer held, the
+    nearest one of a continuum is taken. Type 3 is two conditions: it takes one joint fewer held.
+
+    Raises
+    ------
+    OptionError
+        If the kind is none of ``type 1``, ``type 2``, ``type 3`` and ``constraint``.
+    """
+    if kind not in (*KINDS, "type 3"):
+        raise OptionError(f"unknown kind {kind!r}: it is type 1, type 2, type 3 or constraint")
+    q = mechanism.check(q)
+    loops = Loops(mechanism)
+    inner = Loops(to_its_size(mechanism))
+    found = _solve(_System(inner, q, kind, list(held)), q) * inner.column_scale
+    return _point(loops, found, kind, held, rtol)
+
+
+def find_singular(
+    mechanism: Mechanism,
+    traces: Sequence[Trace],
+    rtol: float = SINGULAR_RTOL,
+    over: Callable[[], bool] | None = None,
+) -> tuple[SingularPoint, ...]:
+    """All singular points along curves, refined; each once, in the order of inputs.
+
+    Once ``over()`` is true, those that are refined by then.
+    """
+    found: list[SingularPoint] = []
+    for t in traces:
+        index = mechanism.actuated[t.moving]
+        for kind, k in _candidates(t, index):
+            if over is not None and over():
+                break
+            point = refine_point(mechanism, t.q[k], kind, t.held, rtol)
+            away = np.abs(mechanism.space.wrap(point.q - t.q[k])).max()
+            if point.converged and away <= 6 * STEP:
+                _add(mechanism, found, replace(point, whole_curve=_throughout(t, point.kind)))
+    once = _of_one_mode(mechanism, found)
+    return tuple(sorted(once, key=lambda p: (p.moving, p.kind, *np.round(p.inputs, 9))))
+
+
+def _throughout(t: Trace, kind: str) -> bool:
+    """Whether all of a curve is singular of a kind."""
+    measures = dict(zip(KINDS, (t.output_ratio, t.input_ratio, t.constraint_ratio), strict=True))
+    asked = ("type 1", "type 2") if kind == "type 3" else (kind,)
+    return all(bool((measures[k] <= _ZERO).all()) for k in asked)
+
+
+def _of_one_mode(mechanism: Mechanism, found: list[SingularPoint]) -> list[SingularPoint]:
+    """Points within the limits; of those that differ in flipped passive joints only, the first."""
+    out: list[SingularPoint] = []
+    marks: list[Array] = []
+    for point in found:
+        if mechanism.space.unreachable(point.q, _SAME).any():
+            continue
+        mark = likeness(mechanism, point.q)
+        for k, (other, seen) in enumerate(zip(marks, out, strict=True)):
+            # Where two of a kind meet, Newton ends with half the digits.
+            close = point.kind == seen.kind and bool(
+                np.abs(point.inputs - seen.inputs).max() <= _MEETING
+                and np.abs(mark - other).max() <= _NEAR
+            )
+            if same(mark, other) or close:
+                if point.ratio < seen.ratio:
+                    out[k], marks[k] = point, mark
+                break
+        else:
+            out.append(point)
+            marks.append(mark)
+    return out
+
+
+def turning_points(mechanism: Mechanism, t: Trace) -> tuple[SingularPoint, ...]:
+    """Where the moving input turns back along a curve: type 2, the ends of its range."""
+    index = mechanism.actuated[t.moving]
+    found: list[SingularPoint] = []
+    for k in _turns(t, index):
+        point = refine_point(mechanism, t.q[k], "type 2", t.held)
+        if point.converged and np.abs(mechanism.space.wrap(point.q - t.q[k])).max() <= 6 * STEP:
+            _add(mechanism, found, point)
+    return tuple(found)
+
+
+def _add(mechanism: Mechanism, found: list[SingularPoint], point: SingularPoint) -> None:
+    for i, other in enumerate(found):
+        if np.abs(mechanism.space.wrap(point.q - other.q)).max() <= _SAME:
+            # Found as type 1 and as type 2: what both say together is the kind.
+            if point.range_end and not other.range_end and point.kind == other.kind:
+                found[i] = point
+            return
+    found.append(point)
+
+
+def _turns(t: Trace, index: int) -> list[int]:
+    slope = t.direction[:, index]
+    # An input that stays along a curve does not turn: the signs of its slope are rounding.
+    found = [k for k in range(1, len(slope)) if slope[k - 1] * slope[k] <= 0]
+    still = np.abs(slope) <= _ZERO
+    return _one_of_each_run(found, still)
+
+
+def _one_of_each_run(found: list[int], zero: Bool) -> list[int]:
+    """Of points in a run of samples that are zero throughout only that in the middle."""
+    starts = np.flatnonzero(zero & ~np.concatenate([[False], zero[:-1]]))
+    ends = np.flatnonzero(zero & ~np.concatenate([zero[1:], [False]]))
+    out = [k for k in found if not zero[k]]
+    for a, b in zip(starts.tolist(), ends.tolist(), strict=True):
+        inside = [k for k in found if a <= k <= b]
+        if b - a < _RUN:
+            out += inside
+        elif inside:
+            out.append(min(inside, key=lambda k: abs(k - (a + b) / 2)))
+    return sorted(out)
+
+
+def _candidates(t: Trace, index: int) -> list[tuple[str, int]]:
+    out = [("type 2", k) for k in _turns(t, index)]
+    measures = (t.output_ratio, t.input_ratio, t.constraint_ratio)
+    for kind, ratio in zip(KINDS, measures, strict=True):
+        if len(ratio) < 3:
+            continue
+        # The last point of a closed curve is its first again.
+        left = np.roll(ratio, 1) if not t.closed else np.concatenate([ratio[-2:-1], ratio[:-1]])
+        right = np.roll(ratio, -1) if not t.closed else np.concatenate([ratio[1:], ratio[1:2]])
+        if not t.closed:
+            left[0] = right[-1] = np.inf
+        low = (ratio <= left) & (ratio <= right) & (ratio < _WORTH)
+        # Beside a zero the measure grows by its own size within a step; not so a flat minimum.
+        if not t.closed:
+            left[0], right[-1] = ratio[2], ratio[-3]
+        low &= np.maximum(left, right) >= _GROWTH * ratio
+        if low.all():
+            continue
+        out += [(kind, k) for k in _one_of_each_run(np.flatnonzero(low).tolist(), ratio <= _ZERO)]
+    # At a constraint singularity the others are met as well, and less exactly: it goes first.
+    return sorted(out, key=lambda c: c[0] != "constraint")
+
+
+class _System:
+    """The smooth system of (q, Z) that a kind of singularity solves, without units."""
+
+    def __init__(self, loops: Loops, q: Array, kind: str, held: list[int]) -> None:
+        mechanism = loops.mechanism
+        self.loops, self.kind, self.held = loops, kind, held
+        self.n = mechanism.n
+        self.anchor = (q / loops.column_scale)[held]
+        self.extra = {"type 3": 2, "constraint": ranks(mechanism).mobility + 1}.get(kind, 1)
+        # Products of columns of Z that are given: the two of type 3 are each of length 1, no more.
+        self._pairs = np.diag_indices(2) if kind == "type 3" else np.triu_indices(self.extra)
+        self._actuated = np.eye(self.n)[list(mechanism.actuated)]
+
+    def matrices(self, x: Array) -> tuple[Array, Array, list[tuple[Array, slice]]]:
+        """Closure error, constraint Jacobian, and matrices with the columns of Z they take to 0."""
+        q = x * self.loops.column_scale
+        error, G = self.loops.scaled(q)
+        if self.kind == "constraint":
+            return error, G, [(G, slice(None))]
+        found = []
+        if self.kind != "type 2":
+            found.append(np.vstack([G, self.loops.output_scaled(q)]))
+        if self.kind != "type 1":
+            found.append(np.vstack([G, self._actuated]))
+        return error, G, [(M, slice(k, k + 1)) for k, M in enumerate(found)]
+
+    def products(self, x: Array, Z: Array) -> tuple[Array, Array]:
+        """Closure error, and what the matrices make of Z."""
+        error, _, blocks = self.matrices(x)
+        return error, np.concatenate([(M @ Z[:, c]).ravel() for M, c in blocks])
+
+    def start(self, q: Array) -> tuple[Array, Array]:
+        x = q / self.loops.column_scale
+        Z = np.zeros((self.n, self.extra))
+        for M, c in self.matrices(x)[2]:
+            Z[:, c] = np.linalg.svd(M)[2][-Z[:, c].shape[1] :].T
+        return x, Z
+
+    def residual(self, x: Array, Z: Array) -> Array:
+        unit = (Z.T @ Z - np.eye(self.extra))[self._pairs]
+        return np.concatenate([*self.products(x, Z), unit, x[self.held] - self.anchor])
+
+    def jacobian(self, x: Array, Z: Array) -> Array:
+        """Exact but for the derivative of the Jacobians, which is a central difference."""
+        n, d, step = self.n, self.extra, 1e-5
+        error, G, blocks = self.matrices(x)
+        k, rows = len(error), sum(len(M) * Z[:, c].shape[1] for M, c in blocks)
+        J = np.zeros((k + rows + len(self._pairs[0]) + len(self.held), n + n * d))
+        J[:k, :n] = G
+        for j, e in enumerate(np.eye(n)):
+            change = self.products(x + step * e, Z)[1] - self.products(x - step * e, Z)[1]
+            J[k : k + rows, j] = change / (2 * step)
+        at, place = k, np.arange(n * d).reshape(n, d)
+        for M, c in blocks:
+            columns = place[:, c]
+            block = np.kron(M, np.eye(columns.shape[1]))
+            J[at : at + len(block), n + columns.ravel()] = block
+            at += len(block)
+        for r, (a, b) in enumerate(zip(*self._pairs, strict=True)):
+            row = np.zeros((n, d))
+            row[:, a] += Z[:, b]
+            row[:, b] += Z[:, a]
+            J[k + rows + r, n:] = row.ravel()
+        J[J.shape[0] - len(self.held) :, self.held] = np.eye(len(self.held))
+        return J
+
+
+def _solve(system: _System, q: Array) -> Array:
+    """Damped Newton steps of least length: the system may have dependent or spare equations."""
+    x, Z = system.start(q)
+    value = system.residual(x, Z)
+    size, stalled = float(np.linalg.norm(value)), 0
+    for _ in range(_STEPS):
+        if size <= 1e-15 or stalled == 2:
+            break
+        step = np.linalg.lstsq(system.jacobian(x, Z), -value, rcond=1e-9)[0]
+        factor = min(1.0, 0.3 / max(float(np.abs(step).max()), 1e-300))
+        for _ in range(6):
+            x_new = x + factor * step[: system.n]
+            Z_new = Z + factor * step[system.n :].reshape(Z.shape)
+            value_new = system.residual(x_new, Z_new)
+            size_new = float(np.linalg.norm(value_new))
+            if size_new < size:
+                break
+            factor /= 3
+        else:
+            break
+        # A minimum that is not zero is approached slowly: it is no singularity.
+        stalled = stalled + 1 if size_new > 0.9 * size else 0
+        x, Z, value, size = x_new, Z_new, value_new, size_new
+    return x
+
+
+def _point(loops: Loops, q: Array, kind: str, held: Sequence[int], rtol: float) -> SingularPoint:
+    mechanism = loops.mechanism
+    q = mechanism.space.wrap(q)
+    closure = float(np.abs(loops.scaled(q)[0]).max())
+    found = _motions(loops, q, rtol)
+    ratio = {
+        "type 1": found.output_ratio,
+        "type 2": found.input_ratio,
+        "type 3": max(found.output_ratio, found.input_ratio),
+        "constraint": found.constraint_ratio,
+    }[kind]
+    converged = closure <= rtol and ratio <= rtol
+    free = [j for j in mechanism.actuated if j not in held]
+    direction = np.zeros(found.outputs.shape[0])
+    if kind == "type 1":
+        direction = np.linalg.svd(found.outputs)[0][:, ranks(mechanism).output - 1]
+    elif kind == "type 2":
+        moved = found.outputs @ np.linalg.svd(found.inputs)[2][-1]
+        size = float(np.linalg.norm(moved))
+        direction = moved / size if size > rtol else direction
+    alone = len(free) == 1
+    return SingularPoint(
+        kind=found.kind(rtol) if converged else kind,
+        q=q,
+        inputs=q[list(mechanism.actuated)],
+        moving=mechanism.joints[free[0]] if alone else "",
+        mode=mode_of(mechanism, q),
+        position=np.array(loops.output(q)[0].translation),
+        ratio=ratio,
+        closure=closure,
+        converged=converged,
+        range_end=alone and kind == "type 2" and _turns_back(loops, q, free[0], held),
+        direction=direction,
+    )
+
+
+def _turns_back(loops: Loops, q: Array, index: int, held: Sequence[int]) -> bool:
+    """Whether the input has an extremum on its curve: steps to both sides move it the same way."""
+    G = loops.scaled(q)[1]
+    rows = np.vstack([G, np.eye(loops.mechanism.n)[list(held)]])
+    t = np.linalg.svd(rows)[2][-1]
+    sides = []
+    for sign in (1, -1):
+        x = q + sign * 1e-3 * t * loops.column_scale
+        for _ in range(6):
+            error, G = loops.scaled(x)
+            rows = np.vstack([G, np.eye(loops.mechanism.n)[list(held)], t])
+            target = np.concatenate([-error, np.zeros(len(rows) - len(error))])
+            x = x + np.linalg.lstsq(rows, target, rcond=1e-11)[0] * loops.column_scale
+        sides.append(float(x[index] - q[index]))
+    return sides[0] * sides[1] > 0

@@ -1,0 +1,371 @@
+"""The chain of an arm in exact numbers: right angles, roots, written decimals, rational twists.
+
+What is moved is listed with its size; `nominal` says which arm that makes.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from fractions import Fraction
+
+import numpy as np
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array
+from pinsing.robot.arm import Arm
+from pinsing.robot.chain import Chain, with_fixed_joints_put
+from pinsing.robot.jacobian_bound import rotation_angle
+from pinsing.robot.snap import ROUNDING, Snap, shortest_decimal
+from pinsing.robot.surd import Exact, Surd, cosine, sine
+
+Length3 = tuple[Fraction, Fraction, Fraction]
+Row = tuple[Exact, Exact, Exact]
+Matrix = tuple[Row, Row, Row]
+_FINE = 1e-2
+"""Fraction of the tolerance within which an angle goes to a multiple of 15 degrees."""
+_FIFTEEN = math.pi / 12
+_QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
+_UNITS = {k: Fraction(k) for k in (-1, 0, 1)}
+_FLOAT_NOISE = 1e-13
+_WRITTEN_DIGITS = 8
+"""Digits of a length that somebody wrote; a product with a root has more."""
+_TWIST_DENOMINATOR = 10**6
+_STEEP = 0.2  # sine of a twist from which on origins are slid along their axes
+
+
+@dataclass(frozen=True)
+class Leeway:
+    """What may be moved.
+
+    Attributes
+    ----------
+    angle : float
+        Radians; an angle closer than this to a multiple of 90 degrees is put there.
+    length : float
+        Metres; a coordinate of a placement shorter than this is put to zero.
+    """
+
+    angle: float
+    length: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class ExactPlacements:
+    """A chain in exact numbers, and the raw one with its axes turned alike.
+
+    Attributes
+    ----------
+    rotation, translation, offset
+        As in ``Nominal``.
+    tip_rotation : exact 3x3 matrix or None
+        Of the tip frame, if it was asked for.
+    tip_turn : (3, 3) array
+        The same as it was.
+    squared : Chain
+        The raw geometry, with fixed joints at right angles where they are near.
+    turned : Chain
+        The same with turned axes: what else was snapped is the difference.
+    snaps : tuple of Snap
+        What was moved.
+    """
+
+    rotation: tuple[Matrix, ...]
+    translation: tuple[Length3, ...]
+    offset: Array
+    tip_rotation: Matrix | None
+    tip_turn: Array
+    squared: Chain
+    turned: Chain
+    snaps: tuple[Snap, ...]
+
+
+def exact_placements(
+    raw: Chain,
+    places: Sequence[str],
+    leeway: Leeway,
+    with_tip: bool = False,
+    arm: Arm | None = None,
+) -> ExactPlacements:
+    """Put a chain on exact numbers.
+
+    Parameters
+    ----------
+    raw : Chain
+        Any chain.
+    places : sequence of n + 1 str
+        Names of its placements, for what is told of them.
+    leeway : Leeway
+        What may be moved.
+    with_tip : bool
+        Whether the rotation of the tip frame matters.
+    arm : Arm, optional
+        The arm whose chain it is, for the fixed joints that placements are made of.
+    """
+    maker = _Maker(raw, places, leeway)
+    if arm is not None:
+        maker.put_fixed_joints(arm)
+    return maker.make(with_tip)
+
+
+class _Maker:
+    """Carries the lists that the passes over one chain fill."""
+
+    def __init__(self, raw: Chain, places: Sequence[str], leeway: Leeway) -> None:
+        self.raw, self.places = raw, places
+        self.angle_tol, self.snap_length = max(leeway.angle, ROUNDING), leeway.length
+        self.fine_tol = max(leeway.angle * _FINE, ROUNDING)
+        self.noise = _FLOAT_NOISE * (float(np.linalg.norm(raw.t, axis=1).sum()) or 1.0)
+        self.snaps: list[Snap] = []
+
+    def put_fixed_joints(self, arm: Arm) -> None:
+        """Put fixed joints at right angles, where they are near, before all else."""
+
+        def put(i: int, R: Array) -> Array | None:
+            found = self._signed_permutation(i, R)
+            quarter = None if found is None else np.array(found, dtype=float)
+            near = quarter is None or rotation_angle(quarter.T @ R) <= _FLOAT_NOISE
+            return None if near else quarter
+
+        R, t = with_fixed_joints_put(arm, put)
+        if (R != self.raw.R).any() or (t != self.raw.t).any():
+            self.raw = Chain(R, t, self.raw.prismatic)
+
+    def make(self, with_tip: bool) -> ExactPlacements:
+        raw, n = self.raw, self.raw.n
+        R, t = [np.array(r) for r in raw.R], [np.array(v) for v in raw.t]
+        twist: list[Matrix | None] = [self._signed_permutation(i, R[i]) for i in range(n)]
+        offset = np.zeros(n)
+        tip_turn = R[n]
+        # Backwards: Rz(a) at the left of C_i goes into the joint before it.
+        carried = np.eye(3)  # rotation that a prismatic joint passes on to the left
+        for i in range(n, -1, -1):
+            if i < n:
+                R[i] = R[i] @ carried
+                carried_here = not np.array_equal(carried, np.eye(3))
+                if carried_here:
+                    twist[i] = self._signed_permutation(i, R[i])
+            carried = np.eye(3)
+            # A turn about z alone is left to the second pass, which keeps t as it was written.
+            if i == n or twist[i] is not None or i == 0 or not self._tilted(R[i]):
+                continue
+            a = math.atan2(R[i][0, 2], -R[i][1, 2])
+            a = self._snap_angle(i, a)
+            if math.cos(a) == 1.0:
+                continue
+            turn = turn_about_z(a)
+            R[i], t[i] = turn.T @ R[i], turn.T @ t[i]
+            if raw.prismatic[i - 1]:
+                carried = turn
+            else:
+                offset[i - 1] += a
+        # Forwards: Rz(b) at the right of C_i goes into the joint after it.
+        carried = np.eye(3)
+        for i in range(n):
+            if not np.array_equal(carried, np.eye(3)):
+                R[i], t[i] = carried @ R[i], carried @ t[i]
+                twist[i] = self._signed_permutation(i, R[i])
+            carried = np.eye(3)
+            if twist[i] is not None:
+                continue
+            if self._tilted(R[i]):
+                b = math.atan2(R[i][2, 0], R[i][2, 1])
+            else:
+                b = math.copysign(1.0, R[i][2, 2]) * _yaw(R[i])
+            b = self._snap_angle(i, b)
+            turn = turn_about_z(b)
+            R[i] = R[i] @ turn.T
+            if raw.prismatic[i]:
+                carried = turn
+            else:
+                offset[i] += b
+        if not np.array_equal(carried, np.eye(3)):
+            t[n], tip_turn = carried @ t[n], carried @ tip_turn
+        rotation = [
+            self._rational_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)
+        ]
+        lengths = self._lengths(self._slid_to_common_normals(R, t, twist, rotation))
+        rotation.append(identity())
+        exact_tip = self._tip_rotation(tip_turn) if with_tip else None
+        # So far R and t are the raw geometry still, only with turned axes: what was snapped
+        # is the difference between them and the rational numbers.
+        R[n] = np.eye(3)
+        turned = Chain(np.array(R), np.array(t), raw.prismatic)
+        return ExactPlacements(
+            tuple(rotation),
+            tuple(lengths),
+            offset,
+            exact_tip,
+            tip_turn,
+            raw,
+            turned,
+            tuple(self.snaps),
+        )
+
+    def _slid_to_common_normals(
+        self,
+        R: list[Array],
+        t: list[Array],
+        twist: list[Matrix | None],
+        rotation: Sequence[Matrix],
+    ) -> list[Array]:
+        """Move the origins of tilted axes along them, to where the axes come closest.
+
+        An origin may sit anywhere on its axis. With R = Rx(alpha), the translation is
+        (a, 0, d) plus d' along the new axis, which commutes with the joint's motion and goes
+        into the next placement; axes that meet then have a = 0 and not a rounding of it.
+        The origins of ``t`` move along the raw axes, and those returned along the exact ones, so
+        that turning an axis moves no origin off it. Beside a root, decimals that would become
+        multiples of it stay as they are written.
+        """
+        moved = [np.array(v) for v in t]
+        for i in range(1, self.raw.n):
+            raw = R[i][:, 2]  # (0, -sin alpha, cos alpha), up to what is snapped
+            if twist[i] is not None or abs(raw[1]) < _STEEP:
+                continue  # nearly parallel axes come closest far away, if at all
+            exact = [row[2] for row in rotation[i]]
+            rooted = any(isinstance(x, Surd) for x in exact)
+            # A rational twist is close to the raw one, of which lengths may be multiples.
+            whole = rooted or all(x in _UNITS.values() for x in exact)
+            axis = np.array([float(x) for x in exact]) if whole else raw
+            beyond = moved[i][1] / axis[1]
+            there = moved[i] - beyond * axis
+            if rooted and not (self._written(beyond) and self._written(there[2])):
+                continue
+            moved[i] = there
+            moved[i][1] = 0.0
+            t[i] = t[i] - beyond * raw
+            for of in (moved, t):
+                of[i + 1] = of[i + 1] + np.array([0.0, 0.0, beyond])
+        return moved
+
+    def _written(self, value: float) -> bool:
+        return abs(round(value, _WRITTEN_DIGITS) - value) <= self.noise
+
+    def _tilted(self, R: Array) -> bool:
+        return bool(np.hypot(R[0, 2], R[1, 2]) > self.angle_tol)
+
+    def _signed_permutation(self, i: int, R: Array) -> Matrix | None:
+        """The quarter-turn matrix within the angle tolerance of R, if there is one."""
+        P = [[round(x) for x in row] for row in R.tolist()]
+        if any(sum(map(abs, column)) != 1 for column in zip(*P, strict=True)) or _det(P) < 1:
+            return None
+        angle = rotation_angle(np.array(P, dtype=float).T @ R)
+        if angle > self.angle_tol:
+            return None
+        if angle > _FLOAT_NOISE:
+            self._replace_snap(Snap(self.places[i], "angle", angle, 0.0))
+        rows = [tuple([_UNITS[x] for x in row]) for row in P]
+        return (rows[0], rows[1], rows[2])  # type: ignore[return-value]
+
+    def _replace_snap(self, snap: Snap) -> None:
+        self.snaps = [s for s in self.snaps if (s.where, s.what) != (snap.where, snap.what)]
+        self.snaps.append(snap)
+
+    def _snap_angle(self, i: int, angle: float) -> float:
+        """Put ``angle`` on a multiple of 90 degrees, or (a hundred times closer) of 15 degrees."""
+        quarter = round(angle / (math.pi / 2)) * (math.pi / 2)
+        fine = round(angle / _FIFTEEN) * _FIFTEEN
+        nominal_angle = angle
+        if abs(angle - quarter) <= self.angle_tol:
+            nominal_angle = quarter
+        elif abs(angle - fine) <= self.fine_tol:
+            nominal_angle = fine
+        if abs(nominal_angle - angle) > _FLOAT_NOISE:
+            self._replace_snap(Snap(self.places[i], "angle", angle, nominal_angle))
+        return nominal_angle
+
+    def _rational_rotation(self, i: int, R: Array) -> Matrix:
+        """Rz(a) Rx(alpha) near R, in exact numbers."""
+        alpha = math.atan2(math.hypot(R[0, 2], R[1, 2]), R[2, 2])
+        yaw = math.atan2(R[1, 0], R[0, 0])
+        # After both passes R = Rx(alpha), but for the first, which has no joint before it.
+        tilt = alpha if (turn_about_z(yaw).T @ R)[2, 1] >= 0 else -alpha
+        cos_yaw, sin_yaw = self._circle(i, yaw)
+        cos_tilt, sin_tilt = self._circle(i, tilt)
+        return (
+            (cos_yaw, -sin_yaw * cos_tilt, sin_yaw * sin_tilt),
+            (sin_yaw, cos_yaw * cos_tilt, -cos_yaw * sin_tilt),
+            (Fraction(0), sin_tilt, cos_tilt),
+        )
+
+    def _tip_rotation(self, R: Array) -> Matrix:
+        """Rz(a) Rx(alpha) Rz(b) near R, in exact numbers."""
+        n = self.raw.n
+        quarters = self._signed_permutation(n, R)
+        if quarters is not None:
+            return quarters
+        tilted = self._tilted(R)
+        first = math.atan2(R[0, 2], -R[1, 2]) if tilted else _yaw(R)
+        tilt = math.atan2(math.hypot(R[0, 2], R[1, 2]), R[2, 2])
+        last = math.atan2(R[2, 0], R[2, 1]) if tilted else 0.0
+        (ca, sa), (c, s), (cb, sb) = (self._circle(n, angle) for angle in (first, tilt, last))
+        return (
+            (ca * cb - sa * c * sb, -ca * sb - sa * c * cb, sa * s),
+            (sa * cb + ca * c * sb, -sa * sb + ca * c * cb, -ca * s),
+            (s * sb, s * cb, c),
+        )
+
+    def _circle(self, i: int, angle: float) -> tuple[Exact, Exact]:
+        """Exact (cos, sin) near ``angle``, rational but at multiples of 15 degrees."""
+        fine = round(angle / _FIFTEEN)
+        if fine % 6:
+            moved = abs(fine * _FIFTEEN - angle)
+            if moved <= self.fine_tol:
+                if moved > _FLOAT_NOISE:
+                    self._replace_snap(Snap(self.places[i], "angle", angle, fine * _FIFTEEN))
+                return cosine(fine), sine(fine)
+        quarter = round(angle / (math.pi / 2))
+        rest = angle - quarter * math.pi / 2
+        if abs(rest) <= self.angle_tol:
+            if abs(rest) > _FLOAT_NOISE:
+                self._replace_snap(Snap(self.places[i], "angle", angle, angle - rest))
+            c, s = Fraction(1), Fraction(0)
+        else:
+            half = Fraction(math.tan(rest / 2)).limit_denominator(_TWIST_DENOMINATOR)
+            c, s = (1 - half**2) / (1 + half**2), 2 * half / (1 + half**2)
+            exact = 2 * math.atan(half) + quarter * math.pi / 2
+            if abs(exact - angle) > 1e-15:
+                self.snaps.append(Snap(self.places[i], "twist", angle, exact))
+        qc, qs = _QUARTER[quarter % 4]
+        return c * qc - s * qs, s * qc + c * qs
+
+    def _lengths(self, t: list[Array]) -> list[Length3]:
+        """The decimals that were written; below ``snap_length``, zero."""
+        rows: list[Length3] = []
+        for i, vector in enumerate(t):
+            row = []
+            for value in vector.tolist():
+                exact = Fraction(0)
+                if abs(value) >= self.snap_length:
+                    exact = shortest_decimal(value, self.noise)
+                elif abs(value) > self.noise:
+                    self.snaps.append(Snap(self.places[i], "length", value, 0.0))
+                row.append(exact)
+            rows.append((row[0], row[1], row[2]))
+        return rows
+
+
+def turn_about_z(angle: float) -> Array:
+    """Rotation matrix, exact at right angles."""
+    quarter = angle / (math.pi / 2)
+    if quarter == round(quarter):
+        c, s = _QUARTER[round(quarter) % 4]
+        return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]], dtype=float)
+    c_, s_ = math.cos(angle), math.sin(angle)
+    return np.array([[c_, -s_, 0], [s_, c_, 0], [0, 0, 1]])
+
+
+def _det(rows: Sequence[Sequence[int]]) -> int:
+    (a, b, c), (d, e, f), (g, h, i) = rows
+    return a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
+
+
+def _yaw(R: Array) -> float:
+    return math.atan2(R[1, 0], R[0, 0])
+
+
+def identity() -> Matrix:
+    """No rotation."""
+    one, zero = Fraction(1), Fraction(0)
+    return ((one, zero, zero), (zero, one, zero), (zero, zero, one))

@@ -1,1 +1,0 @@
-"""Work in chunks: durable, resumable, on any executor."""

@@ -1,0 +1,17 @@
+"""Many configurations at once: sweeps, maps and analyses, in chunks that are stored and reduced."""
+
+from pinsing.sampling.distribution import Distribution, Extreme
+from pinsing.sampling.map_plan import MapPlan, plan_map
+from pinsing.sampling.map_result import MapPoint, MapResult
+from pinsing.sampling.map_run import MapJob, sigma_map
+
+__all__ = [
+    "Distribution",
+    "Extreme",
+    "MapJob",
+    "MapPlan",
+    "MapPoint",
+    "MapResult",
+    "plan_map",
+    "sigma_map",
+]

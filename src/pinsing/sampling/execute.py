@@ -1,0 +1,240 @@
+"""Work in chunks: on threads, on any ``concurrent.futures.Executor``, kept in a folder or not.
+
+No scheduler: chunks are handed to the executor a few at a time, and taken as they are done.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Callable, Generator, Iterator, Mapping
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from typing import Any, Protocol
+
+from pinsing._batch.engine import cpu_count
+from pinsing.chunk_file import DamagedError, Record
+from pinsing.errors import OptionError, PinsingError, WorkerError
+from pinsing.kinematics.evaluator import Evaluator, evaluator, recorded_engine
+from pinsing.robot.arm import Arm
+from pinsing.sampling.cluster import lost
+from pinsing.sampling.inbox import Inbox, ctrl_c_to
+from pinsing.sampling.options import RunOptions
+from pinsing.sampling.run_folder import RunFolder, open_run, recorded
+from pinsing.sampling.threads import local_threads
+
+_PER_WORKER = 2  # chunks handed out at a time: one to work on, one waiting
+_NAMED = 8  # damaged chunks that are named
+_AGAIN = "what is kept in a folder is safe: run the same again"
+
+
+class Job(Protocol):
+    """Work that falls into chunks."""
+
+    @property
+    def chunks(self) -> int:
+        """How many chunks there are."""
+
+    def identity(self) -> Mapping[str, Any]:
+        """What decides the numbers, as plain JSON values."""
+
+    def part(self, index: int) -> Callable[[], Record]:
+        """Return what computes one chunk: small, able to be pickled, the same anywhere."""
+
+    def check(self, index: int, record: Record) -> None:
+        """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
+
+    def room(self, index: int) -> int:
+        """Bytes that the arrays of a chunk take at most."""
+
+
+Chunks = Generator[tuple[int, Record], None, None]
+"""Numbers and records of chunks, as they are done."""
+
+
+def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
+    """Fix the engine of a run: that which its folder was begun with, if it has been.
+
+    Raises
+    ------
+    EngineError, OptionError
+        As `pinsing.kinematics.evaluator.evaluator`.
+    OutputError
+        If ``options.out`` holds a plan that cannot be read.
+    """
+    known = None if options.out is None else recorded(options.out)
+    return evaluator(arm, recorded_engine(known, options.engine))
+
+
+@contextlib.contextmanager
+def running(job: Job, options: RunOptions) -> Iterator[tuple[Chunks, RunFolder | None]]:
+    """Run ``job`` for as long as the block lasts: its chunks as they are done, and its folder.
+
+    So long Ctrl-C raises nothing by itself: see `pinsing.sampling.inbox`.
+
+    Raises
+    ------
+    OptionError
+        If both threads and an executor are given.
+    OutputError, WorkerError
+        As `pinsing.sampling.run_folder.open_run` and `finished_chunks`.
+    """
+    executor, parallel = options.executor, options.parallel
+    if executor is not None and options.threads is not None:
+        raise OptionError("give either threads or an executor, not both")
+    inbox = Inbox()
+    with contextlib.ExitStack() as stack:
+        stack.enter_context(ctrl_c_to(inbox))
+        folder = None
+        if options.out is not None:
+            folder = stack.enter_context(open_run(options.out, job.identity(), job.chunks))
+        if executor is None:
+            pool = local_threads(options.threads, patient=lambda: inbox.asked < 2)
+            executor, parallel = stack.enter_context(pool)
+        chunks = finished_chunks(job, executor, folder, parallel, options.tell, inbox)
+        yield stack.enter_context(contextlib.closing(chunks)), folder
+
+
+def finished_chunks(
+    job: Job,
+    executor: Executor,
+    folder: RunFolder | None = None,
+    parallel: int | None = None,
+    tell: Callable[[str], object] | None = None,
+    inbox: Inbox | None = None,
+) -> Chunks:
+    """Run all chunks of ``job``, in any order; those that ``folder`` has come first, as they are.
+
+    Parameters
+    ----------
+    job : Job
+        What to do.
+    executor : Executor
+        Where.
+    folder : RunFolder, optional
+        Each chunk is on the disk before it is yielded; a damaged one is done again.
+    parallel : int, optional
+        How many chunks the executor works on at once; the number of processors by default.
+    tell : callable, optional
+        Called with sentences on what the folder had.
+    inbox : Inbox, optional
+        When it is asked to stop, what has begun is still done, kept and yielded.
+
+    Raises
+    ------
+    KeyboardInterrupt
+        If the inbox was asked to stop, and some chunks are not done.
+    OutputError
+        If a chunk cannot be kept.
+    WorkerError
+        If a worker died, or failed in a way that is no error of pinsing.
+    """
+    inbox = Inbox() if inbox is None else inbox
+    have: set[int] = set()
+    if folder is not None:
+        for index, record in _kept(job, folder, inbox, tell):
+            have.add(index)
+            yield index, record
+    pending: dict[Future[Record], int] = {}
+    waiting = (index for index in range(job.chunks) if index not in have)
+    limit = _PER_WORKER * (cpu_count() if parallel is None else parallel)
+    left = job.chunks - len(have)
+    try:
+        while left:
+            if not inbox.asked:
+                for index in waiting:
+                    future = _submit(executor, job, index)
+                    pending[future] = index
+                    inbox.follow(future)
+                    if len(pending) >= limit:
+                        break
+            elif inbox.asked > 1 or not _begun(pending):
+                inbox.heeded = True
+                raise KeyboardInterrupt
+            done = inbox.next()
+            if done is None or done not in pending:
+                continue
+            index = pending.pop(done)
+            record = _outcome(done, job, index)
+            if folder is not None:
+                folder.save(index, record)
+            left -= 1
+            yield index, record
+    finally:
+        for future in pending:
+            future.cancel()
+
+
+def _kept(
+    job: Job, folder: RunFolder, inbox: Inbox, tell: Callable[[str], object] | None
+) -> Iterator[tuple[int, Record]]:
+    """Chunks that the folder has; those that are damaged are told of at the end."""
+    damaged = []
+    kept = folder.kept()
+    for index in kept:
+        if inbox.asked:
+            inbox.heeded = True
+            raise KeyboardInterrupt
+        try:
+            record = folder.read(index, functools.partial(job.check, index), job.room(index))
+        except FileNotFoundError:
+            damaged.append(f"{index} (it has gone)")
+        except DamagedError as error:
+            damaged.append(f"{index} ({error})")
+        else:
+            yield index, record
+    if tell is not None and kept:
+        tell(f"{len(kept) - len(damaged)} of {job.chunks} chunks were done before")
+        if damaged:
+            more = f" and {len(damaged) - _NAMED} more" if len(damaged) > _NAMED else ""
+            tell(f"damaged and done again: chunks {', '.join(damaged[:_NAMED])}{more}")
+
+
+def _begun(pending: dict[Future[Record], int]) -> bool:
+    """Give back what no worker has begun; whether there is something that one has."""
+    for future in [f for f in pending if f.cancel()]:
+        del pending[future]
+    return bool(pending)
+
+
+def _submit(executor: Executor, job: Job, index: int) -> Future[Record]:
+    part = job.part(index)
+    try:
+        return executor.submit(part)
+    except BrokenExecutor as error:
+        raise _died(error) from error
+
+
+def _outcome(future: Future[Record], job: Job, index: int) -> Record:
+    try:
+        error = future.exception()
+    except CancelledError as cancelled:
+        error = cancelled
+    if isinstance(error, CancelledError) or type(error).__name__ == "FutureCancelledError":
+        raise WorkerError(f"chunk {index} was cancelled by the executor; {_AGAIN}") from None
+    if error is None:
+        record = future.result()
+        try:
+            job.check(index, record)
+        except (ValueError, TypeError, AttributeError) as wrong:
+            raise WorkerError(
+                f"a worker returned something else for chunk {index}: {wrong} "
+                "(has it the same pinsing installed?)"
+            ) from None
+        return record
+    if isinstance(error, BrokenExecutor) or lost(error):
+        raise _died(error) from error
+    if isinstance(error, PinsingError) or not isinstance(error, Exception):
+        raise error
+    said = " ".join(str(error).split())[:300]
+    raise WorkerError(
+        f"a worker failed at chunk {index}: {type(error).__name__}: {said} "
+        "(has it the same pinsing installed?)"
+    ) from error
+
+
+def _died(error: BaseException) -> WorkerError:
+    said = " ".join(str(error).split())[:300]
+    return WorkerError(
+        f"a worker process died, killed or out of memory ({said}); what is kept in a folder is "
+        "safe: run the same again, with fewer workers or smaller chunks if it was memory"
+    )

@@ -1,0 +1,366 @@
+"""From one singular configuration to the joint values that force it, whatever the others.
+
+All of it is tested on the nominal geometry, at many random values of all the other joints
+over whole circles: a set of joint values *forces* the singularity if every one of those
+configurations is singular to ``SINGULAR_RTOL``. A generic rank is reached almost everywhere,
+so a set that does not force it fails with probability one.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Iterator, Sequence
+from typing import ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array
+from pinsing.arguments import MAX_SEED, checked, whole_number
+from pinsing.configuration.rank_drop import approach
+from pinsing.configuration.refine import SingularConfiguration
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
+from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
+from pinsing.robot.arm import Arm
+from pinsing.robot.nominal import nominal
+from pinsing.sampling.joint_condition import JointCondition, tidy
+from pinsing.serialization import JsonResult
+
+SNAP_TOL = 1e-4
+"""Radians or metres: a value nearer than this to a special one is tried there first."""
+
+SAMPLES = 64
+"""Random values of the other joints that a condition is tested at."""
+
+_LOOSE = 1e-6  # ratio for candidates, before their values are polished
+_SCREEN = 3  # samples that sort out most subsets
+_NEAR = 0.01  # radians or length scales: how far a given configuration may be from singular
+_PUSHES = 8
+_PUSH_SIZES = (1e-2, 1e-3, 1e-4)  # radians or length scales, to see whether values are isolated
+_WALK = 0.05  # push that leads from a special member of a relation to a generic one
+_STILL = 0.1  # of the push: values of which none ends farther away are isolated
+_BACK = 1e-4  # of the push: else, a single value that ends nearer is fixed nevertheless
+_MAX_IN_SUBSETS = 12
+MAX_SAMPLES = 1_000_000
+
+
+@dataclass(frozen=True, eq=False)
+class Generalization(JsonResult):
+    """The conditions that one singular configuration is an instance of.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        Names of the joints, base to tip.
+    q : (n,) array
+        The configuration, special values snapped where the test allows it.
+    conditions : tuple of JointCondition
+        All minimal ones; several where families meet.
+    rtol : float
+        Ratio sigma_r / sigma_1 that the tests ask for.
+    nominal_ratio, raw_ratio : float
+        Ratio at q on the nominal geometry, and on the raw one.
+    seed : int
+        Of the random values.
+    """
+
+    schema: ClassVar[str] = "pinsing/generalization/1"
+
+    joints: tuple[str, ...]
+    q: Array
+    conditions: tuple[JointCondition, ...]
+    rtol: float
+    nominal_ratio: float
+    raw_ratio: float
+    seed: int
+
+    def __str__(self) -> str:
+        text = "; ".join(f"{c}, whatever the others" for c in self.conditions)
+        if self.raw_ratio > self.rtol:
+            text += f" (nominal geometry; the file itself reaches {self.raw_ratio:.1e})"
+        return text
+
+
+@checked
+def generalize(
+    arm: Arm,
+    configuration: SingularConfiguration | npt.ArrayLike,
+    *,
+    samples: int = SAMPLES,
+    rtol: float = SINGULAR_RTOL,
+    seed: int = 0,
+    joints: Sequence[str] | None = None,
+    geometry: Arm | None = None,
+) -> Generalization:
+    """Find the smallest sets of joint values that alone force a singularity.
+
+    Where only several angles together force it, and in a continuum (such as the shoulder
+    singularity of the PUMA 560, an equation in q2 and q3), the condition says which joints
+    are related, and no values.
+
+    Parameters
+    ----------
+    arm : Arm
+        Any arm.
+    configuration : SingularConfiguration or (n,) array_like
+        Singular on the nominal geometry, or next to a configuration that is.
+    samples : int
+        Random values of the other joints that each condition is tested at.
+    rtol : float
+        sigma_r / sigma_1 that counts as singular.
+    seed : int
+        Of the random values.
+    joints : sequence of str, optional
+        Joints that can matter; all by default.
+    geometry : Arm, optional
+        Geometry to test on, instead of the nominal one of ``arm``.
+
+    Returns
+    -------
+    Generalization
+        With the ratio that the raw geometry reaches.
+
+    Raises
+    ------
+    ConfigurationError
+        If the configuration is not singular, nor within 0.01 of one that is.
+    OptionError
+        If ``samples`` is not positive or more than 12 joints matter.
+
+    Examples
+    --------
+    >>> import pinsing
+    >>> pinsing.generalize(pinsing.load("ur5"), [0.4, -1.2, 0.8, -1, 0, 0.3])
+    <Generalization: wrist_2_joint = 0, whatever the others>
+    """
+    whole_number(seed, "seed", 0, MAX_SEED)
+    for name in joints or ():
+        if name not in arm.joints:
+            raise UnknownNameError("joint", name, arm.joints)
+    exact = nominal(arm).arm if geometry is None else geometry
+    given = configuration.q if isinstance(configuration, SingularConfiguration) else configuration
+    q = arm.fold(arm.check_one(given, "configuration"))
+    if _ratio(exact, q) > rtol:
+        end = approach(exact, q)
+        metric = own_scale(arm).columns
+        if end.ratio[0] > rtol or np.linalg.norm((end.q[0] - q) / metric) > _NEAR:
+            raise ConfigurationError(
+                f"{arm.name} is not singular there (sigma_r/sigma_1 = {_ratio(exact, q):.1e} on "
+                "the nominal geometry); refine the configuration first"
+            )
+        q = end.q[0]
+    candidates = range(arm.n) if joints is None else [arm.joints.index(j) for j in joints]
+    tester = ConditionTester(exact, candidates, samples, rtol, seed)
+    q = tester.snap(q)
+    return Generalization(
+        joints=arm.joints,
+        q=q,
+        conditions=tester.conditions(q),
+        rtol=rtol,
+        nominal_ratio=_ratio(exact, q),
+        raw_ratio=_ratio(arm, q),
+        seed=seed,
+    )
+
+
+class ConditionTester:
+    """Tests joint values of one arm against the same random values of the other joints.
+
+    Parameters
+    ----------
+    arm : Arm
+        The geometry that the tests are made on.
+    joints : iterable of int
+        Joints that can matter.
+    samples, rtol, seed
+        As in ``generalize``.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        joints: Sequence[int] | range,
+        samples: int = SAMPLES,
+        rtol: float = SINGULAR_RTOL,
+        seed: int = 0,
+    ) -> None:
+        whole_number(samples, "samples", 1, MAX_SAMPLES)
+        if len(joints) > _MAX_IN_SUBSETS:
+            raise OptionError(
+                f"{len(joints)} joints have too many subsets; name at most {_MAX_IN_SUBSETS} joints"
+            )
+        self.arm, self.rtol, self.joints = arm, rtol, tuple(joints)
+        rng = np.random.default_rng(seed)
+        self.others = random_configurations(arm, max(samples, _SCREEN, _PUSHES), rng)
+        self.pushes = rng.standard_normal((_PUSHES, arm.n))
+        self.samples = samples
+        self.metric = own_scale(arm).columns
+
+    def worst_ratios(
+        self, subsets: Sequence[tuple[int, ...]], values: Array, samples: int | None = None
+    ) -> Array:
+        """Greatest sigma_r / sigma_1 for each subset held at its entries of values (S, n)."""
+        count = self.samples if samples is None else samples
+        held = np.zeros((len(subsets), self.arm.n), dtype=bool)
+        of = np.repeat(np.arange(len(subsets)), [len(subset) for subset in subsets])
+        held[of, np.fromiter(itertools.chain.from_iterable(subsets), np.intp, len(of))] = True
+        Q = np.where(held[:, None], values[:, None], self.others[None, :count])
+        ratio = ratios(self.arm, Q.reshape(-1, self.arm.n))
+        return np.asarray(ratio.reshape(len(subsets), count).max(axis=1))
+
+    def forces(self, subset: tuple[int, ...], values: Array) -> bool:
+        """Tell if the joints of ``subset`` at their entries of values (n,) force a singularity."""
+        return bool(self.worst_ratios([subset], values[None])[0] <= self.rtol)
+
+    def snap(self, q: Array) -> Array:
+        """Put values near special ones there, one by one, as long as q stays as singular."""
+        snapped = q.copy()
+        near = special_nearby(self.arm, q)
+        for i in np.flatnonzero(np.abs(near - q) <= SNAP_TOL):
+            trial = snapped.copy()
+            trial[i] = near[i]
+            if _ratio(self.arm, trial) <= max(self.rtol, _ratio(self.arm, snapped)):
+                snapped = trial
+        return snapped
+
+    def minimal_subsets(self, q: Array) -> list[tuple[tuple[int, ...], Array]]:
+        """Smallest sets of joints whose values at q force it, with those values polished."""
+        found: list[tuple[tuple[int, ...], Array]] = []
+        for size in range(len(self.joints) + 1):
+            subsets = [
+                s
+                for s in itertools.combinations(self.joints, size)
+                if not any(set(f) <= set(s) for f, _ in found)
+            ]
+            if not subsets:
+                break
+            repeated = np.repeat(q[None], len(subsets), axis=0)
+            screened = self.worst_ratios(subsets, repeated, _SCREEN)
+            loose = max(_LOOSE, self.rtol)
+            for s in (s for s, worst in zip(subsets, screened, strict=True) if worst <= loose):
+                polished = self._polish(s, q)
+                if polished is not None:
+                    found.append((s, polished))
+        return found
+
+    def conditions(self, q: Array) -> tuple[JointCondition, ...]:
+        """All conditions that q (n,) is an instance of."""
+        found: list[JointCondition] = []
+        for subset, values in self.minimal_subsets(q):
+            condition = self.condition(subset, values)
+            if not any(condition.same_as(known) for known in found):
+                found.append(condition)
+        return tuple(found)
+
+    def plain_conditions(self, q: Array) -> tuple[JointCondition, ...]:
+        """``conditions`` without the question whether values are isolated or related."""
+        return tuple(
+            self._stated(subset, values, frozenset(), subset, values)
+            for subset, values in self.minimal_subsets(q)
+        )
+
+    def condition(self, subset: tuple[int, ...], values: Array) -> JointCondition:
+        """Condition that ``subset`` at values (n,) stands for: values, relation or both."""
+        related, forced, at = self._related(subset, values), subset, values
+        for _ in range(3):
+            if not related:
+                break
+            # A special member of a relation may hide joints that it depends on: go to a
+            # generic member and look again.
+            points = self._push(forced, at, _WALK)
+            if not len(points):
+                break
+            wider = [(s, v) for s, v in self.minimal_subsets(points[0]) if set(s) & set(related)]
+            if not wider or set(wider[0][0]) == set(forced):
+                break
+            forced, at = wider[0]
+            related = self._related(forced, at)
+        return self._stated(forced, at, related, subset, values)
+
+    def _stated(
+        self,
+        forced: tuple[int, ...],
+        at: Array,
+        related: frozenset[int],
+        subset: tuple[int, ...],
+        values: Array,
+    ) -> JointCondition:
+        names, prismatic = self.arm.joints, self.arm.prismatic
+
+        def by_name(joints: Sequence[int], numbers: Array) -> dict[str, float]:
+            return {names[i]: tidy(float(numbers[i]), bool(prismatic[i])) for i in joints}
+
+        return JointCondition(
+            fixed=by_name([i for i in forced if i not in related], at),
+            related=tuple(names[i] for i in forced if i in related),
+            forced_by=by_name(subset, values),
+            prismatic=tuple(names[i] for i in sorted({*forced, *subset}) if prismatic[i]),
+            tested=self.samples,
+            worst_ratio=float(self.worst_ratios([subset], values[None])[0]),
+        )
+
+    def _polish(self, subset: tuple[int, ...], q: Array) -> Array | None:
+        """Values of the subset that force it to ``rtol``, or None."""
+        for values in self._polished(subset, q):
+            if self.forces(subset, values):
+                return values
+        return None
+
+    def _polished(self, subset: tuple[int, ...], q: Array) -> Iterator[Array]:
+        near = special_nearby(self.arm, q)
+        yield np.where(np.abs(near - q) <= SNAP_TOL, near, q)
+        yield q
+        ends = self._push(subset, q, 0.0)
+        if len(ends):
+            settled = q.copy()
+            settled[list(subset)] = _middle(ends[:, list(subset)])
+            yield settled
+
+    def _push(self, subset: tuple[int, ...], values: Array, size: float) -> Array:
+        """Singular configurations (P, n) near the values, the other joints at random."""
+        held = list(subset)
+        Q = self.others[:_PUSHES].copy()
+        Q[:, held] = values[held] + size * (self.pushes * self.metric)[:, held]
+        free = np.isin(np.arange(self.arm.n), held)
+        ends = approach(self.arm, Q, free)
+        return np.asarray(ends.q[ends.ratio <= self.rtol])
+
+    def _related(self, subset: tuple[int, ...], values: Array) -> frozenset[int]:
+        """Joints of the subset that do not come back when pushed a little off their values.
+
+        A continuum through the values lets no push come back. Another family that passes
+        nearby can catch a large push, but not a small one.
+        """
+        moved: frozenset[int] | None = None
+        for size in _PUSH_SIZES if len(subset) > 1 else ():
+            ends = self._push(subset, values, size)
+            if len(ends) < _PUSHES // 2:
+                continue
+            away = _middle(np.abs(ends - values) / self.metric)
+            if away[list(subset)].max() <= _STILL * size:
+                return frozenset()
+            moved = moved or frozenset(i for i in subset if away[i] > _BACK * size)
+        return moved or frozenset()
+
+
+def random_configurations(arm: Arm, count: int, rng: np.random.Generator) -> Array:
+    """Random joint vectors (count, n): whole circles, and the span of prismatic joints."""
+    return arm.space.sample(count, rng, ignore_limits=True)
+
+
+def special_nearby(arm: Arm, q: Array) -> Array:
+    """Nearest multiple of 90 degrees, or zero for a prismatic joint, to each entry of q."""
+    quarter = np.pi / 2
+    return np.where(arm.prismatic, 0.0, np.round(q / quarter) * quarter) + 0.0
+
+
+def _middle(rows: Array) -> Array:
+    """Median of each column; np.median imports masked arrays for it."""
+    ordered, half = np.sort(rows, axis=0), len(rows) // 2
+    return ordered[half] if len(rows) % 2 else np.asarray((ordered[half - 1] + ordered[half]) / 2)
+
+
+def _ratio(arm: Arm, q: Array) -> float:
+    return float(ratios(arm, q)[0])

@@ -1,0 +1,169 @@
+"""Sweeps as NumPy files: the curves as plain arrays, the rest as JSON text.
+
+A sweep in a folder ends with a file `CURVES`. Curves that are too large for it, and were to be
+kept, are in the chunks of the folder; `kept_curves` goes through them one by one.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pinsing.atomic_write import write_bytes
+from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
+from pinsing.errors import ResultError
+from pinsing.sampling.curves import CurveTable, axis_values
+from pinsing.sampling.run_folder import RunFolder, recorded
+from pinsing.sampling.sweep_job import Kept, check_curves, curves_room, regular_count, span_of
+from pinsing.sampling.sweep_result import SweepCurve, SweepResult, curves_of
+
+_ROOM = 1 << 30  # bytes that a saved sweep may take
+_NUMBERS = ("chunks", "pieces_of_a_chunk", "worst", "candidates")  # of a plan
+
+CURVES = "sweep.npz"
+"""File of the folder of a complete sweep that holds its result, with the curves if kept in it."""
+
+
+def save_npz(result: SweepResult, path: str | os.PathLike[str]) -> Path:
+    """Write a sweep to ``path`` (``.npz``), readable with ``numpy.load`` alone.
+
+    Arrays, for C curves of S samples of an arm of n joints: ``number`` (C,), ``level`` (C,),
+    ``moving`` (C,), ``forced`` (C,), ``fixed`` (C, n) with NaN where a joint is not at a
+    special value, ``x`` (n, S), ``sigma_min`` and ``sigma_ratio`` (C, S), ``header`` (JSON
+    text). If the curves are not part of the result, C and S are 0.
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written; nothing half-written is left.
+    """
+    target = Path(path)
+    if target.suffix != ".npz":
+        target = target.with_name(target.name + ".npz")
+    write_bytes(target, pack_sweep(result))
+    return target
+
+
+def pack_sweep(result: SweepResult) -> bytes:
+    """Bytes of the file that `save_npz` writes."""
+    joints = result.arm.joints
+    samples = result.plan.samples if result.curves else 0
+    fixed = np.full((len(result.curves), len(joints)), np.nan)
+    ranges = np.array([e.range for e in result.plan.effects], dtype=float)
+    for row, curve in zip(fixed, result.curves, strict=True):
+        row[[joints.index(name) for name in curve.fixed]] = list(curve.fixed.values())
+    header = replace(result, curves=()).to_dict()
+    arrays = {
+        "header": np.array(json.dumps(header, allow_nan=False).encode()),
+        "number": np.array([c.number for c in result.curves], dtype=np.int64),
+        "level": np.array([c.level for c in result.curves], dtype=np.int64),
+        "moving": np.array([c.moving for c in result.curves], dtype=np.int64),
+        "forced": np.array([c.forced for c in result.curves], dtype=bool),
+        "fixed": fixed,
+        "x": axis_values(ranges, result.plan.samples, np.arange(samples)[None]),
+        "sigma_min": np.array([c.sigma_min for c in result.curves]).reshape(len(fixed), samples),
+        "sigma_ratio": np.array([c.sigma_ratio for c in result.curves]).reshape(
+            len(fixed), samples
+        ),
+    }
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **arrays)  # type: ignore[arg-type]
+    return packed.getvalue()
+
+
+def load_npz(path: str | os.PathLike[str]) -> SweepResult:
+    """Read what ``save_npz`` wrote.
+
+    Raises
+    ------
+    ResultError
+        If the file is missing, damaged, or something else.
+    """
+    try:
+        arrays: dict[str, Any] = dict(
+            read_arrays(read_bounded(Path(path), _ROOM, follow=True), _ROOM)
+        )
+        header: dict[str, Any] = json.loads(arrays["header"].item())
+        bare = SweepResult.from_dict(header)
+        curves = _curves(bare, arrays)
+    except OSError as error:
+        raise ResultError(f"cannot read {path}: {error.strerror or error}") from None
+    except (KeyError, IndexError, TypeError, ValueError, RecursionError, DamagedError) as error:
+        if isinstance(error, ResultError):
+            raise ResultError(f"{path}: {error}") from None
+        raise ResultError(f"{path} is not a saved sweep, or is damaged: {error}") from None
+    return replace(bare, curves=curves)
+
+
+def kept_curves(folder: str | os.PathLike[str]) -> Iterator[SweepCurve]:
+    """Go through the curves of a complete sweep that were kept in its folder, one at a time.
+
+    Raises
+    ------
+    ResultError
+        If there is no complete sweep, its curves were not kept, or some are damaged.
+    """
+    root = Path(folder)
+    plan, identity = load_npz(root / CURVES).plan, recorded(root)
+    if identity is None or identity.get("keep") is not True:
+        raise ResultError(f"the curves of the sweep in {root} were not kept: sweep with keep=True")
+    table, samples = CurveTable(plan), plan.samples
+    x = axis_values(table.ranges, samples, np.arange(samples)[None])
+    try:
+        chunks, size, *most = (int(identity[name]) for name in _NUMBERS)
+    except (KeyError, TypeError, ValueError):
+        raise ResultError(f"the folder {root} has no plan of a sweep") from None
+    kept = Kept(True, *most)
+    run = RunFolder(root, identity, chunks)
+    rest = np.empty((2, 0))
+    number = 0
+    for index in range(chunks):
+        start, stop = span_of(index, size, len(table), samples)
+        regular = regular_count(table, start, stop)
+
+        def check(
+            record: Record, start: int = start, stop: int = stop, regular: int = regular
+        ) -> None:
+            check_curves(record, kept, start, stop, regular)
+
+        try:
+            record = run.read(index, check, curves_room(kept, stop - start))
+        except (FileNotFoundError, DamagedError) as error:
+            said = "it is missing" if isinstance(error, FileNotFoundError) else error
+            raise ResultError(
+                f"{run.chunk_path(index)} is missing or damaged: run the same sweep again, which "
+                f"computes it anew ({said})"
+            ) from None
+        new = np.array([record["sigma_min"], record["sigma_ratio"]], dtype=float)
+        rest = np.concatenate([rest, new], axis=1)
+        count = rest.shape[1] // samples
+        last, ratio = rest[:, : count * samples].reshape(2, count, samples)
+        yield from curves_of(table, np.arange(number, number + count), x, last, ratio)
+        number, rest = number + count, rest[:, count * samples :]
+
+
+def _curves(bare: SweepResult, arrays: dict[str, Any]) -> tuple[SweepCurve, ...]:
+    joints, x = bare.arm.joints, arrays["x"]
+    curves = []
+    for i, moving in enumerate(arrays["moving"].tolist()):
+        held = np.flatnonzero(~np.isnan(arrays["fixed"][i]))
+        curves.append(
+            SweepCurve(
+                level=int(arrays["level"][i]),
+                fixed={joints[j]: float(arrays["fixed"][i, j]) for j in held},
+                forced=bool(arrays["forced"][i]),
+                moving=int(moving),
+                x=x[moving],
+                sigma_min=arrays["sigma_min"][i],
+                sigma_ratio=arrays["sigma_ratio"][i],
+                number=int(arrays["number"][i]),
+            )
+        )
+    return tuple(curves)

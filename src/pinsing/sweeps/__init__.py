@@ -1,1 +1,0 @@
-"""The paper's method: joint sweeps over special angles."""
