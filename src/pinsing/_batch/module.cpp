@@ -261,6 +261,9 @@ std::vector<std::string> built_names() {
 }  // namespace
 
 NB_MODULE(_kernel, m) {
+    // Arms keep their conditions until the interpreter ends, in whatever order it takes modules apart;
+    // the report of that as a leak would follow every test run and every interactive session.
+    nb::set_leak_warnings(false);
     m.doc() = "Compiled batch kernels; use pinsing._batch.engine, which checks and falls back.";
     m.attr("MAX_RANK") = pinsing::kMaxRank;
     m.attr("MAX_COLUMNS") = pinsing::kMaxColumns;
