@@ -58,10 +58,10 @@ def _goods() -> dict[str, bytes]:
 def table(rngs: list[random.Random], folder: Path) -> Ended:
     """A trajectory that is read is finite or not, but of the arm's width; a sweep can be shown."""
     import numpy as np
-    from pinsing.proximity.trajectory_file import read_trajectory
 
     import pinsing
     from pinsing.errors import PinsingError
+    from pinsing.proximity.trajectory_file import read_trajectory
     from pinsing.sampling.npz import load_npz
 
     name = rngs[0].choice(sorted(_goods()))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from pinsing.proximity.crossings import crossings
 from scipy.interpolate import CubicSpline, PPoly
 from singular_sets import closed
 from tiers import tiered
@@ -16,6 +15,7 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.sum_zeros import zeros_along
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import ClosedForm, Family
+from pinsing.proximity.crossings import crossings
 
 
 def changes(family: Family, Q: Array) -> int:

@@ -16,8 +16,6 @@ from typing import Any
 import numpy as np
 import pytest
 from click.testing import CliRunner, Result
-from pinsing.proximity.guard import make_guard
-from pinsing.proximity.watched import every_name, watch
 from singular_sets import ROBOTS, Joint, arm_of, build, closed
 from tiers import tiered
 
@@ -29,6 +27,8 @@ from pinsing.cli.app import command
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.families import Branch, ClosedForm
 from pinsing.proximity import guard as guard_module
+from pinsing.proximity.guard import make_guard
+from pinsing.proximity.watched import every_name, watch
 from pinsing.robot.arm import Arm
 
 DRIVER = Path(__file__).parent / "guard_driver.c"

@@ -10,9 +10,9 @@ from tiers import tiered_rows
 
 import pinsing
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.postures.found import FoundSolutions
+from pinsing.postures.inverse import drawn, mirrored
+from pinsing.postures.inverse_solutions import FoundSolutions
 from pinsing.postures.newton import Solver
-from pinsing.postures.starts import drawn, mirrored
 from pinsing.postures.stepwise import steps_of
 
 
@@ -338,7 +338,7 @@ def test_a_full_set_is_known_to_be_full():
 class TestRadius:
     def test_the_true_solution_is_within(self):
         """Solutions are moved away; the radius grows so that the true one stays within."""
-        from pinsing.postures.kantorovich import radii
+        from pinsing.postures.newton import radii
 
         for name in ("ur5", "stanford", "kinova"):
             arm = pinsing.load(name)

@@ -10,8 +10,7 @@ import pinsing
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.exact_chain import ExactChain
-from pinsing.postures.ladder import ladder_of
-from pinsing.postures.names import posture_names
+from pinsing.postures.ladder import ladder_of, posture_names
 from pinsing.postures.root_bound import Enclosure, one_root_left, wave
 from pinsing.postures.three_joints import Point
 

@@ -7,14 +7,14 @@ import json
 import numpy as np
 import pinocchio as pin
 import pytest
-from pinsing.proximity.line import LineCheck, check_line
-from pinsing.proximity.line_tracking import tip
 from singular_sets import arm_of, closed
 
 import pinsing
 from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
+from pinsing.proximity.line import LineCheck, check_line
+from pinsing.proximity.line_tracking import tip
 from pinsing.robot.arm import Arm
 
 

@@ -12,7 +12,6 @@ from types import SimpleNamespace
 
 import pytest
 from click.testing import CliRunner, Result
-from pinsing.proximity.guard import make_guard
 from singular_sets import arm_of
 from tiers import tiered
 
@@ -26,6 +25,7 @@ from pinsing.families.form import families_text
 from pinsing.families.proving import prove_briefly, within
 from pinsing.proof import produce
 from pinsing.proof.forms import Forms
+from pinsing.proximity.guard import make_guard
 
 
 def run(*words: str) -> Result:

@@ -8,20 +8,18 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from pinsing.proximity.watched import watch
 
 import pinsing
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.postures.bound_on_boxes import Terms
-from pinsing.postures.boxes import Ground
-from pinsing.postures.divided import Divided
+from pinsing.postures.boxes import Ground, Terms
+from pinsing.postures.divided import Divided, Sectioned
+from pinsing.postures.newton import one_sheet, regular_way
 from pinsing.postures.partition import partition
-from pinsing.postures.regular_way import one_sheet, regular_way
-from pinsing.postures.sectioned import Sectioned
+from pinsing.postures.pieces import Wheel
 from pinsing.postures.subdivision import subdivide
-from pinsing.postures.wheel import Wheel
+from pinsing.proximity.watched import watch
 
 # Counts of the literature's method, on whole circles and within the limits.
 COUNTS = {

@@ -12,7 +12,7 @@ import pytest
 import pinsing
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.kinematics.verdict import ratios
-from pinsing.postures.regular_way import columns, regular_way
+from pinsing.postures.newton import columns, regular_way
 
 EVERY = ("F1", "F2", "F3")
 

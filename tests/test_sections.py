@@ -8,12 +8,10 @@ import pytest
 
 import pinsing
 from pinsing.algebra.equation import Equation
-from pinsing.postures.boxes import Ground
-from pinsing.postures.growth import growing
+from pinsing.postures.boxes import Ground, growing
+from pinsing.postures.divided import Sectioned
 from pinsing.postures.partition import Arc, Part, Surface
-from pinsing.postures.sectioned import Sectioned
-from pinsing.postures.sections import Terms, across, cuts_of, section, sections
-from pinsing.postures.subdivision import subdivide
+from pinsing.postures.subdivision import Terms, across, cuts_of, section, sections, subdivide
 
 
 def random_part(rng, d, low, high):

@@ -20,7 +20,7 @@ from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
 from pinsing.families.empty_box import proven_empty
 from pinsing.families.zero_set import search, thrown
-from pinsing.postures import halving
+from pinsing.postures import subdivision
 from pinsing.postures.boxes import Leaves
 from pinsing.proof.checker import Ring
 from pinsing.proof.reduction import without_dependent_lines
@@ -213,9 +213,9 @@ def test_halving_looks_at_the_clock_within_a_level(monkeypatch: pytest.MonkeyPat
     def count(leaves: Leaves) -> tuple[SimpleNamespace, np.ndarray]:
         return SimpleNamespace(proven=False, leaves=leaves), np.zeros(len(leaves.level), dtype=bool)
 
-    monkeypatch.setattr(halving, "time", SimpleNamespace(monotonic=lambda: sum(seen)))
+    monkeypatch.setattr(subdivision, "time", SimpleNamespace(monotonic=lambda: sum(seen)))
     grid = SimpleNamespace(first=(128, 128), d=2)
-    found = halving.halved(grid, classify, count, until=128**2 + 1)  # type: ignore[arg-type]
+    found = subdivision.halved(grid, classify, count, until=128**2 + 1)  # type: ignore[arg-type]
     assert seen[0] == 128**2
     assert 0 < sum(seen[1:]) < 2 * 128**2  # the whole level: four times as many
     halves = found.leaves.level == 1

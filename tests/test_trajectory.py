@@ -10,9 +10,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pinsing.proximity.trajectory import check_trajectory
-from pinsing.proximity.trajectory_file import read_trajectory
-from pinsing.proximity.trajectory_text import details, summary
 from singular_sets import arm_of, closed
 
 import pinsing
@@ -20,6 +17,9 @@ from pinsing._types import Array
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.proximity import passage, trajectory
+from pinsing.proximity.trajectory import check_trajectory
+from pinsing.proximity.trajectory_file import read_trajectory
+from pinsing.proximity.trajectory_text import details, summary
 
 CLEAR = np.array([0.1, -1.2, 1.3, -1.6, -1.4, 0.3])
 

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from click.testing import CliRunner
-from pinsing.proximity.distances import distance_words, distances
 from singular_sets import arm_of, closed
 
 import pinsing
@@ -18,6 +17,7 @@ from pinsing.families import Branch, Family
 from pinsing.families.parts import JointValue
 from pinsing.families.value_reach import reach_words, values_reached
 from pinsing.measures import Reachability
+from pinsing.proximity.clearance import distance_words, distances
 from pinsing.view.entries import family_entries
 from pinsing.view.stage import _more
 

@@ -37,8 +37,7 @@ if TYPE_CHECKING:
     from pinsing.postures.cuspidal import Cuspidality, cuspidality
     from pinsing.postures.inverse import inverse
     from pinsing.postures.inverse_solutions import InverseSolutions
-    from pinsing.postures.lines import line_postures
-    from pinsing.postures.motions import aspect_changes
+    from pinsing.postures.motions import aspect_changes, line_postures
     from pinsing.proximity.clearance import Clearance, clearance, is_clear
     from pinsing.proximity.crossings import Crossing, Crossings, crossings
     from pinsing.proximity.guard import export_guard
@@ -124,7 +123,7 @@ _HOME = {
     "inverse": "pinsing.postures.inverse",
     "inverse_velocity": "pinsing.kinematics.inverse_velocity",
     "is_clear": "pinsing.proximity.clearance",
-    "line_postures": "pinsing.postures.lines",
+    "line_postures": "pinsing.postures.motions",
     "load": "pinsing.robot.load",
     "load_mechanism": "pinsing.robot.load_mechanism",
     "mechanism_map": "pinsing.loops",

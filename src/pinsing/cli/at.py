@@ -23,7 +23,7 @@ from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing._types import Array
-    from pinsing.proximity.distances import Distances
+    from pinsing.proximity.clearance import Distances
     from pinsing.robot.arm import Arm
 
 
@@ -86,7 +86,7 @@ def at_command(
     from pinsing.configuration.at import at
     from pinsing.configuration.state import LABEL, state_text
     from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
-    from pinsing.proximity.distances import distance_words
+    from pinsing.proximity.clearance import distance_words
     from pinsing.robot.nominal import nominal
 
     values = joint_vector(arm, q, "--q", deg)
@@ -116,7 +116,7 @@ def at_command(
 def _distances(arm: Arm, q: Array) -> Distances | None:
     """Distances to all families; none, and why, where closed forms are not to be had."""
     from pinsing.families.solve import form_to_measure
-    from pinsing.proximity.distances import distances
+    from pinsing.proximity.clearance import distances
 
     try:
         form = form_to_measure(arm)

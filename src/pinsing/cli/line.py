@@ -74,7 +74,7 @@ def line_command(
         pose[3:] = [math.radians(x) for x in pose[3:]]
     arm = request.load()
     from pinsing.families.solve import form_to_measure
-    from pinsing.postures.lines import line_postures
+    from pinsing.postures.motions import line_postures
     from pinsing.proximity.line import check_line
 
     start = joint_vector(arm, q, "--q", deg)

@@ -19,11 +19,10 @@ from pinsing.errors import OptionError
 from pinsing.families import ClosedForm
 from pinsing.joint_text import typed
 from pinsing.postures.grounds import PROBABLE, PROVEN, missing, sureness
-from pinsing.postures.joint_map import Map, make_map
-from pinsing.postures.names import posture_names
+from pinsing.postures.joint_map import Map, make_map, require_same_families
+from pinsing.postures.ladder import posture_names
 from pinsing.postures.partition import Part
-from pinsing.postures.piece import Piece
-from pinsing.postures.same_families import require_same_families
+from pinsing.postures.pieces import Piece
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm_summary import ArmSummary
@@ -54,7 +53,7 @@ class Aspect:
         Sign of each equation that separates, by family; 0 where it takes both.
     names : tuple of str
         Words of the field, such as "elbow up", where it has some for this arm
-        (`pinsing.postures.names`).
+        (`pinsing.postures.ladder`).
     """
 
     number: int

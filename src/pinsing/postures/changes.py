@@ -24,8 +24,8 @@ from pinsing.postures.connection import DIFFERENT, SAME, UNDECIDED, Connection, 
 from pinsing.postures.grounds import NOT_COMPLETE, missing, opposite
 from pinsing.postures.inverse import inverse
 from pinsing.postures.inverse_solutions import InverseSolution
-from pinsing.postures.names import posture_names
-from pinsing.postures.regular_way import columns
+from pinsing.postures.ladder import posture_names
+from pinsing.postures.newton import columns
 from pinsing.postures.whole_turns import Copies, whole_turns
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm

@@ -21,7 +21,7 @@ from pinsing.postures.connection import SAME, Connection, connect
 from pinsing.postures.grounds import PRACTICAL, PROVEN, missing, nearly
 from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import ladder_of
-from pinsing.postures.regular_way import one_sheet, regular_way
+from pinsing.postures.newton import one_sheet, regular_way
 from pinsing.proximity.watched import require_forms_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
@@ -155,7 +155,7 @@ def cuspidality(
     (`pinsing.postures.ladder`), or where no point has more than two solutions.
     Poses are those of random configurations; of each
     all inverse solutions are found and told apart by their aspects. Where two share one, a way
-    is found and proven to be regular throughout (`pinsing.postures.regular_way`); that is a
+    is found and proven to be regular throughout (`pinsing.postures.newton`); that is a
     witness. With fewer joints than a pose has conditions regular means that the rank is the number
     of joints; the tip must then be able to leave in the same directions from both ends. Where a
     pose has more regular solutions than there are aspects, two must share one; that is a reason

@@ -7,7 +7,7 @@ import numpy as np
 from pinsing._types import Array
 from pinsing.families import ClosedForm
 from pinsing.postures.ladder import ladder_of
-from pinsing.postures.regular_way import columns, regular_way
+from pinsing.postures.newton import columns, regular_way
 from pinsing.proximity.watched import Forms
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal

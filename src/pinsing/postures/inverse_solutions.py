@@ -1,18 +1,21 @@
-"""What `pinsing.inverse` answers: the inverse solutions of a pose."""
+"""Inverse solutions of a pose: what `pinsing.inverse` answers, and how it is gathered."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import field
 from typing import ClassVar
 
 import numpy as np
 
 from pinsing._dataclass import dataclass
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.joint_text import typed
+from pinsing.kinematics.verdict import generic_rank, ratios
+from pinsing.postures.newton import POSE, Solver, radii
+from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary
 from pinsing.serialization import JsonResult
 
@@ -39,7 +42,7 @@ class InverseSolution:
         What is left of the pose, radians and metres over the length scale.
     radius : float
         A true solution of the pose, regular and the only one, is proven to be within this distance
-        of q in joint space (`pinsing.postures.kantorovich`); infinite where that is not proven.
+        of q in joint space (`pinsing.postures.newton`); infinite where that is not proven.
     """
 
     q: Array
@@ -161,3 +164,153 @@ class InverseSolutions(JsonResult):
 
     def __str__(self) -> str:
         return self.text()
+
+
+ENOUGH = 5
+"""A solution that was met so often has a share of the starts that is not small."""
+
+_APART = 1e-4
+_MOST = 4096
+_NEAR = 0.1
+_QUICK = 30
+"""Steps from an image: it is near a solution, or of no use."""
+_ROUNDS = 4
+_SINGULAR_LISTED = 32
+_REGULAR = 1e-6
+"""sigma_r / sigma_1 above which a solution is regular: of a singular one half the digits hold."""
+
+
+class FoundSolutions:
+    """Solutions so far, each with how often it was met.
+
+    Parameters
+    ----------
+    solver : Solver
+        Of the pose.
+    arm : Arm
+        The arm.
+    held : (n,) array
+        Values of joints that are held; NaN for those that are free.
+    """
+
+    def __init__(self, solver: Solver, arm: Arm, held: Array) -> None:
+        self.solver, self.arm, self.held = solver, arm, held
+        self.q: list[Array] = []
+        self.left: list[float] = []
+        self.sign: list[float] = []
+        self.hits: list[int] = []
+        self._followed = 0
+
+    def add(self, Q: Array, left: Array) -> None:
+        """Sort reached configurations into those known and new ones.
+
+        Two that are close are one, unless both are regular and their determinants differ in sign:
+        near a singularity solutions come in such pairs.
+        """
+        if not len(Q):
+            return
+        Q = self.arm.space.wrap(Q)
+        for q, e, sign in zip(Q, left, self._signs(Q), strict=True):
+            if self.q:
+                gap = np.abs(self.arm.space.wrap(np.array(self.q) - q)).max(axis=1)
+                gap[np.array(self.sign) * sign < 0] = np.inf
+                k = int(np.argmin(gap))
+                if gap[k] < _APART:
+                    self.hits[k] += 1
+                    if e < self.left[k]:
+                        self.q[k], self.left[k], self.sign[k] = q, float(e), float(sign)
+                    continue
+            if len(self.q) < _MOST:
+                self.q.append(q)
+                self.left.append(float(e))
+                self.sign.append(float(sign))
+                self.hits.append(1)
+
+    def _signs(self, Q: Array) -> Array:
+        """Signs of the determinant, (N,); zero where there is none, or it is noise."""
+        if len(self.solver.task.rows) != len(self.solver.free):
+            return np.zeros(len(Q))
+        return np.where(self._measure(Q) > _REGULAR, self.solver.signs(Q), 0.0)
+
+    def _measure(self, Q: Array) -> Array:
+        """sigma_r / sigma_1 (N,): where joints are held the less of the arm's and the others'."""
+        own = ratios(self.arm, Q)
+        if len(self.solver.free) == self.arm.n or not len(Q):
+            return own
+        sizes = np.linalg.svd(self.solver.linear(Q)[1], compute_uv=False)
+        rank = generic_rank(self.arm)
+        others = sizes[:, rank - 1] / np.maximum(sizes[:, 0], 1e-300)
+        return np.asarray(np.minimum(own, others))
+
+    def follow(self, images: Callable[[Array], Array]) -> None:
+        """Start from images of each solution that is new since the last time, and of theirs."""
+        for _ in range(_ROUNDS):
+            new = np.array(self.q[self._followed :])
+            self._followed = len(self.q)
+            # Singular solutions lie on curves, of which there is no end.
+            new = new[self._measure(new) > _REGULAR] if len(new) else new
+            if not len(new):
+                return
+            start = images(new)
+            gap = self.arm.space.wrap(start[:, None] - np.array(self.q))
+            start = start[np.abs(gap).max(axis=2).min(axis=1) > _NEAR] if len(start) else start
+            if len(start):
+                self.add(*self.solver.solve(start, _QUICK))
+
+    @property
+    def regular(self) -> Bool:
+        """Which of them are regular, (K,)."""
+        if not self.q:
+            return np.zeros(0, dtype=bool)
+        return np.greater(self._measure(np.array(self.q)), _REGULAR)
+
+    @property
+    def lacking(self) -> int:
+        """How many solutions with a positive determinant lack, negative: with a negative one.
+
+        Where all free joints turn and do not end, joint space is compact and poses are not: the
+        map has degree zero, and as many regular solutions have a positive determinant as a
+        negative one. Zero where that says nothing.
+        """
+        rows = self.solver.task.rows
+        square = len(rows) == len(self.solver.free) and (rows == POSE or max(rows) < 3)
+        if not self.q or not square or self.arm.prismatic[self.solver.free].any():
+            return 0
+        if not all(self.sign):
+            return 0
+        return -round(sum(self.sign))
+
+    def settled(self) -> bool:
+        """Whether every regular solution was met several times, and none is known to lack."""
+        if not self.q or self.lacking:
+            return False
+        return bool((np.array(self.hits)[self.regular] >= ENOUGH).all())
+
+    def judged(self) -> tuple[InverseSolution, ...]:
+        """Those within the limits first, best conditioned first; not all singular ones."""
+        if not self.q:
+            return ()
+        arm, held = self.arm, self.held
+        Q = np.where(np.isnan(held), arm.fold(np.array(self.q)), held)
+        measure = self._measure(Q)
+        regular: Bool = np.greater(measure, _REGULAR)
+        outside: Bool = np.asarray(arm.space.outside(Q).any(axis=1))
+        outside |= bool(np.any((held < arm.lower) | (held > arm.upper)))
+        sure = radii(self.solver, Q)
+        out, singular = [], 0
+        for k in np.lexsort((-measure, outside)):
+            singular += not regular[k]
+            if not regular[k] and singular > _SINGULAR_LISTED:
+                continue
+            out.append(
+                InverseSolution(
+                    q=Q[k],
+                    regular=bool(regular[k]),
+                    sigma_ratio=float(measure[k]),
+                    within_limits=not bool(outside[k]),
+                    met=self.hits[k],
+                    error=self.left[k],
+                    radius=float(sure[k]) if regular[k] else math.inf,
+                )
+            )
+        return tuple(out)

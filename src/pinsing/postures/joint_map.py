@@ -12,14 +12,114 @@ import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.errors import ConfigurationError
+from pinsing.algebra.equation import Equation
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.families import Family
+from pinsing.families.parts import Branch
+from pinsing.postures.boxes import Ground, Terms
+from pinsing.postures.divided import Divided, Sectioned
 from pinsing.postures.partition import Arc, Part, Partition, partition
-from pinsing.postures.piece import Clear, Piece
-from pinsing.postures.pieces import make_piece
+from pinsing.postures.pieces import Clear, Piece, Plain, Wheel, hub_of
+from pinsing.postures.subdivision import across, sections, subdivide
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.crossings import crossings_of
 from pinsing.proximity.motion import motion_of
 from pinsing.proximity.watched import Forms, Watched, watch
+
+
+def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, until: float) -> Piece:
+    """Find the components of a box of arcs.
+
+    Parameters
+    ----------
+    part : Part
+        Joints and equations.
+    box : tuple of Arc
+        An arc of each of its joints.
+    scale : (n,) array
+        What counts as one radian, of all joints of the arm.
+    until : float
+        Time by ``time.monotonic`` at which to stop.
+    """
+    if not part.surfaces:
+        return Plain(part, box)
+    if len(part.surfaces) == 1:
+        hub = hub_of(part, box)
+        if hub is not None:
+            return Wheel(part, box, hub)
+    hub = across(part, box)
+    if hub is not None:
+        mine = scale[list(part.joints)]
+        return Sectioned(part, box, hub, sections(part, box, hub, mine, until))
+    ground = Ground(
+        terms=tuple(Terms.of(s.equation, part.joints) for s in part.surfaces),
+        low=np.array([a.low for a in box]),
+        high=np.array([a.high for a in box]),
+        circle=np.array([a.circle for a in box]),
+        scale=scale[list(part.joints)],
+    )
+    return Divided(part, box, subdivide(ground, until))
+
+
+_SAME = 1e-9
+
+
+def require_same_families(asked: Watched, given: Watched) -> None:
+    """Refuse aspects (their families ``given``) that are not those of the forms ``asked`` about.
+
+    Arms may share the names of their joints and all their limits, and differ in lengths: so the
+    families are compared themselves.
+
+    Raises
+    ------
+    OptionError
+        Saying what differs.
+    """
+    if asked is given:
+        return
+    for what in ("joints", "prismatic", "lower", "upper"):
+        if not np.array_equal(getattr(asked, what), getattr(given, what)):
+            raise OptionError(f"the aspects given are of another arm: {_PLURAL[what]} differ")
+    one, other = _separating(asked), _separating(given)
+    if len(one) != len(other) or not all(map(_same, one, other)):
+        raise OptionError("the aspects given are of another arm: what is singular differs")
+
+
+_PLURAL = {
+    "joints": "its joints",
+    "prismatic": "the kinds of its joints",
+    "lower": "its joint limits",
+    "upper": "its joint limits",
+}
+
+
+def _separating(watched: Watched) -> list[Family]:
+    return [f for f in watched.families if f.real and f.codimension == 1]
+
+
+def _same(a: Family, b: Family) -> bool:
+    return len(a.branches) == len(b.branches) and all(map(_alike, a.branches, b.branches))
+
+
+def _alike(a: Branch, b: Branch) -> bool:
+    if len(a.values) != len(b.values) or len(a.equations) != len(b.equations):
+        return False
+    values = all(
+        v.joint == w.joint and abs(v.value - w.value) <= _SAME
+        for v, w in zip(a.values, b.values, strict=True)
+    )
+    return values and all(map(_equal, a.equations, b.equations))
+
+
+def _equal(a: Equation, b: Equation) -> bool:
+    if not (np.array_equal(a.frequencies, b.frequencies) and np.array_equal(a.powers, b.powers)):
+        return False
+    return _near(a.cos, b.cos) and _near(a.sin, b.sin) and _near(a.shift, b.shift)
+
+
+def _near(a: Array, b: Array) -> bool:
+    return bool(np.abs(a - b).max(initial=0.0) <= _SAME * max(1.0, np.abs(a).max(initial=0.0)))
+
 
 _ON = 1e-9
 """Distance, radians, within which a configuration is on a family: files round their limits."""

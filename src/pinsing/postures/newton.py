@@ -1,6 +1,30 @@
-"""Damped Newton steps to a pose, from many starts at once."""
+"""Starts that came near to a pose and did not reach it: what they say about a search.
+
+Damped Newton steps to a pose, from many starts at once.
+
+That a true solution is near a computed one, and only one: by the theorem of Kantorovich (1948).
+
+F(q) is what is left of the pose: the position over the length scale, and half the difference of
+R and its transpose as a vector, R the rotation that is left. F = 0 there means that the pose is
+reached, since R is near the identity. With b at least the norm of the inverse of F', e at least
+the length of the Newton step, and K a bound of all second derivatives: where 2 b K e < 1 there is
+one zero of F within 2 e, and F' is regular there.
+
+Second derivatives: by two turns the position changes by no more than its distance from the outer
+axis, R by no more than one; by a turn and a slide the position by no more than one.
+
+That no configuration on a way is singular: proven from the Jacobian of the arm itself.
+
+The singular values of a matrix change by no more than its norm does (Weyl, 1912). With K a bound
+of the second derivatives (`pinsing.postures.newton`), the Jacobian has rank r within h of a
+configuration where ``sigma_r > K h``. Straight pieces are halved until that holds for each from
+its middle. No closed form is needed, and families of every codimension count.
+"""
 
 from __future__ import annotations
+
+from dataclasses import field
+from itertools import pairwise
 
 import numpy as np
 
@@ -9,10 +33,57 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError
 from pinsing.kinematics.task_rows import picked, turn_left
-from pinsing.postures.stalled import Stalled
+from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
+from pinsing.robot.joint_space import JointSpace
 from pinsing.robot.task import Task
+
+_SMALL = 1e-5
+"""What is left of the pose below which a start all but reached it: radians, or length scales."""
+
+_BESIDE = 0.1
+"""Joint distance within which a start that stalled says nothing more than the solution there."""
+
+_KEPT = 512
+
+
+@dataclass(eq=False)
+class Stalled:
+    """Where starts ended that all but reached a pose.
+
+    Newton's steps stall where the Jacobian is singular, or nearly: there what is left of the pose
+    is small along a whole valley. So a small rest that is not zero means that there may be a
+    solution nearby, and not that the pose is out of reach.
+    """
+
+    space: JointSpace
+    Q: list[Array] = field(default_factory=list)
+    left: list[float] = field(default_factory=list)
+
+    def add(self, Q: Array, left: Array) -> None:
+        """Keep the ends Q (N, n), at each of which ``left`` (N,) of the pose remains."""
+        near = np.flatnonzero(left < _SMALL)
+        for k in near[: _KEPT - len(self.Q)]:
+            self.Q.append(Q[k])
+            self.left.append(float(left[k]))
+
+    def doubt(self, solutions: Array) -> str:
+        """What they say against that solutions (K, n) are all there are; empty if nothing."""
+        if not self.Q:
+            return ""
+        Q, left = np.array(self.Q), np.array(self.left)
+        for q in solutions:
+            away = np.abs(self.space.wrap(Q - q)).max(axis=1) > _BESIDE
+            Q, left = Q[away], left[away]
+        if not len(Q):
+            return ""
+        count = f"{len(Q)} start{'s' * (len(Q) != 1)}"
+        return (
+            f"{count} came within {left.min():.1g} of the pose and stalled, as happens next to "
+            "singular configurations: there may be a solution there"
+        )
+
 
 _ITERATIONS = 60
 _STEP = 0.7
@@ -156,3 +227,135 @@ def _damped(J: Array, e: Array, damping: Array) -> Array:
         along *= s / np.maximum(s * s + damping[rest][:, None], _TINY)
         step[rest] = (v.transpose(0, 2, 1) @ along[..., None])[..., 0]
     return step
+
+
+_ROUNDING = 1e-13
+"""Of F and F', relative to the size of the chain over the length scale; with room."""
+
+POSE = (0, 1, 2, 3, 4, 5)
+POSITION = (0, 1, 2)
+
+
+def radii(solver: Solver, Q: Array) -> Array:
+    """Distance (K,) within which a true solution is, in joint space; infinite where not proven.
+
+    Parameters
+    ----------
+    solver : Solver
+        Of the pose.
+    Q : (K, n) array
+        Computed solutions.
+    """
+    rows = solver.task.rows
+    out = np.full(len(Q), np.inf)
+    if not len(Q) or rows not in (POSE, POSITION) or len(rows) != len(solver.free):
+        return out
+    error, J = solver.linear(Q)
+    reach = _reach(solver, Q)
+    rounding = _ROUNDING * (1 + reach.max(axis=1) / solver.scale)
+    left = np.linalg.norm(error, axis=1) + rounding
+    least = np.linalg.svd(J, compute_uv=False)[:, -1] - 4 * left
+    bend = _bend(solver, reach)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        inverse = 1 / least
+        step = inverse * left
+        good = (least > 0) & (2 * inverse * bend * step < 0.5)
+    # The weight of a slide is at most what makes its length one radian: in joint space, over it.
+    out[good] = (2 * step / min(1.0, float(solver.weight.min())))[good]
+    return out
+
+
+def bend(solver: Solver, Q: Array) -> Array:
+    """Bound (K,) of the second derivatives of the pose by weighted joints.
+
+    It holds near Q (K, n), and wherever joints turn; slides by less than 0.1 m more.
+    """
+    return _bend(solver, _reach(solver, Q))
+
+
+def _reach(solver: Solver, Q: Array) -> Array:
+    """How far the tip can be from each joint, (K, n)."""
+    step = np.linalg.norm(solver.chain.t, axis=1)[1:]
+    slide = np.where(solver.chain.prismatic, np.abs(Q) + 0.1, 0.0)
+    return np.asarray(np.cumsum((step + slide)[:, ::-1], axis=1)[:, ::-1])
+
+
+def _bend(solver: Solver, reach: Array) -> Array:
+    """Bound (K,) of the second derivative of F by weighted joints."""
+    turns = ~np.asarray(solver.chain.prismatic)[solver.free]
+    far = reach[:, solver.free] / solver.scale
+    n = len(solver.free)
+    outer = np.maximum.outer(np.arange(n), np.arange(n))
+    both = turns[:, None] & turns[None, :]
+    one = turns[:, None] ^ turns[None, :]
+    spin = 1.0 if max(solver.task.rows) >= len(POSITION) else 0.0
+    if solver.task.at_tip:
+        # In the tip's axes a column v_i changes by w_i x v_j - w_j x v_i, with joint j behind it.
+        lever = far[:, :, None] + far[:, None, :]
+    else:
+        lever = far[:, outer]
+    size = np.where(both, np.hypot(lever, spin), np.where(one, 1 / solver.scale, 0.0))
+    if solver.task.at_tip and not all(solver.task.at_tip):
+        size *= np.sqrt(2.0)  # some rows of each
+    weight = np.outer(solver.weight, solver.weight)
+    return np.asarray(np.linalg.norm(size / weight, axis=(1, 2)))
+
+
+_ROUNDING_OF_RANK = 1e-12
+_MOST = 200_000
+_SHORT = 1e-8
+"""Half a piece, radians: where that is not short enough a configuration is as good as singular."""
+_ALIKE = 1e-6
+
+
+def regular_way(arm: Arm, path: Array, most: int = _MOST) -> bool:
+    """Whether a polyline is proven to have the generic rank throughout.
+
+    Parameters
+    ----------
+    arm : Arm
+        A serial arm whose joints are independent.
+    path : (K, n) array
+        Waypoints, joined by straight lines in joint space.
+    most : int
+        Pieces after which it is given up.
+    """
+    solver, rank = _solver(arm), generic_rank(arm)
+    steep = float(bend(solver, path).max())
+    ends = np.array(list(pairwise(path)))
+    done = 0
+    while len(ends):
+        done += len(ends)
+        a, b = ends[:, 0], ends[:, 1]
+        middle = (a + b) / 2
+        half = np.linalg.norm((b - a) * solver.weight, axis=1) / 2
+        sizes = np.linalg.svd(solver.linear(middle)[1], compute_uv=False)
+        open_ = sizes[:, rank - 1] - _ROUNDING_OF_RANK * sizes[:, 0] <= steep * half
+        if done > most or (half[open_] < _SHORT).any():
+            return False
+        a, b, middle = a[open_], b[open_], middle[open_]
+        ends = np.concatenate([np.stack([a, middle], 1), np.stack([middle, b], 1)])
+    return True
+
+
+def one_sheet(arm: Arm, a: Array, b: Array) -> bool:
+    """Whether the tip can leave a pose in the same directions from two configurations.
+
+    An arm with fewer joints than a pose has conditions reaches a surface of poses. Where two
+    sheets of it cross, two configurations have one pose by chance: poses near by have only one.
+    """
+    J = columns(arm, np.stack([a, b]))
+    if J.shape[1] <= generic_rank(arm):
+        return True
+    u, v = (np.linalg.svd(A)[0][:, : generic_rank(arm)] for A in J)
+    return bool(np.abs(v - u @ (u.T @ v)).max() < _ALIKE)
+
+
+def columns(arm: Arm, Q: Array) -> Array:
+    """Task Jacobians (N, m, n) of a serial arm whose joints are independent; joints weighted."""
+    return _solver(arm).linear(Q)[1]
+
+
+def _solver(arm: Arm) -> Solver:
+    nothing = np.full(arm.n, np.nan)
+    return Solver.of(arm, np.zeros(3), None, nothing, np.arange(arm.n))

@@ -1,8 +1,10 @@
-"""Components of a box less the zeros of equations, counted from both sides with proof.
+"""Boxes halved where they must be, until two counts of components agree.
+
+Components of a box less the zeros of equations, counted from both sides with proof.
 
 A box is *certain* where every equation keeps its sign on it. An uncertain one is *regular* where
 for every combination of signs the product of all |f| has no largest value on it
-(`pinsing.postures.growth`). The product has its largest value in
+(`pinsing.postures.boxes`). The product has its largest value in
 a component somewhere; not in a regular box, so in a certain one: every component has a certain
 box, and there are no more components than connected sets of certain boxes. There are no fewer
 than connected sets of boxes in which a combination of signs is possible. Where both numbers
@@ -10,19 +12,98 @@ agree, they are the number.
 
 On a joint that turns endlessly the ends of the box are the same; an equation of half angles
 changes its sign there.
+
+Components of a box less the zeros of R cos(q - phi), by sections across one joint, its hub.
+
+The hub q is in every term of the equation exactly once, so for given other joints x its zeros are
+half a turn apart. Put sections q = c_0, ..., c_m across its range, the first and the last at its
+ends, less than half a turn from each other. Between two neighbouring ones f has at most one zero
+over x. So a point with f > 0 is joined, over its own x, with one of the two sections; and two
+sections where f > 0 at x are joined there. The components of f > 0 are therefore those of the sets
+{x: f(x, c_i) > 0}, glued where neighbours have an x in common: one joint fewer, and none of the
+tangencies that limits of the hub would make. The sets themselves are looked at by boxes as in
+`pinsing.postures.subdivision`, from both sides; nothing rests on the equation being irreducible.
 """
 
 from __future__ import annotations
 
+import functools
+import math
+import time
+from collections.abc import Callable
 from functools import partial
+from typing import Protocol, TypeVar
 
 import numpy as np
 
 from pinsing._dataclass import dataclass
-from pinsing._types import Bool, Ints
-from pinsing.postures.boxes import Ground, Leaves
-from pinsing.postures.growth import is_regular
-from pinsing.postures.halving import MOST, halved
+from pinsing._types import Array, Bool, Ints
+from pinsing.postures.boxes import Ground, Leaves, Terms, growing, is_regular
+from pinsing.postures.partition import Arc, Part
+
+DEEPEST = 14
+"""How often boxes are halved at most."""
+MOST = 400_000
+"""Boxes at which to stop."""
+_AT_ONCE = 4_096
+"""Boxes that are halved between two looks at the clock."""
+
+
+class Counted(Protocol):
+    """Components that were counted from both sides."""
+
+    @property
+    def proven(self) -> bool:
+        """Whether both numbers agree."""
+
+
+F = TypeVar("F", bound=Counted)
+Classify = Callable[[Ground, Ints, Ints], Leaves]
+"""Signs on boxes of levels (N,) and indices (N, d), and which are certain or regular."""
+Count = Callable[[Leaves], tuple[F, Bool]]
+"""Both numbers, and which boxes (N,) should be halved where they differ."""
+
+
+def halved(
+    ground: Ground, classify: Classify, count: Count[F], until: float, most: int = MOST
+) -> F:
+    """Halve what is neither certain nor regular, count, and halve what keeps the counts apart.
+
+    Parameters
+    ----------
+    ground : Ground
+        Box and equations.
+    classify, count
+        What is known of boxes, and what follows for components.
+    until : float
+        Time by ``time.monotonic`` at which to stop.
+    most : int
+        Boxes at which to stop.
+    """
+
+    def full() -> bool:
+        return time.monotonic() > until or len(leaves.level) > most
+
+    def split(which: Bool) -> Leaves:
+        left, more = which.copy(), list[Leaves]()
+        while left.any() and not (more and full()):  # what there is no time for stays whole
+            some = left & (np.cumsum(left) <= _AT_ONCE)
+            more.append(classify(ground, *leaves.halves(some)))
+            left &= ~some
+        return functools.reduce(Leaves.with_more, more, leaves.take(left | ~which))
+
+    grid = np.stack(
+        np.meshgrid(*(np.arange(k) for k in ground.first), indexing="ij"), axis=-1
+    ).reshape(-1, ground.d)
+    leaves = classify(ground, np.zeros(len(grid), dtype=np.int64), grid)
+    while True:
+        while (bad := ~leaves.regular & (leaves.level < DEEPEST)).any() and not full():
+            leaves = split(bad)
+        found, torn = count(leaves)
+        again = torn & (leaves.level < DEEPEST)
+        if found.proven or full() or not again.any():
+            return found
+        leaves = split(again)
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,3 +265,193 @@ def connected(n: int, a: Ints, b: Ints) -> Ints:
                 break
             head = jumped
     return head
+
+
+_APART = 2.4
+_OFF = 0.2
+"""Sections are at most 2.8 rad apart, less than half a turn, and not at round angles."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """What sections across a hub have found.
+
+    Attributes
+    ----------
+    ground : Ground
+        The other joints; one equation for each section.
+    cuts : (m,) array
+        Values of the hub, ascending: its ends first and last.
+    leaves : Leaves
+        Boxes of the other joints; signs of every section.
+    label : (N, m) array of int
+        Component of each box on each section where the sign is certain, from 0; else -1.
+    lower : int
+        No fewer components than this.
+    upper : int
+        No more: the number of labels; only where ``closed``.
+    closed : bool
+        Whether every box is certain or regular on every section.
+    edges : (2, E) array of int
+        Pairs of boxes that share a face.
+    """
+
+    ground: Ground
+    cuts: Array
+    leaves: Leaves
+    label: Ints
+    lower: int
+    upper: int
+    closed: bool
+    edges: Ints
+
+    @property
+    def proven(self) -> bool:
+        """Whether both numbers agree."""
+        return self.closed and self.lower == self.upper
+
+
+def across(part: Part, box: tuple[Arc, ...]) -> int | None:
+    """Place in the part of a joint that ends, and is in every term exactly once; or None.
+
+    Of several the one with the smallest range. None where an equation changes its sign once round
+    another joint.
+    """
+    if len(part.surfaces) != 1 or len(part.joints) < 2:
+        return None
+    equation = part.surfaces[0].equation
+    wide = {}
+    for place, j in enumerate(part.joints):
+        often = np.abs(equation.frequencies[:, j])
+        if box[place].circle and (often % 2 != 0).any():
+            return None
+        finite = math.isfinite(box[place].low) and math.isfinite(box[place].high)
+        if (
+            not box[place].circle
+            and finite
+            and (often == 2).all()
+            and not equation.powers[:, j].any()
+        ):
+            wide[place] = box[place].high - box[place].low
+    return min(wide, key=lambda place: wide[place]) if wide else None
+
+
+def cuts_of(arc: Arc) -> Array:
+    """Values of the sections across the range of the hub."""
+    count = math.floor((arc.high - arc.low) / _APART) + 1
+    share = np.linspace(arc.low, arc.high, count + 1)
+    share[1:-1] += _OFF * np.sin(2.4 * np.arange(1, count))
+    return share
+
+
+def section(terms: Terms, hub: int, cut: float) -> Terms:
+    """An equation at one value of the hub, in the other joints; like terms are put together."""
+    rate = np.delete(terms.rate, hub, axis=1)
+    power = np.delete(terms.power, hub, axis=1)
+    phase = terms.phase + terms.rate[:, hub] * cut
+    if terms.power.any():
+        return Terms(
+            np.ascontiguousarray(rate), np.ascontiguousarray(power), terms.size, phase, terms.slack
+        )
+    first = np.array([row[np.flatnonzero(row)[0]] if row.any() else 1.0 for row in rate])
+    turn = np.where(first < 0, -1.0, 1.0)
+    rows, which = np.unique(
+        np.round(rate * turn[:, None] * 2).astype(np.int64), axis=0, return_inverse=True
+    )
+    wave = np.zeros(len(rows), dtype=complex)
+    np.add.at(wave, which.ravel(), terms.size * np.exp(1j * turn * phase))
+    size = np.abs(wave)
+    # Rounding is a share of all terms before they were put together.
+    slack = terms.slack * float(terms.size.sum()) / max(float(size.sum()), 1e-300)
+    return Terms(rows / 2.0, np.zeros(rows.shape, dtype=power.dtype), size, np.angle(wave), slack)
+
+
+def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, until: float) -> Sections:
+    """Count components, until both numbers agree or the time is over.
+
+    Parameters
+    ----------
+    part : Part
+        Joints, and one equation.
+    box : tuple of Arc
+        An arc of each joint.
+    hub : int
+        Place of the hub, by `across`.
+    scale : (d,) array
+        What counts as one radian, of the joints of the part.
+    until : float
+        Time by ``time.monotonic`` at which to stop.
+    """
+    cuts = cuts_of(box[hub])
+    full = Terms.of(part.surfaces[0].equation, part.joints)
+    others = [a for k, a in enumerate(box) if k != hub]
+    ground = Ground(
+        terms=tuple(section(full, hub, float(c)) for c in cuts),
+        low=np.array([a.low for a in others]),
+        high=np.array([a.high for a in others]),
+        circle=np.array([a.circle for a in others]),
+        scale=np.delete(scale, hub),
+    )
+    return halved(ground, _classified_sections, partial(_count_sections, ground, cuts), until)
+
+
+def _classified_sections(ground: Ground, level: Ints, index: Ints) -> Leaves:
+    """Signs of every section on boxes, and whether each is certain or regular."""
+    x, h = ground.boxes(level, index)
+    side = ground.sides(level, index)
+    sign = np.empty((len(level), len(ground.terms)), dtype=np.int64)
+    regular = np.ones(len(level), dtype=bool)
+    for i, terms in enumerate(ground.terms):
+        known = terms.on(x, h)
+        sign[:, i] = np.where(np.abs(known.value) > known.swing, np.sign(known.value), 0)
+        rows = np.flatnonzero(sign[:, i] == 0)
+        regular[rows] &= growing(
+            terms, ground.scale, known.take(rows), x[rows], h[rows], side[rows]
+        )
+    return Leaves(level, index, sign, regular)
+
+
+def _count_sections(ground: Ground, cuts: Array, leaves: Leaves) -> tuple[Sections, Bool]:
+    """Both numbers, and which boxes should be halved where they differ."""
+    N, m = leaves.sign.shape
+    a, b, _ = boxes_that_touch(ground, leaves)
+    sign = leaves.sign
+    # Every box on each section; then the same for each sign that is possible there.
+    inner, outer = [], []
+    place = np.arange(N)
+    for i in range(m):
+        same = (sign[a, i] != 0) & (sign[a, i] == sign[b, i])
+        inner.append(np.stack([a[same], b[same]]) + i * N)
+        for k, s in enumerate((1, -1)):
+            possible = sign[:, i] != -s
+            both = possible[a] & possible[b]
+            outer.append(np.stack([a[both], b[both]]) + (2 * i + k) * N)
+            if i + 1 < m:
+                up = place[possible & (sign[:, i + 1] != -s)]
+                outer.append(np.stack([up + (2 * i + k) * N, up + (2 * i + 2 + k) * N]))
+        if i + 1 < m:
+            up = place[(sign[:, i] != 0) & (sign[:, i] == sign[:, i + 1])]
+            inner.append(np.stack([up + i * N, up + (i + 1) * N]))
+    certain = (sign != 0).T.ravel()
+    label = np.where(certain, connected(N * m, *np.concatenate(inner, axis=1)), -1)
+    names, place_of = np.unique(label[certain], return_inverse=True)
+    label[certain] = place_of
+    wide = connected(2 * N * m, *np.concatenate(outer, axis=1)).reshape(m, 2, N)
+    mine = np.where((sign.T > 0), wide[:, 0], wide[:, 1]).ravel()[certain]
+    lower = len(np.unique(mine))
+    found = Sections(
+        ground=ground,
+        cuts=cuts,
+        leaves=leaves,
+        label=label.reshape(m, N).T.copy(),
+        lower=lower,
+        upper=len(names),
+        closed=bool(leaves.regular.all()),
+        edges=np.stack([a, b]),
+    )
+    pairs = np.unique(np.stack([mine, label[certain]]), axis=1)
+    torn_ids, times = np.unique(pairs[0], return_counts=True)
+    torn = np.isin(wide, torn_ids[times > 1])
+    open_ = sign.T == 0
+    again = (open_ & torn.any(axis=1)).any(axis=0)
+    return found, again

@@ -1,4 +1,6 @@
-"""Where three joints bring a point: in how many ways, and what tells these apart.
+"""One step of an inverse solution that has two answers, told apart by a sign.
+
+Where three joints bring a point: in how many ways, and what tells these apart.
 
 The point is ``p = t + R Rz(q2) v(q3)`` before the first axis turns it. Its height Z along that
 axis and its squared distance S from a point of the axis do not change with q1 (Pieper, 1968):
@@ -28,8 +30,30 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.postures.exact_chain import ExactChain, Vector, added, apply, transposed_apply
 from pinsing.postures.root_bound import Deflated, one_root_left
-from pinsing.postures.stage import SolutionStage
 from pinsing.robot.surd import Exact
+
+
+@dataclass(frozen=True, eq=False)
+class SolutionStage:
+    """A step in which at most two values are left, of opposite signs of ``value``.
+
+    Attributes
+    ----------
+    name : str
+        "shoulder", "elbow" or "wrist" where the field has a word for it; else of its joint.
+    joint : int
+        The joint that it finds.
+    value : callable
+        Of configurations (N, n): (N,). Not zero where the arm is not singular.
+    reason : str
+        Why there are at most two.
+    """
+
+    name: str
+    joint: int
+    value: Callable[[Array], Array]
+    reason: str
+
 
 Pair = tuple[Exact, Exact]
 _ZERO = Fraction(0)

@@ -18,7 +18,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.postures.joint_map import Map
 from pinsing.postures.partition import Part
-from pinsing.postures.piece import Piece
+from pinsing.postures.pieces import Piece
 
 _TRIED = 8
 """Copies to which a way is looked for, at most."""

@@ -18,9 +18,8 @@ from pinsing.kinematics.pose import read_pose
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.line_tracking import Line, Tracked, landing, span, track
-from pinsing.proximity.passage import Approach, Passage
+from pinsing.proximity.passage import Approach, NearStretch, Passage
 from pinsing.proximity.speeds import limits_of
-from pinsing.proximity.stretches import NearStretch
 from pinsing.proximity.trajectory import NEAR
 from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, watch
 from pinsing.robot.arm import Arm

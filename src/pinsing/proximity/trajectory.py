@@ -17,9 +17,8 @@ from pinsing.families.solve import form_to_measure
 from pinsing.notebook import one_line
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.motion import check_reach, check_times
-from pinsing.proximity.passage import Approach, Passage
+from pinsing.proximity.passage import Approach, NearStretch, Passage
 from pinsing.proximity.speeds import Excess, Speeds
-from pinsing.proximity.stretches import NearStretch
 from pinsing.proximity.watched import Forms, metric_note, watch
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
