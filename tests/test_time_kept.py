@@ -165,6 +165,18 @@ def test_parts_of_a_budget_count_together_and_take_shares_of_work() -> None:
     assert whole.at_most(3.0).left == pytest.approx(3.0)
 
 
+def test_least_shares_of_parts_do_not_add_up_on_the_clock(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    monkeypatch.setattr("pinsing.algebra.budget.time.monotonic", lambda: now[0])
+    whole = Budget(10.0)
+    now[0] = 13.0
+    assert whole.over
+    assert not whole.part(0.0, least=0.5).over
+    now[0] = 14.1  # a slow machine: each part would have its least share once more
+    assert whole.part(0.0, least=0.5).over
+    assert whole.part(0.0, least=0.5).part(1.0, least=1.0).over
+
+
 def test_what_a_child_did_is_counted() -> None:
     budget = Budget(100.0)
 

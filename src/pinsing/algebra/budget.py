@@ -16,6 +16,8 @@ _QUESTION = 6_000.0
 """Work that a question stands for besides: what lies between two of them takes some 0.4 ms."""
 _CLOCK = 1.25
 """Seconds on the clock for a second of work."""
+_END = 1.4
+"""The same for all parts together, those included that have a least share of the whole."""
 _LARGEST_TO_FACTOR = 30_000
 _LONG = 0.5
 """Seconds after which, or for a step of which, a computation counts as long."""
@@ -56,6 +58,7 @@ class Budget:
         self.seconds, self._long_to_factor = seconds if work is None else work, long_to_factor
         self._began = time.monotonic()
         self._deadline = self._began + (_CLOCK * seconds if work is None else seconds)
+        self._end = self._began + (_END * seconds if work is None else seconds)
         self._meter = _Meter()
         self._most = PER_SECOND * self.seconds
 
@@ -102,7 +105,7 @@ class Budget:
         )
         found._meter, found._most = self._meter, self._meter.done + PER_SECOND * found.seconds
         clock = max(share * self.on_clock, _CLOCK * least * self.seconds)
-        found._deadline = found._began + clock
+        found._end, found._deadline = self._end, min(found._began + clock, self._end)
         return found
 
     def at_most(self, seconds: float) -> Budget:
