@@ -15,11 +15,10 @@ import pinsing
 from pinsing.description import collada as references
 from pinsing.view import collada as collada_reader
 from pinsing.view import meshes
-from pinsing.view.collada import NotPlainError, read_collada
+from pinsing.view.collada import NotPlainError, Painted, as_object, read_collada
+from pinsing.view.drawing import Recorder
 from pinsing.view.links import draw_links, read_links
 from pinsing.view.meshes import Mesh, read_meshes
-from pinsing.view.painted import Painted, as_object
-from pinsing.view.record import Recorder
 
 HEAD = '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
 PAINT = """

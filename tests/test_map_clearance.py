@@ -17,7 +17,7 @@ from pinsing.errors import ConfigurationError, OptionError, OutputError, Unknown
 from pinsing.robot.load import load
 from pinsing.sampling import MapResult, sigma_map
 from pinsing.sampling.map_plan import BLOCK
-from pinsing.view.way import FRAMES, thinned
+from pinsing.view.viewer import FRAMES, thinned
 
 
 def test_a_map_of_the_clearance_is_that_of_each_configuration() -> None:

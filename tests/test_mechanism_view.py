@@ -19,11 +19,11 @@ from test_view import converse, get
 from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
 from pinsing.loops import home, mechanism_at
+from pinsing.view.drawing import Recorder
 from pinsing.view.links import read_links
 from pinsing.view.mechanism import MechanismViewer
 from pinsing.view.mechanism.groups import groups
 from pinsing.view.mechanism.linkage import Linkage, linkage_sizes, plane_normal, side
-from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import SIDE
 

@@ -312,7 +312,7 @@ def test_meshes_read_once_are_read_from_the_disk(
 def test_a_cache_that_others_may_write_is_not_used(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from pinsing.view.mesh_cache import cache_folder
+    from pinsing.view.meshes import cache_folder
 
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path))
     folder = cache_folder()
@@ -327,7 +327,7 @@ def test_a_cache_that_others_may_write_is_not_used(
 
 
 def test_a_texture_is_an_image_from_beside_the_mesh(tmp_path: Path) -> None:
-    from pinsing.view.shapes import _textures
+    from pinsing.view.links import _textures
 
     inside = tmp_path / "robot" / "meshes"
     inside.mkdir(parents=True)

@@ -19,11 +19,9 @@ from pinsing.configuration.refine import refine
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.kinematics.verdict import ratios, status_of
 from pinsing.robot.arm import Arm
-from pinsing.view.ellipsoids import sizes
 from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import Entry, family_entries
-from pinsing.view.frame import make_frame
-from pinsing.view.nearest_family import nearest_family
+from pinsing.view.frame import make_frame, nearest_family, sizes
 from pinsing.view.page import engine_script
 
 Floats = NDArray[np.float64]

@@ -22,7 +22,7 @@ from pinsing.cli.report import report_command
 from pinsing.errors import ConfigurationError, OptionError, OutputError
 from pinsing.proof.checker import verify
 from pinsing.report.arm_report import arm_report
-from pinsing.report.markup import data_block, table
+from pinsing.report.document import data_block, table
 from pinsing.report.write import write_report
 
 URDF = Path(__file__).parent.parent / "urdf"

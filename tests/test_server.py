@@ -20,10 +20,9 @@ from typing import Any
 
 import pytest
 
-from pinsing.view.door import Listener
 from pinsing.view.messages import LONGEST, BadMessage, read_message
 from pinsing.view.page import asset, meshcat_script, static_html
-from pinsing.view.server import _FAREWELL, Server
+from pinsing.view.server import _FAREWELL, Listener, Server
 
 SECONDS = 120
 """What does not end within these, even on a busy machine, never does."""
@@ -312,7 +311,7 @@ def test_what_is_no_request_leaves_no_line_in_the_log(
 
 
 def test_links_without_number_are_dropped(monkeypatch: Any, caplog: Any) -> None:
-    monkeypatch.setattr("pinsing.view.door._MOST_LINKS", 5)
+    monkeypatch.setattr("pinsing.view.server._MOST_LINKS", 5)
     server = Server(Stage(), b"scene")
     held = []
     for _ in range(8):
@@ -342,7 +341,7 @@ HALF = {
 
 @pytest.mark.parametrize("kind", HALF)
 def test_half_open_links_lock_nobody_out_and_are_dropped(monkeypatch: Any, kind: str) -> None:
-    monkeypatch.setattr("pinsing.view.door._MOST_LINKS", 40)
+    monkeypatch.setattr("pinsing.view.server._MOST_LINKS", 40)
     monkeypatch.setattr("pinsing.view.server._REQUEST_SECONDS", 1.5)
     server = Server(Stage(), b"scene")
     tab = Tab(server)

@@ -14,7 +14,7 @@ from singular_sets import Joint, arm_of, build, closed
 import pinsing
 from pinsing.cli.app import command
 from pinsing.errors import ConfigurationError, OptionError, PinsingError
-from pinsing.report.home_pose import singular_poses
+from pinsing.report.info import singular_poses
 from pinsing.robot.arm import Arm
 
 
@@ -278,7 +278,7 @@ class TestInfo:
         assert found[1].families == ("F1",)
 
     def test_where_families_take_long_the_command_is_named(self, monkeypatch) -> None:
-        from pinsing.report import home_pose
+        from pinsing.report import info as home_pose
 
         monkeypatch.setattr(home_pose, "_SECONDS", 1e-3)
         (pose,) = singular_poses(pinsing.load("surgical7"))

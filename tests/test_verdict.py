@@ -22,8 +22,8 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling import plan_map, sigma_map
 from pinsing.sampling.findings import singular_configurations
-from pinsing.view.ellipsoids import sizes as sizes_of
 from pinsing.view.frame import make_frame
+from pinsing.view.frame import sizes as sizes_of
 
 TASKS = ("pose", "position", "orientation", "vx", "vx,wz", "vz,wx")
 SCALES = (1e-10, 1.0, 3e8)

@@ -45,21 +45,20 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import analyze
 from pinsing.view import Viewer
-from pinsing.view.ellipsoids import (
+from pinsing.view.drawing import Recorder
+from pinsing.view.entries import Entry, FixedJoints, family_entries, finding_entries, pose_entries
+from pinsing.view.frame import (
     FLOOR,
     LEAST,
     drawn_radii,
     flat_direction,
+    make_frame,
+    nearest_family,
     pure_ellipsoids,
     sizes,
 )
-from pinsing.view.entries import Entry, family_entries, pose_entries
-from pinsing.view.findings import FixedJoints, finding_entries
-from pinsing.view.frame import make_frame
 from pinsing.view.links import base_placement, read_links
-from pinsing.view.nearest_family import nearest_family
 from pinsing.view.overlay import full_configuration
-from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.server import is_loopback
 

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.kinematics.verdict import SINGULAR_RTOL
+from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.plot.style import (
     COLORS,
     DASHES,
@@ -27,7 +27,6 @@ from pinsing.plot.style import (
     unit,
     value_label,
 )
-from pinsing.plot.zeros import curve_zeros
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary
 from pinsing.sampling.finding import Finding
@@ -244,3 +243,36 @@ def _on_curve(condition: JointCondition, curve: SweepCurve, moving: str, arm: Ar
         if abs(off) > 1e-9:
             return False
     return True
+
+
+_LOW = 0.3
+"""sigma_r / sigma_1 above which a dip is not looked at."""
+_ROUNDS = 15
+_FINE = 17
+
+
+def curve_zeros(arm: Arm, q: Array, moving: int, x: Array, ratio: Array) -> Array:
+    """Values of joint ``moving`` at which the arm is singular, the others at q (n,).
+
+    Each dip of the samples ``ratio`` (N,) over ``x`` (N,) is closed in upon, since sigma_r falls
+    to a zero like the absolute value of what it is the distance to: samples step over it.
+    """
+    padded = np.concatenate([[np.inf], ratio, [np.inf]])
+    dips = np.flatnonzero((ratio <= padded[:-2]) & (ratio <= padded[2:]) & (ratio < _LOW))
+    if not len(dips):
+        return np.zeros(0)
+    low, high = x[np.maximum(dips - 1, 0)], x[np.minimum(dips + 1, len(x) - 1)]
+    part = np.linspace(0.0, 1.0, _FINE)
+    for _ in range(_ROUNDS):
+        grid = low[:, None] + (high - low)[:, None] * part
+        Q = np.tile(q, (*grid.shape, 1))
+        Q[..., moving] = grid
+        found = ratios(arm, Q.reshape(-1, arm.n)).reshape(grid.shape)
+        best = found.argmin(axis=1)
+        rows = np.arange(len(dips))
+        low, high = (
+            grid[rows, np.maximum(best - 1, 0)],
+            grid[rows, np.minimum(best + 1, _FINE - 1)],
+        )
+    values, least = grid[rows, best], found[rows, best]
+    return np.asarray(values[least <= SINGULAR_RTOL])

@@ -13,8 +13,7 @@ from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import Family
-from pinsing.plot.family_curve import draw_family, fills_plane
-from pinsing.plot.plane import family_label, held_title
+from pinsing.plot.plane import draw_family, family_label, fills_plane, held_title
 from pinsing.plot.style import (
     COLORS,
     DASHES,

@@ -14,7 +14,7 @@ from pinsing.families.describe import missing_everywhere
 from pinsing.joint_text import typed
 from pinsing.measures import Reachability
 from pinsing.report.content import Content, Special
-from pinsing.report.markup import (
+from pinsing.report.document import (
     badge,
     bullets,
     figure,
@@ -25,7 +25,7 @@ from pinsing.report.markup import (
     terms,
     text,
 )
-from pinsing.report.markup import math as formula
+from pinsing.report.document import math as formula
 from pinsing.report.pictures import map_picture, map_planes, pose_picture
 from pinsing.robot.arm import Arm
 

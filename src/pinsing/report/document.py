@@ -5,12 +5,205 @@ from __future__ import annotations
 import base64
 import hashlib
 import html
+import json
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
-from pinsing.report.markup import data_block, text
-from pinsing.report.style import STYLE
+from pinsing.mathml import mathml
+from pinsing.prose import visible
+from pinsing.report.content import Made
+
+STYLE = """
+:root { color-scheme: light; --ink: #1b2430; --soft: #4a5563; --line: #d5dae1; --ground: #f5f7f9;
+  --link: #0b5394; }
+* { box-sizing: border-box; }
+html { font: 16px/1.5 system-ui, "Segoe UI", "Helvetica Neue", Arial, sans-serif; color: var(--ink);
+  background: #fff; -webkit-text-size-adjust: 100%; }
+body { margin: 0 auto; max-width: 62rem; padding: 1.5rem 1.2rem 4rem; overflow-wrap: anywhere; }
+h1 { font-size: 1.9rem; line-height: 1.2; margin: 0 0 .3rem; }
+h2 { font-size: 1.35rem; margin: 2.6rem 0 .6rem; padding-bottom: .2rem;
+  border-bottom: 2px solid var(--line); }
+h3 { font-size: 1.1rem; margin: 1.6rem 0 .4rem; }
+p { margin: .5rem 0; }
+.sub { color: var(--soft); margin-top: 0; }
+.lead { font-size: 1.08rem; }
+a { color: var(--link); }
+a:focus-visible, .wide:focus-visible, summary:focus-visible { outline: 3px solid #0b5394;
+  outline-offset: 2px; }
+.skip { position: absolute; left: -100rem; }
+.skip:focus { left: 1rem; background: #fff; padding: .5rem; }
+nav { background: var(--ground); border: 1px solid var(--line); border-radius: .4rem;
+  padding: .6rem 1rem; margin: 1.2rem 0; }
+nav ol { columns: 2; margin: .2rem 0; padding-left: 1.3rem; }
+code { font: .93em ui-monospace, "DejaVu Sans Mono", Consolas, monospace; }
+pre { background: var(--ground); border: 1px solid var(--line); border-radius: .3rem;
+  padding: .5rem .7rem; margin: .5rem 0; white-space: pre-wrap; font-size: .9rem; }
+.equation { background: var(--ground); border-left: 4px solid #7a8796; padding: .6rem .9rem;
+  margin: .6rem 0; font-size: 1.15rem; }
+.equation .math { display: block; overflow-x: auto; overflow-y: hidden; }
+.equation .math math { margin: .1rem 0; }
+.equation p { margin: .25rem 0; }
+.wide { overflow-x: auto; margin: .8rem 0; }
+table { border-collapse: collapse; width: 100%; font-size: .95rem; }
+caption { text-align: left; color: var(--soft); padding-bottom: .25rem; }
+th, td { text-align: left; vertical-align: top; padding: .3rem .7rem .3rem 0;
+  border-bottom: 1px solid var(--line); overflow-wrap: normal; }
+thead th { color: var(--soft); font-weight: 600; }
+tbody th { font-weight: 600; }
+.n { text-align: right; font-variant-numeric: tabular-nums; }
+.badge { border-radius: .3rem; padding: .05rem .45rem; color: #fff; background: #4a5563;
+  white-space: nowrap; }
+.badge.alarm { background: #b00020; }
+.badge.caution { background: #8a5a00; }
+.badge.good { background: #1b6e3c; }
+figure { margin: 1rem 0; }
+figure img { max-width: 100%; height: auto; display: block; }
+figure.map { max-width: 34rem; }
+.maps { display: grid; grid-template-columns: 1fr 1fr; gap: 0 1.2rem; }
+figcaption { color: var(--soft); font-size: .92rem; }
+dl { margin: .6rem 0; }
+dl > div { display: grid; grid-template-columns: 11rem 1fr; gap: .8rem; padding: .2rem 0;
+  border-bottom: 1px solid var(--line); }
+dt { color: var(--soft); }
+dd { margin: 0; }
+ul { padding-left: 1.3rem; }
+li { margin: .2rem 0; }
+iframe { width: 100%; height: 46rem; border: 1px solid var(--line); border-radius: .3rem; }
+.paper { display: none; }
+summary { cursor: pointer; font-weight: 600; padding: .4rem 0; }
+footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
+@media (max-width: 40rem) {
+  nav ol { columns: 1; }
+  dl > div, .maps { grid-template-columns: 1fr; gap: 0; }
+  iframe { height: 90vh; }
+  .badge { white-space: normal; }
+  .wide table { font-size: .85rem; }
+  .wide th, .wide td { overflow-wrap: anywhere; padding-right: .4rem; }
+}
+@page { size: A4; margin: 16mm 15mm 18mm; }
+@media print {
+  html { font-size: 10.5pt; }
+  body { max-width: none; padding: 0; }
+  nav, .screen, .skip { display: none; }
+  h2, h3, caption { break-after: avoid; }
+  figure, .equation, tr, dl > div, pre, .wide.short { break-inside: avoid; }
+  p:has(+ pre) { break-after: avoid; }
+  .paper { display: block; }
+  .wide, .equation .math { overflow: visible; }
+  .badge { color: #000; background: none; border: 1px solid #000; }
+  .badge.alarm, .badge.caution, .badge.good { background: none; }
+  .equation { break-after: avoid; }
+  figure { break-before: avoid; }
+  figure img { max-height: 85mm; }
+  /* Its one line is not a page of its own. */
+  footer { margin-top: 1rem; break-before: avoid; }
+  a { color: inherit; }
+}
+"""
+
+
+_SHORT = 12  # rows, of some lines each, that a page of paper has room for
+
+
+def text(words: str) -> str:
+    """Words, escaped; control characters and marks that hide or turn text are shown as such."""
+    return html.escape(visible(words, keep="\n\t"))
+
+
+def name(words: str) -> str:
+    """A name out of a file."""
+    return f"<code>{text(words)}</code>"
+
+
+def math(latex: str) -> str:
+    """LaTeX of our own making, as MathML."""
+    return f'<span class="math">{mathml(latex)}</span>'
+
+
+def badge(words: str, tone: str = "") -> str:
+    """A verdict; its colour repeats what the word says."""
+    return f'<strong class="badge {tone}">{text(words)}</strong>'
+
+
+def paragraph(*parts: str, kind: str = "") -> str:
+    """Parts that are HTML already."""
+    return f"<p{_class(kind)}>{' '.join(part for part in parts if part)}</p>"
+
+
+def bullets(items: Iterable[str], kind: str = "") -> str:
+    """Items that are HTML already; nothing where there are none."""
+    rows = "".join(f"<li>{item}</li>" for item in items)
+    return f"<ul{_class(kind)}>{rows}</ul>" if rows else ""
+
+
+def terms(pairs: Iterable[tuple[str, str]], kind: str = "") -> str:
+    """Names and what they mean, HTML already."""
+    rows = "".join(f"<div><dt>{head}</dt><dd>{body}</dd></div>" for head, body in pairs)
+    return f"<dl{_class(kind)}>{rows}</dl>"
+
+
+def table(
+    caption: str, header: Sequence[str], rows: Iterable[Sequence[str]], numbers: Sequence[int] = ()
+) -> str:
+    """A table: plain words on top, cells that are HTML already; the first of each row heads it."""
+
+    def cells(row: Sequence[str]) -> str:
+        out = [f'<th scope="row"{_class("n" if 0 in numbers else "")}>{row[0]}</th>']
+        out += [
+            f"<td{_class('n' if k in numbers else '')}>{c}</td>" for k, c in enumerate(row[1:], 1)
+        ]
+        return "".join(out)
+
+    head = "".join(
+        f'<th scope="col"{_class("n" if k in numbers else "")}>{text(h)}</th>'
+        for k, h in enumerate(header)
+    )
+    lines = [f"<tr>{cells(row)}</tr>" for row in rows]
+    body = "".join(lines)
+    # A wide table scrolls by itself, also by keyboard; a short one stays on one page of paper.
+    kind = "wide short" if len(lines) <= _SHORT else "wide"
+    return (
+        f'<div class="{kind}" role="region" tabindex="0" aria-label="{text(caption)}"><table>'
+        f"<caption>{text(caption)}</caption><thead><tr>{head}</tr></thead>"
+        f"<tbody>{body}</tbody></table></div>"
+    )
+
+
+def figure(png: bytes, alt: str, caption: str, kind: str = "") -> str:
+    """A picture; ``alt`` is plain words, ``caption`` HTML."""
+    data = base64.b64encode(png).decode("ascii")
+    return (
+        f'<figure{_class(kind)}><img alt="{text(alt)}" src="data:image/png;base64,{data}">'
+        f"<figcaption>{caption}</figcaption></figure>"
+    )
+
+
+def section(key: str, title: str, *parts: str) -> tuple[str, str, str]:
+    """Key, plain title and HTML of a section."""
+    body = "\n".join(part for part in parts if part)
+    return key, title, f'<section id="{key}"><h2>{text(title)}</h2>\n{body}\n</section>'
+
+
+def download(words: str, file: str, data: str) -> str:
+    """A link that saves text as a file, without any network."""
+    packed = base64.b64encode(data.encode()).decode("ascii")
+    return (
+        f'<a download="{text(file)}" href="data:application/json;base64,{packed}">{text(words)}</a>'
+    )
+
+
+def data_block(key: str, data: Any) -> str:
+    """JSON that programs find in the page; nothing in it ends the element."""
+    written = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    for sign in "<>&":
+        written = written.replace(sign, f"\\u{ord(sign):04x}")
+    return f'<script type="application/json" id="{key}">{written}</script>'
+
+
+def _class(kind: str) -> str:
+    return f' class="{kind}"' if kind else ""
+
 
 Section = tuple[str, str, str]
 """Key, plain title, HTML."""
@@ -99,3 +292,56 @@ def _policy(page: str | None) -> str:
 def _hash(code: str) -> str:
     digest = hashlib.sha256(code.encode()).digest()
     return f"'sha256-{base64.b64encode(digest).decode('ascii')}'"
+
+
+def computed(made: Made, engine: str, more: list[tuple[str, str]]) -> Section:
+    """Versions, time, machine; ``more`` are plain words."""
+    versions = ", ".join(f"{library} {version}" for library, version in made.versions.items())
+    pairs = [
+        ("made", made.when),
+        ("computing took", f"{made.seconds:.2g} s"),
+        *more,
+        ("with", versions),
+        ("engine", engine),
+        ("on", made.machine),
+    ]
+    return section("computed", "How it was computed", terms([(text(a), text(b)) for a, b in pairs]))
+
+
+def model(page: str | None, beside: str | None) -> Section | None:
+    """The page with the robot in it: inside, beside, or not at all."""
+    if page is not None:
+        words = (
+            "The robot in three dimensions, with sliders for its joints, the families to visit, "
+            "and the distance to the nearest one while it moves. It runs in this file alone."
+        )
+        printed = (
+            '<p class="paper">' + text("It is in the file that this was printed from.") + "</p>"
+        )
+        return section(
+            "model", "Interactive model", paragraph(text(words)), printed, embedded(page)
+        )
+    if beside is not None:
+        link = f'<a href="{text(beside)}">{text(beside)}</a>'
+        words = "The robot in three dimensions, with sliders for its joints, is in the file beside:"
+        return section("model", "Interactive model", paragraph(text(words), link))
+    return None
+
+
+def data(schema: str) -> Section:
+    """Where programs find the same."""
+    return section(
+        "data",
+        "For programs",
+        paragraph(
+            text("Everything here, with more digits, is in this file as JSON, in the element"),
+            name(f'script id="{DATA}"'),
+            text("(schema"),
+            name(schema) + text("; radians and metres)."),
+        ),
+    )
+
+
+def result(value: Any) -> dict[str, Any]:
+    """A result as plain data."""
+    return dict(value.to_dict())

@@ -11,8 +11,8 @@ from pinsing.loops.dyad import planar_dyad
 from pinsing.loops.forms_text import Line, joint_lines, pose_lines
 from pinsing.loops.pose_slice import free_coordinates
 from pinsing.prose import Page
-from pinsing.report.markup import figure, name, paragraph, section, text
-from pinsing.report.markup import math as formula
+from pinsing.report.document import figure, name, paragraph, section, text
+from pinsing.report.document import math as formula
 from pinsing.report.pictures import png
 from pinsing.robot.mechanism import Mechanism
 

@@ -13,9 +13,8 @@ from pinsing.loops import MechanismAnalysis, analyze_mechanism, mechanism_at
 from pinsing.loops.problems import assemblies
 from pinsing.loops.solve import InfeasibleError
 from pinsing.report.arm_report import SCHEMA
-from pinsing.report.closing import computed, data, model, result
 from pinsing.report.content import Made
-from pinsing.report.document import document
+from pinsing.report.document import computed, data, document, model, result
 from pinsing.report.mechanism_loci import aspects, loci, modes
 from pinsing.report.mechanism_sections import (
     SpecialInputs,

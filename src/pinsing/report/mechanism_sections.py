@@ -11,7 +11,7 @@ from pinsing.loops import MechanismAnalysis, MechanismState
 from pinsing.loops.dyad import planar_dyad
 from pinsing.loops.feasible import Interval
 from pinsing.report.arm_sections import counted
-from pinsing.report.markup import (
+from pinsing.report.document import (
     badge,
     bullets,
     figure,

@@ -17,8 +17,8 @@ from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, t
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.nominal import nominal
-from pinsing.view.ellipsoids import FLOOR, LEAST, SLIM, Sizes
 from pinsing.view.entries import Entry
+from pinsing.view.frame import FLOOR, LEAST, SLIM, Sizes
 
 SCHEMA = "pinsing/engine/1"
 

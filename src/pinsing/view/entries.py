@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.families import Branch, Family, joint_symbols
+from pinsing.errors import OptionError
+from pinsing.families import Branch, Family, JointValue, joint_symbols
 from pinsing.families.paths import FamilyLike
 from pinsing.families.telling_poses import telling_poses
 from pinsing.robot.arm import Arm
+from pinsing.sampling.finding import Finding
 
 _LONGEST = 72
 
@@ -152,3 +155,187 @@ def _kind(family: FamilyLike) -> str:
         return "; ".join(str(part) for part in family.kinds)
     kind = str(getattr(family, "kind", "") or "")
     return "boundary or interior: undecided" if kind == "undecided" else kind
+
+
+class _Nearest(NamedTuple):
+    value: float
+    q: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FixedJoints:
+    """Singular set of some joints at fixed values, the others anywhere within the limits."""
+
+    name: str
+    text: str
+    arm: Arm
+    fixed: Mapping[str, float]
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints held."""
+        return tuple(self.fixed)
+
+    @property
+    def values(self) -> tuple[dict[int, float], ...]:
+        """Their values by index."""
+        return ({self.arm.joints.index(name): x for name, x in self.fixed.items()},)
+
+    @property
+    def branches(self) -> tuple[Branch, ...]:
+        """The set as the one branch of a family."""
+        values = (JointValue(j, float(x), False) for j, x in self.values[0].items())
+        return (Branch(tuple(values), ()),)
+
+    def distance(self, q: npt.ArrayLike) -> _Nearest:
+        """Distance of q (n,), radians, or metres over the length scale; and the nearest q."""
+        q = np.array(q, dtype=float)
+        gaps = []
+        for j, value in self.values[0].items():
+            gap = q[j] - value
+            if not self.arm.prismatic[j]:
+                gap -= 2 * np.pi * np.round(gap / (2 * np.pi))
+            q[j] -= gap
+            gaps.append(gap / self.arm.length_scale if self.arm.prismatic[j] else gap)
+        return _Nearest(float(np.linalg.norm(gaps)), q)
+
+    def contains(self, q: npt.ArrayLike, tol: float = 1e-6) -> npt.NDArray[np.bool_]:
+        """Tell for q (n,) or (N, n) whether it belongs to the set."""
+        array = np.asarray(q, dtype=float)
+        flat = [self.distance(x).value <= tol for x in array.reshape(-1, self.arm.n)]
+        return np.array(flat).reshape(array.shape[:-1])
+
+    def sample(self, n: int, rng: np.random.Generator) -> Array:
+        """Configurations (n, n_joints) within the limits, none if a value is outside."""
+        Q = self.arm.space.sample(n, rng)
+        for j, value in self.values[0].items():
+            Q[:, j] = value
+        return Q[~self.arm.space.unreachable(Q).any(axis=1)]
+
+
+def finding_entries(arm: Arm, findings: Iterable[Finding]) -> tuple[Entry, ...]:
+    """List singular findings of a sweep, named S1, S2, ..."""
+    symbols = joint_symbols(arm)
+    out = []
+    singular = [f for f in findings if f.status == "singular"]
+    for number, finding in enumerate(singular, 1):
+        name, text = f"S{number}", str(finding.condition)
+        condition = finding.condition
+        family = FixedJoints(name, text, arm, condition.fixed) if condition.minimal else None
+        poses = () if family is None else telling_poses(arm, family, 3)
+        if not poses and finding.reachable:
+            poses = (np.array(finding.configuration.q),)
+        out.append(
+            Entry(
+                name=name,
+                text=text,
+                poses=poses,
+                moved=tuple(
+                    i for i, joint in enumerate(arm.joints) if joint in condition.depends_on
+                ),
+                symbols=symbols,
+                prismatic=arm.prismatic,
+                kind=finding.configuration.kind,
+                codimension=len(condition.fixed) if condition.minimal else None,
+                reachable=True if poses else finding.reachable,
+                family=family,
+            )
+        )
+    return tuple(out)
+
+
+FRAMES = 160
+"""Poses of a way between two postures."""
+
+
+@dataclass(frozen=True, eq=False)
+class Posture:
+    """An inverse solution of the pose that a page was opened at.
+
+    Attributes
+    ----------
+    q : (n,) array
+        It, radians and metres.
+    name : str
+        Words of the field, or its number.
+    more : str
+        Its aspect, and whether it can be reached without a singularity.
+    way : (K, n) array or None
+        Poses from the first posture to it, on no family; None where there is no way.
+    """
+
+    q: Array
+    name: str
+    more: str
+    way: Array | None
+
+
+class _Changes(Protocol):
+    """What `posture_changes` returns."""
+
+    @property
+    def q(self) -> Array:
+        """The configuration that was given."""
+
+    @property
+    def aspect(self) -> int | None:
+        """Its aspect."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Words of the field for it."""
+
+    @property
+    def others(self) -> tuple[Any, ...]:
+        """The other solutions."""
+
+
+def listed_postures(arm: Arm, found: _Changes) -> tuple[Posture, ...]:
+    """The postures of a pose in the order of `posture_changes`, that at hand first.
+
+    Raises
+    ------
+    OptionError
+        If they are of an arm with other joints.
+    """
+    if len(found.q) != arm.n:
+        raise OptionError(f"the postures are of {len(found.q)} joints; {arm.name} has {arm.n}")
+    here = "singular" if found.aspect is None else f"aspect {found.aspect}"
+    out = [
+        Posture(found.q, ", ".join(found.names) or "posture 1", f"{here}: where it starts", None)
+    ]
+    for number, other in enumerate(found.others, 2):
+        s, way = other.solution, other.connection
+        path = None
+        if not s.regular:
+            said = "singular"
+        elif way is None:
+            said = "outside the limits" if not s.within_limits else "the start is singular"
+        elif way.path is not None:
+            path = fine(way.path, arm)
+            how = "without a singularity" if way.proven else "without meeting a known family"
+            said = f"aspect {other.aspect}: reached {how}"
+        elif other.answer == "different":
+            said = f"aspect {other.aspect}: only by way of a singularity, proven"
+        else:
+            said = "undecided"
+        out.append(Posture(s.q, ", ".join(other.names) or f"posture {number}", said, path))
+    return tuple(out)
+
+
+def fine(path: Array, arm: Arm) -> Array:
+    """Poses along a polyline, evenly by its length, with its corners."""
+    weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
+    along = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(path, axis=0) * weight, axis=1)))
+    at = np.union1d(np.linspace(0.0, along[-1], FRAMES), along)
+    return np.stack([np.interp(at, along, column) for column in path.T], axis=1)
+
+
+def posture_data(posture: Posture) -> dict[str, Any]:
+    """A posture ready for JSON."""
+    return {
+        "q": posture.q.tolist(),
+        "name": posture.name,
+        "more": posture.more,
+        "way": None if posture.way is None else posture.way.tolist(),
+    }

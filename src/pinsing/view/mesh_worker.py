@@ -36,8 +36,7 @@ def read(loader: Any, path: str, wanted: str) -> tuple[bytes, bytes]:
     import numpy as np
 
     if wanted == "paint":
-        from pinsing.view.collada import NotPlainError, read_collada
-        from pinsing.view.painted import Painted, packed
+        from pinsing.view.collada import NotPlainError, Painted, packed, read_collada
 
         try:
             parts = read_collada(Path(path).read_text(encoding="utf-8", errors="replace"))
@@ -95,7 +94,7 @@ def main() -> None:
         package = types.ModuleType(name)  # the packages themselves import more than is wanted
         package.__path__ = [str(folder)]
         sys.modules[name] = package
-    import pinsing.view.painted  # noqa: F401 (before files are out of reach, with NumPy)
+    import pinsing.view.collada  # noqa: F401 (before files are out of reach, with NumPy)
 
     name = "child_jail"
     spec = importlib.util.spec_from_file_location(name, request["jail"])

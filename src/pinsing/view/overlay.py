@@ -10,8 +10,7 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.robot.arm import Arm
-from pinsing.view.ellipsoids import Sizes
-from pinsing.view.frame import ARROWS
+from pinsing.view.frame import ARROWS, Sizes
 from pinsing.view.links import Links, base_placement
 from pinsing.view.scene import draw_scene
 

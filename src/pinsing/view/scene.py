@@ -15,12 +15,9 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.robot.joint_axis import joint_axis
-from pinsing.view.body import Body
 from pinsing.view.drawing import geometry as mg
-from pinsing.view.ellipsoids import Sizes, turn_z_to
-from pinsing.view.frame import ARROWS
-from pinsing.view.links import Links, base_placement, draw_links
-from pinsing.view.shapes import DrawnRod
+from pinsing.view.frame import ARROWS, Sizes, turn_z_to
+from pinsing.view.links import Body, DrawnRod, Links, base_placement, draw_links
 
 # Okabe and Ito's palette: told apart with any colour vision.
 TRANSLATION = 0x0072B2

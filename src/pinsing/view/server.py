@@ -9,20 +9,191 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
+import ipaddress
 import json
+import os
 import secrets
+import socket
+import sys
 import threading
+import time
+from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
 from urllib.parse import urlsplit
 
+from tornado.httpserver import HTTPServer
+from tornado.httputil import HTTPInputError, HTTPMessageDelegate
 from tornado.web import Application
 
-from pinsing.view.door import Door
+from pinsing.errors import OptionError
 from pinsing.view.handlers import Content, Live, Nothing, PagePart, Served, Site
-from pinsing.view.listen import bind, is_address, is_loopback
 from pinsing.view.messages import LONGEST
 from pinsing.view.page import LIVE_POLICY, asset, live_html, meshcat_script, script
+
+_MOST_LINKS = 512
+_LONGEST_HOST = 300  # of a name, 253 at most, and a port
+_NO_FILES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})
+_PAUSE = 0.05
+
+
+class Listener(socket.socket):
+    """A socket that waits, and says nothing, while no file can be opened."""
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        """Take a link, if there is one and room for it."""
+        try:
+            return super().accept()
+        except OSError as error:
+            if error.errno not in _NO_FILES:
+                raise
+            time.sleep(_PAUSE)  # it is asked again and again until some are closed
+            raise BlockingIOError from None
+
+
+class Door(HTTPServer):  # type: ignore[misc,unused-ignore]
+    """A server that holds a limited number of links.
+
+    One more takes the place of the link that has waited longest without a request: links that say
+    nothing keep nobody out. Where all are being answered, it is dropped.
+    """
+
+    def initialize(self, *args: Any, **kwargs: Any) -> None:
+        """Take what `HTTPServer` takes."""
+        super().initialize(*args, **kwargs)
+        self._held, self._most = 0, most_links()
+        self._silent: dict[Any, None] = {}  # streams without a whole request, the oldest first
+
+    def handle_stream(self, stream: Any, address: Any) -> None:
+        """Take a new link, or drop it."""
+        if self._held >= self._most:
+            oldest = next(iter(self._silent), stream)
+            self._silent.pop(oldest, None)
+            oldest.close()
+            if oldest is stream:
+                return
+        self._held += 1
+        self._silent[stream] = None
+        super().handle_stream(stream, address)
+
+    def on_close(self, server_conn: object) -> None:
+        """Count a link no more that has ended, or has become one of a page."""
+        self._held -= 1
+        self._silent.pop(getattr(server_conn, "stream", None), None)
+        super().on_close(server_conn)
+
+    def start_request(self, server_conn: object, request_conn: Any) -> HTTPMessageDelegate:
+        """Read a request."""
+        stream = getattr(server_conn, "stream", None)
+        if stream is not None and not stream.closed():
+            self._silent[stream] = None
+        return _Request(
+            super().start_request(server_conn, request_conn),
+            lambda: self._silent.pop(stream, None),
+        )
+
+
+class _Request(HTTPMessageDelegate):  # type: ignore[misc,unused-ignore]
+    """Passes a request on, but for one that tornado itself stumbles over."""
+
+    def __init__(self, then: HTTPMessageDelegate, complete: Callable[[], object]) -> None:
+        self._then, self._complete = then, complete
+
+    def headers_received(self, start_line: Any, headers: Any) -> Any:
+        if len(headers.get("Host", "")) > _LONGEST_HOST:
+            raise HTTPInputError("no host has such a name")
+        return self._then.headers_received(start_line, headers)
+
+    def data_received(self, chunk: bytes) -> Any:
+        return self._then.data_received(chunk)
+
+    def finish(self) -> None:
+        self._complete()
+        self._then.finish()
+
+    def on_connection_close(self) -> None:
+        self._then.on_connection_close()
+
+
+def most_links() -> int:
+    """How many links may be open at once: half of the files that this process may have."""
+    if sys.platform == "win32":
+        return _MOST_LINKS
+    import resource
+
+    files = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    return _MOST_LINKS if files == resource.RLIM_INFINITY else min(_MOST_LINKS, files // 2)
+
+
+FIRST_PORT = 7000
+_TRIED_PORTS = 100
+
+
+def is_loopback(host: str) -> bool:
+    """Whether only this computer can reach a server on ``host``."""
+    with contextlib.suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
+
+
+def is_address(name: str) -> bool:
+    """Whether a host is a bare address, no name."""
+    # A bare address cannot be pointed elsewhere by somebody's name server.
+    with contextlib.suppress(ValueError):
+        ipaddress.ip_address(name)
+        return True
+    return False
+
+
+def bind(host: str, port: int | None) -> list[socket.socket]:
+    """Return sockets that listen, on one port.
+
+    Raises
+    ------
+    OptionError
+        If the port is taken, or there is no such address.
+    """
+    if port is not None and not 0 <= port <= 65535:
+        raise OptionError(f"port must be between 0 and 65535, got {port}")
+    tries = [port] if port is not None else [*range(FIRST_PORT, FIRST_PORT + _TRIED_PORTS), 0]
+    problem: OSError | None = None
+    for candidate in tries:
+        try:
+            return _listen(host, candidate)
+        except socket.gaierror:
+            raise OptionError(f"there is no address {host!r} to listen on") from None
+        except OSError as error:
+            problem = error
+    reason = (problem.strerror if problem else None) or str(problem)
+    raise OptionError(f"cannot listen on {host} port {port}: {reason}; leave out --port") from None
+
+
+def _listen(host: str, port: int) -> list[socket.socket]:
+    """Sockets on every address that ``host`` stands for, on one port."""
+    sockets: list[socket.socket] = []
+    try:
+        found = socket.getaddrinfo(
+            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
+        )
+        for family, kind, protocol, _, address in dict.fromkeys(found):
+            if sockets and port == 0:  # the one that the system chose
+                address = (address[0], sockets[0].getsockname()[1], *address[2:])
+            here = Listener(family, kind, protocol)
+            sockets.append(here)
+            if os.name != "nt":
+                here.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            if family == socket.AF_INET6:
+                here.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+            here.setblocking(False)
+            here.bind(address)
+            here.listen(128)
+    except OSError:
+        for made in sockets:
+            made.close()
+        raise
+    return sockets
+
 
 __all__ = ["Served", "Server", "is_loopback"]
 

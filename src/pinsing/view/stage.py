@@ -15,12 +15,10 @@ from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm
-from pinsing.view.ellipsoids import LEAST, Sizes
 from pinsing.view.engine_data import engine_data
-from pinsing.view.entries import Entry
-from pinsing.view.frame import ARROWS, make_frame
+from pinsing.view.entries import Entry, Posture, posture_data
+from pinsing.view.frame import ARROWS, LEAST, Sizes, make_frame
 from pinsing.view.links import Links
-from pinsing.view.posture_list import Posture, posture_data
 
 if TYPE_CHECKING:
     from pinsing.proximity.suggestion import Suggestion
@@ -169,7 +167,7 @@ class Stage:
         if self.arm.task.name != "pose":
             return "all"
         from pinsing.kinematics.jacobian import frame_jacobians
-        from pinsing.view.ellipsoids import pure_ellipsoids
+        from pinsing.view.frame import pure_ellipsoids
 
         rng = np.random.default_rng(0)
         lower, upper = self.arm.span

@@ -2,30 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked, shown
-from pinsing.errors import ArgumentError, OptionError
+from pinsing.errors import ArgumentError, ConfigurationError, OptionError
 from pinsing.families import Family
 from pinsing.families.certainty import coverage_words
 from pinsing.families.paths import FamilyLike
 from pinsing.robot.arm import Arm
 from pinsing.sampling.finding import Finding
-from pinsing.view.ellipsoids import sizes
-from pinsing.view.entries import Entry, family_entries, pose_entries
-from pinsing.view.findings import finding_entries
+from pinsing.view.drawing import Recorder
+from pinsing.view.entries import (
+    Entry,
+    Posture,
+    family_entries,
+    finding_entries,
+    listed_postures,
+    pose_entries,
+)
+from pinsing.view.frame import sizes
 from pinsing.view.links import Links, read_links, read_links_ahead
-from pinsing.view.posture_list import Posture, listed_postures
-from pinsing.view.record import Recorder
 from pinsing.view.scene import draw_scene
 from pinsing.view.stage import Stage
 from pinsing.view.tab import Tab, place_in_list
-from pinsing.view.way import thinned
 
 if TYPE_CHECKING:
     from pinsing.postures.changes import PostureChanges
@@ -253,3 +260,53 @@ def _listed(arm: Arm, postures: PostureChanges) -> tuple[Posture, ...]:
         hint = "pinsing.posture_changes(arm, q) gives one"
         raise ArgumentError("postures", "a PostureChanges", shown(postures), hint)
     return listed_postures(arm, postures)
+
+
+FRAMES = 400
+"""Poses of a way that a page shows."""
+
+_LOOKED_AT = 4_000_000
+
+
+def thinned(arm: Arm, families: Sequence[Family], Q: Array) -> Array:
+    """At most FRAMES poses of a motion: of each stretch of it the one nearest to a family.
+
+    Between samples joints move linearly, and a few samples get poses between them. First and
+    last sample are kept.
+
+    Parameters
+    ----------
+    arm : Arm
+        The arm.
+    families : sequence of Family
+        What nearness is taken to; without any, samples are taken evenly.
+    Q : (N, n) array
+        Radians and metres.
+
+    Raises
+    ------
+    ConfigurationError
+        If there is no sample.
+    """
+    if Q.ndim != 2 or not len(Q):
+        raise ConfigurationError(f"a path has shape (N, {arm.n}), N at least 1; got {Q.shape}")
+    last = len(Q) - 1
+    if not last:
+        return Q
+    if last < FRAMES:
+        place = np.linspace(0, last, FRAMES)
+        rows = np.stack([np.interp(place, np.arange(len(Q)), column) for column in Q.T], axis=1)
+        rows[-1] = Q[-1]
+        return rows
+    watched = [f.branches for f in families if f.real]
+    edges = np.linspace(1, last, FRAMES - 1).round().astype(int)
+    places = [0]
+    weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
+    conditions = Conditions.of(watched, np.asarray(arm.prismatic), weight)
+    for low, high in pairwise(edges.tolist()):
+        best = low
+        if watched:
+            step = max(1, (high - low) * FRAMES // _LOOKED_AT)  # very long paths by every k-th
+            best = low + step * int(np.argmin(two_sided(conditions, Q[low:high:step]).lower))
+        places.append(best)
+    return np.asarray(Q[[*places, last]])

@@ -16,8 +16,8 @@ from pinsing.loops.whole_balls import hinged_balls
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.tip import frame_index
-from pinsing.view.ellipsoids import Sizes
 from pinsing.view.engine_data import chain_data, frame_data, joint_data, numbers, sizes_data
+from pinsing.view.frame import Sizes
 
 SCHEMA = "pinsing/mechanism-engine/1"
 

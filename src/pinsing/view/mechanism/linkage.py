@@ -15,7 +15,7 @@ from pinsing.loops.motion import mechanism_at
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
 from pinsing.robot.tip import frame_index
-from pinsing.view.ellipsoids import Sizes
+from pinsing.view.frame import Sizes
 from pinsing.view.stage import SIDE
 
 _SAMPLES = 16

@@ -12,8 +12,7 @@ from pinsing._types import Array
 from pinsing.loops.modes import home
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
-from pinsing.view.ellipsoids import LEAST, Sizes
-from pinsing.view.frame import ARROWS
+from pinsing.view.frame import ARROWS, LEAST, Sizes
 from pinsing.view.links import Links
 from pinsing.view.mechanism.engine_data import mechanism_data
 from pinsing.view.mechanism.groups import Group, point_words
