@@ -10,8 +10,7 @@ import pinocchio as pin
 import pytest
 from scipy.optimize import brentq
 
-from pinsing.configuration.axis_dependence import axis_dependences, dependent_axes
-from pinsing.configuration.column_ranks import ColumnRanks
+from pinsing.configuration.axis_dependence import ColumnRanks, axis_dependences, dependent_axes
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian
 from pinsing.kinematics.own_scale import own_scale
@@ -360,7 +359,7 @@ def test_many_columns_are_searched_set_by_set(monkeypatch: pytest.MonkeyPatch) -
     ]:
         short = ranks_of(name, q)
         with monkeypatch.context() as changed:
-            changed.setattr("pinsing.configuration.column_ranks._AT_ONCE", 0)
+            changed.setattr("pinsing.configuration.axis_dependence._AT_ONCE", 0)
             long = ranks_of(name, q)
             assert long.causes() == short.causes() != []
             assert [long.pieces(c) for c in long.causes()] == [

@@ -306,7 +306,7 @@ class TestSweep:
         assert run(*words, "--fail-if-singular").exit_code == 1
 
     def test_ctrl_c_keeps_what_is_done(self, monkeypatch, tmp_path):
-        import pinsing.sampling.sweep_job as module
+        import pinsing.sampling.sweep_run as module
 
         def interrupted(*_):
             raise KeyboardInterrupt

@@ -24,7 +24,7 @@ from pinsing.cli.app import command
 from pinsing.errors import WorkerError
 from pinsing.robot.load import load
 from pinsing.sampling import sigma_map
-from pinsing.sampling.cluster import call_there, dask_cluster
+from pinsing.sampling.executors import call_there, dask_cluster
 from pinsing.sampling.map_plan import BLOCK
 from pinsing.sampling.planning import plan_sweep
 from pinsing.sampling.sweep_run import run_sweep
@@ -187,7 +187,7 @@ def test_nobody_answers() -> None:
 def test_a_bad_address_is_one_line_at_once(address: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nobody is asked, so nothing is waited for."""
     asked: list[Any] = []
-    monkeypatch.setattr("pinsing.sampling.cluster._knock", lambda *given: asked.append(given))
+    monkeypatch.setattr("pinsing.sampling.executors._knock", lambda *given: asked.append(given))
     monkeypatch.setattr(distributed, "Client", lambda *given, **_: asked.append(given))
     words = ["map", "planar3r", "--count", "1e4", "--dask", address]
     done = CliRunner().invoke(command, words, catch_exceptions=False)

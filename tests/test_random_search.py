@@ -8,8 +8,8 @@ import pytest
 
 from pinsing import load
 from pinsing.families import closed_form
-from pinsing.sampling.random_search import leads_down, random_search
-from pinsing.sampling.stages import Stages
+from pinsing.sampling.analyze import leads_down, random_search
+from pinsing.sampling.stopping import Stages
 
 FLAT = """
 name: flat

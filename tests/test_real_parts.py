@@ -28,7 +28,7 @@ from pinsing.robot.surd import cosine
 from pinsing.sampling.analysis_result import analysis_text
 from pinsing.sampling.analyze import analyze
 from pinsing.sampling.findings import singular_configurations
-from pinsing.sampling.stages import Stages
+from pinsing.sampling.stopping import Stages
 from pinsing.sampling.sweep_run import sweep
 
 RIGHT = math.pi / 2

@@ -9,9 +9,8 @@ import pytest
 from pinsing import closed_form, load
 from pinsing._batch import engine
 from pinsing._batch import second_orders as kernel
-from pinsing.configuration import clear_kinds as module
-from pinsing.configuration.clear_kinds import clear_kinds
-from pinsing.configuration.second_order import second_order
+from pinsing.configuration import second_order as module
+from pinsing.configuration.second_order import clear_kinds, second_order
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, task_size

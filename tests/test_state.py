@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 import pinsing
 from pinsing.configuration.at import at
+from pinsing.configuration.line_geometry import nearest_to_lines
 from pinsing.configuration.lost_motion import Tool, lost_motions, nice_basis
 from pinsing.configuration.state import State, state_text
-from pinsing.configuration.vectors import nearest_to_lines
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load

@@ -21,11 +21,10 @@ from pinsing.errors import OptionError, OutputError, ResultError
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import ratios
 from pinsing.plot import sigma_curves
-from pinsing.sampling import sweep_job as sweep_job
-from pinsing.sampling.curves import CurveTable, axis_values
+from pinsing.sampling import sweep_run as sweep_job
+from pinsing.sampling.curves import CurveTable, Pool, axis_values, dips, minima
 from pinsing.sampling.executors import local_processes
 from pinsing.sampling.findings import singular_configurations
-from pinsing.sampling.minima import Pool, dips, minima
 from pinsing.sampling.npz import kept_curves, load_npz
 from pinsing.sampling.planning import plan_sweep
 from pinsing.sampling.sweep_run import SweepResult, run_sweep, sweep

@@ -56,7 +56,7 @@ class RunPlace:
     @contextlib.contextmanager
     def options(self) -> Iterator[dict[str, Any]]:
         """Keyword arguments of a run; the executor ends with the block."""
-        from pinsing.sampling.inbox import second_ctrl_c_ends_process
+        from pinsing.sampling.stopping import second_ctrl_c_ends_process
 
         chosen: dict[str, Any] = {"engine": self.engine}
         with contextlib.ExitStack() as stack:
@@ -70,7 +70,7 @@ class RunPlace:
 
     def _pool(self, stack: contextlib.ExitStack) -> tuple[Executor, int] | None:
         if self.dask is not None:
-            from pinsing.sampling.cluster import dask_cluster
+            from pinsing.sampling.executors import dask_cluster
 
             stack.enter_context(_only_our_lines())
             executor, count = stack.enter_context(dask_cluster(self.dask))

@@ -253,10 +253,10 @@ def sweep_command(
         raise OptionError("--keep needs a folder to keep the curves in: give --out DIR")
     from pinsing.robot.nominal import nominal
     from pinsing.sampling.findings import singular_configurations
-    from pinsing.sampling.inbox import ctrl_c_afterwards
-    from pinsing.sampling.npz import CURVES, save_npz
+    from pinsing.sampling.npz import save_npz
     from pinsing.sampling.planning import plan_sweep
-    from pinsing.sampling.sweep_result import sweep_text
+    from pinsing.sampling.stopping import ctrl_c_afterwards
+    from pinsing.sampling.sweep_result import CURVES, sweep_text
     from pinsing.sampling.sweep_run import check_keep, run_sweep
     from pinsing.serialization import encode
 

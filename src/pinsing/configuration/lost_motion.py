@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.configuration.vectors import cross, length
+from pinsing.configuration.line_geometry import cross, length
 
 ALIGNED = math.radians(0.1)
 """Radians; a direction this close to an axis of the tool or the base goes by that axis."""

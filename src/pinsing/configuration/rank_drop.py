@@ -20,11 +20,12 @@ convergence of the Levenberg-Marquardt method", 2001).
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 import numpy.typing as npt
 
 from pinsing._batch import walks
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.engine import PINOCCHIO

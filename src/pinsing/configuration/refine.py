@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked
-from pinsing.configuration.clear_kinds import Kind
 from pinsing.configuration.rank_drop import RankDrops, approach
-from pinsing.configuration.second_order import second_order_many
+from pinsing.configuration.second_order import Kind, second_order_many
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import (
     NEAR_RTOL,

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from pinsing import notebook
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.configuration.axis_dependence import AxisDependence
 from pinsing.configuration.lost_motion import LostMotion, axis_name, vector

@@ -33,7 +33,7 @@ from pinsing.loops.solve import InfeasibleError
 from pinsing.loops.structure import without_length
 from pinsing.loops.trace import Trace
 from pinsing.robot.load_mechanism import Mechanism
-from pinsing.sampling.stages import Stages
+from pinsing.sampling.stopping import Stages
 
 _AGREE = 1e-9
 _ON = 1e-7

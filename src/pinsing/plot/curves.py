@@ -29,8 +29,7 @@ from pinsing.plot.style import (
 )
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary
-from pinsing.sampling.finding import Finding
-from pinsing.sampling.joint_condition import JointCondition
+from pinsing.sampling.finding import Finding, JointCondition
 from pinsing.sampling.sweep_run import SweepCurve, SweepResult
 
 

@@ -17,7 +17,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.configuration.lost_motion import LostMotion
-from pinsing.configuration.pure_motions import pure_by_default, pure_ellipsoids
+from pinsing.measures import pure_by_default, pure_ellipsoids
 from pinsing.configuration.state import REGULAR, State
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import SINGULAR_RTOL

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import ClassVar
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.families import ClosedForm, Family
 from pinsing.families.form import families_text

@@ -1,18 +1,28 @@
-"""The curves of a sweep by their numbers: nothing here is as long as the sweep.
+"""The curves of a sweep by their numbers, and their minima: nothing here is as long as the sweep.
 
 First each joint from the nominal configuration, then level by level, set by set, each joint
 that moves in turn. The Jacobian of sample s of curve c has the number c * samples + s.
+
+Every dip of sigma_r is a candidate for a singular configuration. Up to ``most`` candidates all
+are kept. Beyond, they are shared out: candidates are of one kind if the same joints are at
+special values, the same joint moves, and it stands in the same 64th of its range; of each kind
+the smallest sigma_r / sigma_1 come first, and all kinds get as many places as far as they go.
+So no family with many dips crowds out another. Kept is what has the smallest (place within its
+kind, ratio, number): the outcome is the same to the last bit however the candidates are
+grouped, since a candidate that stays out of a part stays out of the whole.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
+from pinsing.chunk_file import Record
+from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.sampling.sweep_plan import NOT_ASKED, PlannedLevel, SweepPlan
 
 
@@ -164,3 +174,169 @@ def axis_values(ranges: Array, samples: int, places: Ints) -> Array:
     low, high = ranges[:, :1], ranges[:, 1:]
     values = places * ((high - low) / (samples - 1)) + low
     return np.asarray(np.where(places == samples - 1, high, values))
+
+
+CANDIDATES = 65_536
+"""Dips that a sweep goes on with unless asked otherwise."""
+
+DIPS = ("dips_found", "dip_number", "dip_kind", "dip_sigma", "dip_ratio")
+"""Names of the arrays of a pool."""
+
+_CELLS = 64  # parts of a range
+_RUN = 3  # singular samples in a row that are a stretch and no crossing
+_FLAT = 1e-9  # relative change below which a curve has rounding but no dips
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Dips of the curves, one for each wholly singular stretch, by their numbers.
+
+    Curves whose special values alone are singular whatever the others have none.
+
+    Attributes
+    ----------
+    found : int
+        How many there were; more than are kept here if they were too many.
+    curve : (K,) array of int
+        Numbers of their curves, ascending.
+    sample : (K,) array of int
+        Which samples.
+    sigma_min, sigma_ratio : (K,) arrays
+        sigma_r, and sigma_r / sigma_1 there.
+    """
+
+    found: int
+    curve: Ints
+    sample: Ints
+    sigma_min: Array
+    sigma_ratio: Array
+
+    def __len__(self) -> int:
+        return len(self.curve)
+
+
+def dips(values: Array, floor: float = _FLAT) -> npt.NDArray[np.intp]:
+    """Indices of the local minima of a sampled curve (S,), ends included; none if it is flat."""
+    infinite = np.full(1, np.inf)
+    return np.flatnonzero(_dips(values[None], infinite, infinite, floor)[0])
+
+
+def minima(sigma: Array, ratio: Array, before: Array, after: Array) -> Bool:
+    """Which samples of curves, or of pieces of them, are candidates.
+
+    Parameters
+    ----------
+    sigma, ratio : (C, S) arrays
+        sigma_r and sigma_r / sigma_1.
+    before, after : (C,) arrays
+        sigma_r of the samples on either side; infinite at the ends of a curve.
+
+    Returns
+    -------
+    (C, S) array of bool
+        Local minima. In a singular stretch they are rounding: it has one candidate, at a third
+        (its middle may be a special place).
+    """
+    found = _dips(sigma, before, after, _FLAT)
+    singular = ratio <= SINGULAR_RTOL
+    inside = singular[:, :-2] & singular[:, 1:-1] & singular[:, 2:]
+    for row in np.flatnonzero(inside.any(axis=1)):
+        steps = np.diff(singular[row].astype(np.int8), prepend=0, append=0)
+        for first, stop in zip(np.flatnonzero(steps > 0), np.flatnonzero(steps < 0), strict=True):
+            if stop - first >= _RUN:
+                found[row, first:stop] = False
+                found[row, first + (stop - first) // 3] = True
+    return found
+
+
+def _dips(values: Array, before: Array, after: Array, floor: float) -> Bool:
+    left = np.concatenate([before[:, None], values[:, :-1]], axis=1)
+    right = np.concatenate([values[:, 1:], after[:, None]], axis=1)
+    top = values.max(axis=1)
+    bent = top - values.min(axis=1) > floor * top
+    return np.asarray((values < left) & (values <= right) & bent[:, None])
+
+
+def kinds(rows: CurveRows, samples: int, row: Ints, sample: Ints) -> Ints:
+    """Kind (P,) of candidates: sample (P,) of the curves in row (P,) of ``rows``."""
+    n = rows.fixed.shape[1]
+    group = (rows.fixed @ (1 << np.arange(n, dtype=np.int64))) * n + rows.moving
+    return np.asarray(group[row] * _CELLS + sample * _CELLS // samples)
+
+
+class Pool:
+    """Candidates as they come in, never many more than ``most``.
+
+    Parameters
+    ----------
+    most : int
+        How many are kept.
+
+    Attributes
+    ----------
+    found : int
+        How many there were.
+    """
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self.found = 0
+        self._parts: list[tuple[Ints, Ints, Array, Array]] = []
+        self._held = 0
+
+    def add(self, number: Ints, kind: Ints, sigma: Array, ratio: Array) -> None:
+        """Take candidates (P,), all different, by the numbers of their Jacobians."""
+        if len(number):
+            self.found += len(number)
+            self._take(number, kind, sigma, ratio)
+
+    def join(self, record: Record) -> None:
+        """Take what `record` of another pool gave."""
+        self.found += int(record["dips_found"])
+        self._take(
+            record["dip_number"].astype(np.int64),
+            record["dip_kind"].astype(np.int64),
+            record["dip_sigma"].astype(np.float64),
+            record["dip_ratio"].astype(np.float64),
+        )
+
+    def record(self) -> Record:
+        """What is kept, by number, as arrays."""
+        number, kind, sigma, ratio = self._reduced()
+        return {
+            "dips_found": np.array(self.found),
+            "dip_number": number,
+            "dip_kind": kind,
+            "dip_sigma": sigma,
+            "dip_ratio": ratio,
+        }
+
+    def candidates(self, samples: int) -> Candidates:
+        """What is kept, of curves with so many samples."""
+        number, _, sigma, ratio = self._reduced()
+        curve, sample = np.divmod(number, samples)
+        return Candidates(self.found, curve, sample, sigma, ratio)
+
+    def _take(self, number: Ints, kind: Ints, sigma: Array, ratio: Array) -> None:
+        self._parts.append((number, kind, sigma, ratio))
+        self._held += len(number)
+        if self._held > 2 * self.most + 4096:
+            self._reduced()
+
+    def _reduced(self) -> tuple[Ints, Ints, Array, Array]:
+        empty = np.zeros(0, dtype=np.int64)
+        parts = self._parts or [(empty, empty, np.zeros(0), np.zeros(0))]
+        number, kind, sigma, ratio = (np.concatenate(c) for c in zip(*parts, strict=True))
+        chosen = np.argsort(number)
+        if len(number) > self.most:
+            order = np.lexsort((number, ratio, kind))
+            sorted_kind = kind[order]
+            starts = np.flatnonzero(np.diff(sorted_kind, prepend=sorted_kind[0] - 1))
+            sizes = np.diff(starts, append=len(order))
+            place = np.empty(len(order), dtype=np.int64)
+            place[order] = np.arange(len(order)) - np.repeat(starts, sizes)
+            first = np.lexsort((number, ratio, place))[: self.most]
+            chosen = first[np.argsort(number[first])]
+        kept = (number[chosen], kind[chosen], sigma[chosen], ratio[chosen])
+        self._parts, self._held = [kept], len(chosen)
+        return kept

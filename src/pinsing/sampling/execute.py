@@ -7,8 +7,10 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
 from collections.abc import Callable, Generator, Iterator, Mapping
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from pinsing._batch.engine import cpu_count
@@ -16,11 +18,89 @@ from pinsing.chunk_file import DamagedError, Record
 from pinsing.errors import OptionError, PinsingError, WorkerError
 from pinsing.kinematics.evaluator import Evaluator, evaluator, recorded_engine
 from pinsing.robot.arm import Arm
-from pinsing.sampling.cluster import lost
-from pinsing.sampling.inbox import Inbox, ctrl_c_to
-from pinsing.sampling.options import RunOptions
 from pinsing.sampling.run_folder import RunFolder, open_run, recorded
-from pinsing.sampling.threads import local_threads
+from pinsing.sampling.stopping import Inbox, ctrl_c_to
+
+Folder = str | os.PathLike[str]
+
+Progress = Callable[[int, int], object]
+"""Called with how much is done, and of all, after each chunk."""
+
+Tell = Callable[[str], object]
+"""Called with a sentence about what goes on."""
+
+
+@dataclass(frozen=True, eq=False)
+class RunOptions:
+    """What decides no number of a run, but for the instruction set.
+
+    Attributes
+    ----------
+    out : path-like or None
+        Folder that each finished chunk is put in; a run that was stopped, or killed, can be
+        resumed from it.
+    engine : str
+        ``auto``, ``batch``, ``pinocchio``, or an instruction set (``baseline``, ``avx2``,
+        ``avx512``). A run that is resumed keeps the one it began with.
+    threads : int or None
+        As many as the process may use by default.
+    executor : Executor or None
+        Takes the chunks instead of threads: any ``concurrent.futures.Executor``.
+    parallel : int or None
+        How many chunks it works on at once; the number of processors here by default.
+    progress : callable or None
+        Called with how much is done, and of all.
+    tell : callable or None
+        Called with sentences for people: how much was there already, what was damaged.
+    """
+
+    out: Folder | None = None
+    engine: str = "auto"
+    threads: int | None = None
+    executor: Executor | None = None
+    parallel: int | None = None
+    progress: Progress | None = None
+    tell: Tell | None = None
+
+
+@contextlib.contextmanager
+def local_threads(
+    threads: int | None = None, patient: Callable[[], bool] = lambda: True
+) -> Iterator[tuple[Executor, int]]:
+    """Threads of this process, as many as it has processors by default.
+
+    Parameters
+    ----------
+    patient : callable
+        Asked at the end, whether to wait for what the threads are doing.
+
+    Raises
+    ------
+    OptionError
+        If there would be none.
+    """
+    count = how_many(threads, "threads")
+    executor = ThreadPoolExecutor(count, thread_name_prefix="pinsing")
+    try:
+        yield executor, count
+    finally:
+        executor.shutdown(wait=patient(), cancel_futures=True)
+
+
+def how_many(asked: int | None, what: str) -> int:
+    """A number of workers that was asked for, or that of the processors.
+
+    Raises
+    ------
+    OptionError
+        If it is below 1.
+    """
+    if asked is None:
+        return cpu_count()
+    if asked < 1:
+        raise OptionError(f"{what} must be at least 1, got {asked}")
+    return int(asked)
+
 
 _PER_WORKER = 2  # chunks handed out at a time: one to work on, one waiting
 _NAMED = 8  # damaged chunks that are named
@@ -69,7 +149,7 @@ def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
 def running(job: Job, options: RunOptions) -> Iterator[tuple[Chunks, RunFolder | None]]:
     """Run ``job`` for as long as the block lasts: its chunks as they are done, and its folder.
 
-    So long Ctrl-C raises nothing by itself: see `pinsing.sampling.inbox`.
+    So long Ctrl-C raises nothing by itself: see `pinsing.sampling.stopping`.
 
     Raises
     ------
@@ -221,7 +301,7 @@ def _outcome(future: Future[Record], job: Job, index: int) -> Record:
                 "(has it the same pinsing installed?)"
             ) from None
         return record
-    if isinstance(error, BrokenExecutor) or lost(error):
+    if isinstance(error, BrokenExecutor) or _named(error, "KilledWorker") or connection_lost(error):
         raise _died(error) from error
     if isinstance(error, PinsingError) or not isinstance(error, Exception):
         raise error
@@ -238,3 +318,13 @@ def _died(error: BaseException) -> WorkerError:
         f"a worker process died, killed or out of memory ({said}); what is kept in a folder is "
         "safe: run the same again, with fewer workers or smaller chunks if it was memory"
     )
+
+
+def connection_lost(error: BaseException) -> bool:
+    """Return True if a call on a cluster has failed with the way to its worker."""
+    return _named(error, "CommClosedError", "ClosedClientError")
+
+
+def _named(error: BaseException, *names: str) -> bool:
+    """Return True if an error is of a class of that name, whose library need not be imported."""
+    return any(kind.__name__ in names for kind in type(error).__mro__)

@@ -1,19 +1,23 @@
-"""Processes of this machine, as an executor that ends well."""
+"""Processes of this machine and workers of a dask.distributed cluster, as executors."""
 
 from __future__ import annotations
 
 import contextlib
+import importlib
 import multiprocessing
 import multiprocessing.connection
 import os
+import re
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from multiprocessing import resource_tracker
 from typing import Any
 
-from pinsing.sampling.threads import how_many
+from pinsing._version import __version__
+from pinsing.errors import WorkerError
+from pinsing.sampling.execute import connection_lost, how_many
 
 _LOOK_EVERY = 0.5
 _TIME_TO_NOTICE = 2.0
@@ -85,3 +89,166 @@ def _follow_parent() -> None:
 def _end_with(sentinel: int) -> None:
     multiprocessing.connection.wait([sentinel])
     os._exit(1)
+
+
+_ADDRESS = re.compile(r"(?:(?:tcp|tls|ws|wss|ucx|ucxx)://)?(?:[\w.-]+|\[[0-9A-Fa-f:.%\w]+\]):(\d+)")
+
+
+@contextlib.contextmanager
+def dask_cluster(address: str, timeout: float = 10.0) -> Iterator[tuple[Executor, int]]:
+    """Workers of a running dask.distributed cluster; a chunk of a lost worker is done elsewhere.
+
+    Parameters
+    ----------
+    address : str
+        Of the scheduler, such as ``tcp://host:8786``.
+    timeout : float
+        Seconds to wait for it, and for its first worker.
+
+    Raises
+    ------
+    WorkerError
+        If dask.distributed is not installed, nothing answers, there are no workers, or one of
+        them has another version of pinsing.
+    """
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError:
+        raise WorkerError(
+            "dask.distributed is not installed; pip install 'pinsing[cluster]'"
+        ) from None
+    import asyncio  # a tenth of a second of a start, and nobody else needs it
+
+    port = _ADDRESS.fullmatch(address)
+    if port is None or not 0 < int(port[1]) < 65536:
+        raise WorkerError(
+            f"no dask scheduler at {address[:100]}: that is no address such as tcp://HOST:PORT"
+        )
+    try:
+        # A client that cannot connect is sometimes left half made, and ends 20 s later, loudly.
+        with ThreadPoolExecutor(1) as aside:
+            aside.submit(asyncio.run, _knock(distributed, address, timeout)).result()
+        client = distributed.Client(address, timeout=timeout, set_as_default=False)
+    except Exception as error:  # of whatever part of the network, down to its certificates
+        raise WorkerError(f"no dask scheduler at {address}: {_first_line(error)}") from None
+    executor = _Cluster(client, address)
+    try:
+        count = _workers(distributed, client, address, timeout)
+        yield executor, count
+    finally:
+        executor.shutdown()
+        # One that has died cannot say goodbye.
+        with contextlib.suppress(TimeoutError, OSError, distributed.TimeoutError):
+            client.close(timeout=timeout)
+
+
+def call_there(version: str, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
+    """What a worker runs.
+
+    Raises
+    ------
+    WorkerError
+        If it has another version of pinsing.
+    """
+    if version != __version__:
+        raise WorkerError(_other_version("a dask worker", __version__, version))
+    return fn(*args, **kwargs)
+
+
+async def _knock(distributed: Any, address: str, timeout: float) -> None:
+    """Connect to a scheduler, and leave."""
+    how = distributed.Security().get_connection_args("client")
+    link = await distributed.comm.connect(address, timeout=timeout, **how)
+    await link.close()
+
+
+def _workers(distributed: Any, client: Any, address: str, timeout: float) -> int:
+    """Wait for the first worker, judge all that are there, and count their threads."""
+    try:
+        client.wait_for_workers(1, timeout=timeout)
+        versions = _versions(client)
+        count = int(sum(client.nthreads().values()))
+    except (TimeoutError, distributed.TimeoutError):  # one class only from Python 3.11 on
+        raise WorkerError(f"the dask scheduler at {address} has no workers") from None
+    except WorkerError:
+        raise
+    except Exception as error:
+        raise WorkerError(f"the dask scheduler at {address} fails: {_first_line(error)}") from None
+    for worker, found in sorted(versions.items()):
+        if found != __version__:
+            raise WorkerError(_other_version(f"the dask worker {worker}", found, __version__))
+    return count
+
+
+def _versions(client: Any) -> dict[str, str]:
+    """Version of pinsing that each worker has; empty of one that has none."""
+    from importlib import metadata
+
+    try:
+        metadata.version("pinsing")
+    except metadata.PackageNotFoundError:  # not installed here: nothing to compare
+        return {}
+    # A function that any worker has, whatever its pinsing.
+    answers = client.run(metadata.version, "pinsing", on_error="return")
+    missing = metadata.PackageNotFoundError
+    return {
+        worker: "" if isinstance(found, missing) else str(found)
+        for worker, found in answers.items()
+        if isinstance(found, str | missing)
+    }
+
+
+def _other_version(who: str, found: str, wanted: str) -> str:
+    has = f"pinsing {found}" if found else "no pinsing"
+    return f"{who} has {has} installed, and this is {wanted}: install the same there"
+
+
+def _first_line(error: BaseException) -> str:
+    lines = str(error).strip().splitlines()
+    return lines[0][:300] if lines else type(error).__name__
+
+
+class _Cluster(Executor):
+    """Calls on a dask cluster.
+
+    As ``Client.get_executor``, which however takes a result for an error if the worker that it
+    was fetched from dies right then: it asks for the state after the result.
+    """
+
+    def __init__(self, client: Any, address: str) -> None:
+        self._client, self._address, self._ours = client, address, True
+
+    def submit(self, fn: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
+        if self._client.status not in ("running", "connecting"):
+            raise self._gone()
+        there = self._client.submit(call_there, __version__, fn, *args, pure=False, **kwargs)
+        here: Future[Any] = Future()
+
+        async def follow() -> None:
+            result, error = None, None
+            try:
+                result = await there
+            except BaseException as raised:  # whatever it is, who waits has to hear of it
+                error = raised
+            if not here.set_running_or_notify_cancel():
+                return
+            if error is None:
+                here.set_result(result)
+            elif self._ours and (self._client.status != "running" or connection_lost(error)):
+                here.set_exception(self._gone())
+            else:
+                here.set_exception(error)
+
+        here.add_done_callback(lambda done: there.cancel() if done.cancelled() else None)
+        self._client.loop.add_callback(follow)
+        return here
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """From now on the connection ends because we end it."""
+        self._ours = False
+
+    def _gone(self) -> WorkerError:
+        return WorkerError(
+            f"the dask scheduler at {self._address} has gone, or its network; what is kept in a "
+            "folder is safe: run the same again when it is back"
+        )

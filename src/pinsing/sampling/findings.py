@@ -11,11 +11,11 @@ import itertools
 import math
 import time
 from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.arguments import checked, whole_number
 from pinsing.configuration.rank_drop import approach
@@ -26,9 +26,8 @@ from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import ANGLE_TOL, nominal
 from pinsing.sampling.curves import CurveTable
-from pinsing.sampling.finding import Finding
+from pinsing.sampling.finding import Finding, JointCondition
 from pinsing.sampling.generalize import SAMPLES, ConditionTester
-from pinsing.sampling.joint_condition import JointCondition
 from pinsing.sampling.sweep_result import SweepResult
 
 _ON = 1e-6  # radians or metres: a value this near to a fixed one is that one

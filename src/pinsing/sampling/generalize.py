@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.rank_drop import approach
@@ -25,7 +25,7 @@ from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
-from pinsing.sampling.joint_condition import JointCondition, tidy
+from pinsing.sampling.finding import JointCondition, tidy
 from pinsing.serialization import JsonResult
 
 SNAP_TOL = 1e-4

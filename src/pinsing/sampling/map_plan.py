@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
@@ -18,9 +18,14 @@ from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import scale_notes
 from pinsing.robot.arm import Arm
 from pinsing.robot.arm_summary import ArmSummary, summarize
-from pinsing.sampling import sobol
-from pinsing.sampling.map_sample import SAMPLINGS, grid_axis, grid_points, put_points
-from pinsing.sampling.special_values import moving_ranges
+from pinsing.sampling.sample import (
+    MAX_DIMENSION,
+    SAMPLINGS,
+    grid_axis,
+    grid_points,
+    moving_ranges,
+    put_points,
+)
 from pinsing.serialization import JsonResult
 
 COUNT = 1 << 20
@@ -211,9 +216,9 @@ def plan_map(
     count = COUNT if count is None else int(count)
     if not 1 <= count <= _MAX_COUNT:
         raise OptionError(f"a map has between 1 and {_MAX_COUNT:,} configurations, not {count:,}")
-    if sampling == "sobol" and len(moving) > sobol.MAX_DIMENSION:
+    if sampling == "sobol" and len(moving) > MAX_DIMENSION:
         raise OptionError(
-            f"a Sobol sample has at most {sobol.MAX_DIMENSION} joints, not {len(moving)}; "
+            f"a Sobol sample has at most {MAX_DIMENSION} joints, not {len(moving)}; "
             "choose fewer joints, or a random sample"
         )
     if not 0 <= seed < 2**64:

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.joint_text import typed
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
-from pinsing.sampling.distribution import Distribution, WorstPoint, distributions, worst_points
-from pinsing.sampling.map_clearance import ClearancePoint, ClearanceSpread
 from pinsing.sampling.map_plan import MapPlan
-from pinsing.sampling.tally import QUANTILE_ERROR, Tally
+from pinsing.sampling.tally import (
+    QUANTILE_ERROR,
+    Distribution,
+    Tally,
+    WorstPoint,
+    distributions,
+    worst_points,
+)
 from pinsing.serialization import JsonResult
 
 _SHOWN_QUANTILES = (0.0, 0.001, 0.01, 0.1, 0.5, 0.9, 0.99, 1.0)
@@ -27,6 +31,55 @@ _DIGITS = 9
 
 
 MapPoint = WorstPoint
+
+
+@dataclass(frozen=True, eq=False)
+class ClearancePoint:
+    """One of the configurations nearest to a family.
+
+    Attributes
+    ----------
+    index : int
+        Its number in the map.
+    q : (n,) array
+        Radians or metres.
+    lower, upper : float
+        Bounds of the distance to the nearest family, radians (metres over the length scale);
+        ``upper`` is infinite where the closed formula gives none.
+    family : str
+        The family of the least lower bound.
+    """
+
+    index: int
+    q: Array
+    lower: float
+    upper: float
+    family: str
+
+
+@dataclass(frozen=True, eq=False)
+class ClearanceSpread:
+    """How the clearance is distributed over a map.
+
+    Attributes
+    ----------
+    families : tuple of str
+        The families that distances are taken to: all with real points, whatever the limits.
+    complete : bool
+        Whether the closed form is complete. Otherwise a singular configuration that belongs to
+        no family may be nearer than ``lower``.
+    lower, upper : Distribution
+        Of the proven lower bound, and of the upper bound, as ``pinsing.clearance`` gives them.
+        Radians; of joints that slide, metres over the length scale.
+    nearest : tuple of ClearancePoint
+        The configurations of smallest lower bound, smallest first.
+    """
+
+    families: tuple[str, ...]
+    complete: bool
+    lower: Distribution
+    upper: Distribution
+    nearest: tuple[ClearancePoint, ...]
 
 
 @dataclass(frozen=True, eq=False)

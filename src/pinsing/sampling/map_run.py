@@ -3,40 +3,37 @@
 from __future__ import annotations
 
 import functools
+import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked
 from pinsing.chunk_file import Record
 from pinsing.errors import OptionError, UnknownNameError
+from pinsing.families.solve import form_to_measure
+from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.evaluator import Evaluator, run_identity
-from pinsing.proximity.watched import Forms
+from pinsing.proximity.watched import Forms, require_forms_of, watch
 from pinsing.robot.arm import Arm
-from pinsing.sampling.execute import planned_evaluator, running
-from pinsing.sampling.map_clearance import (
-    CLEARANCE_TALLY,
-    Nearness,
-    check_clearance,
-    clearance_part,
-    clearance_room,
-    put_clearance,
-)
+from pinsing.sampling.execute import Progress, RunOptions, Tell, planned_evaluator, running
 from pinsing.sampling.map_plan import BLOCK, WORST, MapPlan, plan_map, rows_of
-from pinsing.sampling.map_result import MapResult, result_of
-from pinsing.sampling.options import Progress, RunOptions, Tell
-from pinsing.sampling.tally import Tally
-from pinsing.sampling.tally_check import (
+from pinsing.sampling.map_result import ClearancePoint, ClearanceSpread, MapResult, result_of
+from pinsing.sampling.tally import (
     TALLY,
+    Tally,
     check_names,
     check_tally,
     check_values,
+    distributions,
     finite,
     tally_room,
 )
@@ -46,6 +43,114 @@ MEASURES = ("sigma", "clearance")
 
 RESULT = "result.json"
 """File of a folder that holds the result of a complete map."""
+
+
+_PREFIX = "clearance_"
+
+CLEARANCE_TALLY = tuple(_PREFIX + name for name in TALLY)
+"""Names of the arrays of the tally of the clearance in a record."""
+
+
+@dataclass(frozen=True, eq=False)
+class Nearness:
+    """The families of a map as flat arrays: small, and able to be pickled.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Of the families.
+    complete : bool
+        Whether the closed form is complete.
+    conditions : Conditions
+        The families.
+    """
+
+    names: tuple[str, ...]
+    complete: bool
+    conditions: Conditions
+
+    @classmethod
+    def of(cls, arm: Arm, forms: Forms | None) -> Nearness:
+        """Families of ``forms``, by default of the closed form of ``arm``.
+
+        Raises
+        ------
+        OptionError
+            If they are of another arm, or there is no family at all.
+        """
+        if forms is None:
+            forms = form_to_measure(arm)
+        require_forms_of(forms, arm)
+        watched = watch(forms)
+        if not watched.names:
+            raise OptionError(
+                f"{arm.name} has no known family of singular configurations, so that every "
+                "clearance is infinite: map sigma instead"
+            )
+        return cls(watched.names, watched.complete, watched.conditions)
+
+    def fingerprint(self) -> str:
+        """SHA-256 of the names and of every number of the families."""
+        digest = hashlib.sha256(repr(self.names).encode())
+        for f in fields(self.conditions):
+            value = getattr(self.conditions, f.name)
+            data = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+            digest.update(f"{f.name}:{len(data)};".encode() + data)
+        return digest.hexdigest()
+
+    def add(self, tally: Tally, first: int, Q: Array, engine: str) -> None:
+        """Count the bounds at configurations Q (N, n) with numbers from ``first`` on."""
+        tally.add(first, *self.bounds(Q, engine))
+
+    def bounds(self, Q: Array, engine: str) -> tuple[Array, Array]:
+        """Return the upper and lower bounds (N,) at configurations Q (N, n)."""
+        compiled = engine != PINOCCHIO
+        found = two_sided(
+            self.conditions, Q, compiled=compiled, threads=1, isa=engine if compiled else None
+        )
+        return found.upper, found.lower
+
+    def spread(self, tally: Tally, locate: Callable[[int], Array]) -> ClearanceSpread:
+        """Turn a tally that has seen something into a result."""
+        upper, lower = distributions(tally, locate)
+        numbers = tally.worst_index.tolist()
+        Q = np.stack([locate(i) for i in numbers])
+        family = two_sided(self.conditions, Q).family
+        rows = zip(numbers, Q, tally.worst_ratio, tally.worst_sigma, family, strict=True)
+        return ClearanceSpread(
+            families=self.names,
+            complete=self.complete,
+            lower=lower,
+            upper=upper,
+            nearest=tuple(
+                ClearancePoint(i, q, float(low), float(high), self.names[k])
+                for i, q, low, high, k in rows
+            ),
+        )
+
+
+def put_clearance(record: Record, tally: Tally) -> None:
+    """Put a tally of the clearance into the record of a chunk."""
+    record.update({_PREFIX + name: array for name, array in tally.record().items()})
+
+
+def clearance_part(record: Record) -> Record:
+    """The arrays of the clearance of a record, under their plain names."""
+    start = len(_PREFIX)
+    return {name[start:]: a for name, a in record.items() if name.startswith(_PREFIX)}
+
+
+def check_clearance(record: Record, worst: int, start: int, stop: int) -> None:
+    """Raise a ValueError that says why the clearance of a record cannot be that of a chunk."""
+    try:
+        check_tally(clearance_part(record), worst, stop - start, start, stop, ratios=False)
+    except ValueError as error:
+        raise ValueError(f"of the clearance, {error}") from None
+
+
+def clearance_room(worst: int, count: int) -> int:
+    """Bytes that the clearance takes in a record at most."""
+    return tally_room(worst, count) + 4096
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,6 @@ kept, are in the chunks of the folder; `kept_curves` goes through them one by on
 
 from __future__ import annotations
 
-import io
 import json
 import os
 from collections.abc import Iterator
@@ -21,14 +20,11 @@ from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
 from pinsing.errors import ResultError
 from pinsing.sampling.curves import CurveTable, axis_values
 from pinsing.sampling.run_folder import RunFolder, recorded
-from pinsing.sampling.sweep_job import Kept, check_curves, curves_room, regular_count, span_of
-from pinsing.sampling.sweep_result import SweepCurve, SweepResult, curves_of
+from pinsing.sampling.sweep_result import CURVES, SweepCurve, SweepResult, curves_of, pack_sweep
+from pinsing.sampling.sweep_run import Kept, check_curves, curves_room, regular_count, span_of
 
 _ROOM = 1 << 30  # bytes that a saved sweep may take
 _NUMBERS = ("chunks", "pieces_of_a_chunk", "worst", "candidates")  # of a plan
-
-CURVES = "sweep.npz"
-"""File of the folder of a complete sweep that holds its result, with the curves if kept in it."""
 
 
 def save_npz(result: SweepResult, path: str | os.PathLike[str]) -> Path:
@@ -49,33 +45,6 @@ def save_npz(result: SweepResult, path: str | os.PathLike[str]) -> Path:
         target = target.with_name(target.name + ".npz")
     write_bytes(target, pack_sweep(result))
     return target
-
-
-def pack_sweep(result: SweepResult) -> bytes:
-    """Bytes of the file that `save_npz` writes."""
-    joints = result.arm.joints
-    samples = result.plan.samples if result.curves else 0
-    fixed = np.full((len(result.curves), len(joints)), np.nan)
-    ranges = np.array([e.range for e in result.plan.effects], dtype=float)
-    for row, curve in zip(fixed, result.curves, strict=True):
-        row[[joints.index(name) for name in curve.fixed]] = list(curve.fixed.values())
-    header = replace(result, curves=()).to_dict()
-    arrays = {
-        "header": np.array(json.dumps(header, allow_nan=False).encode()),
-        "number": np.array([c.number for c in result.curves], dtype=np.int64),
-        "level": np.array([c.level for c in result.curves], dtype=np.int64),
-        "moving": np.array([c.moving for c in result.curves], dtype=np.int64),
-        "forced": np.array([c.forced for c in result.curves], dtype=bool),
-        "fixed": fixed,
-        "x": axis_values(ranges, result.plan.samples, np.arange(samples)[None]),
-        "sigma_min": np.array([c.sigma_min for c in result.curves]).reshape(len(fixed), samples),
-        "sigma_ratio": np.array([c.sigma_ratio for c in result.curves]).reshape(
-            len(fixed), samples
-        ),
-    }
-    packed = io.BytesIO()
-    np.savez_compressed(packed, **arrays)  # type: ignore[arg-type]
-    return packed.getvalue()
 
 
 def load_npz(path: str | os.PathLike[str]) -> SweepResult:

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.robot.arm_summary import ArmSummary
-from pinsing.sampling.special_values import SPECIAL_ANGLES, Special
 from pinsing.serialization import JsonResult
+
+SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)
+"""Special values of revolute joints, radians (paper, Section 3.2)."""
+
+Special = Sequence[float] | Mapping[str, Sequence[float]]
+"""Special angles of all revolute joints, or the special values of single joints by name."""
 
 SAMPLES = 181
 """Points of a curve: every two degrees of a whole turn."""

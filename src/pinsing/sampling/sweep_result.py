@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import io
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked, whole_number
 from pinsing.errors import OptionError, UnknownNameError
@@ -16,12 +18,10 @@ from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import Status
 from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
 from pinsing.robot.arm_summary import ArmSummary
-from pinsing.sampling.curves import CurveTable
-from pinsing.sampling.distribution import Distribution, WorstPoint
-from pinsing.sampling.finding import Finding, finding_spans
-from pinsing.sampling.joint_condition import value_text
-from pinsing.sampling.minima import Candidates
+from pinsing.sampling.curves import Candidates, CurveTable, axis_values
+from pinsing.sampling.finding import Finding, finding_spans, value_text
 from pinsing.sampling.sweep_plan import SweepPlan
+from pinsing.sampling.tally import Distribution, WorstPoint
 from pinsing.serialization import JsonResult
 
 HOW_TO_KEEP = (
@@ -29,6 +29,9 @@ HOW_TO_KEEP = (
     "and read them one by one with pinsing.sampling.npz.kept_curves(DIR)"
 )
 """What is to be done where curves are needed and there are none."""
+
+CURVES = "sweep.npz"
+"""File of the folder of a complete sweep that holds its result, with the curves if kept in it."""
 
 _DIGITS = 9
 _SHOWN = ((0.01, "1 %"), (0.1, "10 %"), (0.5, "median"))
@@ -341,3 +344,30 @@ def curves_of(
             sigma_ratio=ratio,
             number=number,
         )
+
+
+def pack_sweep(result: SweepResult) -> bytes:
+    """Bytes of the file that `save_npz` writes."""
+    joints = result.arm.joints
+    samples = result.plan.samples if result.curves else 0
+    fixed = np.full((len(result.curves), len(joints)), np.nan)
+    ranges = np.array([e.range for e in result.plan.effects], dtype=float)
+    for row, curve in zip(fixed, result.curves, strict=True):
+        row[[joints.index(name) for name in curve.fixed]] = list(curve.fixed.values())
+    header = replace(result, curves=()).to_dict()
+    arrays = {
+        "header": np.array(json.dumps(header, allow_nan=False).encode()),
+        "number": np.array([c.number for c in result.curves], dtype=np.int64),
+        "level": np.array([c.level for c in result.curves], dtype=np.int64),
+        "moving": np.array([c.moving for c in result.curves], dtype=np.int64),
+        "forced": np.array([c.forced for c in result.curves], dtype=bool),
+        "fixed": fixed,
+        "x": axis_values(ranges, result.plan.samples, np.arange(samples)[None]),
+        "sigma_min": np.array([c.sigma_min for c in result.curves]).reshape(len(fixed), samples),
+        "sigma_ratio": np.array([c.sigma_ratio for c in result.curves]).reshape(
+            len(fixed), samples
+        ),
+    }
+    packed = io.BytesIO()
+    np.savez_compressed(packed, **arrays)
+    return packed.getvalue()

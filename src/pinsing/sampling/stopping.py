@@ -1,4 +1,4 @@
-"""What a run waits for: chunks that are done, and Ctrl-C, in one queue without locks of its own.
+"""What ends a run or an analysis early: Ctrl-C, and the time it may take.
 
 While a run is on, Ctrl-C raises nothing: an exception in the middle of a locked region of
 ``concurrent.futures`` would leave the lock taken, and every thread that needs it waiting for
@@ -8,14 +8,16 @@ ever. Instead it leaves a word in the queue that the run waits at.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import signal
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from queue import SimpleQueue
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 _STOPPED = 130
 _AT_ONCE = b"\npinsing: ended at once; what is in a folder is kept\n"
@@ -121,3 +123,61 @@ def second_ctrl_c_ends_process() -> Iterator[None]:
         yield
     finally:
         _ends_process = before
+
+
+T = TypeVar("T")
+
+
+class Stages:
+    """Runs stages until the time is up, or Ctrl-C; what is missing then is listed.
+
+    Parameters
+    ----------
+    seconds : float or None
+        Time from now on; None: as long as it takes.
+    """
+
+    def __init__(self, seconds: float | None) -> None:
+        self.seconds = math.inf if seconds is None else seconds
+        self.until = time.monotonic() + self.seconds
+        self.missing: list[str] = []
+        self.interrupted = False
+
+    @property
+    def over(self) -> bool:
+        """Whether nothing more should be begun."""
+        return self.interrupted or time.monotonic() > self.until
+
+    @property
+    def why(self) -> str:
+        """What ended it."""
+        return "stopped" if self.interrupted else f"the time of {self.seconds:g} s was up"
+
+    def run(self, name: str, stage: Callable[[], T], otherwise: T, whole: bool = False) -> T:
+        """The result of a stage; ``otherwise``, and a line for what is missing, without it.
+
+        A ``whole`` stage looks at no clock: its result has all of it, however late.
+        """
+        if self.over:
+            self.missing.append(f"{name}: not begun, {self.why}")
+            return otherwise
+        try:
+            result = stage()
+        except KeyboardInterrupt:
+            self.interrupted = True
+            self.missing.append(f"{name}: stopped before its end")
+            return otherwise
+        if self.over and not whole:
+            self.missing.append(f"{name}: perhaps not all of it, {self.why}")
+        return result
+
+    def watched(self, progress: Callable[[int, int], None] | None) -> Callable[[int, int], None]:
+        """A callback for a sweep that ends it, as Ctrl-C would, when the time is up."""
+
+        def tell(done: int, count: int) -> None:
+            if progress is not None:
+                progress(done, count)
+            if time.monotonic() > self.until and done < count:
+                raise KeyboardInterrupt
+
+        return tell
