@@ -17,11 +17,10 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.configuration.lost_motion import LostMotion
-from pinsing.measures import pure_by_default, pure_ellipsoids
 from pinsing.configuration.state import REGULAR, State
 from pinsing.errors import OptionError
 from pinsing.kinematics.verdict import SINGULAR_RTOL
-from pinsing.measures import Ellipsoid
+from pinsing.measures import Ellipsoid, pure_by_default, pure_ellipsoids
 from pinsing.plot.style import COLORS, COLUMN, SMALL, legend_below, legend_of_all, new_axes, plain
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_axis import joint_axis

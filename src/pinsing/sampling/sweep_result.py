@@ -369,5 +369,5 @@ def pack_sweep(result: SweepResult) -> bytes:
         ),
     }
     packed = io.BytesIO()
-    np.savez_compressed(packed, **arrays)
+    np.savez_compressed(packed, **arrays)  # type: ignore[arg-type]
     return packed.getvalue()

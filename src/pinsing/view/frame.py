@@ -12,10 +12,10 @@ import pinocchio as pin
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.configuration.at import at
-from pinsing.measures import pure_ellipsoids as pure_ellipsoids
 from pinsing.configuration.state import REGULAR, State
 from pinsing.kinematics.jacobian import frame_jacobians
 from pinsing.measures import Ellipsoid
+from pinsing.measures import pure_ellipsoids as pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.serialization import encode
 from pinsing.view.entries import Entry
