@@ -26,8 +26,7 @@ import pinsing
 from pinsing.loops.batch import BatchLoops
 from pinsing.loops.closure import Loops, random_closed
 from pinsing.loops.map import mechanism_map
-from pinsing.loops.measure_many import measure_many
-from pinsing.loops.motion import _motions
+from pinsing.loops.motion import _motions, measure_many
 
 SHELF = (
     "five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "stewart_6_3", "delta",

@@ -25,7 +25,7 @@ from pinsing.loops import (
     pose_forms,
     ranks,
 )
-from pinsing.loops.feasible import feasible
+from pinsing.loops.solve import feasible
 from pinsing.robot.mechanism import Mechanism
 
 URDF = Path(__file__).resolve().parents[2] / "urdf"

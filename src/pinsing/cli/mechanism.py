@@ -22,8 +22,8 @@ if TYPE_CHECKING:
     from pinsing._types import Array
     from pinsing.families.solve import Prove
     from pinsing.loops import MechanismAnalysis
-    from pinsing.loops.leg_proofs import LegProof
-    from pinsing.robot.load_mechanism import Mechanism
+    from pinsing.loops.leg_wrenches import LegProof
+    from pinsing.robot.mechanism import Mechanism
 
 _ARM_MAPS: dict[str, Any] = {
     "sampling": "sobol", "measure": "sigma", "steps": None, "map_joints": None, "ranges": (),
@@ -203,8 +203,8 @@ def families_loops(
 ) -> int:
     """``families --loops``: the loci as equations, over inputs or pose, and in all joint angles."""
     from pinsing.loops import joint_forms, loop_forms, pose_forms
-    from pinsing.loops.forms_text import forms_text
-    from pinsing.loops.rods import why_no_rods
+    from pinsing.loops.legs import why_no_rods
+    from pinsing.loops.result import forms_text
 
     if latex:
         raise OptionError(
@@ -222,7 +222,7 @@ def families_loops(
     tell_of_limits(mechanism)
     proven: tuple[LegProof, ...] = ()
     if prove is True or certificate is not None:
-        from pinsing.loops.leg_proofs import leg_proofs
+        from pinsing.loops.leg_wrenches import leg_proofs
 
         proven = leg_proofs(mechanism, **({} if seconds is None else {"seconds": seconds}))
     elif seconds is not None:

@@ -12,7 +12,7 @@ from pinsing.errors import OptionError
 
 if TYPE_CHECKING:
     from pinsing._types import Array
-    from pinsing.robot.load_mechanism import Mechanism
+    from pinsing.robot.mechanism import Mechanism
 
 _LOOP_PLOTS = ("map", "curves", "ellipsoids", "modes")
 _ARM_PLOTS: dict[str, Any] = {

@@ -14,25 +14,22 @@ from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.loops.closure import Ranks, ranks
 from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.feasible import MOST_CURVES, Interval, curves, feasible, intervals
+from pinsing.loops.forms import PoseForms
 from pinsing.loops.joint_loci import joint_forms
-from pinsing.loops.likeness import output_pose
-from pinsing.loops.loci import LoopForms, loop_forms
-from pinsing.loops.loci_roots import roots
+from pinsing.loops.legs import why_no_rods
+from pinsing.loops.loop_forms import LoopForms, loop_forms, roots
 from pinsing.loops.modes import home, home_error, home_outside
 from pinsing.loops.motion import mechanism_at, motions
 from pinsing.loops.pose import pose_of
-from pinsing.loops.pose_forms import PoseForms
 from pinsing.loops.pose_loci import pose_forms
-from pinsing.loops.pose_values import locus_distance
+from pinsing.loops.pose_notes import locus_distance
 from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.result import FORMS, Check, MechanismAnalysis
-from pinsing.loops.rods import why_no_rods
 from pinsing.loops.singular_points import SingularPoint, find_singular
-from pinsing.loops.solve import InfeasibleError
-from pinsing.loops.structure import without_length
+from pinsing.loops.solve import MOST_CURVES, InfeasibleError, Interval, curves, feasible, intervals
+from pinsing.loops.structure import output_pose, without_length
 from pinsing.loops.trace import Trace
-from pinsing.robot.load_mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism
 from pinsing.sampling.stopping import Stages
 
 _AGREE = 1e-9

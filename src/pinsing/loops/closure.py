@@ -18,7 +18,7 @@ from pinsing._types import Array
 from pinsing.errors import OptionError, PinsingError
 from pinsing.loops.structure import idle_link
 from pinsing.measures import SINGULAR_RTOL
-from pinsing.robot.load_mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism
 
 Mask = npt.NDArray[np.bool_]
 

@@ -1,30 +1,219 @@
-"""How near to singular a mechanism is, over its inputs or the poses of its output."""
+"""Inputs at which the loops cannot close, by distances: a proof where Newton only finds nothing.
+
+Two legs that pass forces along C B and C' B' make a quadrilateral C B B' C'. Whatever the pose of
+the output, B B' is a length @ C B and C' B' are the lengths
+of the rods: where one of the four is longer than the three others together, nothing closes.
+"""
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Sequence
 from typing import ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
-from pinsing._types import Array
+from pinsing._types import Array, Bool
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import independent_inputs
-from pinsing.loops.batch import BatchLoops
-from pinsing.loops.closure import ranks
-from pinsing.loops.likeness import output_pose
-from pinsing.loops.map_draw import TRIES, draw_closed, known_closed
-from pinsing.loops.measure_many import measure_many
+from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.closure import near_home, random_closed, ranks
+from pinsing.loops.legs import Rod, Rods, rods
 from pinsing.loops.modes import home, mode_of
-from pinsing.loops.pose import Pose, pose_of
-from pinsing.loops.pose_table import pose_table
+from pinsing.loops.motion import measure_many
+from pinsing.loops.pose import Pose, pose_of, pose_table
+from pinsing.loops.structure import output_pose
+from pinsing.loops.three_distances import rod_length
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page
 from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
+
+# What is too long by less than this, over the longest, may be rounding.
+_SURE = 1e-9
+
+
+def cannot_close(mechanism: Mechanism, inputs: Array) -> Bool:
+    """Which inputs (N, n_a) leave the loops open, by the inequality of four distances: (N,) bool.
+
+    Proven where it is true, but for the rounding of lengths, of which 1e-9 is left to spare; where
+    it is false the loops may close or not. Nothing is known of mechanisms whose legs are no `rods`.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        From ``load_mechanism``.
+    inputs : (N, n_a) array
+        Values of the actuated joints, in their order, radians and metres.
+    """
+    out = np.zeros(len(inputs), dtype=bool)
+    found = rods(mechanism)
+    if found is None:
+        return out
+    column = {j: k for k, j in enumerate(mechanism.actuated)}
+    # Driven at the foot or at the elbow C B has another length, that is not among the inputs.
+    plain = [r for r in found.rods if not r.side and not r.bends]
+    ends = [_inner(mechanism, r, inputs[:, column[r.joint]]) for r in plain]
+    lengths = [_length(mechanism, r, inputs[:, column[r.joint]]) for r in plain]
+    for a, b in itertools.combinations(range(len(plain)), 2):
+        sides = np.stack(
+            [
+                _norm(found, ends[a] - ends[b]),
+                np.full(len(inputs), _norm(found, plain[a].outer - plain[b].outer)),
+                lengths[a],
+                lengths[b],
+            ]
+        )
+        longest = sides.max(axis=0)
+        out |= 2 * longest - sides.sum(axis=0) > _SURE * longest
+    return out
+
+
+def _inner(mechanism: Mechanism, rod: Rod, values: Array) -> Array:
+    """C (N, 3) at values (N,) of the rod's joint."""
+    slides = mechanism.prismatic[rod.joint]
+    c, s = (values, np.zeros_like(values)) if slides else (np.cos(values), np.sin(values))
+    return np.asarray(rod.inner + c[:, None] * rod.first + s[:, None] * rod.second)
+
+
+def _length(mechanism: Mechanism, rod: Rod, values: Array) -> Array:
+    """Lengths (N,) of C B; a value of a slide below zero is a length the other way."""
+    if rod.slides:
+        return np.abs(values + rod.offset)
+    return np.full(len(values), rod_length(mechanism, rod))
+
+
+def _norm(found: Rods, away: Array) -> Array:
+    """Distances, in the plane those that are level."""
+    return np.asarray(np.linalg.norm(away[..., :2] if found.planar else away, axis=-1))
+
+
+TRIES = 4
+_STEPS = 30
+_CLOSED = 1e-9
+_PILOT = 512
+_PILOT_SEED = 64
+_SPARE = 64
+_FEW = 8
+
+
+def draw_closed(
+    loops: BatchLoops,
+    actuated: list[int],
+    over: str,
+    count: int,
+    rng: np.random.Generator,
+    known: Array,
+) -> tuple[Array, int]:
+    """Closed configurations (M, n) of those drawn, in that order, and how many cannot close.
+
+    Parameters
+    ----------
+    loops : BatchLoops
+        Of the mechanism.
+    actuated : list of int
+        Joints that are drawn, over inputs.
+    over : str
+        ``inputs`` or ``poses``.
+    count : int
+        How many to draw.
+    rng : numpy.random.Generator
+        Of this chunk.
+    known : (N, n) array
+        From `known_closed`: starts near by, and the box and orientations of poses.
+    """
+    mechanism = loops.mechanism
+    low, high = mechanism.space.span
+    free = np.ones(mechanism.n, dtype=bool)
+    target = None
+    held = np.zeros((count, 0))
+    left = np.arange(count)
+    if over == "inputs":
+        free[actuated] = False
+        held = rng.uniform(low[actuated], high[actuated], (count, len(actuated)))
+        # Of redundant actuators some follow from the others: nothing is proven by these alone.
+        if tuple(actuated) == tuple(mechanism.actuated):
+            left = np.flatnonzero(~cannot_close(mechanism, held))
+    else:
+        target = _poses(loops, count, rng, known)
+    impossible = count - len(left)
+    out = np.zeros((count, mechanism.n))
+    kept = np.zeros(count, dtype=bool)
+    for k in range(TRIES):
+        # Drawn for all, so that a start does not depend on what others came to.
+        drawn = rng.uniform(low, high, (count, mechanism.n)) if k > 1 else None
+        if not len(left):
+            break
+        # From home first, so that most are in its mode; then from near by; then from anywhere.
+        if drawn is not None:
+            Q = drawn[left]
+        elif k and len(known):
+            Q = known[_nearest(loops, known, actuated, held[left], target, left)]
+        else:
+            Q = np.tile(home(mechanism), (len(left), 1))
+        if over == "inputs":
+            Q[:, actuated] = held[left]
+        here = None if target is None else (target[0][left], target[1][left], mechanism.task.rows)
+        Q, size = newton(loops, Q, free, target=here, steps=_STEPS)
+        done = size <= _CLOSED
+        Q = mechanism.space.fold(Q)
+        # One beyond a limit is kept until it is found within it another way.
+        out[left[done]], kept[left[done]] = Q[done], True
+        done &= ~mechanism.space.unreachable(Q).any(axis=1)
+        left = left[~done]
+    return out[kept], impossible
+
+
+def _nearest(
+    loops: BatchLoops,
+    known: Array,
+    actuated: list[int],
+    held: Array,
+    target: tuple[Array, Array] | None,
+    left: npt.NDArray[np.intp],
+) -> npt.NDArray[np.intp]:
+    """Which of the known configurations has the nearest inputs, or pose of the output."""
+    if target is None:
+        units = loops.units[actuated]
+        have, want = known[:, actuated] / units, held / units
+    else:
+        R, p, _ = loops.output(known)
+        scale = loops.mechanism.length_scale
+        have = np.concatenate([p / scale, R.reshape(-1, 9)], axis=1)
+        turned, moved = target[0][left].reshape(-1, 9), target[1][left]
+        want = np.concatenate([moved / scale, turned], axis=1)
+    away = (have**2).sum(axis=1) - 2 * want @ have.T
+    return np.asarray(away.argmin(axis=1))
+
+
+def known_closed(loops: BatchLoops) -> Array:
+    """Closed configurations (N, n) from random starts; within the limits where enough are."""
+    mechanism = loops.mechanism
+    rng = np.random.default_rng(_PILOT_SEED)
+    drawn = rng.uniform(*mechanism.space.span, (_PILOT, mechanism.n))
+    drawn[0] = home(mechanism)
+    Q, size = newton(loops, drawn, np.ones(mechanism.n, dtype=bool), steps=_STEPS)
+    Q = mechanism.space.fold(Q[size <= _CLOSED])
+    if not len(Q):
+        # Starts within narrow limits lead nowhere; those that told the ranks did.
+        spare = random_closed(mechanism, _SPARE, rng) + near_home(mechanism)
+        Q = mechanism.space.fold(np.array(spare).reshape(-1, mechanism.n))
+    inside = Q[~mechanism.space.unreachable(Q).any(axis=1)]
+    return inside if len(inside) >= _FEW else Q
+
+
+def _poses(
+    loops: BatchLoops, count: int, rng: np.random.Generator, known: Array
+) -> tuple[Array, Array]:
+    """Rotations (count, 3, 3) and positions (count, 3) to reach."""
+    R, p, _ = loops.output(known)
+    chosen = rng.integers(len(known), size=count)
+    return R[chosen], rng.uniform(p.min(axis=0), p.max(axis=0), (count, 3))
+
 
 OVER = ("inputs", "poses")
 _CHUNK = 2048

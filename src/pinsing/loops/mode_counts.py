@@ -6,13 +6,18 @@ equation.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.loops.rod import Rod
-from pinsing.loops.rods import rods
+from pinsing.loops.leg_wrenches import path_to
+from pinsing.loops.legs import Rod, Rods, Sample, carried, plane_axes, rods
+from pinsing.loops.modes import home
 from pinsing.loops.sphere_loci import count_inputs
-from pinsing.loops.three_distances import rod_length
+from pinsing.loops.structure import output_pose, structure
+from pinsing.loops.three_distances import count_poses, rod_length
 from pinsing.robot.mechanism import Mechanism
 
 TOUCHING = 1e-9
@@ -82,3 +87,440 @@ def inside(mechanism: Mechanism, joint: int, value: float) -> bool:
     if not np.isfinite([low, high]).all():
         return True
     return (value - low) % (2 * np.pi) <= high - low
+
+
+LOOP = -1
+"""Stands for the pin that a loop closes in, among the joints of its ring."""
+
+_SMALL = 1e-9
+_FLAT = 1e-5
+"""Height of a triangle, of its longest side, at which both of its places are one."""
+
+
+def count_triangles(mechanism: Mechanism, found: Sequence[Array]) -> int | None:
+    """Poses at the inputs of closed configurations (n,), limits left aside; None of other loops."""
+    ring = _ring(mechanism)
+    if ring is None or not found:
+        return None
+    moving = {j for j in ring if j in mechanism.passive}
+    if not moving & set(path_to(mechanism, structure(mechanism).output)):
+        return None
+    corners = _corners(mechanism, ring, found[0])
+    if corners is None:
+        return None
+    sides = corners - np.roll(corners, 1, axis=0)
+    lengths = np.linalg.norm(sides, axis=1)
+    if lengths.min() <= _SMALL * max(lengths.max(), _SMALL):
+        return None
+    height = abs(sides[0][0] * sides[1][1] - sides[0][1] * sides[1][0]) / lengths.max()
+    return 1 if height <= _FLAT * lengths.max() else 2
+
+
+def count_of_point(mechanism: Mechanism, p: Array) -> int | None:
+    """Values of the inputs within their limits that bring the middle pin to p (3,), the output.
+
+    None of other mechanisms, or where two solutions meet.
+    """
+    legs = point_legs(mechanism)
+    if legs is None:
+        return None
+    count = 1
+    for rod, length in zip(legs.rods.rods, legs.lengths, strict=True):
+        roots = values(mechanism, rod, legs.rods.axes @ p, True, length)
+        if roots is None:
+            return None
+        count *= sum(inside(mechanism, rod.joint, v) for v in roots)
+    return count
+
+
+@dataclass(frozen=True, eq=False)
+class PointLegs:
+    """Both rods of a five-bar whose output is the position of the middle pin, in any plane.
+
+    Attributes
+    ----------
+    rods : Rods
+        Each hangs on a crank or a slide.
+    lengths : tuple of float
+        Metres.
+    """
+
+    rods: Rods
+    lengths: tuple[float, ...]
+
+
+def point_legs(mechanism: Mechanism) -> PointLegs | None:
+    """The rods of such a five-bar; None of other mechanisms."""
+    return mechanism.once("point_legs", lambda: _point_legs(mechanism))
+
+
+def _point_legs(mechanism: Mechanism) -> PointLegs | None:
+    ring, plane = _ring(mechanism), plane_axes(mechanism)
+    if ring is None or plane is None or not _position_in(plane[0], mechanism.task.rows):
+        return None
+    driven = [j in mechanism.actuated for j in ring]
+    if driven != [True, False, False, False, True] or len(ring) != mechanism.n + (LOOP in ring):
+        return None
+    start = _sample(mechanism, home(mechanism), *plane)
+    zero = _sample(mechanism, np.zeros(mechanism.n), *plane)
+    if not _at_pin(mechanism, ring[2], start):
+        return None
+    loop = mechanism.loops[0]
+    found, lengths = [], []
+    for act, pin, own in ((ring[0], ring[1], loop.frame_a), (ring[4], ring[3], loop.frame_b)):
+        rod = carried(mechanism, zero, act, _place(mechanism, zero, pin, own), np.zeros(3))
+        if rod is None:
+            return None
+        reach = _place(mechanism, start, pin, own) - np.array(start.output.translation)
+        found.append(rod)
+        lengths.append(float(np.linalg.norm(reach[:2])))
+    return PointLegs(Rods(mechanism, tuple(found), True, *plane), tuple(lengths))
+
+
+def _position_in(axes: Array, rows: Sequence[int]) -> bool:
+    """Whether rows of a task are the position in a plane, whose axes are rows of (3, 3)."""
+    across = [k for k in range(3) if k not in rows]
+    return set(rows) <= {0, 1, 2} and bool((np.abs(axes[:2, across]) <= _SMALL).all())
+
+
+def _place(mechanism: Mechanism, sample: Sample, pin: int, own: str) -> Array:
+    """Where a pin is (3,); that of the loop by its frame ``own``, since the tree may be open."""
+    if pin != LOOP:
+        return np.array(sample.joints[pin + 1].translation)
+    frames = zip(sample.frames, mechanism.model.frames, strict=True)
+    return np.array(next(f for f, x in frames if x.name == own).translation)
+
+
+def _ring(mechanism: Mechanism) -> list[int] | None:
+    """Joints around the one loop from base to base, of which three are passive pins; or None."""
+    if len(mechanism.loops) != 1 or mechanism.prismatic[list(mechanism.passive)].any():
+        return None
+    loop = mechanism.loops[0]
+    bodies = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
+    first, second = (path_to(mechanism, bodies[name]) for name in (loop.frame_a, loop.frame_b))
+    if set(first) & set(second):
+        return None
+    ring = [*first, *([] if loop.kind == "6d" else [LOOP]), *reversed(second)]
+    pins = [j for j in ring if j not in mechanism.actuated]
+    return ring if len(pins) == 3 and set(mechanism.passive) <= set(pins) else None
+
+
+def _corners(mechanism: Mechanism, ring: Sequence[int], q: Array) -> Array | None:
+    """The three pins (3, 2) in their plane; None where they are not parallel."""
+    sample, loop = _sample(mechanism, q, np.eye(3), np.eye(3)), mechanism.loops[0]
+    pins = [j for j in ring if j not in mechanism.actuated]
+    axes = np.array([sample.axis[j] for j in pins if j != LOOP])
+    frame = next(f for f, x in zip(sample.frames, mechanism.model.frames, strict=True)
+                 if x.name == loop.frame_a)  # fmt: skip
+    if loop.kind == "planar":
+        axes = np.concatenate([axes, np.array(frame.rotation)[None, :, 2]])
+    if np.abs(np.cross(axes, axes[0])).max() > _SMALL:
+        return None
+    points = np.array(
+        [frame.translation if j == LOOP else sample.joints[j + 1].translation for j in pins]
+    )
+    return np.asarray(points @ np.linalg.svd(axes[:1])[2][1:].T)
+
+
+def _at_pin(mechanism: Mechanism, pin: int, at: Sample) -> bool:
+    """Whether the output is the position of a pin, as a point of one of its two bodies."""
+    frames = {f.name: f for f in mechanism.model.frames}
+    output, loop = frames[mechanism.output], mechanism.loops[0]
+    if pin == LOOP:
+        bodies = {frames[name].parentJoint for name in (loop.frame_a, loop.frame_b)}
+    else:
+        bodies = {pin + 1, mechanism.model.parents[pin + 1]}
+    if output.parentJoint not in bodies:
+        return False
+    away = _place(mechanism, at, pin, loop.frame_a) - np.array(at.output.translation)
+    return bool(np.linalg.norm(away[:2]) <= _SMALL * mechanism.length_scale)
+
+
+def _sample(mechanism: Mechanism, q: Array, axes: Array, own: Array) -> Sample:
+    return Sample(mechanism, structure(mechanism), q, axes, own)
+
+
+_LEVEL = 1e-7
+
+
+def number_of_modes(
+    mechanism: Mechanism,
+    inputs: Array,
+    target: tuple[Array, Array, tuple[int, ...]] | None,
+    found: Sequence[Array],
+) -> tuple[int | None, str]:
+    """Poses at inputs (n_a,), limits left aside, or values of the inputs for a target pose.
+
+    With words for how they are counted; None where algebra does not tell. ``found``: one
+    configuration for each pose.
+    """
+    number = count_one_rod(mechanism, found, target is None)
+    if number is not None:
+        return number, "the quadratic equation of its rod"
+    if target is None:
+        number = count_triangles(mechanism, found)
+        if number is not None:
+            return number, "the triangle of its three pins"
+        return count_poses(mechanism, inputs), "the real roots of a polynomial of degree 6"
+    number = count_of_point(mechanism, target[1])
+    if number is not None:
+        return number, "the two solutions of each leg"
+    number = count_hinged(mechanism, target[0], target[1])
+    if number is not None:
+        return number, "the planes of its hinges and the two solutions of each leg"
+    return count_working(mechanism, target[0], target[1]), "the two solutions of each leg"
+
+
+def count_one_rod(mechanism: Mechanism, found: Sequence[Array], direct: bool) -> int | None:
+    """Poses (direct), or working modes within limits, of one rod between two joints, or None.
+
+    ``found``: configurations; that they agree in the joint that is given is looked at.
+    """
+    ends = _one_rod(mechanism)
+    if ends is None or not found:
+        return None
+    driven, other = ends
+    carries = structure(mechanism).output - 1
+    if carries != other or not (direct or _shown(mechanism, other)):
+        return None
+    given, sought = (driven, other) if direct else (other, driven)
+    at = np.array([q[given] for q in found])
+    if np.abs(mechanism.space.wrap(np.array(found) - found[0])[:, given]).max() > _SMALL:
+        return None
+    zero = Sample(mechanism, structure(mechanism), np.zeros(mechanism.n), np.eye(3), np.eye(3))
+    start = Sample(mechanism, structure(mechanism), home(mechanism), np.eye(3), np.eye(3))
+    points = dict(zip(ends, _ends(mechanism, zero), strict=True))
+    length = float(np.linalg.norm(np.subtract(*_ends(mechanism, start))))
+    held = carried(mechanism, zero, given, points[given], np.zeros(3))
+    moving = carried(mechanism, zero, sought, points[sought], np.zeros(3))
+    if held is None or moving is None:
+        return None
+    roots = values(mechanism, moving, _at(mechanism, held, float(at[0])), False, length)
+    if roots is None or direct:
+        return None if roots is None else len(roots)
+    return sum(inside(mechanism, sought, v) for v in roots)
+
+
+def count_hinged(mechanism: Mechanism, R: Array, p: Array) -> int | None:
+    """Working modes of three legs on hinges within the limits of their slides; None of others."""
+    made = rods(mechanism)
+    if made is None or made.planar or len(made.rods) != 3:
+        return None
+    if any(r.hinge is None or not r.slides for r in made.rods):
+        return None
+    rows = set(mechanism.task.rows)
+    moves, turns = [k for k in range(3) if k in rows], [k for k in range(3) if k + 3 in rows]
+    if (len(moves), len(turns)) != (1, 2):
+        return None
+    poses = _hinged_poses(made.rods, R, p, moves[0], 3 - sum(turns))
+    if poses is None:
+        return None
+    total = 0
+    for turned, at in poses:
+        count = 1
+        for rod in made.rods:
+            reach = float(np.linalg.norm(at + turned @ rod.outer - rod.inner))
+            if reach <= TOUCHING:
+                return None
+            count *= sum(inside(mechanism, rod.joint, v - rod.offset) for v in (reach, -reach))
+        total += count
+    return total
+
+
+def _hinged_poses(
+    legs: Sequence[Rod], R: Array, p: Array, move: int, turn: int
+) -> list[tuple[Array, Array]] | None:
+    """Poses at this height and tilt that keep each leg's end in the plane across its hinge."""
+    axis, across = np.eye(3)[turn], [k for k in range(3) if k != move]
+    height = p[move] * np.eye(3)[move]
+    rows, right = [], []
+    for rod in legs:
+        n, v = rod.hinge, R @ rod.outer
+        assert n is not None
+        along = (v @ axis) * axis
+        rows.append([*(n[k] for k in across), n @ (v - along), n @ np.cross(axis, v)])
+        right.append(n @ (rod.inner - along - height))
+    U, sigma, Vt = np.linalg.svd(np.array(rows))
+    if sigma[-1] <= 1e-9 * sigma[0]:
+        return None
+    x = Vt[:3].T @ ((U.T @ np.array(right)) / sigma)
+    v = Vt[3]
+    # cos^2 + sin^2 = 1 along the line x + t v.
+    a, b, c = v[2:] @ v[2:], 2 * x[2:] @ v[2:], x[2:] @ x[2:] - 1
+    left = b * b - 4 * a * c
+    if a <= TOUCHING or abs(left) <= TOUCHING:
+        return None
+    out = []
+    for t in () if left < 0 else ((-b + np.sqrt(left)) / (2 * a), (-b - np.sqrt(left)) / (2 * a)):
+        y = x + t * v
+        c_, s_ = y[2:]
+        K = np.cross(np.eye(3), axis).T
+        turned = (np.eye(3) + s_ * K + (1 - c_) * (K @ K)) @ R
+        at = height.copy()
+        at[across] = y[:2]
+        out.append((turned, at))
+    return out
+
+
+def level_words(mechanism: Mechanism, found: Sequence[Array], direct: bool, p: Array) -> str:
+    """How many of the configurations keep the output's axes, against what algebra gives; or none.
+
+    ``found``: those within the limits; ``p`` (3,) is the position of the inverse problem.
+    """
+    pairs = _level_pairs(mechanism)
+    if pairs is None:
+        return ""
+    mine = [q for q in found
+            if np.abs(output_pose(mechanism, q).rotation - np.eye(3)).max() <= _LEVEL]  # fmt: skip
+    if direct:
+        q = found[0] if len(found) else home(mechanism)
+        number, by = _three_spheres(mechanism, pairs, q), "three spheres"
+    else:
+        number, by = _cranks(mechanism, pairs, p), "the two solutions of each crank"
+    if number is None:
+        return ""
+    all_ = "all there are" if number == len(mine) else f"of {number} that there are"
+    return f"; {len(mine)} with the output not turned: {all_}, by {by}"
+
+
+def _level_pairs(mechanism: Mechanism) -> list[Rod] | None:
+    """One rod of each crank, where the others of the crank do the same for a level output."""
+    made = rods(mechanism)
+    if made is None or made.planar or set(mechanism.task.rows) != {0, 1, 2}:
+        return None
+    out: dict[int, Rod] = {}
+    for rod in made.rods:
+        if not rod.moved or rod.hinge is not None:
+            return None
+        first = out.setdefault(rod.joint, rod)
+        gap = (rod.inner - rod.outer) - (first.inner - first.outer)
+        unlike = abs(rod_length(mechanism, rod) - rod_length(mechanism, first))
+        moved = max(np.abs(rod.first - first.first).max(), np.abs(rod.second - first.second).max())
+        if max(float(np.abs(gap).max()), unlike, float(moved)) > _LEVEL:
+            return None
+    away = np.abs(output_pose(mechanism, home(mechanism)).rotation - np.eye(3)).max()
+    return list(out.values()) if len(out) == 3 and away <= _LEVEL else None
+
+
+def _cranks(mechanism: Mechanism, pairs: Sequence[Rod], p: Array) -> int | None:
+    count = 1
+    for rod in pairs:
+        length = rod_length(mechanism, rod)
+        roots = values(mechanism, rod, p + rod.outer, False, length)
+        if roots is None:
+            return None
+        count *= sum(inside(mechanism, rod.joint, v) for v in roots)
+    return count
+
+
+def _three_spheres(mechanism: Mechanism, pairs: Sequence[Rod], q: Array) -> int | None:
+    """Positions of the output at the inputs of q, limits of passive joints left aside."""
+    centres = np.array([_at(mechanism, r, float(q[r.joint])) - r.outer for r in pairs])
+    sizes = np.array([rod_length(mechanism, r) for r in pairs])
+    rows = 2 * (centres[1:] - centres[0])
+    right = (centres[1:] ** 2).sum(axis=1) - centres[0] @ centres[0] - sizes[1:] ** 2
+    right = right + sizes[0] ** 2
+    normal = np.cross(*rows)
+    size = float(np.linalg.norm(normal))
+    if size <= _SMALL:
+        return None
+    x = np.linalg.lstsq(rows, right, rcond=None)[0] - centres[0]
+    n = normal / size
+    foot = x - (x @ n) * n
+    left = float(sizes[0] ** 2 - foot @ foot)
+    return None if abs(left) <= TOUCHING else 2 * (left > 0)
+
+
+def _at(mechanism: Mechanism, rod: Rod, value: float) -> Array:
+    """C (3,) of a rod at a value of its joint."""
+    slides = mechanism.prismatic[rod.joint]
+    c, s = (value, 0.0) if slides else (float(np.cos(value)), float(np.sin(value)))
+    return np.asarray(rod.inner + c * rod.first + s * rod.second)
+
+
+def _one_rod(mechanism: Mechanism) -> tuple[int, int] | None:
+    """The driven joint and the other one; None where it is not one rod between two joints."""
+    if len(mechanism.loops) != 1 or mechanism.loops[0].kind == "6d":
+        return None
+    if len(mechanism.actuated) != 1 or len(mechanism.task.rows) != 1:
+        return None
+    sides = _sides(mechanism)
+    if sides is None:
+        return None
+    first, second, _ = sides
+    driven = mechanism.actuated[0]
+    return {first: (first, second), second: (second, first)}.get(driven)
+
+
+def _sides(mechanism: Mechanism) -> tuple[int, int, tuple[int, ...]] | None:
+    """The joint before the rod, the joint beyond the loop, and those of the rod's centre."""
+    frames = {f.name: int(f.parentJoint) for f in mechanism.model.frames}
+    loop = mechanism.loops[0]
+    paths = []
+    for name in (loop.frame_a, loop.frame_b):
+        path: list[int] = []
+        body = frames[name]
+        while body:
+            path.insert(0, body - 1)
+            body = int(mechanism.model.parents[body])
+        paths.append(path)
+    long, short = sorted(paths, key=len, reverse=True)
+    if len(short) != 1 or len(long) < 2 or set(long) & set(short):
+        return None
+    if len(long) + 1 != mechanism.n:
+        return None
+    centre = tuple(long[1:])
+    if not any(c.joints == centre for c in structure(mechanism).centres):
+        return None
+    flat = loop.kind == "planar"
+    return None if flat and len(centre) != 1 else (long[0], short[0], centre)
+
+
+def _ends(mechanism: Mechanism, sample: Sample) -> tuple[Array, Array]:
+    """Both ends of the rod, in the order of `_one_rod`: on the driven joint's side first."""
+    sides = _sides(mechanism)
+    assert sides is not None  # asked for only where there is one rod
+    first, second, centre = sides
+    point = next(c.point for c in structure(mechanism).centres if c.joints == centre)
+    C = np.array(sample.joints[centre[0] + 1].act(point))
+    frames = {f.name: k for k, f in enumerate(mechanism.model.frames)}
+    loop = mechanism.loops[0]
+    a, b = frames[loop.frame_a], frames[loop.frame_b]
+    far = b if int(mechanism.model.frames[b].parentJoint) == second + 1 else a
+    B = np.array(sample.frames[far].translation)
+    return (C, B) if mechanism.actuated[0] == first else (B, C)
+
+
+def _shown(mechanism: Mechanism, joint: int) -> bool:
+    """Whether the one row of the output is the motion of this joint."""
+    row = mechanism.task.rows[0]
+    zero = Sample(mechanism, structure(mechanism), np.zeros(mechanism.n), np.eye(3), np.eye(3))
+    turning = not mechanism.prismatic[joint]
+    if turning != (row >= 3):
+        return False
+    return bool(abs(abs(float(zero.axis[joint][row % 3])) - 1) <= _SMALL)
+
+
+def noun(problem: str, count: int) -> str:
+    """Of so many modes of a problem, ``direct`` or ``inverse``."""
+    kind = "assembly mode" if problem == "direct" else "working mode"
+    return kind if count == 1 else f"{kind}s"
+
+
+def found_words(
+    problem: str, count: int, starts: int, hits: list[int], beyond: int, bound: int | None,
+    complete: bool,
+) -> str:  # fmt: skip
+    """What a search from random starts gave, and whether more can exist."""
+    words = f"{count} {noun(problem, count)} found from {starts} starts"
+    if beyond:
+        words += f", {beyond} more pose{'s' * (beyond != 1)} beyond the joint limits"
+    if complete:
+        return f"{words}; no more can exist"
+    once = sum(h == 1 for h in hits)
+    words += "; more may exist"
+    if once:
+        words += f" ({once} of {len(hits)} poses {'was' if once == 1 else 'were'} met only once)"
+    if bound is not None:
+        words += f", at most {bound} with limits left aside"
+    return words

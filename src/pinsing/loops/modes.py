@@ -26,7 +26,7 @@ from pinsing.loops.closure import (
     ranks,
 )
 from pinsing.robot.joint_axis import joint_axis
-from pinsing.robot.load_mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism
 
 STRAIGHT = 1e-9
 """Sine of an elbow angle up to which it counts as straight."""

@@ -5,13 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 import numpy as np
+import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.loops.pose_hinges import counts_hinges
-from pinsing.loops.pose_ring import PoseRing
-from pinsing.loops.rod import Rod, Rods
-from pinsing.loops.structure import structure
+from pinsing.loops.forms import PoseEquation, PoseForms
+from pinsing.loops.legs import Rod, Rods, rods
+from pinsing.loops.mode_counts import point_legs
+from pinsing.loops.pose import pose_of
+from pinsing.loops.pose_ring import PoseRing, counts_hinges
+from pinsing.loops.structure import output_pose, structure
 from pinsing.loops.three_distances import degree_notes, length_name, rod_length
+from pinsing.robot.mechanism import Mechanism
 
 _SMALL = 1e-9
 
@@ -179,3 +183,124 @@ def needs(ring: PoseRing) -> Iterator[str]:
         )
     yield from _passive(ring)
     yield "exact over the rationals at each step; certificates are of each leg alone (--prove)"
+
+
+_POSES = 6
+_DEPENDENT = 1e-9
+_SEED = 2718
+
+
+def architecture(found: Rods) -> str:
+    """Words for lines that are dependent at every pose."""
+    inner = np.array([r.inner for r in found.rods])
+    outer = np.array([r.outer for r in found.rods])
+    why = "the leg lines are dependent whatever the pose"
+    if not any(r.moved or r.side for r in found.rods) and _similar(inner, outer):
+        shape = "triangles" if len(inner) == 3 else "hexagons"
+        why = f"platform and base {shape} are similar"
+    return f"architecture singularity: {why}: singular at every pose"
+
+
+def always_dependent(found: Rods) -> bool:
+    """Whether the lines are dependent, to the rounding of a file, at random poses and inputs."""
+    rng = np.random.default_rng(_SEED)
+    size = 0.0
+    for _ in range(_POSES):
+        e = rng.normal(size=4) * ((1, 0, 0, 1) if found.planar else 1)
+        R = pin.Quaternion(*(e / np.linalg.norm(e))).matrix()
+        at = rng.normal(size=3) * ((1, 1, 0) if found.planar else 1)
+        lines = []
+        for rod in found.rods:
+            B, value = at + R @ rod.outer, rng.normal()
+            turning = not found.mechanism.prismatic[rod.joint]
+            c, s = (np.cos(value), np.sin(value)) if turning else (value, 0.0)
+            C = rod.inner + c * rod.first + s * rod.second
+            force = B - C
+            if rod.across is not None and rod.side:
+                force = np.cross(rod.across, force)
+                force = force if rod.side == 1 else np.cross(force, B - C)
+            lines.append(np.concatenate([force, np.cross(B, force)]))
+            if rod.hinge is not None:
+                lines.append(np.concatenate([rod.hinge, np.cross(B, rod.hinge)]))
+        rows = np.array(lines)[:, [0, 1, 5]] if found.planar else np.array(lines)
+        sigma = np.linalg.svd(rows / np.linalg.norm(rows, axis=1)[:, None], compute_uv=False)
+        size = max(size, float(sigma[-1] / sigma[0]))
+    return size <= _DEPENDENT
+
+
+def _similar(inner: Array, outer: Array) -> bool:
+    """Whether the outer points are the inner ones moved, turned and scaled."""
+    a, b = inner - inner.mean(axis=0), outer - outer.mean(axis=0)
+    U, sigma, Vt = np.linalg.svd(a.T @ b)
+    size = float(sigma.sum() / (a**2).sum())
+    return bool(np.abs(size * a @ (U @ Vt) - b).max() <= 1e-9 * max(1.0, float(np.abs(b).max())))
+
+
+_LEVEL = 1e-9
+_TURNS = ("e0", "e1", "e2", "e3")
+
+
+def locus_distance(mechanism: Mechanism, forms: PoseForms, q: Array) -> float:
+    """The least of the equations' values at q (n,), each over the size that its terms can have.
+
+    Lengths count with the size of the mechanism, all else with 1: a term that is zero by itself,
+    as in ``e3 = 0``, says how near it is.
+    """
+    at = variables_at(mechanism, forms, q)
+    found = _rods(mechanism)
+    places = [] if found is None else [p for r in found.rods for p in (r.inner, r.outer)]
+    reach = max((float(np.linalg.norm(p)) for p in places), default=mechanism.length_scale)
+    reach = max(reach, *(abs(at[n]) for n in "xyz"))
+    # Beside equations in the quaternion those without it are of a level output.
+    turned = "e0" in forms.variables and "z" in forms.variables and abs(at["e0"]) < 1 - _LEVEL
+    loci = [x for x in forms.loci if not turned or "e0" in x.equation.names]
+    return min(_relative(locus.equation, at, reach) for locus in loci)
+
+
+def variables_at(mechanism: Mechanism, forms: PoseForms, q: Array) -> dict[str, float]:
+    """Values of the variables of equations at a configuration q (n,)."""
+    found = _rods(mechanism)
+    there = output_pose(mechanism, q)
+    pose = pose_of(there if found is None else found.placed(there))
+    out = dict(zip("xyz", pose.position, strict=True))
+    out |= {f"e{k}": e for k, e in enumerate(pose.quaternion)}
+    out["cos φ"], out["sin φ"] = float(np.cos(pose.angles[2])), float(np.sin(pose.angles[2]))
+    for name, value in zip(mechanism.joints, q.tolist(), strict=True):
+        out[name] = value
+        out[f"cos {name}"], out[f"sin {name}"] = float(np.cos(value)), float(np.sin(value))
+    return out
+
+
+def _rods(mechanism: Mechanism) -> Rods | None:
+    """Of legs that pass one force on the output, or of a five-bar on its pin."""
+    if (found := rods(mechanism)) is not None:
+        return found
+    legs = point_legs(mechanism)
+    return None if legs is None else legs.rods
+
+
+def _relative(equation: PoseEquation, at: dict[str, float], reach: float) -> float:
+    x = np.array([at[n] for n in equation.names])
+    turning = [n in _TURNS or n.startswith(("cos ", "sin ")) for n in equation.names]
+    most = np.where(turning, 1.0, np.maximum(np.abs(x), reach))
+    if equation.matrix:
+        sizes = np.array([[_size(e, most) for e in row] for row in equation.matrix])
+        return _dependent(equation.entries(x), sizes)
+    size = _size(equation, most)
+    return abs(float(equation(x))) / size if size > 0 else 0.0
+
+
+def _size(equation: PoseEquation, most: Array) -> float:
+    """What its largest term can be."""
+    terms = np.prod(most**equation.powers, axis=1) * equation.values
+    return float(np.abs(terms).max(initial=0.0))
+
+
+def _dependent(matrix: Array, sizes: Array) -> float:
+    """The least singular value over the largest, columns and rows by what they can be."""
+    columns = sizes.max(axis=0)
+    columns = np.where(columns > 0, columns, 1.0)
+    rows = (sizes / columns).max(axis=1)
+    level = matrix / columns / np.where(rows > 0, rows, 1.0)[:, None]
+    sigma = np.linalg.svd(level, compute_uv=False)
+    return float(sigma[-1] / sigma[0]) if sigma[0] > 0 else 0.0

@@ -22,12 +22,12 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.loops.closure import Loops, ranks, to_its_size
-from pinsing.loops.likeness import likeness, same
 from pinsing.loops.modes import mode_of
 from pinsing.loops.motion import _motions
+from pinsing.loops.structure import likeness, same
 from pinsing.loops.trace import STEP, Trace
 from pinsing.measures import SINGULAR_RTOL
-from pinsing.robot.load_mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism
 from pinsing.serialization import JsonResult
 
 KINDS = ("type 1", "type 2", "constraint")

@@ -21,9 +21,9 @@ from flint import Ordering, fmpq_mpoly_ctx
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, rational
-from pinsing.loops.leg_chain import Row, cross, dot, vector
+from pinsing.loops.exact import Row, cross, dot, vector
+from pinsing.loops.forms import pose_equation
 from pinsing.loops.leg_wrenches import SPHERE, AtZero, path_to, room_of
-from pinsing.loops.pose_equation import pose_equation
 from pinsing.loops.structure import structure
 from pinsing.robot.mechanism import Mechanism
 

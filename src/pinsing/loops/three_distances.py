@@ -21,12 +21,11 @@ from flint import Ordering, fmpq_mpoly_ctx, fmpq_poly
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.ring import Poly, fraction, rational
-from pinsing.loops.exact_points import ExactPoints, exact_points
-from pinsing.loops.likeness import output_pose
+from pinsing.loops.exact import ExactPoints, exact_points
+from pinsing.loops.forms import PoseEquation
+from pinsing.loops.legs import Rod, Rods, rods
 from pinsing.loops.modes import home
-from pinsing.loops.pose_equation import PoseEquation
-from pinsing.loops.rod import Rod, Rods
-from pinsing.loops.rods import rods
+from pinsing.loops.structure import output_pose
 from pinsing.robot.mechanism import Mechanism
 
 _TURNS = ((1, 0), (Fraction(4, 5), Fraction(3, 5)), (Fraction(5, 13), Fraction(12, 13)))

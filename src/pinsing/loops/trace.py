@@ -18,7 +18,7 @@ from pinsing.loops.closure import CLOSED, Loops, ranks
 from pinsing.loops.motion import Motions, _motions
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.joint_space import SLACK
-from pinsing.robot.load_mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism
 
 STEP = 0.04
 """Largest step along a curve, radians (or length scales)."""

@@ -12,15 +12,15 @@ from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.loops.dyad import Dyad, planar_dyad
 from pinsing.loops.joint_loci import joint_forms
-from pinsing.loops.likeness import output_pose
-from pinsing.loops.loci import LoopForms, loop_forms
+from pinsing.loops.loop_forms import LoopForms, loop_forms
 from pinsing.loops.modes import assembly_sign, home
 from pinsing.loops.motion import mechanism_at
 from pinsing.loops.singular_points import SingularPoint
+from pinsing.loops.structure import output_pose
 from pinsing.loops.trace import Trace
 from pinsing.plot.space_linkage import bodies, distinct, drawing_plane
 from pinsing.plot.style import pi_ticks, plain, unit
-from pinsing.robot.load_mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

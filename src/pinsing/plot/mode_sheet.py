@@ -11,12 +11,12 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.loops.closure import ranks
-from pinsing.loops.likeness import output_pose
 from pinsing.loops.modes import home
 from pinsing.loops.pose import pose_of
 from pinsing.loops.pose_slice import COORDINATES, free_coordinates
 from pinsing.loops.problems import Modes, assembly_modes, working_modes
 from pinsing.loops.solve import Solution
+from pinsing.loops.structure import output_pose
 from pinsing.plot.mechanism import draw_linkage
 from pinsing.plot.space_linkage import draw_space_linkage, drawing_plane, joint_points
 from pinsing.robot.mechanism import Mechanism

@@ -13,9 +13,8 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.errors import OptionError
 from pinsing.loops.closure import ranks
-from pinsing.loops.joint_forms import JointForms
+from pinsing.loops.forms import JointForms
 from pinsing.loops.joint_loci import joint_forms
-from pinsing.loops.likeness import likeness, output_pose, same
 from pinsing.loops.modes import assembly_sign, home, mode_at
 from pinsing.loops.pose_loci import pose_forms
 from pinsing.loops.pose_slice import (
@@ -26,6 +25,7 @@ from pinsing.loops.pose_slice import (
     pose_slice,
 )
 from pinsing.loops.problems import working_modes
+from pinsing.loops.structure import likeness, output_pose, same
 from pinsing.plot.mechanism import TYPE_1, TYPE_2
 from pinsing.plot.mode_sheet import looks_apart
 from pinsing.plot.pose_aspects import LEAST, colors, regions

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.loops.rods import plane_axes
+from pinsing.loops.legs import plane_axes
 from pinsing.robot.joint_axis import joint_axis
 from pinsing.robot.mechanism import Mechanism
 

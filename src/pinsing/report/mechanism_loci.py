@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from pinsing._types import Array
 from pinsing.loops import MechanismAnalysis
 from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.forms_text import Line, joint_lines, pose_lines
 from pinsing.loops.pose_slice import free_coordinates
+from pinsing.loops.result import Line, joint_lines, pose_lines
 from pinsing.prose import Page
 from pinsing.report.document import figure, name, paragraph, section, text
 from pinsing.report.document import math as formula

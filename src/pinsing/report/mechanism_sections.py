@@ -9,7 +9,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.loops import MechanismAnalysis, MechanismState
 from pinsing.loops.dyad import planar_dyad
-from pinsing.loops.feasible import Interval
+from pinsing.loops.solve import Interval
 from pinsing.report.arm_sections import counted
 from pinsing.report.document import (
     badge,

@@ -15,7 +15,7 @@ from pinsing.errors import OptionError, OutputError
 from pinsing.families import ClosedForm
 from pinsing.report.pdf import check_browser, printed
 from pinsing.robot.arm import Arm
-from pinsing.robot.load_mechanism import Mechanism
+from pinsing.robot.mechanism import Mechanism
 
 
 @checked

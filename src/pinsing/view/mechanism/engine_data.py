@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 
 from pinsing._types import Array
+from pinsing.loops.batch import hinged_balls
 from pinsing.loops.closure import ranks
 from pinsing.loops.dyad import Side, planar_dyad
-from pinsing.loops.led_pose import led_pose
 from pinsing.loops.modes import assembly_rows, elbows, home
+from pinsing.loops.pose import led_pose
 from pinsing.loops.structure import structure
-from pinsing.loops.whole_balls import hinged_balls
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.tip import frame_index

@@ -6,7 +6,7 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.loops.loci import Locus
+from pinsing.loops.loop_forms import Locus
 from pinsing.loops.modes import STRAIGHT, elbow_sines, elbows, home
 from pinsing.loops.result import MechanismAnalysis
 from pinsing.loops.singular_points import SingularPoint

@@ -7,10 +7,10 @@ import numpy.typing as npt
 
 from pinsing.errors import OptionError
 from pinsing.loops.analysis import analyze_mechanism
-from pinsing.loops.drive import drive
 from pinsing.loops.motion import mechanism_at
 from pinsing.loops.problems import assemblies
 from pinsing.loops.result import MechanismAnalysis
+from pinsing.loops.solve import drive
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.drawing import Recorder
 from pinsing.view.links import Links, read_links

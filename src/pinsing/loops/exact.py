@@ -1,0 +1,364 @@
+"""Points of a mechanism as exact numbers, so that three-fold symmetry about z survives.
+
+Where points are turned into each other by a third of a turn, coordinates have square roots of 3.
+With y in units of the root of 3 such a turn is rational: (x, Y) -> (-x/2 - 3Y/2, x/2 - Y/2). One
+point of each orbit is rounded, the others follow exactly.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array
+from pinsing.algebra.ring import Poly, Ring, rational
+
+_SAME = 1e-9
+_DECIMALS = 12
+
+Vector = tuple[Fraction, Fraction, Fraction]
+
+
+@dataclass(frozen=True)
+class ExactPoints:
+    """Vectors (x, y / sqrt(square), z), exact.
+
+    Attributes
+    ----------
+    square : int
+        1 or 3: y is in units of its square root.
+    vectors : tuple of tuple of three Fraction
+        In the order given.
+    off : float
+        By how much a coordinate was changed at most, metres.
+    """
+
+    square: int
+    vectors: tuple[Vector, ...]
+    off: float
+
+
+def exact_points(points: Sequence[Array]) -> ExactPoints:
+    """Exact vectors near the given ones, each (3,)."""
+    found = [_snapped(points, square) for square in (1, 3)]
+    # As many exact turns as possible; without any, plain coordinates.
+    (plain, few), (turned, many) = found
+    return turned if many > few else plain
+
+
+def _snapped(points: Sequence[Array], square: int) -> tuple[ExactPoints, int]:
+    unit = float(np.sqrt(square))
+    # Decimals, so that points that differ by a sign stay so; round ones first, the others follow.
+    plain = [
+        tuple(Fraction(repr(round(float(v), _DECIMALS))) for v in (p[0], p[1] / unit, p[2]))
+        for p in points
+    ]
+    order = sorted(range(len(points)), key=lambda k: max(v.denominator for v in plain[k]))
+    found: dict[int, Vector] = {}
+    related = 0
+    for k in order:
+        images = (v for old in found.values() for v in (old, *_images(old, square)))
+        image = next((v for v in images if _near(v, points[k], unit)), None)
+        related += image is not None
+        x, y, z = plain[k]
+        found[k] = (x, y, z) if image is None else image
+    out = tuple(found[k] for k in range(len(points)))
+    off = max(
+        (float(np.abs(_float(v, unit) - p).max()) for v, p in zip(out, points, strict=True)),
+        default=0.0,
+    )
+    return ExactPoints(square, out, off), related
+
+
+def _images(v: Vector, square: int) -> list[Vector]:
+    """The vector turned about z by the angles that are rational here, and mirrored."""
+    x, y, z = v
+    out = [(-x, -y, z), (x, -y, z), (-x, y, z)]
+    if square == 3:
+        for _ in range(2):
+            x, y = -x / 2 - 3 * y / 2, x / 2 - y / 2
+            out += [(x, y, z), (-x, -y, z)]
+    else:
+        out += [(-y, x, z), (y, -x, z)]
+    return [w for w in out if w != v]
+
+
+def _float(v: Vector, unit: float) -> Array:
+    return np.array([float(v[0]), float(v[1]) * unit, float(v[2])])
+
+
+def _near(v: Vector, p: Array, unit: float) -> bool:
+    return bool(np.abs(_float(v, unit) - p).max() <= _SAME)
+
+
+Row = list[Poly]
+Turn = tuple[tuple[Fraction, Fraction, Fraction], ...]
+
+_SIMPLE = 1000
+_NEAR = 1e-13
+_DECIMALS_CHAIN = 13
+
+
+def near(value: float) -> Fraction:
+    """A simple fraction where there is one; otherwise the decimals."""
+    found = Fraction(value).limit_denominator(_SIMPLE)
+    return (
+        found
+        if abs(float(found) - value) <= _NEAR
+        else Fraction(repr(round(value, _DECIMALS_CHAIN)))
+    )
+
+
+def rational_turn(R: Array) -> Turn:
+    """A rotation matrix with rational entries near R (3, 3)."""
+    turn = pin.Quaternion(np.array(R))
+    e = np.array([turn.w, turn.x, turn.y, turn.z])
+    a, b, c, d = (near(float(v)) for v in e / e[int(np.argmax(np.abs(e)))])
+    n = a * a + b * b + c * c + d * d
+    return (
+        ((a * a + b * b - c * c - d * d) / n, 2 * (b * c - a * d) / n, 2 * (b * d + a * c) / n),
+        (2 * (b * c + a * d) / n, (a * a - b * b + c * c - d * d) / n, 2 * (c * d - a * b) / n),
+        (2 * (b * d - a * c) / n, 2 * (c * d + a * b) / n, (a * a - b * b - c * c + d * d) / n),
+    )
+
+
+def turn_to(axis: Array) -> Array:
+    """A rotation (3, 3) that takes z to a unit vector (3,)."""
+    return np.array(pin.Quaternion.FromTwoVectors(np.array([0.0, 0.0, 1.0]), axis).matrix())
+
+
+def vector(values: Array) -> tuple[Fraction, Fraction, Fraction]:
+    """A vector (3,) with rational entries near the given one."""
+    x, y, z = (near(float(v)) for v in values)
+    return x, y, z
+
+
+@dataclass(frozen=True, eq=False)
+class Hinge:
+    """A joint where it stands in its chain.
+
+    Attributes
+    ----------
+    joint : int
+        Index of the joint.
+    slides : bool
+        Whether it slides.
+    axis, origin : lists of three Poly
+        Times ``scale``.
+    scale : Poly
+        Product of the squared half-angle lengths of the joints before.
+    """
+
+    joint: int
+    slides: bool
+    axis: Row
+    origin: Row
+    scale: Poly
+
+
+@dataclass(frozen=True, eq=False)
+class LegChain:
+    """Joints from the base outwards, and the frame behind the last one.
+
+    Attributes
+    ----------
+    ring : Ring
+        One of all joints of the mechanism.
+    hinges : tuple of Hinge
+        In order.
+    rotation : 3 x 3 Poly
+        Of the last frame, times ``scale``.
+    position : list of three Poly
+        Of its origin, times ``scale``.
+    scale : Poly
+        Product of all joints' squared half-angle lengths.
+    last : tuple of Fraction
+        Where the last joint is with all joints at zero.
+    frame, start : (3, 3), (3,) arrays
+        Axes and origin, in the base, of the frame in which all of this is.
+    base : Turn
+        The same axes exactly, in the base that was turned.
+    at : tuple of Fraction
+        The same origin there, metres.
+    off : float
+        By how much numbers were changed at most to be rational.
+    """
+
+    ring: Ring
+    hinges: tuple[Hinge, ...]
+    rotation: list[Row]
+    position: Row
+    scale: Poly
+    last: tuple[Fraction, ...]
+    frame: Array
+    start: Array
+    base: Turn
+    at: tuple[Fraction, Fraction, Fraction]
+    off: float
+
+    def point(self, place: Array) -> Row:
+        """A point of the last body, times ``scale``: where it is (3,) with all joints at zero."""
+        away = vector(self._local(place) - np.array([float(v) for v in self.last]))
+        return [self.position[i] + _dot(self.rotation[i], away, self.ring.zero) for i in range(3)]
+
+    def fixed(self, place: Array) -> Row:
+        """A point of the base (3,), in the frame of the chain."""
+        return [self.ring.one * rational(v) for v in vector(self._local(place))]
+
+    def _local(self, place: Array) -> Array:
+        return np.array(self.frame.T @ (place - self.start))
+
+    def velocity(self, hinge: Hinge, point: Row, scale: Poly) -> Row:
+        """Velocity of a point (times ``scale``) by a joint, up to a positive factor."""
+        if hinge.slides:
+            return [scale * a for a in hinge.axis]
+        grown = scale / hinge.scale
+        reach = [b - grown * o for b, o in zip(point, hinge.origin, strict=True)]
+        return cross(hinge.axis, reach)
+
+    def in_base(self, row: Row) -> Row:
+        """A vector in the axes of the base."""
+        return [
+            sum((row[k] * rational(self.base[i][k]) for k in range(3)), self.ring.zero)
+            for i in range(3)
+        ]
+
+    def placed(self, point: Row, scale: Poly) -> Row:
+        """A point (times ``scale``) in the base."""
+        turned = self.in_base(point)
+        return [turned[i] + scale * rational(self.at[i]) for i in range(3)]
+
+
+def leg_chain(
+    ring: Ring, joints: Sequence[int], axes: Array, origins: Array, turn: Turn
+) -> LegChain:
+    """Follow a chain from what is known with all joints at zero.
+
+    Parameters
+    ----------
+    ring : Ring
+        Of all joints.
+    joints : sequence of int
+        From the base outwards.
+    axes, origins : (k, 3) arrays
+        Axes, and points on them, with all joints at zero, in the base; metres.
+    turn : Turn
+        Rotation of the base before anything else.
+    """
+    gens = ring.context.gens()
+    one, zero = ring.one, ring.zero
+    frame, start = _frame(axes), origins[0]
+    base, at = rational_turn(frame), vector(start)
+    off = max(_away(base, frame), _away((at,), [start]))
+    R = [[one if i == k else zero for k in range(3)] for i in range(3)]
+    p, scale = [zero, zero, zero], one
+    before = (Fraction(0),) * 3
+    hinges = []
+    for joint, axis0, origin0 in zip(joints, axes @ frame, (origins - start) @ frame, strict=True):
+        here = vector(origin0)
+        unit = [row[2] for row in rational_turn(turn_to(axis0))]
+        off = max(off, _away((here, unit), [origin0, axis0]))
+        step = [a - b for a, b in zip(here, before, strict=True)]
+        before = here
+        p = [p[i] + _dot(R[i], step, zero) for i in range(3)]
+        axis = [_dot(R[i], unit, zero) for i in range(3)]
+        slides = bool(ring.prismatic[joint])
+        hinges.append(Hinge(joint, slides, axis, p, scale))
+        if slides:
+            (v,) = ring.variables(joint)
+            p = [p[i] + gens[v] * axis[i] for i in range(3)]
+            continue
+        x, y = (gens[v] for v in ring.variables(joint))
+        R = _times(R, _turned(unit, x, y, ring), zero)
+        w = x**2 + y**2
+        p, scale = [w * v for v in p], scale * w
+    return LegChain(
+        ring, tuple(hinges), R, p, scale, before, frame, start, _product(turn, base),
+        _moved(turn, at), off,
+    )  # fmt: skip
+
+
+def _frame(axes: Array) -> Array:
+    """Axes in which those of the joints are simple, as near to the base's as they can be."""
+    first = axes[0]
+    second = next((a for a in axes[1:] if np.linalg.norm(np.cross(first, a)) > 1e-6), None)
+    if np.abs(np.abs(axes).max(axis=1) - 1).max() <= 1e-9:
+        return np.eye(3)
+    if second is None:
+        second = np.eye(3)[int(np.argmin(np.abs(first)))]
+    e1 = first / np.linalg.norm(first)
+    e2 = second - (second @ e1) * e1
+    e2 /= np.linalg.norm(e2)
+    triad = np.array([e1, e2, np.cross(e1, e2)]).T
+    best, most = triad, -np.inf
+    for order in itertools.permutations(range(3)):
+        for signs in itertools.product((1.0, -1.0), repeat=3):
+            R = triad[:, order] * signs
+            if np.linalg.det(R) > 0 and np.trace(R) > most + 1e-9:
+                best, most = R, float(np.trace(R))
+    return best
+
+
+def _turned(unit: Sequence[Fraction], x: Poly, y: Poly, ring: Ring) -> list[Row]:
+    """Rotation about a unit vector, times x^2 + y^2 (Rodrigues)."""
+    a, b, c = unit
+    none = Fraction(0)
+    K = [[none, -c, b], [c, none, -a], [-b, a, none]]
+    square = [[sum((K[i][m] * K[m][k] for m in range(3)), none) for k in range(3)]
+              for i in range(3)]  # fmt: skip
+    w = x**2 + y**2
+    return [
+        [
+            (w if i == k else ring.zero)
+            + 2 * x * y * rational(K[i][k])
+            + 2 * y**2 * rational(square[i][k])
+            for k in range(3)
+        ]
+        for i in range(3)
+    ]
+
+
+def _times(A: list[Row], B: list[Row], zero: Poly) -> list[Row]:
+    return [[sum((A[i][m] * B[m][k] for m in range(3)), zero) for k in range(3)] for i in range(3)]
+
+
+def _product(A: Turn, B: Turn) -> Turn:
+    rows = [
+        tuple(sum((A[i][m] * B[m][k] for m in range(3)), Fraction(0)) for k in range(3))
+        for i in range(3)
+    ]
+    return tuple((r[0], r[1], r[2]) for r in rows)
+
+
+def _moved(A: Turn, v: Sequence[Fraction]) -> tuple[Fraction, Fraction, Fraction]:
+    x, y, z = (sum((A[i][m] * v[m] for m in range(3)), Fraction(0)) for i in range(3))
+    return x, y, z
+
+
+def cross(a: Row, b: Row) -> Row:
+    """Vector product."""
+    return [
+        a[1] * b[2] - a[2] * b[1],
+        a[2] * b[0] - a[0] * b[2],
+        a[0] * b[1] - a[1] * b[0],
+    ]
+
+
+def dot(a: Row, b: Row, zero: Poly) -> Poly:
+    """Scalar product."""
+    return sum((x * y for x, y in zip(a, b, strict=True)), zero)
+
+
+def _dot(row: Row, values: Sequence[Fraction], zero: Poly) -> Poly:
+    return sum((x * rational(v) for x, v in zip(row, values, strict=True) if v), zero)
+
+
+def _away(found: Any, meant: Any) -> float:
+    values = np.array([[float(x) for x in row] for row in found])
+    return float(np.abs(values - np.array([np.array(row) for row in meant])).max())

@@ -1,0 +1,561 @@
+"""A polynomial equation in the pose of the output, and in inputs where they are needed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import field
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+from flint import Ordering, fmpq_mpoly_ctx
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation
+from pinsing.algebra.ring import Poly, Ring, fraction, rational
+from pinsing.serialization import JsonResult
+
+_ANGLE = ("cos φ", "sin φ")
+SHORT = 24
+"""Terms up to which an equation is written out for people."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseEquation:
+    """sum of coefficient * product of powers = 0, or a determinant of such sums.
+
+    Attributes
+    ----------
+    names : tuple of str
+        Variables: x, y, z in metres, the unit quaternion e0, e1, e2, e3 (scalar first), in the
+        plane x, y, cos φ, sin φ; cos and sin of inputs that turn, inputs that slide.
+    powers : (T, V) array of int
+        Of each variable in each term.
+    coefficients : tuple of str
+        Exact: fractions, times sqrt(3) where the mechanism is three-fold symmetric.
+    values : (T,) array
+        The same as numbers; the largest is 1 in size.
+    matrix : tuple of tuple of PoseEquation
+        Entries (left sides, not divided by anything) of the square matrix whose determinant is the
+        left side, where that is not multiplied out; there are no terms then. Empty elsewhere.
+    """
+
+    names: tuple[str, ...]
+    powers: npt.NDArray[np.int_]
+    coefficients: tuple[str, ...]
+    values: Array
+    matrix: tuple[tuple[PoseEquation, ...], ...] = field(default=(), metadata={"optional": True})
+
+    def entries(self, at: npt.ArrayLike) -> Array:
+        """The matrix (..., k, k) at values (..., V) of the variables."""
+        x = np.asarray(at, dtype=float)
+        return np.stack([np.stack([e(x) for e in row], axis=-1) for row in self.matrix], axis=-2)
+
+    def __call__(self, at: npt.ArrayLike) -> Array:
+        """Left side (...) at values (..., V) of the variables."""
+        x = np.asarray(at, dtype=float)
+        if self.matrix:
+            return np.asarray(np.linalg.det(self.entries(x)))
+        terms = np.prod(x[..., None, :] ** self.powers, axis=-1)
+        return np.asarray(terms @ self.values)
+
+    def degree(self, names: tuple[str, ...]) -> int:
+        """Degree in some of the variables together; of a determinant no more than that."""
+        if self.matrix:
+            return sum(max(e.degree(names) for e in row) for row in self.matrix)
+        places = [k for k, n in enumerate(self.names) if n in names]
+        return int(self.powers[:, places].sum(axis=1).max(initial=0))
+
+    @property
+    def used(self) -> tuple[str, ...]:
+        """Variables that occur."""
+        if self.matrix:
+            found = {n for row in self.matrix for e in row for n in e.used}
+            return tuple(n for n in self.names if n in found)
+        return tuple(n for n, p in zip(self.names, self.powers.T, strict=True) if p.any())
+
+    def without(self, least: float) -> PoseEquation:
+        """The same without terms whose coefficients are smaller than that."""
+        kept = np.abs(self.values) >= least
+        exact = tuple(c for c, k in zip(self.coefficients, kept.tolist(), strict=True) if k)
+        return PoseEquation(self.names, self.powers[kept], exact, self.values[kept])
+
+    def rows(self, exact: bool = False) -> list[str]:
+        """The rows of the determinant as text; none where it is multiplied out."""
+        return [
+            f"({', '.join(e.sum_exact() if exact else e.text() for e in row)})"
+            for row in self.matrix
+        ]
+
+    def text(self) -> str:
+        """The sum alone, written out; the rows of a determinant."""
+        if self.matrix:
+            return f"det[{', '.join(self.rows())}]"
+        text = ""
+        for value, powers in zip(self.values.tolist(), self.powers.tolist(), strict=True):
+            factors = _factors(self.names, powers)
+            size = f"{abs(value):.6g}"
+            body = " ".join(([] if size == "1" and factors else [size]) + factors)
+            sign = "-" if value < 0 else "+"
+            text += f" {sign} {body}" if text else (f"-{body}" if value < 0 else body)
+        return text or "0"
+
+    def exact(self) -> str:
+        """The whole equation with its exact coefficients."""
+        return f"{self.sum_exact()} = 0"
+
+    def sum_exact(self) -> str:
+        """Its left side."""
+        if self.matrix:
+            return f"det[{', '.join(self.rows(exact=True))}]"
+        terms = [
+            " ".join([f"({c})", *_factors(self.names, powers)])
+            for c, powers in zip(self.coefficients, self.powers.tolist(), strict=True)
+        ]
+        return " + ".join(terms) or "0"
+
+    def __str__(self) -> str:
+        if self.matrix:
+            size = len(self.matrix)
+            return f"determinant of {size} x {size} entries = 0 in {', '.join(self.used)}"
+        if len(self.values) > SHORT:
+            if not any(n in ("x", "y", "z") for n in self.names):
+                whole = self.degree(self.names)
+                return f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {whole}]"
+            where = self.degree(("x", "y", "z"))
+            turn = self.degree(("e0", "e1", "e2", "e3", *_ANGLE))
+            more = f", {turn} in the rotation" if turn else ""
+            return (
+                f"f({', '.join(self.used)}) = 0 [{len(self.values)} terms, degree {where} in the "
+                f"position{more}]"
+            )
+        return f"{self.text()} = 0"
+
+
+def _factors(names: tuple[str, ...], powers: list[int]) -> list[str]:
+    return [
+        n if p == 1 else f"({n})^{p}" if " " in n and n[0] != "(" else f"{n}^{p}"
+        for n, p in zip(names, powers, strict=True)
+        if p
+    ]
+
+
+def pose_equation(
+    poly: Any, names: tuple[str, ...], odd: tuple[int, ...], square: int
+) -> PoseEquation:
+    """The equation of a polynomial whose variables ``odd`` are in units of sqrt(square)."""
+    terms = []
+    for monomial, c in poly.to_dict().items():
+        powers = tuple(int(e) for e in monomial)
+        terms.append((powers, fraction(c), sum(powers[k] for k in odd)))
+    return _equation(names, terms, square)
+
+
+def entry(
+    poly: Any, names: tuple[str, ...], odd: tuple[int, ...], square: int, roots: int
+) -> PoseEquation:
+    """A polynomial times so many roots of ``square`` as it is, an entry of a matrix."""
+    powers, exact, values = [], [], []
+    for monomial, c in poly.to_dict().items():
+        mine = [int(e) for e in monomial]
+        whole, rest = divmod(roots - sum(mine[k] for k in odd), 2)
+        scaled = fraction(c) * Fraction(square) ** whole
+        powers.append(mine)
+        exact.append(f"{scaled} sqrt({square})" if rest and square > 1 else str(scaled))
+        values.append(float(scaled) * float(np.sqrt(square)) ** rest)
+    order = sorted(range(len(powers)), key=lambda k: [-p for p in powers[k]])
+    return PoseEquation(
+        names,
+        np.array([powers[k] for k in order], dtype=int).reshape(-1, len(names)),
+        tuple(exact[k] for k in order),
+        np.array([values[k] for k in order]),
+    )
+
+
+def determinant_equation(
+    names: tuple[str, ...], matrix: tuple[tuple[PoseEquation, ...], ...]
+) -> PoseEquation:
+    """The equation of a determinant that is not multiplied out."""
+    none = np.zeros((0, len(names)), dtype=int)
+    return PoseEquation(names, none, (), np.zeros(0), matrix)
+
+
+def planar_equation(
+    poly: Any, names: tuple[str, ...], odd: tuple[int, ...], square: int, half: tuple[int, int]
+) -> PoseEquation:
+    """As `pose_equation`, with half-angle variables e0, e3 (indices) written as cos φ, sin φ.
+
+    Where the degree in them is odd, they stay.
+    """
+    a, b = half
+    terms: dict[tuple[int, ...], Fraction] = {}
+    for monomial, c in poly.to_dict().items():
+        powers = [int(e) for e in monomial]
+        i, j = powers[a], powers[b]
+        if (i + j) % 2:
+            return pose_equation(poly, names, odd, square)
+        # e0^2 = (1 + c)/2; 3 f3^2 = e3^2 = (1 - c)/2; e0 f3 = s / (2 sqrt 3).
+        line = {(0, 0): fraction(c)}
+        for sign, count in ((1, i // 2), (-1, j // 2)):
+            for _ in range(count):
+                line = _times_half(line, sign, 1 if sign == 1 else square)
+        if i % 2:
+            line = {(p, q + 1): v / 2 for (p, q), v in line.items()}
+        for (p, q), v in line.items():
+            powers[a], powers[b] = p, q
+            key = tuple(powers)
+            terms[key] = terms.get(key, Fraction(0)) + v
+    renamed = tuple({a: _ANGLE[0], b: _ANGLE[1]}.get(k, n) for k, n in enumerate(names))
+    found = [(p, v, sum(p[k] for k in odd)) for p, v in terms.items() if v]
+    return _equation(renamed, found, square)
+
+
+def _times_half(
+    line: dict[tuple[int, int], Fraction], sign: int, over: int
+) -> dict[tuple[int, int], Fraction]:
+    """Times (1 + sign c) / (2 over)."""
+    out: dict[tuple[int, int], Fraction] = {}
+    for (p, q), v in line.items():
+        out[p, q] = out.get((p, q), Fraction(0)) + v / (2 * over)
+        out[p + 1, q] = out.get((p + 1, q), Fraction(0)) + sign * v / (2 * over)
+    return out
+
+
+def _equation(
+    names: tuple[str, ...], terms: list[tuple[tuple[int, ...], Fraction, int]], square: int
+) -> PoseEquation:
+    """Terms with a coefficient each, over so many roots of ``square``."""
+    terms = sorted(terms, key=lambda t: tuple(-p for p in t[0]))
+    odd = square > 1 and all(k % 2 for _, _, k in terms)
+    exact: list[str] = []
+    values = []
+    for _, c, k in terms:
+        k = k - 1 if odd else k
+        whole, rest = divmod(k, 2)
+        c = c / square**whole
+        if rest and square > 1:
+            exact.append(f"{c / square} sqrt({square})")
+            values.append(float(c) / float(np.sqrt(square)))
+        else:
+            exact.append(str(c))
+            values.append(float(c))
+    found = np.array(values)
+    lead = found[int(np.argmax(np.abs(found) >= np.abs(found).max() * (1 - 1e-12)))]
+    return PoseEquation(
+        names, np.array([p for p, _, _ in terms], dtype=int), tuple(exact), found / lead
+    )
+
+
+def trig_polynomial(poly: Poly, ring: Ring, joints: Sequence[str]) -> PoseEquation:
+    """The polynomial in cos q, sin q of joints that turn and in q of those that slide.
+
+    Its scale is kept. Every degree in a pair of half-angle variables must be even.
+
+    Parameters
+    ----------
+    poly : Poly
+        A form: of one degree in each joint's pair of variables.
+    ring : Ring
+        Its ring.
+    joints : sequence of str
+        Names of all joints.
+    """
+    used = ring.joints_of(poly) if poly != 0 else ()
+    names: list[str] = []
+    for j in used:
+        names += [joints[j]] if ring.prismatic[j] else [f"cos {joints[j]}", f"sin {joints[j]}"]
+    if not names:
+        constant = [fraction(c) for c in poly.to_dict().values()] if poly != 0 else []
+        return _polynomial((), [((), c) for c in constant])
+    there = fmpq_mpoly_ctx.get([f"t{k}" for k in range(len(names))], Ordering.lex)
+    gens = iter(there.gens())
+    places = [(next(gens),) if ring.prismatic[j] else (next(gens), next(gens)) for j in used]
+    known: dict[tuple[int, ...], Poly] = {}
+    total = there.constant(0)
+    for monomial, c in poly.to_dict().items():
+        line = there.constant(c)
+        for k, j in enumerate(used):
+            exponents = tuple(int(monomial[v]) for v in ring.variables(j))
+            key = (k, *exponents)
+            if key not in known:
+                known[key] = (
+                    places[k][0] ** exponents[0]
+                    if ring.prismatic[j]
+                    else _pair(exponents[0], exponents[1], *places[k])
+                )
+            line *= known[key]
+        total += line
+    found = [(tuple(int(e) for e in powers), fraction(c)) for powers, c in total.to_dict().items()]
+    return _polynomial(tuple(names), sorted(found, key=lambda t: tuple(-p for p in t[0])))
+
+
+def _polynomial(
+    names: tuple[str, ...], found: Sequence[tuple[tuple[int, ...], Fraction]]
+) -> PoseEquation:
+    return PoseEquation(
+        names,
+        np.array([k for k, _ in found], dtype=int).reshape(len(found), len(names)),
+        tuple(str(v) for _, v in found),
+        np.array([float(v) for _, v in found]),
+    )
+
+
+def _pair(i: int, j: int, c: Poly, s: Poly) -> Poly:
+    """x^i y^j as a polynomial in cos and sin: x^2 = (1 + c) / 2, y^2 = (1 - c) / 2, x y = s / 2."""
+    if (i + j) % 2:
+        raise ValueError("a form of odd degree has no cosines and sines of the whole angle")
+    half = rational(Fraction(1, 2))
+    out = ((1 + c) * half) ** (i // 2) * ((1 - c) * half) ** (j // 2)
+    return out * (s * half) if i % 2 else out
+
+
+_VANISHES = 1e-6
+"""A row shorter than this, relative to the sum of its coefficients, is not made longer."""
+
+
+@dataclass(frozen=True, eq=False)
+class JointLocus:
+    """One singular locus in the joint angles.
+
+    Attributes
+    ----------
+    kind : str
+        ``type 1``, ``type 2``, or ``passive``: joints that carry no load are dependent by
+        themselves, and move with the actuators locked.
+    words : str
+        What happens there.
+    joints : tuple of str
+        Joints that occur.
+    equation : Equation or None
+        Zero exactly there; None where the determinant is left as it is.
+    matrix : tuple of tuple of PoseEquation
+        Entries of the determinant that is zero exactly there; with more rows than columns its
+        columns are dependent exactly there. Empty where ``equation`` is short, or one of several
+        factors.
+    """
+
+    kind: str
+    words: str
+    joints: tuple[str, ...]
+    equation: Equation | None
+    matrix: tuple[tuple[PoseEquation, ...], ...] = field(default=(), metadata={"optional": True})
+
+    def entries(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
+        """The matrix (..., k, m) at configurations q (..., n) of joints with these names."""
+        q = np.asarray(q, dtype=float)
+        at = {}
+        for k, name in enumerate(joints):
+            at[name], at[f"cos {name}"], at[f"sin {name}"] = (
+                q[..., k], np.cos(q[..., k]), np.sin(q[..., k])
+            )  # fmt: skip
+        rows = []
+        for row in self.matrix:
+            entries = []
+            for x in row:
+                values = [at[n] for n in x.names]
+                entries.append(
+                    x(np.stack(values, axis=-1)) if values
+                    else np.full(q.shape[:-1], float(x.values.sum()))
+                )  # fmt: skip
+            rows.append(np.stack(entries, axis=-1))
+        return np.stack(rows, axis=-2)
+
+    def scaled(self, M: Array) -> Array:
+        """The matrix (..., k, m) with rows of unit length; those that vanish stay small."""
+        sums = [[np.abs(x.values).sum() for x in row] for row in self.matrix]
+        whole = np.linalg.norm(np.array(sums, dtype=float), axis=1)
+        size = np.maximum(np.linalg.norm(M, axis=-1), _VANISHES * whole)
+        return np.asarray(M / np.where(size > 0, size, 1.0)[..., None])
+
+    def ratio(self, q: npt.ArrayLike, joints: Sequence[str]) -> Array:
+        """How near it is (...) at q (..., n): a value over its size, or the least singular value.
+
+        Zero on the locus, 1 at most.
+        """
+        if self.equation is not None:
+            return np.asarray(np.abs(self.equation(q)) / self.equation.size)
+        sigma = np.linalg.svd(self.scaled(self.entries(q, joints)), compute_uv=False)
+        return np.asarray(sigma[..., -1] / np.maximum(sigma[..., 0], _VANISHES))
+
+    def __str__(self) -> str:
+        return f"{self.kind}, {self.words}: {self.statement()}"
+
+    def statement(self) -> str:
+        """The equation, or the size of the determinant and the joints in it."""
+        if self.equation is not None and not self.matrix:
+            return str(self.equation)
+        size, columns = len(self.matrix), len(self.matrix[0])
+        if size > columns:
+            return f"rank of {size} x {columns} entries below {columns} in {', '.join(self.joints)}"
+        return f"determinant of {size} x {size} entries = 0 in {', '.join(self.joints)}"
+
+    def rows(self) -> list[str]:
+        """The rows of the determinant as text."""
+        return [f"({', '.join(x.text() for x in row)})" for row in self.matrix]
+
+
+@dataclass(frozen=True, eq=False)
+class JointForms(JsonResult):
+    """All singular loci of a mechanism in its joint angles.
+
+    Attributes
+    ----------
+    joints : tuple of str
+        All joints, in the order of configurations.
+    loci : tuple of JointLocus
+        A configuration that closes the loops is singular if and only if one of them is zero.
+    complete : bool
+        Whether that holds; without it there are none, and the notes say why.
+    notes : tuple of str
+        What was assumed.
+    """
+
+    schema: ClassVar[str] = "pinsing/joint-forms/1"
+
+    joints: tuple[str, ...]
+    loci: tuple[JointLocus, ...]
+    complete: bool
+    notes: tuple[str, ...]
+
+    def values(self, q: npt.ArrayLike) -> Array:
+        """Left sides (..., number of loci) at configurations q (..., n), radians and metres.
+
+        Those of determinants have their rows scaled to unit length first, rows of rounding aside.
+        Of a matrix with more rows than columns it is the product of the singular values, which is
+        never negative.
+        """
+        q = np.asarray(q, dtype=float)
+        out = []
+        for locus in self.loci:
+            if locus.equation is not None:
+                out.append(locus.equation(q) / locus.equation.size)
+                continue
+            M = locus.entries(q, self.joints)
+            M = locus.scaled(M)
+            if M.shape[-2] > M.shape[-1]:
+                out.append(np.prod(np.linalg.svd(M, compute_uv=False), axis=-1))
+            else:
+                out.append(np.linalg.det(M))
+        return np.stack(out, axis=-1) if out else np.zeros((*q.shape[:-1], 0))
+
+    def __str__(self) -> str:
+        return "\n".join([*(str(x) for x in self.loci), *self.notes])
+
+
+@dataclass(frozen=True, eq=False)
+class PoseFamily:
+    """Orientations of the output at which every position is singular.
+
+    Attributes
+    ----------
+    words : str
+        What they are.
+    zero : tuple of str
+        Components of the quaternion that are zero.
+    equations : tuple of PoseEquation
+        What holds of the others; empty where nothing else is asked.
+    """
+
+    words: str
+    zero: tuple[str, ...]
+    equations: tuple[PoseEquation, ...]
+
+    def __str__(self) -> str:
+        return self.words
+
+
+@dataclass(frozen=True, eq=False)
+class PoseLocus:
+    """One irreducible locus.
+
+    Attributes
+    ----------
+    kind : str
+        ``type 1``, ``type 2``, ``constraint`` or ``type 2 or constraint``.
+    words : str
+        What the lines of the legs do there.
+    equation : PoseEquation
+        Zero exactly there, on poses that the mechanism has with the inputs that they need.
+    real : bool
+        Whether the equation changes its sign over real poses, or is a sum of squares with real
+        zeros; otherwise it is zero at isolated or no real ones, as far as was looked.
+    """
+
+    kind: str
+    words: str
+    equation: PoseEquation
+    real: bool
+
+    def __str__(self) -> str:
+        none = "" if self.real else " [no real points found]"
+        return f"{self.kind}, {self.words}: {self.equation}{none}"
+
+
+@dataclass(frozen=True, eq=False)
+class PoseForms(JsonResult):
+    """All singular loci of a mechanism over the pose of its output.
+
+    Attributes
+    ----------
+    variables : tuple of str
+        In which the equations are.
+    architecture : str
+        Why every pose is singular; empty where not.
+    loci : tuple of PoseLocus
+        Irreducible over the rationals (or those with the root of 3).
+    everywhere : tuple of PoseFamily
+        Orientations at which every position is singular; parts of the loci, said by themselves.
+    level : tuple of PoseLocus
+        The type 2 loci with the output turned as at home, where that is not turned at all.
+    complete : bool
+        Whether every singular pose is on one of the loci, but for legs without length and passive
+        joints that move by themselves, which the notes name.
+    notes : tuple of str
+        What was assumed, and what else must hold.
+    inputs : tuple of PoseLocus
+        Type 2 over the inputs alone, the pose eliminated, where that was done: at inputs on it two
+        poses of the output meet, real or complex ones.
+    closing : tuple of PoseEquation
+        What a pose and inputs that close the loops fulfil, where the loci are in both together:
+        the lengths of the rods, and the planes that hinges keep their ends in.
+    joint_forms : JointForms or None
+        Those in the joint angles, which ``families --loops --json`` writes with them; elsewhere
+        they are asked for by themselves, with `joint_forms`.
+    """
+
+    schema: ClassVar[str] = "pinsing/pose-forms/1"
+
+    variables: tuple[str, ...]
+    architecture: str
+    loci: tuple[PoseLocus, ...]
+    everywhere: tuple[PoseFamily, ...]
+    level: tuple[PoseLocus, ...]
+    complete: bool
+    notes: tuple[str, ...]
+    inputs: tuple[PoseLocus, ...] = field(default=(), metadata={"optional": True})
+    closing: tuple[PoseEquation, ...] = field(default=(), metadata={"optional": True})
+    joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
+
+    def __str__(self) -> str:
+        lines = [self.architecture] if self.architecture else []
+        lines += [str(x) for x in (*self.loci, *self.everywhere, *self.inputs)]
+        return "\n".join([*lines, *self.notes])
+
+
+_TRIES = 400
+_SEED = 2718
+
+
+def has_real_points(found: PoseEquation) -> bool:
+    """Whether it changes its sign over random poses and inputs."""
+    x = np.random.default_rng(_SEED).normal(size=(_TRIES, len(found.names)))
+    x *= np.random.default_rng(_SEED + 1).choice([0.1, 1.0, 3.0], size=(_TRIES, 1))
+    for k, name in enumerate(found.names[:-1]):
+        # A cosine and its sine are of one angle.
+        if name.startswith("cos ") and found.names[k + 1] == f"sin {name[4:]}":
+            angle = np.random.default_rng(_SEED + 2 + k).uniform(-np.pi, np.pi, _TRIES)
+            x[:, k], x[:, k + 1] = np.cos(angle), np.sin(angle)
+    values = found(x)
+    return bool((values > 0).any() and (values < 0).any())

@@ -1,0 +1,458 @@
+"""Real roots of a trigonometric equation in one joint."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import field
+from fractions import Fraction
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from pinsing._dataclass import dataclass
+from pinsing._types import Array
+from pinsing.algebra.equation import Equation, equation
+from pinsing.algebra.ring import Poly, Ring, make_ring, rational
+from pinsing.errors import OptionError
+from pinsing.loops.dyad import Dyad, Side, planar_dyad
+from pinsing.loops.forms import JointForms
+from pinsing.loops.singular_points import SingularPoint, refine_point
+from pinsing.robot.mechanism import Mechanism
+from pinsing.serialization import JsonResult
+
+_EXACT = 1e-12
+_FLAT = 1e-6
+
+
+def roots(equation: Equation, inputs: npt.ArrayLike, free: int) -> Array:
+    """All real values, in (-pi, pi], of one input that solve an equation, the others held.
+
+    The trigonometric polynomial becomes an algebraic one in exp(i q / 2), whose companion
+    matrix has the roots; Newton steps on the equation itself sharpen them.
+    """
+    base = np.array(inputs, dtype=float)
+    frequency = equation.frequencies[:, free]
+    held = base.copy()
+    held[free] = 0.0
+    phase = (held + equation.shift) @ (equation.frequencies.T / 2)
+    c = (equation.cos - 1j * equation.sin) * np.exp(1j * phase) / 2
+    top = int(np.abs(frequency).max())
+    coefficients = np.zeros(2 * top + 1, dtype=complex)
+    np.add.at(coefficients, top + frequency, c)
+    np.add.at(coefficients, top - frequency, np.conj(c))
+    if np.abs(coefficients).max() <= _EXACT * equation.size or top == 0:
+        return np.zeros(0)
+    found = np.roots(coefficients[::-1])
+    angles = 2 * np.angle(found[np.abs(np.abs(found) - 1) < 1e-5])
+    turn = frequency / 2
+    for k in range(23):
+        at = phase + np.multiply.outer(angles, turn)
+        cos, sin = np.cos(at), np.sin(at)
+        value = cos @ equation.cos + sin @ equation.sin
+        slope = cos @ (equation.sin * turn) - sin @ (equation.cos * turn)
+        going = (value != 0) & (np.abs(slope) > 1e-14 * equation.size)
+        if k >= 20:
+            # Newton stalls at half the digits of a double root, which is a single one of the slope.
+            going = np.abs(slope) <= _FLAT * equation.size
+            bend = -cos @ (equation.cos * turn**2) - sin @ (equation.sin * turn**2)
+            going &= np.abs(bend) > _FLAT * equation.size
+            value, slope = slope, bend
+        angles[going] -= value[going] / slope[going]
+    angles = np.pi - np.mod(np.pi - angles, 2 * np.pi)
+    Q = np.tile(base, (len(angles), 1))
+    Q[:, free] = angles
+    out: list[float] = []
+    for angle in angles[np.abs(equation(Q)) <= 1e-12 * equation.size].tolist():
+        if all(abs(np.sin((angle - other) / 2)) > 1e-7 for other in out):
+            out.append(angle)
+    return np.sort(np.array(out))
+
+
+_DENOMINATOR = 10**9
+_WITNESS_SEED = 6151
+_TRIED = 60
+
+
+@dataclass(frozen=True, eq=False)
+class Locus:
+    """One irreducible singular locus, as an equation in the inputs.
+
+    Attributes
+    ----------
+    kind : str
+        ``type 1`` or ``type 2``.
+    words : str
+        What is in line with what.
+    equation : Equation
+        Zero on the locus; joints are the inputs. Its value is in square metres: the squared
+        distance that must equal a squared reach, minus that.
+    points_only : bool
+        Whether its real points are isolated, of codimension 2: the ends of two cranks that
+        coincide, or a reach that is met at one point alone, with everything in line.
+    witness : SingularPoint or None
+        A verified configuration on it; None where no feasible one was found.
+    """
+
+    kind: str
+    words: str
+    equation: Equation
+    points_only: bool
+    witness: SingularPoint | None
+
+    def __str__(self) -> str:
+        found = "" if self.witness else " [no feasible configuration found]"
+        points = " [isolated points]" if self.points_only else ""
+        return f"{self.kind}, {self.words}: {self.equation}{points}{found}"
+
+
+@dataclass(frozen=True, eq=False)
+class LoopForms(JsonResult):
+    """All singular loci of a mechanism over its inputs.
+
+    Attributes
+    ----------
+    loci : tuple of Locus
+        Irreducible over the rationals.
+    complete : bool
+        Whether every closed singular configuration has its inputs on one of them.
+    notes : tuple of str
+        What was assumed or left out.
+    joint_forms : JointForms or None
+        Those in the joint angles, which ``families --loops --json`` writes with them; elsewhere
+        they are asked for by themselves, with `joint_forms`.
+    """
+
+    schema: ClassVar[str] = "pinsing/loop-forms/1"
+
+    loci: tuple[Locus, ...]
+    complete: bool
+    notes: tuple[str, ...]
+    joint_forms: JointForms | None = field(default=None, metadata={"optional": True})
+
+    def __str__(self) -> str:
+        return "\n".join([*(str(x) for x in self.loci), *self.notes])
+
+
+def loop_forms(mechanism: Mechanism) -> LoopForms | None:
+    """Closed forms of the singular loci; None where no planar dyad closes the mechanism."""
+    dyad = planar_dyad(mechanism)
+    if dyad is None:
+        return None
+    system = _LoopEquations(dyad)
+    notes = list(system.notes)
+    conditions: list[tuple[str, int | None, Poly]] = [("type 2", None, system.between())]
+    legs = _type1_legs(dyad)
+    if legs is None:
+        notes.append(
+            f"type 1 loci are left out: the output {mechanism.output} ({mechanism.task}) is "
+            "neither the pin's position nor the link that the dyad drives"
+        )
+    conditions += [("type 1", i, system.leg(i)) for i in legs or ()]
+    loci: list[Locus] = []
+    always = False
+    for kind, leg, condition in conditions:
+        eliminated = system.ring.strip(system.eliminate(condition))
+        if eliminated != 0:
+            loci += _loci(system, kind, leg, eliminated)
+            continue
+        always = True
+        if leg is None:
+            notes.append(f"{kind}: at all inputs in one assembly mode")
+            continue
+        # One of the two ways to be in line is there at all inputs; the other has an equation.
+        for sense, word in ((1, "stretched"), (-1, "folded")):
+            inputs = system.ring.strip(system.in_line(leg, sense))
+            if inputs != 0:
+                loci += _loci(system, kind, leg, inputs, sense)
+                continue
+            notes.append(
+                f"{kind}: at all inputs in one assembly mode, of which no equation over the inputs "
+                f"tells: leg {leg + 1} is {word} there with its end at rest; the equations in the "
+                "joint angles have it"
+            )
+    return LoopForms(tuple(loci), legs is not None and not always, tuple(notes))
+
+
+class _LoopEquations:
+    """The loop equations of a dyad over the rationals."""
+
+    def __init__(self, dyad: Dyad) -> None:
+        self.dyad = dyad
+        self.notes: list[str] = []
+        actuated = dyad.mechanism.actuated
+        cranks = [actuated.index(s.crank) for s in dyad.sides if s.crank is not None]
+        if sorted(cranks) != list(range(len(actuated))):
+            raise OptionError("every input must turn a crank of the loop")
+        self.names = dyad.mechanism.inputs
+        self.ring: Ring = make_ring([False] * len(actuated) + [True, True])
+        gens = self.ring.context.gens()
+        self.u = (gens[-2], gens[-1])
+        self.variables = (f"z{len(actuated) + 1}", f"z{len(actuated) + 2}")
+        self.offset = np.zeros(len(actuated) + 2)
+        # Directions of the cranks times w; a fixed pivot has length zero and w = 1.
+        self.w: list[Poly] = []
+        self.direction: list[tuple[Poly, Poly]] = []
+        for side in dyad.sides:
+            self._crank(side)
+        first, second = dyad.sides
+        W = self.w[0] * self.w[1]
+        ends = []
+        for k, side in enumerate((first, second)):
+            other = self.w[1 - k]
+            length = self._exact(side.crank_length, "crank")
+            ends.append(
+                tuple(
+                    self._exact(float(side.pivot[i]), "pivot") * W
+                    + length * self.direction[k][i] * other
+                    for i in (0, 1)
+                )
+            )
+        self.W = W
+        self.v = tuple(b - a for a, b in zip(*ends, strict=True))
+        d1, d2 = self._exact(first.rod_length, "rod"), self._exact(second.rod_length, "rod")
+        self.rods = (d1, d2)
+        u, v = self.u, self.v
+        self.circle = u[0] ** 2 + u[1] ** 2 - d1 * d1
+        # The second circle minus the first: linear in u.
+        self.chord = (
+            v[0] ** 2 + v[1] ** 2 - 2 * W * (u[0] * v[0] + u[1] * v[1]) + (d1 * d1 - d2 * d2) * W**2
+        )
+
+    def _crank(self, side: Side) -> None:
+        one, zero = self.ring.one, self.ring.zero
+        if side.crank is None:
+            self.w.append(one)
+            self.direction.append((zero, zero))
+            return
+        j = self.dyad.mechanism.actuated.index(side.crank)
+        gens = self.ring.context.gens()
+        x, y = (gens[k] for k in self.ring.variables(j))
+        self.w.append(x**2 + y**2)
+        # angle = sign q + crank_angle = sign (q + offset)
+        self.offset[j] = side.crank_sign * side.crank_angle
+        self.direction.append((x**2 - y**2, 2 * int(side.crank_sign) * x * y))
+
+    def _exact(self, value: float, what: str) -> Any:
+        near = Fraction(value).limit_denominator(_DENOMINATOR)
+        if abs(float(near) - value) > _EXACT * max(1.0, abs(value)):
+            self.notes.append(
+                f"a {what} of {value!r} m was taken as {near} (off by {float(near) - value:.1e})"
+            )
+        return rational(near)
+
+    def between(self) -> Poly:
+        """B1, P, B2 in line."""
+        return self.u[0] * self.v[1] - self.u[1] * self.v[0]
+
+    def leg(self, side: int) -> Poly:
+        """A, B, P of a leg in line."""
+        c, s = self.direction[side]
+        if side == 0:
+            return self.u[0] * s - self.u[1] * c
+        return (self.W * self.u[0] - self.v[0]) * s - (self.W * self.u[1] - self.v[1]) * c
+
+    def in_line(self, side: int, sense: int) -> Poly:
+        """What the inputs must fulfil with a leg stretched (``sense`` 1) or folded (-1)."""
+        v, W, d1, d2 = self.v, self.W, *self.rods
+        if side == 1:
+            v, d1, d2 = (-v[0], -v[1]), d2, d1
+        c, s = self.direction[side]
+        along = 2 * sense * d1 * self.w[1 - side] * (c * v[0] + s * v[1])
+        return v[0] ** 2 + v[1] ** 2 - along + (d1 * d1 - d2 * d2) * W**2
+
+    def eliminate(self, condition: Poly) -> Poly:
+        """What the inputs must fulfil: the rod's vector eliminated in either order."""
+        out = self.ring.zero
+        for first, last in (self.variables, self.variables[::-1]):
+            line = self.chord.resultant(condition, first)
+            square = self.circle.resultant(condition, first)
+            out = out.gcd(line.resultant(square, last))
+        return out
+
+    def equation(self, factor: Poly) -> Equation:
+        n = len(self.names)
+        names = (*self.names, "ux", "uy")
+        full = equation(factor, self.ring, names, self.offset)
+        return Equation(
+            self.names,
+            full.frequencies[:, :n],
+            full.powers[:, :n],
+            full.cos,
+            full.sin,
+            full.shift[:n],
+        )
+
+
+def _type1_legs(dyad: Dyad) -> tuple[int, ...] | None:
+    """Legs whose stretching loses an output direction; None if the output is another one."""
+    mechanism = dyad.mechanism
+    cranked = tuple(i for i, side in enumerate(dyad.sides) if side.crank is not None)
+    if len(cranked) == 2:
+        return cranked if dyad.at_pin(mechanism) else None
+    output = mechanism.model.frames[mechanism.output_id]
+    driven = dyad.sides[1 - cranked[0]]
+    return cranked if int(output.parentJoint) - 1 == driven.pin else None
+
+
+def _loci(
+    system: _LoopEquations, kind: str, leg: int | None, eliminated: Poly, sense: int = 0
+) -> list[Locus]:
+    """The factors that have real points; ``sense`` as in `_LoopEquations.in_line`, 0 for either."""
+    ring, dyad = system.ring, system.dyad
+    square = system.v[0] ** 2 + system.v[1] ** 2
+    apart = bool(np.any(dyad.sides[0].pivot != dyad.sides[1].pivot))
+    extremes = _extremes(dyad, leg)
+    out = []
+    for factor in ring.factors(eliminated):
+        form = system.equation(factor)
+        coincide = kind == "type 2" and divmod(square, factor)[1] == 0
+        lowest, highest, touching = _range(form, extremes)
+        # Where the ends coincide, rods of different lengths do not close.
+        if lowest > 0 or highest < 0 or (coincide and system.rods[0] != system.rods[1]):
+            continue
+        # It touches zero only where all is in line or two ends meet: at single points if both
+        # inputs and the distance of their pivots count, else all along one of the inputs.
+        single = lowest == 0 or highest == 0
+        points_only = apart and (coincide or (single and len(form.involved) == 2))
+        candidates = touching if points_only else _on(form, extremes)
+        witness = _witness(dyad, kind, leg, candidates, points_only, sense)
+        words = _words(dyad, kind, leg, witness, coincide)
+        metric = _metric(dyad, form, leg, words)
+        out.append(Locus(kind, words, metric, points_only, witness))
+    return out
+
+
+def _metric(dyad: Dyad, form: Equation, leg: int | None, words: str) -> Equation:
+    """The equation in square metres: a squared distance minus a squared reach, up to sign.
+
+    Type 2: |B1 B2|^2 - (d1 +- d2)^2. Type 1 of leg 1: |A1 + (l1 +- d1) e1 - B2|^2 - d2^2. The
+    cosine rule gives the coefficient of the highest frequency, and with it the scale.
+    """
+    reach = [side.crank_length for side in dyad.sides]
+    if leg is not None:
+        reach[leg] += dyad.sides[leg].rod_length * (-1 if words.endswith("folded") else 1)
+    if len(form.joints) == 1:
+        reach[reach.index(0.0)] = float(np.linalg.norm(dyad.sides[1].pivot - dyad.sides[0].pivot))
+    top = np.abs(form.frequencies).sum(axis=1)
+    size = float(np.hypot(form.cos, form.sin)[int(np.argmax(top))])
+    target = 2 * abs(reach[0] * reach[1])
+    return form.scaled(target / size) if target > 1e-12 else form
+
+
+def _range(form: Equation, extremes: Array) -> tuple[float, float, Array]:
+    """Least and largest value, zero where that is rounding, and the extremes on the locus."""
+    n = len(form.joints)
+    tried = np.random.default_rng(_WITNESS_SEED).uniform(-np.pi, np.pi, (_TRIED, n))
+    values = form(np.concatenate([extremes, tried]))
+    values[np.abs(values) <= _EXACT * form.size] = 0.0
+    if n == 1 and len(roots(form, [0.0], 0)):
+        values = np.append(values, 0.0)
+    touching = extremes[values[: len(extremes)] == 0]
+    return float(values.min()), float(values.max()), touching
+
+
+def _on(form: Equation, extremes: Array) -> Iterator[Array]:
+    """Inputs on a locus, found as they are asked for: most often the first will do.
+
+    Lines along the inputs, random ones first; small loops lie about an extreme of the equation.
+    """
+    n = len(form.joints)
+    tried = np.random.default_rng(_WITNESS_SEED).uniform(-np.pi, np.pi, (_TRIED, n))
+    for base in np.concatenate([tried, extremes]) if n > 1 else tried[:1]:
+        for free in range(n):
+            for value in roots(form, base, free):
+                q = base.copy()
+                q[free] = value
+                yield q
+
+
+def _extremes(dyad: Dyad, leg: int | None) -> Array:
+    """Inputs (k, n_a) at which the distance that decides on a locus is largest or least.
+
+    It is that of the ends of two arms that turn about the pivots: the cranks, for type 1 of a leg
+    its crank with the rod along it. It is stationary where both arms lie on the line of the
+    pivots, and least where the ends meet.
+    """
+    first, second = dyad.sides
+    gap = second.pivot - first.pivot
+    far, along = float(np.linalg.norm(gap)), float(np.arctan2(gap[1], gap[0]))
+    found = [(along + a, along + b) for a in (0.0, np.pi) for b in (0.0, np.pi)]
+    for sense in (1, -1):
+        one, two = (
+            side.crank_length + (sense * side.rod_length if leg == k else 0.0)
+            for k, side in enumerate(dyad.sides)
+        )
+        if far > 0 and one != 0 and abs(abs(one) - abs(two)) <= far <= abs(one) + abs(two):
+            cosine = (far**2 + one**2 - two**2) / (2 * far * one)
+            bend = float(np.arccos(np.clip(cosine, -1, 1)))
+            for turn in (bend, -bend):
+                away = one * np.array([np.cos(turn), np.sin(turn)]) - [far, 0.0]
+                away = away if two > 0 else -away
+                found.append((along + turn, along + float(np.arctan2(away[1], away[0]))))
+    out = np.zeros((len(found), len(dyad.mechanism.inputs)))
+    for side, angle in zip(dyad.sides, np.array(found).T, strict=True):
+        if side.crank is not None:
+            k = dyad.mechanism.actuated.index(side.crank)
+            out[:, k] = side.crank_sign * (angle - side.crank_angle)
+    return np.pi - np.mod(np.pi - out, 2 * np.pi)
+
+
+def _witness(
+    dyad: Dyad,
+    kind: str,
+    leg: int | None,
+    candidates: Iterable[Array],
+    points_only: bool,
+    sense: int,
+) -> SingularPoint | None:
+    mechanism = dyad.mechanism
+    for inputs in candidates:
+        for q in dyad.close(inputs) or _touching(dyad, inputs):
+            if leg is not None and abs(float(dyad.elbow_sine(q, leg))) > 1e-6:
+                continue
+            if leg is not None and sense:
+                crank, rod = dyad.link_directions(q, leg)
+                if sense * float(crank @ rod) < 0:
+                    continue
+            held = [] if points_only else list(mechanism.actuated[:-1])
+            point = refine_point(mechanism, q, kind, held)
+            if point.converged and np.abs(mechanism.space.wrap(point.q - q)).max() < 1e-3:
+                return point
+    return None
+
+
+def _touching(dyad: Dyad, inputs: Array) -> tuple[Array, ...]:
+    """The one configuration where the circles of the rods touch, for inputs off by rounding."""
+    first, second = dyad.ends(inputs)
+    gap = float(np.linalg.norm(second - first))
+    d1, d2 = dyad.sides[0].rod_length, dyad.sides[1].rod_length
+    if min(abs(gap - d1 - d2), abs(gap - abs(d1 - d2))) > 1e-9 or gap == 0:
+        return ()
+    along = (gap**2 + d1**2 - d2**2) / (2 * gap)
+    P = first + np.sign(along) * d1 * (second - first) / gap
+    return (dyad.reaching(inputs, P),)
+
+
+def _words(
+    dyad: Dyad, kind: str, leg: int | None, witness: SingularPoint | None, coincide: bool
+) -> str:
+    if coincide:
+        return "B1 and B2 coincide and P turns about them"
+    one, two = _points(dyad)
+    if leg is None:
+        if witness is None:
+            return f"{one}, P, {two} in line"
+        a, b = (dyad.link_directions(witness.q, k)[1] for k in (0, 1))
+        return f"{one}, P, {two} in line, " + ("stretched" if a @ b < 0 else "folded")
+    name = f"A{leg + 1}, B{leg + 1}, P in line"
+    if witness is None:
+        return name
+    crank, rod = dyad.link_directions(witness.q, leg)
+    return f"{name}, " + ("stretched" if crank @ rod > 0 else "folded")
+
+
+def _points(dyad: Dyad) -> Sequence[str]:
+    return tuple(
+        f"{'B' if side.crank is not None else 'A'}{k}" for k, side in enumerate(dyad.sides, 1)
+    )

@@ -1,0 +1,350 @@
+"""Singular loci in the joint angles: against the Jacobians, and geometry written here."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mechanisms import URDF, from_model, planar_tree, shipped
+from test_parallel_geometry import Way, planar
+from test_pose_forms import hexapod
+from urdf_text import J, frame, loop_text, stewart, written
+
+import pinsing
+from pinsing.cli import main
+from pinsing.loops import (
+    JointForms,
+    JointLocus,
+    LoopForms,
+    PoseForms,
+    analyze_mechanism,
+    joint_forms,
+    mechanism_at,
+    refine,
+)
+from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.joint_loci import _matrix, closure_forms
+from pinsing.loops.leg_wrenches import kind_of
+from pinsing.robot.load_mechanism import Loop
+
+SHELF = ["five_bar", "four_bar", "planar_3rrr", "planar_3rpr", "gough_stewart", "delta", "rps3",
+         "rssr"]  # fmt: skip
+
+
+def left_side(locus, mechanism, q):
+    """The value as it is: no row scaled."""
+    if locus.equation is not None:
+        return float(locus.equation(q))
+    return float(np.linalg.det(locus.entries(q, mechanism.joints)))
+
+
+def beside(name, mechanism, q):
+    """What the forms leave out: a factor without real zeros, and the second power of a length."""
+    at = dict(zip(mechanism.joints, q, strict=True))
+    if name == "rssr":
+        return 0.5 * np.sin(at["crank"]) - 1
+    if name == "gough_stewart":
+        return np.prod([at[f"p{k}"] for k in range(1, 7)])
+    return 1.0
+
+
+def volume(M):
+    """Product of the singular values: the determinant where rows are redundant too."""
+    return float(np.prod(np.linalg.svd(M, compute_uv=False)[: M.shape[1]]))
+
+
+def ratios(mechanism, q):
+    """What the Jacobians of Pinocchio say, over what the forms say: type 2 and type 1."""
+    loops, forms = Loops(mechanism), joint_forms(mechanism)
+    G, J = loops.at(q)[1], loops.output(q)[1]
+    held = np.eye(mechanism.n)[list(mechanism.actuated)]
+    values = {"type 1": 1.0, "type 2": 1.0, "passive": 1.0}
+    for locus in forms.loci:
+        values[locus.kind] *= left_side(locus, mechanism, q)
+    return [
+        volume(np.vstack([G, rows])) / abs(values[kind] * values["passive"])
+        for kind, rows in (("type 2", held), ("type 1", J))
+    ]
+
+
+@pytest.mark.parametrize("name", SHELF)
+def test_the_forms_are_the_determinants_of_the_jacobians(name, rng):
+    # Constant ratios over all closed configurations: zero together, and nowhere else.
+    mechanism = shipped(name).without_limits()
+    forms = joint_forms(mechanism)
+    assert forms.complete
+    found = []
+    for q in random_closed(mechanism, 8, rng):
+        state = mechanism_at(mechanism, q)
+        if min(state.output_ratio, state.input_ratio, state.constraint_ratio) < 1e-4:
+            continue  # both are zero to rounding
+        one = ratios(mechanism, q)
+        found.append((one[0] / abs(beside(name, mechanism, q)), one[1]))
+        if name == "gough_stewart":
+            found[-1] = (found[-1][0], one[1] / abs(beside(name, mechanism, q)))
+    assert len(found) >= 4
+    assert (np.ptp(np.log(found), axis=0) < 1e-7).all()
+
+
+@pytest.mark.parametrize("kind", ["type 1", "type 2"])
+@pytest.mark.parametrize("name", ["planar_3rrr", "agile_eye", "delta", "rssr"])
+def test_singular_points_are_on_them_and_others_are_not(name, kind, rng):
+    mechanism = shipped(name).without_limits()
+    forms = joint_forms(mechanism)
+    met = 0
+    for q in random_closed(mechanism, 6, rng):
+        state = mechanism_at(mechanism, q)
+        if min(state.output_ratio, state.input_ratio, state.constraint_ratio) > 1e-3:
+            assert np.abs(forms.values(q)).min() > 1e-9
+        point = refine(mechanism, q, kind)
+        if point.converged and point.kind == kind:
+            met += 1
+            # A verdict of 1e-9 in the Jacobian may be its square root in a factor of a product.
+            assert np.abs(forms.values(point.q)).min() < 1e-5
+    assert met or (name, kind) in {("rssr", "type 2"), ("agile_eye", "type 2")}
+
+
+def test_the_agile_eye_is_of_type_1_where_a_middle_joint_is_at_a_right_angle(rng):
+    forms = joint_forms(shipped("agile_eye"))
+    ones = [x for x in forms.loci if x.kind == "type 1"]
+    assert [str(x.equation) for x in ones] == [f"cos v{k} = 0" for k in (1, 2, 3)]
+    # Moments by vectors of its own: middle axis by platform axis of each leg.
+    mechanism = shipped("agile_eye").without_limits()
+    (two,) = [x for x in forms.loci if x.kind == "type 2"]
+    found = []
+    for q in random_closed(mechanism, 8, rng):
+        data = mechanism.model.createData()
+        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
+        pin.updateFramePlacements(mechanism.model, data)
+        at = {f.name: data.oMf[k] for k, f in enumerate(mechanism.model.frames)}
+        own = {"v1": [0, 1, 0], "v2": [0, 0, 1], "v3": [1, 0, 0]}
+        middle = [at[n].rotation @ np.array(axis, dtype=float) for n, axis in own.items()]
+        radii = [at["b2"].translation, at["b3"].translation]
+        first = np.cross(*radii)
+        moments = [np.cross(middle[0], first), *(np.cross(m, r) for m, r in
+                                                 zip(middle[1:], radii, strict=True))]  # fmt: skip
+        found.append(abs(np.linalg.det(moments)) / abs(left_side(two, mechanism, q)))
+    assert np.ptp(np.log(found)) < 1e-8
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_random_stewart_platforms_against_their_leg_lines(seed):
+    rng = np.random.default_rng(seed)
+    base, platform = rng.normal(size=(6, 3)), 0.5 * rng.normal(size=(6, 3))
+    mechanism = hexapod(base, platform).without_limits()
+    forms = joint_forms(mechanism)
+    two = [x for x in forms.loci if x.kind == "type 2"]
+    assert len(two) == 1
+    assert not [x for x in forms.loci if x.kind == "type 1"]
+    found = []
+    for q in random_closed(mechanism, 6, rng):
+        data = mechanism.model.createData()
+        pin.forwardKinematics(mechanism.model, data, mechanism.model_q(q))
+        pin.updateFramePlacements(mechanism.model, data)
+        ends = [data.oMi[4].translation]
+        ends += [data.oMf[mechanism.model.getFrameId(f"e{k}")].translation for k in range(1, 6)]
+        lines = [np.concatenate([b - a, np.cross(a, b)]) for a, b in zip(base, ends, strict=True)]
+        lines = [x / np.linalg.norm(x[:3]) for x in lines]
+        found.append(abs(np.linalg.det(lines)) / abs(left_side(two[0], mechanism, q)))
+    assert np.ptp(np.log(found)) < 1e-7
+
+
+def test_a_five_bar_in_a_slanted_plane_is_a_five_bar(rng):
+    R = pin.rpy.rpyToMatrix(0.4, -0.7, 1.1)
+    model = pin.Model()
+    model.name = "slanted"
+    for chain, x in (("one", 0.0), ("two", 1.0)):
+        parent, place = 0, pin.SE3(R, R @ np.array([x, 0.0, 0.0]))
+        for k, length in enumerate((0.9, 1.1)):
+            parent = model.addJoint(parent, pin.JointModelRUBZ(), place, f"{chain}{k}")
+            place = pin.SE3(np.eye(3), np.array([length, 0.0, 0.0]))
+        model.addFrame(pin.Frame(f"{chain}_end", parent, 0, place, pin.FrameType.OP_FRAME))
+    slanted = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["one0", "two0"], "one_end", "vx,vy"
+    )
+    flat = planar_tree(
+        {
+            "one": ((0.0, 0.0), [("one0", 0.9), ("one1", 1.1)]),
+            "two": ((1.0, 0.0), [("two0", 0.9), ("two1", 1.1)]),
+        }
+    )
+    level = from_model(flat, slanted.loops, ["one0", "two0"], "one_end", "vx,vy")
+    assert kind_of(slanted) == kind_of(level) == "plane"
+    for q in random_closed(slanted, 4, rng):
+        two = [
+            left_side(next(x for x in joint_forms(m).loci if x.kind == "type 2"), m, q)
+            for m in (slanted, level)
+        ]
+        assert abs(two[0]) == pytest.approx(abs(two[1]), rel=1e-7)
+        assert (
+            np.ptp(np.log([ratios(slanted, p)[1] for p in random_closed(slanted, 4, rng)])) < 1e-6
+        )
+
+
+def test_slides_before_the_rods(rng):
+    # 3-PRR: actuated slides along the sides of a triangle.
+    model = pin.Model()
+    model.name = "prr"
+    corners = [np.array([np.cos(t), np.sin(t), 0.0]) for t in (0.1, 2.2, 4.3)]
+    loops = []
+    for k, at in enumerate(corners):
+        turn = pin.rpy.rpyToMatrix(0, 0, 0.3 + 2.0 * k)
+        slide = model.addJoint(0, pin.JointModelPX(), pin.SE3(turn, at), f"d{k}")
+        rod = model.addJoint(slide, pin.JointModelRUBZ(), pin.SE3.Identity(), f"r{k}")
+        end = pin.SE3(np.eye(3), np.array([0.9, 0.0, 0.0]))
+        if k == 0:
+            top = model.addJoint(rod, pin.JointModelRUBZ(), end, "turn")
+        else:
+            model.addFrame(pin.Frame(f"e{k}", rod, 0, end, pin.FrameType.OP_FRAME))
+            loops.append(Loop(f"e{k}", f"b{k}", "3d"))
+    for k, b in enumerate([np.zeros(3), np.array([0.5, 0, 0]), np.array([0.2, 0.4, 0])]):
+        name = f"b{k}" if k else "top"
+        model.addFrame(pin.Frame(name, top, 0, pin.SE3(np.eye(3), b), pin.FrameType.OP_FRAME))
+    made = from_model(model, loops, ["d0", "d1", "d2"], "top", "vx,vy,wz")
+    made = replace(made, prismatic=np.array([n[0] == "d" for n in made.joints]))
+    found = np.array([ratios(made, q) for q in random_closed(made, 6, rng)])
+    assert (np.ptp(np.log(found), axis=0) < 1e-7).all()
+    forms = joint_forms(made)
+    assert sum(x.kind == "type 1" for x in forms.loci) == 3
+
+
+CLOSURES = ["bennett", "five_bar", "planar_3rpr", "rps3", "agile_eye", "rssr"]
+
+
+@pytest.mark.parametrize("name", [*CLOSURES, pytest.param("delta", marks=pytest.mark.slow)])
+def test_closure_equations_of_any_legs_are_those_of_pinocchio(name, rng):
+    """The exact matrices have the ranks of the Jacobians; without a change of point the values."""
+    mechanism = shipped(name).without_limits()
+    made = closure_forms(mechanism)
+    held, rest = (
+        JointLocus("", "", (), None, _matrix(rows, made.ring, mechanism))
+        for rows in (made.held, made.at_rest)
+    )
+    loops = Loops(mechanism)
+    found = random_closed(mechanism, 3, rng)
+    assert found
+    point = refine(mechanism, found[0], "type 1")
+    for q in [*found, *([point.q] if point.converged else [])]:
+        G, J = loops.at(q)[1], loops.output(q)[1]
+        pairs = (
+            (held, G[:, list(mechanism.passive)]),
+            (rest, np.vstack([G, J])),
+        )
+        for locus, known in pairs:
+            mine = np.linalg.svd(locus.entries(q, mechanism.joints), compute_uv=False)
+            theirs = np.linalg.svd(known, compute_uv=False)[: len(mine)]
+            if name != "bennett" and locus is held:
+                np.testing.assert_allclose(mine, theirs, atol=1e-11)
+            assert (mine > 1e-6).sum() == (theirs > 1e-6).sum()
+
+
+ODD = {
+    "from the platform": lambda folder: planar(folder, Way("rpr", from_platform=(1, 2))),
+    "cut at the elbow": lambda folder: planar(
+        folder, Way("rrr", cut_at_elbow=(1, 2), rpy=(0.4, 0.3, 0.2))
+    ),
+    "driven at the base": lambda folder: planar(folder, Way("rpr", driven="r")),
+    "driven twice": lambda folder: shipped("planar_3rrr").with_actuated(["a1", "b1", "a2", "a3"]),
+    "overconstrained": lambda folder: shipped("bennett"),
+    "legs from the platform": lambda folder: pinsing.load_mechanism(
+        written(folder, *stewart(*POINTS, hanging=(1, 2, 3, 4, 5)))
+    ),
+}
+POINTS = np.round(np.random.default_rng(8).uniform(-1, 1, (2, 6, 3)) * [1, 1, 0.2], 2) * [
+    [[1.0]], [[0.5]]
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("case", ODD)
+def test_however_a_mechanism_is_written_and_driven(case, tmp_path, rng):
+    """Zero at singular configurations, found by the Jacobians, and at no other."""
+    mechanism = ODD[case](tmp_path).without_limits()
+    forms = joint_forms(mechanism)
+    assert forms.complete
+    met = 0
+    for q in random_closed(mechanism, 4, rng):
+        state = mechanism_at(mechanism, q)
+        if min(state.output_ratio, state.input_ratio, state.constraint_ratio) > 1e-3:
+            assert min(x.ratio(q, forms.joints) for x in forms.loci) > 1e-6
+        for kind in ("type 1", "type 2"):
+            point = refine(mechanism, q, kind)
+            if point.converged and point.kind == kind:
+                met += 1
+                assert min(x.ratio(point.q, forms.joints) for x in forms.loci) < 1e-8
+    assert met or case == "overconstrained"
+
+
+def test_what_holds_everywhere_and_what_nowhere_is_said():
+    assert "type 2: nowhere" in joint_forms(shipped("bennett")).notes
+    (always,) = [x for x in joint_forms(shipped("griffis_duffy")).notes if "singular every" in x]
+    assert "type 2 holds" in always
+    extra = shipped("planar_3rrr").with_actuated(["a1", "b1", "a2", "a3"])
+    forms = joint_forms(extra)
+    assert "rank of 4 x 3 entries below 3" in str(forms)
+    assert any("4 forces where 3" in x for x in forms.notes)
+
+
+def test_what_is_left_of_rounded_axes_is_no_term(tmp_path):
+    """A slide along a direction that is not exact: no term comes of its last decimals."""
+    joints, loops = [], []
+    corners = [(0.0, 0.0, 0), (1.0, 0.1, 0), (0.4, 0.9, 0)]
+    ends = [(-0.2, -0.1, 0), (0.25, -0.1, 0), (0.0, 0.3, 0)]
+    for k, at in enumerate(corners):
+        along = np.array([np.cos(0.3 + 2.1 * k), np.sin(0.3 + 2.1 * k), 0]).round(6)
+        joints.append(J(f"p{k}", "base", f"s{k}", at, along, "prismatic", (-2, 2)))
+        joints.append(J(f"b{k}", f"s{k}", f"rod{k}"))
+        if k == 0:
+            joints.append(J("turn", "rod0", "platform", (0.6, 0, 0)))
+        else:
+            joints.append(frame(f"e{k}", f"rod{k}", (0.6, 0, 0)))
+            joints.append(frame(f"v{k}", "platform", np.subtract(ends[k], ends[0])))
+            loops.append((f"e{k}", f"v{k}"))
+    text = loop_text(loops, ["p0", "p1", "p2"], "platform", "vx, vy, wz")
+    forms = joint_forms(pinsing.load_mechanism(written(tmp_path, joints, text)))
+    for locus in forms.loci:
+        size = np.concatenate([np.abs(locus.equation.cos), np.abs(locus.equation.sin)])
+        assert size[size > 0].min() > 1e-9 * size.max()
+
+
+def test_they_survive_json_and_the_command_line(capsys):
+    forms = joint_forms(shipped("gough_stewart"))
+    again = JointForms.from_dict(json.loads(forms.to_json()))
+    q = np.linspace(0.1, 0.9, 21)
+    assert np.array_equal(again.values(q), forms.values(q))
+    assert str(again) == str(forms)
+    tree, loops = (str(URDF / f"agile_eye.{x}") for x in ("urdf", "loops.yaml"))
+    with pytest.raises(SystemExit) as ended:
+        main(["families", tree, "--loops", loops])
+    assert ended.value.code == 0
+    text = capsys.readouterr().out
+    assert "determinant of 3 x 3 entries" in text
+    assert "(-cos v1, -sin a1 sin v1, cos a1 sin v1)" in text
+    assert "cos v2 = 0" in text
+
+
+@pytest.mark.parametrize(
+    ("name", "kind"),
+    [("planar_3rpr", PoseForms), ("five_bar", LoopForms), ("bennett", JointForms)],
+)
+def test_json_of_the_command_has_both(name, kind, capsys):
+    tree, loops = (str(URDF / f"{name}.{x}") for x in ("urdf", "loops.yaml"))
+    with pytest.raises(SystemExit) as ended:
+        main(["families", tree, "--loops", loops, "--json", "-"])
+    assert ended.value.code == 0
+    data = json.loads(capsys.readouterr().out)
+    found = kind.from_dict(data)
+    assert found.complete
+    if kind is JointForms:
+        assert str(found) == str(joint_forms(shipped(name)))
+        return
+    assert found.joint_forms is not None
+    assert str(found.joint_forms) == str(joint_forms(shipped(name)))
+
+
+def test_the_analysis_has_them():
+    found = analyze_mechanism(shipped("four_bar"))
+    assert [x.kind for x in found.joint_forms.loci] == ["type 2", "type 1"]
+    assert "Closed forms in the joint angles" in str(found)

@@ -1,0 +1,1006 @@
+from __future__ import annotations
+
+import itertools
+from pathlib import Path
+
+import numpy as np
+import pytest
+from mechanisms import (
+    R1,
+    R2,
+    R3,
+    URDF,
+    analyzed,
+    four_bar,
+    from_model,
+    paper_matrices,
+    paper_point,
+    planar_tree,
+    shipped,
+)
+from scipy.optimize import brentq
+from urdf_text import J, frame, loop_text, written
+
+from pinsing.errors import (
+    ConfigurationError,
+    OptionError,
+    PinsingError,
+    RobotFileError,
+    UnknownNameError,
+)
+from pinsing.loops import (
+    InfeasibleError,
+    MechanismAnalysis,
+    analyze_mechanism,
+    assemblies,
+    constraint_jacobian,
+    curves,
+    feasible,
+    find_singular,
+    follow,
+    home,
+    input_output,
+    leg_form,
+    loop_forms,
+    mechanism_at,
+    motions,
+    output_jacobian,
+    ranks,
+    refine,
+    residual,
+    solve,
+    split,
+)
+from pinsing.loops.closure import Loops, gauss_newton, random_closed
+from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.loop_forms import roots
+from pinsing.loops.modes import elbow_sines, passive_determinant
+from pinsing.robot.load_mechanism import Loop, Mechanism, load_mechanism
+
+MODELS = ("five_bar", "four_bar", "planar_3rrr")
+THIRD = np.pi / 3
+
+
+def welded() -> Mechanism:
+    """A four-bar as one chain whose last link is welded to the ground: kind 6d, two spare rows."""
+    model = planar_tree({"one": ((0.0, 0.0), [("a", 0.15), ("b", 0.4), ("c", 0.3), ("d", 0.0)])})
+    return from_model(model, [Loop("one_end", "ground", "6d")], ["a"], "one_end", "wz")
+
+
+def every() -> list[Mechanism]:
+    return [*(shipped(name) for name in MODELS), welded(), four_bar(0.4, 0.1, 0.35, 0.3)]
+
+
+def cross(a, b):
+    return a[0] * b[1] - a[1] * b[0]
+
+
+def circles(c1, r1, c2, r2):
+    """Intersections of two circles, by hand."""
+    c1, c2 = np.asarray(c1, dtype=float), np.asarray(c2, dtype=float)
+    d = np.linalg.norm(c2 - c1)
+    a = (r1**2 - r2**2 + d**2) / (2 * d)
+    if r1**2 < a**2:
+        return []
+    h = np.sqrt(r1**2 - a**2)
+    u = (c2 - c1) / d
+    return [c1 + a * u + s * h * np.array([-u[1], u[0]]) for s in (1, -1)]
+
+
+# -- the model -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", MODELS)
+def test_ranks_of_the_shipped_models(name):
+    expected = {"five_bar": (2, 2, 2), "four_bar": (2, 1, 1), "planar_3rrr": (4, 3, 3)}[name]
+    found = ranks(shipped(name))
+    assert (found.constraint, found.mobility, found.output) == expected
+
+
+def test_a_weld_in_space_is_redundant_for_a_planar_loop():
+    found = ranks(welded())
+    assert (found.constraint, found.mobility) == (3, 1)
+    assert welded().rows == 6
+
+
+def test_constraint_jacobians_equal_finite_differences_of_the_closure(rng):
+    for mechanism in every():
+        for q in random_closed(mechanism, 4, rng):
+            G = constraint_jacobian(mechanism, q)
+            step = 1e-6
+            numeric = np.stack(
+                [
+                    (residual(mechanism, q + step * e) - residual(mechanism, q - step * e))
+                    / (2 * step)
+                    for e in np.eye(mechanism.n)
+                ],
+                axis=1,
+            )
+            np.testing.assert_allclose(G, numeric, atol=1e-8)
+            assert np.abs(G).max() > 0.1
+
+
+def test_output_jacobian_equals_finite_differences_of_the_position(rng):
+    for name in ("five_bar", "planar_3rrr"):
+        mechanism = shipped(name)
+        q = random_closed(mechanism, 3, rng)[0]
+        loops, step = Loops(mechanism), 1e-6
+
+        def position(q, loops=loops):
+            loops.at(q)
+            return np.array(loops.output(q)[0].translation)[:2]
+
+        numeric = np.stack(
+            [
+                (position(q + step * e) - position(q - step * e)) / (2 * step)
+                for e in np.eye(mechanism.n)
+            ],
+            axis=1,
+        )
+        np.testing.assert_allclose(output_jacobian(mechanism, q)[:2], numeric, atol=1e-8)
+
+
+def test_split_keeps_every_column_once():
+    mechanism = shipped("planar_3rrr")
+    G = constraint_jacobian(mechanism, home(mechanism))
+    actuated, passive = split(mechanism, G)
+    assert actuated.shape == (6, 3)
+    assert passive.shape == (6, 4)
+    np.testing.assert_array_equal(passive, G[:, [1, 2, 4, 6]])
+
+
+def test_motions_keep_the_loops_closed(rng):
+    for mechanism in every():
+        q = random_closed(mechanism, 3, rng)[0]
+        found = motions(mechanism, q)
+        loops = Loops(mechanism)
+        for s in found.basis.T:
+            moved = q + 1e-6 * s * loops.column_scale
+            assert np.abs(loops.scaled(moved)[0]).max() < 1e-10
+
+
+# -- the paper's 5R ------------------------------------------------------------------------------
+
+
+def test_the_two_matrices_of_equation_13():
+    mechanism = shipped("five_bar")
+    A, B = leg_form(mechanism, home(mechanism))
+    J_x, J_q = paper_matrices(THIRD, THIRD)
+    sigma = np.linalg.svd(B, compute_uv=False)
+    np.testing.assert_allclose(sigma, np.linalg.svd(J_x, compute_uv=False), atol=1e-12)
+    assert sigma[-1] == pytest.approx(0.4714, abs=5e-5)
+    sigma = np.linalg.svd(A, compute_uv=False)
+    np.testing.assert_allclose(sigma, np.linalg.svd(J_q, compute_uv=False), atol=1e-12)
+    assert sigma[-1] == pytest.approx(0.8485, abs=5e-5)
+
+
+def test_the_diagonal_matrix_of_the_paper_belongs_to_the_inputs():
+    """J_q x' = J_x q': Eq. (13), J_x x' + J_q q' = 0, has the two swapped and a sign wrong."""
+    for q1, q2 in ((THIRD, THIRD), (1.2, 1.9), (0.7, 2.2)):
+        step = 1e-6
+        J = np.stack(
+            [
+                (
+                    np.array(paper_point(q1 + step * a, q2 + step * b))
+                    - np.array(paper_point(q1 - step * a, q2 - step * b))
+                )
+                / (2 * step)
+                for a, b in ((1, 0), (0, 1))
+            ],
+            axis=1,
+        )
+        J_x, J_q = paper_matrices(q1, q2)
+        np.testing.assert_allclose(J_q @ J, J_x, atol=1e-7)
+        with pytest.raises(AssertionError):
+            np.testing.assert_allclose(J_x @ J, -J_q, atol=1e-2)
+
+
+def test_input_output_relation_holds_along_real_motions(rng):
+    for mechanism in (shipped("five_bar"), shipped("planar_3rrr")):
+        q = random_closed(mechanism, 4, rng)[-1]
+        state = mechanism_at(mechanism, q)
+        A, B = input_output(mechanism, q)
+        np.testing.assert_allclose(A @ state.velocity, B, atol=1e-9)
+        A, B = leg_form(mechanism, q)
+        np.testing.assert_allclose(A @ state.velocity, B, atol=1e-9)
+        np.testing.assert_allclose(np.linalg.norm(A, axis=1), 1)
+
+
+def singular_q2_by_hand(q1: float, assembly: int | None = None) -> list[float]:
+    """Type 1 of the 5R at q1: P on the line of one leg; B2 where two circles meet."""
+    A1, A2 = np.array([-R3, 0]), np.array([R3, 0])
+    out = []
+    for sign in (1, -1):
+        P = A1 + (R1 + sign * R2) * np.array([np.cos(q1), np.sin(q1)])
+        B1 = A1 + R1 * np.array([np.cos(q1), np.sin(q1)])
+        for B2 in circles(A2, R1, P, R2):
+            side = cross(B2 - B1, P - B1) > 0
+            if assembly is None or side == (assembly > 0):
+                out.append(float(np.arctan2(B2[1], B2[0] - R3)))
+        # Leg 2 in line: P at R1 +- R2 from A2, and at R2 from B1.
+        for P in circles(A2, R1 + sign * R2, B1, R2):
+            B2 = A2 + (P - A2) * R1 / (R1 + sign * R2)
+            side = cross(B2 - B1, P - B1) > 0
+            if assembly is None or side == (assembly > 0):
+                out.append(float(np.arctan2(B2[1], B2[0] - R3)))
+    return sorted(out)
+
+
+@pytest.fixture(scope="module")
+def five_bar_points():
+    mechanism = shipped("five_bar")
+    return {k: find_singular(mechanism, curves(mechanism, [THIRD, THIRD], k)) for k in (0, 1)}
+
+
+def test_singular_q2_at_q1_of_60_degrees(five_bar_points):
+    found = [p for p in five_bar_points[1] if p.kind == "type 1"]
+    for assembly, sign in ((1, "assembly +"), (-1, "assembly -")):
+        here = sorted(p.inputs[1] for p in found if p.mode.startswith(sign))
+        np.testing.assert_allclose(here, singular_q2_by_hand(THIRD, assembly), atol=1e-9)
+    values = [p.inputs[1] for p in found]
+    for printed in (1.4092167, 1.9685594, 2.2456653, 2.7053586):
+        assert min(abs(v - printed) for v in values) < 1e-7
+
+
+def test_the_papers_own_curve_has_four_zeros_and_the_fourth_is_another_assembly_mode():
+    """Its root y is the upper intersection, which changes sides where B1 and B2 are in column."""
+
+    def det(q2):
+        return np.linalg.det(paper_matrices(THIRD, q2)[0])
+
+    grid = np.linspace(0.63, np.pi, 4001)
+    values = np.array([det(x) for x in grid])
+    change = [
+        brentq(det, a, b, xtol=1e-14)
+        for a, b, u, v in zip(grid[:-1], grid[1:], values[:-1], values[1:], strict=True)
+        if u * v < 0 and abs(u) + abs(v) < 0.1
+    ]
+    expected = [1.4092166541, 1.9685593623, 2.2456653137, 2.7053585910]
+    np.testing.assert_allclose(change, expected, atol=1e-9)
+    jump = np.arccos(np.cos(THIRD) - 2 * R3 / R1)
+    assert change[2] < jump < change[3]
+    left, right = det(jump - 1e-6), det(jump + 1e-6)
+    assert abs(left - right) > 0.1
+
+
+def test_singular_q1_at_q2_of_60_degrees(five_bar_points):
+    found = sorted(
+        p.inputs[0]
+        for p in five_bar_points[0]
+        if p.kind == "type 1" and p.mode.startswith("assembly +")
+    )
+    # Mirrored at the y axis, q1 -> pi - q2 and q2 -> pi - q1.
+    by_hand = sorted(
+        x
+        for x in (np.pi - v for v in singular_q2_by_hand(np.pi - THIRD))
+        if min(abs(x - p.inputs[0]) for p in five_bar_points[0]) < 1e-3
+    )
+    assert len(found) == 1
+    assert found[0] == pytest.approx(0.8647798533, abs=1e-9)
+    assert min(abs(found[0] - x) for x in by_hand) < 1e-9
+
+
+def test_feasible_ends_are_type_2(five_bar_points):
+    B1 = np.array([-R3 + R1 * np.cos(THIRD), R1 * np.sin(THIRD)])
+    ends = [np.arctan2(B[1], B[0] - R3) for B in circles([R3, 0], R1, B1, 2 * R2)]
+    found = [p for p in five_bar_points[1] if p.kind == "type 2"]
+    assert all(p.range_end for p in found)
+    np.testing.assert_allclose(sorted(p.inputs[1] for p in found), sorted(ends), atol=1e-9)
+    B2 = np.array([R3 + R1 * np.cos(THIRD), R1 * np.sin(THIRD)])
+    ends = [np.arctan2(B[1], B[0] + R3) for B in circles([-R3, 0], R1, B2, 2 * R2)]
+    found = [p for p in five_bar_points[0] if p.kind == "type 2"]
+    np.testing.assert_allclose(sorted(p.inputs[0] for p in found), sorted(ends), atol=1e-9)
+    mechanism = shipped("five_bar")
+    for p in found:
+        state = mechanism_at(mechanism, p.q)
+        assert state.kind == "type 2"
+        assert state.velocity is None
+        assert state.uncontrolled.shape == (2, 1)
+
+
+def test_lost_direction_of_type_1_is_along_the_stretched_leg(five_bar_points):
+    mechanism = shipped("five_bar")
+    judged = 0
+    for p in five_bar_points[1]:
+        if p.kind != "type 1":
+            continue
+        leg = int(np.argmin(np.abs(elbow_sines(mechanism, p.q))))
+        angle = p.inputs[leg]
+        along = np.array([np.cos(angle), np.sin(angle)])
+        assert abs(along @ p.direction) == pytest.approx(1, abs=1e-9)
+        state = mechanism_at(mechanism, p.q)
+        assert np.abs(along @ state.velocity).max() < 1e-9
+        judged += 1
+    assert judged == 6
+
+
+def test_uncontrolled_velocity_is_across_the_rods(five_bar_points):
+    for p in five_bar_points[1]:
+        if p.kind == "type 2":
+            B1 = np.array([-R3 + R1 * np.cos(p.inputs[0]), R1 * np.sin(p.inputs[0])])
+            assert abs((p.position[:2] - B1) @ p.direction) < 1e-9
+            assert np.linalg.norm(p.direction) == pytest.approx(1)
+
+
+# -- closed forms --------------------------------------------------------------------------------
+
+
+def test_loci_of_the_5r_are_the_geometric_conditions(rng):
+    forms = loop_forms(shipped("five_bar"))
+    assert forms.complete
+    Q = rng.uniform(-np.pi, np.pi, (200, 2))
+    A1, A2 = np.array([-R3, 0]), np.array([R3, 0])
+    one = np.stack([np.cos(Q[:, 0]), np.sin(Q[:, 0])], axis=1)
+    two = np.stack([np.cos(Q[:, 1]), np.sin(Q[:, 1])], axis=1)
+    B1, B2 = A1 + R1 * one, A2 + R1 * two
+
+    def square(v):
+        return (v**2).sum(axis=1)
+
+    expected = {
+        "B1, P, B2 in line, stretched": square(B2 - B1) - 4 * R2**2,
+        "B1 and B2 coincide and P turns about them": square(B2 - B1),
+        "A1, B1, P in line, stretched": square(A1 + (R1 + R2) * one - B2) - R2**2,
+        "A1, B1, P in line, folded": square(A1 + (R1 - R2) * one - B2) - R2**2,
+        "A2, B2, P in line, stretched": square(A2 + (R1 + R2) * two - B1) - R2**2,
+        "A2, B2, P in line, folded": square(A2 + (R1 - R2) * two - B1) - R2**2,
+    }
+    assert {locus.words for locus in forms.loci} == set(expected)
+    for locus in forms.loci:
+        value = locus.equation(Q)
+        np.testing.assert_allclose(np.abs(value), np.abs(expected[locus.words]), atol=1e-12)
+        assert locus.witness is not None
+        assert locus.witness.converged
+        assert locus.points_only == (locus.words.startswith("B1 and B2"))
+
+
+@pytest.mark.slow
+def test_loci_agree_with_the_measures_on_another_5r(rng):
+    """Unequal links, a raised pivot, a turned base: none of the example's symmetries."""
+    model = planar_tree(
+        {
+            "one": ((-0.5, 0.1), [("q1", 0.7), ("b1", 0.9)]),
+            "two": ((0.6, -0.2), [("q2", 0.8), ("b2", 0.6)]),
+        }
+    )
+    mechanism = from_model(
+        model, [Loop("two_end", "one_end", "planar")], ["q2", "q1"], "one_end", "vx,vy"
+    )
+    forms = loop_forms(mechanism)
+    assert forms.complete
+    assert {x.kind for x in forms.loci} == {"type 1", "type 2"}
+    assert len(forms.loci) == 6
+    judged = 0
+    for base in rng.uniform(-np.pi, np.pi, (12, 2)):
+        for locus in forms.loci:
+            for value in roots(locus.equation, base, 1):
+                for q in planar_dyad(mechanism).close([base[0], value]):
+                    measured = motions(mechanism, q)
+                    if locus.kind == "type 2":
+                        assert measured.input_ratio < 1e-5
+                        judged += 1
+    assert judged > 5
+    a = analyze_mechanism(mechanism)
+    assert a.checks
+    assert all(c.passed for c in a.checks), [c.words for c in a.checks]
+
+
+@pytest.mark.parametrize(
+    ("gap", "links", "lost", "at"),
+    [
+        # base + both cranks = both rods: stretched at the one point where the cranks point outward
+        ((0.2, 0.0), (0.2, 0.3, 0.2, 0.3), "B1, P, B2 in line, stretched", (np.pi, 0.0)),
+        ((-0.3, 0.4), (0.1, 0.45, 0.2, 0.35), "B1, P, B2 in line, stretched", None),
+        # crank 1 = base + crank 2 + the rods' difference: folded
+        ((0.0, 0.2), (0.9, 0.8, 0.3, 0.4), "B1, P, B2 in line, folded", (np.pi / 2, np.pi / 2)),
+        # leg 1 folded inward to 0.1 with base and crank 2 is as long as rod 2
+        ((0.3, -0.4), (0.4, 0.3, 0.2, 0.8), "A1, B1, P in line, folded", None),
+    ],
+)
+@pytest.mark.parametrize("off", [0.0, 1e-6, -1e-6])
+def test_loci_that_shrink_to_a_point_are_stated(gap, links, lost, at, off):
+    """A reach just met is one isolated point of the inputs; a little more a small loop; less none.
+
+    The equation of each locus is that of a quadrilateral of base, crank (or leg in line), crank
+    and reach: real if and only if its longest side is no longer than the others together.
+    """
+    l1, d1, l2, d2 = links
+    grown = d2 + off
+    model = planar_tree(
+        {
+            "one": ((0.1, 0.0), [("q1", l1), ("b1", d1)]),
+            "two": ((0.1 + gap[0], gap[1]), [("q2", l2), ("b2", grown)]),
+        }
+    )
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
+    forms = loop_forms(mechanism)
+    assert forms.complete
+    base = float(np.hypot(*gap))
+    sides = {
+        "B1, P, B2 in line, stretched": (base, l1, l2, d1 + grown),
+        "B1, P, B2 in line, folded": (base, l1, l2, abs(d1 - grown)),
+        "A1, B1, P in line, stretched": (base, l1 + d1, l2, grown),
+        "A1, B1, P in line, folded": (base, abs(l1 - d1), l2, grown),
+        "A2, B2, P in line, stretched": (base, l1, l2 + grown, d1),
+        "A2, B2, P in line, folded": (base, l1, abs(l2 - grown), d1),
+    }
+    slack = {words: sum(x) - 2 * max(x) for words, x in sides.items()}
+    assert abs(slack[lost]) <= 1.1e-6
+    single = {w for w, s in slack.items() if abs(s) < 1e-9 and "coincide" not in w}
+    assert (lost in single) == (off == 0)
+    found = {x.words: x for x in forms.loci if "coincide" not in x.words}
+    assert set(found) == {w for w, s in slack.items() if s > -1e-9 and sides[w][-1] > 0}
+    for words, locus in found.items():
+        assert locus.points_only == (words in single)
+        assert locus.witness is not None
+        assert locus.witness.converged
+    if off == 0:
+        assert "isolated points" in str(found[lost])
+        if at is not None:
+            turned = np.array(found[lost].witness.inputs) - at
+            np.testing.assert_allclose(np.sin(turned / 2), 0, atol=1e-9)
+
+
+def test_an_isolated_point_is_found_along_its_lines_too():
+    model = planar_tree(
+        {
+            "one": ((-0.1, 0.0), [("q1", 0.2), ("b1", 0.3)]),
+            "two": ((0.1, 0.0), [("q2", 0.2), ("b2", 0.3)]),
+        }
+    )
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
+    found = analyze_mechanism(mechanism, [np.pi, 0.0])
+    assert found.state.input_ratio < 1e-12
+    assert [c.passed for c in found.checks] == [True, True]
+
+
+def test_cranks_on_one_axis_meet_along_a_line():
+    """Ends that coincide at equal angles, whatever these are: no isolated points."""
+    model = planar_tree(
+        {
+            "one": ((0.0, 0.0), [("q1", 0.2), ("b1", 0.3)]),
+            "two": ((0.0, 0.0), [("q2", 0.2), ("b2", 0.3)]),
+        }
+    )
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
+    (meet,) = [x for x in loop_forms(mechanism).loci if "coincide" in x.words]
+    assert not meet.points_only
+    assert float(meet.equation([0.7, 0.7])) == pytest.approx(0, abs=1e-12)
+
+
+def test_regular_points_are_on_no_locus(rng):
+    mechanism = shipped("five_bar")
+    forms = loop_forms(mechanism)
+    for q in random_closed(mechanism, 20, rng):
+        state = mechanism_at(mechanism, q)
+        assert state.kind == "regular"
+        assert min(abs(float(x.equation(state.inputs))) for x in forms.loci) > 1e-6
+
+
+def test_no_closed_form_is_claimed_for_a_3rrr():
+    assert planar_dyad(shipped("planar_3rrr")) is None
+    assert loop_forms(shipped("planar_3rrr")) is None
+
+
+def test_another_output_leaves_type_1_open():
+    mechanism = shipped("five_bar")
+    from dataclasses import replace
+
+    forms = loop_forms(replace(mechanism, output="crank1"))
+    assert not forms.complete
+    assert {x.kind for x in forms.loci} == {"type 2"}
+    assert any("type 1" in note for note in forms.notes)
+
+
+# -- modes and solving ---------------------------------------------------------------------------
+
+
+def test_all_modes_of_the_5r(rng):
+    mechanism = shipped("five_bar")
+    dyad = planar_dyad(mechanism)
+    for _ in range(20):
+        q = random_closed(mechanism, 1, rng)
+        if not q:
+            continue
+        state = mechanism_at(mechanism, q[0])
+        found = assemblies(mechanism, state.inputs)
+        assert len(found) == 2
+        assert [s.mode[:10] for s in found] == ["assembly +", "assembly -"]
+        assert max(s.residual for s in found) < 1e-12
+        assert min(np.abs(mechanism.fold(s.q - q[0])).max() for s in found) < 1e-9
+        working = dyad.working_modes(state.position[:2])
+        assert len(working) == 4
+        assert len({tuple(np.sign(elbow_sines(mechanism, x))) for x in working}) == 4
+        for x in working:
+            there = mechanism_at(mechanism, x)
+            np.testing.assert_allclose(there.position, state.position, atol=1e-12)
+        assert min(np.abs(mechanism.fold(x - q[0])).max() for x in working) < 1e-9
+
+
+def test_mode_of_the_papers_start():
+    state = mechanism_at(shipped("five_bar"), home(shipped("five_bar")))
+    assert state.mode == "assembly +, elbows -+"
+    np.testing.assert_allclose(state.position[:2], paper_point(THIRD, THIRD), atol=1e-12)
+
+
+def test_assembly_sign_changes_at_type_2_only(rng):
+    mechanism = shipped("planar_3rrr")
+    found = curves(mechanism, home(mechanism)[list(mechanism.actuated)], 0)
+    index, seen = mechanism.actuated[0], 0
+    for t in found:
+        sign = np.sign([passive_determinant(mechanism, q) for q in t.q])
+        turn = np.sign(t.direction[:, index])
+        # Along one curve the moving input goes back and forth exactly as the mode changes.
+        assert len(set(sign * turn)) == 1
+        seen += int((np.diff(sign) != 0).sum())
+    assert seen >= 2
+
+
+def test_follow_keeps_the_mode_and_arrives():
+    mechanism = shipped("five_bar")
+    path = np.linspace([THIRD, THIRD], [0.9, 1.9], 7)
+    found = follow(mechanism, path)
+    assert all(s.converged for s in found)
+    assert {s.mode[:10] for s in found} == {"assembly +"}
+    for s in found:
+        x, y = paper_point(*s.inputs)
+        np.testing.assert_allclose(mechanism_at(mechanism, s.q).position[:2], (x, y), atol=1e-12)
+
+
+def test_solve_stops_at_the_type_2_singularity_where_the_mode_ends():
+    mechanism = shipped("five_bar")
+    found = solve(mechanism, [THIRD, 0.1])
+    assert not found.converged
+    assert 0 < found.reached < 1
+    assert "type 2" in found.note
+    assert found.q[2] == pytest.approx(0.6270392383, abs=1e-4)
+
+
+def test_infeasible_inputs_say_what_is_feasible():
+    mechanism = shipped("five_bar")
+    with pytest.raises(InfeasibleError, match=r"do not close at q1 = 1\.0472, q2 = 0\.1") as caught:
+        assemblies(mechanism, [THIRD, 0.1])
+    (interval,) = caught.value.feasible["q2"]
+    assert interval.lower == pytest.approx(0.6270392383, abs=1e-9)
+    assert interval.upper == pytest.approx(2 * np.pi - 2.2363065934, abs=1e-9)
+    assert 0.1 not in interval
+    assert -2.5 in interval
+    assert "q1 in [" in str(caught.value)
+
+
+def test_feasible_range_equals_the_reach_of_the_rods(rng):
+    mechanism = shipped("five_bar")
+    for q1 in rng.uniform(-np.pi, np.pi, 3):
+        found = feasible(mechanism, [q1, 0.0])["q2"]
+        B1 = np.array([-R3 + R1 * np.cos(q1), R1 * np.sin(q1)])
+        for q2 in np.linspace(-np.pi, np.pi, 61):
+            B2 = np.array([R3 + R1 * np.cos(q2), R1 * np.sin(q2)])
+            gap = np.linalg.norm(B2 - B1)
+            if abs(gap - 2 * R2) > 1e-3:
+                assert any(q2 in i for i in found) == (gap < 2 * R2)
+
+
+def test_3rrr_assemblies_close_and_differ():
+    mechanism = shipped("planar_3rrr")
+    inputs = home(mechanism)[list(mechanism.actuated)]
+    found = assemblies(mechanism, inputs)
+    assert len(found) == 2
+    for a, b in itertools.combinations(found, 2):
+        assert np.abs(mechanism.fold(a.q - b.q)).max() > 1e-3
+    with pytest.raises(InfeasibleError, match="the loops do not close"):
+        assemblies(mechanism, [np.pi, 0, np.pi / 2 + 0.3])
+
+
+# -- four-bars and other mechanisms --------------------------------------------------------------
+
+
+def test_dead_points_of_the_shipped_four_bar():
+    """Cosine rule: coupler and rocker in line (type 2), crank and coupler in line (type 1)."""
+    mechanism = shipped("four_bar")
+    g, a, b, c = 0.5, 0.3, 0.2, 0.35
+    dead = np.arccos((g**2 + a**2 - (b + c) ** 2) / (2 * g * a))
+    limit = np.arccos((g**2 + (a + b) ** 2 - c**2) / (2 * g * (a + b)))
+    analysis = analyze_mechanism(mechanism)
+    for kind, angle in (("type 2", dead), ("type 1", limit)):
+        values = sorted(p.inputs[0] for p in analysis.points if p.kind == kind)
+        np.testing.assert_allclose(values, [-angle, angle], atol=1e-9)
+    (interval,) = analysis.ranges["crank"]
+    np.testing.assert_allclose((interval.lower, interval.upper), (-dead, dead), atol=1e-9)
+    assert all(c.passed for c in analysis.checks)
+
+
+@pytest.mark.slow
+def test_crank_rocker_from_either_side():
+    """Driven by the crank it turns fully; driven by the rocker it has the treadle's dead points."""
+    g, a, b, c = 0.4, 0.1, 0.35, 0.3
+    by_crank = analyze_mechanism(four_bar(g, a, b, c))
+    assert by_crank.ranges["crank"][0].whole
+    assert not [p for p in by_crank.points if p.kind == "type 2"]
+    rocker_ends = [
+        np.arccos((g**2 + (b + s * a) ** 2 - c**2) / (2 * g * (b + s * a))) for s in (1, -1)
+    ]
+    crank_at_ends = [rocker_ends[0], rocker_ends[1] - np.pi]
+    values = [p.inputs[0] for p in by_crank.points]
+    assert len(values) == 4
+    for angle in crank_at_ends:
+        for value in (angle, -angle):
+            assert min(abs(np.sin((value - v) / 2)) for v in values) < 1e-9
+    by_rocker = analyze_mechanism(four_bar(g, a, b, c, driven="rocker"))
+    dead = [p.inputs[0] for p in by_rocker.points if p.kind == "type 2"]
+    expected = [np.pi - np.arccos((g**2 + c**2 - (b + s * a) ** 2) / (2 * g * c)) for s in (1, -1)]
+    assert len(dead) == 4
+    for angle in expected:
+        for value in (angle, -angle):
+            assert min(abs(np.sin((value - v) / 2)) for v in dead) < 1e-9
+    assert not [p for p in by_rocker.points if p.kind == "type 1"]
+    assert all(c.passed for c in [*by_crank.checks, *by_rocker.checks])
+
+
+def test_change_points_of_a_parallelogram_are_constraint_singularities():
+    """All links in line: the linkage may fold or stay a parallelogram."""
+    mechanism = four_bar(0.4, 0.2, 0.4, 0.2)
+    found = find_singular(mechanism, curves(mechanism, [0.5], 0))
+    flat = [p for p in found if p.kind == "constraint"]
+    values = [p.inputs[0] for p in flat]
+    assert {round(abs(v), 6) for v in values} == {0.0, round(np.pi, 6)}
+    q = np.zeros(3)
+    assert np.abs(residual(mechanism, q)).max() < 1e-12
+    state = mechanism_at(mechanism, q)
+    assert state.kind == "constraint"
+    assert motions(mechanism, q).basis.shape == (3, 2)
+    # One length changed by a little, and the change point is gone.
+    other = four_bar(0.4, 0.2, 0.41, 0.2)
+    kinds = {p.kind for p in find_singular(other, curves(other, [0.5], 0))}
+    assert "constraint" not in kinds
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_the_size_of_a_linkage_changes_no_finding(size, tmp_path):
+    """The lengths of the file alone, not the length scale."""
+    found = []
+    for unit in (1.0, size):
+        joints = []
+        for k, foot in ((1, -0.5), (2, 0.5)):
+            joints.append(J(f"q{k}", "base", f"crank{k}", (foot * unit, 0, 0)))
+            joints.append(J(f"b{k}", f"crank{k}", f"rod{k}", (unit, 0, 0)))
+            joints.append(frame(f"P{k}", f"rod{k}", (1.2 * unit, 0, 0)))
+        text = loop_text([("P1", "P2")], ["q1", "q2"], "P1", "vx, vy", "planar")
+        made = load_mechanism(written(tmp_path, joints, text + "home: {q1: 2, q2: 1}\n"))
+        found.append(analyze_mechanism(made))
+        assert all(check.passed for check in found[-1].checks)
+    small, large = ([p.inputs for p in x.points] for x in found)
+    assert len(small) == len(large) == 12
+    np.testing.assert_allclose(small, large, atol=1e-9)
+
+
+def test_a_kite_is_of_type_1_in_one_assembly_mode_throughout():
+    """Crank and coupler alike: folded, the coupler's end stays on the crank's pivot."""
+    mechanism = four_bar(1.0, 0.6, 0.6, 1.0)
+    forms = loop_forms(mechanism)
+    found = [x for x in forms.loci if x.kind == "type 1"]
+    # Stretched, crank and coupler are 1.2 long, and the rocker 1 about (1, 0).
+    at = {round(float(np.degrees(x.witness.inputs[0])), 6) for x in found}
+    stretched = round(float(np.degrees(np.arccos(1.2 / 2))), 6)
+    assert at == {stretched, -stretched}
+    assert not forms.complete
+    (note,) = forms.notes
+    assert "leg 1 is folded there with its end at rest" in note
+    # So it is, by Pinocchio, at any crank angle.
+    for crank in (0.3, 1.9, -2.5):
+        modes = [mechanism_at(mechanism, m.q) for m in assemblies(mechanism, [crank])]
+        assert "type 1" in {m.kind for m in modes}
+    found = analyze_mechanism(mechanism)
+    assert all(check.passed for check in found.checks)
+    assert "NOT complete" in str(found)
+
+
+def test_a_rhombus_is_said_whole_and_long_links_are_no_trouble():
+    for size in (1.0, 50.0):
+        forms = loop_forms(four_bar(*[size] * 4))
+        assert {x.kind for x in forms.loci} == {"type 1", "type 2"}
+        assert not forms.complete
+        for driven in ("crank", "rocker"):
+            found = analyze_mechanism(four_bar(*[size] * 4, driven=driven))
+            assert all(check.passed for check in found.checks)
+            kinds = {(p.kind, round(abs(float(np.degrees(p.inputs[0]))))) for p in found.points}
+            assert {("constraint", 0), ("constraint", 180)} <= kinds
+
+
+def test_both_cranks_stretched_with_rods_in_line_is_type_3():
+    """P between B1 and B2 on the line A1 A2, all in one line: types 1 and 2 at once."""
+    model = planar_tree(
+        {
+            "one": ((0.0, 0.0), [("q1", 0.5), ("b1", 0.5)]),
+            "two": ((1.6, 0.0), [("q2", 0.3), ("b2", 0.3)]),
+        }
+    )
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
+    q = np.array([0.0, 0.0, np.pi, 0.0])
+    assert np.abs(residual(mechanism, q)).max() < 1e-12
+    assert motions(mechanism, q).input_ratio < 1e-9
+    # In one line everything moves across it only: the constraints lose rank as well.
+    assert mechanism_at(mechanism, q).kind in ("type 3", "constraint")
+
+
+def test_a_type_3_configuration_that_is_not_flat():
+    """Leg 1 stretched and B2 in line with B1 and P, leg 2 bent."""
+    model = planar_tree(
+        {
+            "one": ((0.0, 0.0), [("q1", 0.5), ("b1", 0.5)]),
+            "two": ((1.3, -0.4), [("q2", 0.4), ("b2", 0.3)]),
+        }
+    )
+    mechanism = from_model(
+        model, [Loop("one_end", "two_end", "3d")], ["q1", "q2"], "one_end", "vx,vy"
+    )
+    q = np.array([0.0, 0.0, np.pi / 2, np.pi / 2])
+    assert np.abs(residual(mechanism, q)).max() < 1e-12
+    assert mechanism_at(mechanism, q).kind == "type 3"
+    free = np.ones(mechanism.n, dtype=bool)
+    start, error = gauss_newton(Loops(mechanism), q + np.array([0.04, -0.03, 0.05, 0.02]), free)
+    assert error < 1e-12
+    assert mechanism_at(mechanism, start).kind == "regular"
+    point = refine(mechanism, start, "type 3")
+    assert (point.kind, point.converged) == ("type 3", True)
+
+
+def test_3rrr_type_1_is_a_straight_elbow_and_type_2_three_forces_in_one_point():
+    mechanism = shipped("planar_3rrr")
+    inputs = home(mechanism)[list(mechanism.actuated)]
+    found = find_singular(mechanism, curves(mechanism, inputs, 0))
+    kinds = [p.kind for p in found]
+    assert kinds.count("type 1") >= 6
+    assert kinds.count("type 2") >= 6
+    for p in found:
+        if p.kind == "type 1":
+            assert np.abs(elbow_sines(mechanism, p.q)).min() < 1e-9
+        elif p.kind == "type 2":
+            lines = _rod_lines(mechanism, p.q)
+            assert abs(np.linalg.det(lines)) < 1e-9
+    # The same test fails where it should.
+    assert abs(np.linalg.det(_rod_lines(mechanism, home(mechanism)))) > 1e-3
+
+
+def _rod_lines(mechanism, q):
+    """Plücker coordinates of the three distal links, by plain trigonometry."""
+    named = dict(zip(mechanism.joints, q, strict=True))
+    out = []
+    for k, angle in enumerate(np.radians([-150, -30, 90]), 1):
+        A = 0.5 * np.array([np.cos(angle), np.sin(angle)])
+        t = named[f"a{k}"]
+        B = A + 0.4 * np.array([np.cos(t), np.sin(t)])
+        t += named[f"b{k}"]
+        d = np.array([np.cos(t), np.sin(t)])
+        out.append([*d, B[0] * d[1] - B[1] * d[0]])
+    return np.array(out)
+
+
+def test_refine_without_held_joints_finds_the_nearest_type_2():
+    mechanism = shipped("five_bar")
+    start = assemblies(mechanism, [THIRD, 0.66])[0].q
+    point = refine(mechanism, start, "type 2")
+    assert point.converged
+    assert point.kind == "type 2"
+    assert point.moving == ""
+    assert np.abs(mechanism.fold(point.q - start)).max() < 0.5
+
+
+def test_refine_finds_where_both_types_meet():
+    """Type 3 is two conditions: with both inputs free it is found from beside it."""
+    mechanism = shipped("five_bar")
+    found = [
+        refine(mechanism, p.q, "type 3")
+        for p in analyzed("five_bar").points
+        if p.kind in ("type 1", "type 2")
+    ]
+    both = [p for p in found if p.converged]
+    assert both
+    for point in both:
+        assert point.kind in ("type 3", "constraint")
+        assert point.ratio < 1e-9
+        assert np.abs(residual(mechanism, point.q)).max() < 1e-9
+    with pytest.raises(OptionError, match="unknown kind 'type 4'"):
+        refine(mechanism, home(mechanism), "type 4")
+
+
+def test_refine_does_not_pretend():
+    mechanism = four_bar(0.4, 0.1, 0.35, 0.3)
+    point = refine(mechanism, home(mechanism), "type 2")
+    assert not point.converged
+    assert point.ratio > 1e-3
+
+
+# -- analysis ------------------------------------------------------------------------------------
+
+
+def test_analysis_prints_and_survives_json():
+    found = analyzed("five_bar")
+    text = str(found)
+    for piece in (
+        "2 degrees of freedom",
+        "assembly +, elbows -+",
+        "2.245665314",
+        "end of the range",
+    ):
+        assert piece in text
+    again = MechanismAnalysis.from_json(found.to_json())
+    assert str(again) == text
+    np.testing.assert_array_equal(again.state.q, found.state.q)
+    assert all(c.passed for c in found.checks)
+
+
+def test_analysis_at_other_inputs():
+    found = analyze_mechanism(shipped("five_bar"), [0.9, 1.9])
+    np.testing.assert_allclose(found.state.inputs, [0.9, 1.9])
+    values = sorted(p.inputs[1] for p in found.points if p.moving == "q2" and p.kind == "type 1")
+    np.testing.assert_allclose(values, singular_q2_by_hand(0.9), atol=1e-9)
+
+
+def test_length_scale_changes_measures_and_no_finding():
+    plain = analyzed("five_bar")
+    scaled = analyze_mechanism(load_mechanism(URDF / "five_bar.urdf", length_scale=0.25))
+    assert plain.state.constraint_ratio > 0
+    for a, b in zip(plain.points, scaled.points, strict=True):
+        assert a.kind == b.kind
+        np.testing.assert_allclose(a.inputs, b.inputs, atol=1e-9)
+    np.testing.assert_allclose(plain.state.velocity, scaled.state.velocity, atol=1e-12)
+
+
+# -- side-car files ------------------------------------------------------------------------------
+
+GOOD = """closed_loop: [[P, P2]]
+type: [3d]
+name_mot: [q1, q2]
+output: {frame: P, rows: [vx, vy]}
+"""
+
+
+def write(tmp_path: Path, text: str) -> Path:
+    path = tmp_path / "made.loops.yaml"
+    path.write_text(text)
+    return path
+
+
+def test_side_car_is_found_beside_the_urdf_and_by_the_robots_name():
+    assert load_mechanism("five_bar").loops == shipped("five_bar").loops
+    assert shipped("five_bar").inputs == ("q1", "q2")
+
+
+def test_a_plain_side_car_without_home_works(tmp_path):
+    mechanism = load_mechanism(URDF / "five_bar.urdf", write(tmp_path, GOOD))
+    assert ranks(mechanism).mobility == 2
+    assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-10
+
+
+def test_files_of_example_parallel_robots_are_read_whole(tmp_path):
+    """No output is named there, and joints of the URDF stand for balls and universal joints."""
+    plain = GOOD.replace("output: {frame: P, rows: [vx, vy]}\n", "joint_name: []\njoint_type: []\n")
+    mechanism = load_mechanism(URDF / "five_bar.urdf", write(tmp_path, plain))
+    assert mechanism.output == "P"
+    assert any("names no output: taken is P" in note for note in mechanism.notes)
+    assert ranks(mechanism).mobility == 2
+    # The coupler of the RSSR on a ball: it may spin about its own line besides.
+    text = """closed_loop: [[coupler_end, rocker_end]]
+type: ['3D']
+name_mot: ['crank', 'ball_x_Z']
+joint_name: ['ball_x', 'ball_y']
+joint_type: ['SPHERICAL', 'FIXED']
+"""
+    ball = load_mechanism(URDF / "rssr.urdf", write(tmp_path, text))
+    assert ball.joints == ("crank", "ball_x_X", "ball_x_Y", "ball_x_Z", "rocker")
+    assert ranks(ball).mobility == 2
+    universal = text.replace("SPHERICAL", "UJOINT_XY").replace(", 'ball_x_Z'", "")
+    cardan = load_mechanism(URDF / "rssr.urdf", write(tmp_path, universal))
+    assert ranks(cardan).mobility == 1
+    plain = load_mechanism(URDF / "rssr.urdf")
+    q = np.array([0.3, 0.2, -0.4, 0.7])
+    np.testing.assert_allclose(residual(cardan, q), residual(plain, q), atol=1e-12)
+
+
+def test_kinds_are_read_in_either_case(tmp_path):
+    path = write(tmp_path, GOOD.replace("3d", "3D"))
+    assert load_mechanism(URDF / "five_bar.urdf", path).loops[0].kind == "3d"
+
+
+@pytest.mark.parametrize(
+    ("change", "line", "message"),
+    [
+        (("[[P, P2]]", "[[P, P3]]"), 1, "unknown frame 'P3': did you mean 'P'"),
+        (("[[P, P2]]", "[[P]]"), 1, "expected a list of 2 values, found 1"),
+        (("[[P, P2]]", "[[P, rod1]]"), 1, "fixed to the same link"),
+        (("[3d]", "[4d]"), 2, "unknown value '4d'"),
+        (("[3d]", "[3d, 3d]"), 2, "1 loops need 1 types, found 2"),
+        (("[q1, q2]", "[q1, q3]"), 3, "unknown joint 'q3': did you mean"),
+        (("[q1, q2]", "[q1, q1]"), 3, "given twice"),
+        (("[q1, q2]", "[q1, q2, b1, b2]"), 3, "every joint is actuated"),
+        (("frame: P", "frame: Q"), 4, "unknown frame 'Q'"),
+        (("[vx, vy]", "[vx, xx]"), 4, "unknown value 'xx'"),
+        (("[vx, vy]", "[vx, vx]"), 4, "names a row twice"),
+        (("name_mot", "name_motor"), 3, "unknown key 'name_motor': did you mean 'name_mot'"),
+        (("frame: P", "frame: base_link"), 4, "'base_link' is fixed to the base"),
+        (("type:", "joint_name: [b1]\ntype:"), 2, "missing key 'joint_type'"),
+        (("type:", "joint_name: [b9]\njoint_type: [FIXED]\ntype:"), 2, "unknown joint 'b9'"),
+        (("type:", "joint_name: [b1]\njoint_type: [BALL]\ntype:"), 3, "unknown value 'BALL'"),
+        (("type:", "joint_name: [b1]\njoint_type: []\ntype:"), 3, "1 joints need 1 types"),
+    ],
+)
+def test_side_car_errors_name_the_file_and_the_line(tmp_path, change, line, message):
+    path = write(tmp_path, GOOD.replace(*change))
+    with pytest.raises(RobotFileError) as caught:
+        load_mechanism(URDF / "five_bar.urdf", path)
+    assert caught.value.path == path
+    assert caught.value.line == line
+    assert message in str(caught.value)
+
+
+def test_an_output_beside_the_loops_is_said(tmp_path):
+    text = (URDF / "five_bar.urdf").read_text()
+    beside = """<link name="flag"/>
+  <joint name="mast" type="continuous"><parent link="base_link"/><child link="flag"/>
+    <axis xyz="0 0 1"/></joint>
+</robot>"""
+    urdf = tmp_path / "flag.urdf"
+    urdf.write_text(text.replace("</robot>", beside))
+    with pytest.raises(RobotFileError, match="the output 'flag' is on no loop"):
+        load_mechanism(urdf, write(tmp_path, GOOD.replace("frame: P", "frame: flag")))
+
+
+def test_wrong_number_of_actuators_is_said(tmp_path):
+    mechanism = load_mechanism(
+        URDF / "five_bar.urdf", write(tmp_path, GOOD.replace("[q1, q2]", "[q1]"))
+    )
+    with pytest.raises(OptionError, match="2 degrees of freedom, but 1 joint is actuated"):
+        analyze_mechanism(mechanism)
+
+
+def test_loops_that_never_close_are_said():
+    mechanism = four_bar(2.0, 0.1, 0.2, 0.3)
+    with pytest.raises(PinsingError, match="close nowhere"):
+        ranks(mechanism)
+
+
+def test_missing_side_car_is_said():
+    with pytest.raises(RobotFileError, match="no such file"):
+        load_mechanism(URDF / "stanford.urdf")
+
+
+def test_wrong_vectors_are_said():
+    mechanism = shipped("five_bar")
+    with pytest.raises(ConfigurationError, match="inputs needs 2 values for q1, q2; got 3"):
+        solve(mechanism, [1, 2, 3])
+    with pytest.raises(ConfigurationError, match="q needs 4 values"):
+        mechanism_at(mechanism, [1.0, 2.0])
+    with pytest.raises(ConfigurationError, match="loops miss by"):
+        mechanism_at(mechanism, [1.0, 0, 1.0, 0])
+    with pytest.raises(ConfigurationError, match="must be finite"):
+        solve(mechanism, [1, np.nan])
+    with pytest.raises(UnknownNameError, match="unknown joint"):
+        mechanism.with_actuated(["q9"])
+
+
+def test_results_do_not_depend_on_the_call_before():
+    """Pinocchio's constraint Jacobian is stale without calc(): two evaluators must not mix."""
+    mechanism = shipped("five_bar")
+    one, two = (s.q for s in assemblies(mechanism, [1.0, 1.9]))
+    loops = Loops(mechanism)
+    first = loops.at(one)[1].copy()
+    loops.at(two)
+    np.testing.assert_array_equal(loops.at(one)[1], first)
+    assert np.abs(loops.at(two)[1] - first).max() > 0.1
+
+
+def test_gauss_newton_moves_only_what_it_may():
+    mechanism = shipped("five_bar")
+    free = np.array([False, True, False, True])
+    q, error = gauss_newton(Loops(mechanism), np.array([1.0, 0.1, 1.5, 0.3]), free)
+    assert error < 1e-12
+    assert q[0] == 1.0
+    assert q[2] == 1.5

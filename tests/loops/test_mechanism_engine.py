@@ -1,0 +1,542 @@
+"""The page computes of a mechanism what Python computes: measures, modes, words, ranges, paths."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mechanisms import analyzed, four_bar, from_model, planar_tree, shipped
+from node import needs_node, run
+from tiers import tiered
+
+from pinsing.loops import (
+    assemblies,
+    drive,
+    home,
+    mechanism_at,
+    motions,
+    refine,
+    residual,
+    stretch,
+    working_modes,
+)
+from pinsing.loops.batch import BatchLoops, newton
+from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.lost_motion import free_motions, lost_motions
+from pinsing.loops.structure import output_pose
+from pinsing.robot.load_mechanism import Loop, Mechanism
+from pinsing.view.mechanism.engine_data import mechanism_data
+from pinsing.view.mechanism.groups import groups
+from pinsing.view.mechanism.linkage import linkage_sizes, plane_normal
+
+SHIPPED = ["five_bar", "four_bar", "planar_3rrr"]
+
+
+def slider_crank() -> Mechanism:
+    """A crank that drives a piston: one joint slides, between limits."""
+    model = planar_tree({"one": ((0.0, 0.0), [("crank", 0.3), ("rod", 0.8)])})
+    piston = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "piston")
+    model.addFrame(pin.Frame("head", piston, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    made = from_model(model, [Loop("one_end", "head", "planar")], ["crank"], "head", "vx")
+    names = list(made.joints)
+    slides = np.array([name == "piston" for name in names])
+    lower = np.where(slides, 0.2, made.lower)
+    upper = np.where(slides, 1.2, made.upper)
+    start = np.array([{"crank": 0.7, "rod": -0.9, "piston": 0.9}[name] for name in names])
+    return replace(made, prismatic=slides, lower=lower, upper=upper, home=start)
+
+
+def spherical() -> Mechanism:
+    """Four axes through one point, the last link welded to the ground: a loop in space."""
+    model = pin.Model()
+    model.name = "spherical"
+    parent = 0
+    turns = (0.0, 0.5, 1.1, 0.9)
+    for name, turn in zip("abcd", turns, strict=True):
+        place = pin.SE3(pin.rpy.rpyToMatrix(turn, 0.0, 0.0), np.zeros(3))
+        parent = model.addJoint(parent, pin.JointModelRUBZ(), place, name)
+    start = np.array([0.4, 0.7, -0.5, 0.9])
+    model.addFrame(pin.Frame("end", parent, 0, pin.SE3.Identity(), pin.FrameType.OP_FRAME))
+    data = model.createData()
+    values = np.stack([np.cos(start), np.sin(start)], axis=1).ravel()
+    pin.framesForwardKinematics(model, data, values)
+    there = pin.SE3(data.oMf[model.getFrameId("end")])
+    model.addFrame(pin.Frame("ground", 0, 0, there, pin.FrameType.OP_FRAME))
+    middle = pin.SE3(np.eye(3), np.array([0.0, 0.2, 0.3]))
+    model.addFrame(pin.Frame("tool", 2, 0, middle, pin.FrameType.OP_FRAME))
+    made = from_model(model, [Loop("ground", "end", "6d")], ["a"], "tool", "wx,wy,wz")
+    return replace(made, home=start)
+
+
+MADE = {"slider_crank": slider_crank, "spherical": spherical}
+EVERY = [*SHIPPED, *MADE]
+FEW = ("five_bar", "slider_crank")
+
+
+def mechanism_of(name: str) -> Mechanism:
+    return MADE[name]() if name in MADE else shipped(name)
+
+
+def data_of(mechanism: Mechanism) -> dict[str, Any]:
+    return mechanism_data(mechanism, linkage_sizes(mechanism), plane_normal(mechanism))
+
+
+def closed(mechanism: Mechanism, count: int) -> list[np.ndarray]:
+    rng = np.random.default_rng(11)
+    found: list[np.ndarray] = []
+    while len(found) < count:
+        found += random_closed(mechanism, count - len(found), rng)
+    return found
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["five_bar", "slider_crank"])
+def test_frames_measures_and_verdicts_agree(name: str) -> None:
+    agree(name, 100)
+
+
+@needs_node
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EVERY)
+def test_frames_measures_and_verdicts_agree_at_1000_configurations(name: str) -> None:
+    """Loops of all three kinds, sliding joints; what is singular is among them."""
+    agree(name, 1000)
+
+
+def agree(name: str, count: int) -> None:
+    mechanism = mechanism_of(name)
+    Q = closed(mechanism, count)
+    if name in SHIPPED:
+        Q += [p.q for p in analyzed(name).points]
+    found = run(
+        """(m, {data, Q}) => Q.map((q) => { const s = m.stateAt(data, q), c = m.closure(data, q);
+             return { places: c.places.map(({ R, t }) => [...R.flat(), ...t]),
+                      tip: [...s.place.R.flat(), ...s.place.t], sigma: m.svd(c.G).sigma,
+                      one: s.one, two: s.two, constraint: s.constraint, kind: s.kind,
+                      near: s.near, mode: s.mode, velocity: s.velocity }; })""",
+        {"data": data_of(mechanism), "Q": [q.tolist() for q in Q]},
+    )
+    loops = Loops(mechanism)
+    work = mechanism.model.createData()
+    kinds = set()
+    for q, here in zip(Q, found, strict=True):
+        state = mechanism_at(mechanism, q)
+        pin.forwardKinematics(mechanism.model, work, mechanism.model_q(q))
+        places = [[*place.rotation.ravel(), *place.translation] for place in list(work.oMi)[1:]]
+        np.testing.assert_allclose(here["places"], places, atol=1e-12)
+        place = loops.output(q)[0]
+        np.testing.assert_allclose(
+            here["tip"], [*place.rotation.ravel(), *place.translation], atol=1e-12
+        )
+        sigma = np.linalg.svd(loops.scaled(q)[1], compute_uv=False)
+        np.testing.assert_allclose(here["sigma"], sigma, atol=1e-10 * sigma[0])
+        assert here["constraint"] == pytest.approx(state.constraint_ratio, abs=1e-10)
+        # The motions themselves lose digits where the closure does.
+        slack = 1e-10 / max(state.constraint_ratio, 1e-9)
+        assert here["one"] == pytest.approx(state.output_ratio, abs=slack)
+        assert here["two"] == pytest.approx(state.input_ratio, abs=slack)
+        assert (here["kind"], here["near"]) == (state.kind, state.near), q.tolist()
+        if state.kind in ("regular", "type 1") and not state.near:
+            assert here["mode"] == state.mode
+            np.testing.assert_allclose(
+                here["velocity"], state.velocity, atol=1e-6 * np.abs(state.velocity).max() + 1e-12
+            )
+        kinds.add(state.kind)
+    if name in SHIPPED:
+        assert {"regular", "type 1", "type 2"} <= kinds
+
+
+@needs_node
+@pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
+def test_what_is_shown_is_what_python_says(name: str) -> None:
+    """Lost and free motions in words, joints to blame, ellipses; at each singular point."""
+    mechanism = shipped(name)
+    points = analyzed(name).points
+    Q = [home(mechanism), *(p.q for p in points)]
+    sizes = linkage_sizes(mechanism)
+    found = run(
+        "(m, {data, Q}) => Q.map((q) => m.mechanismFrame(data, q))",
+        {"data": data_of(mechanism), "Q": [q.tolist() for q in Q]},
+    )
+    shown = set()
+    for q, frame in zip(Q, found, strict=True):
+        state = mechanism_at(mechanism, q)
+        assert (frame["kind"], frame["mode"]) == (state.kind, state.mode)
+        shown.add(state.kind)
+        if state.kind == "type 1":
+            assert [m["words"] for m in frame["lost"]] == [
+                m.words for m in lost_motions(mechanism, state)
+            ]
+        if state.kind == "type 2":
+            assert frame["given"] == [m.words for m in free_motions(mechanism, state)]
+        assert bool(frame["lost"]) == (state.kind in ("type 1", "type 3"))
+        assert bool(frame["hot"]) == (state.kind not in ("regular", "constraint"))
+        assert (frame["condition"] is None) == (state.kind != "regular")  # infinite
+        for kind in ("translation", "rotation"):
+            drawn = frame["ellipsoids"]["all"][kind]["drawn"]
+            assert max(drawn) <= 0.6 * sizes.reach + 1e-9
+    assert {"regular", "type 1", "type 2"} <= shown
+    if name == "five_bar":
+        e = found[0]["ellipsoids"]["all"]["translation"]
+        velocity = mechanism_at(mechanism, Q[0]).velocity
+        assert velocity is not None
+        R = pin.Quaternion(np.array(e["turn"])).toRotationMatrix()
+        drawn = (R @ np.diag(np.square(e["drawn"])) @ R.T)[:2, :2]
+        expected = sizes.translation**2 * velocity @ velocity.T
+        np.testing.assert_allclose(drawn, expected, atol=3e-4 * sizes.translation**2)
+
+
+def test_words_name_what_happens() -> None:
+    for name, kind, words in (
+        ("planar_3rrr", "type 2", "center turns about z through ("),
+        ("four_bar", "type 1", "rocker_link cannot turn about z"),
+    ):
+        mechanism = shipped(name)
+        point = next(p.q for p in analyzed(name).points if p.kind == kind)
+        state = mechanism_at(mechanism, point)
+        found = (*lost_motions(mechanism, state), *free_motions(mechanism, state))
+        assert words in found[0].words
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_lost_wrenches_do_no_work_and_free_motions_need_no_motor(name: str) -> None:
+    mechanism = shipped(name)
+    rows = list(mechanism.task.rows)
+    found = {
+        kind: next(p.q for p in analyzed(name).points if p.kind == kind)
+        for kind in ("type 1", "type 2")
+    }
+    state = mechanism_at(mechanism, found["type 1"])
+    (lost,) = lost_motions(mechanism, state)
+    assert state.velocity is not None
+    wrench = np.concatenate([lost.force, lost.moment])[rows]
+    np.testing.assert_allclose(wrench @ state.velocity, 0, atol=1e-8)
+    if lost.line is not None:  # the same force, on its line, has no moment left
+        moment = np.cross(lost.line - state.position, lost.force)
+        np.testing.assert_allclose(moment, lost.moment, atol=1e-9)
+
+    state = mechanism_at(mechanism, found["type 2"])
+    (free,) = free_motions(mechanism, state)
+    motion = motions(mechanism, found["type 2"])
+    z = np.linalg.svd(motion.inputs)[2][-1]
+    expected = np.zeros(6)
+    expected[rows] = motion.outputs @ z
+    got = np.concatenate([free.velocity, free.turning])
+    cosine = got @ expected / np.linalg.norm(got) / np.linalg.norm(expected)
+    assert abs(cosine) == pytest.approx(1, abs=1e-9)
+    if free.centre is not None:  # a point of the axis rests
+        rest = free.velocity + np.cross(free.turning, free.centre - state.position)
+        np.testing.assert_allclose(rest, 0, atol=1e-9)
+
+
+@needs_node
+@pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
+def test_driving_follows_the_same_mode_as_far(name: str) -> None:
+    mechanism = mechanism_of(name)
+    rng = np.random.default_rng(4)
+    start = home(mechanism)
+    wanted = start[list(mechanism.actuated)] + rng.uniform(-2, 2, (24, len(mechanism.inputs)))
+    found = run(
+        """(m, {data, q, wanted}) => wanted.map((inputs) => m.drive(data, inputs, q))""",
+        {"data": data_of(mechanism), "q": start.tolist(), "wanted": wanted.tolist()},
+    )
+    stopped = 0
+    for inputs, here in zip(wanted, found, strict=True):
+        there = drive(mechanism, inputs, start)
+        assert (here["reached"] == 1) == there.converged
+        stopped += not there.converged
+        assert here["reached"] == pytest.approx(there.reached, abs=2e-4)
+        gap = np.abs(mechanism.fold(np.array(here["q"]) - there.q)).max()
+        assert gap < (1e-8 if there.converged else 0.05)  # beside a fold q runs away
+        assert np.abs(residual(mechanism, np.array(here["q"]))).max() < 1e-9
+    if name in ("five_bar", "planar_3rrr"):
+        assert 0 < stopped < 24
+
+
+@needs_node
+@pytest.mark.parametrize("name", tiered(EVERY, FEW[:1]))
+def test_ranges_and_singular_poses_on_the_way_agree(name: str) -> None:
+    mechanism = mechanism_of(name)
+    q = home(mechanism)
+    found = run(
+        "(m, {data, q}) => data.actuated.map((_, k) => m.stretch(data, q, k))",
+        {"data": data_of(mechanism), "q": q.tolist()},
+    )
+    for k, here in enumerate(found):
+        there = stretch(mechanism, q, k)
+        assert here["whole"] == there.whole
+        assert [here["lower"], here["upper"]] == pytest.approx([there.lower, there.upper], abs=1e-8)
+        assert [p["kind"] for p in here["points"]] == [p.kind for p in there.points]
+        assert [p["rangeEnd"] for p in here["points"]] == [p.range_end for p in there.points]
+        for p, other in zip(here["points"], there.points, strict=True):
+            np.testing.assert_allclose(mechanism.fold(np.array(p["q"]) - other.q), 0, atol=1e-7)
+
+
+@needs_node
+def test_ranges_of_the_five_bar_are_the_reach_of_its_rods() -> None:
+    mechanism = shipped("five_bar")
+    q = home(mechanism)
+    one, two, ahead = run(
+        """(m, {data, q}) => { const s = [0, 1].map((k) => m.stretch(data, q, k));
+             return [...s, m.aheadOf(data, q, s).text]; }""",
+        {"data": data_of(mechanism), "q": q.tolist()},
+    )
+    assert one["upper"] == pytest.approx(1.3990140, abs=1e-6)
+    assert two["lower"] == pytest.approx(0.6270392, abs=1e-6)
+    assert [p["kind"] for p in one["points"]] == ["type 2", "type 1", "type 2"]
+    assert ahead == "type 1 is nearest: q1 − 10.5°"
+
+
+@needs_node
+@pytest.mark.parametrize("name", tiered(EVERY, FEW))
+def test_modes_agree(name: str) -> None:
+    mechanism = mechanism_of(name)
+    q = home(mechanism)
+    found = run(
+        "(m, {data, q}) => m.modesAt(data, q)", {"data": data_of(mechanism), "q": q.tolist()}
+    )
+    inputs = q[list(mechanism.actuated)]
+    expected = [s.q for s in assemblies(mechanism, inputs)]
+    listed = [np.array(mode["q"]) for mode in found["assemblies"]]
+    for there in expected:
+        assert min(np.abs(mechanism.fold(x - there)).max() for x in listed) < 1e-8
+    assert len(listed) == len(expected)
+    assert sum(mode["here"] for mode in found["assemblies"]) == 1
+    dyad = planar_dyad(mechanism)
+    if dyad is not None:
+        working = list(dyad.working_modes(dyad.point(q)))
+    else:
+        working = [s.q for s in working_modes(mechanism, output_pose(mechanism, q)).modes]
+    assert len(found["working"]) == len(working)
+    driven = list(mechanism.actuated)
+    reachable = np.array([mode["q"] for mode in found["working"]])
+    for there in working:
+        assert np.abs(mechanism.fold(reachable - there)[:, driven]).max(axis=1).min() < 1e-6
+    assert len({mode["name"] for mode in found["working"]}) == len(working)
+    place = mechanism_at(mechanism, q).position
+    for mode in found["working"]:
+        reached = mechanism_at(mechanism, mode["q"]).position
+        np.testing.assert_allclose(reached, place, atol=1e-9)
+
+
+@needs_node
+def test_a_singular_pose_is_its_own_mode_and_nothing_is_ahead() -> None:
+    mechanism = shipped("five_bar")
+    q = next(p.q for p in analyzed("five_bar").points if p.kind == "type 2")
+    ahead, modes = run(
+        """(m, {data, q}) => [m.aheadOf(data, q, [0, 1].map((k) => m.stretch(data, q, k))),
+             m.modesAt(data, q)]""",
+        {"data": data_of(mechanism), "q": q.tolist()},
+    )
+    assert ahead is None
+    (here,) = [mode for mode in modes["assemblies"] if mode["here"]]
+    assert "assembly 0" in here["name"]
+    np.testing.assert_allclose(mechanism.fold(np.array(here["q"]) - q), 0, atol=1e-9)
+
+
+@needs_node
+@pytest.mark.parametrize("name", tiered(SHIPPED, ("five_bar",)))
+def test_singular_points_are_refined_to_the_same_place(name: str) -> None:
+    mechanism = shipped(name)
+    rng = np.random.default_rng(2)
+    held = list(mechanism.actuated)[1:]
+    cases = [
+        {"q": (p.q + rng.normal(0, 0.02, mechanism.n)).tolist(), "kind": p.kind}
+        for p in analyzed(name).points
+        if p.kind in ("type 1", "type 2")
+    ][:12]
+    for case, p in zip(cases, analyzed(name).points, strict=False):
+        for j in held:
+            case["q"][j] = float(p.q[j])
+    found = run(
+        "(m, {data, cases, held}) => cases.map(({q, kind}) => m.refinePoint(data, q, kind, held))",
+        {"data": data_of(mechanism), "cases": cases, "held": held},
+    )
+    converged = 0
+    for case, here in zip(cases, found, strict=True):
+        there = refine(mechanism, case["q"], case["kind"], held)
+        assert here["converged"] == there.converged
+        if there.converged:
+            converged += 1
+            np.testing.assert_allclose(mechanism.fold(np.array(here["q"]) - there.q), 0, atol=1e-6)
+            assert here["kind"] == there.kind
+    assert converged >= len(cases) // 2
+
+
+@needs_node
+@pytest.mark.parametrize("name", tiered(SHIPPED, ("four_bar",)))
+def test_paths_lead_into_singularities_and_along_them(name: str) -> None:
+    mechanism = shipped(name)
+    listed = groups(mechanism, analyzed(name))
+    cases = [
+        {"q": p.q.tolist(), "kind": p.kind, "converged": p.converged,
+         "moving": mechanism.inputs.index(p.moving) if p.moving else -1}
+        for p in (group.points[0] for group in listed if group.points)
+    ]  # fmt: skip
+    found = run(
+        """(m, {data, cases}) => cases.map((p) => [m.mechanismInto(data, p),
+             m.mechanismAlong(data, p)])""",
+        {"data": data_of(mechanism), "cases": cases},
+    )
+    played = 0
+    for group, (into, along) in zip([g for g in listed if g.points], found, strict=True):
+        point = group.points[0]
+        if not into:
+            assert "isolated points" in group.more
+            continue
+        assert mechanism_at(mechanism, into[0]).kind == "regular"
+        assert mechanism_at(mechanism, into[-1]).kind == point.kind
+        assert np.abs(np.diff(into, axis=0)).max() < 0.2
+        assert bool(along) == (len(mechanism.inputs) > 1)
+        for q in along[::6]:
+            assert mechanism_at(mechanism, q).kind == point.kind
+        if along:
+            played += 1
+            assert np.ptp(along, axis=0).max() > 0.2
+            steps = np.diff([*along, along[0]], axis=0)
+            assert np.abs(mechanism.fold(steps)).max() < 0.4
+    assert played >= (3 if len(mechanism.inputs) > 1 else 0)
+
+
+@needs_node
+def test_open_loops_are_not_shown_as_closed() -> None:
+    mechanism = four_bar(0.4, 0.1, 0.4, 0.3)
+    said = run(
+        """(m, {data, q}) => { try { m.mechanismFrame(data, q); return "shown"; }
+             catch (error) { return error.message; } }""",
+        {"data": data_of(mechanism), "q": [0.1, 0.2, 0.3]},
+    )
+    assert "close them first" in said
+
+
+@needs_node
+@pytest.mark.parametrize("name", tiered(EVERY, FEW[1:]))
+def test_the_healthiest_pose_is_within_limits_and_regular(name: str) -> None:
+    mechanism = mechanism_of(name)
+    found = run("(m, data) => m.healthiestPose(data, [], 60, 30)", data_of(mechanism))
+    state = mechanism_at(mechanism, found["q"])
+    assert state.kind == "regular"
+    measures = (state.output_ratio, state.input_ratio, state.constraint_ratio)
+    assert found["measure"] == pytest.approx(min(measures), abs=1e-8)
+    q = np.array(found["q"])
+    assert (q >= mechanism.lower - 1e-9).all()
+    assert (q <= mechanism.upper + 1e-9).all()
+    assert min(measures) > 0.05
+
+
+@needs_node
+@pytest.mark.slow
+def test_the_healthiest_pose_is_found_where_few_are_within_limits() -> None:
+    """A Stewart platform: at random none is; home is, and from there on it gets better."""
+    mechanism = mechanism_of("gough_stewart")
+    data = data_of(mechanism)
+    found, home = run(
+        "(m, data) => [m.healthiestPose(data, [], 40), m.healthOf(data, data.home)]", data
+    )
+    assert home > 0
+    assert found["measure"] > 1.05 * home
+    q = np.array(found["q"])
+    assert (q >= mechanism.lower - 1e-9).all()
+    assert (q <= mechanism.upper + 1e-9).all()
+    assert mechanism_at(mechanism, q).kind == "regular"
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["gough_stewart", *tiered(("delta", "rps3"), ())])
+def test_a_clear_pose_is_found_within_narrow_limits(name: str) -> None:
+    """Of 400 closed configurations at random of the platform none was within all 21 limits."""
+    mechanism = shipped(name)
+    at_home = mechanism_at(mechanism, home(mechanism))
+    given = min(at_home.output_ratio, at_home.input_ratio, at_home.constraint_ratio)
+    found = run("(m, data) => m.healthiestPose(data, [], 20, 20)", data_of(mechanism))
+    state = mechanism_at(mechanism, found["q"])
+    assert state.kind == "regular"
+    assert not mechanism.space.outside(found["q"]).any()
+    assert found["measure"] >= given - 1e-9
+    # A pose that is given is not lost, were it the only one.
+    best = run("(m, { data, q }) => m.healthiestPose(data, [q], 0, 0)", {
+        "data": data_of(mechanism), "q": found["q"]
+    })  # fmt: skip
+    assert best["measure"] == pytest.approx(found["measure"], abs=1e-9)
+
+
+@needs_node
+def test_rows_of_inputs_are_followed_to_the_first_that_cannot_be() -> None:
+    mechanism = shipped("planar_3rpr")
+    moves = np.array([[0, 0, 0], [0.02, 0, 0], [0.04, 0.01, 0], [9.0, 0, 0], [0, 0, 0]])
+    rows = (home(mechanism)[list(mechanism.actuated)] + moves).tolist()
+    found = run(
+        """(m, { data, rows }) => {
+             const found = m.followInputs(data, data.home, rows), { beyond, row } = found;
+             return { ...found, words: beyond && m.beyondWords(data, rows[row], beyond) };
+           }""",
+        {"data": data_of(mechanism), "rows": rows},
+    )
+    assert found["row"] == 3
+    assert found["words"].startswith("p1 = ")
+    assert "mm is beyond its limit, " in found["words"]
+    for q, row in zip(found["path"], rows, strict=False):
+        assert np.abs(Loops(mechanism).scaled(np.array(q))[0]).max() <= 1e-10
+        np.testing.assert_allclose(np.array(q)[list(mechanism.actuated)], row, atol=1e-12)
+    assert len(found["path"]) == 3
+
+
+@needs_node
+def test_whole_turns_are_left_out_and_what_is_too_far_is_refused() -> None:
+    """A link that asks for a million radians once took minutes of steps."""
+    mechanism = slider_crank()
+    assert not np.isfinite(mechanism.lower[list(mechanism.actuated)]).any()
+    values = [100.0, 1e6, -1e6, 1e9, 1e308]
+    found = run(
+        """(m, {data, values}) => values.map((v) => { const f = m.driven(data, [v], data.home);
+             return { ...f, words: f.stop ? m.stopWords(data, f.stop) : null }; })""",
+        {"data": data_of(mechanism), "values": values},
+    )
+    joint = mechanism.actuated[0]
+    for value, one in zip(values, found, strict=True):
+        q = np.array(one["q"])
+        assert np.abs(Loops(mechanism).scaled(q)[0]).max() <= 1e-10
+        if abs(value) <= 1e6:
+            assert one["reached"] == 1
+            assert np.cos(q[joint] - value) == pytest.approx(1, abs=1e-12)
+            assert abs(q[joint] - home(mechanism)[joint]) < 2 * np.pi
+        else:
+            assert one["reached"] == 0
+            assert one["words"] == "it is moved by at most 1000000 rad at once"
+            assert q == pytest.approx(home(mechanism))
+
+
+@needs_node
+@pytest.mark.parametrize("name", ["gough_stewart", "rps3"])
+def test_a_gimbal_lock_of_a_file_s_ball_is_judged_as_in_python(name: str) -> None:
+    """Closed with the middle hinge of a ball at a right angle, and beside it."""
+    mechanism = shipped(name).without_limits()
+    loops = BatchLoops(mechanism)
+    rng = np.random.default_rng(4)
+    k = mechanism.joints.index("s1y")
+    Q = rng.uniform(-1, 1, (60, mechanism.n)) * np.where(mechanism.prismatic, 1, np.pi)
+    Q[:, k] = np.pi / 2 + np.repeat([0, 1e-4, 0.05], 20)
+    Q, error = newton(loops, Q, np.arange(mechanism.n) != k)
+    Q = Q[error <= 1e-12]
+    assert len(Q) > 8
+    found = run(
+        """(m, {data, Q}) => Q.map((q) => { const s = m.stateAt(data, q), f = m.motions(data, q);
+             return { one: s.one, two: s.two, constraint: s.constraint, kind: s.kind,
+                      near: s.near, basis: f.basis }; })""",
+        {"data": data_of(mechanism), "Q": [q.tolist() for q in Q]},
+    )
+    for q, here in zip(Q, found, strict=True):
+        state, moved = mechanism_at(mechanism, q), motions(mechanism, q)
+        assert (here["kind"], here["near"]) == (state.kind, state.near)
+        assert here["constraint"] == pytest.approx(state.constraint_ratio, abs=1e-9)
+        assert here["one"] == pytest.approx(state.output_ratio, abs=1e-8)
+        assert here["two"] == pytest.approx(state.input_ratio, abs=1e-8)
+        # Both bases span the same motions of the joints.
+        ours, theirs = moved.basis, np.array(here["basis"]).T
+        both = np.hstack([ours, theirs])
+        ranks = [np.linalg.matrix_rank(x, tol=1e-6) for x in (ours, theirs, both)]
+        assert len(set(ranks)) == 1

@@ -1,0 +1,170 @@
+"""Maps over inputs and poses of a mechanism: the numbers of one configuration, many at a time."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+import yaml
+from mechanisms import URDF, shipped
+
+import pinsing
+from pinsing.cli import main
+from pinsing.errors import OptionError
+from pinsing.loops import MechanismMap, mechanism_at, refine
+from pinsing.loops.batch import BatchLoops
+from pinsing.loops.closure import random_closed
+from pinsing.loops.map import cannot_close
+from pinsing.loops.motion import measure_many
+
+
+@pytest.mark.parametrize("name", ["five_bar", "planar_3rrr", "gough_stewart", "agile_eye", "rssr"])
+def test_many_at_once_equal_one_by_one(name, rng):
+    mechanism = shipped(name).without_limits()
+    Q = random_closed(mechanism, 6, rng)
+    for kind in ("type 1", "type 2"):
+        point = refine(mechanism, Q[0], kind)
+        Q += [point.q] if point.converged else []
+    found = measure_many(BatchLoops(mechanism), np.array(Q))
+    kinds = found.kinds()
+    for k, q in enumerate(Q):
+        state = mechanism_at(mechanism, q)
+        one = (state.output_ratio, state.input_ratio, state.constraint_ratio)
+        many = (found.output_ratio[k], found.input_ratio[k], found.constraint_ratio[k])
+        assert many == pytest.approx(one, rel=1e-7, abs=1e-11)
+        assert kinds[k] == ("near" if state.near else state.kind)
+    assert {"type 1", "type 2", "type 3"} & set(kinds.tolist()) or name == "gough_stewart"
+
+
+@pytest.mark.parametrize("over", ["inputs", "poses"])
+def test_a_map_keeps_loops_and_limits(over):
+    mechanism = shipped("gough_stewart")
+    found = pinsing.mechanism_map(mechanism, over, 128, seed=3)
+    assert 0 < found.closed <= found.count == 128
+    assert sum(found.kinds.values()) == found.closed - found.beyond > 0
+    low, high = mechanism.lower[list(mechanism.actuated)], mechanism.upper[list(mechanism.actuated)]
+    for w in found.worst:
+        state = mechanism_at(mechanism, w.q)
+        least = min(state.output_ratio, state.input_ratio, state.constraint_ratio)
+        assert w.measure == pytest.approx(least, rel=1e-7)
+        assert not mechanism.space.outside(w.q).any()
+        assert ((low <= w.inputs) & (w.inputs <= high)).all()
+    assert [w.measure for w in found.worst] == sorted(w.measure for w in found.worst)
+    table = np.array([found.output_ratio, found.input_ratio, found.constraint_ratio])
+    assert (np.diff(table, axis=1) >= 0).all()
+    assert table[:, 0].min() == pytest.approx(found.worst[0].measure, rel=1e-9)
+
+
+def test_the_same_seed_gives_the_same_map_and_json_keeps_it():
+    mechanism = shipped("planar_3rrr")
+    one, two = (pinsing.mechanism_map(mechanism, count=100, seed=5) for _ in range(2))
+    assert one.to_json() == two.to_json()
+    assert MechanismMap.from_dict(json.loads(one.to_json())).to_json() == one.to_json()
+    assert one.to_json() != pinsing.mechanism_map(mechanism, count=100, seed=6).to_json()
+    assert "\u00a0" not in str(one)
+
+
+def test_more_actuators_than_freedoms_are_mapped_as_such():
+    plain = shipped("planar_3rrr")
+    extra = plain.with_actuated(["a1", "a2", "a3", "b1"])
+    one, more = (pinsing.mechanism_map(m, count=100) for m in (plain, extra))
+    assert more.closed == one.closed > 10
+    # Held by one more, the output is held at least as well.
+    assert (more.input_ratio >= one.input_ratio - 1e-12).all()
+
+
+def test_what_cannot_be_mapped_is_said():
+    five = shipped("five_bar")
+    for options, words in (
+        ({"over": "joints"}, "inputs or poses"),
+        ({"count": 0}, "count must be 1 or more"),
+        ({"count": 10**9}, "count must be at most 10000000"),
+        ({"worst": 0}, "worst must be 1 or more"),
+        ({"seed": -1}, "seed must be 0 or more"),
+    ):
+        with pytest.raises(OptionError, match=words):
+            pinsing.mechanism_map(five, **options)
+
+
+@pytest.mark.parametrize(
+    ("more", "code", "words"),
+    [
+        (["--over", "poses", "--count", "1e2", "--deg"], 0, "100 poses of the output"),
+        (["--steps", "5"], 2, "--steps does not go with --loops"),
+        (["--count", "0.5"], 2, "not a whole number"),
+        (["--sampling", "grid"], 2, "--sampling does not go with --loops"),
+    ],
+)
+def test_the_command(more, code, words, capsys):
+    tree, loops = (str(URDF / f"planar_3rpr.{x}") for x in ("urdf", "loops.yaml"))
+    with pytest.raises(SystemExit) as ended:
+        main(["map", tree, "--loops", loops, *more])
+    assert ended.value.code == code
+    told = capsys.readouterr()
+    assert words in " ".join((told.out + told.err).split())
+
+
+def test_over_is_an_option_of_mechanisms(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["map", "ur5", "--over", "poses"])
+    assert ended.value.code == 2
+    assert "--over goes with --loops" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "name", ["gough_stewart", "stewart_6_3", "planar_3rrr", "planar_3rpr", "hexaglide", "delta"]
+)
+def test_what_closes_is_never_said_to_be_impossible(name, rng):
+    mechanism = shipped(name).without_limits()
+    actuated = list(mechanism.actuated)
+    closed = np.array(random_closed(mechanism, 40, rng))[:, actuated]
+    assert len(closed) > 5
+    assert not cannot_close(mechanism, closed).any()
+
+
+def _circle(row):
+    angles = np.radians(np.array(row["angles"], dtype=float))
+    return row["radius"] * np.stack([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def test_impossible_inputs_of_a_platform_are_those_of_the_triangle(rng):
+    """The points of the 6-3 are pairs that share one: the triangle's inequality, from the table."""
+    mechanism = shipped("stewart_6_3")
+    table = yaml.safe_load((URDF / "stewart_6_3.mechanism.yaml").read_text(encoding="utf-8"))
+    base, top = (_circle(table[x]) for x in ("base", "platform"))
+    inputs = rng.uniform(0.3, 2.5, (300, 6))
+    open_ = np.zeros(300, dtype=bool)
+    for i in range(6):
+        for j in range(i):
+            sides = np.array(
+                [
+                    [np.linalg.norm(base[i] - base[j]), np.linalg.norm(top[i] - top[j]), a, b]
+                    for a, b in inputs[:, [i, j]]
+                ]
+            )
+            open_ |= 2 * sides.max(axis=1) > sides.sum(axis=1) + 1e-9
+    assert 100 < open_.sum() < 300
+    assert (cannot_close(mechanism, inputs) == open_).all()
+
+
+def test_a_map_over_inputs_says_why_few_of_them_close():
+    found = pinsing.mechanism_map(shipped("gough_stewart"), "inputs", 200)
+    assert 0 < found.closed < 40
+    assert found.impossible > 100
+    assert not found.thin
+    told = " ".join(str(found).split())
+    assert f"at {found.impossible} they cannot" in told
+    assert f"at {200 - found.closed - found.impossible} others none of 4 starts" in told
+    similar = pinsing.mechanism_map(shipped("griffis_duffy"), "inputs", 50)
+    assert (similar.closed, similar.thin) == (0, True)
+    assert "a set without volume" in " ".join(str(similar).split())
+
+
+def test_poses_are_drawn_where_the_limits_let_the_platform_go():
+    found = pinsing.mechanism_map(shipped("gough_stewart"), "poses", 300)
+    assert found.closed - found.beyond > 100
+    two = found.near["type 2"]
+    assert two > 0
+    share = 100 * two / (found.closed - found.beyond)
+    assert f"type 2 {two} ({share:.3g} %)" in " ".join(str(found).split())

@@ -1,0 +1,355 @@
+"""Pictures of mechanisms: slices through the workspace by mode, curves, modes side by side."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from mechanisms import URDF, shipped
+from test_three_pins import joint, loaded
+from tiers import tiered
+
+from pinsing.cli.mechanism_plot import plot_loops
+from pinsing.errors import OptionError
+from pinsing.loops import home, mechanism_at, mode_of, refine
+from pinsing.loops.closure import Loops
+from pinsing.loops.dyad import planar_dyad
+from pinsing.loops.pose import pose_of
+from pinsing.loops.pose_slice import COORDINATES, pose_slice
+from pinsing.loops.problems import working_modes
+from pinsing.loops.structure import output_pose
+from pinsing.plot.mechanism import TYPE_1, draw_linkage, input_map, is_left, map_legend
+from pinsing.plot.mode_sheet import mode_sheet
+from pinsing.plot.motion_curve import MINUS, PLUS, motion_curve
+from pinsing.plot.pose_map import _modes, panels, pose_map, pose_maps
+
+mpl.use("agg")
+from matplotlib import pyplot as plt
+
+
+@pytest.fixture(autouse=True)
+def no_figures_left() -> Any:
+    yield
+    plt.close("all")
+
+
+OVER = {
+    "five_bar": ("x", "y"),
+    "planar_3rrr": ("x", "y"),
+    "planar_3rpr": ("y", "yaw"),
+    "gough_stewart": ("z", "pitch"),
+    "stewart_6_3": ("x", "roll"),
+    "delta": ("x", "z"),
+    "rps3": ("roll", "pitch"),
+    "agile_eye": ("yaw", "roll"),
+}
+
+
+@pytest.mark.parametrize("name", tiered(OVER, ("planar_3rpr",)))
+def test_each_pose_of_a_slice_is_closed_and_has_its_coordinates(name: str) -> None:
+    mechanism = shipped(name)
+    start = home(mechanism)
+    found = pose_slice(mechanism, OVER[name], [start], samples=31)
+    assert found.inside.any()
+    loops, rows = Loops(mechanism), [COORDINATES.index(n) for n in found.names]
+    reached = np.argwhere(np.isfinite(found.q[0]).all(axis=-1))
+    for j, i in reached[:: max(1, len(reached) // 60)]:
+        q = found.q[0, j, i]
+        assert np.abs(loops.scaled(q)[0]).max() <= 1e-8
+        pose = pose_of(output_pose(mechanism, q))
+        wanted = [found.x[i], found.y[j]]
+        got = [[*pose.position, *pose.angles][row] for row in rows]
+        if abs(pose.angles[1]) < 1.5 and all(abs(w) < 1.5 for w in wanted):
+            np.testing.assert_allclose(got, wanted, atol=1e-7)
+        outside = mechanism.space.outside(q).any()
+        assert found.inside[0, j, i] == (not outside)
+        assert (found.margin[0, j, i] >= -1e-9) == (not outside)
+
+
+def test_a_delta_that_is_led_does_not_turn() -> None:
+    """Past its constraint singularities, where it could; other turns are other slices."""
+    mechanism = shipped("delta")
+    q = home(mechanism)
+    modes = _modes(mechanism, ("x", "y"), None)
+    assert len(modes) < len(working_modes(mechanism).modes)
+    found = pose_slice(mechanism, ("x", "y"), [x for _, x in modes], samples=31)
+    kept = output_pose(mechanism, q).rotation
+    reached = np.isfinite(found.q).all(axis=-1)
+    assert reached[0].sum() > 300
+    for x in found.q[reached][::7]:
+        np.testing.assert_allclose(output_pose(mechanism, x).rotation, kept, atol=1e-9)
+    left = next(v for kind, v in panels(mechanism, found, ["home"])[0].lefts if kind == "type 2")
+    assert np.nanmin(left) * np.nanmax(left) > 0
+
+
+@pytest.mark.slow
+def test_a_mode_that_is_singular_at_every_pose_of_a_slice_says_so() -> None:
+    """Rods of a hexaglide whose elbows are alike are parallel in pairs while it does not turn."""
+    mechanism = shipped("hexaglide")
+    modes = _modes(mechanism, ("x", "y"), None)[:4]
+    found = pose_slice(mechanism, ("x", "y"), [x for _, x in modes], samples=21)
+    drawn = panels(mechanism, found, [title for title, _ in modes])
+    assert {p.everywhere for p in drawn} == {True, False}
+    for k, panel in enumerate(drawn):
+        for q in found.q[k][found.inside[k]][::15]:
+            state = mechanism_at(mechanism, q)
+            assert panel.everywhere == (state.input_ratio <= 1e-9)
+
+
+@pytest.mark.slow
+def test_a_five_bar_reaches_what_its_legs_reach_in_each_working_mode() -> None:
+    """Each leg reaches a ring about its pivot: the workspace is where the rings meet."""
+    mechanism = shipped("five_bar")
+    dyad = planar_dyad(mechanism)
+    assert dyad is not None
+    modes = working_modes(mechanism).modes
+    assert len(modes) == 4
+    found = pose_slice(mechanism, ("x", "y"), [m.q for m in modes], samples=61)
+    x, y = np.meshgrid(found.x, found.y)
+    rings = np.ones_like(x, dtype=bool)
+    sure = np.ones_like(rings)
+    for side in dyad.sides:
+        away = np.hypot(x - side.pivot[0], y - side.pivot[1])
+        most, least = side.crank_length + side.rod_length, abs(side.crank_length - side.rod_length)
+        rings &= (away < most) & (away > least)
+        sure &= (np.abs(away - most) > 0.03) & (np.abs(away - least) > 0.03)
+    # The picture holds all of it.
+    assert not rings[[0, -1]].any()
+    assert not rings[:, [0, -1]].any()
+    for k, mode in enumerate(modes):
+        assert (found.inside[k] == rings)[sure].all()
+        elbows = mode.mode.partition("elbows ")[2]
+        places = np.argwhere(found.inside[k] & sure)
+        for j, i in places[:: len(places) // 25]:
+            assert mode_of(mechanism, found.q[k, j, i]).endswith(f"elbows {elbows}")
+
+
+def test_an_aspect_has_one_sign_of_type_2_and_the_lines_are_singular() -> None:
+    mechanism = shipped("five_bar")
+    found = pose_slice(mechanism, ("x", "y"), [home(mechanism)], samples=61)
+    panel = panels(mechanism, found, ["home"])[0]
+    assert panel.numbers.max() == len(panel.positive) >= 2
+    assert set(panel.positive) == {True, False}
+    for number, plus in enumerate(panel.positive, 1):
+        places = np.argwhere(panel.numbers == number)
+        for j, i in places[:: max(1, len(places) // 20)]:
+            state = mechanism_at(mechanism, found.q[0, j, i])
+            assert state.mode.startswith("assembly +" if plus else "assembly -")
+    # Between neighbours of other signs there is a configuration of type 2.
+    left = next(left for kind, left in panel.lefts if kind == "type 2")
+    change = np.argwhere(left[:, 1:] * left[:, :-1] < 0)
+    assert len(change) > 20
+    for j, i in change[::10]:
+        point = refine(mechanism, found.q[0, j, i], "type 2")
+        assert point.converged
+        at = output_pose(mechanism, point.q).translation[:2]
+        away = np.linalg.norm(at - [found.x[i], found.y[j]])
+        assert away < 2 * np.hypot(found.x[1] - found.x[0], found.y[1] - found.y[0])
+
+
+@pytest.mark.slow
+def test_a_leg_is_not_pushed_through_its_own_foot() -> None:
+    """Beyond length zero Newton goes on with a negative one: that is another mode."""
+    mechanism = shipped("planar_3rpr")
+    found = pose_slice(mechanism, ("x", "y"), [home(mechanism)], samples=61)
+    slides = list(mechanism.actuated)
+    there = np.isfinite(found.q[0]).all(axis=-1)
+    assert (found.q[0][there][:, slides] > 0).all()
+    assert there[1:-1, 1:-1].mean() > 0.98
+
+
+@pytest.mark.slow
+def test_every_working_mode_has_a_panel() -> None:
+    figure = pose_maps(shipped("five_bar"), samples=41)
+    titles = [ax.get_title() for ax in figure.axes]
+    assert len(titles) == 4
+    assert titles[0].startswith("elbows -+ (home): ")
+    assert {t.split(":")[0].removesuffix(" (home)") for t in titles} == {
+        "elbows ++", "elbows +-", "elbows -+", "elbows --"
+    }  # fmt: skip
+    said = [t.get_text() for t in figure.legends[0].get_texts()]
+    assert "aspects of assembly +, as at home" in said
+
+
+@pytest.mark.slow
+def test_a_slice_may_begin_elsewhere() -> None:
+    mechanism = shipped("planar_3rpr")
+    start = home(mechanism)
+    turned = working_modes(mechanism, [0.6, 0.5, 0.6]).modes[0].q
+    one, other = (pose_map(mechanism, ("x", "y"), samples=31, start=q) for q in (start, turned))
+    assert one.get_xlim() != other.get_xlim()
+    found = pose_slice(mechanism, ("x", "y"), [turned], samples=15)
+    q = found.q[0][np.isfinite(found.q[0]).all(axis=-1)]
+    angles = [pose_of(output_pose(mechanism, x)).angles[2] for x in q]
+    np.testing.assert_allclose(angles, 0.6, atol=1e-8)
+
+
+def test_a_platform_that_is_always_singular_has_no_lines() -> None:
+    ax = pose_map(shipped("griffis_duffy"), ("x", "y"), samples=15)
+    assert "every pose is singular" in ax.get_title()
+    said = [t.get_text() for t in ax.figure.legends[0].get_texts()]
+    assert "type 2" not in said
+    assert any("singular everywhere" in t for t in said)
+
+
+def test_what_cannot_be_sliced_is_said() -> None:
+    with pytest.raises(OptionError, match="goes over two of x, y, yaw; got x, z"):
+        pose_map(shipped("planar_3rpr"), ("x", "z"))
+    with pytest.raises(OptionError, match="goes over two of z, roll, pitch; got x, y"):
+        pose_map(shipped("rps3"), ("x", "y"))
+    with pytest.raises(OptionError, match="one degree of freedom: its poses are a curve"):
+        pose_map(shipped("bennett"), ("x", "y"))
+
+
+# One freedom, and modes ---------------------------------------------------------------
+
+
+def test_a_four_bar_is_drawn_over_its_input_by_assembly_mode() -> None:
+    mechanism = shipped("four_bar")
+    ax = motion_curve(mechanism, None)
+    colors = {line.get_color() for line in ax.lines}
+    assert {PLUS, MINUS} <= colors
+    said = [t.get_text() for t in ax.get_legend().get_texts()]
+    assert {"type 1", "type 2"} <= set(said)
+    ends = [line.get_data() for line in ax.lines if line.get_marker() == "o"]
+    at = sorted(abs(float(x[0])) for x, _ in ends)
+    # The ends of the crank's range, and where crank and coupler are in line.
+    np.testing.assert_allclose(at, [40.9746, 40.9746, 82.8192, 82.8192], atol=1e-3)
+    # Each lies on the curve.
+    curve = np.concatenate(
+        [np.column_stack(line.get_data()) for line in ax.lines if line.get_marker() != "o"]
+    )
+    for x, y in ends:
+        assert np.linalg.norm(curve - [x[0], y[0]], axis=1).min() < 3.5
+    with pytest.raises(OptionError, match="x does not move"):
+        motion_curve(mechanism, ("x", "y"))
+    with pytest.raises(OptionError, match="goes over two of crank, x, y"):
+        motion_curve(mechanism, ("crank", "rocker"))
+    with pytest.raises(OptionError, match="has 2 degrees of freedom"):
+        motion_curve(shipped("five_bar"))
+
+
+def test_modes_are_drawn_side_by_side() -> None:
+    figure = mode_sheet(shipped("five_bar"))
+    titles = [ax.get_title() for block in figure.subfigs for ax in block.axes]
+    assert [len(block.axes) for block in figure.subfigs] == [2, 4]
+    assert titles[0].startswith("1: assembly +, elbows -+\nx 0.60, y 1.6")
+    assert titles[5].startswith("4: ")
+    assert "q1 " in titles[5]
+    assert figure.subfigs[0].get_suptitle().startswith("At these inputs: 2 assembly modes")
+
+
+@pytest.mark.slow
+def test_legs_that_are_turned_round_are_not_drawn_again() -> None:
+    figure = mode_sheet(shipped("gough_stewart").without_limits())
+    assert [len(block.axes) for block in figure.subfigs] == [8, 1]
+    words = " ".join(figure.subfigs[1].get_suptitle().split())
+    assert "64 working modes" in words
+    assert "the others look like it, legs turned round" in words
+
+
+# Command ------------------------------------------------------------------------------
+
+
+def run(name: str, out: Path, kind: str, **options: Any) -> None:
+    robot = {"robot": str(URDF / f"{name}.urdf")}
+    plot_loops(URDF / f"{name}.loops.yaml", kind=kind, out=out, dpi=50, **robot, **options)
+
+
+def test_the_command_draws_modes_and_one_freedom(tmp_path: Path) -> None:
+    for name, kind, options in [
+        ("five_bar", "modes", {"configurations": ["1.0,1.2"]}),
+        ("rssr", "map", {"over": "crank,roll"}),
+    ]:
+        out = tmp_path / f"{name}.png"
+        run(name, out, kind, **options)
+        assert out.stat().st_size > 5_000, name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OVER)
+def test_the_command_draws_every_mechanism_of_the_shelf(name: str, tmp_path: Path) -> None:
+    out = tmp_path / "map.png"
+    run(name, out, "map", over=",".join(OVER[name]))
+    assert out.stat().st_size > 5_000
+
+
+def test_the_command_refuses_what_makes_no_sense(tmp_path: Path) -> None:
+    out = tmp_path / "x.png"
+    with pytest.raises(OptionError, match="--over goes with plot map"):
+        run("five_bar", out, "curves", over="x,y")
+    with pytest.raises(OptionError, match="use map, curves, ellipsoids or modes"):
+        run("five_bar", out, "aspects")
+    with pytest.raises(OptionError, match="--family does not go with plot --loops"):
+        run("five_bar", out, "map", families=("F1",))
+    for name in ("five_bar", "four_bar"):
+        with pytest.raises(OptionError, match="--q does not go with this map"):
+            run(name, out, "map", configurations=["1.0,1.2" if name == "five_bar" else "0.5"])
+    with pytest.raises(OptionError, match="there is no mode to draw"):
+        run("five_bar", out, "modes", configurations=["1.7453,1.0472"])
+    assert not out.exists()
+
+
+def _upright_arm(folder):
+    """A palletizer in x and z: the forearm is held by a parallelogram, the tool is at its end."""
+    y = "0 1 0"
+    return loaded(
+        folder,
+        [
+            joint("m1", "continuous", "base", "upper", axis=y),
+            joint("elbow", "continuous", "upper", "fore", (0, 0, 0.5), axis=y),
+            joint("at_tool", "fixed", "fore", "tool", (0.6, 0, 0.2)),
+            joint("at_back", "fixed", "fore", "back", (-0.15, 0, 0)),
+            joint("m2", "continuous", "base", "crank", axis=y),
+            joint("knee", "continuous", "crank", "push", (-0.15, 0, 0), axis=y),
+            joint("at_end", "fixed", "push", "end", (0, 0, 0.5)),
+        ],
+        "closed_loop: [[back, end]]\ntype: [3d]\nname_mot: [m1, m2]\n"
+        "output: {frame: tool, rows: [vx, vz]}\n",
+    )
+
+
+def test_a_map_over_the_inputs_is_of_the_output_and_not_of_the_pin(tmp_path):
+    mechanism = _upright_arm(tmp_path)
+    dyad = planar_dyad(mechanism)
+    ax = input_map(mechanism, "+", samples=181, degrees=False)
+    map_legend(ax, mechanism)
+    said = [t.get_text() for t in ax.get_legend().get_texts()]
+    assert "type 1: the output loses a direction" in said
+    assert not any("leg" in text for text in said)
+    lines = [
+        p.vertices
+        for c in ax.collections
+        if len(c.get_edgecolor())
+        and np.allclose(c.get_edgecolor()[0][:3], mpl.colors.to_rgb(TYPE_1))
+        for p in c.get_paths()
+    ]
+    inputs = np.concatenate([x for x in lines if len(x)])[::7]
+    left = is_left(mechanism, dyad)
+    told = 0
+    for at in inputs:
+        q = dyad.configuration(at, left)
+        if not np.isfinite(q).all():
+            continue
+        state = mechanism_at(mechanism, q)
+        if state.constraint_ratio > 0.05:  # elsewhere the parallelogram is flat
+            assert state.output_ratio < 0.03
+            told += 1
+    assert told > 20
+
+
+def test_what_stands_upright_is_drawn_over_x_and_z(tmp_path):
+    mechanism = _upright_arm(tmp_path)
+    ax = draw_linkage(mechanism, home(mechanism), ellipse=0)
+    assert (ax.get_xlabel(), ax.get_ylabel()) == ("x [m]", "z [m]")
+    drawn = np.concatenate(
+        [line.get_xydata() for line in ax.lines] + [p.get_xy() for p in ax.patches]
+    )
+    # The tool is no loose dot: the forearm goes from its back end over the elbow to it.
+    for corner in ((0.6, 0.7), (-0.15, 0.5), (0, 0.5), (0, 0), (-0.15, 0)):
+        assert np.abs(drawn - corner).max(axis=1).min() < 1e-9
+    (forearm,) = ax.patches
+    assert len({tuple(np.round(p, 9)) for p in forearm.get_xy()}) == 3

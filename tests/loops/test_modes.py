@@ -1,0 +1,473 @@
+"""Modes that count, the direct and the inverse problem, limits kept."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import re
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from mechanisms import URDF, from_model, shipped
+from tiers import tiered
+from urdf_text import J as Joint
+from urdf_text import frame, loop_text, stewart, written
+
+import pinsing
+from pinsing.cli import main
+from pinsing.errors import ConfigurationError, OptionError
+from pinsing.loops import (
+    analyze_mechanism,
+    assembly_modes,
+    curves,
+    find_singular,
+    home,
+    mechanism_at,
+    ranks,
+    residual,
+    working_modes,
+)
+from pinsing.loops.batch import BatchLoops
+from pinsing.loops.closure import Loops, random_closed
+from pinsing.loops.pose import Column, pose_table
+from pinsing.loops.problems import Modes
+from pinsing.loops.result import Values
+from pinsing.loops.solve import intervals
+from pinsing.loops.structure import likeness, same, structure
+from pinsing.robot.load_mechanism import Loop
+
+SHELF = {
+    # joints, closure equations written and independent, degrees of freedom
+    "gough_stewart": (21, 15, 15, 6),
+    "stewart_6_3": (21, 15, 15, 6),
+    "griffis_duffy": (21, 15, 15, 6),
+    "hexaglide": (21, 15, 15, 6),
+    "rus6": (21, 15, 15, 6),
+    "rps3": (9, 6, 6, 3),
+    "planar_3rpr": (7, 6, 4, 3),
+    "planar_3rrr": (7, 6, 4, 3),
+    "delta": (18, 15, 15, 3),
+    "agile_eye": (7, 6, 4, 3),
+    "rssr": (4, 3, 3, 1),
+    "bennett": (4, 6, 3, 1),
+}
+BASE = np.radians([-10, 10, 110, 130, 230, 250])
+PLATFORM = np.radians([-50, 50, 70, 170, 190, 290])
+
+
+def polar(radius, angles):
+    return np.stack([radius * np.cos(angles), radius * np.sin(angles), 0 * angles], axis=1)
+
+
+@pytest.fixture(scope="module")
+def platform():
+    return shipped("gough_stewart")
+
+
+@pytest.fixture(scope="module")
+def without_limits(platform):
+    return assembly_modes(platform.without_limits(), starts=120)
+
+
+@pytest.mark.parametrize("name", SHELF)
+def test_mobility_of_the_shelf(name):
+    mechanism = shipped(name)
+    joints, rows, rank, mobility = SHELF[name]
+    found = ranks(mechanism)
+    assert (mechanism.n, mechanism.rows) == (joints, rows)
+    assert (found.constraint, found.mobility, found.output) == (rank, mobility, mobility)
+    assert np.abs(residual(mechanism, home(mechanism))).max() < 1e-11
+
+
+def test_one_length_of_the_bennett_linkage_changed_and_it_cannot_move():
+    mechanism = shipped("bennett")
+    model = mechanism.model.copy()
+    place = model.jointPlacements[2]
+    place.translation = place.translation * 1.01
+    model.jointPlacements[2] = place
+    with pytest.raises(pinsing.PinsingError, match=r"close nowhere|leave no motion"):
+        ranks(replace(mechanism, model=model))
+
+
+@pytest.mark.parametrize("name", ["gough_stewart", "delta", "agile_eye", "planar_3rrr"])
+def test_batches_equal_pinocchio(name, rng):
+    mechanism = shipped(name)
+    one, many = Loops(mechanism), BatchLoops(mechanism)
+    Q = mechanism.space.sample(20, rng)
+    errors, jacobians = many.closure(Q)
+    _, _, outputs = many.output(Q)
+    for q, e, J, out in zip(Q, errors, jacobians, outputs, strict=True):
+        error, G = one.scaled(q)
+        sign = 1 if np.abs(error - e).max() < np.abs(error + e).max() else -1
+        np.testing.assert_allclose(error, sign * e, atol=1e-12)
+        np.testing.assert_allclose(G, sign * J, atol=1e-12)
+        np.testing.assert_allclose(one.output_scaled(q), out[list(mechanism.task.rows)], atol=1e-12)
+
+
+def test_a_batch_closes_a_weld_as_pinocchio_does(rng):
+    mechanism = shipped("bennett")
+    _, jacobians = BatchLoops(mechanism).closure(home(mechanism)[None])
+    G = Loops(mechanism).scaled(home(mechanism))[1]
+    np.testing.assert_allclose(np.abs(jacobians[0]), np.abs(G), atol=1e-9)
+
+
+def test_legs_balls_and_universal_joints_are_seen(platform):
+    built = structure(platform)
+    assert len(built.legs) == 6
+    named = [tuple(platform.joints[j] for j in c.joints) for c in built.centres]
+    assert ("s1x", "s1y", "s1z") in named
+    assert named.count(("u3x", "u3y")) == 1
+    delta = shipped("delta")
+    assert len(structure(delta).legs) == 3
+    # The ball's first axis passes through the universal joint as well; it belongs to the ball.
+    assert ("s1x", "s1y", "s1z") in [
+        tuple(delta.joints[j] for j in c.joints) for c in structure(delta).centres
+    ]
+
+
+def test_assembly_modes_of_the_platform_have_the_legs_asked_for(platform, without_limits):
+    """Leg lengths from the pose of the output alone, by subtraction of points."""
+    asked = home(platform)[list(platform.actuated)]
+    base, top = polar(1.0, BASE), polar(0.6, PLATFORM)
+    poses = []
+    for s in without_limits.modes:
+        at, R = np.array(s.pose.position), s.pose.se3.rotation
+        lengths = np.linalg.norm(at + top @ R.T - base, axis=1)
+        np.testing.assert_allclose(lengths, asked, atol=1e-9)
+        poses.append(np.concatenate([at, R.ravel()]))
+    assert len(poses) >= 8
+    for a, b in itertools.combinations(poses, 2):
+        assert np.abs(a - b).max() > 1e-3
+    # Two ways for each of six universal joints, and two for the ball of the first leg.
+    assert {s.ways for s in without_limits.modes} == {128}
+    assert "from 120 starts" in without_limits.statement
+    assert not without_limits.complete
+
+
+def test_limits_leave_modes_out_and_say_so(platform):
+    found = assembly_modes(platform, starts=150)
+    assert 1 <= len(found.modes) < 8
+    assert found.beyond >= 1
+    assert "beyond the joint limits" in found.statement
+    for s in found.modes:
+        assert not platform.space.outside(s.q).any()
+        assert s.ways == 1
+        assert np.abs(residual(platform, s.q)).max() < 1e-10
+    assert Modes.from_json(found.to_json()).statement == found.statement
+
+
+def test_working_modes_of_the_platform(platform):
+    pose = np.array([0.05, -0.02, 1.05, 0.1, -0.05, 0.2])
+    found = working_modes(platform, pose, starts=20)
+    assert len(found.modes) == 1
+    np.testing.assert_allclose(found.modes[0].pose.position, pose[:3], atol=1e-9)
+    np.testing.assert_allclose(found.modes[0].pose.angles, pose[3:], atol=1e-9)
+    both = working_modes(platform.without_limits(), pose, starts=20)
+    # A leg may reach with a negative length.
+    assert len(both.modes) == 64
+    values = np.array([s.inputs for s in both.modes])
+    np.testing.assert_allclose(np.abs(values), np.abs(values[:1]).repeat(64, axis=0), atol=1e-9)
+
+
+def test_flipped_joints_are_the_same_mode(platform):
+    q = home(platform)
+    flipped = q.copy()
+    k = platform.joints.index("u2x")
+    flipped[k] += np.pi
+    flipped[k + 1] = np.pi - q[k + 1]
+    assert np.abs(residual(platform, flipped)).max() < 1e-12
+    assert same(likeness(platform, q), likeness(platform, flipped))
+    a, b = mechanism_at(platform, q), mechanism_at(platform, flipped)
+    assert a.input_ratio == pytest.approx(b.input_ratio, abs=1e-12)
+    elbow = shipped("planar_3rrr")
+    one, *others = (s.q for s in working_modes(elbow, starts=40).modes)
+    assert not any(same(likeness(elbow, one), likeness(elbow, x)) for x in others)
+
+
+def test_working_modes_of_a_3rrr_bend_each_elbow_both_ways():
+    mechanism = shipped("planar_3rrr")
+    found = working_modes(mechanism, starts=60)
+    assert len(found.modes) == 8
+    assert len({s.mode.split("elbows ")[1] for s in found.modes}) == 8
+
+
+def test_architecture_singular_platforms_have_a_curve_of_poses():
+    found = assembly_modes(shipped("griffis_duffy").without_limits(), starts=60)
+    assert found.loose > 8
+    assert "points of curves of poses" in found.statement
+    assert not found.complete
+
+
+def test_ranges_have_a_length_and_end_at_limits(platform):
+    mechanism = shipped("planar_3rpr")
+    short = mechanism.upper.copy()
+    short[mechanism.joints.index("p2")] = 0.6
+    tight = replace(mechanism, upper=short)
+    inputs = home(tight)[list(tight.actuated)]
+    found = intervals(tight, curves(tight, inputs, 1), 1)
+    assert found
+    assert all(i.upper > i.lower for i in found)
+    assert max(i.upper for i in found) == pytest.approx(0.6, abs=1e-7)
+    # Passive joints end a range too: here the first leg may not turn far.
+    narrow = tight.upper.copy()
+    low = tight.lower.copy()
+    k = tight.joints.index("r1")
+    low[k], narrow[k] = inputs[0] * 0 + home(tight)[k] - 0.02, home(tight)[k] + 0.02
+    held = replace(tight, lower=low, upper=narrow)
+    for t in curves(held, inputs, 1):
+        assert (t.q[:, k] <= narrow[k] + 1e-7).all()
+        assert (t.q[:, k] >= low[k] - 1e-7).all()
+        assert max(abs(t.q[0, k] - home(tight)[k]), abs(t.q[-1, k] - home(tight)[k])) > 0.019
+
+
+@pytest.mark.slow
+def test_more_actuators_than_freedoms_are_analysed_as_such():
+    mechanism = shipped("five_bar").with_actuated(["q1", "q2", "b1"])
+    assert ranks(mechanism).mobility == 2
+    found = analyze_mechanism(mechanism)
+    assert any("redundantly actuated: 3 actuators for 2" in note for note in found.notes)
+    assert found.state.kind == "regular"
+    # With b1 held as well the end cannot give way where the rods are in line.
+    assert not [p for p in found.points if p.kind == "type 2"]
+    plain = shipped("five_bar")
+    assert [
+        p for p in find_singular(plain, curves(plain, [np.pi / 3] * 2, 1)) if p.kind == "type 2"
+    ]
+
+
+@pytest.mark.parametrize(
+    ("pose", "message"),
+    [
+        ([1.0, 2.0], "a pose of platform_center has 6 numbers"),
+        (np.eye(3), "got an array"),
+        (np.zeros((4, 4)), "is no pose"),
+        ([0, 0, 1, 0, 0, 0, 0], "quaternion of the pose is zero"),
+        ([0, 0, np.nan, 0, 0, 0], "not finite"),
+    ],
+)
+def test_wrong_poses_are_said(platform, pose, message):
+    with pytest.raises(ConfigurationError, match=message):
+        working_modes(platform, pose)
+
+
+def test_wrong_questions_are_said(platform):
+    with pytest.raises(ConfigurationError, match="p1 = 9 is outside its limits"):
+        assembly_modes(platform, [9.0] * 6)
+    with pytest.raises(OptionError, match="starts must be 1 or more"):
+        assembly_modes(platform, starts=0)
+    crank = replace(shipped("five_bar"), task=shipped("four_bar").task)
+    with pytest.raises(OptionError, match="a pose leaves the others open"):
+        working_modes(crank)
+
+
+def within(folder, name, joint, old, new):
+    """A mechanism of the shelf with other limits of some joints; the path of its URDF."""
+    text = (URDF / f"{name}.urdf").read_text()
+    head, tail = text.split(f'name="{joint}"')
+    assert old in tail
+    path = folder / f"{name}.urdf"
+    path.write_text(f'{head}name="{joint}"{tail.replace(old, new, 1)}')
+    (folder / f"{name}.loops.yaml").write_text((URDF / f"{name}.loops.yaml").read_text())
+    return path
+
+
+def test_limits_that_leave_nothing_are_said_by_each_command(tmp_path, capsys):
+    path = within(tmp_path, "planar_3rpr", "p1", 'lower="0.2" upper="2.5"', 'lower="9" upper="9.5"')
+    words = r"home is beyond the joint limits \(p1 = 0.553232 is not in \[9, 9.5\]\): the loops"
+    for code, command in (
+        (0, ["families"]),
+        (2, ["analyze"]),
+        (0, ["map"]),
+    ):
+        more = ["--count", "5"] if command == ["map"] else []
+        with pytest.raises(SystemExit) as end:
+            main([*command, str(path), "--loops", *more])
+        assert end.value.code == code
+        assert re.search(words, " ".join(capsys.readouterr().err.split()))
+    with pytest.raises(SystemExit):
+        main(["map", str(path), "--loops", "--count", "5", "--ignore-limits"])
+    assert capsys.readouterr().err == ""
+
+
+def test_working_modes_are_told_apart_by_their_inputs():
+    """Legs turned by half and pushed back have one pose and one mode by name."""
+    found = working_modes(shipped("rps3").without_limits())
+    assert len({m.mode for m in found.modes}) < len(found.modes)
+    inputs = [
+        Column(n, [float(m.inputs[k]) for m in found.modes], False) for k, n in enumerate("abc")
+    ]
+    poses, more = [m.pose for m in found.modes], [(m.mode,) for m in found.modes]
+    for width in (100, 50):
+        lines = pose_table(poses, more, ("mode",), columns=inputs, width=width)
+        told = [line.split(maxsplit=1)[1] for line in lines if line.split()[0].isdigit()]
+        assert len(told) == len(set(told)) == len(found.modes)
+        assert max(map(len, lines)) <= width
+        assert (lines[0] == "each at z = 1.00000") == (width == 50)
+        # A half turn is one value, not two signs.
+        assert not any("-3.14" in line for line in lines)
+
+
+def test_inputs_without_elbows_have_a_place_in_the_name(tmp_path):
+    joints = [
+        Joint("s0", "base", "c0", (0, 0, 0), (1, 0, 0), "prismatic", (-3, 3)),
+        Joint("b0", "c0", "r0"),
+        frame("e0", "r0", (0.9, 0, 0)),
+        Joint("turn", "e0", "platform"),
+    ]
+    loops = []
+    for k, foot in ((1, (2, 0, 0)), (2, (1, 2, 0))):
+        joints.append(Joint(f"r{k}", "base", f"t{k}", foot))
+        joints.append(
+            Joint(f"p{k}", f"t{k}", f"e{k}", axis=(1, 0, 0), kind="prismatic", limits=(0.1, 3))
+        )
+        joints.append(frame(f"v{k}", "platform", (0.3, 0.2 * k, 0)))
+        loops.append((f"e{k}", f"v{k}"))
+    text = loop_text(
+        loops, ["p1", "s0", "p2"], "platform", "vx, vy, wz", home={"b0": 1.0, "p1": 1.0, "p2": 1.0}
+    )
+    mechanism = pinsing.load_mechanism(written(tmp_path, joints, text))
+    found = working_modes(mechanism)
+    assert {m.mode.partition("elbows ")[2] for m in found.modes} == {".+.", ".-."}
+
+
+def test_rounding_is_no_value():
+    values = Values(False, frozenset(["s"]))
+    assert values.value("s", 5e-14) == values.value("q", -3e-16) == "0"
+    assert values.value("s", 5e-9) == "5e-09"
+
+
+def test_home_is_found_within_narrow_limits(tmp_path):
+    """Few of the configurations that close the loops keep the limits of all joints."""
+    rng = np.random.default_rng(0)
+    base, top = (np.round(rng.uniform(-a, a, (6, 3)), 2) * [1, 1, 0] for a in (1, 0.6))
+    joints, text = stewart(base, top, limits=(0.3, 2.5))
+    tight = [
+        replace(j, kind="revolute", limits=(-0.5, 0.5)) if j.kind == "continuous" else j
+        for j in joints
+    ]
+    mechanism = pinsing.load_mechanism(written(tmp_path, tight, text))
+    inside = [q for q in random_closed(mechanism, 60, rng) if not mechanism.space.outside(q).any()]
+    assert not inside
+    q = home(mechanism)
+    assert np.abs(residual(mechanism, q)).max() < 1e-9
+    assert (q >= mechanism.lower).all()
+    assert (q <= mechanism.upper).all()
+
+
+@pytest.mark.slow
+def test_the_platform_is_analysed_once_over(platform):
+    found = analyze_mechanism(platform)
+    assert found.mobility == 6
+    for name, ranges in found.ranges.items():
+        assert ranges, name
+        assert all(i.upper - i.lower > 1e-3 and i.lower >= 0.3 - 1e-9 for i in ranges)
+    marks = [likeness(platform, p.q) for p in found.points]
+    assert not any(same(a, b) for a, b in itertools.combinations(marks, 2))
+    assert not any(platform.space.outside(p.q, 1e-6).any() for p in found.points)
+    text = str(found)
+    assert "u1x =" not in text  # values of joints; determinants may name some
+    assert "s1z" in found.to_json() or "s1z" in found.joints
+
+
+@pytest.mark.parametrize(
+    ("name", "pose", "joint"),
+    [
+        ("planar_3rpr", "yaw", "c1 ="),
+        ("rps3", "pitch", "s1y ="),
+    ],
+)
+@pytest.mark.slow
+def test_all_joints_on_request_only(name, pose, joint, capsys, monkeypatch):
+    def run(*args):
+        with pytest.raises(SystemExit) as ended:
+            main(args)
+        return ended.value.code, capsys.readouterr()
+
+    more = []
+    if name == "planar_3rpr":  # it has so few joints that all are listed unasked
+        monkeypatch.setattr("pinsing.loops.result._FEW", 3)
+        more = ["--ignore-limits"]
+    else:  # whose analysis takes long: the same for both
+        once = functools.cache(lambda *_: analyze_mechanism(shipped(name)))
+        monkeypatch.setattr("pinsing.loops.analyze_mechanism", lambda *_, **__: once())
+    given = ["analyze", str(URDF / f"{name}.urdf"), "--loops", str(URDF / f"{name}.loops.yaml")]
+    code, said = run(*given)
+    assert code == 0
+    assert pose in said.out
+    listed = re.compile(rf"(?<!cos )(?<!sin ){joint}")  # a value of it, not an equation
+    assert not listed.search(said.out)
+    code, said = run(*given, "--all-joints", *more)
+    assert code == 0
+    assert listed.search(said.out)
+    code, said = run("analyze", "planar3r", "--all-joints")
+    assert code == 2
+    assert "goes with --loops" in said.err
+
+
+@pytest.mark.slow
+def test_a_curve_that_is_singular_throughout_is_told_once():
+    # The Agile Eye: the output turns with the inputs held where one input is at a right angle and
+    # the next two are at 0; and there are orientations in which the inputs do not move it at all.
+    found = analyze_mechanism(shipped("agile_eye"))
+    assert len(found.points) < 120
+    for k, name in enumerate(("a1", "a2", "a3")):
+        whole = [p for p in found.points if p.whole_curve and p.moving == name]
+        at = {tuple(np.degrees(p.inputs).round(6) + 0.0) for p in whole if p.kind == "type 3"}
+        assert at == {tuple(v * np.eye(3)[k] + 0.0) for v in (90.0, -90.0)}
+        assert any(p.kind == "type 1" for p in whole)
+    text = str(found)
+    assert "(the whole curve through it)" in text
+    # The equations are as long as they are: what is told of points is short.
+    assert len(text[: text.index("Closed forms")].splitlines()) < 133
+
+
+@pytest.mark.parametrize("case", tiered(["rssr", "stewart"], ("rssr",)))
+def test_flipped_joints_are_no_curves_of_their_own(case, tmp_path):
+    if case == "rssr":
+        mechanism = shipped("rssr").without_limits()
+    else:
+        drawn = np.random.default_rng(3).uniform(-1, 1, (2, 6, 3))
+        points = np.round(drawn * [1, 1, 0.2] * [[[1.0]], [[0.5]]], 2)
+        made = stewart(*points, limits=(0.05, 5))
+        mechanism = pinsing.load_mechanism(written(tmp_path, *made))
+    inputs = home(mechanism)[list(mechanism.actuated)]
+    found = curves(mechanism, inputs, 0)
+    assert 1 <= len(found) < 8
+    for one, other in itertools.permutations(found, 2):
+        marks = np.array([likeness(mechanism, q) for q in other.q])
+        steps = np.linalg.norm(np.diff(marks, axis=0), axis=1).max()
+        for q in one.q[:: max(1, len(one.q) // 5)]:
+            away = np.linalg.norm(marks - likeness(mechanism, q), axis=1).min()
+            assert away > 0.05 * steps
+
+
+def test_points_of_a_curve_on_which_a_leg_moves_by_itself_are_one_mode():
+    """Sarrus: both chains folded the second turns freely; unfolded its elbow has two sides."""
+    model = pin.Model()
+    model.name = "sarrus"
+    ends = []
+    for name, turn in (("x", 0.0), ("y", np.pi / 2)):
+        parent = 0
+        place = pin.SE3(pin.rpy.rpyToMatrix(0, 0, turn), np.zeros(3))
+        for k, reach in enumerate((0.4, 0.4, 0.0), 1):
+            parent = model.addJoint(parent, pin.JointModelRUBX(), place, f"{name}{k}")
+            place = pin.SE3(np.eye(3), np.array([0.0, 0.0, reach]))
+        back = pin.SE3(pin.rpy.rpyToMatrix(0, 0, -turn), np.zeros(3))
+        model.addFrame(pin.Frame(f"{name}_end", parent, 0, back, pin.FrameType.OP_FRAME))
+        ends.append(f"{name}_end")
+    made = from_model(model, [Loop(*ends, "6d")], ["x1"], "x_end", "vz")
+    start = {"x1": -0.6, "x2": 1.2, "x3": -0.6, "y1": 0.6, "y2": -1.2, "y3": 0.6}
+    made = replace(made, home=np.array([start[n] for n in made.joints]))
+    found = assembly_modes(made)
+    folded = [s for s in found.modes if abs(s.pose.position[2]) < 1e-6]
+    assert len(found.modes) == 3
+    assert len(folded) == 1
+    assert sorted(
+        s.q[made.joints.index("y1")].round(6) for s in found.modes if s not in folded
+    ) == [
+        -0.6,
+        0.6,
+    ]
+    assert "at 1 of them a leg moves by itself" in found.statement

@@ -1,0 +1,189 @@
+"""Five-bars on cranks and slides in any plane, cut at the pin, at an elbow, or welded.
+
+Held against the cross products of their rods, cranks and rails, written here without pinsing.
+"""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from test_three_pins import crossings, joint, loaded
+
+import pinsing
+from pinsing.loops import mechanism_at, pose_forms
+from pinsing.loops.pose_notes import variables_at
+
+PLANES = {
+    "level": ((0.0, 0.0, 0.0), "vx, vy"),
+    "upright": ((math.pi / 2, 0.0, 0.0), "vx, vz"),
+    "oblique": ((0.3, 0.4, 0.5), "vx, vy, vz"),
+}
+AT = np.array([0.1, 0.2, 0.3])
+
+
+def cross(a: np.ndarray, b: np.ndarray) -> float:
+    return float(a[0] * b[1] - a[1] * b[0])
+
+
+class FiveBar:
+    """Two legs in a plane, each a crank or a slide with a rod; the second written from the pin."""
+
+    def __init__(self, folder: Path, kinds: str, cut: str, plane: str, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        self.kinds = kinds
+        self.feet = np.array([[0.0, 0.0], [0.6, 0.0]]) + rng.uniform(-0.1, 0.1, (2, 2))
+        self.yaw = rng.uniform(-0.6, 0.6, 2)
+        self.cranks, self.rods = rng.uniform(0.2, 0.35, 2), rng.uniform(0.4, 0.6, 2)
+        self.senses = rng.choice([1, -1], 2)
+        turn, rows = PLANES[plane]
+        self.turn = pin.rpy.rpyToMatrix(*turn)
+        raised = 0.05  # of the second leg's foot
+        axes = [f"0 0 {s}" for s in self.senses]
+        place = " ".join(map(str, AT)), " ".join(map(str, turn))
+        joints = [
+            '<joint name="w" type="fixed"><parent link="world"/><child link="base"/>'
+            f'<origin xyz="{place[0]}" rpy="{place[1]}"/></joint>'
+        ]
+        ends = []
+        for k in (0, 1):
+            foot = (*self.feet[k], raised * k)
+            at = "base", f"c{k}", foot, self.yaw[k]
+            if kinds[k] == "R":
+                joints.append(joint(f"m{k}", "continuous", *at, axes[k]))
+            else:
+                joints.append(joint(f"m{k}", "prismatic", *at, "1 0 0", (-1, 1)))
+            ends.append((self.cranks[k] if kinds[k] == "R" else 0, 0, 0))
+        joints.append(joint("b0", "continuous", "c0", "r0", ends[0], 0, axes[0]))
+        joints.append(joint("t0", "fixed", "r0", "p0", (self.rods[0], 0, 0)))
+        if cut == "pin":
+            joints.append(joint("b1", "continuous", "c1", "r1", ends[1], 0.4, axes[1]))
+            joints.append(joint("t1", "fixed", "r1", "p1", (0, self.rods[1], -raised)))
+            loop, output = "closed_loop: [[p0, p1]]\ntype: [3d]\n", "p1"
+        else:
+            joints.append(joint("pin", "continuous", "p0", "r1", (0, 0, 0), 0, axes[1]))
+            joints.append(joint("t1", "fixed", "r1", "e1", (self.rods[1], 0, raised)))
+            kind = "fixed" if cut == "elbow" else "continuous"
+            joints.append(joint("b1", kind, "c1", "s1", ends[1], 0, axes[1]))
+            pairs = "3d" if cut == "elbow" else "6d"
+            loop, output = f"closed_loop: [[e1, s1]]\ntype: [{pairs}]\n", "r1"
+        text = f"{loop}name_mot: [m1, m0]\noutput: {{frame: {output}, rows: [{rows}]}}\n"
+        self.mechanism = loaded(folder, joints, text)
+
+    def elbows(self, m: tuple[float, float]) -> list[np.ndarray]:
+        out = []
+        for k in (0, 1):
+            along = self.yaw[k] + (self.senses[k] * m[k] if self.kinds[k] == "R" else 0)
+            u = np.array([math.cos(along), math.sin(along)])
+            out.append(self.feet[k] + (self.cranks[k] if self.kinds[k] == "R" else m[k]) * u)
+        return out
+
+    def measures(self, m: tuple[float, float], P: np.ndarray) -> tuple[float, list[float]]:
+        """What is zero at type 2, and for each leg at type 1."""
+        B = self.elbows(m)
+        ones = []
+        for k in (0, 1):
+            if self.kinds[k] == "R":
+                ones.append(cross(B[k] - self.feet[k], P - B[k]))
+            else:
+                rail = np.array([math.cos(self.yaw[k]), math.sin(self.yaw[k])])
+                ones.append(float((P - B[k]) @ rail))
+        return cross(B[0] - P, B[1] - P), ones
+
+
+CASES = [
+    ("PP", "pin", "upright"),
+    ("PP", "elbow", "level"),
+    ("RP", "elbow", "level"),
+    ("PR", "elbow", "upright"),
+    ("RR", "elbow", "oblique"),
+    ("RP", "pin", "oblique"),
+    ("PR", "weld", "upright"),
+    ("RR", "weld", "oblique"),
+]
+
+
+@pytest.mark.parametrize(("kinds", "cut", "plane"), CASES)
+def test_loci_and_modes(tmp_path: Path, kinds: str, cut: str, plane: str) -> None:
+    bar = FiveBar(tmp_path, kinds, cut, plane, 5)
+    forms = pose_forms(bar.mechanism)
+    assert forms is not None
+    assert forms.complete
+    assert [x.kind for x in forms.loci] == ["type 2", "type 1", "type 1"]
+    assert any("in the plane of the mechanism" in n for n in forms.notes) == (plane != "level")
+    rng = np.random.default_rng(8)
+    seen, values = [], []
+    while len(seen) < 12:
+        m = tuple(
+            float(rng.uniform(-1.5, 1.5) if kind == "R" else rng.uniform(-0.4, 0.4))
+            for kind in kinds
+        )
+        expected = crossings(*bar.elbows(m), *bar.rods)
+        found = pinsing.assembly_modes(bar.mechanism, [m[1], m[0]])
+        assert len(found.modes) == len(expected)
+        if not expected:
+            continue
+        assert found.complete
+        got = sorted((bar.turn.T @ (np.array(x.pose.position) - AT)).tolist() for x in found.modes)
+        assert np.ptp(np.array(got)[:, 2]) <= 1e-9
+        np.testing.assert_allclose(
+            np.array(got)[:, :2], sorted(P.tolist() for P in expected), atol=1e-8
+        )
+        for mode in found.modes:
+            P = (bar.turn.T @ (np.array(mode.pose.position) - AT))[:2]
+            at = variables_at(bar.mechanism, forms, mode.q)
+            two, ones = bar.measures(m, P)
+            seen.append([two, *ones])
+            values.append(
+                [float(x.equation(np.array([at[n] for n in x.equation.names]))) for x in forms.loci]
+            )
+            closed = [float(e(np.array([at[n] for n in e.names]))) for e in forms.closing]
+            np.testing.assert_allclose(closed, 0, atol=1e-9)
+    # Each left side is a cross or a dot product, up to a constant of its own.
+    ratios = np.array(values) / np.array(seen)
+    np.testing.assert_allclose(ratios, np.tile(ratios[:1], (len(ratios), 1)), rtol=1e-6)
+
+
+@pytest.mark.parametrize("cut", ["elbow", "weld"])
+def test_a_rod_across_its_slide_is_singular_and_beside_it_not(tmp_path: Path, cut: str) -> None:
+    bar = FiveBar(tmp_path, "RP", cut, "level", 5)
+    forms = pose_forms(bar.mechanism)
+    assert forms is not None
+    # P across the slide from the foot of rod 2, within reach of leg 1; m0 from two circles.
+    rail = np.array([math.cos(bar.yaw[1]), math.sin(bar.yaw[1])])
+    m1 = -0.45
+    for beside, singular in ((0.0, True), (1e-3, False)):
+        angle = math.pi / 2 + beside
+        away = np.array([[math.cos(angle), -math.sin(angle)], [math.sin(angle), math.cos(angle)]])
+        P = bar.feet[1] + m1 * rail + bar.rods[1] * away @ rail
+        B = crossings(bar.feet[0], P, bar.cranks[0], bar.rods[0])[0]
+        m0 = bar.senses[0] * (math.atan2(*(B - bar.feet[0])[::-1]) - bar.yaw[0])
+        found = pinsing.assembly_modes(bar.mechanism, [m1, m0])
+        mode = min(
+            found.modes, key=lambda x: float(np.hypot(*(np.array(x.pose.position) - AT)[:2] - P))
+        )
+        state = mechanism_at(bar.mechanism, mode.q)
+        assert (state.output_ratio <= 1e-7) == singular
+        at = variables_at(bar.mechanism, forms, mode.q)
+        value = min(
+            abs(float(x.equation(np.array([at[n] for n in x.equation.names]))))
+            for x in forms.loci
+            if x.kind == "type 1"
+        )
+        assert (value <= 1e-8) == singular
+
+
+def test_working_modes_of_an_upright_five_bar_are_counted(tmp_path: Path) -> None:
+    """The output in x and z: the intersection of circles, as in the level plane."""
+    level = FiveBar(tmp_path, "RR", "pin", "level", 5)
+    (tmp_path / "up").mkdir()
+    upright = FiveBar(tmp_path / "up", "RR", "pin", "upright", 5)
+    found = [pinsing.working_modes(x.mechanism) for x in (level, upright)]
+    for modes in found:
+        assert modes.complete
+        assert modes.statement == "4 working modes: all there are, by the intersection of circles"
+    for one, two in zip(*(sorted(tuple(m.q) for m in x.modes) for x in found), strict=True):
+        np.testing.assert_allclose(one, two, atol=1e-9)
