@@ -74,8 +74,8 @@ def jobs() -> tuple[list[Job], dict[str, str]]:
     from pinsing.description.catalog import data_folder
     from pinsing.description.urdf import read_description
     from pinsing.errors import PinsingError
-    from pinsing.robot.build_model import build_model
-    from pinsing.robot.subchains import all_chains
+    from pinsing.robot.chains import all_chains
+    from pinsing.robot.models import build_model
 
     folder = data_folder()
     assert folder is not None, "example-robot-data is not installed"

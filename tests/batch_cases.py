@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._batch.chain import FlatChain
-from pinsing.robot.joint_axis import axis_rotation, joint_axis
+from pinsing.robot.joints import axis_rotation, joint_axis
 
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 

@@ -12,8 +12,8 @@ from scipy.optimize import brentq
 
 from pinsing.configuration.axis_dependence import ColumnRanks, axis_dependences, dependent_axes
 from pinsing.errors import ConfigurationError
+from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian
-from pinsing.kinematics.own_scale import own_scale
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal

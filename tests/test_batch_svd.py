@@ -77,7 +77,7 @@ def test_ordinary_matrices_converge_in_the_kernel(isa: str) -> None:
     # Else the fallback would hide a kernel that never converges.
     for name, A, _ in matrices(6, 7, 200):
         out = np.empty((len(A), 6))
-        unfinished = engine._kernel.svdvals(A, out, isa, 1, engine._MAX_SWEEPS, False)
+        unfinished = engine._kernel.svdvals(A, out, isa, 1, engine.MAX_SWEEPS, False)
         assert unfinished <= (4 if name in ("sparse", "integers", "wild") else 0), name
 
 

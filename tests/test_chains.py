@@ -14,8 +14,8 @@ from pinsing import load
 from pinsing.description.catalog import find_robot
 from pinsing.description.urdf import read_description
 from pinsing.errors import ChainError
-from pinsing.robot.build_model import build_model
-from pinsing.robot.subchains import all_chains, arm_chains, chains_text, long_chain_note
+from pinsing.robot.chains import all_chains, arm_chains, chains_text, long_chain_note
+from pinsing.robot.models import build_model
 
 
 def model_of(robot: str) -> tuple[pin.Model, list[str]]:

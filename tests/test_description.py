@@ -18,8 +18,8 @@ from urdf_texts import LIMIT, joint, robot
 from pinsing.description.catalog import data_folder
 from pinsing.description.urdf import Description, read_description
 from pinsing.errors import PinsingError, RobotFileError, UnknownNameError
-from pinsing.robot import build_model as model_module
-from pinsing.robot.build_model import build_model
+from pinsing.robot import models as model_module
+from pinsing.robot.models import build_model
 
 DATA = data_folder()
 assert DATA is not None
@@ -462,7 +462,7 @@ def test_build_model_is_silent_and_reports_why_it_fails(read, capfd):
 def test_capture_survives_a_process_without_stderr(read):
     code = (
         "import os, sys; from pinsing.description.urdf import read_description as r;"
-        "from pinsing.robot.build_model import build_model as b; os.close(2);"
+        "from pinsing.robot.models import build_model as b; os.close(2);"
         "print(b(r(sys.argv[1])).nv)"
     )
     run = [sys.executable, "-c", code, str(read(robot()).path)]

@@ -7,7 +7,7 @@ import pytest
 
 import pinsing
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.kinematics.damping import METHODS
+from pinsing.kinematics.inverse_velocity import METHODS
 
 DAMPED = [m for m in METHODS if m != "pinv"]
 rng = np.random.default_rng(0)

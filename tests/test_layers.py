@@ -317,7 +317,7 @@ def test_a_command_pulls_in_no_browser_no_processes_no_log_and_no_meshes(words, 
     )
     heavy = (
         "webbrowser subprocess tempfile shutil logging html asyncio yaml http.server matplotlib "
-        "xml.etree pinsing.description.collada pinsing.view pinsing.plot pinsing.report "
+        "xml.etree pinsing.view pinsing.plot pinsing.report "
         "pinsing.loops pinsing.sampling pinsing.sampling pinsing.postures"
     )
     assert answer in said

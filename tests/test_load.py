@@ -18,8 +18,7 @@ from pinsing.errors import (
     UnknownNameError,
 )
 from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians, generic_rank, tip_placement
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import summarize
+from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.load import load
 from pinsing.robot.task import Task, parse_task
 

@@ -20,8 +20,7 @@ from pinsing.families.pieces import PieceMaker
 from pinsing.families.solve import joint_symbols
 from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
-from pinsing.robot.exact_rank import PRIMES
-from pinsing.robot.nominal import nominal
+from pinsing.robot.nominal import PRIMES, nominal
 
 LENGTHS, OFFSETS, TWISTS = (0.2, 0.15, 0.25), (0.1, 0.05), (90, -90)
 

@@ -24,7 +24,6 @@ from tiers import tiered
 
 from pinsing import singular_values
 from pinsing._batch import engine as kernel
-from pinsing._batch import samples
 from pinsing.cli.app import command
 from pinsing.cli.running import Meter, duration, short
 from pinsing.errors import (
@@ -35,7 +34,7 @@ from pinsing.errors import (
     UnknownNameError,
     WorkerError,
 )
-from pinsing.kinematics.evaluator import evaluator, fingerprint, fixed_engine
+from pinsing.kinematics.verdict import evaluator, fingerprint, fixed_engine
 from pinsing.measures import sigma_ratio
 from pinsing.robot.load import load
 from pinsing.robot.source import Coupling
@@ -86,7 +85,7 @@ def test_a_sample_is_the_same_in_any_stretches(sampling: str, dimension: int) ->
     assert not np.array_equal(unit_points(sampling, 0, 3000, dimension, 5), whole)
 
 
-@pytest.mark.skipif(not samples.available(), reason="the compiled kernel is not installed")
+@pytest.mark.skipif(not kernel.available(), reason="the compiled kernel is not installed")
 @given(
     start=st.one_of(st.integers(0, 10**15), st.integers(0, 5000)),
     length=st.integers(0, 300),
@@ -112,21 +111,21 @@ def test_the_kernel_puts_the_same_bits(start: int, length: int, n: int, seed: in
     np.testing.assert_array_equal(found, expected)
 
 
-@pytest.mark.skipif(not samples.available(), reason="the compiled kernel is not installed")
+@pytest.mark.skipif(not kernel.available(), reason="the compiled kernel is not installed")
 def test_the_kernel_refuses_what_is_not_there() -> None:
     k, last = 3, 1 << sample.BITS
     v, words = sample.directions(k), np.zeros(k, dtype=np.uint64)
     columns, ones = np.arange(k), np.ones(k)
     out = np.empty((2, k))
-    samples.put_sobol(out, v, words, last - 2, columns, ones, ones)  # the last two
+    kernel.put_sobol(out, v, words, last - 2, columns, ones, ones)  # the last two
     with pytest.raises(ValueError, match="not as long"):
-        samples.put_sobol(out, v, words, last - 1, columns, ones, ones)
+        kernel.put_sobol(out, v, words, last - 1, columns, ones, ones)
     with pytest.raises(ValueError, match="columns must be in"):
-        samples.put_sobol(out, v, words, 0, columns + 1, ones, ones)
+        kernel.put_sobol(out, v, words, 0, columns + 1, ones, ones)
     with pytest.raises(ValueError, match="must have shape"):
-        samples.put_sobol(out, v, words, 0, columns, ones[:2], ones)
+        kernel.put_sobol(out, v, words, 0, columns, ones[:2], ones)
     with pytest.raises(ValueError, match="directions"):
-        samples.put_sobol(out, v[:, :2].copy(), words, 0, columns, ones, ones)
+        kernel.put_sobol(out, v[:, :2].copy(), words, 0, columns, ones, ones)
 
 
 @pytest.mark.parametrize("sampling", ["sobol", "random"])
@@ -268,7 +267,7 @@ def test_bins_hold_what_their_edges_say() -> None:
     assert (np.diff(inner) / inner[:-1] <= 2 * QUANTILE_ERROR).all()
 
 
-@pytest.mark.skipif(not samples.available(), reason="the compiled kernel is not installed")
+@pytest.mark.skipif(not kernel.available(), reason="the compiled kernel is not installed")
 @given(
     values=st.lists(
         st.one_of(st.floats(0, 4), st.sampled_from([0.0, 1e-9, 1e-2, 2.0**-64, 2.0**32, 1e300])),

@@ -11,8 +11,7 @@ from flint import nmod_mat
 
 import pinsing
 from pinsing.families.modular_rows import ModularRows, joints_that_matter, short_everywhere
-from pinsing.robot.exact_rank import jacobian_modulo
-from pinsing.robot.nominal import nominal
+from pinsing.robot.nominal import jacobian_modulo, nominal
 
 TASKS = [
     ("ur5", "vx,vy,vz,wz"),

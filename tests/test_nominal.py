@@ -22,10 +22,10 @@ from pinsing.kinematics.jacobian import (
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
-from pinsing.robot.joint_axis import axis_rotation, computed_axis, joint_axis
+from pinsing.robot.exact_placements import Deviation
+from pinsing.robot.joints import axis_rotation, computed_axis, joint_axis
 from pinsing.robot.load import load
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
-from pinsing.robot.snap import Deviation
 from pinsing.robot.surd import Surd, cosine, sine
 
 ARMS = [

@@ -15,7 +15,7 @@ from pinsing.cli.app import command
 from pinsing.description.ros_packages import PackageIndex
 from pinsing.description.urdf import read_description
 from pinsing.errors import RobotFileError
-from pinsing.robot.build_model import build_model
+from pinsing.robot.models import build_model
 from pinsing.view.links import read_links
 
 

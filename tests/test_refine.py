@@ -18,9 +18,8 @@ from pinsing.configuration.refine import (
     status_of,
 )
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
-from pinsing.kinematics.batch import batch
+from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.jacobian import generic_rank, singular_values
-from pinsing.kinematics.own_scale import own_scale
 
 ARMS = {
     "stanford": lambda: arms.textbook("stanford"),

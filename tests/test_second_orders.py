@@ -11,8 +11,7 @@ from pinsing._batch import engine
 from pinsing._batch import second_orders as kernel
 from pinsing.configuration import second_order as module
 from pinsing.configuration.second_order import clear_kinds, second_order
-from pinsing.kinematics.batch import batch
-from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, task_size
 from pinsing.robot.nominal import nominal
 

@@ -16,9 +16,9 @@ from tiers import tiered
 import pinsing
 from pinsing.cli.app import command as app
 from pinsing.errors import OptionError
+from pinsing.kinematics.batch import tip_rotations, turn_left
 from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.jacobian import task_jacobians_and_derivatives, tip_placement
-from pinsing.kinematics.task_rows import tip_rotations, turn_left
 from pinsing.proof.checker import Rejected, verify
 from pinsing.robot.task import parse_task
 from pinsing.view.engine_data import engine_data

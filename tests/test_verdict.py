@@ -14,10 +14,9 @@ mpl.use("Agg")
 from pinsing import at, closed_form, generic_rank, plot, refine, sweep
 from pinsing.configuration.refine import describe
 from pinsing.families.paths import into
+from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.engine import PINOCCHIO
-from pinsing.kinematics.evaluator import evaluator
-from pinsing.kinematics.own_scale import own_scale
-from pinsing.kinematics.verdict import measure, own_shares, ratios, status_of
+from pinsing.kinematics.verdict import evaluator, measure, own_shares, ratios, status_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling import plan_map, sigma_map

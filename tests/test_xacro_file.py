@@ -14,9 +14,9 @@ from xacro import replace_node
 
 from pinsing.description.urdf import Description, read_description
 from pinsing.description.xacro import expand_xacro
-from pinsing.description.xacro_tree import replaces
+from pinsing.description.xacro_document import replaces
 from pinsing.errors import RobotFileError
-from pinsing.robot.build_model import build_model
+from pinsing.robot.models import build_model
 
 XACRO = '<robot name="r" xmlns:xacro="http://www.ros.org/wiki/xacro">\n{}\n</robot>\n'
 ARM = "".join(f'<link name="{link}"/>' for link in "abc") + joint("j1", "a", "b") + joint()

@@ -217,7 +217,7 @@ class Ask:
 def main(plain: bool) -> None:
     import xacro
 
-    from pinsing.description.xacro_places import Places
+    from pinsing.description.xacro_document import Places
     from pinsing.description.xacro_rules import Arguments, Rules
 
     ask: Any = Ask(lambda: {})

@@ -23,7 +23,7 @@ from peers import missing, peers
 
 from pinsing._batch import engine
 from pinsing._batch.chain import FlatChain
-from pinsing.kinematics.evaluator import evaluator
+from pinsing.kinematics.verdict import evaluator
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten
 from pinsing.robot.load import load

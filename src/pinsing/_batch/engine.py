@@ -14,7 +14,7 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -43,7 +43,7 @@ Floats = NDArray[np.float64]
 
 # dqds takes some 6 transformations for a value and 35 in the worst clusters seen; a matrix that
 # needs more goes to LAPACK.
-_MAX_SWEEPS = 64
+MAX_SWEEPS = 64
 
 
 def available() -> bool:
@@ -192,7 +192,7 @@ def singular_values(
         out[:] = np.linalg.svd(J, compute_uv=False)
         return out
     unfinished = _kernel.singular_values(
-        chain.R, chain.t, chain.prismatic, rows, scale, Q, out, isa, threads, _MAX_SWEEPS
+        chain.R, chain.t, chain.prismatic, rows, scale, Q, out, isa, threads, MAX_SWEEPS
     )
     if unfinished:
         left = np.isnan(out[:, 0])
@@ -206,7 +206,7 @@ def svdvals(
     *,
     threads: int | None = None,
     isa: str | None = None,
-    max_sweeps: int = _MAX_SWEEPS,
+    max_sweeps: int = MAX_SWEEPS,
     by_roots: bool = True,
 ) -> Floats:
     """Singular values of many small matrices.
@@ -333,3 +333,73 @@ def condition_set(conditions: FlatConditions) -> Any | None:
     if len(arrays[1]) > _kernel.MAX_CONDITION_JOINTS:
         return None
     return _kernel.ConditionSet(conditions.families, *arrays, conditions.norm == "max")
+
+
+Counts = NDArray[np.int64]
+Words = NDArray[np.uint64]
+
+
+class ValueCounts(NamedTuple):
+    """How values are distributed.
+
+    Attributes
+    ----------
+    low, high : int
+        How many are at most the lower, and the higher tolerance.
+    least, greatest : int
+        Where the first least, and the first greatest value are; -1 where there is no number.
+    """
+
+    low: int
+    high: int
+    least: int
+    greatest: int
+
+
+def put_sobol(
+    out: Floats,
+    directions: Words,
+    words: Words,
+    start: int,
+    columns: Counts,
+    low: Floats,
+    width: Floats,
+) -> None:
+    """Put points ``start``, ``start`` + 1, ... of a Sobol sequence into rows of ``out`` (N, n).
+
+    Parameters
+    ----------
+    out : (N, n) ndarray
+        C-contiguous; column ``columns[j]`` gets ``low[j]`` plus ``width[j]`` times coordinate j.
+    directions : (bits, k) ndarray
+        Direction numbers of ``bits`` digits.
+    words : (k,) ndarray
+        Digits of point 0, as those of floats from 1 to 2.
+    start : int
+        Number of the first point.
+    columns, low, width : (k,) ndarray
+        As above.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit, or points behind the end of the sequence.
+    """
+    module().sobol_points(directions, words, start, columns, low, width, out)
+
+
+def count_values(
+    values: Floats, shift: int, first: int, bins: Counts, tolerances: tuple[float, float]
+) -> ValueCounts:
+    """Add ``values`` (N,), of any stride, to their ``bins`` (B,), and say what their extremes are.
+
+    The number of a bin is the float's bits without the last ``shift``, less ``first``; what is
+    below or above all bins goes to the first or the last.
+
+    Raises
+    ------
+    ValueError
+        For shapes that do not fit.
+    """
+    low, high = tolerances
+    return ValueCounts(*module().count_values(values, shift, first, bins, low, high))

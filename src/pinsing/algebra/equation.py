@@ -22,7 +22,7 @@ from pinsing._types import Array
 from pinsing.algebra.equation_text import LATEX, PLAIN, Style, exact_sum, signed_sum
 from pinsing.algebra.fourier import fourier
 from pinsing.algebra.ring import Poly, Ring
-from pinsing.robot.memory import Memory
+from pinsing.robot.source import Memory
 from pinsing.robot.surd import Exact, Surd, exact_of, exact_text, parts_of
 
 _NOTHING = 1e-15

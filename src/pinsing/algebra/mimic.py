@@ -16,11 +16,9 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.robot.exact_rank import Motion, Vector, jacobian_at, jacobian_modulo, turned
-from pinsing.robot.nominal import Nominal
-from pinsing.robot.residue import residue
-from pinsing.robot.snap import Snap
-from pinsing.robot.surd import Exact, cosine, sine
+from pinsing.robot.exact_placements import Snap
+from pinsing.robot.nominal import Motion, Nominal, Vector, jacobian_at, jacobian_modulo, turned
+from pinsing.robot.surd import Exact, cosine, residue, sine
 from pinsing.robot.task import Task
 
 _FIFTEEN = math.pi / 12

@@ -10,8 +10,8 @@ from flint import Ordering, fmpz_mod_mpoly_ctx, nmod_mpoly_ctx
 
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.terms import terms_of
-from pinsing.robot.exact_rank import PRIMES
-from pinsing.robot.residue import residue, root_modulo
+from pinsing.robot.nominal import PRIMES
+from pinsing.robot.surd import residue, root_modulo
 
 WORD_PRIME, SECOND_PRIME = PRIMES
 """What random points modulo the first say is asked again modulo the second."""

@@ -45,7 +45,7 @@ def _at_hand(robot: str) -> Path | None:
     Every command of an arm asks for it, and no other package has loop files: so names are not
     looked up in all of them, which takes 20 ms.
     """
-    from pinsing.description.own_folder import urdf_folder
+    from pinsing.description.catalog import urdf_folder
 
     if robot.lstrip().startswith("<"):
         return None

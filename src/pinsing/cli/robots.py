@@ -55,8 +55,8 @@ def _show_chains(request: RobotRequest) -> None:
     """List the chains that could be the arm, with the command for each."""
     from pinsing.description.catalog import CatalogEntry, locate_robot
     from pinsing.description.urdf import read_description
-    from pinsing.robot.build_model import build_model
-    from pinsing.robot.subchains import arm_chains, chains_text
+    from pinsing.robot.chains import arm_chains, chains_text
+    from pinsing.robot.models import build_model
 
     found = locate_robot(request.robot)
     path = found.path if isinstance(found, CatalogEntry) else found

@@ -29,13 +29,12 @@ from pinsing.configuration.state import (
     State,
     VelocityEllipsoid,
 )
+from pinsing.kinematics.batch import in_base, own_scale, random_turns
 from pinsing.kinematics.jacobian import (
     frame_jacobians,
     scale_rows,
     tip_and_jacobian,
 )
-from pinsing.kinematics.own_scale import own_scale, random_turns
-from pinsing.kinematics.task_rows import in_base
 from pinsing.kinematics.verdict import (
     NEAR_RTOL,
     SINGULAR_RTOL,
@@ -49,8 +48,7 @@ from pinsing.kinematics.verdict import (
     status_of,
 )
 from pinsing.prose import listed
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import summarize
+from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.nominal import nominal
 
 _SEED = 77041

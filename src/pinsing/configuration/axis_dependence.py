@@ -27,9 +27,9 @@ from pinsing.configuration.line_geometry import (
     pose_reason,
     position_reason,
 )
+from pinsing.kinematics.batch import own_scale, random_turns
 from pinsing.kinematics.jacobian import frame_jacobian, frame_jacobians
 from pinsing.kinematics.jacobian import tip_placement as placement_of
-from pinsing.kinematics.own_scale import own_scale, random_turns
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, zero_of
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal

@@ -27,10 +27,9 @@ import numpy.typing as npt
 
 from pinsing._batch import walks
 from pinsing._types import Array, Bool
-from pinsing.kinematics.batch import batch
+from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
-from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, generic_rank, measure, ratio_of, task_size
 from pinsing.robot.arm import Arm
 
@@ -188,7 +187,7 @@ def _in_numpy(
 def constraint_gradient(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
     """Equations U0^T dJ V0 of the rank drop, linear in dq / columns: (N, K, n), and sigma (N, r).
 
-    J and dq at the arm's own scale (`pinsing.kinematics.own_scale`), free of units.
+    J and dq at the arm's own scale (`pinsing.kinematics.batch`), free of units.
     K = (m-r+1)(n-r+1); the first row is the gradient of sigma_r where that is simple:
     d sigma_r / d q_j = u_r^T (dJ/dq_j) v_r.
     """

@@ -20,7 +20,7 @@ import numpy.typing as npt
 from pinsing._batch import second_orders
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
-from pinsing.kinematics.batch import batch
+from pinsing.kinematics.batch import batch, own_scale, task_rows, turn_left
 from pinsing.kinematics.engine import PINOCCHIO
 from pinsing.kinematics.jacobian import (
     frame_jacobian,
@@ -30,8 +30,6 @@ from pinsing.kinematics.jacobian import (
     singular_values,
     tip_poses,
 )
-from pinsing.kinematics.own_scale import own_scale
-from pinsing.kinematics.task_rows import task_rows, turn_left
 from pinsing.kinematics.verdict import (
     SINGULAR_RTOL,
     generic_rank,
@@ -88,7 +86,7 @@ def _told_compiled(arm: Arm, Q: Array) -> Array | None:
 
 
 def _told(arm: Arm, Q: Array) -> Array:
-    """What `pinsing._batch.second_orders` tells of Q (N, n), all rows being reached in general."""
+    """What `pinsing._batch.walks` tells of Q (N, n), all rows being reached in general."""
     J, H = own_jacobians_and_derivatives(arm, Q)
     U, sigma, Vt = np.linalg.svd(J)
     B = np.einsum("kr,krij->kij", U[:, :, -1], H)

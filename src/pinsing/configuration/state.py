@@ -13,7 +13,7 @@ from pinsing._types import Array
 from pinsing.configuration.axis_dependence import AxisDependence
 from pinsing.configuration.lost_motion import LostMotion, axis_name, vector
 from pinsing.prose import PLAIN, Page, Span, measured, unbroken, verdict
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import ArmSummary
 from pinsing.robot.task import parse_task
 from pinsing.serialization import JsonResult
 
@@ -94,7 +94,7 @@ class State(JsonResult):
         Here, and at almost every configuration.
     sigma_ratio : float
         sigma_r / sigma_1 with r the generic rank, at the arm's own scale
-        (`pinsing.kinematics.own_scale`): that of ``sigma`` for a length scale as long as the arm.
+        (`pinsing.kinematics.batch`): that of ``sigma`` for a length scale as long as the arm.
     rtol, near_rtol : float
         The ratio at or below which the configuration is singular, or near-singular.
     status : str

@@ -26,9 +26,20 @@ from xml.etree.ElementTree import Element, SubElement, tostring
 import yaml
 
 from pinsing.atomic_write import why, write_text
-from pinsing.description.dh_table import BASE, FLANGE, TIP, DHRow, DHTable, read_dh
-from pinsing.description.own_folder import urdf_folder
-from pinsing.description.placement import Placement, Vector, cos_sin, pointing, screw
+from pinsing.description.catalog import urdf_folder
+from pinsing.description.dh_table import (
+    BASE,
+    FLANGE,
+    TIP,
+    DHRow,
+    DHTable,
+    Placement,
+    Vector,
+    cos_sin,
+    pointing,
+    read_dh,
+    screw,
+)
 from pinsing.description.xacro import expand_xacro
 from pinsing.errors import OutputError
 

@@ -60,8 +60,7 @@ def expand(parent: Parent) -> dict[str, Any]:
     except ImportError as error:
         return {"problem": f"xacro cannot be imported ({error}): pip install xacro"}
     from pinsing.description import child_jail
-    from pinsing.description.xacro_places import Places
-    from pinsing.description.xacro_problem import explain
+    from pinsing.description.xacro_document import Places, explain
     from pinsing.description.xacro_rules import Arguments, Rules
     from pinsing.description.xacro_values import Refused
 

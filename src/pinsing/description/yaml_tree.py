@@ -13,12 +13,35 @@ import re
 from collections.abc import Iterable
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import yaml
 
 from pinsing._dataclass import dataclass
-from pinsing.description.yaml_depth import Loader, NestedError
 from pinsing.errors import RobotFileError
+
+DEEPEST = 50
+
+
+class NestedError(yaml.MarkedYAMLError):
+    """Lists or keys within each other, more than any table needs."""
+
+
+class Loader(yaml.SafeLoader):
+    """Refuses what is nested more than `DEEPEST` levels, as soon as it gets there."""
+
+    _level = 0
+
+    def compose_node(self, parent: Any, index: Any) -> Any:
+        """Compose one value."""
+        self._level += 1
+        if self._level > DEEPEST:
+            mark = self.peek_event().start_mark  # type: ignore[no-untyped-call]
+            raise NestedError(problem="nested too deeply", problem_mark=mark)
+        node = super().compose_node(parent, index)
+        self._level -= 1
+        return node
+
 
 MAX_BYTES = 64 * 1024
 """The YAML reader takes up to 3 s for this much, and no table comes near it."""

@@ -8,7 +8,7 @@ from pinsing.algebra.second_prime import RandomSteps
 from pinsing.families.proof import Proof
 from pinsing.families.slice_count import SliceCount
 from pinsing.prose import PLAIN, Page, caution, good, unbroken
-from pinsing.robot.snap import Deviation
+from pinsing.robot.exact_placements import Deviation
 
 
 class Answer(Protocol):

@@ -11,7 +11,7 @@ from pinsing._types import Bool
 from pinsing.algebra.near_minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Value
 from pinsing.families.met_points import MetPoints
-from pinsing.robot.exact_rank import PRIMES
+from pinsing.robot.nominal import PRIMES
 
 Columns = Sequence[Sequence[int]]
 

@@ -27,7 +27,7 @@ from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain
 from pinsing.robot.exact_placements import Leeway, Length3, exact_placements
-from pinsing.robot.joint_axis import axis_rotation
+from pinsing.robot.joints import axis_rotation
 from pinsing.robot.load import load
 from pinsing.robot.nominal import Nominal, nominal
 

@@ -25,9 +25,9 @@ from pinsing.families.system_text import SystemHead, system_text
 from pinsing.joint_text import typed
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, caution, formula, good, measured, unbroken, visible
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import ArmSummary
+from pinsing.robot.exact_placements import Deviation
 from pinsing.robot.nominal import Nominal
-from pinsing.robot.snap import Deviation
 from pinsing.serialization import JsonResult
 
 

@@ -35,8 +35,7 @@ from pinsing.families.met_points import MetPoints, PrimePoints, RealPoints
 from pinsing.families.modular_points import ModularPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.progress import Progress
-from pinsing.robot.exact_rank import PRIMES
-from pinsing.robot.nominal import Nominal
+from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.task import Task
 
 _SEED = 5

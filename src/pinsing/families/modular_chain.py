@@ -20,8 +20,7 @@ from flint import nmod_mat
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.robot.nominal import Nominal
-from pinsing.robot.residue import residue
-from pinsing.robot.surd import parts_of
+from pinsing.robot.surd import parts_of, residue
 
 _CHECKED = 4_000
 """Singular points of one slice that are held against the families."""

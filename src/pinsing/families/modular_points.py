@@ -22,8 +22,7 @@ from pinsing.algebra.generic_points import Powers, Residues
 from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.families.modular_chain import value_modulo
-from pinsing.robot.exact_rank import PRIMES
-from pinsing.robot.nominal import Nominal
+from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.task import Task
 
 _TRIES = 4

@@ -24,9 +24,8 @@ from pinsing.families.modular_chain import (
     Pairs,
     short,
 )
-from pinsing.robot.exact_rank import PRIMES, jacobian_modulo
-from pinsing.robot.nominal import Nominal
-from pinsing.robot.residue import residue
+from pinsing.robot.nominal import PRIMES, Nominal, jacobian_modulo
+from pinsing.robot.surd import residue
 from pinsing.robot.task import Task
 
 _CHUNK = 100_000

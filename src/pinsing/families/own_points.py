@@ -10,8 +10,8 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
+from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
-from pinsing.kinematics.own_scale import own_scale
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 

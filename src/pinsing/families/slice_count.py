@@ -25,7 +25,7 @@ from pinsing.families.modular_chain import Ints, ModularChain, ModularSet
 from pinsing.families.modular_rows import ModularRows, joints_that_matter, short_everywhere
 from pinsing.proof.skeleton import roots_in
 from pinsing.robot.nominal import Nominal
-from pinsing.robot.residue import root_modulo
+from pinsing.robot.surd import root_modulo
 from pinsing.robot.task import Task
 
 FIELDS = (7, 11, 13, 17, 19, 23, 29, 31, 37, 41, 43, 47)

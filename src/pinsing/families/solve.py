@@ -27,10 +27,9 @@ from pinsing.families.searched import MAX_JOINTS, Allowed, Searched, searched
 from pinsing.families.slice_count import SliceCount, count_on_slices
 from pinsing.families.statement import mirror_key
 from pinsing.kinematics.jacobian import generic_rank
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import summarize
+from pinsing.robot.arm import Arm, summarize
+from pinsing.robot.exact_placements import Deviation, Snap
 from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
-from pinsing.robot.snap import Deviation, Snap
 
 if TYPE_CHECKING:
     from pinsing.families.design_form import DesignForm

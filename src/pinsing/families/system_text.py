@@ -10,7 +10,7 @@ from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.family import Family
 from pinsing.families.system import FamilySystem, Systems, Terms, systems
 from pinsing.prose import visible
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import ArmSummary
 from pinsing.robot.nominal import Nominal
 
 SUFFIXES = {

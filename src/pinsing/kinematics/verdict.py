@@ -1,48 +1,37 @@
 """Singular, near-singular or regular: the one place that decides it, for everything that asks.
 
 The measure is sigma_r / sigma_1 of the task Jacobian at the arm's own scale
-(`pinsing.kinematics.own_scale`), with r the generic rank. The length scale changes sigma, and
+(`pinsing.kinematics.batch`), with r the generic rank. The length scale changes sigma, and
 not the verdict. Where all of the task can vanish, sigma_1 counts as no smaller than it commonly is.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import NamedTuple
+import hashlib
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+import pinocchio as pin
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
+from pinsing._version import __version__
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
-from pinsing.kinematics.batch import Batch, batch
+from pinsing.kinematics.batch import Batch, batch, own_scale, random_turns
 from pinsing.kinematics.engine import PINOCCHIO
-from pinsing.kinematics.own_scale import own_scale, random_turns
-from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL, Status, sigma_ratio, status_of
+from pinsing.kinematics.engine import fixed_engine as fixed_engine
+from pinsing.measures import NEAR_RTOL as NEAR_RTOL
+from pinsing.measures import SINGULAR_RTOL as SINGULAR_RTOL
+from pinsing.measures import Status as Status
+from pinsing.measures import sigma_ratio
+from pinsing.measures import status_of as status_of
 from pinsing.robot.arm import Arm
-from pinsing.robot.exact_rank import exact_generic_rank
-from pinsing.robot.nominal import nominal
-
-__all__ = [
-    "NEAR_RTOL",
-    "SINGULAR_RTOL",
-    "Measured",
-    "Status",
-    "basis",
-    "check_tolerances",
-    "generic_rank",
-    "measure",
-    "measured",
-    "own_shares",
-    "rank_of",
-    "ratio_of",
-    "ratios",
-    "scale_notes",
-    "status_of",
-    "task_size",
-    "zero_of",
-]
+from pinsing.robot.chain import flatten
+from pinsing.robot.nominal import exact_generic_rank, nominal
 
 _RANK_SAMPLES = 6
 _SURE_RTOL = 1e-6
@@ -68,7 +57,7 @@ class Measured(NamedTuple):
 def generic_rank(arm: Arm) -> int:
     """Rank of the task Jacobian at almost every configuration.
 
-    Taken on the nominal geometry, exactly (`pinsing.robot.exact_rank`): no tolerance, no
+    Taken on the nominal geometry, exactly (`pinsing.robot.nominal`): no tolerance, no
     length scale. On the raw geometry a rounded angle could pretend a motion of relative size
     1e-6. Where it is not full, with mimic joints it is the greatest rank of random configurations
     at the own scale.
@@ -225,3 +214,101 @@ def _task_size(arm: Arm) -> float:
         return 0.0
     found = batch(arm, PINOCCHIO).own_sigma(random_turns(arm, _SIZE_SAMPLES))
     return float(np.median(found[:, 0]))
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluator:
+    """Singular values of the task Jacobian of one arm on one engine.
+
+    Attributes
+    ----------
+    arm : Arm
+        Without what is only needed to draw it.
+    rank : int
+        Its generic rank r.
+    engine : str
+        ``pinocchio``, or the instruction set of the compiled kernel.
+    """
+
+    arm: Arm
+    rank: int
+    engine: str
+
+    def sigma(self, Q: Array) -> Array:
+        """Singular values (N, r) at Q (N, n), largest first, on the calling thread alone.
+
+        Raises
+        ------
+        EngineError
+            If this machine cannot run the engine.
+        """
+        return np.asarray(Batch(self.arm, self.engine, 1).sigma(Q)[:, : self.rank])
+
+    def measure(self, Q: Array) -> Measured:
+        """Singular values, as `sigma`, and what is singular is judged by."""
+        return measured(Batch(self.arm, self.engine, 1), Q)
+
+    def last_and_ratio(self, Q: Array) -> tuple[Array, Array]:
+        """Return sigma_r (N,) of configurations Q (N, n), and the ratio (N,) of verdicts."""
+        found = self.measure(Q)
+        return found.sigma[:, -1], found.ratio
+
+
+def evaluator(arm: Arm, engine: str = "auto") -> Evaluator:
+    """Fix the engine for ``arm``.
+
+    Parameters
+    ----------
+    engine : str
+        As in `fixed_engine`, which says what is raised, too.
+    """
+    return Evaluator(_lean(arm), generic_rank(arm), fixed_engine(arm, engine))
+
+
+def fingerprint(arm: Arm) -> str:
+    """SHA-256 of every number of the arm that its singular values depend on."""
+    chain = flatten(arm)
+    parts = [chain.R, chain.t, chain.prismatic, np.array(arm.task.rows), arm.length_scale]
+    if arm.task.at_tip:
+        parts.append(np.array(arm.task.at_tip))
+    if arm.coupling is not None:
+        parts += [arm.coupling.matrix, arm.coupling.offset]
+    digest = hashlib.sha256()
+    for part in parts:
+        array = np.ascontiguousarray(part, dtype=np.float64)
+        digest.update(f"{array.shape};".encode() + array.tobytes())
+    return digest.hexdigest()
+
+
+def run_identity(kind: str, evaluator: Evaluator) -> dict[str, Any]:
+    """What a folder records of how a run computes, as plain JSON values."""
+    return {
+        "kind": kind,
+        "pinsing": __version__,
+        "engine": evaluator.engine,
+        "robot": fingerprint(evaluator.arm),
+        "rank": evaluator.rank,
+    }
+
+
+def recorded_engine(known: Mapping[str, Any] | None, asked: str) -> str:
+    """Engine to go on with: that of the run on disk, unless another is asked for by name."""
+    if known is None or asked not in ("auto", "batch"):
+        return asked
+    engine = str(known.get("engine", asked))
+    return asked if asked == "batch" and engine == PINOCCHIO else engine
+
+
+def _lean(arm: Arm) -> Arm:
+    source = replace(
+        arm.source,
+        path=None,
+        shapes=None,
+        full_model=arm.model,
+        locked=(),
+        reference=pin.neutral(arm.model),
+        base="universe",
+    )
+    lean = replace(arm, source=source, notes=())
+    lean.known.update(basis(arm))
+    return lean

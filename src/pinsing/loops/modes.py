@@ -25,7 +25,7 @@ from pinsing.loops.closure import (
     random_closed,
     ranks,
 )
-from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
 STRAIGHT = 1e-9

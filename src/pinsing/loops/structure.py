@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
 _SMALL = 1e-9

@@ -27,8 +27,7 @@ from pinsing.plot.style import (
     unit,
     value_label,
 )
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.sampling.finding import Finding, JointCondition
 from pinsing.sampling.sweep_run import SweepCurve, SweepResult
 

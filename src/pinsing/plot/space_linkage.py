@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.loops.legs import plane_axes
-from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.joints import joint_axis
 from pinsing.robot.mechanism import Mechanism
 
 _LINK, _DRIVEN, _NODE, _OUTPUT = "#8a9ba8", "#41719c", "#37424d", "#cc333d"

@@ -25,7 +25,7 @@ from pinsing.postures.partition import Part
 from pinsing.postures.pieces import Piece
 from pinsing.proximity.clearance import quick
 from pinsing.proximity.watched import Forms, watch
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import ArmSummary
 from pinsing.serialization import JsonResult
 
 SECONDS = 30.0

@@ -28,8 +28,7 @@ from pinsing.postures.ladder import posture_names
 from pinsing.postures.newton import columns
 from pinsing.postures.whole_turns import Copies, whole_turns
 from pinsing.proximity.watched import require_forms_of
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal
 from pinsing.serialization import JsonResult
 

@@ -28,7 +28,7 @@ from pinsing.postures.grounds import (
 from pinsing.postures.joint_map import Map
 from pinsing.postures.way_clearance import beside, least, lowest, raised, shortened
 from pinsing.proximity.watched import Forms
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import ArmSummary
 from pinsing.serialization import JsonResult
 
 SECONDS = 5.0

@@ -13,8 +13,8 @@ from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
 from pinsing.joint_text import typed
+from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.kinematics.task_rows import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.postures.aspects import Aspects, aspects
 from pinsing.postures.connection import SAME, Connection, connect
@@ -23,8 +23,7 @@ from pinsing.postures.inverse import inverse
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.newton import one_sheet, regular_way
 from pinsing.proximity.watched import require_forms_of
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.robot.nominal import nominal
 from pinsing.serialization import JsonResult
 

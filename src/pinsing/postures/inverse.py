@@ -11,7 +11,7 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.kinematics.pose import read_pose
+from pinsing.kinematics.jacobian import read_pose
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.postures.exact_chain import turns
 from pinsing.postures.inverse_solutions import (
@@ -23,8 +23,7 @@ from pinsing.postures.inverse_solutions import (
 from pinsing.postures.ladder import ladder_of
 from pinsing.postures.newton import Solver, Stalled
 from pinsing.postures.stepwise import steps_of
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import summarize
+from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.nominal import nominal
 
 _WIDE = 4

@@ -15,8 +15,7 @@ from pinsing.arguments import checked
 from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.postures.newton import POSE, Solver, radii
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import Arm, ArmSummary
 from pinsing.serialization import JsonResult
 
 

@@ -50,8 +50,7 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.postures.exact_chain import ExactChain
 from pinsing.postures.three_joints import SolutionStage, ways_of
-from pinsing.robot.exact_rank import exact_generic_rank
-from pinsing.robot.nominal import Nominal
+from pinsing.robot.nominal import Nominal, exact_generic_rank
 
 
 @dataclass(frozen=True, eq=False)

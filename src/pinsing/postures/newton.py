@@ -32,7 +32,7 @@ from pinsing._batch.chain import FlatChain
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.errors import OptionError
-from pinsing.kinematics.task_rows import picked, turn_left
+from pinsing.kinematics.batch import picked, turn_left
 from pinsing.kinematics.verdict import generic_rank
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import flatten

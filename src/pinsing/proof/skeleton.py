@@ -9,8 +9,8 @@ from typing import Any
 from pinsing.algebra.mimic import Drive, drives
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.proof.checker import SCHEMA
+from pinsing.robot.exact_placements import Deviation
 from pinsing.robot.nominal import Nominal
-from pinsing.robot.snap import Deviation
 from pinsing.robot.surd import SQUARES, Exact, parts_of
 
 _ROOTS = ("", "s2", "s3", "s2s3")

@@ -18,7 +18,7 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family, closed_form
-from pinsing.kinematics.evaluator import fingerprint
+from pinsing.kinematics.verdict import fingerprint
 from pinsing.prose import visible
 from pinsing.proximity.watched import Forms, every_name, require_forms_of, watch
 from pinsing.robot.arm import Arm

@@ -14,7 +14,7 @@ from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
 from pinsing.families.solve import form_to_measure
-from pinsing.kinematics.pose import read_pose
+from pinsing.kinematics.jacobian import read_pose
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.proximity.crossings import Crossing
 from pinsing.proximity.line_tracking import Line, Tracked, landing, span, track
@@ -22,8 +22,7 @@ from pinsing.proximity.passage import Approach, NearStretch, Passage
 from pinsing.proximity.speeds import limits_of
 from pinsing.proximity.trajectory import NEAR
 from pinsing.proximity.watched import Forms, Watched, metric_note, require_forms_of, watch
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
 SPEED = 0.25

@@ -9,8 +9,8 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Branch
+from pinsing.kinematics.batch import task_rows, turn_left
 from pinsing.kinematics.jacobian import frame_jacobian
-from pinsing.kinematics.task_rows import task_rows, turn_left
 from pinsing.robot.arm import Arm
 
 _LONGEST, _FIRST, _SHORTEST = 0.02, 1e-3, 1e-10

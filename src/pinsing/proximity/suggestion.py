@@ -21,8 +21,7 @@ from pinsing.measures import NEAR_RTOL
 from pinsing.proximity.clearance import certified
 from pinsing.proximity.empty_ball import Room, clearest
 from pinsing.proximity.watched import Forms, Watched, require_forms_of, watch
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
 REACH = 0.5

@@ -20,8 +20,7 @@ from pinsing.proximity.motion import check_reach, check_times
 from pinsing.proximity.passage import Approach, NearStretch, Passage
 from pinsing.proximity.speeds import Excess, Speeds
 from pinsing.proximity.watched import Forms, metric_note, watch
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.serialization import JsonResult
 
 NEAR = np.radians(5.0)

@@ -16,8 +16,7 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.arguments import columns_of, real_numbers
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families import ClosedForm, Family
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import summarize
+from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.joint_space import JointSpace, require_values
 
 Forms: TypeAlias = ClosedForm | Sequence[ClosedForm]

@@ -32,8 +32,7 @@ from pinsing.report.document import (
     text,
 )
 from pinsing.report.pictures import quiet_backend
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import Arm, ArmSummary
 
 
 def special(c: Content) -> Section:

@@ -18,11 +18,10 @@ from pinsing.kinematics.jacobian import generic_rank
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.prose import PLAIN, Page, Table
 from pinsing.proximity.suggestion import suggest
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.arm import Arm, ArmSummary, summarize
+from pinsing.robot.exact_placements import Snap
 from pinsing.robot.nominal import nominal
 from pinsing.robot.second_reader import SecondReading
-from pinsing.robot.snap import Snap
 from pinsing.serialization import JsonResult
 
 _SECONDS = 2.0

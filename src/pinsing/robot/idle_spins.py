@@ -14,11 +14,11 @@ import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import model_q
+from pinsing.robot.joints import joint_axis
 from pinsing.robot.loop_joints import without_joint
 from pinsing.robot.mechanism import Mechanism
-from pinsing.robot.tip import frame_index
 
 _SMALL = 1e-9
 _ACROSS = 1e-6

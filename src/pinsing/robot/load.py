@@ -15,15 +15,19 @@ from pinsing._dataclass import dataclass
 from pinsing.arguments import checked
 from pinsing.errors import ChainError, JointError, UnknownNameError
 from pinsing.robot.arm import Arm
-from pinsing.robot.backward import Way, turned_round, way_between
-from pinsing.robot.chain_limits import chain_limits, locked_at
+from pinsing.robot.chains import (
+    candidates,
+    choose_chain,
+    choose_tip,
+    frame_index,
+    joint_path,
+    long_chain_note,
+)
 from pinsing.robot.given import HasModel, given_file, given_model
-from pinsing.robot.mimic import Follow, couple, coupled_limits, leader_of
-from pinsing.robot.reduced_model import lock_joints, reroot
+from pinsing.robot.joints import Follow, chain_limits, couple, coupled_limits, leader_of, locked_at
+from pinsing.robot.models import Way, lock_joints, reroot, turned_round, way_between
 from pinsing.robot.source import Source
-from pinsing.robot.subchains import long_chain_note
 from pinsing.robot.task import Task, parse_task
-from pinsing.robot.tip import candidates, choose_chain, choose_tip, frame_index, joint_path
 
 if TYPE_CHECKING:
     from pinsing.description.urdf import Description
@@ -166,7 +170,7 @@ def _read(
     model = given_model(robot)
     if model is not None:
         return _Whole(model, model.name or "model", "pin.Model", {})
-    from pinsing.robot.build_model import build_model
+    from pinsing.robot.models import build_model
     from pinsing.robot.mujoco import given_mujoco
 
     mujoco = given_mujoco(robot)

@@ -20,17 +20,17 @@ import pinocchio as pin
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked
-from pinsing.description.urdf_joints import NO_LIMITS
+from pinsing.description.urdf_elements import NO_LIMITS
 from pinsing.description.yaml_tree import YamlNode, compose, suggestion
 from pinsing.errors import JointError, OptionError, PinsingError
+from pinsing.robot.chains import frame_index
 from pinsing.robot.given import HasModel, given_file, given_model
 from pinsing.robot.idle_spins import without_idle_spins
-from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.joints import joint_axis
 from pinsing.robot.loop_joints import replaced_joints
 from pinsing.robot.mechanism import LOOP_KINDS, Loop, Mechanism
 from pinsing.robot.source import Source
 from pinsing.robot.task import ROW_NAMES, Task, parse_task
-from pinsing.robot.tip import frame_index
 
 __all__ = ["LOOP_KINDS", "Loop", "Mechanism", "load_mechanism"]
 
@@ -167,7 +167,7 @@ def _tree(robot: Any, packages: Mapping[str, str | Path] | None) -> _Described:
         label, path, shapes, name = "pin.Model", None, None, model.name or "mechanism"
         notes: tuple[str, ...] = ()
     else:
-        from pinsing.robot.build_model import build_model
+        from pinsing.robot.models import build_model
 
         given = given_file(robot, packages)
         description = given.description

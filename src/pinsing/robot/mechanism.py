@@ -15,11 +15,10 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.arguments import checked, columns_of, real_numbers
 from pinsing.notebook import one_line
+from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import JointSpace, model_q, require_scale, require_values
-from pinsing.robot.memory import Memory
-from pinsing.robot.source import Source
+from pinsing.robot.source import Memory, Source
 from pinsing.robot.task import Task
-from pinsing.robot.tip import frame_index
 
 LOOP_KINDS = {"planar": 2, "3d": 3, "6d": 6}
 """Kinds of closure and how many equations each has."""

@@ -1,8 +1,11 @@
-"""What an arm was taken from: its file, the whole model, and what follows inside the chain."""
+"""Where a robot comes from, and what follows from the fields of a frozen object."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import field
 from pathlib import Path
+from typing import Any, TypeVar, cast
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +13,41 @@ import pinocchio as pin
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.description.urdf_meshes import Shapes
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True, eq=False)
+class Memory:
+    """Mixin of frozen dataclasses: one place for what other modules have computed of them.
+
+    Attributes
+    ----------
+    known : dict
+        By name; no part of what `dataclasses.replace` copies.
+    """
+
+    known: dict[str, Any] = field(
+        default_factory=dict, init=False, repr=False, metadata={"json": False}
+    )
+
+    def __getstate__(self) -> dict[str, Any]:
+        # What was computed may hold functions, and is computed again where it is wanted.
+        return {**self.__dict__, "known": {}}
+
+    def once(self, name: str, compute: Callable[[], T]) -> T:
+        """Compute what depends on the fields alone the first time; later take it from `known`.
+
+        Parameters
+        ----------
+        name : str
+            What it is kept under.
+        compute : callable
+            Called without arguments, the first time.
+        """
+        if name not in self.known:
+            self.known[name] = compute()
+        return cast("T", self.known[name])
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,10 +13,10 @@ import numpy as np
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
-from pinsing.robot.backward import way_between
+from pinsing.robot.chains import frame_index
 from pinsing.robot.joint_space import require_values
+from pinsing.robot.models import way_between
 from pinsing.robot.source import Coupling, Source
-from pinsing.robot.tip import frame_index
 
 _SAME = 1e-6
 """Radians or metres: a locked or following joint this close to where it belongs is there."""

@@ -12,7 +12,7 @@ from pinsing.families.form import families_text
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.notebook import text, verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import ArmSummary
 from pinsing.sampling.finding import Finding, finding_spans
 from pinsing.sampling.sweep_result import SweepResult
 from pinsing.serialization import JsonResult

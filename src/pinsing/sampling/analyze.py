@@ -15,8 +15,7 @@ from pinsing.configuration.refine import walk
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form
 from pinsing.kinematics.verdict import SINGULAR_RTOL, measure, ratios
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import summarize
+from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.nominal import ANGLE_TOL
 from pinsing.robot.nominal import nominal as nominal_geometry
 from pinsing.sampling.analysis_result import Analysis, FamilyCheck, RandomSearch

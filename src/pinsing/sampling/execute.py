@@ -16,7 +16,7 @@ from typing import Any, Protocol
 from pinsing._batch.engine import cpu_count
 from pinsing.chunk_file import DamagedError, Record
 from pinsing.errors import OptionError, PinsingError, WorkerError
-from pinsing.kinematics.evaluator import Evaluator, evaluator, recorded_engine
+from pinsing.kinematics.verdict import Evaluator, evaluator, recorded_engine
 from pinsing.robot.arm import Arm
 from pinsing.sampling.run_folder import RunFolder, open_run, recorded
 from pinsing.sampling.stopping import Inbox, ctrl_c_to
@@ -137,7 +137,7 @@ def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
     Raises
     ------
     EngineError, OptionError
-        As `pinsing.kinematics.evaluator.evaluator`.
+        As `pinsing.kinematics.verdict.evaluator`.
     OutputError
         If ``options.out`` holds a plan that cannot be read.
     """

@@ -21,7 +21,7 @@ from pinsing.arguments import MAX_SEED, checked, whole_number
 from pinsing.configuration.rank_drop import approach
 from pinsing.configuration.refine import SingularConfiguration
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.verdict import SINGULAR_RTOL, ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal

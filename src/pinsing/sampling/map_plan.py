@@ -13,11 +13,9 @@ import numpy.typing as npt
 from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
-from pinsing.kinematics.batch import batch
-from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.batch import batch, own_scale
 from pinsing.kinematics.verdict import scale_notes
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import ArmSummary, summarize
+from pinsing.robot.arm import Arm, ArmSummary, summarize
 from pinsing.sampling.sample import (
     MAX_DIMENSION,
     SAMPLINGS,

@@ -21,7 +21,7 @@ from pinsing.chunk_file import Record
 from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.solve import form_to_measure
 from pinsing.kinematics.engine import PINOCCHIO
-from pinsing.kinematics.evaluator import Evaluator, run_identity
+from pinsing.kinematics.verdict import Evaluator, run_identity
 from pinsing.proximity.watched import Forms, require_forms_of, watch
 from pinsing.robot.arm import Arm
 from pinsing.sampling.execute import Progress, RunOptions, Tell, planned_evaluator, running

@@ -19,8 +19,7 @@ from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.kinematics.batch import batch
 from pinsing.kinematics.jacobian import singular_values
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, ratios, scale_notes
-from pinsing.robot.arm import Arm
-from pinsing.robot.arm_summary import summarize
+from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.joint_space import SLACK
 from pinsing.robot.nominal import ANGLE_TOL
 from pinsing.robot.nominal import nominal as nominal_geometry

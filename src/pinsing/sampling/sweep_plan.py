@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from pinsing._types import Array
 from pinsing.arguments import checked
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import ArmSummary
 from pinsing.serialization import JsonResult
 
 SPECIAL_ANGLES = (0.0, math.pi / 2, -math.pi / 2, math.pi, -math.pi)

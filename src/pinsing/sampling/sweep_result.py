@@ -17,7 +17,7 @@ from pinsing.errors import OptionError, UnknownNameError
 from pinsing.joint_text import typed
 from pinsing.kinematics.verdict import Status
 from pinsing.prose import PLAIN, Page, Span, alarm, unbroken, verdict
-from pinsing.robot.arm_summary import ArmSummary
+from pinsing.robot.arm import ArmSummary
 from pinsing.sampling.curves import Candidates, CurveTable, axis_values
 from pinsing.sampling.finding import Finding, finding_spans, value_text
 from pinsing.sampling.sweep_plan import SweepPlan

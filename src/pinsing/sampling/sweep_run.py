@@ -26,8 +26,7 @@ from pinsing._types import Array, Ints
 from pinsing.arguments import checked
 from pinsing.chunk_file import Record
 from pinsing.errors import OptionError
-from pinsing.kinematics.evaluator import Evaluator, run_identity
-from pinsing.kinematics.verdict import status_of
+from pinsing.kinematics.verdict import Evaluator, run_identity, status_of
 from pinsing.robot.arm import Arm
 from pinsing.sampling.curves import (
     CANDIDATES,

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._batch import samples
-from pinsing._batch.samples import ValueCounts
+from pinsing._batch import engine
+from pinsing._batch.engine import ValueCounts
 from pinsing._types import Array
 from pinsing.chunk_file import Record
 from pinsing.errors import OptionError
@@ -51,8 +51,8 @@ def bin_numbers(values: Array) -> Counts:
 
 def count_values(values: Array, bins: Counts) -> ValueCounts:
     """Add values >= 0 (N,) to their ``bins`` (BINS,); the tolerances are those of verdicts."""
-    if samples.available():
-        return samples.count_values(values, _SHIFT, _FIRST, bins, (SINGULAR_RTOL, NEAR_RTOL))
+    if engine.available():
+        return engine.count_values(values, _SHIFT, _FIRST, bins, (SINGULAR_RTOL, NEAR_RTOL))
     numbers = bin_numbers(values)
     lowest = int(numbers.min())  # most of the bins are far from all values
     counts = np.bincount(numbers - lowest)

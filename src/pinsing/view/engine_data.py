@@ -12,10 +12,10 @@ from pinsing._types import Array, Bool
 from pinsing.configuration.at import never_produced
 from pinsing.configuration.axis_dependence import arm_centres, moving_columns
 from pinsing.families.parts import Branch
-from pinsing.kinematics.own_scale import own_scale
+from pinsing.kinematics.batch import own_scale
 from pinsing.kinematics.verdict import NEAR_RTOL, SINGULAR_RTOL, generic_rank, task_size
 from pinsing.robot.arm import Arm
-from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.joints import joint_axis
 from pinsing.robot.nominal import nominal
 from pinsing.view.entries import Entry
 from pinsing.view.frame import FLOOR, LEAST, SLIM, Sizes

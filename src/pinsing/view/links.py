@@ -14,11 +14,10 @@ import pinocchio as pin
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
-from pinsing.description.collada import ColladaProblem, image_references
-from pinsing.robot.backward import turned_round
-from pinsing.robot.reduced_model import make_names_unique
+from pinsing.description.urdf_meshes import ColladaProblem, image_references
+from pinsing.robot.chains import frame_index
+from pinsing.robot.models import make_names_unique, turned_round
 from pinsing.robot.source import Source
-from pinsing.robot.tip import frame_index
 from pinsing.view.collada import Painted, as_object
 from pinsing.view.drawing import geometry as mg
 from pinsing.view.meshes import Mesh, read_geometry, read_meshes

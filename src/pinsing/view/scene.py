@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
-from pinsing.robot.joint_axis import joint_axis
+from pinsing.robot.joints import joint_axis
 from pinsing.view.drawing import geometry as mg
 from pinsing.view.frame import ARROWS, Sizes, turn_z_to
 from pinsing.view.links import Body, DrawnRod, Links, base_placement, draw_links

@@ -14,8 +14,8 @@ from pinsing.loops.modes import assembly_rows, elbows, home
 from pinsing.loops.pose import led_pose
 from pinsing.loops.structure import structure
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
+from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
-from pinsing.robot.tip import frame_index
 from pinsing.view.engine_data import chain_data, frame_data, joint_data, numbers, sizes_data
 from pinsing.view.frame import Sizes
 

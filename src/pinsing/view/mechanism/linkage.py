@@ -12,9 +12,9 @@ from pinsing._types import Array
 from pinsing.loops.closure import random_closed
 from pinsing.loops.modes import home
 from pinsing.loops.motion import mechanism_at
+from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
-from pinsing.robot.tip import frame_index
 from pinsing.view.frame import Sizes
 from pinsing.view.stage import SIDE
 
