@@ -8,7 +8,7 @@ import pytest
 
 from pinsing import closed_form, load
 from pinsing._batch import engine
-from pinsing._batch import second_orders as kernel
+from pinsing._batch import walks as kernel
 from pinsing.configuration import second_order as module
 from pinsing.configuration.second_order import clear_kinds, second_order
 from pinsing.kinematics.batch import batch, own_scale

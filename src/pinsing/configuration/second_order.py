@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._batch import second_orders
+from pinsing._batch import walks
 from pinsing._types import Array
 from pinsing.errors import ConfigurationError
 from pinsing.kinematics.batch import batch, own_scale, task_rows, turn_left
@@ -72,9 +72,9 @@ def _told_compiled(arm: Arm, Q: Array) -> Array | None:
     """As ``_told``, in the compiled kernel; None where it does not cover the arm."""
     on, rows = batch(arm), arm.task.rows
     alone = arm.coupling is not None or arm.task.at_tip or on.engine == PINOCCHIO
-    if alone or not second_orders.covered(arm.n, len(rows)):
+    if alone or not walks.second_orders_covered(arm.n, len(rows)):
         return None
-    return second_orders.second_orders(
+    return walks.second_orders(
         on.own_chain(),
         Q / own_scale(arm).columns,
         rows=rows,

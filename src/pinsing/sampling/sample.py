@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from pinsing._batch import samples
+from pinsing._batch import engine
 from pinsing._types import Array
 from pinsing.errors import OptionError
 from pinsing.robot.arm import Arm
@@ -55,10 +55,10 @@ def put_points(
     """
     k, low = len(columns), np.ascontiguousarray(ranges[:, 0])
     width = ranges[:, 1] - low
-    if sampling == "sobol" and samples.available():
+    if sampling == "sobol" and engine.available():
         words = _shift(k, seed) ^ np.float64(1.0).view(np.uint64)  # of floats from 1 to 2
         where = np.array(columns, dtype=np.int64)
-        samples.put_sobol(out, directions(k), words, start, where, low, width)
+        engine.put_sobol(out, directions(k), words, start, where, low, width)
     else:
         out[:, columns] = unit_points(sampling, start, start + len(out), k, seed) * width + low
 
