@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import ast
 import re
-import subprocess
 import sys
 from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 import pytest
@@ -31,25 +31,6 @@ def test_the_oldest_set_is_that_of_the_lower_bounds():
 
     for name, version in allowed.items():
         assert parts(version) == parts(tested[name]), name
-
-
-def needed(*extra: str) -> list[str]:
-    words = [sys.executable, str(ROOT / "scripts" / "requirements.py"), *extra]
-    return subprocess.run(words, capture_output=True, text=True, check=True).stdout.split("\n")[:-1]
-
-
-@pytest.mark.skipif(not OLDEST.exists(), reason="not a checkout of the repository")
-def test_set_up_installs_what_the_project_names():
-    """Setup installs these beside the build, and pinsing itself without any."""
-    project = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
-    lists = dict(re.findall(r"(?ms)^(\w+) = \[(.*?)\](?:  #[^\n]*)?$", project))
-    named = {k: re.findall(r'"([^"]+)"', v) for k, v in lists.items()}
-    assert needed() == named["dependencies"]
-    own = [r for r in named["test"] if not r.startswith("pinsing[")]
-    users = named["cluster"] + named["descriptions"]
-    assert sorted(needed("test")) == sorted(named["dependencies"] + own + users)
-    more = [r for r in named["dev"] if not r.startswith("pinsing[")] + named["docs"]
-    assert sorted(needed("dev")) == sorted(needed("test") + more)
 
 
 # The packages whose modules have other names than themselves.
@@ -92,6 +73,7 @@ def test_all_that_the_sources_import_is_declared_and_nothing_else():
     names = {n for path in sources for n in imported(ast.parse(path.read_text(encoding="utf-8")))}
     names -= {*sys.stdlib_module_names, "pinsing"}
     used = {PROVIDER.get(name.lower(), name.lower()) for name in names}
-    declared = {re.split("[<>=]", requirement)[0].lower() for requirement in needed()}
+    needed = [r for r in metadata.requires("pinsing") or () if "extra ==" not in r]
+    declared = {re.split("[<>=;\\s]", requirement)[0].lower() for requirement in needed}
     assert used - declared == set()
     assert declared - used == set(BY_NAME)

@@ -25,7 +25,7 @@ from pinsing.description.yaml_tree import parse_number
 from pinsing.errors import RobotFileError
 
 ROBOTS = ("stanford", "surgical7", "puma560", "irb1400", "iiwa14", "planar3r", "scara")
-GENERATE = Path(__file__).parents[1] / "scripts" / "generate_urdf.py"
+GENERATE = Path(__file__).parents[1] / "scripts" / "urdf"
 
 
 def table_path(name: str) -> Path:

@@ -37,7 +37,7 @@ SYMMETRIC = [
 def chain(rows, task="pose"):
     sys.path.insert(0, str(SCRIPTS))
     try:
-        chains = importlib.import_module("oracle_chains")
+        chains = importlib.import_module("oracle.chains")
     finally:
         sys.path.remove(str(SCRIPTS))
     return chains.arm_of(chains.Spec(tuple(chains.Row(*r) for r in rows), task))

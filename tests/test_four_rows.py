@@ -143,7 +143,7 @@ def test_finite_fields_say_the_same(found):
     arm, form = found
     sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
     try:
-        field = importlib.import_module("oracle_field")
+        field = importlib.import_module("oracle.field")
     finally:
         sys.path.pop(0)
     components = [c for f in form.families for c in f.components] + list(form.left_out)

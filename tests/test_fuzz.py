@@ -1,4 +1,4 @@
-"""A short, seeded run of scripts/fuzz.py, and proof that it would notice."""
+"""A short, seeded run of scripts/fuzz, and proof that it would notice."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ SCRIPTS = Path(__file__).parent.parent / "scripts"
 def fuzz() -> ModuleType:
     sys.path.insert(0, str(SCRIPTS))
     try:
-        return importlib.import_module("fuzz")
+        return importlib.import_module("fuzz.run")
     finally:
         sys.path.remove(str(SCRIPTS))
 
@@ -28,7 +28,7 @@ def fuzz() -> ModuleType:
 def mutants(fuzz: ModuleType) -> SimpleNamespace:
     """Names out of the fuzzer's other modules."""
     found: dict[str, Any] = {}
-    for name in ("fuzz_mutants", "fuzz_commands", "fuzz_coverage", "fuzz_report"):
+    for name in ("fuzz.mutants", "fuzz.commands", "fuzz.coverage", "fuzz.report"):
         found |= vars(sys.modules[name])
     return SimpleNamespace(**{k: v for k, v in found.items() if k[0] != "_"})
 

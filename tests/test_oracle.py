@@ -1,6 +1,6 @@
 """Closed forms against finite fields: an oracle that knows nothing of the search.
 
-scripts/oracle.py runs thousands of chains; here are sixty, the one that once was answered
+scripts/oracle runs thousands of chains; here are sixty, the one that once was answered
 wrongly, and proof that a wrong answer is noticed.
 """
 
@@ -32,19 +32,19 @@ GROUPS, CHAINS = 6, 10
 def oracle() -> ModuleType:
     sys.path.insert(0, str(SCRIPTS))
     try:
-        return importlib.import_module("oracle")
+        return importlib.import_module("oracle.run")
     finally:
         sys.path.remove(str(SCRIPTS))
 
 
 @pytest.fixture(scope="module")
 def field(oracle) -> ModuleType:
-    return sys.modules["oracle_field"]
+    return sys.modules["oracle.field"]
 
 
 @pytest.fixture(scope="module")
 def chains(oracle) -> ModuleType:
-    return sys.modules["oracle_chains"]
+    return sys.modules["oracle.chains"]
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_random_structured_chains_have_no_false_claim(oracle, chains, group):
 
 def test_the_oracle_of_real_points_moves_as_pinocchio_does(oracle, chains):
     """Its Jacobians, of every task, and singular points of a chain with a known family."""
-    points = sys.modules["oracle_points"]
+    points = sys.modules["oracle.points"]
     rng = np.random.default_rng(0)
     for seed in range(30):
         spec = chains.strange_spec(seed)

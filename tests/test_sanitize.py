@@ -16,13 +16,13 @@ SCRIPTS = Path(__file__).parent.parent / "scripts"
 @pytest.mark.slow
 def test_the_kernel_under_two_sanitizers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(SCRIPTS))
-    reason = importlib.import_module("sanitize").missing()
+    reason = importlib.import_module("fuzz.sanitize").missing()
     if reason:
         pytest.skip(reason)
     done = subprocess.run(
         [
             sys.executable,
-            str(SCRIPTS / "sanitize.py"),
+            str(SCRIPTS / "fuzz" / "sanitize.py"),
             "--",
             "-m",
             "not slow",

@@ -50,7 +50,7 @@ def kept(panda):
 def field():
     sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
     try:
-        return importlib.import_module("oracle_field")
+        return importlib.import_module("oracle.field")
     finally:
         sys.path.pop(0)
 

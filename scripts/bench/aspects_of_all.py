@@ -22,7 +22,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parent.parent))
 
-from survey import Job, identity, jobs, read
+from oracle.survey import Job, identity, jobs, read
 
 import pinsing
 from pinsing.description.catalog import data_folder

@@ -58,7 +58,7 @@ COUNT = 5_000
 SURVEY_STEP = 3
 SURVEY_JOINTS = 8
 SURVEY_SECONDS = 20.0
-"""Every so many-th geometry of so many joints at most, as scripts/survey.py tells them apart."""
+"""Every so many-th geometry of so many joints at most, as the survey tells them apart."""
 FUNCTIONS: dict[str, Callable[[Any, Any, Any], object]] = {
     "`at`, of one configuration": lambda p, arm, Q: p.at(arm, Q[0]),
     f"`task_jacobians`, {COUNT:,}": lambda p, arm, Q: p.task_jacobians(arm, Q, threads=1),
@@ -174,7 +174,7 @@ def row(name: str, pairs: Sequence[tuple[float, float]], unit: float, digits: in
 
 def surveyed() -> list[dict[str, Any]]:
     """What to load for every third geometry of the robots of example-robot-data."""
-    import survey
+    from oracle import survey
 
     import pinsing
     from pinsing.description.catalog import data_folder

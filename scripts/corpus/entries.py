@@ -60,7 +60,7 @@ COMMANDS = {
 
 def keys() -> Iterator[str]:
     """All entries: ``data FILE TIP [BASE]``, ``task ARM|TASK``, ``seed N``, ``loops NAME``, ..."""
-    from survey import jobs
+    from oracle.survey import jobs
     from tasks import POSITIONS, TASKS
 
     yield from (f"loops {p.name.split('.')[0]}" for p in sorted(ROOT.glob("urdf/*.loops.yaml")))
@@ -119,7 +119,7 @@ def _table_names() -> list[str]:
 
 
 def _load(key: str) -> Any:
-    from oracle_chains import arm_of, random_spec
+    from oracle.chains import arm_of, random_spec
     from tasks import POSITIONS
 
     import pinsing

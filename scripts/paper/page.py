@@ -12,7 +12,7 @@ INTRO = (
     "X. Zhang, B. Fan, C. Wang, X. Cheng, “Analysis of Singular Configuration of Robotic "
     "Manipulators”: every table, and every figure that shows a computed quantity, made with "
     "pinsing from the paper's own DH tables and set beside what was printed.",
-    "Made by scripts/reproduce_paper.py; no number on this page is typed in, except those that "
+    "Made by scripts/paper; no number on this page is typed in, except those that "
     "are quoted from the paper.",
 )
 

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """Make the tables and figures of the paper again, and one page that compares them.
 
 Writes paper.html and paper.md, with the pictures in paper/, into the folder given.
@@ -9,6 +8,8 @@ from __future__ import annotations
 import argparse
 import sys
 from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from paper import claims, parallel, stanford, surgical
 from paper.page import to_html, to_markdown

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from mechanism_parts import about, ball, limits, numbers, outline, platform_frames, points, pose
-from mechanism_tree import Tree
+from urdf.parts import about, ball, limits, numbers, outline, platform_frames, points, pose
+from urdf.tree import Tree
 
 from pinsing.description.yaml_tree import YamlNode
 

@@ -1,4 +1,3 @@
-#!/usr/bin/env python3
 """Make the URDFs of urdf/ from their tables; with --check, only compare (exit code 1 if stale).
 
 Arms come from DH tables (``*.dh.yaml``), mechanisms with closed loops and their loop files from
@@ -12,7 +11,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from mechanism_kinds import read_table
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+
+from urdf.kinds import read_table
 
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.errors import RobotFileError
@@ -24,7 +25,7 @@ def main() -> int:
     parser.add_argument(
         "--folder",
         type=Path,
-        default=Path(__file__).resolve().parents[1] / "urdf",
+        default=Path(__file__).resolve().parents[2] / "urdf",
         help="folder of the *.dh.yaml tables (default: urdf/)",
     )
     options = parser.parse_args()

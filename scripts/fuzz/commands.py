@@ -8,7 +8,7 @@ import sys
 import traceback
 from pathlib import Path
 
-from fuzz_judge import Ended
+from fuzz.judge import Ended
 
 TREES = ("four_bar", "five_bar", "planar_3rrr")
 

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-from mechanism_parts import (
+from urdf.parts import (
     Vector,
     Z,
     about,
@@ -20,8 +20,8 @@ from mechanism_parts import (
     points,
     pose,
 )
-from mechanism_rods import rods_on_carriages, rods_on_cranks
-from mechanism_tree import Tree
+from urdf.rods import rods_on_carriages, rods_on_cranks
+from urdf.tree import Tree
 
 from pinsing.description.yaml_tree import YamlNode, compose
 

@@ -26,7 +26,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SECONDS = 160.0
 SEARCH_SECONDS = 40.0
 PROOF_SECONDS = 100.0
@@ -265,8 +265,8 @@ def main(argv: Iterable[str] | None = None) -> int:
     arguments = parser.parse_args(None if argv is None else list(argv))
     budget = Budget(arguments.seconds, arguments.search, arguments.proof)
     if arguments.report:
-        sys.path.insert(0, str(Path(__file__).parent))
-        from survey_report import report
+        sys.path.insert(0, str(ROOT / "scripts"))
+        from oracle.survey_report import report
 
         chains, _ = jobs()
         order = {job.key: number for number, job in enumerate(chains)}

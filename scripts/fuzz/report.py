@@ -6,8 +6,8 @@ import re
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 
-from fuzz_meshes import MESHES_EACH
-from fuzz_targets import TARGETS
+from fuzz.meshes import MESHES_EACH
+from fuzz.targets import TARGETS
 
 SECONDS = 10.0
 MEMORY = 2 * 2**30
@@ -91,7 +91,7 @@ def report(outcomes: list[Outcome]) -> str:
     later = sum(len(o.chain) > 1 for o in outcomes)
     return f"""# Fuzzing: broken input, and how each ended
 
-Made by `scripts/fuzz.py --log LOG`, then `--of LOG --report docs/fuzz.md`: {_inputs(outcomes):,}
+Made by `scripts/fuzz --log LOG`, then `--of LOG --report docs/fuzz.md`: {_inputs(outcomes):,}
 inputs in {len(outcomes):,} cases, all made from good ones, by seed. Each case has
 {SECONDS:g} s of processor time and {MEMORY // 2**30} GiB. Python's trace function says which lines
 of pinsing's readers, and of xacro, an input reaches (in the child processes as well); one that

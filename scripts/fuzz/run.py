@@ -1,4 +1,3 @@
-#!/usr/bin/env python
 """Feed pinsing with broken input of every kind that it reads, and count how each case ends.
 
 Robot files (URDF, xacro, DH tables, loops), expressions of xacro, meshes, tables of numbers,
@@ -25,10 +24,8 @@ import time
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).resolve().parent))
-
-from fuzz_report import GOOD, KINDS, Outcome, report, table
-from fuzz_worker import Worker, run_case, serve, sources
+from fuzz.report import GOOD, KINDS, Outcome, report, table
+from fuzz.worker import Worker, run_case, serve, sources
 
 Case = tuple[str, tuple[int, ...]]
 

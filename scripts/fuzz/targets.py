@@ -16,11 +16,11 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-import fuzz_expressions
-from fuzz_json import broken
-from fuzz_judge import Ended, Wrong, refused
-from fuzz_meshes import mesh
-from fuzz_tables import table
+from fuzz import expressions as fuzz_expressions
+from fuzz.documents import broken
+from fuzz.judge import Ended, Wrong, refused
+from fuzz.meshes import mesh
+from fuzz.tables import table
 
 # Expressions of xacro ---------------------------------------------------------------
 

@@ -13,8 +13,8 @@ import tempfile
 from collections.abc import Callable
 from pathlib import Path
 
-from fuzz_json import broken
-from fuzz_judge import Ended, Wrong
+from fuzz.documents import broken
+from fuzz.judge import Ended, Wrong
 
 _RUNS = (
     ("map", "planar3r", "--count", "9000", "--chunk", "4096", "--threads", "1"),

@@ -8,8 +8,8 @@ import random
 from pathlib import Path
 from typing import Any
 
-from fuzz_judge import Ended, Wrong, refused
-from fuzz_mutants import NUMBERS
+from fuzz.judge import Ended, Wrong, refused
+from fuzz.mutants import NUMBERS
 
 _WORDS = (
     *NUMBERS,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 
 import numpy as np
-from mechanism_tree import Link, Tree
+from urdf.tree import Link, Tree
 
 from pinsing.description.yaml_tree import YamlNode
 

@@ -7,8 +7,8 @@ import random
 import struct
 from pathlib import Path
 
-from fuzz_judge import Ended, Wrong, refused
-from fuzz_mutants import NUMBERS
+from fuzz.judge import Ended, Wrong, refused
+from fuzz.mutants import NUMBERS
 
 MESHES_EACH = 20
 """Files that one case has: a child process reads them all."""

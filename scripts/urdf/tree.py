@@ -88,8 +88,7 @@ class Tree:
         lines = ['<?xml version="1.0"?>', "<!--"]
         lines += [f"  {line}" for line in _wrapped(self.words)]
         lines += [
-            f"  Made from {self.name}.mechanism.yaml by scripts/generate_urdf.py: change that and "
-            "run this.",
+            f"  Made from {self.name}.mechanism.yaml by scripts/urdf: change that and run this.",
             f"  This is its spanning tree; {self.name}.loops.yaml closes it.",
             "-->",
             f'<robot name="{self.name}">',
@@ -108,8 +107,7 @@ class Tree:
         """The loop file."""
         home = ", ".join(f"{k}: {_number(v)}" for k, v in self.home.items())
         lines = [
-            f"# Loops of {self.name}.urdf, made from {self.name}.mechanism.yaml by "
-            "scripts/generate_urdf.py.",
+            f"# Loops of {self.name}.urdf, made from {self.name}.mechanism.yaml by scripts/urdf.",
             "source: >-",
             *(f"  {line}" for line in _wrapped(source)),
             "closed_loop:",

@@ -1,17 +1,17 @@
 """Hold closed forms of random structured chains against finite fields, or against real points.
 
-    python scripts/oracle.py --chains 1000 [--first 0] [--workers 2] [--seconds 10] [--json FILE]
-    python scripts/oracle.py --real --chains 200 --seconds 4
-    python scripts/oracle.py --seed 17          # one chain, in full
+    python scripts/oracle --chains 1000 [--first 0] [--workers 2] [--seconds 10] [--json FILE]
+    python scripts/oracle --real --chains 200 --seconds 4
+    python scripts/oracle --seed 17          # one chain, in full
 
-Every chain is drawn from its seed (``oracle_chains``), its families are found, and the rank of
+Every chain is drawn from its seed (``oracle.chains``), its families are found, and the rank of
 its Jacobian at random points over small finite fields is held against them
-(``oracle_field``). A line is printed for each chain of which anything is to be said: a false
+(``oracle.field``). A line is printed for each chain of which anything is to be said: a false
 claim (a family that is missing though the answer says complete, a regular point on a family, a
 wrong generic rank), an answer that is not complete, or time that was overrun.
 
 With ``--real`` chains are stranger, and singular configurations that Newton's method finds alone
-(``oracle_points``) are to be on the families; what the families give as their own points is to be
+(``oracle.points``) are to be on the families; what the families give as their own points is to be
 singular, and on them.
 """
 
@@ -28,9 +28,9 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
-from oracle_chains import Spec, arm_of, random_spec, strange_spec
-from oracle_field import contradictions
-from oracle_points import generic_rank, ratios, singular_points
+from oracle.chains import Spec, arm_of, random_spec, strange_spec
+from oracle.field import contradictions
+from oracle.points import generic_rank, ratios, singular_points
 
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, closed_form

@@ -1,7 +1,7 @@
 #!/usr/bin/env python
 """Run the tests of the compiled kernel under AddressSanitizer and UndefinedBehaviorSanitizer.
 
-python scripts/sanitize.py [--isa avx2] [-- words for pytest]
+python scripts/fuzz/sanitize.py [--isa avx2] [-- words for pytest]
 
 The kernel is compiled once more, into a temporary folder, and put in the place of the installed
 one. What reads or writes out of bounds, shifts too far, overflows, divides by zero as an integer
@@ -22,7 +22,7 @@ import tempfile
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parent.parent
+ROOT = Path(__file__).resolve().parents[2]
 SKIPPED = 77
 FLAGS = (
     *("-std=c++17", "-O1", "-g1", "-fPIC", "-fno-omit-frame-pointer", "-fvisibility=hidden"),

@@ -19,14 +19,14 @@ import warnings
 from collections.abc import Sequence
 from pathlib import Path
 
-import fuzz_targets
-from fuzz_commands import TREES, call, calls
-from fuzz_coverage import Lines, readers
-from fuzz_folders import run_folder
-from fuzz_forked import fork_children
-from fuzz_judge import Wrong
-from fuzz_mutants import DATA, bases, mutant
-from fuzz_report import FILES, GOOD, MEMORY, SECONDS, Outcome
+from fuzz import targets as fuzz_targets
+from fuzz.commands import TREES, call, calls
+from fuzz.coverage import Lines, readers
+from fuzz.folders import run_folder
+from fuzz.forked import fork_children
+from fuzz.judge import Wrong
+from fuzz.mutants import DATA, bases, mutant
+from fuzz.report import FILES, GOOD, MEMORY, SECONDS, Outcome
 
 HANG = 45.0
 _START = 300.0  # seconds that the imports of a new process may take on a busy machine
@@ -155,7 +155,7 @@ class Worker:
                 ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"
             )
             self._process = subprocess.Popen(
-                [sys.executable, str(Path(__file__).with_name("fuzz.py")), "--worker"],
+                [sys.executable, str(Path(__file__).parent), "--worker"],
                 stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.DEVNULL,

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 import numpy.typing as npt
-from oracle_chains import Spec
+from oracle.chains import Spec
 
 Array = npt.NDArray[np.float64]
 
