@@ -10,12 +10,11 @@ import pytest
 from flint import fmpz
 
 import pinsing
-from pinsing.algebra import apart, budget
-from pinsing.algebra.apart import Apart, in_child
-from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra import budget
+from pinsing.algebra.budget import Apart, Budget, BudgetExceeded, in_child
 from pinsing.families import closed_form
 
-pytestmark = pytest.mark.skipif(not apart.possible(), reason="processes cannot be forked here")
+pytestmark = pytest.mark.skipif(not budget.possible(), reason="processes cannot be forked here")
 
 
 def endless() -> int:
@@ -102,7 +101,7 @@ def test_a_search_that_is_stopped_keeps_its_components_and_says_so(monkeypatch):
     """Every child is killed at once: what was found before is left, and nothing is complete."""
     monkeypatch.setattr(budget, "_LONG", 0.0)
     monkeypatch.setattr(
-        Apart, "_wait", lambda self: (self._end(), apart.Outcome(None, [], "killed"))[1]
+        Apart, "_wait", lambda self: (self._end(), budget.Outcome(None, [], "killed"))[1]
     )
     found = closed_form(pinsing.load("ur5"), prove=False)
     assert not found.complete

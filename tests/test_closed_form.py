@@ -26,7 +26,7 @@ from tiers import tiered
 
 from pinsing.errors import OptionError, ResultError
 from pinsing.families import ClosedForm, Equation, Family, closed_form
-from pinsing.families.family_text import latex_lines
+from pinsing.families.family import latex_lines
 from pinsing.robot.nominal import nominal
 
 ZERO = (0.0, np.pi)

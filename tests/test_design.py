@@ -19,7 +19,7 @@ from pinsing.cli.app import command
 from pinsing.description.dh_table import read_dh
 from pinsing.description.dh_urdf import bare_urdf
 from pinsing.errors import OptionError, UnknownNameError
-from pinsing.families.design_reality import unreal
+from pinsing.families.design import unreal
 from pinsing.kinematics.jacobian import singular_values
 
 ROOT = Path(__file__).parent.parent

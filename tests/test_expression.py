@@ -15,8 +15,7 @@ from pinsing.algebra.equation import equation
 from pinsing.algebra.equation_text import format_angle
 from pinsing.algebra.ring import Poly, Ring, make_ring
 from pinsing.families import Equation, closed_form
-from pinsing.families.certain import certainly_empty, never_zero
-from pinsing.families.empty_box import proven_empty
+from pinsing.families.empty_box import certainly_empty, never_zero, proven_empty
 from pinsing.families.zero_set import fix_joint
 
 NAMES = ("puma560", "irb1400", "ur5", "surgical7", "panda", "xarm7", "z1", "kinova", "so101")

@@ -12,15 +12,20 @@ import pytest
 from flint import fq_default_ctx
 
 from pinsing._batch import engine
-from pinsing.algebra import field_points
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.generic_points import Residues, SlicePoint
+from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, random_slice, slice_points
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors
-from pinsing.algebra.prime_field import SECOND_PRIME, WORD_PRIME, modular_context
+from pinsing.algebra.prime_field import (
+    SECOND_PRIME,
+    WORD_PRIME,
+    engine_point,
+    engine_polynomial,
+    field_elements,
+    modular_context,
+)
 from pinsing.algebra.ring import make_ring
-from pinsing.algebra.slices import Slices, random_slice, slice_points
 from pinsing.algebra.zeros import zeros
 from pinsing.robot.load import load
 from pinsing.robot.nominal import nominal
@@ -52,24 +57,24 @@ def test_polynomials_have_the_values_that_flint_says(prime: int, degree: int) ->
 
     free = {1: element(), 3: element(), 4: field.zero()}
     fixed = {0: chance.randrange(prime), 2: 0}
-    point = field_points.point(field, 5, fixed.items(), free)
+    point = engine_point(field, 5, fixed.items(), free)
     known = {**{v: field(x) for v, x in fixed.items()}, **free}
     for terms in (0, 1, 2, 30):
         poly = {
             tuple(chance.choice((0, 0, 1, 2, 7, 255)) for _ in range(5)): chance.randrange(prime)
             for _ in range(terms)
         }
-        made = field_points.polynomial(prime, poly)
+        made = engine_polynomial(prime, poly)
         value = field.zero()
         for m, c in poly.items():
             term = field(c)
             for v, e in enumerate(m):
                 term *= known[v] ** e
             value += term
-        (told,) = field_points.elements(field, [point.value(made)])
+        (told,) = field_elements(field, [point.value(made)])
         assert told == value
         assert point.is_zero(made) == value.is_zero()
-        assert point.is_zero(field_points.polynomial(prime, {(0,) * 5: 0}))
+        assert point.is_zero(engine_polynomial(prime, {(0,) * 5: 0}))
 
 
 @compiled
@@ -79,22 +84,22 @@ def test_a_line_is_the_polynomial_in_what_is_left(degree: int) -> None:
     field = fq_default_ctx(prime, degree, fq_type="FQ_NMOD")
     x = field([5, 7, 11, 13][:degree])
     poly = {(2, 3): prime - 4, (0, 3): 9, (1, 0): 6, (4, 1): 1}
-    lines = field_points.point(field, 2, (), {0: x}).line(field_points.polynomial(prime, poly), 1)
-    told = field_points.elements(field, lines)
+    lines = engine_point(field, 2, (), {0: x}).line(engine_polynomial(prime, poly), 1)
+    told = field_elements(field, lines)
     assert told == [x * 6, x**4, field.zero(), field(9) - x * x * 4]
 
 
 @compiled
 def test_what_is_not_covered_is_left_to_flint(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert field_points.polynomial(WORD_PRIME, {(256, 0): 1}) is None
-    assert field_points.polynomial(2**64 + 13, {(1, 0): 1}) is None
-    assert field_points.polynomial(2, {(1, 0): 1}) is None
+    assert engine_polynomial(WORD_PRIME, {(256, 0): 1}) is None
+    assert engine_polynomial(2**64 + 13, {(1, 0): 1}) is None
+    assert engine_polynomial(2, {(1, 0): 1}) is None
     field = fq_default_ctx(WORD_PRIME, 1, fq_type="FQ_NMOD")
     many = {v: field(v) for v in range(17)}
-    assert field_points.point(field, 17, (), many) is None
+    assert engine_point(field, 17, (), many) is None
     monkeypatch.setattr(engine, "_missing", "not there")
-    assert field_points.polynomial(WORD_PRIME, {(1, 0): 1}) is None
-    assert field_points.point(field, 1, (), {0: field(1)}) is None
+    assert engine_polynomial(WORD_PRIME, {(1, 0): 1}) is None
+    assert engine_point(field, 1, (), {0: field(1)}) is None
 
 
 @compiled

@@ -13,8 +13,8 @@ from tiers import tiered
 
 import pinsing
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.corner import corner
 from pinsing.algebra.decompose import Decomposition
+from pinsing.algebra.minors import corner
 from pinsing.algebra.ring import make_ring
 
 TASK = "vx,vy,vz,wz"

@@ -8,7 +8,7 @@ import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component, FoundComponents
 from pinsing.algebra.ring import make_ring
-from pinsing.families.inner_parts import without_inner
+from pinsing.families.led_search import without_inner
 
 
 def _some():

@@ -8,7 +8,7 @@ import pytest
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import constants
-from pinsing.algebra.near_minors import NearMinors
+from pinsing.algebra.minors import NearMinors
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.long_chain import LongChain
 from pinsing.families.modular_points import ModularPoints, solving_order

@@ -10,7 +10,7 @@ import pytest
 from flint import nmod_mat
 
 import pinsing
-from pinsing.families.modular_rows import ModularRows, joints_that_matter, short_everywhere
+from pinsing.families.modular_chain import ModularRows, joints_that_matter, short_everywhere
 from pinsing.robot.nominal import jacobian_modulo, nominal
 
 TASKS = [

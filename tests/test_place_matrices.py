@@ -11,8 +11,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.matrix import reduce_matrix
 from pinsing.algebra.minors import Minors
-from pinsing.algebra.place import SearchPlace
-from pinsing.algebra.place_matrices import PlaceMatrices
+from pinsing.algebra.place import PlaceMatrices, SearchPlace
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.robot.nominal import nominal
 

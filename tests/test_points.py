@@ -11,8 +11,8 @@ from tiers import tiered_rows
 from pinsing.algebra.equation import equation
 from pinsing.algebra.ring import make_ring
 from pinsing.families import closed_form
+from pinsing.families.nearness import Starts
 from pinsing.families.parts import Branch
-from pinsing.families.starts import Starts
 from pinsing.families.zero_set import System, fix_joint, project, search, system_of
 from pinsing.robot.joint_space import JointSpace
 from pinsing.robot.load import load

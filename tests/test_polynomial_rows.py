@@ -9,8 +9,8 @@ import pytest
 from flint import fmpq, fmpq_mat
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.determinant import RowExpansion, determinant
 from pinsing.algebra.matrix import independent_rows
+from pinsing.algebra.minors import RowExpansion, determinant
 from pinsing.algebra.ring import Ring, make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.robot.surd import surd

@@ -18,7 +18,7 @@ from pinsing import load
 from pinsing.families import closed_form, prove, proving
 from pinsing.proof import checker
 from pinsing.proof.checker import Certificate, Rejected, Ring, verify
-from pinsing.proof.combination import combination
+from pinsing.proof.minors import combination
 from pinsing.proof.produce import text_of
 from pinsing.proof.skeleton import form_text
 

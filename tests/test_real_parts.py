@@ -9,11 +9,11 @@ import pinocchio as pin
 import pytest
 from singular_sets import Joint, build
 
-from pinsing.algebra import finite_system
+from pinsing.algebra import real_roots
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import FoundComponents
-from pinsing.algebra.finite_system import NotFinite, real_solutions
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros, semidefinite
+from pinsing.algebra.real_roots import NotFinite, real_solutions
 from pinsing.algebra.ring import make_ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families import closed_form
@@ -105,7 +105,7 @@ def _late(method):
 
 
 def test_systems_that_time_did_not_allow_to_solve_are_told_of(monkeypatch):
-    monkeypatch.setattr(finite_system, "_SHORT", (0, 0, 0))
+    monkeypatch.setattr(real_roots, "_SHORT", (0, 0, 0))
     monkeypatch.setattr(PieceMaker, "_solutions", _late(PieceMaker._solutions))
     form = closed_form(iiwa_with_offset())
     assert any("time was over before a system of equations was solved" in h for h in form.hints)

@@ -10,9 +10,9 @@ import pytest
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.families.describe import describe
-from pinsing.families.own_points import OwnPoints
-from pinsing.families.searched import Allowed, searched
+from pinsing.families.real_control import OwnPoints
 from pinsing.families.solve import joint_symbols
+from pinsing.families.steps import ComponentSearch
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.nominal import nominal
 
@@ -22,9 +22,12 @@ def search():
     """The arm, its exact geometry, and the components that were found of it."""
     arm = pinsing.load("ur5")
     geometry = nominal(arm)
-    limits = Allowed(Budget(60.0), 0.002)
     rank = generic_rank(geometry.arm)
-    return arm, geometry, searched(geometry, arm, rank, joint_symbols(arm), limits)
+    return (
+        arm,
+        geometry,
+        ComponentSearch(geometry, arm, rank, joint_symbols(arm), Budget(60.0), 0.002).run(),
+    )
 
 
 def test_what_a_first_look_missed_is_real_where_samples_are_found(search):

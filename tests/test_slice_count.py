@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import random
 import sys
+from copy import copy
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,14 +15,12 @@ import pytest
 import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
-from pinsing.families import solve
 from pinsing.families.form import families_html, families_text
 from pinsing.families.led_search import led
 from pinsing.families.modular_chain import ModularChain
-from pinsing.families.own_points import OwnPoints
-from pinsing.families.real_control import RandomSingular, real_points
-from pinsing.families.searched import searched
+from pinsing.families.real_control import OwnPoints, RandomSingular, real_points
 from pinsing.families.slice_count import Slice, SliceCount, Slices, count_on_slices
+from pinsing.families.steps import ComponentSearch
 
 
 @pytest.fixture(scope="module")
@@ -34,12 +33,13 @@ def kept(panda):
     """What a search of the Panda's families comes to."""
     out = []
 
-    def keep(*given):
-        out.append(searched(*given))
+    def keep(self):
+        out.append(run(self))
         return out[-1]
 
+    run = ComponentSearch.run
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(solve, "searched", keep)
+        patch.setattr(ComponentSearch, "run", keep)
         form = pinsing.closed_form(panda, seconds=120)
     assert form.complete
     assert form.slice_count is None  # nothing is open: there is nothing to count
@@ -89,8 +89,9 @@ def test_all_points_lie_on_complete_families_and_one_less_is_noticed(kept, panda
 
 
 def test_what_is_missing_is_a_gap_and_what_is_not_is_evidence(panda, kept, monkeypatch):
-    open_end = replace(kept, gaps=["one branch was left"])
-    monkeypatch.setattr(solve, "searched", lambda *given: open_end)
+    open_end = copy(kept)
+    open_end.gaps = ["one branch was left"]
+    monkeypatch.setattr(ComponentSearch, "run", lambda self: open_end)
     form = pinsing.closed_form(panda, seconds=60, prove=False)
     said = form.slice_count.sentence()
     assert said.startswith("all ")
@@ -99,8 +100,9 @@ def test_what_is_missing_is_a_gap_and_what_is_not_is_evidence(panda, kept, monke
     assert f"evidence, no proof: {said}" in " ".join(families_text(form).split())
     assert "evidence, no proof" in families_html(form)
     assert pinsing.ClosedForm.from_json(form.to_json()).slice_count == form.slice_count
-    less = replace(open_end, components=[])
-    monkeypatch.setattr(solve, "searched", lambda *given: less)
+    less = copy(open_end)
+    less.components = []
+    monkeypatch.setattr(ComponentSearch, "run", lambda self: less)
     form = pinsing.closed_form(panda, seconds=60)
     assert form.slice_count.off == form.slice_count.points > 0
     assert any("lie on no family" in gap and "something is missing" in gap for gap in form.gaps)

@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 
 import pinsing
-from pinsing.algebra import apart
+from pinsing.algebra import budget
 from pinsing.algebra import budget as budgets
-from pinsing.algebra.apart import in_child
-from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded
+from pinsing.algebra.budget import PER_SECOND, Budget, BudgetExceeded, in_child
 from pinsing.algebra.equation import Equation
 from pinsing.families import zero_set
 from pinsing.families.empty_box import proven_empty
@@ -23,8 +22,7 @@ from pinsing.families.zero_set import search, thrown
 from pinsing.postures import subdivision
 from pinsing.postures.boxes import Leaves
 from pinsing.proof.checker import Ring
-from pinsing.proof.reduction import without_dependent_lines
-from pinsing.proof.skeleton import roots_in, skeleton
+from pinsing.proof.skeleton import roots_in, skeleton, without_dependent_lines
 from pinsing.robot.nominal import nominal
 
 _JOINTS = 6
@@ -189,7 +187,7 @@ def test_what_a_child_did_is_counted() -> None:
 
 
 def test_a_child_has_no_more_memory_than_is_allowed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(apart, "_MEMORY", 100_000_000)
+    monkeypatch.setattr(budget, "_MEMORY", 100_000_000)
     with pytest.raises(BudgetExceeded, match="memory"):
         in_child(lambda: len(bytes(400_000_000)), Budget(30.0), 30.0)
 
@@ -197,7 +195,7 @@ def test_a_child_has_no_more_memory_than_is_allowed(monkeypatch: pytest.MonkeyPa
 def test_work_stops_a_search_whatever_the_clock_says(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is found does not depend on how fast the machine is: here a hundred times as fast."""
     arm = pinsing.load("panda", task="position")
-    monkeypatch.setattr(apart, "possible", lambda: False)
+    monkeypatch.setattr(budget, "possible", lambda: False)
     found = []
     for rate in (0.1, 0.001):
         monkeypatch.setattr(budgets, "time", SimpleNamespace(monotonic=slowed(rate)))

@@ -14,8 +14,7 @@ from singular_sets import arm_of, closed
 import pinsing
 from pinsing.cli.app import command
 from pinsing.families import Branch, Family
-from pinsing.families.parts import JointValue
-from pinsing.families.value_reach import reach_words, values_reached
+from pinsing.families.parts import JointValue, reach_words, values_reached
 from pinsing.measures import Reachability
 from pinsing.proximity.clearance import distance_words, distances
 from pinsing.view.entries import family_entries

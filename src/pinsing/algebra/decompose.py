@@ -10,15 +10,19 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from pinsing._dataclass import dataclass
-from pinsing.algebra.apart import Apart
-from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, FoundComponents
+from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
+from pinsing.algebra.components import (
+    FIRST_SEED,
+    Component,
+    FoundComponents,
+    RandomSteps,
+    ask_again,
+)
 from pinsing.algebra.matrix import Matrix, reduce_matrix
 from pinsing.algebra.place import SearchPlace, bound
 from pinsing.algebra.prime_field import WORD_PRIME
 from pinsing.algebra.ring import Packed, Ring, Value
 from pinsing.algebra.search import Search
-from pinsing.algebra.second_prime import FIRST_SEED, RandomSteps, ask_again
 
 _TO_ASK = 0.1
 """Share of the time for asking the second prime, however long the search took."""

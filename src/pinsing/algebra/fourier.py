@@ -17,17 +17,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from pinsing.algebra.ring import Poly, Ring
-from pinsing.algebra.terms import terms_of
+from pinsing.algebra.ring import Poly, Ring, terms_of
 from pinsing.robot.surd import SQUARES, Exact, surd
 
 Key = tuple[tuple[int, ...], tuple[int, ...]]
 """Twice the multiple of each angle, the first one that is not 0 positive; powers of sliders."""
-_SIGNS = (1, -1, -1, 1)
-"""Of (-i)^k: 1, -i, -1, i."""
-_BITS = 62
-"""Of a machine's whole number, and what is left of it for less than so many is not worth it."""
-_FEWEST = 8
 Ints = npt.NDArray[np.int64]
 
 
@@ -107,7 +101,8 @@ def _put_in(
         block = tables.setdefault((tuple([m[v] for v in lengths]), square), {})
         second = [m[v] for v in seconds]
         turns = sum(second) % 4
-        block[(turns % 2, *second)] = int(c.p) * (scale // int(c.q)) * _SIGNS[turns]
+        # Of (-i)^k: 1, -i, -1, i.
+        block[(turns % 2, *second)] = int(c.p) * (scale // int(c.q)) * (1, -1, -1, 1)[turns]
     found: list[tuple[Ints, list[int], int]] = []
     for (powers, square), block in tables.items():
         at, numbers = _transformed(block, shape)
@@ -134,11 +129,12 @@ def _transformed(
     and of two places that are opposite to each other only one.
     """
     grown = sum(d - 1 for d in shape)  # a joint of degree d makes numbers 2^d times as large
-    room = _BITS - grown - 1
+    # Of a machine's whole number, and what is left of it for less than so many is not worth it.
+    room = 62 - grown - 1
     numbers = list(block.values())
     longest = max(abs(c).bit_length() for c in numbers)
     kind: npt.DTypeLike = np.int64
-    if room < _FEWEST:
+    if room < 8:
         room, kind = longest, object
     limbs = max(1, -(-longest // room))
     table = np.zeros((2, *shape, limbs), dtype=kind)

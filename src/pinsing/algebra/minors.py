@@ -3,13 +3,151 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.determinant import RowExpansion
 from pinsing.algebra.generic_points import SlicePoint
-from pinsing.algebra.matrix import Matrix
-from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.jacobian_matrix import jacobian_matrix, neighbouring_screws
+from pinsing.algebra.matrix import Matrix, reduce_matrix
+from pinsing.algebra.mimic import Drive, driven_by, drives
+from pinsing.algebra.ring import Poly, Ring, Value
+from pinsing.robot.nominal import Nominal
+from pinsing.robot.task import Task
+
+
+class RowExpansion:
+    """Minors of one matrix, each from smaller ones.
+
+    Parameters
+    ----------
+    matrix : list of rows
+        Polynomials.
+    ring : Ring
+        Of these.
+    time : Budget
+        Asked before each product.
+    """
+
+    def __init__(self, matrix: Matrix, ring: Ring, time: Budget) -> None:
+        self.matrix, self.ring, self.time = matrix, ring, time
+        filled = [sum(x != 0 for x in row) for row in matrix]
+        # Rows with many zeros first: they ask for few minors of the others.
+        self._order = sorted(range(len(matrix)), key=lambda i: filled[i])
+        self._known: dict[tuple[tuple[int, ...], tuple[int, ...]], Poly] = {}
+        self._kept = 0
+
+    def minor(self, rows: Sequence[int], columns: Sequence[int]) -> Poly:
+        """The minor of some rows and as many columns, both ascending.
+
+        Raises
+        ------
+        BudgetExceeded
+            If it would take longer than the budget allows.
+        """
+        if not rows:
+            return self.ring.one
+        # Terms of minors that are kept at a time.
+        if self._kept > 100_000:
+            self._known.clear()
+            self._kept = 0
+        ordered = tuple(i for i in self._order if i in rows)
+        found = self._minor(ordered, tuple(columns))
+        return -found if _odd([rows.index(i) for i in ordered]) else found
+
+    def _minor(self, rows: tuple[int, ...], columns: tuple[int, ...]) -> Poly:
+        first = self.matrix[rows[0]]
+        if len(rows) == 1:
+            return first[columns[0]]
+        key = rows, columns
+        if key in self._known:
+            return self._known[key]
+        total = self.ring.zero
+        for k, j in enumerate(columns):
+            x = first[j]
+            if x == 0:
+                continue
+            rest = self._minor(rows[1:], columns[:k] + columns[k + 1 :])
+            if rest == 0:
+                continue
+            self.time.check(len(x) * len(rest))
+            product = x * rest
+            total = total - product if k % 2 else total + product
+        total = self.ring.reduce(total)
+        self._known[key] = total
+        self._kept += len(total)
+        return total
+
+
+def determinant(matrix: Matrix, ring: Ring, time: Budget) -> Poly:
+    """Determinant of a square matrix.
+
+    Raises
+    ------
+    BudgetExceeded
+        If it would take longer than the budget allows.
+    """
+    every = range(len(matrix))
+    return RowExpansion(matrix, ring, time).minor(every, every)
+
+
+def _odd(places: Sequence[int]) -> bool:
+    """Whether a permutation is odd."""
+    return sum(a > b for i, a in enumerate(places) for b in places[i + 1 :]) % 2 == 1
+
+
+@dataclass(frozen=True, eq=False)
+class SquareCorner:
+    """A corner B of a matrix.
+
+    Attributes
+    ----------
+    rows, columns : tuples of int
+        Of B, which is square; the other rows are zero in these columns.
+    determinant : Poly
+        Of B, without factors that are nowhere zero.
+    rest : Matrix
+        D: the other rows in the other columns.
+    """
+
+    rows: tuple[int, ...]
+    columns: tuple[int, ...]
+    determinant: Poly
+    rest: Matrix
+
+
+def corner(matrix: Matrix, ring: Ring, time: Budget) -> SquareCorner | None:
+    """The smallest square corner beside which rows are zero, the shortest of these.
+
+    Raises
+    ------
+    BudgetExceeded
+        If its determinant would take too long.
+    """
+    support = [
+        frozenset(i for i, row in enumerate(matrix) if row[j] != 0) for j in range(len(matrix[0]))
+    ]
+    for size in range(1, len(matrix)):
+        found = [
+            (sum(len(matrix[i][j]) for j in columns for i in used), sorted(used), columns)
+            for columns in itertools.combinations(range(len(support)), size)
+            if len(used := frozenset().union(*(support[j] for j in columns))) == size
+        ]
+        if found:
+            _, rows, columns = min(found)
+            square = [[matrix[i][j] for j in columns] for i in rows]
+            return SquareCorner(
+                tuple(rows),
+                columns,
+                ring.strip(determinant(square, ring, time)),
+                [
+                    [x for j, x in enumerate(row) if j not in columns]
+                    for i, row in enumerate(matrix)
+                    if i not in rows
+                ],
+            )
+    return None
+
 
 _LOOKED_AT = 12
 """Minors among which the simplest is looked for."""
@@ -86,3 +224,80 @@ class Minors:
 def cost(factors: list[Poly]) -> tuple[int, int]:
     """How much work branching on these factors makes."""
     return max((len(f) for f in factors), default=0), len(factors)
+
+
+class NotSquare(Exception):
+    """The task has more rows than its rank, and no constant combination of them is zero."""
+
+
+class NearMinors:
+    """Minors of as many columns as the rank, at values of some joints.
+
+    Parameters
+    ----------
+    geometry : Nominal
+        The chain.
+    ring : Ring
+        Of its polynomials.
+    task : Task
+        Rows.
+    rank : int
+        The generic rank of the whole chain.
+    time : Budget
+        Asked before long steps.
+    """
+
+    def __init__(self, geometry: Nominal, ring: Ring, task: Task, rank: int, time: Budget) -> None:
+        self.geometry, self.ring, self.task, self.rank, self.time = geometry, ring, task, rank, time
+        self._whole: Matrix | None = None
+        self._screws: dict[tuple[int, ...], Matrix] = {}
+        self._driven: tuple[Drive, ...] | None = None
+        self._known: dict[object, Poly] = {}
+
+    def minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
+        """The minor of the columns of ``joints``, without factors that are nowhere zero.
+
+        Raises
+        ------
+        BudgetExceeded
+            If it would take too long.
+        NotSquare
+            If it is not one minor but several.
+        """
+        joints = sorted(joints)
+        inside = {j: v for j, v in values.items() if self._matters(j, joints)}
+        key = (tuple(joints), frozenset(inside.items()))
+        if key not in self._known:
+            self.time.check()
+            self._known[key] = self._minor(joints, inside)
+        return self._known[key]
+
+    def _matters(self, j: int, joints: Sequence[int]) -> bool:
+        if self.task.name != "pose":
+            return True
+        if self._driven is None:
+            self._driven = drives(self.geometry)[0]
+        rows = [row for a in joints for row in driven_by(self._driven, a)]
+        return any(d.leader == j for d in self._driven[min(rows) + 1 : max(rows)])
+
+    def _minor(self, joints: Sequence[int], values: Mapping[int, Value]) -> Poly:
+        ring = self.ring
+        if self.task.name == "pose":
+            chosen = tuple(joints)
+            if chosen not in self._screws:
+                self._screws[chosen] = neighbouring_screws(self.geometry, ring, joints, self.time)
+            matrix = self._screws[chosen]
+        else:
+            if self._whole is None:
+                self._whole = jacobian_matrix(self.geometry, ring, self.task, self.time)
+            matrix = [[row[j] for j in joints] for row in self._whole]
+        put = ring.putting(values)
+        matrix = [[put(x) for x in row] for row in matrix]
+        rows, rank = reduce_matrix(matrix, self.rank, ring, self.time)
+        if rank == 0:
+            return ring.one
+        if min(len(rows), len(rows[0]) if rows else 0) < rank:
+            return ring.zero
+        if len(rows) > rank:
+            raise NotSquare
+        return ring.strip(determinant(rows, ring, self.time))

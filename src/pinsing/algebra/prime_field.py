@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from flint import Ordering, fmpz_mod_mpoly_ctx, nmod_mpoly_ctx
 
-from pinsing.algebra.ring import Poly, Ring
-from pinsing.algebra.terms import terms_of
+from pinsing._batch import engine
+from pinsing.algebra.ring import Poly, Ring, terms_of
 from pinsing.robot.nominal import PRIMES
 from pinsing.robot.surd import residue, root_modulo
 
@@ -77,3 +77,60 @@ def rank_over(field_rows: Sequence[Sequence[Any]]) -> int:
         ]
         rank += 1
     return rank
+
+
+def covered(prime: int) -> bool:
+    """Whether the engine is there, and takes residues modulo a prime."""
+    return engine.available() and prime > 2 and prime.bit_length() <= 62
+
+
+def engine_polynomial(prime: int, terms: Mapping[Any, int]) -> Any:
+    """A polynomial of the engine; None where it is not covered.
+
+    Parameters
+    ----------
+    prime : int
+        Its characteristic.
+    terms : mapping of exponents to int
+        Coefficients from 0 to the prime, exclusive.
+    """
+    if not covered(prime):
+        return None
+    module = engine.module()
+    if max(map(max, terms), default=0) > module.MOST_EXPONENT:
+        return None
+    return module.ModularPolynomial(prime, list(terms), list(terms.values()))
+
+
+def engine_point(
+    field: Any,
+    count: int,
+    fixed: Iterable[tuple[int, int]],
+    free: Mapping[int, Any],
+) -> Any:
+    """A point of the engine; None where it is not covered.
+
+    Parameters
+    ----------
+    field : fq_default_ctx
+        Of the coordinates.
+    count : int
+        Number of variables.
+    fixed : iterable of (int, int)
+        Variables, and residues that they are.
+    free : mapping of int to fq_default
+        Variables, and elements of the field that they are.
+    """
+    prime, degree = int(field.characteristic()), int(field.degree())
+    if not covered(prime) or len(free) > engine.module().MOST_FREE:
+        return None
+    modulus = [int(c) for c in field.modulus().coeffs()] if degree > 1 else [0, 1]
+    given = [(v, [int(c) for c in x.to_list()]) for v, x in free.items()]
+    return engine.module().FieldPoint(prime, modulus, count, list(fixed), given)
+
+
+def field_elements(field: Any, lines: Sequence[Sequence[int]]) -> list[Any]:
+    """Elements of a field, from the coefficients that the engine tells."""
+    if int(field.degree()) == 1:
+        return [field(line[0]) for line in lines]
+    return [field(list(line)) for line in lines]

@@ -29,9 +29,6 @@ Factor = tuple[int, str, int]
 the two of the angle itself, pow for a power of a length."""
 Product = tuple[Factor, ...]
 
-_DROP = 1e-11
-_MOST_WAYS = 243
-
 
 @dataclass(frozen=True)
 class Expression:
@@ -104,7 +101,11 @@ def expressions(
     for product, number in table.items():
         mine = [(f, k) for j, f, k in product if j == joint]
         key = mine[0] if mine else ("one", 0)
-        shown = _shown(number) if factor is None else float(number) * factor
+        shown = (
+            (Fraction(number) if isinstance(number, int) else number)
+            if factor is None
+            else float(number) * factor
+        )
         best.setdefault(key, {})[tuple(x for x in product if x[0] != joint)] = shown
     shift = tuple(float(s) for s in equation.shift)
     return {
@@ -129,7 +130,7 @@ def _grouped(equation: Equation, joint: int) -> tuple[dict[Product, Number], flo
         {j for p in table for j, f, k in p if j != joint and f in ("cos", "sin") and k == 2}
     )
     least, chosen = math.inf, ("",) * len(doubled)
-    for choice, found in itertools.islice(_ways(table, doubled), _MOST_WAYS):
+    for choice, found in itertools.islice(_ways(table, doubled), 243):
         count = len(_kept(found, largest))
         if count < least:
             least, chosen = count, choice
@@ -161,11 +162,6 @@ def _plain(text: str) -> Number:
     return number.numerator if isinstance(number, Fraction) and whole else number
 
 
-def _shown(number: Number) -> Number:
-    """The number as an Exact, if it is not a float."""
-    return Fraction(number) if isinstance(number, int) else number
-
-
 def _factor(rough: Sequence[tuple[float, float]], exact: Sequence[tuple[Number, Number]]) -> float:
     """What exact coefficients are to be multiplied by."""
     flat = [(a, float(b)) for pair, other in zip(rough, exact, strict=True)
@@ -175,7 +171,7 @@ def _factor(rough: Sequence[tuple[float, float]], exact: Sequence[tuple[Number, 
 
 
 def _kept(table: Mapping[Product, Number], largest: float) -> dict[Product, Number]:
-    least = _DROP * largest
+    least = 1e-11 * largest
     return {p: c for p, c in table.items() if abs(float(c)) > least}
 
 

@@ -15,18 +15,16 @@ import numpy as np
 from flint import arb, fmpq, fmpz_mat
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.finite_system import NotFinite, Solution, real_solutions
 from pinsing.algebra.fourier import fourier
-from pinsing.algebra.real_roots import AlgebraicValue, real_roots
-from pinsing.algebra.ring import Poly, Ring
-from pinsing.algebra.terms import terms_of
+from pinsing.algebra.real_roots import (
+    AlgebraicValue,
+    NotFinite,
+    Solution,
+    real_roots,
+    real_solutions,
+)
+from pinsing.algebra.ring import Poly, Ring, terms_of
 from pinsing.robot.surd import Surd, parts_of
-
-_POINTS = 256
-_SEED = 3
-_MOST_JOINTS = 6
-_FAR = 1e-6
-"""A value with square roots counts as positive from this share of its terms on."""
 
 
 def changes_sign(poly: Poly, ring: Ring) -> bool:
@@ -41,9 +39,9 @@ def changes_sign(poly: Poly, ring: Ring) -> bool:
         if not slides
     ):
         return True
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(3)
     seen = set()
-    for _ in range(_POINTS):
+    for _ in range(256):
         seen.add(_sign(poly, [int(k) for k in rng.integers(-9, 10, ring.nvars)], ring))
         if {1, -1} <= seen:
             return True
@@ -64,7 +62,8 @@ def _sign(poly: Poly, point: Sequence[int], ring: Ring) -> int:
         total = total + c * factor
         size += sum(abs(float(p)) for p in parts_of(c)) * 2.5 * abs(factor)
     value = float(total)
-    return 0 if abs(value) <= _FAR * size else (1 if value > 0 else -1)
+    # A value with square roots counts as positive from this share of its terms on.
+    return 0 if abs(value) <= 1e-6 * size else (1 if value > 0 else -1)
 
 
 def _degree(poly: Poly, joint: int, ring: Ring) -> int:
@@ -146,7 +145,7 @@ def _touching(poly: Poly, ring: Ring) -> list[Solution] | None:
             return None
         others += abs(c + s)
         rows.append(([frequency[j] // 2 for j in joints], c, s))
-    if constant == 0 or abs(constant) != others or len(joints) > _MOST_JOINTS:
+    if constant == 0 or abs(constant) != others or len(joints) > 6:
         return None
     minors = itertools.combinations([row for row, _, _ in rows], len(joints))
     if not any(abs(int(fmpz_mat([*map(list, m)]).det())) == 1 for m in minors):

@@ -15,16 +15,7 @@ from flint import Ordering, fmpz_mpoly_ctx, fmpz_mpoly_vec
 
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import SlicePoint
-from pinsing.algebra.ring import Poly, Ring
-from pinsing.algebra.terms import terms_of
-
-_MOST = 60
-"""Equations after which expanding is given up."""
-_LIMITS = (60, 200, 5_000)
-"""Of a Groebner basis: polynomials, terms, bits of coefficients."""
-_SHORT = 100
-"""Terms up to which a polynomial is factored however late it is: the statement must not depend on
-the load of a machine where it costs nothing."""
+from pinsing.algebra.ring import Poly, Ring, terms_of
 
 Part = tuple[tuple[Poly, ...], list[SlicePoint]]
 
@@ -50,7 +41,9 @@ def restated(
     polys = _distinct(_expanded(relations, points, ring), ring)
     chosen: list[Poly] = []
     for p in polys:
-        if len(p) > _SHORT:
+        # Terms up to which a polynomial is factored however late it is: the statement must not
+        # depend on the load of a machine where it costs nothing.
+        if len(p) > 100:
             time.check_factor(len(p), ring.long_to_factor(p))
         factors = ring.factors(p)
         whole = [f for f in factors if all(s.is_zero(f) for s in points)]
@@ -111,7 +104,8 @@ def _coefficients_on(
         free = not any(p.degrees()[v] for v in variables)
         mine = [ring.strip(p)] if free else _coefficients(p, joint, ring)
         out += mine
-        if len(out) > _MOST or not all(s.is_zero(c) for c in mine for s in points):
+        # Equations after which expanding is given up.
+        if len(out) > 60 or not all(s.is_zero(c) for c in mine for s in points):
             return None
     return out
 
@@ -156,7 +150,8 @@ def _fewest(polys: list[Poly], count: int, ring: Ring) -> tuple[Poly, ...]:
         return context.from_dict({m: int(c.p) * (scale // int(c.q)) for m, c in terms.items()})
 
     few = fmpz_mpoly_vec([integral(p) for p in polys[:count]], context)
-    basis, done = few.buchberger_naive(limits=_LIMITS)
+    # Of a Groebner basis: polynomials, terms, bits of coefficients.
+    basis, done = few.buchberger_naive(limits=(60, 200, 5_000))
     if not done:
         return tuple(polys)
     over_q = [polys[0].context().from_dict(dict(terms_of(g))) for g in basis]

@@ -19,18 +19,19 @@ from typing import Any
 from flint import Ordering, fmpq, fmpq_mpoly_ctx
 
 from pinsing._dataclass import dataclass
-from pinsing.algebra.terms import terms_of
 from pinsing.robot.surd import Exact, Surd
 
-_DENSE, _MANY = 1_500, 1_000
-"""Terms that a polynomial of some degrees can have in half-angle tangents, and has: up to so many
-it is factored in milliseconds."""
 
-_OF_A_VALUE = 2
-"""Terms that a polynomial over the rationals has at most that fixes a joint's value."""
+def terms_of(poly: Any) -> dict[Any, Any]:
+    """Exponents, and coefficients as flint has them: what ``poly.to_dict()`` tells.
 
-_WORTH = 20
-"""Terms from which on a polynomial is factored as one in half-angle tangents."""
+    Parameters
+    ----------
+    poly : fmpq_mpoly, nmod_mpoly or fmpz_mod_mpoly
+        Any.
+    """
+    return dict(zip(poly.monoms(), poly.coeffs(), strict=True))
+
 
 Poly = Any  # fmpq_mpoly; python-flint ships no types
 Monomial = tuple[int, ...]
@@ -270,11 +271,14 @@ class Ring:
         size = 1
         for v, slides in zip(self.start, self.prismatic, strict=True):
             size *= degrees[v if slides else v + 1] + 1
-        return _MANY if size <= _DENSE else None
+        # Terms that a polynomial of some degrees can have in half-angle tangents, and has: up to so
+        # many it is factored in milliseconds.
+        return 1_000 if size <= 1_500 else None
 
     def _factors(self, poly: Poly) -> list[Poly]:
         """Over Q."""
-        found = self._of_form(poly) if len(poly) >= _WORTH else None
+        # Terms from which on a polynomial is factored as one in half-angle tangents.
+        found = self._of_form(poly) if len(poly) >= 20 else None
         if found is None:
             found = self._irreducible(poly)
         return [f for f in found if not any(w is not None and f == w for w in self.w)]
@@ -337,7 +341,8 @@ class Ring:
 
     def joint_value(self, poly: Poly) -> tuple[int, Value] | None:
         """The exact value that ``poly`` = 0 fixes one joint at, if it does just that."""
-        if self.rational and len(poly) > _OF_A_VALUE:
+        # Terms that a polynomial over the rationals has at most that fixes a joint's value.
+        if self.rational and len(poly) > 2:
             return None
         joints = self.joints_of(poly)
         if len(joints) != 1:

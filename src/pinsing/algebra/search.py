@@ -22,22 +22,12 @@ from dataclasses import replace
 import numpy as np
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.components import Backing, FoundComponents
-from pinsing.algebra.corner import SquareCorner, corner
-from pinsing.algebra.generic_points import Residues, SlicePoint
-from pinsing.algebra.minors import Minors, cost
-from pinsing.algebra.place import SearchPlace, bound
-from pinsing.algebra.place_matrices import PlaceMatrices
-from pinsing.algebra.regular_part import regular_parts
+from pinsing.algebra.components import FIRST_SEED, Backing, FoundComponents, Question
+from pinsing.algebra.generic_points import Residues, SlicePoint, Slices, slice_points
+from pinsing.algebra.minors import Minors, SquareCorner, corner, cost
+from pinsing.algebra.place import PlaceMatrices, SearchPlace, Stating, bound, regular_parts
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.algebra.second_prime import FIRST_SEED, Question
-from pinsing.algebra.slices import Slices, slice_points
-from pinsing.algebra.stating import Stating
 from pinsing.algebra.zeros import Undecided
-
-_RESULTANT_TERMS = 2_000
-"""Largest product of term counts for which a symbolic resultant is tried."""
-
 
 Relations = tuple[Poly, ...]
 
@@ -319,7 +309,8 @@ class Search:
     def _eliminate(self, p: Poly, g: Poly, place: SearchPlace, singular: list[SlicePoint]) -> None:
         """Look for components of p = g = 0 by the factors of a resultant, free of one joint."""
         shared = self.ring.shared_joints(p, g)
-        if not shared or len(p) * len(g) > _RESULTANT_TERMS:
+        # Largest product of term counts for which a symbolic resultant is tried.
+        if not shared or len(p) * len(g) > 2_000:
             return
         resultant = self.ring.strip(self.ring.eliminated(p, g, shared[0]))
         for h in self._factors(resultant):

@@ -34,17 +34,13 @@ from pinsing.algebra.ring import (
     make_ring,
     norms,
     rational,
+    terms_of,
     variable_names,
 )
-from pinsing.algebra.terms import terms_of
 from pinsing.robot.surd import SQUARES, Exact, Surd, parts_of, surd
 
 _EXPONENTS = (276, 534, 2208, 2816)
 """3 * 2^k + 1 is prime for these k, and 2 and 3 are squares modulo it."""
-_SLOWNESS = 3.0
-"""Term products that one with square roots costs."""
-_LONG_TO_DIVIDE = 60
-"""Terms from which on a gcd may take long: one of two polynomials of 150 took minutes."""
 _SPARE_BITS = 40
 
 
@@ -188,7 +184,8 @@ class SurdRing(Ring):
         p, g = self.monic(p), self.monic(g)
         if not any(p.degrees()[self.nvars :]) and not any(g.degrees()[self.nvars :]):
             return self.monic(p.gcd(g))
-        self.time.check_factor(max(len(p), len(g)), _LONG_TO_DIVIDE)
+        # Terms from which on a gcd may take long: one of two polynomials of 150 took minutes.
+        self.time.check_factor(max(len(p), len(g)), 60)
         if image(p, self, WORD_PRIME).gcd(image(g, self, WORD_PRIME)).is_constant():
             return self.one
         for prime in _primes(min(self._bits_needed(p), self._bits_needed(g))):
@@ -279,7 +276,8 @@ class SurdRing(Ring):
     def _norm(self, poly: Poly, level: int) -> Poly:
         """Product of the two images under a change of the last root's sign."""
         plain, times_root = self._parts(poly, level)
-        self.time.check(_SLOWNESS * (len(plain) ** 2 + len(times_root) ** 2))
+        # Term products that one with square roots costs.
+        self.time.check(3.0 * (len(plain) ** 2 + len(times_root) ** 2))
         return self.reduce(plain * plain - self.roots[level - 1] * times_root * times_root)
 
     def _shifted(self, poly: Poly, joint: int, k: int, level: int) -> Poly:

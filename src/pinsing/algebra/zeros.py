@@ -18,17 +18,13 @@ import numpy as np
 from flint import fmpz_mod_poly_ctx, fq_default_ctx, fq_default_poly_ctx, nmod_poly
 
 from pinsing._dataclass import dataclass
-from pinsing.algebra import field_points
-from pinsing.algebra.prime_field import modular_context
-from pinsing.algebra.terms import terms_of
-
-_ATTEMPTS = 4
-_LARGEST_DEGREE = 3_000
-"""Of an eliminant; beyond, its factors take seconds."""
-_MOST_TERMS = 10_000
-"""Of a resultant."""
-_SLOWNESS = 8.0
-"""Term products that one of a resultant costs."""
+from pinsing.algebra.prime_field import (
+    engine_point,
+    engine_polynomial,
+    field_elements,
+    modular_context,
+)
+from pinsing.algebra.ring import terms_of
 
 
 class Undecided(Exception):
@@ -111,7 +107,7 @@ class _Solver:
         """A polynomial of the compiled engine, made once; None where it covers no such one."""
         if id(poly) not in self.made:  # the polynomial is kept, so that its id stays its own
             terms = {m: int(c) for m, c in terms_of(poly).items()}
-            self.made[id(poly)] = (poly, field_points.polynomial(self.prime, terms))
+            self.made[id(poly)] = (poly, engine_polynomial(self.prime, terms))
         return self.made[id(poly)][1]
 
     def solve(self, polys: Sequence[Any], variables: Sequence[int]) -> list[Zero]:
@@ -190,9 +186,12 @@ class _Solver:
             a, b = ([int(d) for d in g.degrees()] for g in (pivot, f))
             into = [1.0 + a[v] * b[u] + b[v] * a[u] for u in range(len(a)) if u != v]
             terms = float(np.prod(into))
-            if max(into, default=0) > _LARGEST_DEGREE or terms > _MOST_TERMS:
+            # Of an eliminant; beyond, its factors take seconds.
+            # Of a resultant.
+            if max(into, default=0) > 3_000 or terms > 10_000:
                 raise Undecided
-            self.check(_SLOWNESS * terms * (a[v] + b[v]) ** 2)
+            # Term products that one of a resultant costs.
+            self.check(8.0 * terms * (a[v] + b[v]) ** 2)
             out.append(self._without(pivot.resultant(f, pivot.context().names()[v])))
         return out
 
@@ -222,7 +221,7 @@ class _Solver:
 def _above(zero: Zero, polys: Sequence[Any], v: int, compiled: Callable[[Any], Any]) -> list[Zero]:
     """The common roots of polynomials in variable v, the others being at a zero."""
     over = fq_default_poly_ctx(zero.field)
-    point = field_points.point(zero.field, polys[0].context().nvars(), (), zero.at)
+    point = engine_point(zero.field, polys[0].context().nvars(), (), zero.at)
     common: Any = None
     for f in polys:
         line = _at(f, zero, v, over, point, None if point is None else compiled(f))
@@ -244,7 +243,7 @@ def _at(poly: Any, zero: Zero, v: int, over: Any, point: Any, made: Any) -> Any:
     """
     field = zero.field
     if point is not None and made is not None:
-        return over(field_points.elements(field, point.line(made, v)))
+        return over(field_elements(field, point.line(made, v)))
     powers = {
         u: _powers(x, int(poly.degrees()[u])) for u, x in zero.at.items() if poly.degrees()[u]
     }
@@ -280,7 +279,7 @@ def _extended(zero: Zero, common: Any, v: int) -> list[Zero]:
     x, w = plane.gens()
     modulus = [int(c) for c in zero.field.modulus().coeffs()]
     terms = [[int(a) for a in c.to_list()] for c in common.coeffs()]
-    for multiple in range(1, _ATTEMPTS + 1):
+    for multiple in range(1, 4 + 1):
         y = w - multiple * x
         below = sum((c * x**i for i, c in enumerate(modulus)), plane.constant(0))
         above = plane.constant(0)

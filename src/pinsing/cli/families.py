@@ -212,8 +212,7 @@ def verify_command(files: tuple[Path, ...], seconds: float) -> int:
 
 def _verified(file: Path, seconds: float) -> tuple[bool, str]:
     """Whether a file is accepted, and what is said of it."""
-    from pinsing.algebra.apart import in_child
-    from pinsing.algebra.budget import Budget, BudgetExceeded
+    from pinsing.algebra.budget import Budget, BudgetExceeded, in_child
     from pinsing.proof.checker import LONGEST_FILE, Rejected, statement, verify
 
     started = time.perf_counter()

@@ -3,11 +3,11 @@
 from typing import TYPE_CHECKING, Any
 
 from pinsing.algebra.equation import Equation
+from pinsing.families.certainty import Proof
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
 from pinsing.families.nearness import Distance
 from pinsing.families.parts import Branch, JointValue
-from pinsing.families.proof import Proof
 from pinsing.families.proving import prove
 from pinsing.families.solve import closed_form, joint_symbols
 

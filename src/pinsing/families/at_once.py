@@ -6,7 +6,7 @@ joints can be chosen, and how the others follow from them.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations
 
 import numpy as np
@@ -14,21 +14,86 @@ import numpy as np
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.equation import Equation
-from pinsing.algebra.joint_form import enters_once, joint_form
+from pinsing.algebra.joint_form import JointForm, enters_once, joint_form
 from pinsing.families.drawn import Step, peeled
 from pinsing.families.parts import Branch
-from pinsing.families.solved_for import LONG
 from pinsing.families.zero_set import gradients
 from pinsing.prose import listed
 
+LONG = 12
+"""An equation with more terms than this is stated for one of its joints, not written out."""
+
+
+@dataclass(frozen=True)
+class SolvedFor:
+    """An equation that says what one joint is, given the others.
+
+    Attributes
+    ----------
+    joint : str
+        Symbol of the joint, as q2.
+    given : tuple of str
+        Symbols of the others.
+    values : int
+        How many values it has at most: 1 or 2.
+    condition : str
+        ``R cos(q2 - φ) = c``.
+    solution : str
+        What follows for the joint.
+    where : tuple of (str, str)
+        R cos φ, R sin φ and c, each with its expression in the other joints, up to one factor.
+    exact : tuple of (str, str)
+        The same with exact coefficients; empty where they are not known.
+    latex, exact_latex : str
+        The same in LaTeX.
+    """
+
+    joint: str
+    given: tuple[str, ...]
+    values: int
+    condition: str
+    solution: str
+    where: tuple[tuple[str, str], ...]
+    exact: tuple[tuple[str, str], ...]
+    latex: str
+    exact_latex: str
+
+
+def long_form(equation: Equation) -> JointForm | None:
+    """How a long equation is stated; None for short ones, and where no joint enters once."""
+    return joint_form(equation) if len(equation.cos) > LONG else None
+
+
+def solved_for(systems: Iterable[Sequence[Equation]]) -> tuple[SolvedFor, ...]:
+    """The long equations that stand alone in a system, each once.
+
+    Several that hold at once do not each leave the other joints free.
+    """
+    alone = [system[0] for system in systems if len(system) == 1]
+    found = [form for e in alone if (form := long_form(e)) is not None]
+    return tuple(dict.fromkeys(_stated(form) for form in found))
+
+
+def _stated(form: JointForm) -> SolvedFor:
+    exact = form.parts(exact=True)
+    return SolvedFor(
+        joint=form.equation.joints[form.joint],
+        given=tuple(form.equation.joints[j] for j in form.given),
+        values=form.solutions,
+        condition=form.condition(),
+        solution=form.solution(),
+        where=form.parts(),
+        exact=exact,
+        latex=form.latex(),
+        exact_latex=form.latex(exact=True) if exact else "",
+    )
+
+
 _INDEPENDENT = 1e-7
-_EQUATIONS = 6
 _SHORT = 4
 """Terms of an equation that is always written out."""
 _FEW = 3
 """Equations at once, of which all orders are tried."""
-_LOOKED_AT = 2000
-"""Choices of joints that are tried, at most."""
 
 
 @dataclass(frozen=True)
@@ -152,12 +217,13 @@ def _in_turn(
     )
     if rank > _FEW:
         return _peeled(rows, rank)
-    once = [(e, s, [j for j in e.involved if enters_once(e, j)]) for e, s in rows[:_EQUATIONS]]
+    once = [(e, s, [j for j in e.involved if enters_once(e, j)]) for e, s in rows[:6]]
     tried = 0
     for some in combinations(once, rank):
         for follow in _choices([joints for _, _, joints in some]):
             tried += 1
-            if tried > _LOOKED_AT:
+            # Choices of joints that are tried, at most.
+            if tried > 2000:
                 return None
             # An equation may use joints that follow from those before it, and no later one.
             later = [set(follow[k + 1 :]) for k in range(rank)]

@@ -2,47 +2,184 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
+from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget
 from pinsing.configuration.at import Loss, loss_at
+from pinsing.configuration.second_order import kinds_many
 from pinsing.configuration.state import State
-from pinsing.families.at_once import at_once
+from pinsing.families.at_once import at_once, solved_for
 from pinsing.families.empty_box import Stop, proven_empty
-from pinsing.families.example import readable
 from pinsing.families.family import Family
-from pinsing.families.kinds import kinds_of
 from pinsing.families.nearness import near
-from pinsing.families.own_points import OwnPoints
-from pinsing.families.parts import Branch
+from pinsing.families.parts import Branch, KindPart, ValueReach, values_reached
 from pinsing.families.pieces import PieceMaker, SolvedPiece
-from pinsing.families.solved_for import solved_for
+from pinsing.families.real_control import OwnPoints
 from pinsing.families.statement import statement
-from pinsing.families.value_reach import ValueReach, values_reached
-from pinsing.families.zero_set import gradients
-from pinsing.kinematics.verdict import ratios
+from pinsing.families.zero_set import gradients, project, residuals
+from pinsing.kinematics.batch import batch
+from pinsing.kinematics.verdict import generic_rank, ratios
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
 
+if TYPE_CHECKING:
+    from pinsing.families.pieces import PieceMaker
+
+_SHORT = 60
+"""Characters that a condition may have to be named as the place of a kind."""
+
+
+def kinds_of(family: Family, points: Array, arm: Arm, maker: PieceMaker) -> tuple[KindPart, ...]:
+    """What kind of singularity the points (N, n) of a family are, and where which.
+
+    One part if all that could be decided agree. Where whole branches are of one kind each, such
+    as q3 = 0 and q3 = 180 degrees, the parts are named by these; else they are shares of the
+    points.
+    """
+    # Points that are looked into of those where that takes longer, if all kinds agree then.
+    kinds = kinds_many(arm, points, 6)
+    rest = [i for i, kind in enumerate(kinds) if kind is None]
+    if rest and (len(set(kinds)) > 2 or len(family.branches) > 2):  # each branch, or shares: all
+        for i, kind in zip(rest, kinds_many(arm, points[rest]), strict=True):
+            kinds[i] = kind
+    points = points[[kind is not None for kind in kinds]]
+    found = [kind for kind in kinds if kind is not None]
+    counts = Counter(found)
+    total = len(found)
+    if len(counts) == 1:
+        return (KindPart(found[0], "", 1.0, total),)
+    owner = _owners(family, points)
+    by_branch = {
+        b: Counter(k for k, o in zip(found, owner, strict=True) if o == b)
+        for b in dict.fromkeys(owner)
+    }
+    if len(by_branch) == len(family.branches) and all(len(c) == 1 for c in by_branch.values()):
+        places = {
+            kind: statement(
+                ([family.branches[b] for b, c in by_branch.items() if kind in c]),
+                (),
+                maker.symbols,
+                [bool(p) for p in maker.ring.prismatic],
+            )
+            for kind in counts
+        }
+        longest = max(places, key=lambda k: len(places[k]))
+        if len(places[longest]) > _SHORT:
+            places[longest] = ""  # named by what the others are not
+        if all(len(place) <= _SHORT for place in places.values()):
+            return tuple(
+                KindPart(k, places[k] or "all other points", counts[k] / total, total)
+                for k in sorted(places, key=lambda k: places[k] == "")
+            )
+    return tuple(KindPart(k, "", n / total, total) for k, n in counts.most_common())
+
+
+def _owners(family: Family, points: Array) -> list[int]:
+    """The branch that each point lies on."""
+    off = np.empty((len(family.branches), len(points)))
+    for i, branch in enumerate(family.branches):
+        off[i] = np.linalg.norm(branch.off(points, family.space), axis=-1)
+        if branch.equations:
+            off[i] += np.abs(residuals(branch.equations, points)).max(axis=-1)
+    return [int(i) for i in off.argmin(axis=0)]
+
+
+def readable(family: Family, branch: Branch, q: Array, arm: Arm, within_limits: bool) -> Array:
+    """A configuration near q (n,), on the same branch, with round values where nothing hangs on it.
+
+    Joints at fixed values stay there; of the joints in equations, as many as there are equations
+    are solved for, and the others are round.
+
+    Parameters
+    ----------
+    family : Family
+        The family.
+    branch : Branch
+        The branch of it that q lies on.
+    q : (n,) array
+        Radians and metres.
+    arm : Arm
+        The nominal geometry.
+    within_limits : bool
+        Stay within the joint limits.
+
+    Returns
+    -------
+    (n,) array
+        As singular as q, and of the same rank; q itself if none was found.
+    """
+    start = _unwound(family, q, within_limits)
+    rounded = np.round(start / _grid(family)) * _grid(family)
+    # Zero is where other families are.
+    rounded = np.where(rounded == 0, np.where(start < 0, -1, 1) * _grid(family), rounded)
+    held = [v.joint for v in branch.values]
+    rounded[held] = start[held]
+    rounded = _decimal(rounded, family)
+    rounded[held] = start[held]
+    tries = iter([rounded]) if not branch.equations else _solved(branch, rounded)
+    for found in tries:
+        if not (within_limits and arm.space.unreachable(found).any()) and _alike(arm, found, q):
+            return np.asarray(found)
+    return q
+
+
+def _unwound(family: Family, q: Array, within_limits: bool) -> Array:
+    """Q (n,) without whole turns, where the limits have room for that."""
+    turned = q - 2 * np.pi * np.round(q / (2 * np.pi))
+    inside = (turned >= family.lower) & (turned <= family.upper) | (not within_limits)
+    return np.where(~family.prismatic & inside, turned, q)
+
+
+def _grid(family: Family) -> Array:
+    """Step (n,) of round values: a power of ten."""
+    lower, upper = family.box(within_limits=True)
+    span = np.where(upper > lower, np.minimum(upper - lower, 2 * np.pi), 1.0)
+    span = np.where(family.prismatic & (upper > lower), upper - lower, span)
+    # Round values that the range of a joint has at least.
+    return np.asarray(10.0 ** np.floor(np.log10(span / 100)))
+
+
+def _decimal(values: Array, family: Family) -> Array:
+    """The floats nearest to the decimals that are meant."""
+    places = -np.log10(_grid(family)).round().astype(int)
+    return np.array([round(float(v), int(k)) for v, k in zip(values, places, strict=True)])
+
+
+def _solved(branch: Branch, start: Array) -> Iterator[Array]:
+    """Points of a branch that differ from ``start`` in as few joints as it has equations."""
+    joints = sorted({j for e in branch.equations for j in e.involved})
+    count = min(len(branch.equations), len(joints))
+    slope = np.abs(gradients(branch.equations, start[None])[0]).sum(axis=0)
+    order = sorted(joints, key=lambda j: -slope[j])
+    for chosen in itertools.islice(itertools.combinations(order, count), 8):
+        free = np.zeros(len(start), dtype=bool)
+        free[list(chosen)] = True
+        moved, ok = project(branch.equations, start[None], free)
+        if ok[0]:
+            yield np.where(free, moved[0], start)
+
+
+def _alike(arm: Arm, found: Array, q: Array) -> bool:
+    """Whether two configurations have the same rank, the first one to all digits."""
+    sigma = batch(arm, threads=1).sigma(np.stack([found, q]))[:, : generic_rank(arm)]
+    ratio = sigma / sigma[:, :1].clip(min=1e-300)
+    zeros = ratio <= 1e-8
+    return bool((zeros[0] == zeros[1]).all() and (ratio[0][zeros[0]] <= 1e-11).all())
+
+
 _SEED = 20
 _WITNESSES = 32
-_LENGTH_TOL = 1e-6
-"""Metres by which a family may lie beyond the limit of a prismatic joint and be at it."""
 _LOOKS = 0.4, 0.6, 0.8
 """Shares of a family's time by which looks within its limits, a little beyond them, and for a
 proof that there is nothing have ended: what is left is for points anywhere."""
-_SHARP = 1e-9
-"""sigma_r / sigma_1 of a point that has its digits."""
-_SAME = 1e-9
-_ON_BRANCH = 1e-6
-"""Distance in joint space up to which a point is on a branch."""
-_INDEPENDENT = 1e-7
-"""Singular values of gradients that count, relative to the largest."""
 
 
 def describe(
@@ -68,7 +205,8 @@ def describe(
     inside = draft.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[0]))
     reachability = Reachability.INSIDE if len(inside) else Reachability.UNKNOWN
     if not len(inside):
-        tolerance = np.where(arm.prismatic, _LENGTH_TOL, maker.angle_tol)
+        # Metres by which a family may lie beyond the limit of a prismatic joint and be at it.
+        tolerance = np.where(arm.prismatic, 1e-6, maker.angle_tol)
         wider = replace(draft, limit_tolerance=tolerance)
         inside = wider.points(_WITNESSES, rng, True, maker.rounds(), _until(looks[1]))
         if len(inside):
@@ -89,7 +227,8 @@ def _blunt(draft: Family, points: Array, geometry: Nominal) -> bool:
     """Whether points have half of their digits only, as where an equation touches zero."""
     if not len(points) or not any(b.equations for b in draft.branches):
         return False
-    return bool((ratios(geometry.arm, points) > _SHARP).any())
+    # sigma_r / sigma_1 of a point that has its digits.
+    return bool((ratios(geometry.arm, points) > 1e-9).any())
 
 
 def stated(group: Sequence[SolvedPiece], maker: PieceMaker, arm: Arm) -> Family:
@@ -161,7 +300,7 @@ def _limits_met(family: Family, q: Array, symbols: Sequence[str]) -> tuple[str, 
     said = []
     for j, value in enumerate(q):
         for limit, beyond in ((family.lower[j], -1.0), (family.upper[j], 1.0)):
-            if beyond * (value - limit) > _SAME / 10:
+            if beyond * (value - limit) > 1e-9 / 10:
                 unit = "m" if family.prismatic[j] else "rad"
                 said.append(
                     f"{symbols[j]} = {value:.10g} {unit}, its limit {limit:.10g} {unit}, "
@@ -236,7 +375,8 @@ def missing_everywhere(loss: Loss | State) -> list[str]:
 
 def _on(family: Family, branch: Branch, points: Array) -> Bool:
     """Which of some points (N, n) of a family are on one of its branches."""
-    return near((branch,), family.space, points, _ON_BRANCH, family.confirm)
+    # Distance in joint space up to which a point is on a branch.
+    return near((branch,), family.space, points, 1e-6, family.confirm)
 
 
 def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
@@ -250,5 +390,6 @@ def _codimension(branch: Branch, q: Array, complex_codimension: int) -> int:
     if len(branch.equations) == 1:
         return complex_codimension
     sizes = np.linalg.svd(gradients(branch.equations, q[None])[0], compute_uv=False)
-    independent = int((sizes > _INDEPENDENT * max(float(sizes[0]), 1e-300)).sum())
+    # Singular values of gradients that count, relative to the largest.
+    independent = int((sizes > 1e-7 * max(float(sizes[0]), 1e-300)).sum())
     return max(complex_codimension, len(branch.values) + independent)

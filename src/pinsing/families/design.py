@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -20,21 +20,96 @@ from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.decompose import Decomposition
+from pinsing.algebra.equation import Equation
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Poly, Ring
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.design_changes import Changes, OneEquation
-from pinsing.families.design_form import DesignChange, DesignFamily, DesignForm
+from pinsing.families.design_form import (
+    DesignChange,
+    DesignFamily,
+    DesignForm,
+    DesignNames,
+    text_of,
+)
 from pinsing.families.design_lengths import Lengths
-from pinsing.families.design_reality import unreal
-from pinsing.families.design_text import DesignNames, text_of
 
-_SEED = 11
-_FOR_SEARCH = 0.7
-_LONG = 300
-"""Terms from which on factoring may take long: lengths make many terms of few different powers."""
+Sum = dict[tuple[int, ...], int]
+"""A polynomial in the lengths: whole coefficients of products of powers."""
+
+
+def unreal(e: Equation, n: int) -> str:
+    """The lengths at which an equation in n joints has no solution; empty where it always has one.
+
+    Parameters
+    ----------
+    e : Equation
+        In joints and, after these, in lengths.
+    n : int
+        Number of joints.
+
+    Returns
+    -------
+    str
+        ``|a1| > |a2| + sqrt(d4^2 + a3^2)``; empty too where this way does not tell.
+    """
+    if e.powers[:, :n].any() or e.frequencies[:, n:].any() or not e.exact:
+        return ""
+    found: dict[tuple[int, ...], tuple[Sum, Sum]] = {}
+    for f, p, pair in zip(e.frequencies, e.powers, e.exact, strict=True):
+        both = found.setdefault(tuple(int(k) for k in f), ({}, {}))
+        for part, number in zip(both, pair, strict=True):
+            try:
+                value = int(number)
+            except ValueError:  # with a square root
+                return ""
+            if value:
+                part[tuple(int(k) for k in p[n:])] = value
+    if not e.powers.any():
+        return ""
+    constant = found.pop((0,) * e.frequencies.shape[1], None)
+    # Phases beyond which nobody reads the condition.
+    if constant is None or not found or len(found) > 3:
+        return ""
+    if np.linalg.matrix_rank(np.array(list(found))) < len(found):
+        return ""
+    shared = _shared([constant, *found.values()])
+    names = e.joints[n:]
+    return f"{_size(constant, names, shared)} > " + " + ".join(
+        _size(pair, names, shared) for pair in found.values()
+    )
+
+
+def _shared(pairs: Sequence[tuple[Sum, Sum]]) -> tuple[int, ...]:
+    """Powers that all terms have: a common factor."""
+    every = [m for pair in pairs for part in pair for m in part]
+    return tuple(min(column) for column in zip(*every, strict=True))
+
+
+def _size(pair: tuple[Sum, Sum], names: Sequence[str], shared: Sequence[int]) -> str:
+    """The largest value of A cos + B sin, written out."""
+    parts = [_written(part, names, shared) for part in pair if part]
+    if len(parts) == 1:
+        return f"|{parts[0]}|" if not parts[0].isdigit() else parts[0]
+    squares = [f"{p}^2" if p.isidentifier() or p.isdigit() else f"({p})^2" for p in parts]
+    return f"sqrt({' + '.join(squares)})"
+
+
+def _written(
+    part: Mapping[tuple[int, ...], int], names: Sequence[str], shared: Sequence[int]
+) -> str:
+    """``2 a2 d4 - a3^2``, its first term positive: only its square or size counts."""
+    sign = 1 if next(iter(part.values())) > 0 else -1
+    out = ""
+    for m, value in part.items():
+        powers = [(name, k - less) for name, k, less in zip(names, m, shared, strict=True)]
+        factors = [name if k == 1 else f"{name}^{k}" for name, k in powers if k]
+        number = value * sign
+        body = " ".join([str(abs(number))] * (abs(number) != 1 or not factors) + factors)
+        out += f" {'-' if number < 0 else '+'} {body}" if out else body
+    return out
 
 
 def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> DesignForm:
@@ -42,8 +117,9 @@ def design_form(lengths: Lengths, joints: Sequence[str], seconds: float) -> Desi
     began = time.monotonic()
     geometry, n = lengths.geometry, lengths.joints
     task = geometry.arm.task
-    time_left = Budget(seconds, long_to_factor=_LONG)
-    budget = time_left.part(_FOR_SEARCH)
+    # Terms from which on factoring may take long: lengths make many terms of few different powers.
+    time_left = Budget(seconds, long_to_factor=300)
+    budget = time_left.part(0.7)
     slides = [not angle for angle in (*(True for _ in joints), *lengths.angles)]
     for j, slide in zip(lengths.order, geometry.prismatic, strict=True):
         slides[j] = slide
@@ -117,7 +193,7 @@ def _symbolic(lengths: Lengths, ring: Ring) -> Any:
 
 
 def _rank(matrix: Matrix, ring: Ring) -> int:
-    residues, rng = Residues(ring), np.random.default_rng(_SEED)
+    residues, rng = Residues(ring), np.random.default_rng(11)
     return max(residues.generic_rank(matrix, rng) for _ in range(2))
 
 

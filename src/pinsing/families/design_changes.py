@@ -13,17 +13,7 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.generic_points import Residues
 from pinsing.algebra.matrix import Matrix
 from pinsing.algebra.ring import Poly
-from pinsing.families.design_form import EVERYWHERE, DesignChange
-from pinsing.families.design_text import DesignNames
-
-_SEED = 11
-_TURNS = (0, 2, 1, -1)
-"""Right angles that a twist is tried at."""
-_AT_TURN = ((1, 0), (1, 1), (0, 1), (1, -1))
-"""Half-angle coordinates of no, one, two and three right angles."""
-_STRAIGHT = 1e-9
-_AT_ONCE = 3
-"""Lengths that are zero at once, at most, where it is asked whether all is singular."""
+from pinsing.families.design_form import EVERYWHERE, DesignChange, DesignNames
 
 Images = Mapping[int, tuple[int, int | None]]
 """For some variables a number times another variable, or a number alone."""
@@ -90,7 +80,7 @@ class Changes:
         self.families, self.assumed, self.matrix, self.rank = families, assumed, matrix, rank
         self.names, self.ring, self.time = names, names.ring, time
         self._residues = Residues(self.ring)
-        self._rng = np.random.default_rng(_SEED)
+        self._rng = np.random.default_rng(11)
 
     def all(self) -> Iterator[DesignChange]:
         """What changes where lengths are zero or equal but for the sign, and at right twists.
@@ -127,7 +117,8 @@ class Changes:
         """
         lengths = [s for s in range(self.names.n, len(self.names.names)) if self.ring.prismatic[s]]
         enough = [{s} for s in told]
-        for size in range(1, _AT_ONCE + 1):
+        # Lengths that are zero at once, at most, where it is asked whether all is singular.
+        for size in range(1, 3 + 1):
             for some in itertools.combinations(lengths, size):
                 if any(known <= set(some) for known in enough):
                     continue
@@ -143,10 +134,12 @@ class Changes:
         if self.ring.prismatic[s]:
             yield SpecialDesign(f"{name} = 0", (s,), {variables[0]: (0, None)})
             return
-        for turn in _TURNS:
+        # Right angles that a twist is tried at.
+        for turn in (0, 2, 1, -1):
             quarters = turn + float(self.names.offset[s]) / (math.pi / 2)
-            if abs(quarters - round(quarters)) < _STRAIGHT:
-                point = _AT_TURN[round(quarters) % 4]
+            if abs(quarters - round(quarters)) < 1e-9:
+                # Half-angle coordinates of no, one, two and three right angles.
+                point = ((1, 0), (1, 1), (0, 1), (1, -1))[round(quarters) % 4]
                 images = {v: (x, None) for v, x in zip(variables, point, strict=True)}
                 yield SpecialDesign(f"{name} = {90 * turn}°", (s,), images)
 

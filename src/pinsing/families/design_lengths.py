@@ -31,7 +31,6 @@ from pinsing.robot.joints import axis_rotation
 from pinsing.robot.load import load
 from pinsing.robot.nominal import Nominal, nominal
 
-_ALIKE = 1e-9
 _AXES = {"x": np.array([1.0, 0.0, 0.0]), "z": np.array([0.0, 0.0, 1.0])}
 
 
@@ -239,7 +238,7 @@ def _check(made: Lengths) -> None:
             total += math.fsum(
                 v * float(p[i][k]) for v, p in zip(made.values, made.parts, strict=True)
             )
-            if abs(total - float(value)) > _ALIKE * max(1.0, abs(float(value))):
+            if abs(total - float(value)) > 1e-9 * max(1.0, abs(float(value))):
                 raise OptionError(
                     "the placements of the table are no plain sums of its lengths: its angles are "
                     "too far from exact ones for symbols"

@@ -17,19 +17,10 @@ from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.equation import Equation
 
-_FLAT = 1e-9
-"""Of an equation's size: coefficients of a joint this small do not say what its value is."""
 _EDGE = 1e-9
 """Radians or metres; a value this far beyond the box is within."""
 _MOST = 3
 """Equations at once, of which all orders are tried."""
-_SURVIVE = 1.5
-"""Of a long order more are tried, by so much for each step more."""
-_MOST_DRAWS = 2_000
-_DIGITS = 9
-"""Of points that are the same, radians or metres."""
-_ORDERS = 3
-"""Ways to solve that are made use of."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,11 +58,16 @@ def orders(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[O
     for ordered in itertools.permutations(equations):
         for joints in itertools.product(*(solvable[id(e)] for e in ordered)):
             steps = tuple(Step(e, j, k) for e, (j, k) in zip(ordered, joints, strict=True))
-            if _triangular(steps):
+            if all(
+                later.joint not in earlier.equation.involved
+                for i, later in enumerate(steps)
+                for earlier in steps[:i]
+            ):
                 found.append(steps)
     # Different joints first: what one of them seldom has a value for another one may.
     found.sort(key=lambda steps: sum(s.kind == "once" for s in steps))
-    return found[:_ORDERS]
+    # Ways to solve that are made use of.
+    return found[:3]
 
 
 def _many(equations: Sequence[Equation], free: npt.NDArray[np.bool_]) -> list[Order]:
@@ -149,7 +145,8 @@ def draw(
     """
     many = len(order) > _MOST
     if many:
-        count = max(count, min(_MOST_DRAWS, int(count * _SURVIVE ** (len(order) - _MOST))))
+        # Of a long order more are tried, by so much for each step more.
+        count = max(count, min(2_000, int(count * 1.5 ** (len(order) - _MOST))))
     q = np.where(free, rng.uniform(lower, upper, (count, len(lower))), fixed)
     open_ = free.copy()
     for step in order:
@@ -166,7 +163,8 @@ def draw(
         q = q[known & inside]
         open_[list(step.equation.involved)] = False
     if many:  # those that went on with nothing else to draw may have come to the same end
-        first = np.unique(q[:, free & ~open_].round(_DIGITS), axis=0, return_index=True)[1]
+        # Of points that are the same, radians or metres.
+        first = np.unique(q[:, free & ~open_].round(9), axis=0, return_index=True)[1]
         q = q[np.sort(first)]
     return q
 
@@ -180,15 +178,6 @@ def _kind(equation: Equation, joint: int) -> str:
     return "once" if rates <= {0, 2} else "half" if rates == {1} else ""
 
 
-def _triangular(steps: Order) -> bool:
-    """Whether no joint that is solved for occurs in an equation solved before."""
-    return all(
-        later.joint not in earlier.equation.involved
-        for i, later in enumerate(steps)
-        for earlier in steps[:i]
-    )
-
-
 def _solved(step: Step, q: Array, rng: np.random.Generator) -> tuple[Array, Bool]:
     """Values (N,) of the joint given the others of q (N, n), and whether there are any.
 
@@ -199,7 +188,8 @@ def _solved(step: Step, q: Array, rng: np.random.Generator) -> tuple[Array, Bool
     trial = np.repeat(q[None], len(at), axis=0)
     trial[..., step.joint] = at[:, None]
     f = step.equation(trial)
-    flat = _FLAT * step.equation.size
+    # Of an equation's size: coefficients of a joint this small do not say what its value is.
+    flat = 1e-9 * step.equation.size
     if step.kind == "length":
         slope = f[1] - f[0]
         known = np.abs(slope) > flat

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from flint import arb
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
@@ -12,8 +13,6 @@ from pinsing.algebra.equation import Equation
 
 _MARGIN = 1e-8
 """Of the sum of an equation's coefficients: more than all rounding, in them and in their sums."""
-_BOXES = 40_000
-"""After which a proof is given up."""
 
 Stop = Callable[[], bool]
 """Whether a search is to end with what it has; asked between its steps."""
@@ -50,13 +49,14 @@ class Box:
     halves: Array
 
 
+# After which a proof is given up.
 def proven_empty(
     equations: Sequence[Equation],
     lower: Array,
     upper: Array,
     tell: Callable[[Box], None] | None = None,
     stop: Stop | None = None,
-    boxes: int = _BOXES,
+    boxes: int = 40_000,
 ) -> bool:
     """Whether the equations have no common zero in a box, proven by subdivision.
 
@@ -103,3 +103,72 @@ def proven_empty(
         centers = np.concatenate([centers - shift, centers + shift])
         halves = np.concatenate([halves, halves])
     return True
+
+
+_WIDER = 1e-9
+"""Share by which each box is taken wider: so they overlap, and 2 pi is covered whole."""
+
+
+def certainly_empty(
+    equations: Sequence[Equation],
+    lower: Array,
+    upper: Array,
+    stop: Callable[[], bool] | None = None,
+) -> bool:
+    """Whether equations of angles have no common zero in a box: proven, or False.
+
+    It is not proven once ``stop`` says so.
+    """
+    if any(e.powers.any() for e in equations):
+        return False
+    if any(never_zero(e) for e in equations):
+        return True
+    boxes: list[Box] = []
+    if not proven_empty(equations, lower, upper, boxes.append, stop):
+        return False
+    balls = [_Balls(e) for e in equations]
+    count = sum(len(box.centers) * len(equations[box.equation].cos) for box in boxes)
+    # Terms times boxes that there is time for.
+    if count > 400_000:
+        return False
+    return all(
+        balls[box.equation].away(center, half)
+        for box in boxes
+        for center, half in zip(box.centers, box.halves, strict=True)
+    )
+
+
+def never_zero(equation: Equation) -> bool:
+    """Whether the constant term outweighs all the others: no zero anywhere."""
+    if equation.powers.any():
+        return False
+    balls = _Balls(equation)
+    constant = ~(equation.frequencies != 0).any(axis=1)
+    inside = sum((abs(c) for c, k in zip(balls.cos, constant, strict=True) if k), arb(0))
+    outside = sum((s for s, k in zip(balls.sizes, constant, strict=True) if not k), arb(0))
+    return bool(inside > outside)
+
+
+class _Balls:
+    """An equation whose coefficients are balls that hold the true ones."""
+
+    def __init__(self, equation: Equation) -> None:
+        error = equation.accuracy * equation.size
+        self.cos = [arb(float(c), error) for c in equation.cos]
+        self.sin = [arb(float(c), error) for c in equation.sin]
+        self.sizes = [(c * c + s * s).sqrt() for c, s in zip(self.cos, self.sin, strict=True)]
+        self.frequencies = [[int(k) for k in row] for row in equation.frequencies]
+        self.shift = [arb(float(x)) for x in equation.shift]
+
+    def away(self, center: Array, half: Array) -> bool:
+        """Whether the equation is not zero in a box: at its centre it is above what it can lose."""
+        q = [arb(float(c)) + s for c, s in zip(center, self.shift, strict=True)]
+        reach = [arb(float(h)) * (1 + _WIDER) + _WIDER for h in half]
+        value, loss = arb(0), arb(0)
+        terms = zip(self.frequencies, self.cos, self.sin, self.sizes, strict=True)
+        for frequency, c, s, size in terms:
+            used = [(k, j) for j, k in enumerate(frequency) if k]
+            phase = sum((q[j] * k for k, j in used), arb(0)) / 2
+            value += c * phase.cos() + s * phase.sin()
+            loss += size * sum((reach[j] * abs(k) for k, j in used), arb(0)) / 2
+        return bool(abs(value) > loss)

@@ -18,27 +18,15 @@ from pinsing._types import Array
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import equation
 from pinsing.algebra.mimic import own_offsets
-from pinsing.algebra.ring import Poly, Ring
-from pinsing.algebra.terms import terms_of
+from pinsing.algebra.ring import Poly, Ring, terms_of
 from pinsing.families.family import Family
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import thrown
 from pinsing.joint_text import typed
 from pinsing.robot.nominal import Nominal
 
-_SEED = 11
-_COMPARED = 6
-"""Random configurations at which equations are compared with relations."""
-_ALIKE = 1e-6
-"""Relative difference of an equation's values and a multiple of a relation's."""
 _ZERO = 1e-10
 """A relation's value, relative to its terms, that is zero."""
-_TRIES = 3
-"""Choices of free joints by which points of a component are looked for."""
-_MOST = 256
-"""Points of a component that are looked at."""
-_STARTS, _TERMS = 16, 500
-"""Random starts where roots in one joint after the other give no point; up to so many terms."""
 _SHARP, _BLUNT = 1e-6, 1e-4
 """Radians or metres from a branch's values, and residual of its equations: of a point on it, and
 of one that is a multiple root, which has half of the digits or less."""
@@ -118,7 +106,7 @@ class _Exact:
     def __init__(self, ring: Ring, geometry: Nominal, symbols: Sequence[str]) -> None:
         self.ring, self.symbols, self.offset = ring, symbols, own_offsets(geometry)
         self.slides = np.array(ring.prismatic, dtype=bool)
-        self.rng = np.random.default_rng(_SEED)
+        self.rng = np.random.default_rng(11)
         size = sum(abs(float(x)) for row in geometry.translation for x in row) or 1.0
         self.reach = np.where(self.slides, size, np.pi)
         self._made: dict[int, tuple[Poly, _Form]] = {}
@@ -129,7 +117,8 @@ class _Exact:
         for j, value in self._values(component).items():
             if j not in there or self._apart(j, there[j] - value) > _SHARP:
                 return False
-        q = self._random(_COMPARED)
+        # Random configurations at which equations are compared with relations.
+        q = self._random(6)
         q[:, list(there)] = list(there.values())
         x = self._variables(q)
         left = {k: _unit(e(q)) for k, e in enumerate(branch.equations)}
@@ -137,7 +126,8 @@ class _Exact:
         for poly in component.relations:
             values, size = self._form(poly)(x)
             own = _unit(values)
-            alike = [k for k, e in enumerate(stated) if 1 - (own * e).sum() ** 2 < _ALIKE**2]
+            # Relative difference of an equation's values and a multiple of a relation's.
+            alike = [k for k, e in enumerate(stated) if 1 - (own * e).sum() ** 2 < 1e-6**2]
             if not alike and (np.abs(values) > _ZERO * size).any():
                 return False
             left = {k: e for k, e in left.items() if k not in alike}
@@ -150,9 +140,11 @@ class _Exact:
             if not any(self._on(b, q, tol) for b in branches):
                 return q
             found = True
-            if count == _MOST:
+            # Points of a component that are looked at.
+            if count == 256:
                 break
-        if found or sum(map(len, component.relations)) > _TERMS:
+        # Random starts where roots in one joint after the other give no point; up to so many terms.
+        if found or sum(map(len, component.relations)) > 500:
             return None
         if any(not self._of_one(forms) for forms in conditions):
             return None  # it has no real point
@@ -160,7 +152,8 @@ class _Exact:
         free = np.array([j not in values for j in range(len(self.slides))])
         fixed = np.array([values.get(j, 0.0) for j in range(len(self.slides))])
         stated = [equation(p, self.ring, self.symbols, self.offset) for p in component.relations]
-        for q in thrown(stated, -self.reach, self.reach, free, fixed, _STARTS, self.rng):
+        # Random starts where roots in one joint after the other give no point; up to so many terms.
+        for q in thrown(stated, -self.reach, self.reach, free, fixed, 16, self.rng):
             if not any(self._on(b, q, _BLUNT) for b in branches):
                 return np.asarray(q)
         return None
@@ -224,7 +217,8 @@ class _Exact:
     ) -> Iterator[tuple[Array, float]]:
         """Real points (n,) of a component, and how sharp they are."""
         values = self._values(component)
-        for q in self._random(_TRIES):
+        # Choices of free joints by which points of a component are looked for.
+        for q in self._random(3):
             q[list(values)] = list(values.values())
             yield from self._followed(conditions, q, frozenset(values), _SHARP)
 

@@ -11,15 +11,20 @@ import numpy.typing as npt
 
 from pinsing import notebook
 from pinsing._dataclass import dataclass
-from pinsing.algebra.components import Component
-from pinsing.algebra.second_prime import RandomSteps
+from pinsing.algebra.components import Component, RandomSteps
 from pinsing.arguments import checked
 from pinsing.errors import ConfigurationError
-from pinsing.families.certainty import certainty
-from pinsing.families.family import Family, html_row
-from pinsing.families.family_text import exactly, half_angles, latex_lines, meaning, written_out
-from pinsing.families.html import families_table
-from pinsing.families.proof import Proof
+from pinsing.families.certainty import Proof, certainty
+from pinsing.families.family import (
+    Family,
+    exactly,
+    families_table,
+    half_angles,
+    html_row,
+    latex_lines,
+    meaning,
+    written_out,
+)
 from pinsing.families.slice_count import SliceCount
 from pinsing.families.system_text import SystemHead, system_text
 from pinsing.joint_text import typed
@@ -78,6 +83,8 @@ class ClosedForm(JsonResult):
     deviation : Deviation or None
         How far the geometry that all of this is true of is from the file's: largest angle and
         length moved; None where they agree to 1e-9.
+    steps : tuple of str
+        Names of the steps of the search that were taken, such as "all minors", in their order.
 
     Examples
     --------
@@ -115,6 +122,7 @@ class ClosedForm(JsonResult):
     random_steps: RandomSteps | None = None
     slice_count: SliceCount | None = None
     deviation: Deviation | None = field(default=None, metadata={"optional": True})
+    steps: tuple[str, ...] = field(default=(), metadata={"optional": True})
 
     @property
     def word(self) -> str:

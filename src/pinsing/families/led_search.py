@@ -22,43 +22,52 @@ import numpy as np
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, FoundComponents, settled
+from pinsing.algebra.components import Component, FoundComponents, RandomSteps, on_any, settled
 from pinsing.algebra.decompose import Decomposition, Within
+from pinsing.algebra.generic_points import Residues, slice_points
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
 from pinsing.algebra.matrix import Matrix
-from pinsing.algebra.near_minors import NearMinors, NotSquare
+from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.algebra.second_prime import RandomSteps
-from pinsing.families.inner_parts import without_inner
+from pinsing.algebra.zeros import Undecided
 from pinsing.families.modular_chain import at_value, value_modulo
 from pinsing.families.real_control import RandomSingular
 from pinsing.families.slice_count import Slice, SliceCount, Slices
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.task import Task
 
-_TURNS, _MOST_TURNS = 5, 7
-"""Times that all slices are gone through, each time over another field or with other values: up to
-the second number while one of the components was met on none."""
+
+def without_inner(
+    components: Sequence[Component], doubtful: Sequence[Component], ring: Ring, time: Budget
+) -> list[Component]:
+    """Components without those of ``doubtful`` whose points all lie on the others that are left.
+
+    Points are those of random slices modulo a prime of 62 bits, of each choice of joints; what
+    cannot be told in time stays.
+    """
+    left = list(components)
+    residues, rng = Residues(ring), np.random.default_rng(43)
+    for c in sorted(doubtful, key=lambda c: -c.codimension):
+        # Terms of a component's relations up to which its points are looked for: others are no
+        # pieces.
+        if not c.relations or sum(map(len, c.relations)) > 200:
+            continue
+        others = [k for k in left if k is not c]
+        count = c.codimension - len(c.values)
+        try:
+            found = slice_points(c.relations, residues, rng, c.values, time.check, count)
+            points = [on_any(others, s) for s in found]
+        except (BudgetExceeded, Undecided):
+            continue
+        if points and all(points):
+            left = others
+    return left
+
+
 _FIELDS = 3
 """Fields over which no point may be left over; one more for each that contradicts."""
-_TWICE = 2
-"""Times that a field is asked before a larger one."""
-_MET = 0.8
-"""Share of the components that must have been met: of those not known, as many may have been."""
 _FOR_VALUES = 0.1
 """Share of the time that minors have which say at what values of joints axes are special."""
-_ONE_MINOR = 0.2
-"""Seconds that one of them may take."""
-_CUTS = 3
-"""Minors that are not zero on a system, among which the shortest cuts it."""
-_IN_VAIN = 2
-"""Searches of many joints after which another field is asked: one alone may be misleading."""
-_BY_NEIGHBOURS = 0.1
-"""Share of what time is left that the search by neighbours at one value may take."""
-_FOR_PARTS = 0.03
-"""Share of the time for whether components that were not met are parts of others."""
-_AT_ONE = 0.4
-"""Share of what time is left that the search at one value may take."""
 
 At = tuple[int, Value]
 Near = Callable[[Mapping[int, Value], Budget], Sequence[Component]]
@@ -155,7 +164,8 @@ class _Leader:
         while not self.time.stop() and not self._done():
             if len(fields) < _FIELDS + len(self._open):
                 break  # so many contradict that too few are left to say otherwise
-            prime = min(fields, key=lambda p: (self._turns[p] // _TWICE, p))
+            # Times that a field is asked before a larger one.
+            prime = min(fields, key=lambda p: (self._turns[p] // 2, p))
             try:
                 new = self.slices.turn(prime, self.time)
             except ValueError:  # a denominator that the prime divides
@@ -175,11 +185,14 @@ class _Leader:
             return Led(self.components, None, False, self.steps)
         on = None if self.real is None else self.real.on
         unmet = [c for c in self.components if not any(map(np.any, self.slices.held(counted, c)))]
-        time = self.time.part(1.0, _FOR_PARTS)
+        # Share of the time for whether components that were not met are parts of others.
+        time = self.time.part(1.0, 0.03)
         self.components = without_inner(self.components, unmet, self.ring, time)
         self.components = self.slices.without_parts(counted, self.components, on)
         count = self.slices.count(counted, self.components)
-        enough = self._enough() and not count.off and count.met >= _MET * count.known
+        # Share of the components that must have been met: of those not known, as many may have
+        # been.
+        enough = self._enough() and not count.off and count.met >= 0.8 * count.known
         return Led(self.components, count, enough, self.steps)
 
     def _done(self) -> bool:
@@ -188,12 +201,16 @@ class _Leader:
             return False
         clean = [s for p in self._turns for s in self.kept[p]]
         count = self.slices.count(clean, self.components)
-        return count.met == count.known or sum(self._turns.values()) >= _MOST_TURNS
+        # Times that all slices are gone through, each time over another field or with other values:
+        # up to the second number while one of the components was met on none.
+        return count.met == count.known or sum(self._turns.values()) >= 7
 
     def _enough(self) -> bool:
         """Whether slices were gone through as often as must be, over as many fields."""
         fields = len(+self._turns)
-        return sum(self._turns.values()) >= _TURNS and fields >= _FIELDS + len(self._open)
+        # Times that all slices are gone through, each time over another field or with other values:
+        # up to the second number while one of the components was met on none.
+        return sum(self._turns.values()) >= 5 and fields >= _FIELDS + len(self._open)
 
     def _follow(self, slices: Sequence[Slice]) -> bool:
         """Search where points on no family lead to; whether some are left."""
@@ -201,7 +218,9 @@ class _Leader:
         in_vain = 0
         while off and not self.time.stop():
             at = self._next(off)
-            if at is None or (self.near is not None and in_vain == _IN_VAIN):
+            # Searches of many joints after which another field is asked: one alone may be
+            # misleading.
+            if at is None or (self.near is not None and in_vain == 2):
                 return True
             self._tried.add(at)
             before = len(self.components)
@@ -262,7 +281,8 @@ class _Leader:
         found: list[list[Poly]] = []
         try:
             for some in sorted(combinations(range(n), rank), key=lambda s: s[-1] - s[0]):
-                if len(found) >= _CUTS:
+                # Minors that are not zero on a system, among which the shortest cuts it.
+                if len(found) >= 3:
                     break
                 minor = minors.minor(some, c.values)
                 if minor != 0 and not any(self.ring.divides(r, minor) for r in c.relations):
@@ -321,7 +341,8 @@ class _Leader:
         for some in sorted(combinations(range(n), rank), key=lambda c: c[-1] - c[0]):
             if until.stop():
                 break
-            one_of = until.at_most(_ONE_MINOR)
+            # Seconds that one of them may take.
+            one_of = until.at_most(0.2)
             minors = NearMinors(self.geometry, self.ring, self.task, rank, one_of)
             try:
                 minor = minors.minor(some, {})
@@ -338,9 +359,11 @@ class _Leader:
 
     def _search(self, values: Mapping[int, Value]) -> None:
         """All components at a joint's value, or, if they are new, those that neighbours tell."""
-        if self.near is not None and self._add(self.near(values, self.time.part(_BY_NEIGHBOURS))):
+        # Share of what time is left that the search by neighbours at one value may take.
+        if self.near is not None and self._add(self.near(values, self.time.part(0.1))):
             return
-        time = self.time.part(_AT_ONE)
+        # Share of what time is left that the search at one value may take.
+        time = self.time.part(0.4)
         try:
             if self._matrix is None:
                 self._matrix = jacobian_matrix(self.geometry, self.ring, self.task, self.time)

@@ -23,37 +23,81 @@ from contextlib import contextmanager
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component, FoundComponents
 from pinsing.algebra.mimic import own_jacobian_modulo
-from pinsing.algebra.near_minors import NearMinors, NotSquare
+from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.families.column_choice import cutting, nearest, neighbours, rank
-from pinsing.families.freedom import freedom
-from pinsing.families.met_points import MetPoints, PrimePoints, RealPoints
+from pinsing.families.met_points import (
+    MetPoints,
+    PrimePoints,
+    RealPoints,
+    cutting,
+    freedom,
+    nearest,
+    neighbours,
+    rank,
+)
 from pinsing.families.modular_points import ModularPoints
 from pinsing.families.pieces import PieceMaker
-from pinsing.families.progress import Progress
 from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.task import Task
 
+
+@dataclass
+class Progress:
+    """What was looked at.
+
+    Attributes
+    ----------
+    places : int
+        Sets of joint values.
+    waiting : int
+        Places that there was no time for.
+    unseen : int
+        Systems of equations of which no real point was met.
+    mixed : int
+        Systems that hold at regular configurations too, and are stated with the rank.
+    uncut : int
+        Systems with a regular part that no minor of near joints cut.
+    too_long : int
+        Minors that were too long.
+    """
+
+    places: int = 0
+    waiting: int = 0
+    unseen: int = 0
+    mixed: int = 0
+    uncut: int = 0
+    too_long: int = 0
+
+    def gaps(self, n: int) -> list[str]:
+        """What was left open in a chain of n joints, in sentences."""
+        sets = "one set" if self.places == 1 else f"{self.places} sets"
+        out = [
+            f"for {n} joints only what neighbouring axes tell was looked for, at {sets} of joint "
+            "values (the empty one is the general case); that nothing else is singular is not shown"
+        ]
+        if self.waiting:
+            out.append(
+                f"{self.waiting} more sets of joint values were waiting when the time was over: "
+                "more time looks at them"
+            )
+        if self.unseen:
+            out.append(f"no real point was met on {_systems(self.unseen)}, left out here")
+        if self.uncut or self.too_long:
+            out.append(f"{_systems(self.uncut + self.too_long)} could not be searched further")
+        return out
+
+
+def _systems(count: int) -> str:
+    return "one system of equations" if count == 1 else f"{count} systems of equations"
+
+
 _SEED = 5
-_POINTS, _PRIME_POINTS = 24, 6
-_SINGULAR, _REGULAR = 1e-8, 1e-5
-"""sigma_r / sigma_1 of points on a set that are singular, or not; between, they do not count."""
-_TRIED = 10
-"""Singular points at which the size of a set is asked."""
-_CIRCUITS = 20_000
-"""Choices of joints among which groups that depend on each other everywhere are looked for."""
-_FOR_GENERAL, _FOR_GROUPS = 0.25, 0.1
-"""Shares of the time for the general case by real points, and for what such groups tell."""
-_ROUNDS = 2
-"""Times that regular parts are told apart by some equations more."""
-_COMBINED = 16
-"""Combinations of factors of these that are judged one by one."""
-_LONG, _LONGEST = 200, 400
-"""Terms of equations to which others are added that tell regular parts apart, and of these."""
+_POINTS = 24
 
 Places = Mapping[int, Value]
 Relations = tuple[Poly, ...]
@@ -169,10 +213,12 @@ class LongChain:
             except BudgetExceeded:
                 self.progress.waiting += 1
             if first and not self.time.over:
-                with self._part(_FOR_GENERAL):
+                # Shares of the time for the general case by real points, and for what such groups
+                # tell.
+                with self._part(0.25):
                     while self._later and not self.time.stop():
                         self._by_real_points()
-                with self._part(_FOR_GROUPS):
+                with self._part(0.1):
                     self._groups(place)
             first = False
 
@@ -205,7 +251,8 @@ class LongChain:
         J = self._columns(place)
         seen: set[tuple[int, ...]] = set()
         choices = itertools.combinations(range(self.n), self.rank)
-        for some in itertools.islice(choices, _CIRCUITS):
+        # Choices of joints among which groups that depend on each other everywhere are looked for.
+        for some in itertools.islice(choices, 20_000):
             self.time.check()
             if rank(J, some) != self.rank - 1 or any(
                 rank(J, [j for j in some if j != k]) < self.rank - 1 for k in some
@@ -284,7 +331,7 @@ class LongChain:
         if self._found.covers(place, relations):
             return
         self.time.check()
-        points = self._exact.points(place, relations, _PRIME_POINTS, self.time)
+        points = self._exact.points(place, relations, 6, self.time)
         if points is None and more:
             self._judge_real(place, relations, more, rounds)
             return
@@ -311,7 +358,9 @@ class LongChain:
         codimension = len(place) + len(relations)
         every = tuple(sorted((*relations, *more), key=len))
         points, ratio = self._met(place, every)
-        singular, regular = points[ratio <= _SINGULAR], points[ratio >= _REGULAR]
+        # sigma_r / sigma_1 of points on a set that are singular, or not; between, they do not
+        # count.
+        singular, regular = points[ratio <= 1e-8], points[ratio >= 1e-5]
         if not len(singular) and not len(regular):
             self.progress.unseen += 1
             self.unseen.append(Component(dict(place), every, False, codimension))
@@ -319,7 +368,8 @@ class LongChain:
         if len(singular) and (len(regular) or more):
             # What is singular may be smaller than the rest: then it is found inside.
             branch = self.maker.branch_of(place, every)
-            some = singular[:: max(1, len(singular) // _TRIED)]
+            # Singular points at which the size of a set is asked.
+            some = singular[:: max(1, len(singular) // 10)]
             singular = some[[self.n - freedom(branch, q) <= codimension for q in some]]
         self._told(
             place,
@@ -346,7 +396,8 @@ class LongChain:
             self._cut(place, relations, regular)
         if len(singular) and len(regular):
             # Parts of one size, which some minors more tell apart, unless these are long.
-            told = self._telling(place, every, regular) if rounds < _ROUNDS else ()
+            # Times that regular parts are told apart by some equations more.
+            told = self._telling(place, every, regular) if rounds < 2 else ()
             if told:
                 self._tell_apart(place, relations, more, told, rounds)
                 return
@@ -359,7 +410,8 @@ class LongChain:
     ) -> None:
         """Judge the part of some equations on which others are zero too, factor by factor."""
         factors = [self._factors(t) for t in told]
-        if math.prod(map(len, factors)) > _COMBINED:
+        # Combinations of factors of these that are judged one by one.
+        if math.prod(map(len, factors)) > 16:
             self._judge(place, relations, (*more, *told), rounds + 1)
             return
         for some in itertools.product(*factors):
@@ -373,11 +425,12 @@ class LongChain:
     def _telling(self, place: Places, relations: Relations, regular: MetPoints) -> Relations:
         """Minors that are zero where all are, and not at regular points; none if these are long."""
         longest = max(len(r) for r in relations)
-        if longest > _LONG:
+        # Terms of equations to which others are added that tell regular parts apart, and of these.
+        if longest > 200:
             return ()
         known = set(map(str, relations))
         minors = cutting(self._minors, self._columns(place), place, regular, self.n)
-        told = {str(m): m for m in minors if len(m) <= _LONGEST}
+        told = {str(m): m for m in minors if len(m) <= 400}
         return tuple(m for name, m in told.items() if name not in known)
 
     def _cut(self, place: Places, relations: Relations, regular: MetPoints) -> None:

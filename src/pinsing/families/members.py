@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -13,20 +13,64 @@ from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import GAP, SECONDS, SearchOptions
 from pinsing.arguments import checked, columns_of, real_numbers, whole_number
 from pinsing.errors import ConfigurationError, OptionError
-from pinsing.families.nearness import Confirm, Distance, near, nearest, own_nearest
+from pinsing.families.empty_box import Stop
+from pinsing.families.nearness import ON, Confirm, Distance, Starts, near, nearest, own_nearest
 from pinsing.families.parts import Branch
-from pinsing.families.points import spread
-from pinsing.families.starts import ON, Starts
-from pinsing.families.zero_set import ROUNDS
+from pinsing.families.zero_set import ROUNDS, search
 from pinsing.measures import Reachability
 from pinsing.robot.arm import Arm
 from pinsing.robot.joint_space import JointSpace, require_values
 
-_MOST_POINTS = 10_000_000
+
+def spread(
+    held: Sequence[tuple[Branch, Array]],
+    lower: Array,
+    upper: Array,
+    count: int,
+    rng: np.random.Generator,
+    rounds: int,
+    stop: Stop | None = None,
+) -> Array:
+    """Up to ``count`` points (k, n) in a box, about as many of each branch.
+
+    Parameters
+    ----------
+    held : sequence of (Branch, (n,) array)
+        Branches with the values of their fixed joints.
+    lower, upper : (n,) arrays
+        The box.
+    count : int
+        How many.
+    rng : np.random.Generator
+        Where they are drawn from.
+    rounds : int
+        Number of batches of random starts after which a branch is given up.
+    stop : callable, optional
+        As in ``search``.
+    """
+    alive = [held[i] for i in rng.permutation(len(held))]
+    parts = [np.zeros((0, len(lower)))]
+    missing = count
+    for _ in range(4):  # what one branch lacks, the others give in the next pass
+        share = np.full(len(alive), missing // max(1, len(alive)))
+        share[: missing - share.sum()] += 1
+        for (branch, fixed), some in zip(tuple(alive), share, strict=True):
+            if some == 0:
+                continue
+            free = np.ones(len(lower), dtype=bool)
+            free[[v.joint for v in branch.values]] = False
+            part = search(branch.equations, lower, upper, free, fixed, int(some), rng, rounds, stop)
+            parts.append(part)
+            missing -= len(part)
+            if not len(part):
+                alive = [a for a in alive if a[1] is not fixed or a[0] is not branch]
+        if missing == 0 or not alive or (stop is not None and stop()):
+            break
+    return np.concatenate(parts)
+
+
 _AGAIN = 3
 """Times that points are looked for again, where some were not the family's own; or in vain."""
-_AGAIN_UNTIMED = 40
-"""The same where nothing limits the time."""
 
 
 class Members:
@@ -275,7 +319,7 @@ class Members:
         >>> bool(abs(family.equations[0](Q)).max() < 1e-9)
         True
         """
-        whole_number(n, "n", 0, _MOST_POINTS)
+        whole_number(n, "n", 0, 10_000_000)
         if n == 0 or (within_limits and self.reachability is Reachability.OUTSIDE):
             return np.zeros((0, self.n))
         lower, upper = self.box(within_limits)
@@ -291,7 +335,8 @@ class Members:
                 more = starts.own(self.confirm, n - len(found), rng, stop)
                 found = np.concatenate([found, more])
             idle = 0
-            again = _AGAIN if stop is not None else _AGAIN_UNTIMED
+            # The same where nothing limits the time.
+            again = _AGAIN if stop is not None else 40
             for _ in range(again if len(found) and self.confirm is not None else 0):
                 if len(found) == n or idle == _AGAIN or (stop is not None and stop()):
                     break

@@ -27,10 +27,6 @@ from pinsing.robot.task import Task
 
 _TRIES = 4
 """Times that a point is begun, for each that is wanted."""
-_DRAWS = 4
-"""Times that joints of one equation are drawn: half of all quadratics have no root."""
-_ROOTS = 400
-"""Roots that are computed for one point."""
 
 Order = tuple[tuple[Poly, int], ...]
 """Equations, and the joint that each is solved for."""
@@ -129,7 +125,8 @@ class ModularPoints:
         for k in range(_TRIES * count):
             residues = self._residues[k % len(self._residues)]
             at: At = {j: value_modulo(v, residues.prime) for j, v in place.items()}
-            if self._solve(order, at, residues, [_ROOTS], time):
+            # Roots that are computed for one point.
+            if self._solve(order, at, residues, [400], time):
                 for j in range(len(self.ring.prismatic)):
                     if j not in at:
                         at[j] = self._random(j, residues.prime)
@@ -150,7 +147,8 @@ class ModularPoints:
             return True
         (poly, joint), *rest = order
         unset = [j for j in self.ring.joints_of(poly) if j != joint and j not in at]
-        for _ in range(_DRAWS if unset else 1):
+        # Times that joints of one equation are drawn: half of all quadratics have no root.
+        for _ in range(4 if unset else 1):
             time.check()
             left[0] -= 1
             if left[0] < 0:

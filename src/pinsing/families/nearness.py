@@ -7,15 +7,17 @@ from typing import NamedTuple, Protocol
 
 import numpy as np
 
+from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.nearest import SearchOptions, nearest_points
+from pinsing.families.empty_box import Stop
 from pinsing.families.parts import Branch
-from pinsing.families.zero_set import project
+from pinsing.families.zero_set import project, thrown
 from pinsing.notebook import one_line
 from pinsing.robot.joint_space import JointSpace
 
-_SEED, _STARTS = 3, 200
+_STARTS = 200
 
 
 class Distance(NamedTuple):
@@ -143,7 +145,7 @@ def own_nearest(
     """
     if not np.isfinite(found.q).all() or confirm(found.q[None])[0]:
         return found
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(3)
     step = space.metric * max(found.upper, 1e-3)
     starts = q + rng.normal(size=(_STARTS, len(q))) * step * rng.uniform(0.1, 3.0, (_STARTS, 1))
     best, least = found.q, np.inf
@@ -159,3 +161,96 @@ def own_nearest(
     if not np.isfinite(least):
         best = np.full(len(q), np.nan)
     return Distance(least, best, False, found.lower, least)
+
+
+_FEWEST, _MOST = 40, 400
+"""Starts at once: where the time is over, and where it is not."""
+ON = 1e-9
+"""Distance in joint space up to which a point is on a branch: small residuals say less."""
+
+
+@dataclass(frozen=True, eq=False)
+class Starts:
+    """Where random starts are drawn from.
+
+    Attributes
+    ----------
+    held : sequence of (Branch, (n,) array)
+        Branches with the values of their fixed joints.
+    space : JointSpace
+        Of all joints.
+    lower, upper : (n,) arrays
+        The box.
+    within : bool
+        Whether points outside of it do not count.
+    """
+
+    held: Sequence[tuple[Branch, Array]]
+    space: JointSpace
+    lower: Array
+    upper: Array
+    within: bool
+
+    def own(self, confirm: Confirm, n: int, rng: np.random.Generator, stop: Stop | None) -> Array:
+        """Up to n own points (k, n) of the branches, from each about as many.
+
+        By what singular means, as far as the equations hold there; then, where that finds too few,
+        by the equations.
+        """
+        found = [np.zeros((0, self.space.n))]
+        share = -(-n // max(1, len(self.held)))
+        for i, (branch, fixed) in enumerate(self.held):
+            if i and stop is not None and stop():
+                break
+            free = np.ones(self.space.n, dtype=bool)
+            free[[v.joint for v in branch.values]] = False
+            missing = share
+            # Times that so many are tried.
+            for _ in range(4):
+                q = self._by_rank(confirm, branch, fixed, free, missing, rng, stop)
+                found.append(q[:missing])
+                missing -= len(found[-1])
+                if missing == 0 or not len(q) or (stop is not None and stop()):
+                    break
+            if missing:
+                q = self._by_equations(confirm, branch, fixed, free, missing, rng, stop)
+                found.append(q[:missing])
+        return np.concatenate(found)[:n]
+
+    def _by_rank(
+        self,
+        confirm: Confirm,
+        branch: Branch,
+        fixed: Array,
+        free: Bool,
+        n: int,
+        rng: np.random.Generator,
+        stop: Stop | None,
+    ) -> Array:
+        late = stop is not None and stop()  # then a first look is taken all the same
+        # Starts at once: where the time is over, and where it is not.
+        count = 12 if late else min(max(_FEWEST, 4 * n), _MOST)
+        starts = np.where(free, rng.uniform(self.lower, self.upper, (count, len(free))), fixed)
+        q = self._inside(confirm.drawn(starts, free, (self.lower, self.upper)))
+        return q[near((branch,), self.space, q, ON)] if len(q) else q
+
+    def _by_equations(
+        self,
+        confirm: Confirm,
+        branch: Branch,
+        fixed: Array,
+        free: Bool,
+        n: int,
+        rng: np.random.Generator,
+        stop: Stop | None,
+    ) -> Array:
+        count = min(max(_FEWEST, 4 * n), _MOST)
+        box = self.lower, self.upper
+        q = thrown(branch.equations, *box, free, fixed, count, rng, stop)
+        q = q[confirm(q)] if len(q) else q
+        return self._inside(q) if self.within else q
+
+    def _inside(self, q: Array) -> Array:
+        """Those of some points (N, n) that are in the box, up to whole turns."""
+        q = self.space.fold(q)
+        return np.asarray(q[((q >= self.lower - 1e-9) & (q <= self.upper + 1e-9)).all(axis=-1)])

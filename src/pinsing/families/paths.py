@@ -9,17 +9,17 @@ import numpy as np
 import numpy.typing as npt
 
 from pinsing._types import Array
+from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.two_sided import two_sided
+from pinsing.families.family import Family
 from pinsing.families.parts import Branch
 from pinsing.families.zero_set import project
-from pinsing.kinematics.verdict import ratios
+from pinsing.kinematics.jacobian import tip_placement
+from pinsing.kinematics.verdict import own_shares, ratios
 from pinsing.robot.arm import Arm
 
 ALONG_FRAMES = 54
 INTO_FRAMES = 30
-
-_SWING = 0.6  # radians to each side
-_LONGEST_STEP = 0.35
-_SEED = 9
 
 
 @runtime_checkable
@@ -67,7 +67,7 @@ def along(arm: Arm, family: FamilyLike | None, start: Array, frames: int = ALONG
         return np.zeros((0, arm.n))
     phase = np.linspace(0.0, 2 * np.pi, frames, endpoint=False)[:, None]
     lower, upper = arm.span
-    swing = np.where(arm.prismatic, 0.3 * (upper - lower), _SWING)
+    swing = np.where(arm.prismatic, 0.3 * (upper - lower), 0.6)
     rhythm = 1 + np.arange(arm.n) % 2
     up, down = np.maximum(upper - start, 0), np.maximum(start - lower, 0)
     for size in (1.0, 0.6, 0.3, 0.12):
@@ -84,7 +84,7 @@ def along(arm: Arm, family: FamilyLike | None, start: Array, frames: int = ALONG
             continue
         closed = np.concatenate([path, path[:1]])
         inside = (path >= lower - 1e-9).all() and (path <= upper + 1e-9).all()
-        if inside and np.abs(np.diff(closed, axis=0)).max() <= _LONGEST_STEP:
+        if inside and np.abs(np.diff(closed, axis=0)).max() <= 0.35:
             return path
     return np.zeros((0, arm.n))
 
@@ -130,7 +130,7 @@ def into(arm: Arm, moved: Sequence[int], goal: Array, frames: int = INTO_FRAMES)
     (frames, n) array
         The last row is ``goal``.
     """
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(9)
     lower, upper = arm.span
     reach = np.where(arm.prismatic, 0.4 * (upper - lower), 1.1)
     best, best_score = np.repeat(goal[None], frames, axis=0), -np.inf
@@ -152,3 +152,57 @@ def into(arm: Arm, moved: Sequence[int], goal: Array, frames: int = INTO_FRAMES)
             break
     best[-1] = goal
     return np.asarray(best)
+
+
+_APART = 0.12  # radians, about seven degrees
+
+
+def telling_poses(
+    arm: Arm, family: FamilyLike, count: int, others: Sequence[Family] = ()
+) -> tuple[Array, ...]:
+    """Configurations of a family that show it well, at most ``count``.
+
+    They are on no other family where there are such, away from other singularities, above the
+    floor, not twisted up, and unlike each other; the same ones at every call. ``others`` are
+    families to stay away from. Empty where the limits allow none.
+    """
+    rng = np.random.default_rng(4)
+    Q = family.sample(80, rng)
+    witness = getattr(family, "witness", None)
+    if not len(Q):
+        return () if witness is None else (np.array(witness, dtype=float),)
+    apart = _apart(arm, others, Q)
+    alone = apart >= min(_APART, float(apart.max()))
+    Q, apart = Q[alone], apart[alone]
+    share = own_shares(arm, Q)
+    # The singular value that should survive at a generic point of the family.
+    drop = max(1, int(np.median((share <= 1e-7).sum(axis=1))))
+    healthy = share[:, -1 - drop] if share.shape[1] > drop else 1.0
+    lower, upper = arm.span
+    middle, half = (lower + upper) / 2, np.maximum((upper - lower) / 2, 1e-9)
+    twisted = np.abs((Q - middle) / half).mean(axis=1)
+    score = np.minimum(healthy / 0.1, 1.0) + 0.7 * _above_floor(arm, Q) - 0.8 * twisted
+    score += 0.5 * np.minimum(apart / (3 * _APART), 1.0)
+    chosen = [int(np.argmax(score))]
+    reach = np.where(arm.prismatic, half, np.pi)
+    for _ in range(min(count, len(Q)) - 1):
+        gap = np.min([np.linalg.norm((Q - Q[c]) / reach, axis=1) for c in chosen], axis=0)
+        gap[chosen] = -np.inf
+        chosen.append(int(np.argmax(score + 1.2 * np.minimum(gap, 1.0))))
+    return tuple(Q[c] for c in chosen)
+
+
+def _apart(arm: Arm, others: Sequence[Family], Q: Array) -> Array:
+    """At least how far other families are from Q (N, n); (N,), radians."""
+    if not others:
+        return np.full(len(Q), np.inf)
+    weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
+    conditions = Conditions.of([f.branches for f in others], np.asarray(arm.prismatic), weight)
+    return two_sided(conditions, Q).lower
+
+
+def _above_floor(arm: Arm, Q: Array) -> Array:
+    """1 where the tip is above the base, 0 where far below it; (N,)."""
+    z = np.array([tip_placement(arm, q).translation[2] for q in Q])
+    spread = float(np.ptp(z)) or 1.0
+    return np.clip((z + 0.1 * spread) / (0.2 * spread), 0.0, 1.0)

@@ -14,12 +14,11 @@ from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget, BudgetExceeded
 from pinsing.algebra.components import Component
 from pinsing.algebra.equation import Equation, equation, scale_to_lengths
-from pinsing.algebra.finite_system import NotFinite, real_solutions
 from pinsing.algebra.mimic import own_offsets
 from pinsing.algebra.real_hypersurface import changes_sign, isolated_zeros
-from pinsing.algebra.real_roots import AlgebraicValue, real_roots
+from pinsing.algebra.real_roots import AlgebraicValue, NotFinite, real_roots, real_solutions
 from pinsing.algebra.ring import Poly, Ring, Value
-from pinsing.families.certain import certainly_empty, never_zero
+from pinsing.families.empty_box import certainly_empty, never_zero
 from pinsing.families.nearness import Confirm
 from pinsing.families.parts import Branch, JointValue
 from pinsing.families.zero_set import (
@@ -32,11 +31,6 @@ from pinsing.kinematics.jacobian import task_jacobians
 from pinsing.kinematics.verdict import ratios
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
-
-_THROWN = 40
-"""Random starts, where no point of equations that was drawn is the family's own."""
-_MANY = 32
-"""Points of equations that are drawn, where none of the first ones is the family's own."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,10 +266,12 @@ class PieceMaker:
             return found
         own = found[self.confirm(found)]
         if not len(own):  # a few points may all be regular ones of the equations, many seldom
-            more = searched(max(_MANY, count))
+            # Points of equations that are drawn, where none of the first ones is the family's own.
+            more = searched(max(32, count))
             own = more[self.confirm(more)][:count]
         if not len(own):
-            more = self.thrown(branch, _THROWN)
+            # Random starts, where no point of equations that was drawn is the family's own.
+            more = self.thrown(branch, 40)
             own = more[self.confirm(more)][:count]
         return own
 

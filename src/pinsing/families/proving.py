@@ -7,16 +7,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from pinsing.algebra.apart import Apart
-from pinsing.algebra.budget import Budget, BudgetExceeded
+from pinsing.algebra.budget import Apart, Budget, BudgetExceeded
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import NotFollowed
 from pinsing.algebra.surd_ring import ring_of
+from pinsing.families.certainty import Proof
 from pinsing.families.faithful import disagreements
 from pinsing.families.form import ClosedForm
-from pinsing.families.proof import Proof
 from pinsing.proof.checker import Rejected, verify
-from pinsing.proof.place import NotFound
+from pinsing.proof.forms import NotFound
 from pinsing.proof.produce import Stated, certificate, text_of
 
 SHORT = 10.0

@@ -15,15 +15,102 @@ from pinsing._types import Array, Bool
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Value
-from pinsing.families.own_points import OwnPoints
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.zero_set import residuals
+from pinsing.kinematics.batch import own_scale
+from pinsing.kinematics.jacobian import own_jacobians_and_derivatives
+from pinsing.kinematics.verdict import ratios
+from pinsing.robot.arm import Arm
 
-_BATCH, _BATCHES = 100, 4
-"""Random starts at once, and how often."""
-_OF_A_BATCH = 1e6
-"""Work of a batch of starts, in products of terms."""
-_SEED = 37
+_SHARP = 1e-12
+"""sigma_r / sigma_1 of a point that has all its digits."""
+
+
+@dataclass(frozen=True, eq=False)
+class OwnPoints:
+    """The singular ones among the points of equations.
+
+    Attributes
+    ----------
+    arm : Arm
+        The exact one.
+    touching : bool
+        Whether the equations are known to be zero at singular points only: they touch zero there,
+        which leaves their points half of the digits.
+    """
+
+    arm: Arm
+    touching: bool = False
+
+    def __call__(self, points: Array) -> Bool:
+        """Which of some points (N, n) are singular."""
+        # sigma_r / sigma_1 of what is singular among the points of equations.
+        return ratios(self.arm, points) <= 1e-6
+
+    def drawn(self, starts: Array, free: Bool, box: tuple[Array, Array]) -> Array:
+        """Singular points (k, n) of a box that starts (N, n) in it lead to; see ``Confirm``."""
+        if not len(starts):
+            return starts
+        # Steps from random starts.
+        q = _newton(self.arm, starts, free, 30, box)
+        q = q[np.isfinite(q).all(axis=-1)]
+        return q[ratios(self.arm, q) <= _SHARP] if len(q) else q
+
+    def sharpened(self, points: Array, free: Bool) -> Array:
+        """Singular points (N, n) to all digits, moved along ``free`` joints (n,); see `_newton`.
+
+        One that does not become more singular nearby stays as it is.
+        """
+        before = ratios(self.arm, points)
+        blunt = np.flatnonzero(before > _SHARP)
+        if not len(blunt):
+            return points
+        moved = _newton(self.arm, points[blunt], free)
+        near = np.isfinite(moved).all(axis=-1)
+        # Radians or metres: what is this far away is another point.
+        near &= np.abs(np.where(np.isfinite(moved), moved, 0.0) - points[blunt]).max(axis=-1) < 1e-3
+        moved = np.where(near[:, None], moved, points[blunt])
+        better = ratios(self.arm, moved) < before[blunt]
+        sharp = points.copy()
+        sharp[blunt[better]] = moved[better]
+        return sharp
+
+
+def _newton(
+    arm: Arm,
+    q: Array,
+    free: Bool,
+    steps: int = 8,
+    box: tuple[Array, Array] | None = None,
+) -> Array:
+    """Solve J(q)^T u = 0 and u.u = 1 for q (N, n) and the lost direction u, from near a solution.
+
+    Or from anywhere: then many of them end nowhere. Minimum-norm steps, those of sliders in the
+    arm's own length as H is: the solutions are a set of some dimension.
+    """
+    J, H = own_jacobians_and_derivatives(arm, q)
+    u = np.linalg.svd(J)[0][..., -1]
+    n, columns = q.shape[-1], own_scale(arm).columns
+    for _ in range(steps):
+        residual = np.concatenate(
+            [np.einsum("kr,krj->kj", u, J), (u * u).sum(axis=-1, keepdims=True) - 1], axis=-1
+        )
+        A = np.zeros((len(q), n + 1, n + u.shape[-1]))
+        A[:, :n, :n] = np.einsum("kr,krij->kij", u, H) * free
+        A[:, :n, n:] = np.swapaxes(J, -1, -2)
+        A[:, n, n:] = 2 * u
+        # Singular values of Newton's matrix that count, relative to the largest.
+        step = -np.einsum("kij,kj->ki", np.linalg.pinv(A, rcond=1e-10), residual)
+        long = np.linalg.norm(step[:, :n], axis=-1, keepdims=True)
+        # Radians or metres of a step.
+        step *= np.minimum(1.0, 1.0 / np.maximum(long, 1e-300))
+        q = q + np.where(free, step[:, :n] * columns, 0.0)
+        q = q if box is None else np.clip(q, *box)  # sliders would go on without end
+        u = u + step[:, n:]
+        J, H = own_jacobians_and_derivatives(arm, q)
+    return q
+
+
 _OFF = 1e-4
 """Radians, metres, or shares of an equation's coefficients: points that Newton's method found are
 singular to 1e-12, and so within 1e-6 of what touches, and others are rarely this near."""
@@ -41,14 +128,17 @@ def real_points(maker: PieceMaker, own: OwnPoints, time: Budget) -> Array:
     time : Budget
         After which no further starts are made; the first ones are made all the same.
     """
-    rng = np.random.default_rng(_SEED)
+    rng = np.random.default_rng(37)
     box = maker.lower, maker.upper
     n = len(maker.symbols)
     found = []
-    for _ in range(_BATCHES):
-        starts = rng.uniform(*box, (_BATCH, n))
+    # Random starts at once, and how often.
+    for _ in range(4):
+        # Random starts at once, and how often.
+        starts = rng.uniform(*box, (100, n))
         found.append(own.drawn(starts, np.ones(n, dtype=bool), box))
-        if time.stop(_OF_A_BATCH):
+        # Work of a batch of starts, in products of terms.
+        if time.stop(1e6):
             break
     return np.concatenate(found)
 

@@ -21,8 +21,14 @@ from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring
-from pinsing.families.modular_chain import Ints, ModularChain, ModularSet
-from pinsing.families.modular_rows import ModularRows, joints_that_matter, short_everywhere
+from pinsing.families.modular_chain import (
+    Ints,
+    ModularChain,
+    ModularRows,
+    ModularSet,
+    joints_that_matter,
+    short_everywhere,
+)
 from pinsing.proof.skeleton import roots_in
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import root_modulo
@@ -36,19 +42,11 @@ ASKED = 23, 47
 SEED = 31
 MOST_JOINTS = 4
 """Joints of a slice of a chain of which no more is asked: one more is some 20 times the work."""
-_MANY_POINTS, _MOST_POINTS = 350_000, 3_500_000
-"""Of one slice: beyond the first number it is gone through only where few fields are as small."""
 _FEW_FIELDS = 3
-_FEW_JOINTS, _LARGER = 3, 17
+_FEW_JOINTS = 3
 """Slices of so few joints are small: in larger fields less is special by chance."""
-_TELLING, _TELLING_FIELDS = 12, 2
-"""Points of one field, and such fields, that a component must have been met at to be told from
-others by them."""
 
 Bools = npt.NDArray[np.bool_]
-
-_OF_A_POINT = 3.0
-"""Work that each point of a slice is asked with, in products of terms."""
 
 
 @dataclass(frozen=True)
@@ -175,11 +173,14 @@ class Slices:
     @property
     def fields(self) -> tuple[int, ...]:
         """Those over which a slice is not too large."""
-        least = _LARGER if self.joints <= _FEW_JOINTS else FIELDS[0]
+        # Slices of so few joints are small: in larger fields less is special by chance.
+        least = 17 if self.joints <= _FEW_JOINTS else FIELDS[0]
         known = [p for p in FIELDS if p >= least and _has_roots(self.geometry, p)]
+        # Of one slice: beyond the first number it is gone through only where few fields are as
+        # small.
         within = [
             tuple(p for p in known if (p + 1) ** self.joints <= most)
-            for most in (_MANY_POINTS, _MOST_POINTS)
+            for most in (350_000, 3_500_000)
         ]
         chosen = within[0] if len(within[0]) >= _FEW_FIELDS else within[1]
         if self.joints > _FEW_JOINTS:
@@ -213,7 +214,8 @@ class Slices:
             self._chains[prime] = chain
         out = []
         for chosen in self.choices:
-            if time.stop(_OF_A_POINT * prime ** len(chosen)):
+            # Work that each point of a slice is asked with, in products of terms.
+            if time.stop(3.0 * prime ** len(chosen)):
                 break
             out.append(Slice(prime, chosen, *self._chains[prime].singular(chosen, self._draw)))
         return out
@@ -280,8 +282,10 @@ class Slices:
         primes = np.concatenate(of) if of else np.zeros(0, dtype=np.int64)
         for c in reversed(tuple(left)):
             own = np.concatenate(self.held(slices, c)) if slices else np.zeros(0, dtype=bool)
-            telling = [p for p in set(primes[own].tolist()) if (primes[own] == p).sum() >= _TELLING]
-            if len(telling) < _TELLING_FIELDS:
+            # Points of one field, and such fields, that a component must have been met at to be
+            # told from others by them.
+            telling = [p for p in set(primes[own].tolist()) if (primes[own] == p).sum() >= 12]
+            if len(telling) < 2:
                 continue
             for k in left:
                 if k is c or not np.concatenate(self.held(slices, k))[own].all():

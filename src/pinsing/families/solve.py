@@ -9,23 +9,21 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Literal, TypeAlias, overload
 
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.components import Component
+from pinsing.algebra.components import Component, RandomSteps
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.mimic import NotFollowed, drives
-from pinsing.algebra.second_prime import RandomSteps
 from pinsing.arguments import checked, not_loaded
 from pinsing.errors import OptionError
 from pinsing.families.describe import describe, stated
 from pinsing.families.faithful import disagreements
 from pinsing.families.family import Family
 from pinsing.families.form import ClosedForm
-from pinsing.families.hints import SNAP, by_rank_hint, small_offset, snap_hint, unsolved_hint
 from pinsing.families.pieces import SolvedPiece
 from pinsing.families.proving import LONG, prove_briefly
 from pinsing.families.proving import prove as add_proof
-from pinsing.families.searched import MAX_JOINTS, Allowed, Searched, searched
 from pinsing.families.slice_count import SliceCount, count_on_slices
 from pinsing.families.statement import mirror_key
+from pinsing.families.steps import MAX_JOINTS, ComponentSearch
 from pinsing.kinematics.jacobian import generic_rank
 from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.exact_placements import Deviation, Snap
@@ -34,25 +32,70 @@ from pinsing.robot.nominal import ANGLE_TOL, Nominal, nominal
 if TYPE_CHECKING:
     from pinsing.families.design_form import DesignForm
 
+SNAP = 1e-3
+"""Metres; shorter offsets in a longer arm are often those of a drawing."""
+_LONG = 100 * SNAP
+
+
+def small_offset(geometry: Nominal) -> float | None:
+    """The largest coordinate of a placement that is shorter than ``SNAP``, metres, if there is one.
+
+    None for a small arm, to which a millimetre is much.
+    """
+    lengths = [abs(float(x)) for row in geometry.translation for x in row]
+    if sum(lengths) < _LONG:
+        return None
+    return max((x for x in lengths if 0 < x < SNAP), default=None)
+
+
+def snap_hint(offset: float, families: Sequence[Family] | None, complete: bool = False) -> str:
+    """One line: what the families are without the small offsets; None if there was no time."""
+    if families is None:
+        return (
+            f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: --snap-length {SNAP:g} "
+            "puts them to zero (there was no time to tell what it gives)"
+        )
+    found = " | ".join(f.text for f in families) or "no singular configurations"
+    whole = "" if complete else " (not complete)"
+    return (
+        f"offsets of up to {1e3 * offset:.3g} mm are kept as they are: "
+        f"--snap-length {SNAP:g} puts them to zero and gives {found}{whole}"
+    )
+
+
+def unsolved_hint(systems: int) -> str:
+    """One line: equations that finitely many joint values would say better."""
+    if systems == 1:
+        many, they = "a system of equations was", "it stays"
+    else:
+        many, they = f"{systems} systems of equations were", "they stay"
+    return (
+        f"time was over before {many} solved for joint values: {they} as stated, which is as true; "
+        "more time (--seconds) may give these"
+    )
+
+
+def by_rank_hint(families: Sequence[Family], rank: int) -> str | None:
+    """One line: which families are equations together with the rank; None if none is.
+
+    Equations of neighbouring axes, or those that slices were led to, are zero wherever the arm is
+    singular there; that they are zero nowhere else is not shown.
+    """
+    asked = [f for f in families if f.confirm is not None and not f.confirm.touching]
+    names = [f.name for f in asked if any(b.equations for b in f.branches)]
+    if not names:
+        return None
+    return (
+        f"equations of {', '.join(names)}: they may hold at some regular configurations, too; "
+        f"singular are those at which the rank drops below {rank}, for which `contains`, "
+        "`distance` and `sample` ask"
+    )
+
+
 Prove: TypeAlias = bool | Literal["auto"] | None
 """Whether to look for a certificate: as far as some work leads, till it is found, or not at all."""
 SECONDS = 10.0
 """Work, in seconds, for the algebra where none is given."""
-_AT_MOST = 1.4
-"""Time on the clock after which a certificate that nobody asked for is given up, of that given."""
-_FOR_SEARCH = 0.9
-"""Share of the time that there is for finding components; describing them needs some too."""
-_TO_DESCRIBE = 0.1
-"""Share of the time that there is for describing families, however long finding them took."""
-_OF_ONE = 0.5
-"""Share of what is left for describing families that one of them may take."""
-
-_TO_COUNT = 0.05
-"""Share of the time that there is for counting on slices what a long chain's families miss."""
-_TO_COMPARE = 0.5
-"""Share of what is left for what lengths snapped away would change."""
-_LONG = 6
-"""Joints from which on singular configurations on slices are counted."""
 
 
 @overload
@@ -151,7 +194,8 @@ def closed_form(
     found = _found(arm, Budget(seconds), angle_tol, snap_length)
     if prove is False:
         return found
-    whole = LONG if prove is True and given is None else _AT_MOST * seconds
+    # Time on the clock after which a certificate that nobody asked for is given up, of that given.
+    whole = LONG if prove is True and given is None else 1.4 * seconds
     left = max(whole - (time.monotonic() - started), 0.0)
     return (add_proof if prove is True else prove_briefly)(found, left, progress)
 
@@ -178,17 +222,19 @@ def _found(
     left_out: list[Component] = []
     steps: RandomSteps | None = None
     unsolved = 0
-    search: Searched | None = None
+    search: ComponentSearch | None = None
     obstacle, moved = _obstacle(geometry)
     if obstacle is not None:
         gaps.append(obstacle)
     elif arm.n > 0 and rank > 0:
-        limits = Allowed(whole.part(_FOR_SEARCH), angle_tol)
-        search = searched(geometry, arm, rank, symbols, limits)
+        # Share of the time that there is for finding components; describing them needs some too.
+        given = geometry, arm, rank, symbols, whole.part(0.9), angle_tol
+        search = ComponentSearch(*given).run()
         maker = search.maker
         gaps += search.gaps
-        steps = search.steps
-        maker.time = describing = whole.part(1.0, _TO_DESCRIBE)
+        steps = search.random
+        # Share of the time that there is for describing families, however long finding them took.
+        maker.time = describing = whole.part(1.0, 0.1)
         pieces = [maker.own(c, maker.make(c), search.components) for c in search.components]
         unsolved = maker.unsolved
         left_out = [c for c, p in zip(search.components, pieces, strict=True) if not p]
@@ -202,16 +248,23 @@ def _found(
         )
         for i, group in enumerate(grouped, 1):
             # Most take little; one that takes long leaves as much to the others.
-            maker.time = describing if i == len(grouped) else describing.part(_OF_ONE)
+            # Share of what is left for describing families that one of them may take.
+            maker.time = describing if i == len(grouped) else describing.part(0.5)
             if told or any(len(b.equations) > 1 for p in group for b in p.branches):
                 families.append(describe(group, maker, arm, geometry))
             else:
                 families.append(stated(group, maker, arm))
-        families = [_named(f, i) for i, f in enumerate(sorted(families, key=_order), 1)]
+        families = [replace(f, name=f"F{i}") for i, f in enumerate(sorted(families, key=_order), 1)]
         gaps += disagreements(families, left_out, maker.ring, geometry, symbols)
     counted: SliceCount | None = None if search is None else search.count
-    if gaps and search is not None and counted is None and _on_slices(arm, rank):
-        left = whole.part(1.0, _TO_COUNT)
+    if (
+        gaps
+        and search is not None
+        and counted is None
+        and (rank == len(arm.task.rows) and arm.n >= 6 and arm.coupling is None)
+    ):
+        # Share of the time that there is for counting on slices what a long chain's families miss.
+        left = whole.part(1.0, 0.05)
         counted = count_on_slices(
             geometry, arm.task, maker.ring, search.components, arm.n - rank + 1, left
         )
@@ -222,7 +275,8 @@ def _found(
         if whole.over:
             hints = (snap_hint(offset, None),)
         else:
-            snapped = _found(arm, whole.part(_TO_COMPARE), angle_tol, SNAP, told=False)
+            # Share of what is left for what lengths snapped away would change.
+            snapped = _found(arm, whole.part(0.5), angle_tol, SNAP, told=False)
             if [f.text for f in snapped.families] != [f.text for f in families]:
                 hints = (snap_hint(offset, snapped.families, snapped.complete),)
     if unsolved:
@@ -245,6 +299,7 @@ def _found(
         seconds=time.monotonic() - started,
         hints=hints,
         random_steps=steps,
+        steps=() if search is None else tuple(search.steps),
         slice_count=counted,
         deviation=Deviation.of((*geometry.snaps, *moved)),
     )
@@ -290,11 +345,6 @@ def _obstacle(geometry: Nominal) -> tuple[str | None, tuple[Snap, ...]]:
     return None, moved
 
 
-def _on_slices(arm: Arm, rank: int) -> bool:
-    """Whether singular configurations of an arm are counted on slices where some may be missing."""
-    return rank == len(arm.task.rows) and arm.n >= _LONG and arm.coupling is None
-
-
 def joint_symbols(arm: Arm) -> tuple[str, ...]:
     """q1, q2, d3, ...: the joint's number from the base, d where it slides."""
     return tuple(f"{'d' if s else 'q'}{i}" for i, s in enumerate(arm.prismatic, 1))
@@ -315,7 +365,3 @@ def _order(family: Family) -> tuple[int, int, int, tuple[str, ...]]:
         sum(len(e.cos) for e in equations),
         tuple(str(j) for b in family.branches[:1] for j in b.involved),
     )
-
-
-def _named(family: Family, number: int) -> Family:
-    return replace(family, name=f"F{number}")

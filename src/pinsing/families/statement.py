@@ -10,23 +10,21 @@ import numpy as np
 
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.equation_text import format_angle, latex_symbol
-from pinsing.families.at_once import long_ones
+from pinsing.families.at_once import LONG, long_form, long_ones
 from pinsing.families.parts import Branch
 from pinsing.families.pieces import SolvedPiece
-from pinsing.families.solved_for import LONG, long_form
 from pinsing.prose import listed
-
-_MANY = 3
-"""Joints that are each at 0 or 180 degrees, beyond which these are not listed one by one."""
-_WHOLE = 2
-"""Twice the multiple of an angle that occurs as itself."""
 
 
 def mirror_key(piece: SolvedPiece) -> object:
     """Equal for pieces that are mirror images: values up to sign and half turns."""
     if len(piece.solved) > 1:
         return object()
-    values = {(v.joint, _folded(v.value)) for b in piece.branches for v in b.values}
+    values = {
+        (v.joint, round(abs(math.remainder(v.value, math.pi)), 9))
+        for b in piece.branches
+        for v in b.values
+    }
     relations = sorted(_signature(e) for b in piece.branches for e in b.equations)
     solved = sorted(_signature(e) for e in piece.solved)
     return (
@@ -34,11 +32,6 @@ def mirror_key(piece: SolvedPiece) -> object:
         tuple(relations[: len(piece.branches[0].equations)]),
         tuple(solved),
     )
-
-
-def _folded(angle: float) -> float:
-    """Angle up to sign and half turns, in [0, pi/2]."""
-    return round(abs(math.remainder(angle, math.pi)), 9)
 
 
 def _signature(equation: Equation) -> tuple[tuple[tuple[int, ...], tuple[int, ...], float], ...]:
@@ -70,7 +63,7 @@ def statement(
     parts = []
     for texts, members in groups.items():
         parts += [
-            _and(list(values) + list(texts), latex)
+            (r",\ " if latex else " and ").join(list(values) + list(texts))
             for values in _value_texts(members, solved, symbols, prismatic, latex)
         ]
     return (r"\ \text{or}\ " if latex else "; or ").join(parts)
@@ -100,14 +93,11 @@ def _joined_texts(members: Sequence[Branch], latex: bool) -> tuple[str, ...]:
     return (said.angle_sum_text(angles, latex), *_written(rest, latex))
 
 
-def _and(conditions: list[str], latex: bool) -> str:
-    return (r",\ " if latex else " and ").join(conditions)
-
-
 def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
     """Equations that hold at once: the short ones, and of several long ones how many."""
     straight = [e for e in equations if _half_turns(e)]
-    if len(straight) > _MANY:
+    # Joints that are each at 0 or 180 degrees, beyond which these are not listed one by one.
+    if len(straight) > 3:
         rest = _written([e for e in equations if e not in straight], latex)
         return (_each_straight(straight, latex), *rest)
     long = long_ones(equations)
@@ -126,11 +116,12 @@ def _written(equations: Sequence[Equation], latex: bool) -> tuple[str, ...]:
 
 def _half_turns(equation: Equation) -> bool:
     """Whether an equation says that one joint is at 0 or 180 degrees: sin q = 0."""
+    # Twice the multiple of an angle that occurs as itself.
     return (
         len(equation.involved) == 1
         and len(equation.cos) == 1
         and not equation.powers.any()
-        and abs(int(equation.frequencies[0][equation.involved[0]])) == _WHOLE
+        and abs(int(equation.frequencies[0][equation.involved[0]])) == 2
         and float(equation.cos[0]) == 0.0
         and not equation.shift[equation.involved[0]]
     )

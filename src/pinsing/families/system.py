@@ -19,14 +19,12 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.jacobian_matrix import constants
 from pinsing.algebra.mimic import own_offsets
-from pinsing.algebra.ring import Poly, Ring, Value, rational
+from pinsing.algebra.ring import Poly, Value, rational
 from pinsing.algebra.surd_ring import ring_of
 from pinsing.families.family import Family
 from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of
 
-_SECONDS = 10.0
-_NOISE = 1e-12
 _TURNED = ((0, 1), (1, -1), (0, -1), (1, 1))
 """Cosine of q plus some right angles: cosine (0) or sine (1) of q, and its sign."""
 
@@ -98,9 +96,14 @@ class _SystemMaker:
         self.symbols, self.chosen = symbols, chosen
         self.prismatic = tuple(bool(p) for p in geometry.arm.prismatic)
         numbers = constants(geometry, geometry.arm.task)
-        self.ring = ring_of(self.prismatic, numbers, Budget(_SECONDS))
+        self.ring = ring_of(self.prismatic, numbers, Budget(10.0))
         self.joints = sorted(
-            {j for f in chosen for c in f.components for j in _involved(c, self.ring)}
+            {
+                j
+                for f in chosen
+                for c in f.components
+                for j in set(c.values).union(*(self.ring.joints_of(r) for r in c.relations))
+            }
         )
         offset = [float(a) for a in own_offsets(geometry)]
         self.quarters = [round(a / (math.pi / 2)) for a in offset]
@@ -124,7 +127,7 @@ class _SystemMaker:
         if self.prismatic[j]:
             return [(symbol, f"{symbol}, metres")]
         angle, number = symbol, symbol[1:]
-        if abs(self.shift[j]) > _NOISE:
+        if abs(self.shift[j]) > 1e-12:
             angle += f" {'+' if self.shift[j] > 0 else '-'} {abs(self.shift[j]):.17g}"
         return [(f"c{number}", f"cos({angle})"), (f"s{number}", f"sin({angle})")]
 
@@ -224,10 +227,6 @@ class _SystemMaker:
                     term = term * root if square % d == 0 else term
                 out = out + term
         return out
-
-
-def _involved(component: Component, ring: Ring) -> set[int]:
-    return set(component.values).union(*(ring.joints_of(r) for r in component.relations))
 
 
 def _joined(

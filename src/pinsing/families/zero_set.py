@@ -16,24 +16,12 @@ from pinsing.families.empty_box import Stop, proven_empty
 
 _ON = 1e-13
 """A residual this small, relative to the sum of an equation's coefficients, is zero."""
-_TOUCHING = 1e-12
-_NEARLY = 1e-10
-_STEEP, _FLAT = 1e-6, 1e-10
-"""Smallest slope that a step is divided by, relative to the largest, near the set and else."""
-_CANCELLED = 32.0
-"""Coefficients this many times the accuracy of an equation, and smaller, have cancelled."""
 _LIMIT = 1e-9
 """Radians or metres; a point this far beyond the box is within."""
 _PROOF_TERMS = 12_000
 """Boxes times terms of a proof that there is nothing to find, before it is looked for at random."""
-_LONG_SYSTEM = 4
-_SHARE = 0.2
-"""Of the terms of a long system, in the equations that are solved first."""
 ROUNDS = 12
 """Batches of random starts before a search gives up."""
-_DRAWS = 6
-"""Batches of points in closed form before random starts are brought to the set instead."""
-_FEWEST = 8
 _LEAST_DRAWN = 32
 """Random starts of a batch, at least."""
 _CHEAP = 500
@@ -157,12 +145,14 @@ def project(
             square = np.einsum("nij,nij->n", A, A)[:, None]
             step = np.where(square > 0, -f * A[:, 0] / np.where(square > 0, square, 1.0), 0.0)
         else:
-            rcond = np.where(np.abs(f).max(axis=-1) < _NEARLY, _STEEP, _FLAT)
+            # Smallest slope that a step is divided by, relative to the largest, near the set and
+            # else.
+            rcond = np.where(np.abs(f).max(axis=-1) < 1e-10, 1e-6, 1e-10)
             step = -np.einsum("nij,nj->ni", np.linalg.pinv(A, rcond=rcond), f)
         step = np.where(free, step, 0.0)  # rounding moved the others a little
         size = np.linalg.norm(step, axis=-1, keepdims=True)
         q[left] += step * np.minimum(1.0, 0.7 / np.maximum(size, 1e-300))
-    return best, np.asarray(least <= _TOUCHING)
+    return best, np.asarray(least <= 1e-12)
 
 
 def search(
@@ -198,9 +188,10 @@ def search(
     cheap = sum(len(e.cos) for e in equations) <= _CHEAP
     within = None if cheap else stop
     ways = orders(equations, free)
-    for attempt in range(_DRAWS if ways else 0):
+    # Batches of points in closed form before random starts are brought to the set instead.
+    for attempt in range(6 if ways else 0):
         way = ways[attempt % len(ways)]
-        q = draw(way, lower, upper, free, fixed, max(_FEWEST, 4 * missing), rng)
+        q = draw(way, lower, upper, free, fixed, max(8, 4 * missing), rng)
         # Most are there, up to rounding, unless equations are left that no joint was solved from.
         iterations = 3 if len(way) == len(equations) else 20
         q, ok = project(equations, q, free, iterations, within)
@@ -284,11 +275,12 @@ def _from_random(
 
 def _shortest(equations: Sequence[Equation]) -> list[Equation]:
     """The short ones of a long system: they bring most points near at little cost."""
-    if len(equations) < _LONG_SYSTEM:
+    if len(equations) < 4:
         return []
     ordered = sorted(equations, key=lambda e: len(e.cos))
     terms = np.cumsum([len(e.cos) for e in ordered])
-    return ordered[: max(2, int((terms <= _SHARE * terms[-1]).sum()))]
+    # Of the terms of a long system, in the equations that are solved first.
+    return ordered[: max(2, int((terms <= 0.2 * terms[-1]).sum()))]
 
 
 def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
@@ -316,7 +308,8 @@ def fix_joint(equation: Equation, joint: int, value: float) -> Equation | None:
     # What is left of terms that cancel is rounding; anything larger is a term, however small. A
     # slider's value may make terms larger than their coefficients, and what they leave, too.
     size = max(equation.size, float(np.hypot(cos, sin).sum()))
-    rounding = _CANCELLED * max(equation.accuracy, 1e-15) * size
+    # Coefficients this many times the accuracy of an equation, and smaller, have cancelled.
+    rounding = 32.0 * max(equation.accuracy, 1e-15) * size
     keep = [k for k, (c, s) in gathered.items() if np.hypot(c, s) > rounding]
     if not keep:
         return None

@@ -2,28 +2,158 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import field
 from typing import Any
 
 from flint import fmpq
 
+from pinsing._dataclass import dataclass
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.ring import Poly, Ring
+from pinsing.algebra.ring import Ring as AlgebraRing
 from pinsing.algebra.surd_ring import SurdRing
-from pinsing.proof.checker import Certificate
-from pinsing.proof.division import empty, vanishes
-from pinsing.proof.place import Place
+from pinsing.proof.checker import MOST_WORK, Certificate, Poly, Rejected, Ring
 from pinsing.proof.skeleton import form_text
+from pinsing.proof.squares import Squares
+
+
+def divisions(
+    ring: Ring, form: Poly, forms: Sequence[Poly]
+) -> Iterator[tuple[Poly, Poly, list[Poly]]]:
+    """Ways to divide a form by others, from the last to the first, that leave nothing.
+
+    Each form is divided by in a joint that the ones before it do not have.
+
+    Yields
+    ------
+    tops : Poly
+        Product of the forms' leading coefficients, each once.
+    times : Poly
+        The same to the powers that make ``times`` form a sum of multiples of the forms.
+    multiples : list of Poly
+        What these forms are multiplied by.
+    """
+    order = sorted(range(len(forms)), key=lambda k: len(ring.joints(forms[k])))
+    seen = [{*ring.joints(forms[k])} for k in order]
+    own = [joints.difference(*seen[:k]) for k, joints in enumerate(seen)]
+    for ways in itertools.product(*own):
+        left, tops, times, xs = form, ring.one, ring.one, ring.one
+        multiples = [ring.zero] * len(forms)
+        for k, j in reversed(list(zip(order, ways, strict=True))):
+            p, (x, y) = forms[k], ring.pairs[j]
+            top, degree = top_of(ring, p, j), ring.degree(p, j)
+            tops = ring.times(tops, top)
+            while tops != 0 and left != 0 and (more := ring.degree(left, j) - degree) >= 0:
+                quotient = ring.times(top_of(ring, left, j), y**more)
+                left = divmod(ring.times(left, top) - ring.times(quotient, p), x)[0]
+                multiples = [ring.times(m, top) for m in multiples]
+                multiples[k] += ring.times(xs, quotient)
+                times, xs = ring.times(times, top), xs * x
+        if left == 0:
+            yield tops, times, multiples
+
+
+def top_of(ring: Ring, form: Poly, joint: int) -> Poly:
+    """What the highest power of y of a joint, without its x, is multiplied by."""
+    x, y = ring.names[2 * joint : 2 * joint + 2]
+    return form.subs({x: 0, y: 1})
+
+
+def empty(ring: Ring, forms: Sequence[Poly]) -> bool:
+    """Whether forms have no common zero, as one of them is a number."""
+    return any(f != 0 and not ring.joints(f) for f in forms)
+
+
+def shown(ring: Ring, question: Callable[[], bool]) -> bool:
+    """Whether something is seen, and not only after long; the work is not counted."""
+    # Products of terms that one question may take: a small part of what the checker spends in all.
+    ring.work = MOST_WORK - 10_000_000
+    try:
+        return question()
+    except Rejected:
+        return False
+    finally:
+        ring.work = 0
+
+
+def vanishes(ring: Ring, form: Poly, forms: Sequence[Poly]) -> bool:
+    """Whether ``form`` is shown to be zero wherever all of ``forms`` are."""
+    if ring.vanishes(form, ({}, list(forms))):
+        return True
+    outside: list[Poly] = []  # zero where dividing, for some choice of joints, tells nothing
+    for tops, _, _ in divisions(ring, form, forms) if len(forms) > 1 else ():
+        outside.append(tops)
+        # No component of so few forms has a larger codimension: none is in ``outside``.
+        if ring.codimension_at_least(len(forms) + 1, [*forms, *outside]):
+            return True
+    return False
+
+
+Values = dict[int, tuple[Poly, Poly]]
+"""Joints at points (x : y)."""
+
+
+class NotFound(Exception):
+    """No tree of cases was found; says where."""
+
+
+@dataclass(eq=False)
+class Place:
+    """One place of the tree, with how it is closed or split.
+
+    Attributes
+    ----------
+    forms : list of Poly
+        What vanishes: first a linear form for each joint that is at a value, then relations.
+    values : dict of joint to (x, y)
+        Constants.
+    relations : list of Poly
+        What else vanishes, with these values put in.
+    points : bool
+        Whether only real points are followed from here on, not whole components.
+    family : int or None
+        The family that it lies in: then it is closed.
+    sum : list of Term
+        What is split: forms as text, and the source that each is times.
+    cases : list of (Poly, times, Place or None)
+        Factors, how often each is there, and where it leads; None where that is empty, or too
+        small for a component.
+    squares : list of (Fraction, Poly)
+        Instead of cases: factors and forms that are squared.
+    then : Place or None
+        Where squares lead to.
+    """
+
+    forms: list[Poly]
+    values: Values
+    relations: list[Poly]
+    points: bool = False
+    family: int | None = None
+    sum: list[tuple[str, Any]] = field(default_factory=list)
+    cases: list[tuple[Poly, int, Place | None]] = field(default_factory=list)
+    squares: Squares = field(default_factory=list)
+    then: Place | None = None
+
+
+@dataclass(frozen=True)
+class Split:
+    """A form that vanishes on all components of a place, as a sum of multiples of sources."""
+
+    sum: list[tuple[Poly, Any]]
+    form: Poly
+
+
+def place_text(place: Place) -> str:
+    """A place in a few words, for messages."""
+    values = ", ".join(f"joint {j + 1} at {x}:{y}" for j, (x, y) in sorted(place.values.items()))
+    relations = ", ".join(f"{len(p)} terms" for p in place.relations)
+    return f"[{values or 'anywhere'}; {relations or 'no relations'}]"
+
 
 Term = tuple[str, Any]
 """A form as text, and the source that it is times."""
-_MANY = 3
-"""Relations up to which none is looked at for saying nothing new."""
-_FACTORED = 30
-"""Products of terms that take as long as factoring a short form does, for each of its terms."""
-_SHORTEST, _SHORT = 8, 40
-"""Terms of relations that others may follow from, and of these others."""
 
 
 class Forms:
@@ -43,14 +173,14 @@ class Forms:
         self._factors: dict[str, list[tuple[Poly, int]]] = {}
         self._algebra = self._ring_to_factor_in()
 
-    def _ring_to_factor_in(self) -> Ring:
+    def _ring_to_factor_in(self) -> AlgebraRing:
         ring, slides = self.ring, self.certificate.slides
         flat = tuple(False for _ in slides)
         start = tuple(range(0, 2 * len(slides), 2))
         norms = tuple(None if s else u for s, u in zip(slides, ring.unit, strict=True))
         roots = tuple(self.certificate.data["square_roots"])
         if not roots:
-            return Ring(ring.context, flat, start, norms)
+            return AlgebraRing(ring.context, flat, start, norms)
         return SurdRing(ring.context, flat, start, norms, roots, self._budget)
 
     def require_time(self) -> None:
@@ -72,12 +202,14 @@ class Forms:
 
         They say nothing new, and with many relations little can be tried.
         """
-        if len(place.relations) <= _MANY:
+        # Relations up to which none is looked at for saying nothing new.
+        if len(place.relations) <= 3:
             return place
         kept: list[Poly] = []
         for p in place.relations:
-            two = [r for r in kept if len(r) <= _SHORTEST][:2]
-            if len(two) < 2 or len(p) > _SHORT or not vanishes(self.ring, p, two):
+            # Terms of relations that others may follow from, and of these others.
+            two = [r for r in kept if len(r) <= 8][:2]
+            if len(two) < 2 or len(p) > 40 or not vanishes(self.ring, p, two):
                 kept.append(p)
         if len(kept) == len(place.relations):
             return place
@@ -133,7 +265,9 @@ class Forms:
         if key not in self._factors:
             (left,) = self.ring.stripped(poly)
             self._budget.check_factor(len(left))
-            self._budget.spend(_FACTORED * len(left) + len(left) ** 2)
+            # Products of terms that take as long as factoring a short form does, for each of its
+            # terms.
+            self._budget.spend(30 * len(left) + len(left) ** 2)
             if isinstance(self._algebra, SurdRing):
                 self._factors[key] = self._with_roots(left)
             else:

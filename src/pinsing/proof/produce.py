@@ -11,12 +11,18 @@ from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Ring, Value
 from pinsing.proof.checker import Certificate, Rejected, verify
-from pinsing.proof.division import vanishes
-from pinsing.proof.forms import Forms
+from pinsing.proof.forms import Forms, NotFound, Place, vanishes
 from pinsing.proof.minors import soundness
-from pinsing.proof.place import NotFound, Place
-from pinsing.proof.reduction import Draft, without_dependent_lines
-from pinsing.proof.skeleton import NotStated, form_of, form_text, number_text, roots_in, skeleton
+from pinsing.proof.skeleton import (
+    Draft,
+    NotStated,
+    form_of,
+    form_text,
+    number_text,
+    roots_in,
+    skeleton,
+    without_dependent_lines,
+)
 from pinsing.proof.tree import Tree
 from pinsing.robot.nominal import Nominal
 

@@ -14,11 +14,6 @@ from pinsing.proof.checker import Poly, Ring
 Squares = list[tuple[Fraction, Poly]]
 """Positive factors, and forms that are squared."""
 
-_BITS = 200
-"""Precision of the roots that a sum of squares is made from."""
-_PARTS = (8, 16, 32, 64, 128)
-"""How small a part of a polynomial is set aside for rounding: 2 to the minus these."""
-
 
 def squares(ring: Ring, p: Poly) -> tuple[Poly, Squares] | None:
     """A form and a sum of squares that are the same: the form is a multiple of ``p``.
@@ -97,7 +92,8 @@ def _positive(ring: Ring, f: Poly, j: int) -> Squares | None:
     coefficients = [Fraction(0)] * (degree + 1)
     for m, c in f.to_dict().items():
         coefficients[m[2 * j + 1]] = _fraction(c)
-    for part in _PARTS:
+    # How small a part of a polynomial is set aside for rounding: 2 to the minus these.
+    for part in (8, 16, 32, 64, 128):
         parts = _of_positive(coefficients, part)
         if parts is not None:
             return [(w, _form(ring, g, j)) for w, g in parts]
@@ -161,7 +157,8 @@ def _of_positive(p: list[Fraction], part: int) -> list[tuple[Fraction, list[Frac
 def _from_roots(p: list[Fraction], bits: int) -> tuple[list[Fraction], list[Fraction]] | None:
     """A and B, rounded, of a polynomial that is its first coefficient times A^2 + B^2."""
     scale = math.lcm(*(c.denominator for c in p))
-    with ctx.workprec(_BITS):
+    # Precision of the roots that a sum of squares is made from.
+    with ctx.workprec(200):
         roots = fmpz_poly([int(c * scale) for c in p]).complex_roots()
         if any(z.imag.contains(0) for z, _ in roots):
             return None
