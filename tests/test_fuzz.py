@@ -75,8 +75,8 @@ def test_an_expression_with_another_value_is_noticed(fuzz, monkeypatch):
 
     from pinsing.description import xacro_expression
 
-    other = {**xacro_expression._BINARY, ast.FloorDiv: operator.truediv}
-    monkeypatch.setattr(xacro_expression, "_BINARY", other)
+    other = {**xacro_expression._OPERATORS, ast.FloorDiv: operator.truediv}
+    monkeypatch.setattr(xacro_expression, "_OPERATORS", other)
     outcomes = [fuzz.run_case("expression", (seed,), {}, Path()) for seed in range(400)]
     assert any("Python says" in said for outcome, said, _ in outcomes if outcome == "unclear")
 

@@ -14,8 +14,7 @@ import xacro
 from xacro_escapes import ESCAPES, PLACES
 
 from pinsing.description import child_jail
-from pinsing.description.xacro_expression import Kinds, evaluate
-from pinsing.description.xacro_values import FUNCTIONS, MATH, Function, Refused
+from pinsing.description.xacro_expression import FUNCTIONS, MATH, Function, Kinds, Refused, evaluate
 
 KINDS = Kinds(xacro.YamlDictWrapper, xacro.YamlListWrapper, xacro.NameSpace)
 DATA = xacro.YamlListWrapper.wrap(
@@ -65,14 +64,12 @@ SAME_AS_PYTHON = [
     "(1,) + (2, 3)",
     "[1, 2] + [3] * 2",
     "{'a': 1, 'b': [2]}['b'][0]",
-    "{1, 2} | {3}",
     "dict(a=1, b=2)['b']",
     "dict([('a', 1)])",
     "'abcdef'[1:-1:2] + 'abc'[-1]",
     "[1, 2, 3][::-1]",
     "[float(x) * 2 for x in xyz.split() if x != '0.2']",
     "[(i, j) for i in range(3) for j in range(i)]",
-    "{k: v for k, v in [('a', 1)]}",
     "sum([x * x for x in range(10)])",
     "sum(x for x in (1, 2))",
     "any(x > 2 for x in [1, 2, 3]) and all([])",
@@ -82,22 +79,16 @@ SAME_AS_PYTHON = [
     "side.replace('left', 'right').strip('r')",
     "'%s_%03d %.3f' % (side, n, pi)",
     "'%s' % side",
-    "'arm'.rjust(6, '_')",
     "sin(pi / 2) + math.cos(math.pi) + radians(90) + degrees(1)",
     "math.hypot(3, 4) + atan2(1, 2) + sqrt(2)",
     "math.floor(2.7) + ceil(2.1) + trunc(2.9)",
-    "factorial(5) + math.comb(5, 2)",
     "round(2.675, 2) + round(2.5) + abs(-3)",
-    "min(1, 2) + max([1, 2, 3]) + max('a', 'bb', key=len).count('b')",
+    "min(1, 2) + max([1, 2, 3]) + max('a', 'bb').count('b')",
     "len([1, 2]) + int('12') + int('1f', 16) + int(2.9) + float('1e3')",
-    "list(map(float, xyz.split()))",
     "list(zip([1, 2], 'ab'))",
     "list(enumerate('ab', 1))",
     "list(range(5))[1:3]",
     "bool('') or bool('x')",
-    "divmod(7, 2)",
-    "isinstance(n, int) and not isinstance(side, (int, float))",
-    "max(*[1, 5, 3])",
     "data.a.b[1].c + data['values']",
     "data['a']['b'][0]",
     "data.get('nope', 7)",
@@ -151,19 +142,16 @@ def test_errors_are_those_of_python(text):
         "[0] * 10 ** 9",
         "[[0] * 10 ** 5 for i in range(10 ** 5)]",
         "range(10 ** 9)",
-        "factorial(10 ** 6)",
-        "comb(10 ** 6, 500000)",
         "'%1000000000d' % 1",
         "'%*d' % (10 ** 9, 1)",
         "'%.999999999f' % 1.0",
-        "'a'.ljust(10 ** 9)",
-        "'a'.zfill(10 ** 9)",
         "('a' * 10 ** 6).replace('a', 'a' * 10 ** 6)",
         "('a' * 10 ** 6).join(['a' * 10 ** 6] * 1000)",
         "round(1, -10 ** 9)",
         "int('9' * 10 ** 5)",
-        "math.prod([10 ** 400] * 1000)",
-        "math.lcm(*[10 ** 400 + i for i in range(1000)])",
+        "'%.2000d' % 1",
+        "sorted([1], key=abs)",
+        "max(*[1, 2])",
         "[i for i in range(10 ** 5) for j in range(10 ** 5)]",
         "sum([[0] * 10 ** 5] * 1000, [])",
         "(" * 90 + "1" + ")" * 90 + "+" + "-" * 100 + "1",
@@ -192,7 +180,7 @@ def test_errors_are_those_of_python(text):
     ],
 )
 def test_what_is_refused(text):
-    with pytest.raises((Refused, SyntaxError, ValueError)) as caught:
+    with pytest.raises((Refused, SyntaxError, ValueError, TypeError)) as caught:
         evaluate(text, NAMES, KINDS)
     assert len(str(caught.value)) < 200
 

@@ -24,8 +24,7 @@ _WORKERS = {
 }
 _NEEDED = (
     "xacro", "yaml", "coal", "pinsing.description.child_jail", "pinsing.description.xacro_rules",
-    "pinsing.description.xacro_document", "pinsing.description.xacro_values",
-    "pinsing.description.xacro_expression",
+    "pinsing.description.xacro_document", "pinsing.description.xacro_expression",
 )  # fmt: skip
 
 

@@ -29,8 +29,7 @@ from fuzz.tables import table
 def _expression_names() -> tuple[Any, dict[str, Any], dict[str, Any]]:
     import xacro
 
-    from pinsing.description.xacro_expression import Kinds
-    from pinsing.description.xacro_values import FUNCTIONS, MATH
+    from pinsing.description.xacro_expression import FUNCTIONS, MATH, Kinds
 
     space = xacro.NameSpace()
     for name, value in MATH.items():
@@ -44,8 +43,7 @@ def _expression_names() -> tuple[Any, dict[str, Any], dict[str, Any]]:
 
 def expression(rngs: list[random.Random], folder: Path) -> Ended:
     """Ordinary ones have the value that Python gives them; wild ones are plain data or refused."""
-    from pinsing.description.xacro_expression import evaluate
-    from pinsing.description.xacro_values import PLAIN, Refused
+    from pinsing.description.xacro_expression import PLAIN, Refused, evaluate
 
     kinds, names, plain = _expression_names()
     first, *others = rngs

@@ -197,8 +197,9 @@ def read_dh(path: str | Path) -> DHTable:
     taken = {TIP, FLANGE, BASE} | {f"link{i}" for i in range(1, len(row_nodes) + 1)}
     for number, node in enumerate(row_nodes, start=1):
         row = _read_row(YamlNode(node.node, node.path, f"row {number}"), number, units)
-        if row.name in taken:
-            raise node.error(f"the name {row.name!r} is taken: give each joint a name of its own")
+        node.refuse_if(
+            row.name in taken, f"the name {row.name!r} is taken: give each joint a name of its own"
+        )
         taken.add(row.name)
         rows.append(row)
     return DHTable(
@@ -244,14 +245,13 @@ def _read_row(node: YamlNode, number: int, units: _Units) -> DHRow:
     quantity = "length" if kind == "prismatic" else "angle"
     lower = upper = None
     if kind != "continuous":
-        if "limits" not in keys:
-            raise node.error(
-                f"missing key 'limits': add limits: [lower, upper] (a {kind} joint needs them)"
-            )
+        node.refuse_if(
+            "limits" not in keys,
+            f"missing key 'limits': add limits: [lower, upper] (a {kind} joint needs them)",
+        )
         low, high = keys["limits"].items("value", length=2)
         lower, upper = units.value(low, quantity), units.value(high, quantity)
-        if lower > upper:
-            raise keys["limits"].error("the lower limit is above the upper one: swap them")
+        keys["limits"].refuse_if(lower > upper, "the lower limit is above the upper one: swap them")
     elif "limits" in keys:
         raise keys["limits"].error(
             "a continuous joint has none: remove them, or make the joint revolute"
@@ -259,8 +259,7 @@ def _read_row(node: YamlNode, number: int, units: _Units) -> DHRow:
     velocity = units.value(keys["velocity"], quantity) if "velocity" in keys else None
     effort = keys["effort"].number() if "effort" in keys else None
     for key, value in (("velocity", velocity), ("effort", effort)):
-        if value is not None and value < 0:
-            raise keys[key].error("is negative: give its size")
+        keys[key].refuse_if(value is not None and value < 0, "is negative: give its size")
     alpha, a, d, theta = _read_dh(keys, units)
     default = f"{'d' if kind == 'prismatic' else 'q'}{number}"
     name = _read_name(keys["name"]) if "name" in keys else default

@@ -70,10 +70,11 @@ def check_tree(
                 raise source.error(
                     f"joint {show(joint.name)}: unknown {end} link {show(link)}{hint}", node
                 )
-        if joint.parent == joint.child:
-            raise source.error(
-                f"joint {show(joint.name)} joins link {show(joint.child)} to itself", node
-            )
+        source.refuse_if(
+            joint.parent == joint.child,
+            f"joint {show(joint.name)} joins link {show(joint.child)} to itself",
+            node,
+        )
         other = parent_joint.get(joint.child)
         if other is not None:
             raise source.error(
@@ -309,14 +310,15 @@ def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Descriptio
         found = f"is {kind}" if kind else f"has the root element <{root.tag[:40]}>"
         raise source.error(f"{found}, not a URDF, whose root is <robot>", root)
     joint_nodes, link_nodes = root.all("joint"), root.all("link")
-    if not link_nodes:
-        raise source.error("the robot has no links, so there is nothing to analyse", root)
-    if not joint_nodes:
-        raise source.error("the robot has no joints, so there is nothing to analyse", root)
-    if len(joint_nodes) > MAX_IN_A_TREE:
-        raise source.error(
-            f"{len(joint_nodes)} joints: at most {MAX_IN_A_TREE} are supported", root
-        )
+    source.refuse_if(not link_nodes, "the robot has no links, so there is nothing to analyse", root)
+    source.refuse_if(
+        not joint_nodes, "the robot has no joints, so there is nothing to analyse", root
+    )
+    source.refuse_if(
+        len(joint_nodes) > MAX_IN_A_TREE,
+        f"{len(joint_nodes)} joints: at most {MAX_IN_A_TREE} are supported",
+        root,
+    )
     name = root.attributes.get("name", "").strip()
     if not name:
         name = "robot" if source.path == _TEXT else source.path.name.partition(".")[0] or "robot"
@@ -334,8 +336,10 @@ def _describe(root: Node, source: UrdfSource, index: PackageIndex) -> Descriptio
     check_unique("joint", [entry.name for entry, _ in checked_joints], joint_nodes, source)
     joints = check_mimics([entry for entry, _ in checked_joints], elements, source)
     base = check_tree(links, joints, joint_nodes, source)
-    if "universe" in links and base != "universe":
-        raise source.error("link 'universe': the name is Pinocchio's own: rename the link")
+    source.refuse_if(
+        "universe" in links and base != "universe",
+        "link 'universe': the name is Pinocchio's own: rename the link",
+    )
 
     robot = Node("robot", {"name": name}, root.line)
     if source.version in ("1.1", "1.2"):  # quat_xyzw counts from there on

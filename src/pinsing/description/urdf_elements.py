@@ -84,12 +84,12 @@ def check_joint(node: Node, source: UrdfSource) -> tuple[JointEntry, Node]:
         With the joint's name and line.
     """
     name = node.attributes.get("name", "")
-    if not name.strip():
-        raise source.error("a <joint> has no name", node)
+    source.refuse_if(not name.strip(), "a <joint> has no name", node)
     what = f"joint {show(name)}"
     source.check_name(name, what, node)
-    if name == "universe":
-        raise source.error(f"{what}: the name is Pinocchio's own: rename the joint", node)
+    source.refuse_if(
+        name == "universe", f"{what}: the name is Pinocchio's own: rename the joint", node
+    )
     kind = _kind(node, source, what)
     parent, child = (_end(node, source, what, tag) for tag in ("parent", "child"))
     clean = Node("joint", {"name": name, "type": kind}, node.line)
@@ -138,8 +138,11 @@ def _axis(
     source.attribute(element, "xyz", what)
     x, y, z = source.numbers(element, "xyz", 3, what)
     norm = math.hypot(x, y, z)
-    if norm < _SMALLEST_AXIS:
-        raise source.error(f'{what}: the axis is zero: give a direction, as xyz="0 0 1"', element)
+    source.refuse_if(
+        norm < _SMALLEST_AXIS,
+        f'{what}: the axis is zero: give a direction, as xyz="0 0 1"',
+        element,
+    )
     if norm == 1.0:
         return (x, y, z), Node("axis", {"xyz": element.attributes["xyz"]}, 0)
     # Pinocchio normalises too, but then no longer sees that the axis is x, y or z.
@@ -173,10 +176,11 @@ def _limit(
     if len(values) == 1:
         source.note("only one limit given, the other taken as 0, in joint", show(entry.name))
     lower, upper = values.get("lower", 0.0), values.get("upper", 0.0)
-    if lower > upper:
-        raise source.error(
-            f"{what}: lower limit {lower:g} is above upper limit {upper:g}: exchange them", element
-        )
+    source.refuse_if(
+        lower > upper,
+        f"{what}: lower limit {lower:g} is above upper limit {upper:g}: exchange them",
+        element,
+    )
     if max(-lower, upper) > LARGEST:
         return _without_limits(source, entry, f"has limits {lower:g} to {upper:g}, which are none")
     clean.attributes.update(lower=repr(lower), upper=repr(upper))
@@ -304,8 +308,7 @@ def check_link(node: Node, source: UrdfSource) -> tuple[str, Node]:
         If the link has no name, or an inertia that is not of finite numbers.
     """
     name = node.attributes.get("name", "")
-    if not name.strip():
-        raise source.error("a <link> has no name", node)
+    source.refuse_if(not name.strip(), "a <link> has no name", node)
     what = f"link {show(name)}"
     source.check_name(name, what, node)
     clean = Node("link", {"name": name}, node.line)
@@ -360,11 +363,13 @@ def _shape(node: Node, source: UrdfSource, what: str) -> list[Node]:
     else:
         for key, count in _SHAPES.get(shape.tag, {}).items():
             source.attribute(shape, key, what)
-            if min(source.numbers(shape, key, count, what)) < 0:
-                raise source.error(f"{what}: <{shape.tag} {key}> is negative", shape)
+            source.refuse_if(
+                min(source.numbers(shape, key, count, what)) < 0,
+                f"{what}: <{shape.tag} {key}> is negative",
+                shape,
+            )
             clean.attributes[key] = shape.attributes[key]
-        if not clean.attributes:
-            raise source.error(f"{what}: unknown shape <{shape.tag}>", shape)
+        source.refuse_if(not clean.attributes, f"{what}: unknown shape <{shape.tag}>", shape)
     placed = [(clean, origin)]
     if shape.tag == "capsule":
         radius, length = (source.numbers(shape, key, 1, what)[0] for key in ("radius", "length"))

@@ -59,6 +59,11 @@ class UrdfSource:
             return RobotFileError(problem + where, self.path)
         return RobotFileError(problem, self.path, node.line)
 
+    def refuse_if(self, wrong: object, problem: str, node: Node | None = None) -> None:
+        """Raise an error at the line of a node if something is wrong with it."""
+        if wrong:
+            raise self.error(problem, node)
+
     def line(self, node: Node) -> int | None:
         """Return the line of a node in the file, None where xacro stands between."""
         return None if self.expanded else node.line
@@ -73,14 +78,14 @@ class UrdfSource:
 
     def check_name(self, name: str, what: str, node: Node) -> None:
         """Refuse control characters, which terminals, LaTeX and tables obey or trip over."""
-        if has_control(name):
-            raise self.error(f"{what}: the name holds a control character: rename it", node)
+        self.refuse_if(
+            has_control(name), f"{what}: the name holds a control character: rename it", node
+        )
 
     def attribute(self, node: Node, name: str, what: str) -> str:
         """Return a required attribute that is not blank."""
         value = node.attributes.get(name, "")
-        if not value.strip():
-            raise self.error(f'{what}: <{node.tag}> has no {name}="..."', node)
+        self.refuse_if(not value.strip(), f'{what}: <{node.tag}> has no {name}="..."', node)
         return value
 
     def numbers(
@@ -98,8 +103,9 @@ class UrdfSource:
             raise self.error(f"{at} must have {expected}, separated by blanks", node)
         values = []
         for word in words:
-            if _NOT_FINITE.fullmatch(word):
-                raise self.error(f"{at}: {word} is not a finite number", node)
+            self.refuse_if(
+                _NOT_FINITE.fullmatch(word), f"{at}: {word} is not a finite number", node
+            )
             if len(word) > _LONGEST_NUMBER and not word[:50].strip("+-.0123456789"):
                 # The expression below would take the square of that many steps.
                 raise self.error(f"{at}: a number of {len(word):,} characters: round it", node)
@@ -107,8 +113,11 @@ class UrdfSource:
                 hint = ": a xacro expression? name the file .xacro" if "${" in text else ""
                 raise self.error(f"{at}: {show(word, 30)} is not a number{hint}", node)
             value = float(word)
-            if not math.isfinite(value) or abs(value) > largest:
-                raise self.error(f"{at}: {show(word, 30)} is too large, at most {largest:g}", node)
+            self.refuse_if(
+                not math.isfinite(value) or abs(value) > largest,
+                f"{at}: {show(word, 30)} is too large, at most {largest:g}",
+                node,
+            )
             values.append(value)
         node.attributes[name] = " ".join(words)
         return tuple(values)
@@ -138,10 +147,16 @@ class UrdfSource:
                     origin,
                 )
             quaternion = self.numbers(kept, "quat_xyzw", 4, what)
-            if "rpy" in kept.attributes:
-                raise self.error(f"{what}: <origin> has both rpy and quat_xyzw: keep one", origin)
-            if math.hypot(*quaternion) < 1e-6:
-                raise self.error(f"{what}: <origin quat_xyzw> is zero, so no rotation", origin)
+            self.refuse_if(
+                "rpy" in kept.attributes,
+                f"{what}: <origin> has both rpy and quat_xyzw: keep one",
+                origin,
+            )
+            self.refuse_if(
+                math.hypot(*quaternion) < 1e-6,
+                f"{what}: <origin quat_xyzw> is zero, so no rotation",
+                origin,
+            )
         return [kept]
 
 

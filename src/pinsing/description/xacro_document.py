@@ -14,7 +14,7 @@ from xml.dom import Node, expatbuilder, minidom
 from xml.dom.minicompat import NodeList
 from xml.parsers import expat
 
-from pinsing.description.xacro_values import Refused
+from pinsing.description.xacro_expression import Refused
 
 
 class RefusedAt(Refused):

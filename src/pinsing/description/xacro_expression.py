@@ -1,43 +1,57 @@
 """Expressions of xacro files, interpreted over a white list. Nothing is compiled or run.
 
 The text is parsed into Python's syntax tree, and the tree is walked: numbers, text, lists, dicts,
-arithmetic, comparisons, conditions, subscripts, list comprehensions, the functions of
-`pinsing.description.xacro_values` and the names that the file defines. A value is plain data of
-exactly the known types, wrapped YAML, a namespace or a `Function`; any other is refused the moment
-it turns up. No attribute of a Python object is read: a dot looks up a key of wrapped YAML, a name
-in a namespace, or, when called, a method in a table of our own.
+arithmetic, comparisons, conditions, subscripts, list comprehensions, some functions of Python and
+of ``math``, and the names that the file defines. A value is plain data of exactly the known types,
+wrapped YAML, a namespace or a `Function`; any other is refused the moment it turns up. No attribute
+of a Python object is read: a dot looks up a key of wrapped YAML, a name in a namespace, or, when
+called, a method in a table of our own. No function here calls what it is given, or looks at
+anything but its arguments; what could grow is judged before it is computed.
+Standard library only: the xacro child process loads this module by its folder.
 """
 
 from __future__ import annotations
 
 import ast
+import datetime
 import functools
+import math
 import operator
+import re
 import unicodedata  # noqa: F401 (the parser asks for it where a name is not ASCII)
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from pinsing._dataclass import dataclass
-from pinsing.description.xacro_values import (
-    CONTAINERS,
-    NUMBERS,
-    PLAIN,
-    Function,
-    Refused,
-    bounded,
-    items_of,
-    method_table,
-    power,
-    remainder,
-    shift_left,
-    times,
-)
 
 LONGEST_EXPRESSION = 20_000
-DEEPEST = 60
+LONGEST_TEXT = 1_000_000
+MOST_ITEMS = 100_000
 MOST_STEPS = 200_000
 MOST_VOLUME = 10_000_000
-"""Items and characters of all values on the way, together."""
+"""Items and characters of all values of one expression, together."""
+MOST_BITS = 8192
+"""Of an integer."""
+DEEPEST = 60
+_SIZED = (str, list, tuple, dict, set)
+_SURROGATE = re.compile("[\ud800-\udfff]")
+
+
+class Refused(Exception):
+    """Something that no expression may do."""
+
+
+@dataclass(frozen=True, eq=False)
+class Function:
+    """A function that an expression may call; the interpreter never calls anything else."""
+
+    name: str
+    call: Callable[..., Any]
+
+    def __str__(self) -> str:
+        return f"<function {self.name}>"
+
+    __repr__ = __str__
 
 
 @dataclass(frozen=True)
@@ -59,27 +73,92 @@ class Kinds:
     namespace: type[Any]
 
 
-_BINARY: Mapping[type, Callable[[Any, Any], Any]] = {
+NUMBERS: frozenset[type] = frozenset([bool, int, float])
+COMPUTED = NUMBERS | {list, tuple, dict, range, str, type(None), Function}
+"""Types of values that operators take."""
+PLAIN = COMPUTED | {set, bytes, datetime.date, datetime.datetime}
+
+
+def bounded(value: Any) -> Any:
+    """Return a value, unless it is larger than any robot needs."""
+    if isinstance(value, int):
+        _check_bits(value.bit_length())
+    elif isinstance(value, str | bytes):
+        _check_length(len(value))
+        if isinstance(value, str) and _SURROGATE.search(value):
+            raise Refused("half of a character (a surrogate) is not accepted")
+    elif isinstance(value, list | tuple | dict | set | range) and len(value) > MOST_ITEMS:
+        raise Refused(f"more than {MOST_ITEMS} items are not accepted")
+    return value
+
+
+def _check_bits(bits: int) -> None:
+    if bits > MOST_BITS:
+        raise Refused("an integer of thousands of digits is not accepted")
+
+
+def _check_length(letters: int) -> None:
+    if letters > LONGEST_TEXT:
+        raise Refused(f"a text of more than {LONGEST_TEXT} characters is not accepted")
+
+
+# Operators ----------------------------------------------------------------------------
+
+
+def _power(base: Any, exponent: Any) -> Any:
+    if isinstance(base, int) and isinstance(exponent, int) and abs(base) > 1 and exponent > 0:
+        _check_bits(base.bit_length() * exponent)
+    result = operator.pow(base, exponent)
+    if type(result) not in NUMBERS:  # a negative base and a fraction: a complex number
+        raise Refused("a complex number is not accepted")
+    return result
+
+
+def _shift_left(value: Any, count: Any) -> Any:
+    if isinstance(value, int) and isinstance(count, int) and value and count > 0:
+        _check_bits(value.bit_length() + count)
+    return operator.lshift(value, count)
+
+
+def _times(left: Any, right: Any) -> Any:
+    for values, count in ((left, right), (right, left)):
+        if isinstance(values, str | list | tuple) and isinstance(count, int) and count > 0:
+            most = LONGEST_TEXT if isinstance(values, str) else MOST_ITEMS
+            if len(values) * count > most:
+                raise Refused("a repetition of that many times needs too much memory")
+    if isinstance(left, int) and isinstance(right, int):
+        _check_bits(left.bit_length() + right.bit_length() - 1)
+    return operator.mul(left, right)
+
+
+def _remainder(left: Any, right: Any) -> Any:
+    """``left % right``: numbers, or old formatting whose result is of a sane size."""
+    if isinstance(left, str):
+        if re.search(r"%\(|%[#0\- +]*(?:\*|\d{4}|\d*\.(?:\*|\d{4}))", left):
+            raise Refused("a format with a name, or a width of that size, is not accepted")
+        values = right if isinstance(right, tuple) else (right,)
+        longest = max([2000, *(len(repr(value)) for value in values)])
+        _check_length(len(left) + left.count("%") * longest)
+    return operator.mod(left, right)
+
+
+_OPERATORS: Mapping[type, Callable[..., Any]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
-    ast.Mult: times,
+    ast.Mult: _times,
     ast.Div: operator.truediv,
     ast.FloorDiv: operator.floordiv,
-    ast.Mod: remainder,
-    ast.Pow: power,
-    ast.LShift: shift_left,
+    ast.Mod: _remainder,
+    ast.Pow: _power,
+    ast.LShift: _shift_left,
     ast.RShift: operator.rshift,
     ast.BitAnd: operator.and_,
     ast.BitOr: operator.or_,
     ast.BitXor: operator.xor,
-}
-_UNARY: Mapping[type, Callable[[Any], Any]] = {
     ast.UAdd: operator.pos,
     ast.USub: operator.neg,
     ast.Invert: operator.invert,
     ast.Not: operator.not_,
-}
-_COMPARE: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
     ast.Lt: operator.lt,
@@ -91,15 +170,78 @@ _COMPARE: Mapping[type, Callable[[Any, Any], Any]] = {
     ast.In: lambda a, b: operator.contains(b, a),
     ast.NotIn: lambda a, b: not operator.contains(b, a),
 }
-_WORDS: Mapping[type, str] = {
-    ast.Lambda: "lambda",
-    ast.NamedExpr: "':='",
-    ast.JoinedStr: "an f-string",
-    ast.Await: "await",
-    ast.Yield: "yield",
-    ast.YieldFrom: "yield",
-    ast.Starred: "'*' outside a call",
+
+
+# Functions and methods ----------------------------------------------------------------
+
+
+def _round(number: Any, digits: Any = None) -> Any:
+    if isinstance(digits, int) and abs(digits) > 400:
+        raise Refused("rounding to hundreds of digits is not accepted")
+    if type(number) not in NUMBERS:
+        raise TypeError(f"type {type(number).__name__} doesn't define __round__ method")
+    return round(number, digits)
+
+
+_BUILTINS: Mapping[str, Callable[..., Any]] = {
+    **{f.__name__: f for f in (abs, all, any, bool, dict, float, int, len, max, min, range)},
+    "enumerate": lambda values, start=0: list(enumerate(values, start)),
+    "list": lambda values=(): list(values),
+    "round": _round,
+    "sorted": lambda values, reverse=False: sorted(values, reverse=reverse),
+    "str": lambda value="": str(value),
+    "sum": lambda values: sum(values),  # of numbers: a list to start from would grow
+    "tuple": lambda values=(): tuple(values),
+    "zip": lambda *values: list(zip(*values, strict=False)),
 }
+FUNCTIONS: Mapping[str, Function] = {n: Function(n, call) for n, call in _BUILTINS.items()}
+"""Python's own functions, as far as an expression may call them."""
+
+_MATH = (  # none grows faster than its arguments
+    "acos acosh asin asinh atan atan2 atanh cbrt ceil copysign cos cosh degrees dist erf erfc exp "
+    "exp2 expm1 fabs floor fmod frexp fsum gamma gcd hypot isclose isfinite isinf isnan isqrt "
+    "ldexp lgamma log log10 log1p log2 modf pow radians remainder sin sinh sqrt tan tanh trunc"
+)
+MATH: Mapping[str, Any] = {
+    **{name: getattr(math, name) for name in ("pi", "e", "tau", "inf", "nan")},
+    **{n: Function(n, getattr(math, n)) for n in _MATH.split() if hasattr(math, n)},
+}
+"""The module ``math``: constants and functions."""
+
+
+def _join(text: str, values: Any) -> str:
+    _check_length(sum(len(part) + len(text) for part in values if isinstance(part, str)))
+    return text.join(values)
+
+
+def _replace(text: str, old: str, new: str, count: int = -1) -> str:
+    _check_length(len(text) + (text.count(old) + 1) * len(new))
+    return text.replace(old, new, count)
+
+
+_OF_TEXT = (
+    "capitalize count endswith find index isalnum isalpha isdigit isnumeric lower lstrip partition "
+    "rfind rpartition rsplit rstrip split splitlines startswith strip title upper"
+)
+_METHODS: Mapping[type, Mapping[str, Callable[..., Any]]] = {
+    str: {
+        **{name: getattr(str, name) for name in _OF_TEXT.split()},
+        "join": _join,
+        "replace": _replace,
+    },
+    list: {"count": list.count, "index": list.index},
+    tuple: {"count": tuple.count, "index": tuple.index},
+    dict: {
+        "get": lambda values, key, default=None: dict.get(values, key, default),
+        "keys": lambda values: list(dict.keys(values)),
+        "values": lambda values: list(dict.values(values)),
+        "items": lambda values: list(dict.items(values)),
+    },
+}
+# They change nothing. ``format`` is none of them: its templates read attributes.
+
+
+# The walk -----------------------------------------------------------------------------
 
 
 def evaluate(text: str, names: Mapping[str, Any], kinds: Kinds) -> Any:
@@ -142,9 +284,7 @@ class _Walk:
         self.scopes: list[dict[str, Any]] = []
         self.steps = self.depth = self.volume = 0
         self.accepted = PLAIN | {kinds.dotted, kinds.listed}
-        self.operands = (
-            NUMBERS | CONTAINERS | {str, type(None), Function, kinds.dotted, kinds.listed}
-        )
+        self.computed = COMPUTED | {kinds.dotted, kinds.listed}
 
     def value(self, node: ast.AST) -> Any:
         """Return the value of a node, of an accepted type and size."""
@@ -153,117 +293,109 @@ class _Walk:
     def holder(self, node: ast.AST) -> Any:
         """Return the value of a node, which may be a namespace: something to take a name from."""
         self.steps += 1
+        self.depth += 1
         if self.steps > MOST_STEPS:
             raise Refused("an expression with that many steps is not accepted")
-        handler = _HANDLERS.get(type(node))
-        if handler is None:
-            word = _WORDS.get(type(node), type(node).__name__)
-            raise Refused(f"{word} is not accepted in an expression")
-        self.depth += 1
         if self.depth > DEEPEST:
             raise Refused("an expression nested that deeply is not accepted")
-        result = handler(self, node)
+        result = self.found(node)
         self.depth -= 1
         return result if type(result) is self.kinds.namespace else self.admit(result)
 
+    def operand(self, node: ast.AST) -> Any:
+        """Return the value of a node that is computed with."""
+        value = self.value(node)
+        if type(value) not in self.computed:
+            raise Refused(f"computing with a {type(value).__name__} is not accepted")
+        return value
+
     def admit(self, value: Any) -> Any:
         """Return a value that is plain data; refuse any other."""
-        if type(value) is self.kinds.namespace:
-            raise Refused("a namespace is no value")
         if type(value) not in self.accepted:
             raise Refused(f"a value of type {type(value).__name__} is not accepted")
-        if isinstance(value, (str, list, tuple, dict, set, frozenset)):
+        if isinstance(value, _SIZED):
             self.volume += len(value)
             if self.volume > MOST_VOLUME:
                 raise Refused("an expression that needs too much memory is not accepted")
         return bounded(value)
 
-    def operand(self, node: ast.AST) -> Any:
-        value = self.value(node)
-        if type(value) not in self.operands:
-            raise Refused(f"computing with a {type(value).__name__} is not accepted")
-        return value
+    def found(self, node: ast.AST) -> Any:
+        """Return what a node stands for."""
+        match node:
+            case ast.Constant(value=bytes()):
+                raise Refused("bytes are not accepted in an expression")
+            case ast.Constant():
+                return node.value
+            case ast.Name():
+                return self.named(node.id)
+            case ast.BinOp() if type(node.op) in _OPERATORS:
+                return _OPERATORS[type(node.op)](self.operand(node.left), self.operand(node.right))
+            case ast.UnaryOp():
+                return _OPERATORS[type(node.op)](self.operand(node.operand))
+            case ast.BoolOp():
+                return self.either(node)
+            case ast.Compare():
+                return self.compared(node)
+            case ast.IfExp():
+                return self.value(node.body if self.value(node.test) else node.orelse)
+            case ast.List():
+                return [self.value(part) for part in node.elts]
+            case ast.Tuple():
+                return tuple(self.value(part) for part in node.elts)
+            case ast.Dict() if None not in node.keys:
+                pairs = zip(node.keys, node.values, strict=True)
+                return {self.value(key): self.value(part) for key, part in pairs if key is not None}
+            case ast.ListComp() | ast.GeneratorExp():
+                return list(self.items(node.elt, node.generators))
+            case ast.Subscript():
+                return self.item(node)
+            case ast.Attribute():
+                return self.dotted(self.holder(node.value), node.attr)
+            case ast.Call():
+                return self.called(node)
+        raise Refused(f"{type(node).__name__} is not accepted in an expression")
 
-    def constant(self, node: ast.Constant) -> Any:
-        if isinstance(node.value, bytes):
-            raise Refused("bytes are not accepted in an expression")
-        return node.value
-
-    def name(self, node: ast.Name) -> Any:
+    def named(self, name: str) -> Any:
         for scope in reversed(self.scopes):
-            if node.id in scope:
-                return scope[node.id]
-        if node.id.startswith("__"):
-            raise Refused(f"the name {node.id!r} is not accepted")
+            if name in scope:
+                return scope[name]
+        if name.startswith("__"):
+            raise Refused(f"the name {name!r} is not accepted")
         try:
-            return self.names[node.id]
+            return self.names[name]
         except KeyError:
-            raise NameError(f"name '{node.id}' is not defined") from None
+            raise NameError(f"name '{name}' is not defined") from None
 
-    def binary(self, node: ast.BinOp) -> Any:
-        left, right = self.operand(node.left), self.operand(node.right)
-        return _BINARY[type(node.op)](left, right) if type(node.op) in _BINARY else self.no(node.op)
-
-    def unary(self, node: ast.UnaryOp) -> Any:
-        return _UNARY[type(node.op)](self.operand(node.operand))
-
-    def no(self, operation: ast.AST) -> Any:
-        raise Refused(f"{type(operation).__name__} is not accepted in an expression")
-
-    def boolean(self, node: ast.BoolOp) -> Any:
-        stops = isinstance(node.op, ast.Or)
+    def either(self, node: ast.BoolOp) -> Any:
         result: Any = None
         for part in node.values:
             result = self.value(part)
-            if bool(result) is stops:
+            if bool(result) is isinstance(node.op, ast.Or):
                 break
         return result
 
-    def compare(self, node: ast.Compare) -> Any:
-        left = self.value(node.left)
-        result: Any = True
+    def compared(self, node: ast.Compare) -> Any:
+        left, result = self.value(node.left), True
         for operation, part in zip(node.ops, node.comparators, strict=True):
             right = self.value(part)
-            result = _COMPARE[type(operation)](left, right)
+            result = _OPERATORS[type(operation)](left, right)
             if not result:
                 break
             left = right
         return result
 
-    def condition(self, node: ast.IfExp) -> Any:
-        return self.value(node.body if self.value(node.test) else node.orelse)
-
-    def sequence(self, node: ast.List | ast.Tuple | ast.Set) -> Any:
-        values = [self.value(part) for part in node.elts]
-        if isinstance(node, ast.List):
-            return values
-        return tuple(values) if isinstance(node, ast.Tuple) else set(values)
-
-    def mapping(self, node: ast.Dict) -> Any:
-        if any(key is None for key in node.keys):
-            raise Refused("'**' is not accepted in an expression")
-        return {
-            self.value(key): self.value(part)
-            for key, part in zip(node.keys, node.values, strict=True)
-            if key is not None
-        }
-
-    def slice(self, node: ast.Slice) -> slice:
-        parts = [None if p is None else self.value(p) for p in (node.lower, node.upper, node.step)]
-        return slice(*parts)
-
-    def subscript(self, node: ast.Subscript) -> Any:
+    def item(self, node: ast.Subscript) -> Any:
         values = self.holder(node.value)
-        if type(values) is self.kinds.namespace:
-            key = self.value(node.slice)
-            if not isinstance(key, str):
-                raise Refused("a namespace is read by names only")
-            return self.of_namespace(values, key)
         if type(values) is Function:
             raise Refused(f"reading items of {values} is not accepted")
         if isinstance(node.slice, ast.Slice):
-            return values[self.slice(node.slice)]
-        return values[self.value(node.slice)]
+            ends = (node.slice.lower, node.slice.upper, node.slice.step)
+            key: Any = slice(*[None if end is None else self.value(end) for end in ends])
+        else:
+            key = self.value(node.slice)
+        if type(values) is self.kinds.namespace:
+            return self.of_namespace(values, str(key))
+        return values[key]
 
     def of_namespace(self, space: Any, name: str) -> Any:
         # Blocks of macros are kept beside the names; they start with a star.
@@ -274,114 +406,60 @@ class _Walk:
         except KeyError:
             raise NameError(f"name '{name}' is not defined") from None
 
-    def attribute(self, node: ast.Attribute) -> Any:
-        holder = self.holder(node.value)
+    def dotted(self, holder: Any, name: str) -> Any:
         if type(holder) is self.kinds.namespace:
-            return self.of_namespace(holder, node.attr)
-        if type(holder) is self.kinds.dotted and not node.attr.startswith("__"):
-            return holder[node.attr]
-        what = f"attribute {node.attr!r} of a {type(holder).__name__}"
+            return self.of_namespace(holder, name)
+        if type(holder) is self.kinds.dotted and not name.startswith("__"):
+            return holder[name]
+        what = f"attribute {name!r} of a {type(holder).__name__}"
         raise Refused(f"{what} is not accepted: a dot is for YAML data and namespaces")
 
-    def call(self, node: ast.Call) -> Any:
-        target = node.func
-        if not isinstance(target, (ast.Name, ast.Attribute, ast.Subscript)):
-            raise Refused(f"calling a {type(target).__name__} is not accepted")
-        if isinstance(target, ast.Attribute):
-            holder = self.holder(target.value)
-            if type(holder) is not self.kinds.namespace:
-                return self.method(holder, target.attr, node)
-            function = self.admit(self.of_namespace(holder, target.attr))
-        else:
+    def called(self, node: ast.Call) -> Any:
+        """Return what a function, or a method of a value, gives for the arguments."""
+        target, first = node.func, []
+        holder = self.holder(target.value) if isinstance(target, ast.Attribute) else None
+        if isinstance(target, ast.Attribute) and type(holder) is not self.kinds.namespace:
+            kind = {self.kinds.dotted: dict, self.kinds.listed: list}.get(
+                type(holder), type(holder)
+            )
+            if target.attr not in _METHODS.get(kind, {}):
+                what = f"method {target.attr!r} of a {type(holder).__name__}"
+                raise Refused(f"{what} is not accepted")
+            call, first = _METHODS[kind][target.attr], [holder]
+        elif isinstance(target, ast.Name | ast.Attribute | ast.Subscript):
             function = self.value(target)
-        if type(function) is not Function:
-            raise TypeError(f"'{type(function).__name__}' object is not callable")
-        return function.call(*self.positional(node), **self.named(node))
-
-    def method(self, holder: Any, name: str, node: ast.Call) -> Any:
-        methods = method_table(holder, (self.kinds.dotted, self.kinds.listed))
-        if name not in methods:
-            what = f"method {name!r} of a {type(holder).__name__}"
-            raise Refused(f"{what} is not accepted")
-        return methods[name](holder, *self.positional(node), **self.named(node))
-
-    def positional(self, node: ast.Call) -> list[Any]:
-        values: list[Any] = []
-        for part in node.args:
-            if isinstance(part, ast.Starred):
-                values += items_of(self.value(part.value))
-            else:
-                values.append(self.value(part))
-        return values
-
-    def named(self, node: ast.Call) -> dict[str, Any]:
+            if type(function) is not Function:
+                raise TypeError(f"'{type(function).__name__}' object is not callable")
+            call = function.call
+        else:
+            raise Refused(f"calling a {type(target).__name__} is not accepted")
         if any(word.arg is None for word in node.keywords):
             raise Refused("'**' is not accepted in an expression")
-        return {str(word.arg): self.value(word.value) for word in node.keywords}
+        values = [self.value(part) for part in node.args]
+        return call(*first, *values, **{str(w.arg): self.value(w.value) for w in node.keywords})
 
-    def comprehension(self, node: ast.ListComp | ast.GeneratorExp | ast.SetComp) -> Any:
-        found: list[Any] = []
-        self.loop(node.generators, lambda: found.append(self.value(node.elt)), found)
-        return set(found) if isinstance(node, ast.SetComp) else found
-
-    def dict_comprehension(self, node: ast.DictComp) -> Any:
-        found: list[Any] = []
-
-        def pair() -> None:
-            found.append((self.value(node.key), self.value(node.value)))
-
-        self.loop(node.generators, pair, found)
-        return dict(found)
-
-    def loop(
-        self, generators: list[ast.comprehension], body: Callable[[], None], found: list[Any]
-    ) -> None:
-        """Run the body for every item; the innermost loop comes last."""
+    def items(self, body: ast.expr, generators: list[ast.comprehension]) -> Iterator[Any]:
+        """Yield the items of a comprehension; the innermost loop comes last."""
         if not generators:
-            body()
-            bounded(found)
+            yield self.value(body)
             return
         first, *rest = generators
         if first.is_async:
             raise Refused("async is not accepted in an expression")
-        items = self.value(first.iter)
+        values = self.value(first.iter)
         self.scopes.append({})
-        for item in items_of(items):
-            self.bind(first.target, self.admit(item))
+        for value in values:
+            self.bind(first.target, self.admit(value))
             if all(self.value(test) for test in first.ifs):
-                self.loop(rest, body, found)
+                yield from self.items(body, rest)
         self.scopes.pop()
 
     def bind(self, target: ast.expr, value: Any) -> None:
+        """Let the names of a loop stand for an item."""
         if isinstance(target, ast.Name):
             self.scopes[-1][target.id] = value
-        elif isinstance(target, (ast.Tuple, ast.List)):
-            values = items_of(value)
-            if len(values) != len(target.elts):
-                raise ValueError(f"expected {len(target.elts)} values to unpack, got {len(values)}")
-            for part, item in zip(target.elts, values, strict=True):
+        elif isinstance(target, ast.Tuple | ast.List):
+            for part, item in zip(target.elts, value, strict=True):
                 self.bind(part, self.admit(item))
         else:
             raise Refused("a loop over anything but names is not accepted")
-
-
-_HANDLERS: Mapping[type, Callable[[_Walk, Any], Any]] = {
-    ast.Constant: _Walk.constant,
-    ast.Name: _Walk.name,
-    ast.BinOp: _Walk.binary,
-    ast.UnaryOp: _Walk.unary,
-    ast.BoolOp: _Walk.boolean,
-    ast.Compare: _Walk.compare,
-    ast.IfExp: _Walk.condition,
-    ast.List: _Walk.sequence,
-    ast.Tuple: _Walk.sequence,
-    ast.Set: _Walk.sequence,
-    ast.Dict: _Walk.mapping,
-    ast.Subscript: _Walk.subscript,
-    ast.Attribute: _Walk.attribute,
-    ast.Call: _Walk.call,
-    ast.ListComp: _Walk.comprehension,
-    ast.GeneratorExp: _Walk.comprehension,
-    ast.SetComp: _Walk.comprehension,
-    ast.DictComp: _Walk.dict_comprehension,
-}

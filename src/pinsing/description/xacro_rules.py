@@ -9,110 +9,26 @@ modules is taken away.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
+from types import SimpleNamespace
 from typing import Any
 
 import yaml
 
 from pinsing.description.xacro_document import Builder, Places, RefusedAt, keep_places, replaces
-from pinsing.description.xacro_expression import Kinds, evaluate
-from pinsing.description.xacro_values import FUNCTIONS, MATH, Function, Refused
+from pinsing.description.xacro_expression import FUNCTIONS, MATH, Function, Kinds, Refused, evaluate
 from pinsing.description.yaml_tree import Loader
 
 
-class Symbols:
-    """Replaces what is behind xacro's global names.
+def _known(name: str, known: Mapping[str, Any]) -> Any:
+    """Return what a name stands for; a function that refuses, where we have none."""
+    if name in known:  # False is known, too
+        return known[name]
 
-    Parameters
-    ----------
-    xacro : module
-        The package.
-    arguments : Mapping of str to str
-        Values of ``xacro.arg``.
-    """
+    def refuse(*_args: Any, **_options: Any) -> Any:
+        raise Refused(f"the function {name!r} is not accepted")
 
-    def __init__(self, xacro: Any, arguments: Mapping[str, str]) -> None:
-        self.xacro, self.arguments = xacro, arguments
-
-    def replace(self) -> None:
-        """Put our own functions behind the global names, which stay the same."""
-        symbols, spaces = self.xacro._global_symbols, {}
-        spaces["math"] = dict(MATH)
-        spaces["python"] = {**FUNCTIONS, "True": True, "False": False}
-        spaces["xacro"] = self.own_functions()
-        for space, known in spaces.items():
-            for name in list(symbols[space]):
-                dict.__setitem__(symbols[space], name, self.refusal(name, known))
-        deprecated = {"sorted": "python", "range": "python"}
-        deprecated |= dict.fromkeys(("load_yaml", "abs_filename", "dotify"), "xacro")
-        for name in list(symbols):
-            if name in spaces:
-                continue
-            if name in deprecated:
-                symbols[name] = self.deprecated(name, deprecated[name], spaces)
-            else:
-                known = spaces["python"] if name in spaces["python"] else spaces["math"]
-                symbols[name] = self.refusal(name, known)
-
-    def refusal(self, name: str, known: Mapping[str, Any]) -> Any:
-        """Return what a name stands for; a function that refuses, where we have none."""
-        if name in known:  # False is known, too
-            return known[name]
-
-        def refuse(*_args: Any, **_options: Any) -> Any:
-            raise Refused(f"the function {name!r} is not accepted")
-
-        return Function(name, refuse)
-
-    def deprecated(self, name: str, space: str, spaces: Mapping[str, Any]) -> Function:
-        """Return a function that first says what xacro would say."""
-        function = spaces[space][name]
-
-        def warned(*args: Any, **options: Any) -> Any:
-            self.xacro.warning(
-                f"Using {name}() directly is deprecated. Use {space}.{name}() instead."
-            )
-            return function.call(*args, **options)
-
-        return Function(name, warned)
-
-    def own_functions(self) -> dict[str, Function]:
-        """Return the functions of the namespace ``xacro``."""
-        functions: dict[str, Callable[..., Any]] = {
-            "load_yaml": lambda filename: self.xacro.load_yaml(filename),
-            "abs_filename": lambda name: self.xacro.abs_filename_spec(text_of(name)),
-            "dotify": self.dotify,
-            "arg": lambda name: self.arguments[name],
-            "tokenize": tokenize,
-            "fatal": self.fatal,
-            **{name: self.message(name) for name in ("message", "warning", "error")},
-            "print_location": self.message("print_location"),
-        }
-        return {name: Function(f"xacro.{name}", call) for name, call in functions.items()}
-
-    def dotify(self, values: Any = ()) -> Any:
-        """Wrap a dict, so that a dot reaches its keys."""
-        if not isinstance(values, dict):
-            raise TypeError("xacro.dotify takes a dict")
-        return self.xacro.YamlDictWrapper(values)
-
-    def fatal(self, *words: Any) -> Any:
-        """End with a message of the file's making."""
-        raise self.xacro.XacroException(" ".join(map(str, words)))
-
-    def message(self, name: str) -> Callable[..., str]:
-        """Return a function that prints, as xacro does, and gives empty text."""
-        write = getattr(self.xacro, name)
-
-        def said(*words: Any, print_location: Any = None, **looks: Any) -> str:
-            if set(looks) - {"color", "alt_text", "file"}:
-                raise TypeError(f"xacro.{name} got an unexpected keyword argument")
-            write(*words)
-            if name in ("warning", "error") if print_location is None else print_location:
-                self.xacro.print_location()
-            return ""
-
-        return said
+    return Function(name, refuse)
 
 
 def tokenize(text: str, sep: str = ",; ", skip_empty: Any = True) -> list[str]:
@@ -152,27 +68,15 @@ class Arguments(dict[str, str]):
         return super().__getitem__(name)
 
 
-class _Glob:
-    """Stands for the module ``glob`` within xacro."""
-
-    def __init__(self, find: Callable[[str], list[str]]) -> None:
-        self.glob = find
-
-
-class _EvalNames(Mapping[str, Any]):
+class _Names(dict[str, Any]):
     """Names of ``$(eval ...)``: functions, ``math``, and the arguments themselves."""
 
     def __init__(self, functions: Mapping[str, Any], argument: Callable[[str], Any]) -> None:
-        self._functions, self._argument = functions, argument
+        super().__init__(functions)
+        self._argument = argument
 
-    def __getitem__(self, name: str) -> Any:
-        return self._functions[name] if name in self._functions else self._argument(name)
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._functions)
-
-    def __len__(self) -> int:
-        return len(self._functions)
+    def __missing__(self, name: str) -> Any:
+        return self._argument(name)
 
 
 class Rules:
@@ -203,7 +107,7 @@ class Rules:
 
         xacro = self.xacro
         xacro.safe_eval, xacro.parse, xacro.load_yaml = self.safe_eval, self.parse, self.load_yaml
-        xacro.glob = _Glob(self.find_files)
+        xacro.glob = SimpleNamespace(glob=self.find_files)
         substitution_args._eval = self.eval_argument
         substitution_args._eval_find = self.find_package
         substitution_args._eval_env = self.variable
@@ -213,7 +117,7 @@ class Rules:
                 setattr(module, name, self.no_eval)
         for unit in xacro.ConstructUnits:
             Loader.add_constructor(unit.value.tag, unit.constructor)
-        Symbols(xacro, self.arguments).replace()
+        self.replace_symbols()
         for name in ("eval_all", "grab_property", "process_include", "handle_macro_call"):
             setattr(xacro, name, self.places.follow(getattr(xacro, name)))
         xacro.check_attrs = self.places.follow(xacro.check_attrs)
@@ -228,6 +132,75 @@ class Rules:
     def no_eval(self, *_args: Any, **_options: Any) -> Any:
         """Stand for ``eval`` and its like within xacro."""
         raise Refused("Python's eval is out of reach")
+
+    # Names --------------------------------------------------------------------------
+
+    def replace_symbols(self) -> None:
+        """Put our own functions behind xacro's global names, which stay the same."""
+        symbols = self.xacro._global_symbols
+        spaces: dict[str, Mapping[str, Any]] = {
+            "math": MATH,
+            "python": {**FUNCTIONS, "True": True, "False": False},
+            "xacro": {n: Function(f"xacro.{n}", f) for n, f in self.own_functions().items()},
+        }
+        for space, known in spaces.items():
+            for name in list(symbols[space]):
+                dict.__setitem__(symbols[space], name, _known(name, known))
+        deprecated = {"sorted": "python", "range": "python"}
+        deprecated |= dict.fromkeys(("load_yaml", "abs_filename", "dotify"), "xacro")
+        for name in set(symbols) - set(spaces):
+            if name in deprecated:
+                symbols[name] = self.deprecated(name, deprecated[name], spaces)
+            else:
+                symbols[name] = _known(name, {**spaces["math"], **spaces["python"]})
+
+    def deprecated(self, name: str, space: str, spaces: Mapping[str, Any]) -> Function:
+        """Return a function that first says what xacro would say."""
+        function = spaces[space][name]
+
+        def warned(*args: Any, **options: Any) -> Any:
+            self.xacro.warning(
+                f"Using {name}() directly is deprecated. Use {space}.{name}() instead."
+            )
+            return function.call(*args, **options)
+
+        return Function(name, warned)
+
+    def own_functions(self) -> dict[str, Callable[..., Any]]:
+        """Return the functions of the namespace ``xacro``."""
+
+        def dotify(values: Any = ()) -> Any:
+            if not isinstance(values, dict):
+                raise TypeError("xacro.dotify takes a dict")
+            return self.xacro.YamlDictWrapper(values)
+
+        def fatal(*words: Any) -> Any:
+            raise self.xacro.XacroException(" ".join(map(str, words)))
+
+        names = ("message", "warning", "error", "print_location")
+        return {
+            "load_yaml": lambda filename: self.xacro.load_yaml(filename),
+            "abs_filename": lambda name: self.xacro.abs_filename_spec(text_of(name)),
+            "dotify": dotify,
+            "arg": lambda name: self.arguments[name],
+            "tokenize": tokenize,
+            "fatal": fatal,
+            **{name: self.message(name) for name in names},
+        }
+
+    def message(self, name: str) -> Callable[..., str]:
+        """Return a function that prints, as xacro does, and gives empty text."""
+        write = getattr(self.xacro, name)
+
+        def said(*words: Any, print_location: Any = None, **looks: Any) -> str:
+            if set(looks) - {"color", "alt_text", "file"}:
+                raise TypeError(f"xacro.{name} got an unexpected keyword argument")
+            write(*words)
+            if name in ("warning", "error") if print_location is None else print_location:
+                self.xacro.print_location()
+            return ""
+
+        return said
 
     # Expressions --------------------------------------------------------------------
 
@@ -257,7 +230,7 @@ class Rules:
             "find": Function("find", self.find_package),
         }
         try:
-            return str(evaluate(text, _EvalNames(functions, argument), self.kinds))
+            return str(evaluate(text, _Names(functions, argument), self.kinds))
         except Exception as error:  # as xacro does for ${...}: say which expression
             suffix = f"when evaluating expression '{text}'"
             raise self.xacro.XacroException(exc=error, suffix=suffix) from error

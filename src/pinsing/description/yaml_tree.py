@@ -140,6 +140,11 @@ class YamlNode:
             f"{self.label}: {problem}" if self.label else problem, self.path, self.line
         )
 
+    def refuse_if(self, wrong: object, problem: str) -> None:
+        """Raise the error that says what is wrong with this value, if something is."""
+        if wrong:
+            raise self.error(problem)
+
     def _child(self, node: yaml.Node, label: str) -> YamlNode:
         child = YamlNode(node, self.path, f"{self.label}: {label}" if self.label else label)
         if not node.tag.startswith("tag:yaml.org,2002:"):
@@ -175,8 +180,9 @@ class YamlNode:
                 raise here.error(f"key {_show(key)} is given twice: remove one")
             values[key] = self._child(value_node, key)
         missing = [key for key in required if key not in values]
-        if missing:
-            raise self.error("missing key " + ", ".join(repr(key) for key in missing) + ": add it")
+        self.refuse_if(
+            missing, "missing key " + ", ".join(repr(key) for key in missing) + ": add it"
+        )
         return values
 
     @property
@@ -201,10 +207,11 @@ class YamlNode:
         if not isinstance(self.node, yaml.SequenceNode):
             raise self.error(f"expected a list, found {self._found}")
         entries = self.node.value
-        if length is not None and len(entries) != length:
-            raise self.error(f"expected a list of {length} values, found {len(entries)}")
-        if not entries:
-            raise self.error("the list is empty: give at least one")
+        self.refuse_if(
+            length is not None and len(entries) != length,
+            f"expected a list of {length} values, found {len(entries)}",
+        )
+        self.refuse_if(not entries, "the list is empty: give at least one")
         return [self._child(entry, f"{noun} {i}") for i, entry in enumerate(entries, start=1)]
 
     def text(self) -> str:
@@ -251,8 +258,10 @@ class YamlNode:
         text = self.node.value if isinstance(self.node, yaml.ScalarNode) else None
         number = parse_number(text) if text is not None else None
         if number is None:
-            if text is not None and text.lower().lstrip("+-.") in ("nan", "inf", "infinity"):
-                raise self.error(f"{text} is not a finite number")
+            self.refuse_if(
+                text is not None and text.lower().lstrip("+-.") in ("nan", "inf", "infinity"),
+                f"{text} is not a finite number",
+            )
             hint = " (or such as pi/2)" if pi == 0 else ""
             raise self.error(f"expected a number{hint}, found {self._found}")
         if number.pi and pi != 0:

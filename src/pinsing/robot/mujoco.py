@@ -28,33 +28,15 @@ from pinsing.errors import RobotFileError
 from pinsing.robot.given import given_model
 
 SUFFIXES = (".xml", ".mjcf")
-_MOST_FILES = 100
-_SMALLEST = 1e-6  # length of a direction
 
-_SECTIONS = frozenset(
-    [
-        "compiler",
-        "option",
-        "size",
-        "statistic",
-        "visual",
-        "default",
-        "extension",
-        "custom",
-        "asset",
-        "worldbody",
-        "deformable",
-        "contact",
-        "tendon",
-        "equality",
-        "actuator",
-        "sensor",
-        "keyframe",
-    ]
+_SECTION_NAMES = (
+    "compiler option size statistic visual default extension custom asset worldbody deformable "
+    "contact tendon equality actuator sensor keyframe"
 )
+_SECTIONS = frozenset(_SECTION_NAMES.split())
 _STILL = frozenset({"inertial", "geom", "camera", "light", "plugin"})  # no pose depends on them
-_READ_IN_BODIES = frozenset({"body", "frame", "joint", "freejoint", "site"})
-_MAKES_BODIES = frozenset({"attach", "composite", "flexcomp", "replicate"})
+_MAKE_BODIES = frozenset({"attach", "composite", "flexcomp", "replicate"})
+_MAKE_POSES = _MAKE_BODIES | {"body", "frame", "joint", "freejoint", "site"}
 _TURNS = {"quat": 4, "axisangle": 4, "euler": 3, "xyaxes": 6, "zaxis": 3}
 _NUMBERS = {"pos": 3, "axis": 3, "range": 2, "ref": 1, "fromto": 6, **_TURNS}
 _WORDS = {
@@ -150,21 +132,26 @@ class _MjcfSource(UrdfSource):
             folder, path = self.path.parent.resolve(), (self.path.parent / name).resolve()
         except (OSError, RuntimeError, ValueError):
             raise self.error(f"{what}: is no file name: correct it", node) from None
-        if not path.is_relative_to(folder):
-            raise self.error(
-                f"{what} lies outside the folder of the model: copy the file into it", node
-            )
-        if path in self._seen:
-            raise self.error(f"{what}: that file is included already: remove one", node)
+        self.refuse_if(
+            not path.is_relative_to(folder),
+            f"{what} lies outside the folder of the model: copy the file into it",
+            node,
+        )
+        self.refuse_if(
+            path in self._seen, f"{what}: that file is included already: remove one", node
+        )
         self._seen.add(path)
-        if len(self._seen) > _MOST_FILES or depth > MAX_DEPTH:
-            raise self.error(f"{what}: more than {_MOST_FILES} files: merge them", node)
-        if not path.is_file():
-            raise self.error(f"{what}: no such file beside the model: correct the name", node)
+        self.refuse_if(
+            len(self._seen) > 100 or depth > MAX_DEPTH,
+            f"{what}: more than 100 files: merge them",
+            node,
+        )
+        self.refuse_if(
+            not path.is_file(), f"{what}: no such file beside the model: correct the name", node
+        )
         data = read_bytes(path)
         self._left -= len(data)
-        if self._left < 0:
-            raise self.error(f"{what}: more than {MAX_BYTES // 2**20} MiB in all", node)
+        self.refuse_if(self._left < 0, f"{what}: more than {MAX_BYTES // 2**20} MiB in all", node)
         root = parse_xml(data, path)
         for one in root.walk():
             self._files[id(one)] = path
@@ -174,12 +161,12 @@ class _MjcfSource(UrdfSource):
         """Refuse attributes that are unknown, or whose value cannot be meant."""
         known = _ATTRIBUTES[node.tag]
         for name, value in node.attributes.items():
-            if name not in known:
-                raise self.error(
-                    f"{what}: <{node.tag}> has no attribute {show(name)}: correct or remove it "
-                    f"(it has {', '.join(sorted(known))})",
-                    node,
-                )
+            self.refuse_if(
+                name not in known,
+                f"{what}: <{node.tag}> has no attribute {show(name)}: correct or remove it "
+                f"(it has {', '.join(sorted(known))})",
+                node,
+            )
             if name in _NUMBERS:
                 self.numbers(node, name, _NUMBERS[name], what)
             elif name in _WORDS and value not in _WORDS[name]:
@@ -189,8 +176,9 @@ class _MjcfSource(UrdfSource):
                     node,
                 )
         turns = [name for name in _TURNS if name in node.attributes]
-        if len(turns) > 1:
-            raise self.error(f"{what}: {' and '.join(turns)} are both given: keep one", node)
+        self.refuse_if(
+            len(turns) > 1, f"{what}: {' and '.join(turns)} are both given: keep one", node
+        )
         if "name" in node.attributes:
             self.check_name(node.attributes["name"], what, node)
 
@@ -216,8 +204,8 @@ class _MjcfReader:
     def __init__(self, source: _MjcfSource, root: Node) -> None:
         self.source, self.model = source, pin.Model()
         self.model.name = root.attributes.get("model", source.path.stem)
-        self.degrees, self.autolimits, self.align = True, True, False
-        self.sequence = "xyz"
+        self.compiler = {"angle": "degree", "autolimits": "true", "alignfree": "false"}
+        self.compiler |= {"eulerseq": "xyz", "coordinate": "local"}
         self.defaults: dict[str, dict[str, Mapping[str, str]]] = {"main": {}}
         self.names: dict[tuple[str, str], Node] = {}
         for section in root.children:
@@ -232,40 +220,42 @@ class _MjcfReader:
         for world in worlds:
             source.check(world, "the world")
             for name in ("pos", *_TURNS):
-                if name in world.attributes:
-                    raise source.error(f"the world has a {name}: remove it", world)
+                source.refuse_if(
+                    name in world.attributes, f"the world has a {name}: remove it", world
+                )
             self._children(world, _Carried(0, 0, pin.SE3.Identity(), "main"), "the world", [])
 
     def _unknown(self, node: Node, parent: str) -> RobotFileError:
-        return self.source.error(
-            f"<{node.tag[:40]}> in <{parent}> is unknown: correct or remove it", node
-        )
+        problem = f"<{node.tag[:40]}> in <{parent}> is unknown: correct or remove it"
+        return self.source.error(problem, node)
 
     def _compiler(self, node: Node) -> None:
         self.source.check(node, "the model")
-        said = node.attributes
-        if said.get("coordinate", "local") != "local":
-            raise self.source.error(
-                'only <compiler coordinate="local"> is supported: save the model with a current '
-                "MuJoCo",
-                node,
-            )
-        self.degrees = said.get("angle", "degree" if self.degrees else "radian") == "degree"
-        self.autolimits = said.get("autolimits", "true" if self.autolimits else "false") == "true"
-        self.align = said.get("alignfree", "true" if self.align else "false") == "true"
-        self.sequence = said.get("eulerseq", self.sequence)
-        if len(self.sequence) != 3 or set(self.sequence) - set("xyzXYZ"):
-            raise self.source.error(
-                f"<compiler eulerseq={show(self.sequence)}> must be three of x, y, z, X, Y, Z", node
-            )
+        self.compiler |= node.attributes
+        self.source.refuse_if(
+            self.compiler["coordinate"] != "local",
+            'only <compiler coordinate="local"> is supported: save the model with a current MuJoCo',
+            node,
+        )
+        sequence = self.compiler["eulerseq"]
+        self.source.refuse_if(
+            len(sequence) != 3 or set(sequence) - set("xyzXYZ"),
+            f"<compiler eulerseq={show(sequence)}> must be three of x, y, z, X, Y, Z",
+            node,
+        )
+
+    def _angle(self, value: float) -> float:
+        return math.radians(value) if self.compiler["angle"] == "degree" else float(value)
 
     def _default(self, node: Node, parent: str | None) -> None:
         self.source.check(node, "the defaults")
         name = node.attributes.get("class", "main" if parent is None else "")
-        if not name:
-            raise self.source.error('a <default> within another has no class="..."', node)
-        if parent is not None and name in self.defaults:
-            raise self.source.error(f"two defaults are of class {show(name)}: rename one", node)
+        self.source.refuse_if(not name, 'a <default> within another has no class="..."', node)
+        self.source.refuse_if(
+            parent is not None and name in self.defaults,
+            f"two defaults are of class {show(name)}: rename one",
+            node,
+        )
         if parent is None and name != "main":  # MuJoCo's name for the same
             self.defaults[name] = self.defaults["main"]
         made = self.defaults.setdefault(name, dict(self.defaults[parent or "main"]))
@@ -279,17 +269,16 @@ class _MjcfReader:
     def _with_defaults(self, node: Node, what: str, childclass: str) -> Node:
         """A checked copy of an element, with the attributes of its class."""
         self.source.check(node, what)
-        name = self._class(node, "class", what, childclass)
-        return replace(
-            node, attributes=_over(self.defaults[name].get(node.tag, {}), node.attributes)
-        )
+        inherited = self.defaults[self._class(node, "class", what, childclass)]
+        return replace(node, attributes=_over(inherited.get(node.tag, {}), node.attributes))
 
     def _class(self, node: Node, attribute: str, what: str, inherited: str) -> str:
         name = node.attributes.get(attribute, inherited)
-        if name not in self.defaults:
-            raise self.source.error(
-                f"{what}: there is no default class {show(name)}: correct the name", node
-            )
+        self.source.refuse_if(
+            name not in self.defaults,
+            f"{what}: there is no default class {show(name)}: correct the name",
+            node,
+        )
         return name
 
     def _name(self, node: Node, kind: str) -> str:
@@ -299,37 +288,43 @@ class _MjcfReader:
             while (name := f"{kind}_{number}") in self.given:
                 number += 1
             self.given.add(name)
-        if name == "universe":
-            raise self.source.error(f"{kind} 'universe': the name is Pinocchio's own", node)
-        kept = self.names.setdefault((kind, name), node)
-        if kept is not node:
-            raise self.source.error(f"two {kind}s are named {show(name)}: rename one", node)
+        self.source.refuse_if(
+            name == "universe", f"{kind} 'universe': the name is Pinocchio's own", node
+        )
+        self.source.refuse_if(
+            self.names.setdefault((kind, name), node) is not node,
+            f"two {kind}s are named {show(name)}: rename one",
+            node,
+        )
         return name
 
     def _children(self, node: Node, at: _Carried, what: str, moved: list[Node]) -> None:
         """Add what a body holds; ``moved``: its joints, which `_body` has added."""
-        if at.depth > MAX_DEPTH:
-            raise self.source.error(f"{what}: bodies are nested too deeply", node)
+        self.source.refuse_if(at.depth > MAX_DEPTH, f"{what}: bodies are nested too deeply", node)
         for child in node.children:
-            if child.tag == "body":
-                self._body(child, at)
-            elif child.tag == "frame":
-                self._children(child, self._within(child, at), what, moved)
-            elif child.tag == "site":
-                self._site(child, at)
-            elif child.tag in _MAKES_BODIES:
-                makes = _READ_IN_BODIES | _MAKES_BODIES
-                if child.tag != "replicate" or any(n.tag in makes for n in list(child.walk())[1:]):
+            match child.tag:
+                case "body":
+                    self._body(child, at)
+                case "frame":
+                    self._children(child, self._within(child, at), what, moved)
+                case "site":
+                    self._site(child, at)
+                case "joint" | "freejoint":
+                    self.source.refuse_if(
+                        not any(child is joint for joint in moved),
+                        f"{what} cannot move: remove its joint",
+                        child,
+                    )
+                case "replicate" if not any(n.tag in _MAKE_POSES for n in [*child.walk()][1:]):
+                    pass
+                case tag if tag in _MAKE_BODIES:
                     raise self.source.error(
-                        f"{what}: <{child.tag}> is not supported: save the compiled model "
+                        f"{what}: <{tag}> is not supported: save the compiled model "
                         "(mujoco.mj_saveLastXML) and give that",
                         child,
                     )
-            elif child.tag in ("joint", "freejoint"):
-                if not any(child is joint for joint in moved):
-                    raise self.source.error(f"{what} cannot move: remove its joint", child)
-            elif child.tag not in _STILL:
-                raise self._unknown(child, node.tag)
+                case tag if tag not in _STILL:
+                    raise self._unknown(child, node.tag)
 
     def _within(self, node: Node, at: _Carried) -> _Carried:
         what = f"{node.tag} {show(node.attributes.get('name', ''))}"
@@ -344,16 +339,18 @@ class _MjcfReader:
     def _body(self, node: Node, at: _Carried) -> None:
         within = self._within(node, at)
         name = self._name(node, "body")
-        what, pose = f"body {show(name)}", within.pose
-        joint, moved = at.joint, []
+        joint, pose, moved = at.joint, within.pose, []
         for element, frame, childclass in self._joints(node, pin.SE3.Identity(), within.childclass):
             moved.append(element)
             joint, pose = self._joint(element, frame, childclass, joint, pose, at)
             at = replace(at, frame=self.model.nframes - 1)
-        index = self.model.addFrame(
-            pin.Frame(name, joint, at.frame, pose, pin.FrameType.BODY), False
-        )
-        self._children(node, replace(within, joint=joint, frame=index, pose=pose), what, moved)
+        index = self._framed(name, replace(at, joint=joint), pose, pin.FrameType.BODY)
+        inner = replace(within, joint=joint, frame=index, pose=pose)
+        self._children(node, inner, f"body {show(name)}", moved)
+
+    def _framed(self, name: str, at: _Carried, pose: pin.SE3, kind: pin.FrameType) -> int:
+        frame = pin.Frame(name, at.joint, at.frame, pose, kind)
+        return int(self.model.addFrame(frame, False))
 
     def _joints(
         self, node: Node, frame: pin.SE3, childclass: str
@@ -378,56 +375,56 @@ class _MjcfReader:
         """Add a joint; return its index, and the pose of the body on what it moves."""
         name = self._name(element, "joint")
         what = f"joint {show(name)}"
-        if element.tag == "freejoint":
-            self.source.check(element, what)
-            node, kind = element, "free"
-        else:
-            node = self._with_defaults(element, what, childclass)
-            kind = node.attributes.get("type", "hinge")
-        if self.model.njoints > MAX_IN_A_TREE:
-            raise self.source.error(f"more than {MAX_IN_A_TREE} joints are not supported", element)
+        node = self._with_defaults(element, what, childclass)
+        kind = "free" if node.tag == "freejoint" else node.attributes.get("type", "hinge")
+        self.source.refuse_if(
+            self.model.njoints > MAX_IN_A_TREE,
+            f"more than {MAX_IN_A_TREE} joints are not supported",
+            element,
+        )
         if kind == "free":
             align = element.attributes.get("align", "auto")
-            if align == "true" or (align == "auto" and self.align):
-                raise self.source.error(
-                    f"{what}: its body is aligned with its inertia, which is not read: set "
-                    'align="false"',
-                    element,
-                )
-            if at.joint or parent:
-                raise self.source.error(
-                    f"{what}: only a body of the world, without other joints, can be free", element
-                )
-            return self._added(
-                parent, pin.JointModelFreeFlyer(), pose, name, at
-            ), pin.SE3.Identity()
-        place = frame * pin.SE3(np.eye(3), self._vector(node, "pos"))
+            self.source.refuse_if(
+                align == "true" or (align == "auto" and self.compiler["alignfree"] == "true"),
+                f"{what}: its body is aligned with its inertia, which is not read: set "
+                'align="false"',
+                element,
+            )
+            self.source.refuse_if(
+                at.joint or parent,
+                f"{what}: only a body of the world, without other joints, can be free",
+                element,
+            )
+            index = self._added(parent, pin.JointModelFreeFlyer(), pose, name, at)
+            return index, pin.SE3.Identity()
+        place = frame * pin.SE3(np.eye(3), self._values(node, "pos", (0.0, 0.0, 0.0)))
         anchor = pin.SE3(np.eye(3), place.translation)
         if kind == "ball":
             index = self._added(parent, pin.JointModelSpherical(), pose * anchor, name, at)
             return index, anchor.inverse()
-        if kind not in ("hinge", "slide"):
-            raise self.source.error(
-                f"{what}: unknown type {show(kind)}: it is hinge, slide, ball or free", element
-            )
-        axis = frame.rotation @ self._direction(node, "axis", what, (0.0, 0.0, 1.0))
-        unit = math.radians(1.0) if kind == "hinge" and self.degrees else 1.0
-        angle = math.radians if unit != 1.0 else float
-        lower, upper = (angle(x) for x in self._range(node, element, what))
-        shift = -angle(self._values(node, "ref", (0.0,))[0])
-        letter = next((c for c, e in zip("XYZ", np.eye(3), strict=True) if (e == axis).all()), None)
+        self.source.refuse_if(
+            kind not in ("hinge", "slide"),
+            f"{what}: unknown type {show(kind)}: it is hinge, slide, ball or free",
+            element,
+        )
+        direction = self._values(node, "axis", (0.0, 0.0, 1.0))
+        axis = frame.rotation @ self._unit(direction, node, "axis", what)
+        unit = self._angle if kind == "hinge" else float
+        lower, upper = (unit(x) for x in self._range(node, element, what))
+        shift = -unit(self._values(node, "ref", (0.0,))[0])
+        aligned = [letter for letter, e in zip("XYZ", np.eye(3), strict=True) if (e == axis).all()]
         short, long = ("R", "Revolute") if kind == "hinge" else ("P", "Prismatic")
-        model = (
-            getattr(pin, f"JointModel{long}Unaligned")(axis)
-            if letter is None
-            else getattr(pin, f"JointModel{short}{letter}")()
+        made = (
+            getattr(pin, f"JointModel{short}{aligned[0]}")()
+            if aligned
+            else getattr(pin, f"JointModel{long}Unaligned")(axis)
         )
-        index = self._added(parent, model, pose * anchor, name, at, lower, upper)
-        back = (
-            pin.SE3(pin.AngleAxis(shift, axis).matrix() if shift else np.eye(3), np.zeros(3))
-            if kind == "hinge"
-            else pin.SE3(np.eye(3), shift * axis)
-        )
+        index = self._added(parent, made, pose * anchor, name, at, lower, upper)
+        back = pin.SE3.Identity()
+        if kind == "slide":
+            back.translation = shift * axis
+        elif shift:
+            back.rotation = _about(axis, shift)
         return index, back * anchor.inverse()
 
     def _added(
@@ -440,67 +437,53 @@ class _MjcfReader:
         lower: float = -math.inf,
         upper: float = math.inf,
     ) -> int:
-        n, m = joint.nv, joint.nq
-        index = self.model.addJoint(
-            parent, joint, place, name, np.full(n, math.inf), np.full(n, math.inf),
-            np.full(m, lower), np.full(m, upper),
-        )  # fmt: skip
+        most = np.full(joint.nv, math.inf)
+        limits = np.full(joint.nq, lower), np.full(joint.nq, upper)
+        index = self.model.addJoint(parent, joint, place, name, most, most, *limits)
         self.model.addJointFrame(index, at.frame)
         return int(index)
 
     def _range(self, node: Node, element: Node, what: str) -> tuple[float, float]:
-        lower, upper = self._values(node, "range", (0.0, 0.0))
+        lower, upper = self._values(node, "range", (0.0, 0.0)).tolist()
         limited = node.attributes.get("limited", "auto")
         if limited == "false" or (limited == "auto" and lower == upper == 0.0):
             return -math.inf, math.inf
-        if limited == "auto" and not self.autolimits:
-            raise self.source.error(
-                f'{what} has a range, and autolimits is "false": add limited="true" or "false"',
-                element,
-            )
-        if not lower < upper:
-            raise self.source.error(
-                f"{what}: <joint range> from {lower:g} to {upper:g}: give the lower limit first, "
-                "and the upper one above it",
-                element,
-            )
+        self.source.refuse_if(
+            limited == "auto" and self.compiler["autolimits"] == "false",
+            f'{what} has a range, and autolimits is "false": add limited="true" or "false"',
+            element,
+        )
+        self.source.refuse_if(
+            not lower < upper,
+            f"{what}: <joint range> from {lower:g} to {upper:g}: give the lower limit first, "
+            "and the upper one above it",
+            element,
+        )
         return lower, upper
 
     def _site(self, node: Node, at: _Carried) -> None:
         name = self._name(node, "site")
         what = f"site {show(name)}"
         node = self._with_defaults(node, what, at.childclass)
-        if "mesh" in node.attributes:
-            raise self.source.error(
-                f"{what}: its pose depends on a mesh, which is not read: remove mesh", node
-            )
-        pose = at.pose * self._pose(node, what)
-        self.model.addFrame(
-            pin.Frame(name, at.joint, at.frame, pose, pin.FrameType.OP_FRAME), False
+        self.source.refuse_if(
+            "mesh" in node.attributes,
+            f"{what}: its pose depends on a mesh, which is not read: remove mesh",
+            node,
         )
+        self._framed(name, at, at.pose * self._pose(node, what), pin.FrameType.OP_FRAME)
 
-    def _values(self, node: Node, name: str, default: tuple[float, ...]) -> tuple[float, ...]:
+    def _values(self, node: Node, name: str, default: tuple[float, ...] = ()) -> Array:
         """The numbers of an attribute that `_MjcfSource.check` has seen."""
-        if name not in node.attributes:
-            return default
-        return tuple(float(word) for word in node.attributes[name].split())
-
-    def _vector(self, node: Node, name: str) -> Array:
-        return np.array(self._values(node, name, (0.0, 0.0, 0.0)))
-
-    def _direction(
-        self, node: Node, name: str, what: str, default: tuple[float, ...] = ()
-    ) -> Array:
-        """The numbers of an attribute, three or four, as a unit vector."""
-        return self._unit(np.array(self._values(node, name, default)), node, name, what)
+        words = node.attributes[name].split() if name in node.attributes else default
+        return np.array([float(word) for word in words])
 
     def _unit(self, vector: Array, node: Node, name: str, what: str) -> Array:
         norm = math.hypot(*vector)
-        if norm < _SMALLEST:
-            raise self.source.error(
-                f"{what}: <{node.tag} {name}> has no direction: give numbers that are not zero",
-                node,
-            )
+        self.source.refuse_if(
+            norm < 1e-6,
+            f"{what}: <{node.tag} {name}> has no direction: give numbers that are not zero",
+            node,
+        )
         return vector if norm == 1.0 else np.asarray(vector / norm)
 
     def _pose(self, node: Node, what: str) -> pin.SE3:
@@ -510,38 +493,39 @@ class _MjcfReader:
                 raise self.source.error(
                     f"{what}: fromto and {both[0]} are both given: keep one", node
                 )
-            ends = np.array(self._values(node, "fromto", ())).reshape(2, 3)
+            ends = self._values(node, "fromto").reshape(2, 3)
             z = self._unit(ends[0] - ends[1], node, "fromto", what)
             return pin.SE3(_from_z(z), ends.mean(axis=0))
-        return pin.SE3(self._rotation(node, what), self._vector(node, "pos"))
+        return pin.SE3(self._rotation(node, what), self._values(node, "pos", (0.0, 0.0, 0.0)))
 
     def _rotation(self, node: Node, what: str) -> Array:
         """Rotation (3, 3) by whichever of the five ways it is given."""
-        angle = math.radians if self.degrees else float
-        if "quat" in node.attributes:
-            w, x, y, z = self._direction(node, "quat", what)
-            return np.array(pin.Quaternion(w, x, y, z).matrix())
-        if "axisangle" in node.attributes:
-            *axis, turn = self._values(node, "axisangle", ())
-            unit = self._unit(np.array(axis), node, "axisangle", what)
-            return np.array(pin.AngleAxis(angle(turn), unit).matrix())
-        if "euler" in node.attributes:
-            out = np.eye(3)
-            turns = self._values(node, "euler", ())
-            for letter, turn in zip(self.sequence, turns, strict=True):
-                axis = np.eye(3)["xyz".index(letter.lower())]
-                one = np.array(pin.AngleAxis(angle(turn), axis).matrix())
-                # Small letters turn about axes that turn along, capitals about those of the parent.
-                out = out @ one if letter.islower() else one @ out
-            return out
-        if "xyaxes" in node.attributes:
-            first, second = np.array(self._values(node, "xyaxes", ())).reshape(2, 3)
-            x = self._unit(first, node, "xyaxes", what)
-            y = self._unit(second - x * (x @ second), node, "xyaxes", what)
-            return np.column_stack([x, y, np.cross(x, y)])
-        if "zaxis" in node.attributes:
-            return _from_z(self._direction(node, "zaxis", what))
+        name = next((name for name in _TURNS if name in node.attributes), "")
+        given = self._values(node, name)
+        match name:
+            case "quat":
+                w, x, y, z = self._unit(given, node, name, what)
+                return np.array(pin.Quaternion(w, x, y, z).matrix())
+            case "axisangle":
+                return _about(self._unit(given[:3], node, name, what), self._angle(given[3]))
+            case "euler":
+                out = np.eye(3)
+                for letter, turn in zip(self.compiler["eulerseq"], given, strict=True):
+                    one = _about(np.eye(3)["xyz".index(letter.lower())], self._angle(turn))
+                    # Small letters turn about axes that turn along, capitals about the parent's.
+                    out = out @ one if letter.islower() else one @ out
+                return out
+            case "xyaxes":
+                x = self._unit(given[:3], node, name, what)
+                y = self._unit(given[3:] - x * (x @ given[3:]), node, name, what)
+                return np.column_stack([x, y, np.cross(x, y)])
+            case "zaxis":
+                return _from_z(self._unit(given, node, name, what))
         return np.eye(3)
+
+
+def _about(axis: Array, angle: float) -> Array:
+    return np.array(pin.AngleAxis(float(angle), axis).matrix())
 
 
 def _over(below: Mapping[str, str], above: Mapping[str, str]) -> dict[str, str]:
@@ -555,4 +539,4 @@ def _from_z(direction: Array) -> Array:
     cross = np.cross((0.0, 0.0, 1.0), direction)
     sine = math.hypot(*cross)
     axis = cross / sine if sine > 1e-10 else np.array([1.0, 0.0, 0.0])
-    return np.array(pin.AngleAxis(math.atan2(sine, direction[2]), axis).matrix())
+    return _about(axis, math.atan2(sine, direction[2]))
