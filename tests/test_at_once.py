@@ -109,8 +109,8 @@ def test_pages_of_polynomials_are_one_line(zero: np.ndarray) -> None:
 def test_an_arm_with_such_a_family_is_stated_so_in_text_json_and_on_the_page() -> None:
     from pinsing.families.form import families_text
     from pinsing.view.entries import family_entries
-    from pinsing.view.frame import sizes
     from pinsing.view.links import Links
+    from pinsing.view.sizes import sizes
     from pinsing.view.stage import Stage
 
     arm = pinsing.load("tiago_pro", tip="arm_left_tool_link")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-import xml.etree.ElementTree as ET
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -20,6 +19,8 @@ from pinsing.view.drawing import Recorder
 from pinsing.view.links import draw_links, read_links
 from pinsing.view.meshes import Mesh, read_meshes
 
+pytestmark = pytest.mark.filterwarnings("ignore:the matrix subclass")  # pycollada's
+
 HEAD = '<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">'
 PAINT = """
 <library_effects><effect id="e"><profile_COMMON><technique sid="c"><phong>
@@ -28,7 +29,8 @@ PAINT = """
 <library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
 """
 SOURCE = """<source id="{name}"><float_array id="{name}a" count="{count}">{values}</float_array>
-<technique_common><accessor source="#{name}a" count="4" stride="3"/></technique_common></source>"""
+<technique_common><accessor source="#{name}a" count="4" stride="3"><param name="X" type="float"/>
+<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>"""
 SQUARE = SOURCE.format(name="P", count=12, values="0 0 0 1 0 0 1 1 0 0 1 0") + SOURCE.format(
     name="N", count=3, values="0 0 1"
 )
@@ -50,6 +52,14 @@ def collada(shape: str = POLYGON, node: str = "", more: str = "") -> str:
     )
 
 
+def read(text: str) -> tuple[Painted, ...]:
+    return read_collada(text.encode())
+
+
+def corners_of(part: Painted) -> np.ndarray:
+    return part.vertices[:, :3] * part.step + np.array(part.middle)
+
+
 def area(vertices: np.ndarray, faces: np.ndarray) -> float:
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
@@ -57,13 +67,13 @@ def area(vertices: np.ndarray, faces: np.ndarray) -> float:
 
 def test_a_polygon_is_painted_and_placed_by_its_node() -> None:
     node = "<translate>0 0 5</translate><rotate>1 0 0 90</rotate><scale>2 2 2</scale>"
-    (part,) = read_collada(collada(node=node))
+    (part,) = read(collada(node=node))
     assert part.paint.color == 0xFF8000
     assert len(part.faces) == 2
     # Scaled by two, turned about x (y becomes z), lifted by five.
-    corners = {tuple(row) for row in np.round(part.vertices, 12) + 0.0}
+    corners = {tuple(row) for row in np.round(corners_of(part), 3) + 0.0}
     assert corners == {(0, 0, 5), (2, 0, 5), (2, 0, 7), (0, 0, 7)}
-    assert part.normals == pytest.approx(np.tile([0, -1, 0], (4, 1)))
+    assert part.normals[:, :3].tolist() == [[0, -127, 0]] * 4
 
 
 @pytest.mark.parametrize(
@@ -77,7 +87,7 @@ def test_a_polygon_is_painted_and_placed_by_its_node() -> None:
     ],
 )
 def test_opacity_is_that_of_the_specification(more: str, opacity: float) -> None:
-    (part,) = read_collada(collada(more=more))
+    (part,) = read(collada(more=more))
     assert part.paint.opacity == pytest.approx(opacity)
 
 
@@ -90,17 +100,15 @@ def test_opacity_is_that_of_the_specification(more: str, opacity: float) -> None
         collada(POLYGON.replace("<vcount>4", "<vcount>5")),
         collada(POLYGON.replace("0 0 1 0 2 0 3 0", "0 0 1 0 2 0 9 0")),
         collada(POLYGON.replace("0 0 1 0 2 0 3 0", "0 0 1 0 2 0 -1 0")),
-        collada(POLYGON.replace("polylist", "polygons")),
         collada(POLYGON.replace("#N", "#nothing")),
         collada().replace("0 0 0 1 0 0", "0 0 nan 1 0 0"),
         collada().replace("#s", "#g"),
-        collada(node="<rotate>0 0 0 90</rotate>"),
         collada(POLYGON.replace("</p>", " x</p>")),
     ],
 )
 def test_what_is_not_plain_is_refused(text: str) -> None:
     with pytest.raises(NotPlainError):
-        read_collada(text)
+        read(text)
 
 
 def dae_files(name: str) -> list[Path]:
@@ -114,18 +122,20 @@ def test_meshes_of_robots_are_those_that_assimp_reads() -> None:
     files = dae_files("panda")[:2]
     assert len(files) == 2
     for file in files:
-        parts = read_collada(file.read_text())
+        parts = read_collada(file.read_bytes())
         mesh = coal.MeshLoader().load(str(file), np.ones(3))
         vertices = np.array(mesh.vertices())
         triangles = [mesh.tri_indices(k) for k in range(mesh.num_tris)]
         faces = np.array([[t[0], t[1], t[2]] for t in triangles])
         assert sum(len(p.faces) for p in parts) == pytest.approx(len(faces), rel=0.01)
-        assert sum(area(p.vertices, p.faces) for p in parts) == pytest.approx(
+        assert sum(area(corners_of(p), p.faces) for p in parts) == pytest.approx(
             area(vertices, faces), rel=1e-3
         )
         # Assimp turns y up to z up; the page does as Pinocchio's own viewer, which does not.
-        every = np.concatenate([p.vertices for p in parts])
-        assert np.sort(np.ptp(every, axis=0)) == pytest.approx(np.sort(np.ptp(vertices, axis=0)))
+        every = np.concatenate([corners_of(p) for p in parts])
+        assert np.sort(np.ptp(every, axis=0)) == pytest.approx(
+            np.sort(np.ptp(vertices, axis=0)), rel=1e-4
+        )
 
 
 def read_painted(file: Path) -> tuple[Painted, ...]:
@@ -134,16 +144,10 @@ def read_painted(file: Path) -> tuple[Painted, ...]:
     return mesh.painted
 
 
-def test_rounding_and_the_cache_keep_the_shape(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_cache_keeps_the_shape(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PINSING_CACHE", str(tmp_path))
     file = dae_files("panda")[0]
     fresh = read_painted(file)
-    for part, exact in zip(fresh, read_collada(file.read_text()), strict=True):
-        back = part.vertices[:, :3] * part.step + np.array(part.middle)
-        assert np.abs(back - exact.vertices).max() <= 0.51 * part.step
-        assert np.abs(part.normals[:, :3] / 127 - exact.normals).max() < 0.01
     monkeypatch.setattr(meshes, "_ask_child", lambda *_: pytest.fail("it was kept"))
     for kept, part in zip(read_painted(file), fresh, strict=True):
         assert (kept.middle, kept.step, kept.paint) == (part.middle, part.step, part.paint)
@@ -170,10 +174,10 @@ def test_polygons_of_all_sizes_take_time_by_their_corners() -> None:
     shape = POLYGON.replace("<vcount>4", f"<vcount>{corners}" + " 3" * triangles)
     shape = shape.replace('count="1"', f'count="{triangles + 1}"')
     begun = time.process_time()
-    (part,) = read_collada(collada(shape.replace("0 0 1 0 2 0 3 0", index)))
+    (part,) = read(collada(shape.replace("0 0 1 0 2 0 3 0", index)))
     assert time.process_time() - begun < 10
     assert len(part.faces) == corners - 2 + triangles
-    first = np.round(part.vertices[part.faces[:3]], 9).tolist()
+    first = np.round(corners_of(part)[part.faces[:3]], 3).tolist()
     a, b, c, d = [0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]
     assert first == [[a, b, c], [a, c, d], [a, d, a]]
 
@@ -186,7 +190,7 @@ def test_one_geometry_used_very_often_is_refused() -> None:
     text = collada(shape).replace("</node>", use * 50_000 + "</node>")
     begun = time.process_time()
     with pytest.raises(NotPlainError, match="too large"):
-        read_collada(text)
+        read(text)
     assert time.process_time() - begun < 30
 
 
@@ -195,21 +199,20 @@ def test_no_collada_file_is_parsed_in_this_process(
 ) -> None:
     """A stranger's file may be made to take any time: a child with limits reads it."""
     monkeypatch.setenv("PINSING_CACHE", "")
-    monkeypatch.setattr(ET, "parse", lambda *_: pytest.fail("parsed here"))
     monkeypatch.setattr(collada_reader, "read_collada", lambda _: pytest.fail("parsed here"))
     links = read_links(pinsing.load("panda"))
     recorder = Recorder()
     assert draw_links(recorder.visualizer(), links) == ()
     assert recorder.packed().count(b"MeshPhongMaterial") > 20
-    monkeypatch.setattr(meshes, "SECONDS_EACH", 1.0)
+    monkeypatch.setattr(meshes, "SECONDS_EACH", 0.1)
     file = tmp_path / "slow.dae"
-    file.write_text(collada(POLYGON.replace("0 0 1 0 2 0 3 0", "0 0 1 0 2 0 3 0 " * 3_000_000)))
-    assert "is not read within 1 s" in str(read_meshes([file])[file])
+    file.write_text(collada(POLYGON.replace("0 0 1 0 2 0 3 0", "0 0 1 0 2 0 3 0 " * 1_000_000)))
+    assert "is not read within 0.1 s" in str(read_meshes([file])[file])
 
 
 def test_each_paint_of_a_link_is_drawn() -> None:
-    (one,) = read_collada(collada())
-    drawn = as_object([Painted.of(one), Painted.of(one)])
+    (one,) = read(collada())
+    drawn = as_object([one, one])
     assert len(drawn["object"]["children"]) == 2
     assert drawn["materials"][0]["color"] == 0xFF8000
 

@@ -25,7 +25,7 @@ from pinsing.proof.checker import verify
 from pinsing.robot.surd import exact_of, exact_text, surd
 from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import family_entries
-from pinsing.view.frame import sizes
+from pinsing.view.sizes import sizes
 
 # Offset wrists. FANUC CRX-10iA/L and ABB GoFa 5: a, alpha, d, theta at zero (m, degrees).
 DH = {

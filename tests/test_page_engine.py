@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,14 +16,15 @@ from tiers import tiered
 from urdf_texts import three_joints
 
 from pinsing import at, closed_form, load, singular_values
+from pinsing.measures import pure_ellipsoids
 from pinsing.configuration.refine import refine
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.kinematics.verdict import ratios, status_of
 from pinsing.robot.arm import Arm
 from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import Entry, family_entries
-from pinsing.view.frame import make_frame, nearest_family, sizes
 from pinsing.view.page import engine_script
+from pinsing.view.sizes import sizes
 
 Floats = NDArray[np.float64]
 
@@ -115,24 +117,30 @@ def test_what_is_shown_is_what_python_shows(name: str, tmp_path: Path) -> None:
         "(m, {data, Q}) => Q.map((q) => m.frameAt(data, q))", {"data": data, "Q": Q.tolist()}
     )
     for q, here in zip(Q, found, strict=True):
-        there = make_frame(arm, q, sizes(arm), entries)
-        for key in ("status", "rank", "genericRank", "outside", "hot"):
-            assert here[key] == there[key], (key, q.tolist())
-        assert [m["kind"] for m in here["lost"]] == [m["kind"] for m in there["lost"]]
-        if here["status"] == "singular":
-            assert [m["words"] for m in here["lost"]] == [m["words"] for m in there["lost"]]
-        for mode in ("all", "pure"):
-            for kind in ("translation", "rotation"):
-                mine, yours = here["ellipsoids"][mode][kind], there["ellipsoids"][mode][kind]
-                np.testing.assert_allclose(
-                    mine["radii"], yours["radii"], atol=1e-4 * max(1, yours["radii"][0])
-                )
-                assert (mine["flat"] is None) == (yours["flat"] is None)
-        mine, yours = here["verdict"], nearest_family(arm, q, entries)
-        assert yours is not None
-        assert mine["lower"] <= yours.value + 1e-9
-        assert mine["value"] <= yours.value * (1 + 1e-4) + 1e-7, (mine, yours, q.tolist())
-        assert mine["on"] == yours.on
+        there = at(arm, q)
+        hot = sorted({i for d in there.dependences for i in d.indices})
+        assert (here["status"], here["rank"], here["hot"]) == (there.status, there.rank, hot)
+        assert here["genericRank"] == there.generic_rank
+        assert tuple(here["outside"]) == there.outside
+        assert [m["kind"] for m in here["lost"]] == [m.kind for m in there.lost]
+        if there.singular:
+            assert [m["words"] for m in here["lost"]] == [m.words for m in there.lost]
+        every = (there.translational, there.rotational)
+        for mode, pair in (("all", every), ("pure", pure_ellipsoids(there.J))):
+            for mine, e in zip(here["ellipsoids"][mode].values(), pair, strict=True):
+                np.testing.assert_allclose(mine["radii"], e.radii, atol=1e-4 * max(1, e.radii[0]))
+                one = e.radii[2] <= 1e-5 * e.radii[0] < e.radii[1]
+                assert (mine["flat"] is not None) == (one and there.status != "regular")
+        mine, value = here["verdict"], nearest(entries, q)
+        assert mine["lower"] <= value + 1e-9
+        assert mine["value"] <= value * (1 + 1e-4) + 1e-7, (mine, value, q.tolist())
+        assert mine["on"] == (value <= 1e-7)
+
+
+def nearest(entries: Sequence[Entry], q: Floats) -> float:
+    """Distance of the nearest family that the arm can reach."""
+    reached = [e.family for e in entries if e.reachable is not False]
+    return min(float(f.distance(q).value) for f in reached)  # type: ignore[union-attr]
 
 
 @needs_node
@@ -525,9 +533,7 @@ def test_the_nearest_singular_pose_is_singular_and_within_the_limits() -> None:
     for q, here in zip(Q, found, strict=True):
         assert arm.within_limits(here["q"])
         assert at(arm, here["q"]).singular
-        nearest = nearest_family(arm, q, entries)
-        assert nearest is not None
-        assert here["least"] <= nearest.value + 1e-9
+        assert here["least"] <= nearest(entries, q) + 1e-9
 
 
 @needs_node

@@ -22,7 +22,7 @@ from pinsing.kinematics.jacobian import task_jacobians_and_derivatives, tip_plac
 from pinsing.proof.checker import Rejected, verify
 from pinsing.robot.task import parse_task
 from pinsing.view.engine_data import engine_data
-from pinsing.view.frame import sizes
+from pinsing.view.sizes import sizes
 
 AXES = {"tool-axis": 2, "tool-axis-x": 0, "tool-axis-y": 1}
 

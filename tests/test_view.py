@@ -16,6 +16,7 @@ import sys
 import time
 import urllib.error
 import urllib.request
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -28,6 +29,7 @@ import umsgpack
 from arms import planar, textbook, ur5
 from tiers import tiered
 
+from pinsing.measures import pure_ellipsoids
 from pinsing.errors import (
     ArgumentError,
     ConfigurationError,
@@ -37,30 +39,25 @@ from pinsing.errors import (
 )
 from pinsing.families import closed_form
 from pinsing.families.certainty import coverage_words
-from pinsing.families.nearness import Distance
 from pinsing.families.paths import along, into
-from pinsing.kinematics.jacobian import frame_jacobian, singular_values
+from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
 from pinsing.measures import SINGULAR_RTOL, velocity_ellipsoid
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import analyze
 from pinsing.view import Viewer
 from pinsing.view.drawing import Recorder
-from pinsing.view.entries import Entry, FixedJoints, family_entries, finding_entries, pose_entries
-from pinsing.view.frame import (
-    FLOOR,
-    LEAST,
-    drawn_radii,
-    flat_direction,
-    make_frame,
-    nearest_family,
-    pure_ellipsoids,
-    sizes,
-)
+from pinsing.view.entries import Entry, FixedJoints, family_entries, finding_entries
 from pinsing.view.links import base_placement, read_links
 from pinsing.view.overlay import full_configuration
 from pinsing.view.scene import draw_scene
 from pinsing.view.server import is_loopback
+from pinsing.view.sizes import (
+    FLOOR,
+    LEAST,
+    drawn_radii,
+    sizes,
+)
 
 ARMS = ["stanford", "puma560", "surgical7", "irb1400", "iiwa14", "scara"]
 
@@ -83,12 +80,11 @@ def test_pure_ellipsoids_collapse_along_the_wrench_that_needs_no_torque() -> Non
     J = frame_jacobian(arm, q)
     wrench = np.linalg.svd(J)[0][:, -1]
     for part, ellipsoid in zip((wrench[:3], wrench[3:]), pure_ellipsoids(J), strict=True):
-        flat = flat_direction(ellipsoid)
-        assert flat is not None
-        assert abs(flat @ part) == pytest.approx(np.linalg.norm(part), abs=1e-9)
+        assert ellipsoid.radii[2] <= 1e-5 * ellipsoid.radii[0] < ellipsoid.radii[1]
+        assert abs(ellipsoid.axes[:, 2] @ part) == pytest.approx(np.linalg.norm(part), abs=1e-9)
     # Those of all motions stay round there: nothing would be seen in them.
     for rows in (J[:3], J[3:]):
-        assert flat_direction(velocity_ellipsoid(rows)) is None
+        assert velocity_ellipsoid(rows).radii[2] > 1e-5
 
 
 def test_pure_ellipsoid_bounds_the_motions_that_leave_the_rest_alone(
@@ -169,61 +165,6 @@ def test_paths(name: str) -> None:
             assert np.abs(np.diff(closed, axis=0)).max() < 0.4
 
 
-def test_the_verdict_names_the_nearest_family_and_the_distance() -> None:
-    arm, entries = entries_of("stanford")
-    q = np.array([0.2, 1.1, 0.35, 0.4, np.radians(0.8), 0.1])
-    found = nearest_family(arm, q, entries)
-    assert found is not None
-    assert found.text == "0.8° from F3: q5 = 0°"
-    assert not found.on
-    q[4] = np.pi - np.radians(30)
-    q[2] = 0.005
-    assert nearest_family(arm, q, entries).text == "5.0 mm from F2: d3 = 0 m"  # type: ignore[union-attr]
-    q[2] = 0.0
-    assert nearest_family(arm, q, entries).on  # type: ignore[union-attr]
-    assert nearest_family(arm, q, pose_entries(arm, [q])) is None
-
-
-@pytest.mark.parametrize(
-    ("bounds", "said"),
-    [
-        ([(0.5, 0.5)], "29° from F1: here"),
-        ([(0.3, 0.5)], "between 17.2° and 29° from F1: here"),
-        ([(0.0, 0.5)], "at most 29° from F1: here"),
-        (
-            [(0.5, 0.5), (0.2, 0.9)],
-            "between 11.5° and 29° from the nearest family; found: F1: here",
-        ),
-        ([(0.5, 0.5), (0.5, np.inf)], "29° from F1: here"),
-        ([(0.4, np.inf)], "at least 23° from every family; no point of one was found"),
-    ],
-)
-def test_an_upper_bound_is_never_called_the_distance(
-    bounds: list[tuple[float, float]], said: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The same words as the page's."""
-    arm, entries = entries_of("puma560")
-    q = np.array([0.2, -1.1, 0.9, 0.4, 0.8, 0.1])
-
-    class Known:
-        def __init__(self, lower: float, upper: float) -> None:
-            self.bounds = lower, upper
-
-        def distance(self, q: np.ndarray) -> Distance:
-            lower, upper = self.bounds
-            return Distance(upper, q, False, lower, upper)
-
-    monkeypatch.setattr(Entry, "where", lambda self, q: "here")
-    listed = [
-        replace(entry, family=Known(*pair), reachable=True)  # type: ignore[arg-type]
-        for entry, pair in zip(entries, bounds, strict=False)
-    ]
-    found = nearest_family(arm, q, listed)
-    assert found is not None
-    assert found.text == said
-    assert found.least == min(lower for lower, _ in bounds)
-
-
 def test_findings_of_a_sweep_are_listed() -> None:
     from pinsing.sampling.findings import singular_configurations
     from pinsing.sampling.sweep_run import sweep
@@ -236,7 +177,7 @@ def test_findings_of_a_sweep_are_listed() -> None:
         for q in entry.poses:
             assert singular_values(arm, q[None])[0, -1] < 1e-9
     wrist = next(e for e in entries if e.text == "q5 = 0")
-    assert nearest_family(arm, np.array([0, 1, 0.3, 0, 0.1, 0]), [wrist]) is not None
+    assert wrist.family.distance([0, 1, 0.3, 0, 0.1, 0]).value == pytest.approx(0.1)
     assert len(along(arm, wrist.family, wrist.poses[0]))
 
 
@@ -252,41 +193,6 @@ def test_fixed_joints_wrap_whole_turns() -> None:
 
 
 # Frames and scene -------------------------------------------------------------------
-
-
-def test_a_frame_says_what_the_state_says() -> None:
-    arm, entries = entries_of("stanford")
-    q = entries[0].poses[0]
-    frame = make_frame(arm, q, sizes(arm), entries)
-    json.dumps(frame, allow_nan=False)
-    assert frame["status"] == "singular"
-    assert (frame["rank"], frame["genericRank"]) == (5, 6)
-    assert frame["condition"] == "inf"
-    assert frame["verdict"]["on"]
-    assert frame["verdict"]["entry"] == 0
-    assert frame["hot"]
-    assert frame["lost"]
-    assert frame["ellipsoids"]["pure"]["translation"]["flat"] is not None
-    data = arm.model.createData()
-    pin.forwardKinematics(arm.model, data, arm.model_q(q))
-    for j, place in enumerate(frame["links"], 1):
-        np.testing.assert_allclose(place, pin.SE3ToXYZQUAT(data.oMi[j]), atol=1e-5)
-
-
-def test_a_drawn_ellipsoid_is_the_velocity_ellipsoid_to_scale(rng: np.random.Generator) -> None:
-    arm = textbook("puma560")
-    size = sizes(arm)
-    q = rng.uniform(*arm.span)
-    J = frame_jacobian(arm, q)
-    frame = make_frame(arm, q, size, ())
-    for kind, rows, scale in (
-        ("translation", J[:3], size.translation),
-        ("rotation", J[3:], size.rotation),
-    ):
-        e = frame["ellipsoids"]["all"][kind]
-        R = pin.Quaternion(np.array(e["turn"])).toRotationMatrix()
-        drawn = R @ np.diag(np.square(e["drawn"])) @ R.T
-        np.testing.assert_allclose(drawn, scale**2 * rows @ rows.T, atol=2e-4 * scale**2)
 
 
 def test_the_scene_has_every_node_that_frames_place() -> None:
@@ -456,9 +362,15 @@ def test_next_to_a_users_own_visualizer() -> None:
     moved = {c["path"]: c for c in commands(recorder)}
     assert moved["/pinsing/ellipsoid/translation"]["type"] == "set_transform"
     tip = np.reshape(moved["/pinsing/tip"]["matrix"], (4, 4)).T[:3, 3]
-    np.testing.assert_allclose(tip, viewer._stage.frame(viewer.q)["tip"], atol=1e-6)
-    last_link = viewer._stage.frame(viewer.q)["links"][5][:3]
-    np.testing.assert_allclose(visualizer.data.oMi[6].translation, last_link, atol=1e-4)
+    np.testing.assert_allclose(tip, tip_placement(arm, viewer.q).translation, atol=1e-9)
+    link = np.reshape(moved["/pinsing/arm/6"]["matrix"], (4, 4)).T[:3, 3]
+    np.testing.assert_allclose(visualizer.data.oMi[6].translation, link, atol=1e-9)
+    J, shown = frame_jacobian(arm, viewer.q), moved["/pinsing/ellipsoid/translation"]["matrix"]
+    (ellipsoid, _), scale = pure_ellipsoids(J), sizes(arm)
+    drawn = np.linalg.norm(np.reshape(shown, (4, 4)), axis=1)[:3]
+    np.testing.assert_allclose(
+        drawn, drawn_radii(ellipsoid.radii, scale.translation, scale.reach), rtol=1e-6
+    )
     assert viewer._server is None
     with pytest.raises(OptionError, match="initViewer"):
         Viewer(arm, visualizer=object())
@@ -483,28 +395,22 @@ def get(url: str, **headers: str) -> tuple[int, bytes]:
             return error.code, b""
 
 
-async def leave(connection: Any) -> None:
-    """Close a link and wait for the other side to agree."""
-    connection.close()
-    while await connection.read_message() is not None:
-        pass
-
-
-async def converse(url: str, *requests: Any, origin: str | None = None) -> list[Any]:
+async def heard(url: str, act: Callable[[], object] = int, **headers: str) -> list[Any]:
+    """The first message of a page's link, and what follows when something is done."""
     from tornado.httpclient import HTTPRequest
     from tornado.websocket import websocket_connect
 
-    host = url.split("/")[2]
-    headers = {"Origin": f"http://{host}" if origin is None else origin}
-    address = url.replace("http:", "ws:") + "live"
-    socket_ = await websocket_connect(HTTPRequest(address, headers=headers))
-    answers = []
-    for request in requests:
-        await socket_.write_message(request if isinstance(request, str) else json.dumps(request))
-        text = await socket_.read_message()
-        answers.append(None if text is None else json.loads(text))
-    await leave(socket_)
-    return answers
+    headers = {"Origin": "/".join(url.split("/")[:3]), **headers}
+    page = await websocket_connect(
+        HTTPRequest(url.replace("http:", "ws:") + "live", headers=headers)
+    )
+    first = json.loads(await asyncio.wait_for(page.read_message(), 10))
+    act()
+    page.close()
+    messages = [first]
+    while (text := await page.read_message()) is not None:
+        messages.append(json.loads(text))
+    return messages
 
 
 def test_every_part_of_the_page_is_served(live: Viewer) -> None:
@@ -538,41 +444,12 @@ def test_postures_are_held_against_their_type() -> None:
         Viewer(arm, postures=3, skeleton=True)  # type: ignore[arg-type]
 
 
-def test_the_link_tells_where_to_start(live: Viewer) -> None:
-    (start,) = asyncio.run(converse(live.url, {"id": 4, "want": "start"}))
-    assert start["answer"]["entry"] == 0
-    assert start["answer"]["q"] == live.q.tolist()
-
-
-@pytest.mark.parametrize(
-    "request_",
-    [
-        "not json",
-        "[]",
-        "{}",
-        json.dumps({"id": 1}),
-        json.dumps({"id": 1, "want": "frame", "q": [1, 2]}),
-        json.dumps({"id": 1, "want": "frame", "q": "abc"}),
-        '{"id": 1, "want": "frame", "q": [NaN, 0, 0, 0, 0, 0]}',
-        json.dumps({"id": 1, "want": "pose", "entry": 99, "pose": 0}),
-        json.dumps({"id": 1, "want": "pose", "entry": -1, "pose": 0}),
-        json.dumps({"id": 1, "want": "pose", "entry": True, "pose": "0"}),
-        json.dumps({"id": 1, "want": "path", "entry": 0, "pose": 0, "kind": "x"}),
-        json.dumps({"id": 1, "want": "rm"}),
-    ],
-)
-def test_bad_requests_are_refused_and_the_link_lives_on(live: Viewer, request_: str) -> None:
-    answers = asyncio.run(converse(live.url, request_, {"id": 2, "want": "start"}))
-    assert "error" in answers[0]
-    assert "answer" in answers[1]
-
-
 def test_other_sites_cannot_drive_it(live: Viewer) -> None:
     from tornado.httpclient import HTTPClientError
 
     for origin in ("http://evil.example", "null", "http://localhost:1"):
         with pytest.raises(HTTPClientError, match="403"):
-            asyncio.run(converse(live.url, {"id": 1, "want": "start"}, origin=origin))
+            asyncio.run(heard(live.url, Origin=origin))
     for host in ("evil.example", f"evil.example:{live._server.port}", "127.0.0.1:1"):  # type: ignore[union-attr]
         assert get(live.url + "page.json", Host=host)[0] == 403
     assert get(live.url + "page.json", Host=f"localhost:{live._server.port}")[0] == 200  # type: ignore[union-attr]
@@ -590,25 +467,16 @@ def test_only_loopback_is_bound(live: Viewer) -> None:
 
 
 def test_shown_configurations_reach_open_pages(live: Viewer) -> None:
-    async def watch() -> Any:
-        from tornado.httpclient import HTTPRequest
-        from tornado.websocket import websocket_connect
+    start = live.q.tolist()
 
-        headers = {"Origin": "/".join(live.url.split("/")[:3])}
-        page = await websocket_connect(
-            HTTPRequest(live.url.replace("http:", "ws:") + "live", headers=headers)
-        )
-        assert live._server is not None
-        while not live._server.pages:
-            await asyncio.sleep(0.01)
+    def act() -> None:
         live.show_family("F3", 1)
-        message = json.loads(await asyncio.wait_for(page.read_message(), 10))
-        await leave(page)
-        return message
+        live._server.send({"play": "into"})  # type: ignore[union-attr]
 
-    message = asyncio.run(watch())
-    assert (message["entry"], message["pose"]) == (2, 1)
-    assert message["q"] == live.q.tolist()
+    first, shown, played = asyncio.run(heard(live.url, act))
+    assert (first["entry"], first["q"]) == (0, start)
+    assert (shown["entry"], shown["pose"], shown["q"]) == (2, 1, live.q.tolist())
+    assert played == {"play": "into"}
 
 
 def test_a_taken_port_is_passed_over_or_told() -> None:

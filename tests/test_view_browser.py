@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pinocchio as pin
 import pytest
 from arms import textbook
 from chromium import BLUE, ORANGE, PINK, near, open_page, picture, show_only, text
@@ -111,10 +112,12 @@ def test_clicking_a_family_moves_the_arm_and_changes_the_numbers(
     assert np.abs(picture(page) - before).mean() > 2
     # The links of the scene stand where Pinocchio has them.
     frame = page.evaluate("() => window.pinsing.view.frame")
-    expected = stanford._stage.frame(stanford.entries[2].poses[0])
-    np.testing.assert_allclose(frame["links"], expected["links"], atol=2e-5)  # five places
+    model, data = stanford.arm.model, stanford.arm.model.createData()
+    pin.forwardKinematics(model, data, stanford.arm.model_q(stanford.entries[2].poses[0]))
+    expected = np.array([pin.SE3ToXYZQUAT(place) for place in data.oMi[1:]])
+    np.testing.assert_allclose(frame["links"], expected, atol=2e-5)  # five places
     where = page.evaluate("() => window.pinsing.view.node('arm/6').position.toArray()")
-    np.testing.assert_allclose(where, expected["links"][5][:3], atol=2e-5)
+    np.testing.assert_allclose(where, expected[5, :3], atol=2e-5)
 
 
 @pytest.mark.slow

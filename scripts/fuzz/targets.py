@@ -6,14 +6,11 @@ it again. It raises what no input may lead to; it returns "result" or "refused",
 
 from __future__ import annotations
 
-import asyncio
 import functools
-import json
 import math
 import random
 from collections.abc import Callable
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from fuzz import expressions as fuzz_expressions
@@ -87,7 +84,7 @@ def _only_data(value: Any, types: frozenset[type], text: str) -> None:
             todo += list(list.__iter__(item) if isinstance(item, list) else item)
 
 
-# Results, certificates and messages -------------------------------------------------
+# Results and certificates ----------------------------------------------------------
 
 
 @functools.cache
@@ -153,57 +150,10 @@ def certificate(rngs: list[random.Random], folder: Path) -> Ended:
     return "result", ""
 
 
-@functools.cache
-def _stage() -> Any:
-    import pinsing
-    from pinsing.view import Viewer
-
-    return Viewer(pinsing.load("planar3r"))._stage
-
-
-_MESSAGES = ('{"id": 1, "want": "start"}', '{"id": 20, "want": "start", "q": [0.1, 0, 1.5]}')
-
-
-def message(rngs: list[random.Random], folder: Path) -> Ended:
-    """What a page may send: always one answer, of strict JSON, to the number that asked."""
-    from pinsing.view.handlers import Live
-
-    good = rngs[0].choice(_MESSAGES)
-    for rng in rngs:
-        good = broken(rng, good)
-    text: str | bytes = good
-    rng = rngs[-1]
-    if rng.random() < 0.3:
-        text = good.encode("utf-8", "surrogatepass")
-        if rng.random() < 0.3:
-            text = text[: rng.randrange(len(text) + 1)] + bytes([rng.randrange(256)])
-    sent: list[str] = []
-
-    async def send(answer: str) -> None:
-        sent.append(answer)
-
-    link: Any = object.__new__(Live)  # without a connection
-    link.site, link.send, link.drop = SimpleNamespace(stage=_stage()), send, lambda: None
-    asyncio.run(link.on_message(text))
-    if len(sent) != 1:
-        raise Wrong(f"{len(sent)} answers")
-    answer = json.loads(sent[0], parse_constant=_no_constant)
-    if "error" in answer:
-        return refused(answer["error"])
-    if answer["id"] != json.loads(text)["id"]:
-        raise Wrong("an answer to another question")
-    return "result", ""
-
-
-def _no_constant(word: str) -> Any:
-    raise Wrong(f"an answer holds {word}")
-
-
 TARGETS: dict[str, Callable[[list[random.Random], Path], Ended]] = {
     "expression": expression,
     "result": result,
     "certificate": certificate,
-    "message": message,
     "table": table,
     "mesh": mesh,
 }

@@ -18,7 +18,7 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.joints import joint_axis
 from pinsing.robot.nominal import nominal
 from pinsing.view.entries import Entry
-from pinsing.view.frame import FLOOR, LEAST, SLIM, Sizes
+from pinsing.view.sizes import FLOOR, LEAST, SLIM, Sizes
 
 SCHEMA = "pinsing/engine/1"
 

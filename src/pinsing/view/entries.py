@@ -67,15 +67,6 @@ class Entry:
     reach: str = ""
     family: FamilyLike | None = None
 
-    def where(self, q: Array) -> str:
-        """The part of the condition that holds at q: ``q5 = 180°`` out of ``q5 = 0 or 180°``."""
-        for values in self.family.values if self.family is not None else ():
-            if values and all(
-                _same(q[j], value, bool(self.prismatic[j])) for j, value in values.items()
-            ):
-                return self._words(values)
-        return self._words({})
-
     def where_branch(self, branch: Branch) -> str:
         """The part of the condition that a branch of the family is about."""
         return self._words({v.joint: v.value for v in branch.values})
@@ -89,11 +80,6 @@ class Entry:
         )
         # The rest is an equation, which the list has in full.
         return words if set(values) == set(self.moved) else f"{words} and …"
-
-
-def _same(a: float, b: float, slides: bool) -> bool:
-    gap = a - b if slides else math.remainder(a - b, 2 * math.pi)
-    return abs(gap) < 1e-6
 
 
 def _value(value: float, slides: bool) -> str:

@@ -1,4 +1,4 @@
-"""What the server of a live page answers: files of the page, and a link over which it asks.
+"""What the server of a live page answers: files of the page, and a link over which it is led.
 
 Every request must come to the right host, under an address that holds one of the server's tokens;
 a link must come from a page of this server as well. All of that is judged before anything is read
@@ -21,11 +21,9 @@ from tornado.web import HTTPError, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from pinsing._dataclass import dataclass
-from pinsing.view.messages import BadMessage, read_message
 
 MOST_PAGES = 64
 _MOST_UNREAD = 8 * 2**20
-_PATIENCE = 30.0
 
 Content = str | bytes
 """Of a file of the page."""
@@ -84,12 +82,21 @@ class Site:
         raise HTTPError(403)
 
 
-class PagePart(RequestHandler):  # type: ignore[misc,unused-ignore]
-    """A file of the page, held in memory."""
+class _Quiet(RequestHandler):  # type: ignore[misc,unused-ignore]
+    """Says nothing of a request that is refused: anyone may send one."""
 
     def initialize(self, site: Site) -> None:
         """Take what all requests share."""
-        self.site = site
+        self.site, self.unread = site, 0
+
+    def log_exception(self, *error: Any) -> None:
+        """Log faults of our own only."""
+        if not isinstance(error[1], HTTPError):
+            super().log_exception(*error)
+
+
+class PagePart(_Quiet):
+    """A file of the page, held in memory."""
 
     def prepare(self) -> None:
         """Judge host and token."""
@@ -103,11 +110,6 @@ class PagePart(RequestHandler):  # type: ignore[misc,unused-ignore]
         self.set_header("Cross-Origin-Resource-Policy", "same-origin")
         self.set_header("Referrer-Policy", "no-referrer")
         self.set_header("Content-Security-Policy", "default-src 'none'; frame-ancestors 'none'")
-
-    def log_exception(self, *error: Any) -> None:
-        """Say nothing of a request that is refused: anyone may send one."""
-        if not isinstance(error[1], HTTPError):
-            super().log_exception(*error)
 
     async def get(self, _token: str, name: str) -> None:
         """Send the file, as soon as it is there."""
@@ -132,13 +134,8 @@ class Nothing(PagePart):
         raise HTTPError(403)
 
 
-class Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
-    """Answers the questions of one page."""
-
-    def initialize(self, site: Site) -> None:
-        """Take what all requests share."""
-        self.site = site
-        self.unread = 0
+class Live(_Quiet, WebSocketHandler):  # type: ignore[misc,unused-ignore]
+    """Tells one page what to show; a page says nothing, for it computes all by itself."""
 
     def prepare(self) -> None:
         """Judge host, token and origin, before anything is upgraded."""
@@ -150,18 +147,15 @@ class Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
         if len(self.site.clients) >= MOST_PAGES:
             raise HTTPError(503)
 
-    def log_exception(self, *error: Any) -> None:
-        """Say nothing of a request that is refused: anyone may send one."""
-        if not isinstance(error[1], HTTPError):
-            super().log_exception(*error)
-
     def check_origin(self, origin: str) -> bool:
         """Whether a page is ours: `prepare` has judged that."""
         return True
 
     def open(self, *args: str, **kwargs: str) -> None:
-        """Count this page."""
+        """Count this page, and tell it what is shown first."""
         self.site.clients.add(self)
+        if self.site.stage is not None:
+            self.tell(json.dumps(self.site.stage.start(), allow_nan=False))
 
     def on_close(self) -> None:
         """Count it no more."""
@@ -172,11 +166,10 @@ class Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
         if self.unread + len(text) > _MOST_UNREAD:
             self.drop()
             return
-        task = asyncio.ensure_future(self.send(text))
+        task = asyncio.ensure_future(self._send(text))
         task.add_done_callback(lambda done: done.cancelled() or done.exception())
 
-    async def send(self, text: str) -> None:
-        """Send a text and wait until it has gone."""
+    async def _send(self, text: str) -> None:
         self.unread += len(text)
         try:
             await self.write_message(text)
@@ -192,24 +185,6 @@ class Live(WebSocketHandler):  # type: ignore[misc,unused-ignore]
             with contextlib.suppress(StreamClosedError, AttributeError):
                 self.ws_connection.stream.close()
 
-    def _answer(self, request: Mapping[str, Any]) -> Any:
-        # The page computes all else by itself.
-        if request["want"] == "start" and self.site.stage is not None:
-            return self.site.stage.start()
-        raise BadMessage(f"unknown request {request['want']!r:.60}")
-
-    async def on_message(self, message: str | bytes) -> None:
-        """Answer one question; the next is read when the answer has gone."""
-        number: int | None = None
-        try:
-            request = read_message(message)
-            number = request["id"]
-            text = json.dumps({"id": number, "answer": self._answer(request)}, allow_nan=False)
-        except BadMessage as error:
-            text = json.dumps({"id": number, "error": str(error)})
-        except (ValueError, TypeError, LookupError, ArithmeticError, RecursionError):
-            text = json.dumps({"id": number, "error": "this request is not understood"})
-        try:
-            await asyncio.wait_for(self.send(text), _PATIENCE)
-        except asyncio.TimeoutError:
-            self.drop()
+    def on_message(self, message: str | bytes) -> None:
+        """Let go of what is no page of ours."""
+        self.drop()

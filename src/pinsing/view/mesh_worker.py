@@ -11,6 +11,7 @@ the line before the answers.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
 import json
 import os
@@ -36,15 +37,13 @@ def read(loader: Any, path: str, wanted: str) -> tuple[bytes, bytes]:
     import numpy as np
 
     if wanted == "paint":
-        from pinsing.view.collada import NotPlainError, Painted, packed, read_collada
+        from pinsing.view.collada import NotPlainError, packed, read_collada
 
-        try:
-            parts = read_collada(Path(path).read_text(encoding="utf-8", errors="replace"))
-            if max(np.abs(part.vertices).max(initial=0.0) for part in parts) > _LARGEST:
+        with contextlib.suppress(NotPlainError):
+            parts = read_collada(Path(path).read_bytes())
+            if max(part.farthest for part in parts) > _LARGEST:
                 raise ValueError("has vertices farther away than any robot reaches")
-            return packed([Painted.of(part) for part in parts if len(part.vertices)])
-        except NotPlainError:
-            pass
+            return packed(parts)
     mesh = loader.load(path, np.ones(3))
     if not 0 < mesh.num_vertices <= _MOST_VERTICES or mesh.num_tris == 0:
         raise ValueError(f"has {mesh.num_vertices} vertices and {mesh.num_tris} triangles")
@@ -94,7 +93,10 @@ def main() -> None:
         package = types.ModuleType(name)  # the packages themselves import more than is wanted
         package.__path__ = [str(folder)]
         sys.modules[name] = package
-    import pinsing.view.collada  # noqa: F401 (before files are out of reach, with NumPy)
+    if any(wanted == "paint" for _, wanted in request["paths"]):
+        import collada  # noqa: F401 (before files are out of reach)
+
+        import pinsing.view.collada  # noqa: F401 (with NumPy)
 
     name = "child_jail"
     spec = importlib.util.spec_from_file_location(name, request["jail"])

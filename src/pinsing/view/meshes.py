@@ -285,7 +285,7 @@ def _receive(stream: Any) -> tuple[bytes, bytes] | str | None:
     return pieces[0], pieces[1]
 
 
-_VERSION = "2"
+_VERSION = "3"
 _MOST_BYTES = 512 * 2**20
 _LARGEST = 64 * 2**20
 

@@ -8,13 +8,13 @@ import numpy as np
 import pinocchio as pin
 
 from pinsing._types import Array
+from pinsing.configuration.at import at
+from pinsing.measures import pure_ellipsoids
 from pinsing.errors import OptionError
 from pinsing.robot.arm import Arm
-from pinsing.view.frame import ARROWS, Sizes
 from pinsing.view.links import Links, base_placement
 from pinsing.view.scene import draw_scene
-
-_HIDE = ("floor",)
+from pinsing.view.sizes import ARROWS, Sizes, drawn_radii, quaternion, turn_z_to
 
 SYMBOLS = {
     "arrow": ("translation", "line", "screw"),
@@ -48,43 +48,48 @@ class Overlay:
             raise OptionError(
                 "visualizer must be a meshcat.Visualizer, or a MeshcatVisualizer after initViewer()"
             )
-        self._arm, self._reach = arm, size.reach
+        self._arm, self._size = arm, size
         self._display = getattr(visualizer, "display", None)
         self._model = getattr(visualizer, "model", None)
         draw_scene(root, arm, Links(None), size)
         self._node = root["pinsing"]
         self._node.set_transform(base_placement(arm).homogeneous)
-        for name in _HIDE:
-            self._node[name].set_property("visible", False)
+        self._node["floor"].set_property("visible", False)
         for j in range(arm.model.njoints):
             self._node[f"arm/{j}/bone"].set_property("visible", self._model is None)
 
-    def show(self, frame: dict[str, Any], q: Array, mode: str) -> None:
-        """Place everything as in a frame."""
-        node = self._node
+    def show(self, q: Array, mode: str) -> None:
+        """Place everything as at q (n,); ``mode`` is "pure" or "all" motions."""
+        arm, node, state = self._arm, self._node, at(self._arm, q)
         self._move_robot(q)
-        joints = {name: i for i, name in enumerate(self._arm.joints)}
-        for j, place in enumerate(frame["links"], 1):
+        hot = {arm.joints[i] for d in state.dependences for i in d.indices}
+        data = arm.model.createData()
+        pin.forwardKinematics(arm.model, data, arm.model_q(q))
+        for j in range(1, arm.model.njoints):
             here = node[f"arm/{j}"]
-            here.set_transform(pin.XYZQUATToSE3(np.array(place)).homogeneous)
-            hot = joints.get(self._arm.model.names[j], -1) in frame["hot"]
-            here["axis"].set_property("visible", not hot)
-            here["hot"].set_property("visible", hot)
-        tip = frame["tip"]
-        node["tip"].set_transform(_place(tip, [0, 0, 0, 1]))
-        for kind, e in frame["ellipsoids"][mode].items():
-            seen = e["drawn"][0] > 0
-            node[f"ellipsoid/{kind}"].set_property("visible", seen)
-            if seen:
-                pose = _place(tip, e["turn"]) @ np.diag([*e["drawn"], 1.0])
+            here.set_transform(data.oMi[j].homogeneous)
+            here["axis"].set_property("visible", arm.model.names[j] not in hot)
+            here["hot"].set_property("visible", arm.model.names[j] in hot)
+        node["tip"].set_transform(_place(state.tip_position, np.array([0, 0, 0, 1])))
+        shapes = [(e.axes, e.radii) for e in (state.translational, state.rotational)]
+        if mode == "pure":
+            shapes = [(e.axes, e.radii) for e in pure_ellipsoids(state.J)]
+        for kind, (axes, radii) in zip(("translation", "rotation"), shapes, strict=True):
+            drawn = drawn_radii(radii, getattr(self._size, kind), self._size.reach)
+            node[f"ellipsoid/{kind}"].set_property("visible", bool(drawn[0] > 0))
+            if drawn[0] > 0:
+                pose = _place(state.tip_position, quaternion(axes)) @ np.diag([*drawn, 1.0])
                 node[f"ellipsoid/{kind}"].set_transform(pose)
         for k in range(ARROWS):
-            lost = frame["lost"][k] if k < len(frame["lost"]) else None
+            lost = state.lost[k] if k < len(state.lost) else None
+            close = lost is not None and (
+                np.linalg.norm(lost.point - state.tip_position) <= 1.5 * self._size.reach
+            )
             for part, kinds in SYMBOLS.items():
-                seen = lost is not None and lost["close"] and lost["kind"] in kinds
+                seen = lost is not None and bool(close) and lost.kind in kinds
                 node[f"lost/{k}/{part}"].set_property("visible", seen)
             if lost is not None:
-                node[f"lost/{k}"].set_transform(_place(lost["at"], lost["turn"]))
+                node[f"lost/{k}"].set_transform(_place(lost.point, turn_z_to(lost.direction)))
 
     def _move_robot(self, q: Array) -> None:
         if self._display is None or self._model is None:
@@ -109,5 +114,5 @@ def full_configuration(arm: Arm, q: Array) -> Array:
     return out
 
 
-def _place(position: list[float], turn: list[float]) -> Array:
+def _place(position: Array, turn: Array) -> Array:
     return np.array(pin.XYZQUATToSE3(np.array([*position, *turn])).homogeneous)

@@ -16,8 +16,8 @@ import pinocchio as pin
 from pinsing._types import Array
 from pinsing.robot.joints import joint_axis
 from pinsing.view.drawing import geometry as mg
-from pinsing.view.frame import ARROWS, Sizes, turn_z_to
 from pinsing.view.links import Body, DrawnRod, Links, base_placement, draw_links
+from pinsing.view.sizes import ARROWS, Sizes, turn_z_to
 
 # Okabe and Ito's palette: told apart with any colour vision.
 TRANSLATION = 0x0072B2

@@ -29,7 +29,6 @@ from tornado.web import Application
 
 from pinsing.errors import OptionError
 from pinsing.view.handlers import Content, Live, Nothing, PagePart, Served, Site
-from pinsing.view.messages import LONGEST
 from pinsing.view.page import LIVE_POLICY, asset, live_html, meshcat_script, script
 
 _MOST_LINKS = 512
@@ -126,10 +125,6 @@ def most_links() -> int:
     return _MOST_LINKS if files == resource.RLIM_INFINITY else min(_MOST_LINKS, files // 2)
 
 
-FIRST_PORT = 7000
-_TRIED_PORTS = 100
-
-
 def is_loopback(host: str) -> bool:
     """Whether only this computer can reach a server on ``host``."""
     with contextlib.suppress(ValueError):
@@ -147,7 +142,7 @@ def is_address(name: str) -> bool:
 
 
 def bind(host: str, port: int | None) -> list[socket.socket]:
-    """Return sockets that listen, on one port.
+    """Return sockets that listen on every address that ``host`` stands for, on one port.
 
     Raises
     ------
@@ -156,9 +151,8 @@ def bind(host: str, port: int | None) -> list[socket.socket]:
     """
     if port is not None and not 0 <= port <= 65535:
         raise OptionError(f"port must be between 0 and 65535, got {port}")
-    tries = [port] if port is not None else [*range(FIRST_PORT, FIRST_PORT + _TRIED_PORTS), 0]
     problem: OSError | None = None
-    for candidate in tries:
+    for candidate in [*range(7000, 7100), 0] if port is None else [port]:
         try:
             return _listen(host, candidate)
         except socket.gaierror:
@@ -172,14 +166,12 @@ def bind(host: str, port: int | None) -> list[socket.socket]:
 def _listen(host: str, port: int) -> list[socket.socket]:
     """Sockets on every address that ``host`` stands for, on one port."""
     sockets: list[socket.socket] = []
-    try:
-        found = socket.getaddrinfo(
-            host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
-        )
+    found = socket.getaddrinfo(host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+    with contextlib.ExitStack() as opened:
         for family, kind, protocol, _, address in dict.fromkeys(found):
             if sockets and port == 0:  # the one that the system chose
                 address = (address[0], sockets[0].getsockname()[1], *address[2:])
-            here = Listener(family, kind, protocol)
+            here = opened.enter_context(Listener(family, kind, protocol))
             sockets.append(here)
             if os.name != "nt":
                 here.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -188,19 +180,15 @@ def _listen(host: str, port: int) -> list[socket.socket]:
             here.setblocking(False)
             here.bind(address)
             here.listen(128)
-    except OSError:
-        for made in sockets:
-            made.close()
-        raise
+        opened.pop_all()  # all of them, or none
     return sockets
 
-
-__all__ = ["Served", "Server", "is_loopback"]
 
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")
 _FAREWELL = 0.3
 _REQUEST_SECONDS = 4.0
 """How long a request may take to come, from the link or the answer before; no matter for pages."""
+_LONGEST = 64 * 1024  # of heads and bodies of requests
 _LATER = ("page.json", "scene", "links")
 
 
@@ -244,9 +232,9 @@ class Server:
         self._later: dict[str, Future[Content]] = {name: Future() for name in _LATER}
         name = stage if isinstance(stage, str) else stage.name
         self._site = Site(None, _texts(name, self._later), policies, self._is_ours)
+        self._loop = asyncio.new_event_loop()
         if not isinstance(stage, str):
             self.fill(stage, scene, links)
-        self._loop = asyncio.new_event_loop()
         self._http: Door | None = None
         self._app = Application(
             [
@@ -255,7 +243,7 @@ class Server:
                 (r".*", Nothing, {"site": self._site}),
             ],
             log_function=lambda handler: None,
-            websocket_max_message_size=LONGEST,
+            websocket_max_message_size=1024,  # pages say nothing
         )
         ready = threading.Event()
         self._thread = threading.Thread(
@@ -267,10 +255,11 @@ class Server:
     def fill(self, stage: Served, scene: bytes, links: bytes) -> None:
         """Give what is shown to the pages that wait for it."""
         page = json.dumps(stage.page(live=True), allow_nan=False)
-        self._site.stage = stage
         contents: tuple[Content, ...] = (page, scene, links)
         for name, content in zip(_LATER, contents, strict=True):
             self._later[name].set_result(content)
+        self._site.stage = stage
+        self.send(stage.start())  # to pages that wait
 
     @property
     def url(self) -> str:
@@ -309,8 +298,8 @@ class Server:
         asyncio.set_event_loop(self._loop)
         self._http = Door(
             self._app,
-            max_body_size=LONGEST,
-            max_header_size=LONGEST,
+            max_body_size=_LONGEST,
+            max_header_size=_LONGEST,
             idle_connection_timeout=_REQUEST_SECONDS,
             body_timeout=_REQUEST_SECONDS,
         )

@@ -8,7 +8,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
@@ -17,8 +16,8 @@ from pinsing.measures import SINGULAR_RTOL
 from pinsing.robot.arm import Arm
 from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import Entry, Posture, posture_data
-from pinsing.view.frame import ARROWS, LEAST, Sizes, make_frame
 from pinsing.view.links import Links
+from pinsing.view.sizes import ARROWS, LEAST, Sizes
 
 if TYPE_CHECKING:
     from pinsing.proximity.suggestion import Suggestion
@@ -89,10 +88,6 @@ class Stage:
     def name(self) -> str:
         """Name of the robot."""
         return self.arm.name
-
-    def frame(self, q: npt.ArrayLike) -> dict[str, Any]:
-        """Everything at q (n,), as the page computes it for itself."""
-        return make_frame(self.arm, self.arm.check(q), self.sizes, self.entries)
 
     def start(self) -> dict[str, Any]:
         """What a page shows first."""
@@ -166,8 +161,8 @@ class Stage:
         """
         if self.arm.task.name != "pose":
             return "all"
+        from pinsing.measures import pure_ellipsoids
         from pinsing.kinematics.jacobian import frame_jacobians
-        from pinsing.view.frame import pure_ellipsoids
 
         rng = np.random.default_rng(0)
         lower, upper = self.arm.span

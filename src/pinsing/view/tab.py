@@ -13,8 +13,9 @@ from pinsing._types import Array
 from pinsing.arguments import checked
 from pinsing.atomic_write import write_text
 from pinsing.errors import OptionError, UnknownNameError
+from pinsing.view.handlers import Served
 from pinsing.view.page import static_html
-from pinsing.view.server import Served, Server
+from pinsing.view.server import Server
 from pinsing.view.stage import KINDS
 
 if TYPE_CHECKING:

@@ -28,9 +28,9 @@ from pinsing.view.entries import (
     listed_postures,
     pose_entries,
 )
-from pinsing.view.frame import sizes
 from pinsing.view.links import Links, read_links, read_links_ahead
 from pinsing.view.scene import draw_scene
+from pinsing.view.sizes import sizes
 from pinsing.view.stage import Stage
 from pinsing.view.tab import Tab, place_in_list
 
@@ -141,7 +141,7 @@ class Viewer(Tab):
             self._overlay = Overlay(visualizer, arm, size)
         super().__init__(self._stage, *recorder.parts(), host, port)
         if self._overlay is not None:
-            self._overlay.show(self._stage.frame(self._stage.q), self._stage.q, self._stage.mode)
+            self._overlay.show(self._stage.q, self._stage.mode)
 
     @property
     def entries(self) -> tuple[Entry, ...]:
@@ -234,7 +234,7 @@ class Viewer(Tab):
     def _show(self, q: Array, chosen: tuple[int, int] | None) -> None:
         self._move(q, chosen)
         if self._overlay is not None:
-            self._overlay.show(self._stage.frame(q), q, self._stage.mode)
+            self._overlay.show(q, self._stage.mode)
 
     def _index(self, family: FamilyLike | str | int, pose: int) -> int:
         wanted = family if isinstance(family, (int, str)) else family.name

@@ -136,21 +136,21 @@ class MechanismSource extends EngineSource {
   }
 }
 
-// The stream of the program behind the page, which shows configurations (`pushed`). It is opened before
-// there is anything to show.
+// The stream of the program behind the page: what it shows, first (`start`) and later (`pushed`). It is
+// opened before there is anything to show.
 class LiveSource {
   constructor() {
-    this.handlers = null;
+    this.handlers = this.shown = null;
     this.closed = false;
-    this.waiting = new Map();
-    this.number = 0;
     this.opened = new Promise((resolve, reject) => {
       const scheme = location.protocol === "https:" ? "wss:" : "ws:";
       this.socket = new WebSocket(`${scheme}//${location.host}${location.pathname}live`);
-      this.socket.onopen = resolve;
-      this.socket.onerror = () => reject(new Error("the program that serves this page does not answer"));
-      this.socket.onclose = () => { this.closed = true; this.handlers?.gone(); };
-      this.socket.onmessage = (event) => this.receive(JSON.parse(event.data));
+      this.socket.onclose = () => {
+        this.closed = true;
+        reject(new Error("the program that serves this page does not answer"));
+        this.handlers?.gone();
+      };
+      this.socket.onmessage = (event) => { this.receive(JSON.parse(event.data)); resolve(); };
     });
     this.opened.catch(() => {}); // told where it is waited for
   }
@@ -160,21 +160,14 @@ class LiveSource {
     if (this.closed) handlers.gone();
   }
 
-  // What is shown before anybody follows is in the answer to `start`.
+  // What is shown before anybody follows is where the page starts.
   receive(message) {
-    if (message.id === undefined) { this.handlers?.pushed(message); return; }
-    const { resolve, reject } = this.waiting.get(message.id);
-    this.waiting.delete(message.id);
-    if (message.error !== undefined) reject(new Error(message.error));
-    else resolve(message.answer);
+    if (this.handlers && this.shown) this.handlers.pushed(message);
+    else if (message.q) this.shown = message;
   }
 
   async start() {
     await this.opened;
-    const id = ++this.number;
-    return new Promise((resolve, reject) => {
-      this.waiting.set(id, { resolve, reject });
-      this.socket.send(JSON.stringify({ id, want: "start" }));
-    });
+    return this.shown;
   }
 }

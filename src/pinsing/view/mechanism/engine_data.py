@@ -17,7 +17,7 @@ from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.engine_data import chain_data, frame_data, joint_data, numbers, sizes_data
-from pinsing.view.frame import Sizes
+from pinsing.view.sizes import Sizes
 
 SCHEMA = "pinsing/mechanism-engine/1"
 

@@ -15,7 +15,7 @@ from pinsing.loops.motion import mechanism_at
 from pinsing.robot.chains import frame_index
 from pinsing.robot.mechanism import Mechanism
 from pinsing.robot.source import Source
-from pinsing.view.frame import Sizes
+from pinsing.view.sizes import Sizes
 from pinsing.view.stage import SIDE
 
 _SAMPLES = 16

@@ -8,9 +8,9 @@ import numpy as np
 
 from pinsing.robot.mechanism import Mechanism
 from pinsing.view.drawing import geometry as mg
-from pinsing.view.frame import Sizes
 from pinsing.view.mechanism.linkage import plane_normal
 from pinsing.view.scene import HOT, ROTATION, ring_arrow, straight_arrow, torus
+from pinsing.view.sizes import Sizes
 
 _BELOW = 0.06
 

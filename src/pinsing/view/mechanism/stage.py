@@ -12,11 +12,11 @@ from pinsing._types import Array
 from pinsing.loops.modes import home
 from pinsing.loops.singular_points import SingularPoint
 from pinsing.robot.mechanism import Mechanism
-from pinsing.view.frame import ARROWS, LEAST, Sizes
 from pinsing.view.links import Links
 from pinsing.view.mechanism.engine_data import mechanism_data
 from pinsing.view.mechanism.groups import Group, point_words
 from pinsing.view.mechanism.linkage import Linkage, plane_normal, side
+from pinsing.view.sizes import ARROWS, LEAST, Sizes
 from pinsing.view.stage import check_place
 
 
