@@ -29,8 +29,9 @@ PAINT = """
 <library_materials><material id="m"><instance_effect url="#e"/></material></library_materials>
 """
 SOURCE = """<source id="{name}"><float_array id="{name}a" count="{count}">{values}</float_array>
-<technique_common><accessor source="#{name}a" count="4" stride="3"><param name="X" type="float"/>
-<param name="Y" type="float"/><param name="Z" type="float"/></accessor></technique_common></source>"""
+<technique_common><accessor source="#{name}a" count="4" stride="3">
+<param name="X" type="float"/><param name="Y" type="float"/><param name="Z" type="float"/>
+</accessor></technique_common></source>"""
 SQUARE = SOURCE.format(name="P", count=12, values="0 0 0 1 0 0 1 1 0 0 1 0") + SOURCE.format(
     name="N", count=3, values="0 0 1"
 )

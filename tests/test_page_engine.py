@@ -16,10 +16,10 @@ from tiers import tiered
 from urdf_texts import three_joints
 
 from pinsing import at, closed_form, load, singular_values
-from pinsing.measures import pure_ellipsoids
 from pinsing.configuration.refine import refine
 from pinsing.kinematics.jacobian import frame_jacobian, tip_placement
 from pinsing.kinematics.verdict import ratios, status_of
+from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.view.engine_data import engine_data
 from pinsing.view.entries import Entry, family_entries

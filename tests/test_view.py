@@ -29,7 +29,6 @@ import umsgpack
 from arms import planar, textbook, ur5
 from tiers import tiered
 
-from pinsing.measures import pure_ellipsoids
 from pinsing.errors import (
     ArgumentError,
     ConfigurationError,
@@ -41,7 +40,7 @@ from pinsing.families import closed_form
 from pinsing.families.certainty import coverage_words
 from pinsing.families.paths import along, into
 from pinsing.kinematics.jacobian import frame_jacobian, singular_values, tip_placement
-from pinsing.measures import SINGULAR_RTOL, velocity_ellipsoid
+from pinsing.measures import SINGULAR_RTOL, pure_ellipsoids, velocity_ellipsoid
 from pinsing.robot.arm import Arm
 from pinsing.robot.load import load
 from pinsing.sampling.analyze import analyze

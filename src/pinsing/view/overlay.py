@@ -9,8 +9,8 @@ import pinocchio as pin
 
 from pinsing._types import Array
 from pinsing.configuration.at import at
-from pinsing.measures import pure_ellipsoids
 from pinsing.errors import OptionError
+from pinsing.measures import pure_ellipsoids
 from pinsing.robot.arm import Arm
 from pinsing.view.links import Links, base_placement
 from pinsing.view.scene import draw_scene

@@ -161,8 +161,8 @@ class Stage:
         """
         if self.arm.task.name != "pose":
             return "all"
-        from pinsing.measures import pure_ellipsoids
         from pinsing.kinematics.jacobian import frame_jacobians
+        from pinsing.measures import pure_ellipsoids
 
         rng = np.random.default_rng(0)
         lower, upper = self.arm.span
