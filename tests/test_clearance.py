@@ -228,7 +228,7 @@ def test_the_compiled_bounds_are_those_of_numpy(name: str) -> None:
         conditions = Conditions.of(branches, form.arm.prismatic, weight, norm)
         a = two_sided(conditions, Q, each=True)
         b = two_sided(conditions, Q, each=True, compiled=False)
-        assert a.each is not None
+
         np.testing.assert_allclose(a.each, b.each, rtol=1e-9, atol=1e-12)
         np.testing.assert_allclose(a.lower, a.each[..., 0].min(axis=1))
         np.testing.assert_allclose(a.upper, a.each[..., 1].min(axis=1))

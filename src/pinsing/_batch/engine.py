@@ -12,9 +12,9 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -288,18 +288,6 @@ def _output(out: Floats | None, shape: tuple[int, ...], Q: Floats) -> Floats:
     return out
 
 
-class FlatConditions(Protocol):
-    """Conditions as flat arrays, named as in ``pinsing.algebra.conditions``."""
-
-    @property
-    def families(self) -> int:
-        """How many families."""
-
-    @property
-    def norm(self) -> str:
-        """The metric: "euclidean" or "max"."""
-
-
 _CONDITION_ARRAYS = (
     "family",
     "turn",
@@ -325,14 +313,14 @@ _CONDITION_ARRAYS = (
 )
 
 
-def condition_set(conditions: FlatConditions) -> Any | None:
-    """Conditions in the kernel; None where it is not available or has no room for the joints."""
-    if _missing is not None:
+def condition_set(families: int, flat: Mapping[str, NDArray[Any]], largest: bool) -> Any | None:
+    """Conditions in the kernel; None where it is not available or has no room for the joints.
+
+    ``flat`` holds the arrays of `pinsing.algebra.conditions` by name, ``largest`` is the metric.
+    """
+    if _missing is not None or len(flat["turn"]) > _kernel.MAX_CONDITION_JOINTS:
         return None
-    arrays = [getattr(conditions, name) for name in _CONDITION_ARRAYS]
-    if len(arrays[1]) > _kernel.MAX_CONDITION_JOINTS:
-        return None
-    return _kernel.ConditionSet(conditions.families, *arrays, conditions.norm == "max")
+    return _kernel.ConditionSet(families, *(flat[k] for k in _CONDITION_ARRAYS), largest)
 
 
 Counts = NDArray[np.int64]

@@ -1,12 +1,11 @@
-"""Conditions as flat arrays: joints at values, and equations that are zero.
+"""Conditions: joints at values, and trigonometric sums that are zero.
 
 All of it in weighted coordinates ``x = w q``, in which distances are plain norms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import field
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -16,12 +15,10 @@ from pinsing._batch import engine
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.equation import Equation
+from pinsing.algebra.trig_sum import TrigSum
 from pinsing.errors import OptionError
 
 NORMS = ("euclidean", "max")
-
-_EPS = 2.3e-16
-_HEAVIEST = 1e30  # squares and powers of weights have to be floats
 
 
 class Fixed(Protocol):
@@ -49,77 +46,66 @@ class Branch(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
+class WeightedBranch:
+    """One branch of a family: joints (k,) at values (k,), and sums that are zero, all at once."""
+
+    family: int
+    joints: Ints
+    values: Array
+    sums: tuple[TrigSum, ...]
+
+    def used(self, n: int) -> Bool:
+        """Joints (n,) that occur in the sums."""
+        used = np.zeros(n, dtype=bool)
+        for s in self.sums:
+            used[s.used] = True
+        return used
+
+
+@dataclass(frozen=True, eq=False)
 class Conditions:
     """The branches of some families, ready to be asked at many configurations.
-
-    A point lies on a branch where all its values and equations hold, on a family where it lies
-    on one of its branches.
 
     Attributes
     ----------
     families : int
         How many; branches refer to them by index.
-    family : (B,) array of int
-        Family of each branch.
     weight : (n,) array
         Weighted coordinate over joint value: 1 for revolute joints, 1 / length scale for
         prismatic ones unless weights were given.
     turn : (n,) array
         A whole turn in weighted coordinates; 0 for prismatic joints.
-    value_start : (B + 1,) array of int
-        Where the values of each branch start in ``value_joint`` and ``value``.
-    equation_start : (B + 1,) array of int
-        Where its equations start.
-    term_start : (E + 1,) array of int
-        Where the terms of each equation start in ``amplitude`` and ``phase``:
-        ``f(x) = sum amplitude prod x_j^power cos(phase + sum rate_j x_j)``.
-    noise, reach : (E,) arrays
-        Error of a computed value, relative to the sum of amplitudes:
-        ``noise + 4.5e-16 reach max(4, |x|)``.
-    curvature, steepness : (E,) arrays
-        Bounds of second and first derivatives where no powers occur, else 0.
-    sliding : (E,) array of bool
-        Whether powers occur.
-    rate_start, power_start : (T + 1,) arrays of int
-        Where the rates and powers of each term start.
+    branches : tuple of WeightedBranch
+        A point lies on a family where it lies on one of its branches.
     norm : str
         "euclidean" or "max".
     """
 
     families: int
-    family: Ints
     weight: Array
     turn: Array
-    value_start: Ints
-    value_joint: Ints
-    value: Array
-    equation_start: Ints
-    term_start: Ints
-    noise: Array
-    reach: Array
-    curvature: Array
-    steepness: Array
-    sliding: Bool
-    amplitude: Array
-    phase: Array
-    rate_norm: Array
-    rate_start: Ints
-    rate_joint: Ints
-    rate: Array
-    power_start: Ints
-    power_joint: Ints
-    power: Ints
-    norm: str = field(default="euclidean")
+    branches: tuple[WeightedBranch, ...]
+    norm: str = "euclidean"
 
     @property
     def n(self) -> int:
         """Number of joints."""
         return len(self.weight)
 
-    @property
-    def branches(self) -> int:
-        """Number of branches."""
-        return len(self.family)
+    @cached_property
+    def sums(self) -> tuple[TrigSum, ...]:
+        """The sums of all branches, one after the other."""
+        return tuple(s for b in self.branches for s in b.sums)
+
+    def size(self, X: Array) -> Array:
+        """Length (...,) of differences X (..., n)."""
+        largest = self.norm == "max"
+        sizes = np.abs(X).max(axis=-1, initial=0.0) if largest else np.linalg.norm(X, axis=-1)
+        return np.asarray(sizes)
+
+    def joined(self, a: Array, b: Array) -> Array:
+        """Length of a difference whose parts in some joints and the others have lengths a, b."""
+        return np.asarray(np.maximum(a, b) if self.norm == "max" else np.hypot(a, b))
 
     def scaled(self, Q: Array) -> Array:
         """Weighted coordinates of joint values Q (..., n), C-contiguous."""
@@ -127,16 +113,55 @@ class Conditions:
             return np.ascontiguousarray(Q)
         return np.ascontiguousarray(Q * self.weight)
 
-    def compiled(self) -> Any | None:
-        """The same in the compiled engine; None where that is not installed, or too small."""
-        return self._compiled
+    @cached_property
+    def flat(self) -> dict[str, Array | Ints | Bool]:
+        """All numbers as flat arrays, as the kernel and guards in C hold them.
+
+        ``x_start`` says where the values (equations, terms, rates, powers) of each branch
+        (branch, equation, term, term) start.
+        """
+        sums, n = self.sums, self.n
+        rate, power = (
+            np.concatenate([np.zeros((0, n)), *(getattr(s, k) for s in sums)])
+            for k in ("rate", "power")
+        )
+        per_sum = {
+            k: np.array([getattr(s, k) for s in sums], dtype=float)
+            for k in ("noise", "reach", "curvature", "steepness")
+        }
+        amplitude, phase, rate_norm = (
+            np.concatenate([np.zeros(0), *(getattr(s, k) for s in sums)])
+            for k in ("amplitude", "phase", "rate_norm")
+        )
+        return {
+            "family": np.array([b.family for b in self.branches], dtype=np.int64),
+            "weight": self.weight,
+            "turn": self.turn,
+            "value_start": _starts([len(b.joints) for b in self.branches]),
+            "value_joint": np.array([j for b in self.branches for j in b.joints], dtype=np.int64),
+            "value": np.array([v for b in self.branches for v in b.values], dtype=float),
+            "equation_start": _starts([len(b.sums) for b in self.branches]),
+            "term_start": _starts([len(s.amplitude) for s in sums]),
+            **per_sum,
+            "sliding": np.array([bool(len(s.slides)) for s in sums], dtype=bool),
+            "amplitude": amplitude,
+            "phase": phase,
+            "rate_norm": rate_norm,
+            "rate_start": _starts((rate != 0).sum(axis=1)),
+            "rate_joint": np.nonzero(rate)[1],
+            "rate": rate[rate != 0],
+            "power_start": _starts((power != 0).sum(axis=1)),
+            "power_joint": np.nonzero(power)[1],
+            "power": power[power != 0].astype(np.int64),
+        }
 
     @cached_property
-    def _compiled(self) -> Any | None:
-        return engine.condition_set(self)
+    def compiled(self) -> Any | None:
+        """The same in the compiled engine; None where that is not installed, or too small."""
+        return engine.condition_set(self.families, self.flat, self.norm == "max")
 
     def __getstate__(self) -> dict[str, Any]:
-        return {k: v for k, v in self.__dict__.items() if k != "_compiled"}
+        return {k: v for k, v in self.__dict__.items() if k != "compiled"}
 
     @classmethod
     def of(
@@ -146,12 +171,12 @@ class Conditions:
         weight: Array,
         norm: str = "euclidean",
     ) -> Conditions:
-        """Conditions of families, each a sequence of branches.
+        """Conditions of families, each a sequence of branches whose union it is.
 
         Parameters
         ----------
         families : sequence of sequences of Branch
-            The union of its branches is a family.
+            The families.
         prismatic : (n,) array of bool
             Which joints slide.
         weight : (n,) array
@@ -167,89 +192,40 @@ class Conditions:
         weight = np.array(weight, dtype=float)
         if not (np.isfinite(weight) & (weight > 0)).all():
             raise OptionError(f"weights must be positive numbers, got {weight.tolist()}")
-        if not ((weight >= 1 / _HEAVIEST) & (weight <= _HEAVIEST)).all():
+        heaviest = 1e30  # squares and powers of weights have to be floats
+        if not ((weight >= 1 / heaviest) & (weight <= heaviest)).all():
             raise OptionError(
-                f"weights must lie between {1 / _HEAVIEST:g} and {_HEAVIEST:g}, "
-                f"got {weight.tolist()}"
+                f"weights must lie between {1 / heaviest:g} and {heaviest:g}, got {weight.tolist()}"
             )
         if norm not in NORMS:
             raise OptionError(f"norm must be one of {', '.join(NORMS)}, got {norm!r}")
-        rows = _Rows(weight, norm == "max")
-        for f, branches in enumerate(families):
-            for branch in branches:
-                rows.add(f, branch)
-        return cls(
-            families=len(families),
-            weight=weight,
-            turn=np.where(prismatic, 0.0, 2 * np.pi * weight),
-            norm=norm,
-            **rows.arrays(),
-        )
+        turn = np.where(prismatic, 0.0, 2 * np.pi * weight)
+        return cls(len(families), weight, turn, tuple(_weighted(families, weight, norm)), norm)
 
 
-class _Rows:
-    """Collects the arrays of Conditions."""
+def _weighted(
+    families: Sequence[Sequence[Branch]], weight: Array, norm: str
+) -> Iterator[WeightedBranch]:
+    for f, branches in enumerate(families):
+        for branch in branches:
+            joints = np.array([v.joint for v in branch.values], dtype=np.int64)
+            values = np.array([v.value for v in branch.values], dtype=float) * weight[joints]
+            sums = tuple(weighted_sum(e, weight, norm == "max") for e in branch.equations)
+            yield WeightedBranch(f, joints, values, sums)
 
-    def __init__(self, weight: Array, largest: bool) -> None:
-        self.weight, self.largest = weight, largest
-        self.whole: dict[str, list[int]] = {
-            k: []
-            for k in ("family", "value_joint", "rate_joint", "power_joint", "power", "sliding")
-        }
-        starts = ("value_start", "equation_start", "term_start", "rate_start", "power_start")
-        self.starts: dict[str, list[int]] = {k: [0] for k in starts}
-        reals = ("value", "noise", "reach", "curvature", "steepness", "amplitude", "phase")
-        self.real: dict[str, list[float]] = {k: [] for k in (*reals, "rate_norm", "rate")}
 
-    def add(self, family: int, branch: Branch) -> None:
-        self.whole["family"].append(family)
-        for v in branch.values:
-            self.whole["value_joint"].append(v.joint)
-            self.real["value"].append(v.value * float(self.weight[v.joint]))
-        self.starts["value_start"].append(len(self.real["value"]))
-        for e in branch.equations:
-            self._equation(e)
-        self.starts["equation_start"].append(len(self.real["noise"]))
+def weighted_sum(e: Equation, weight: Array, largest: bool = False) -> TrigSum:
+    """An equation as a sum in weighted coordinates."""
+    rate = e.frequencies / 2
+    return TrigSum(
+        amplitude=np.hypot(e.cos, e.sin) / np.prod(weight**e.powers, axis=-1),
+        phase=np.arctan2(-e.sin, e.cos) + rate @ e.shift,
+        rate=rate / weight,
+        power=e.powers,
+        noise=max(e.accuracy, 1e-15) + 2.3e-16 * (2 * len(e.cos) + 16),
+        largest=largest,
+    )
 
-    def _equation(self, e: Equation) -> None:
-        amplitude = np.hypot(e.cos, e.sin)
-        amplitude = amplitude / self._powers(e.powers)
-        rates = e.frequencies / 2
-        phase = np.arctan2(-e.sin, e.cos) + rates @ e.shift
-        scaled = rates / self.weight
-        terms = len(amplitude)
-        sliding = bool(e.powers.any())
-        norms = np.abs(scaled).sum(1) if self.largest else np.linalg.norm(scaled, axis=1)
-        for t in range(terms):
-            self.real["amplitude"].append(float(amplitude[t]))
-            self.real["phase"].append(float(phase[t]))
-            self.real["rate_norm"].append(float(norms[t]) * (1 + 1e-14))
-            for j in np.flatnonzero(scaled[t]):
-                self.whole["rate_joint"].append(int(j))
-                self.real["rate"].append(float(scaled[t, j]))
-            for j in np.flatnonzero(e.powers[t]):
-                self.whole["power_joint"].append(int(j))
-                self.whole["power"].append(int(e.powers[t, j]))
-            self.starts["rate_start"].append(len(self.real["rate"]))
-            self.starts["power_start"].append(len(self.whole["power"]))
-        self.starts["term_start"].append(len(self.real["amplitude"]))
-        self.real["noise"].append(max(e.accuracy, 1e-15) + _EPS * (2 * terms + 16))
-        self.real["reach"].append(float(np.abs(scaled).sum(1).max(initial=0.0)) + 1.0)
-        if self.largest:
-            curvature = float(amplitude @ norms**2)
-        else:
-            curvature = float(np.linalg.eigvalsh((scaled.T * amplitude) @ scaled)[-1])
-        self.real["curvature"].append(0.0 if sliding else curvature * (1 + 1e-12))
-        self.real["steepness"].append(0.0 if sliding else float(amplitude @ norms) * (1 + 1e-12))
-        self.whole["sliding"].append(int(sliding))
 
-    def _powers(self, powers: Ints) -> Array:
-        """What a coefficient is divided by where lengths are weighted."""
-        return np.asarray(np.prod(self.weight**powers, axis=-1), dtype=float)
-
-    def arrays(self) -> dict[str, Any]:
-        whole: dict[str, Any] = {
-            k: np.array(v, dtype=np.int64) for k, v in {**self.whole, **self.starts}.items()
-        }
-        whole["sliding"] = whole["sliding"].astype(bool)
-        return {**whole, **{k: np.array(v, dtype=float) for k, v in self.real.items()}}
+def _starts(counts: Sequence[int] | Ints) -> Ints:
+    return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)

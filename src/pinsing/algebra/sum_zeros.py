@@ -13,10 +13,7 @@ from pinsing._batch import engine
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions
-from pinsing.algebra.two_sided import sum_at
-
-_ROUNDS = 44
-_LOOKS = 6000
+from pinsing.algebra.trig_sum import TrigSum
 
 SIMPLE, FLAT = 1, 2
 """Kinds of an event: one change of sign; an interval on which the equation is zero to rounding."""
@@ -61,14 +58,13 @@ def zeros_along(conditions: Conditions, pieces: Array, *, compiled: bool = True)
         Whether the compiled engine is used where there is one.
     """
     scaled = conditions.scaled(pieces)
-    equations = len(conditions.noise)
-    ends = np.empty((len(pieces), equations, 2))
-    handle = conditions.compiled() if compiled else None
+    ends = np.empty((len(pieces), len(conditions.sums), 2))
+    handle = conditions.compiled if compiled else None
     if handle is not None:
         flat = handle.zeros(scaled, ends, engine.cpu_count())
         rows = np.array(flat, dtype=float).reshape(-1, 5)
     else:
-        found = [_zeros(conditions, e, scaled, ends) for e in range(equations)]
+        found = [_zeros(f, e, scaled, ends) for e, f in enumerate(conditions.sums)]
         rows = np.concatenate(found) if found else np.zeros((0, 5))
         rows = rows[np.lexsort((rows[:, 2], rows[:, 1], rows[:, 0]))]
     whole = rows.astype(np.int64)
@@ -83,26 +79,26 @@ def place(pieces: Array, index: Ints, s: Array) -> Array:
     return out
 
 
-def _zeros(c: Conditions, e: int, pieces: Array, ends: Array) -> Array:
+def _zeros(f: TrigSum, e: int, pieces: Array, ends: Array) -> Array:
     every = np.arange(len(pieces))
     for side in (0, 1):
         at = place(pieces, every, np.full(len(pieces), float(side)))
-        ends[:, e, side] = sum_at(c, e, at).value
+        ends[:, e, side] = f.at(at).value
     index, s, h = every, np.full(len(every), 0.5), np.full(len(every), 0.5)
     looks = np.zeros(len(every), dtype=np.int64)
     rows = [np.zeros((0, 5))]
-    for _ in range(_ROUNDS):
+    for _ in range(44):  # by then intervals are narrower than rounding
         if not len(index):
             break
-        value, slope, bend, error = _expand(c, e, pieces[index], s, h)
+        value, slope, bend, error = _expand(f, pieces[index], s, h)
         swing = np.abs(slope) * h + 0.5 * bend * h * h
         left = np.abs(value) <= swing + error
         monotone = left & (np.abs(slope) > (bend * h + error) * (1 + 1e-12))
         np.add.at(looks, index, 1)
         flat = left & ~monotone
-        flat &= (np.abs(value) + swing <= 4 * error) | (h < 1e-13) | (looks[index] > _LOOKS)
+        flat &= (np.abs(value) + swing <= 4 * error) | (h < 1e-13) | (looks[index] > 6000)
         rows.append(_rows(index[flat], e, s[flat], h[flat], FLAT))
-        rows.append(_simple(c, e, pieces, index[monotone], s[monotone], h[monotone]))
+        rows.append(_simple(f, e, pieces, index[monotone], s[monotone], h[monotone]))
         again = left & ~monotone & ~flat
         index, half = np.repeat(index[again], 2), np.repeat(h[again] / 2, 2)
         s = np.repeat(s[again], 2) + half * np.tile([-1.0, 1.0], int(again.sum()))
@@ -114,59 +110,42 @@ def _rows(index: Ints, e: int, s: Array, h: Array, kind: int) -> Array:
     return np.stack([index, np.full(len(s), e), s, h, np.full(len(s), kind)], axis=1).astype(float)
 
 
-def _simple(c: Conditions, e: int, pieces: Array, index: Ints, s: Array, h: Array) -> Array:
-    """Zeros on intervals on which the equation is monotone."""
+def _simple(f: TrigSum, e: int, pieces: Array, index: Ints, s: Array, h: Array) -> Array:
+    """Zeros on intervals on which the equation is monotone, by halving them."""
     low, high = s - h, s + h
-    first = sum_at(c, e, place(pieces, index, low)).value < 0
-    last = sum_at(c, e, place(pieces, index, high)).value < 0
-    change = first != last
+    first = f.at(place(pieces, index, low)).value < 0
+    change = first != (f.at(place(pieces, index, high)).value < 0)
     index, low, high, first = index[change], low[change], high[change], first[change]
     for _ in range(60):
         middle = (low + high) / 2
-        before = (sum_at(c, e, place(pieces, index, middle)).value < 0) == first
+        before = (f.at(place(pieces, index, middle)).value < 0) == first
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     return _rows(index, e, (low + high) / 2, np.zeros(len(low)), SIMPLE)
 
 
-def _expand(
-    c: Conditions, e: int, pieces: Array, s: Array, h: Array
-) -> tuple[Array, Array, Array, Array]:
+def _expand(f: TrigSum, pieces: Array, s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
     """Value, slope, bound of the second derivative and error on intervals (K,)."""
-    value, slope, bend, size = (np.zeros(len(s)) for _ in range(4))
-    farthest = np.full(len(s), 4.0)
-    for t in range(c.term_start[e], c.term_start[e + 1]):
-        rates = slice(c.rate_start[t], c.rate_start[t + 1])
-        used = pieces[:, :, c.rate_joint[rates]]
-        farthest = np.maximum(farthest, np.abs(used).sum(axis=1).max(axis=1, initial=0.0))
-        angle = used @ c.rate[rates]
-        angle[:, 0] += c.phase[t]
-        now, turning, _, second = _polynomial(angle, s, h)
-        turning_most = np.abs(turning) + second * h
-        m, m_slope = np.full(len(s), c.amplitude[t]), np.zeros(len(s))
-        top, first, second_m = np.full(len(s), abs(c.amplitude[t])), 0.0, 0.0
-        for k in range(c.power_start[t], c.power_start[t + 1]):
-            x, x_slope, x_most, x_second = _polynomial(pieces[:, :, c.power_joint[k]], s, h)
-            x_most = np.maximum(x_most, 1e-150)
-            for _ in range(int(c.power[k])):
-                m_slope = m_slope * x + m * x_slope
-                m = m * x
-                top = top * x_most
-            first = first + c.power[k] * (np.abs(x_slope) + x_second * h) / x_most
-            second_m = second_m + c.power[k] * x_second / x_most
-        value += m * np.cos(now)
-        slope += m_slope * np.cos(now) - m * np.sin(now) * turning
-        bend += top * (turning_most**2 + second + 2 * first * turning_most + first**2 + second_m)
-        size += top
-    relative = c.noise[e] + 9e-16 * c.reach[e] * farthest * pieces.shape[1]
-    return value, slope, bend * (1 + 1e-12), size * relative
+    x, x_slope, x_most, x_bend = _polynomial(pieces, s, h)
+    _, turning, _, second = _polynomial(pieces @ f.rate.T, s, h)
+    far = np.abs(pieces[:, :, f.used]).sum(axis=1).max(axis=1, initial=0.0)
+    value, gradient, error, _ = f.at(x, far=2 * pieces.shape[1] * np.maximum(far, 4.0))
+    size, width = f.sizes(x_most), h[:, None]
+    bend = f.bend(x_most, np.abs(turning) + second * width, np.abs(x_slope) + x_bend * width)
+    for j in f.slides:
+        second = second + f.power[:, j] * x_bend[:, j, None] / np.maximum(
+            x_most[:, j, None], 1e-150
+        )
+    bend += (size * second).sum(axis=1) * (1 + 1e-12)
+    return value, (gradient * x_slope).sum(axis=1), bend, error
 
 
 def _polynomial(a: Array, s: Array, h: Array) -> tuple[Array, Array, Array, Array]:
-    """Expand polynomials a (K, degree + 1) at s.
+    """Expand polynomials a (K, degree + 1, m) at s (K,): all results (K, m).
 
     Returns value and slope, and bounds of value and second derivative on s - h to s + h.
     """
-    value, slope, second = (np.zeros(len(s)) for _ in range(3))
+    s, h = s[:, None], h[:, None]
+    value, slope, second = (np.zeros((len(a), a.shape[2])) for _ in range(3))
     for i in range(a.shape[1] - 1, -1, -1):
         slope = slope * s + value
         value = value * s + a[:, i]

@@ -158,7 +158,6 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
         lower, upper, family = found.lower, found.upper, found.family
     else:
         every = two_sided(watched.conditions, Q, each=True).each
-        assert every is not None
         inside = np.array([f.is_reachable is not False for f in watched.families])
         least = np.where(inside, every[..., 0], np.inf)
         lower = least.min(axis=1, initial=np.inf)

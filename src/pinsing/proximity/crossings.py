@@ -20,7 +20,7 @@ from pinsing._types import Array, Ints
 from pinsing.algebra.conditions import Conditions
 from pinsing.algebra.equation import Equation
 from pinsing.algebra.sum_zeros import SIMPLE, Zeros, zeros_along
-from pinsing.algebra.two_sided import sum_at, two_sided
+from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked
 from pinsing.families import Branch, JointValue
 from pinsing.proximity.motion import Motion, motion_of
@@ -288,7 +288,6 @@ def _lengths(c: Conditions, motion: Motion) -> Array:
 def _near_zeros(c: Conditions, motion: Motion) -> Zeros:
     """Zeros along the pieces that the bounds at their ends do not rule out."""
     lower = two_sided(c, motion.at(np.arange(len(motion.pieces) + 1.0)), each=True).each
-    assert lower is not None
     length = _lengths(c, motion)
     both = (lower[:-1, :, 0] + lower[1:, :, 0]).min(axis=1, initial=np.inf)
     near = np.flatnonzero(both <= length * (1 + 1e-9) + 1e-9)
@@ -311,11 +310,11 @@ def _intervals(
     before, after = zeros.ends[:, e, 1], zeros.ends[:, e, 0]
     known = np.isfinite(before[:-1]) & np.isfinite(after[1:])  # else far from zero
     change = np.flatnonzero(known & ((before[:-1] < 0) != (after[1:] < 0))) + 1
-    size = float(c.amplitude[c.term_start[e] : c.term_start[e + 1]].sum())
+    f = c.sums[e]
     values = np.fmin(np.abs(np.append(after, before[-1])), np.abs(np.append(after[0], before)))
-    small = np.flatnonzero(values <= 1e-9 * size)
+    small = np.flatnonzero(values <= 1e-9 * float(f.amplitude.sum()))
     if len(small):
-        here = sum_at(c, e, c.scaled(motion.at(small.astype(float))))
+        here = f.at(c.scaled(motion.at(small.astype(float))))
         small = small[np.abs(here.value) <= 4 * here.error]
     nodes = np.concatenate([change, small]).astype(float)
     start, end = np.concatenate([start, nodes]), np.concatenate([end, nodes])
@@ -351,7 +350,7 @@ def _kind(
         sides = np.clip([u - reach * width, end + reach * width], 0.0, last)
         if sides[0] == u or sides[1] == end:
             return "touch"  # at an end of the motion
-        at = sum_at(c, e, c.scaled(motion.at(sides)))
+        at = c.sums[e].at(c.scaled(motion.at(sides)))
         if (np.abs(at.value) > 2 * at.error).all():
             return "crossing" if (at.value[0] < 0) != (at.value[1] < 0) else "touch"
     return "touch"

@@ -5,16 +5,19 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import numpy.typing as npt
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing._version import __version__
+from pinsing.algebra import trig_sum
 from pinsing.algebra.conditions import Conditions
+from pinsing.algebra.trig_sum import COMBINED
 from pinsing.arguments import checked
 from pinsing.errors import OptionError
 from pinsing.families import ClosedForm, Family, closed_form
@@ -24,46 +27,10 @@ from pinsing.proximity.watched import Forms, every_name, require_forms_of, watch
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
 
-PLACE = re.compile("@([a-z_]+)@")
-"""Where something is put into a template."""
-
-COMBINED = 12
-"""Equations of a branch that are combined into one bound."""
-
 
 @dataclass(frozen=True, eq=False)
 class GuardSource:
-    """What goes into the file.
-
-    Attributes
-    ----------
-    prefix : str
-        What names begin with.
-    robot, task : str
-        In words.
-    length_scale : float
-        Metres.
-    version, robot_hash : str
-        Of pinsing, and of the numbers of the arm.
-    tolerance : float
-        Radians: the most that an angle of the description was moved by.
-    change : float
-        The most that this changes a column of the Jacobian by.
-    joints : tuple of str
-        Base to tip.
-    lower, upper : (n,) arrays
-        Limits, infinite where there are none.
-    families : tuple of (str, str)
-        Name and text of each.
-    conditions : Conditions
-        Of these families.
-    complete : bool
-        Whether nothing is known to be missing.
-    word : str
-        How sure that is: "proven", "probable" or "not complete".
-    notes : tuple of str
-        What one should know.
-    """
+    """What goes into the file, whatever its language: see the templates."""
 
     prefix: str
     robot: str
@@ -83,12 +50,16 @@ class GuardSource:
     notes: tuple[str, ...]
 
 
-def template(name: str) -> str:
-    """The part of the file that is the same for all robots."""
-    return (Path(__file__).parent / "templates" / name).read_text(encoding="ascii")
+def _filled(name: str, parts: Mapping[str, str], prefix: str = "") -> str:
+    """A template with its places filled in; places in what is filled in stay as they are."""
+    text = (Path(__file__).parent / "templates" / name).read_text(encoding="ascii")
+    text = text.replace("@p@", prefix).replace("@P@", prefix.upper())
+    pieces = re.split("@([a-z_]+)@", text)
+    pieces[1::2] = [parts[key] for key in pieces[1::2]]
+    return "".join(pieces)
 
 
-def plain(text: str) -> str:
+def _plain(text: str) -> str:
     """A text in ASCII, on one line."""
     readable = text.replace("°", " deg").replace("±", "+-").replace("π", "pi")
     return visible(readable).encode("ascii", "backslashreplace").decode("ascii")
@@ -97,90 +68,56 @@ def plain(text: str) -> str:
 _WIDTH = 96
 
 
-def c_text(source: GuardSource) -> str:
-    """The header, ASCII only."""
+def _c_text(source: GuardSource) -> str:
+    """The header in C99, ASCII only."""
     c, p = source.conditions, source.prefix
     families = [f"{name}: {text}" for name, text in source.families]
-    parts = {
-        "head": _comment([f"Guard of {source.robot}; task {source.task}.", *_made(source)]),
-        "notes": _comment(
-            [
-                *(f"Note: {note}" for note in source.notes),
-                "Families:" if families else "Families: none.",
-                *(f"  {line}" for line in families),
-            ],
-            first="",
-        ),
-        "joints": str(len(source.joints)),
-        "families": str(len(families)),
-        "equations": str(len(c.noise)),
-        "complete": str(int(source.complete)),
-        "word": _string(source.word),
-        "version": _string(source.version),
-        "hash": _string(source.robot_hash),
-        "tolerance": _number(source.tolerance),
-        "change": _number(source.change),
-        "combined": str(COMBINED),
-        "branches": str(c.branches),
-        "name_tables": "\n".join(
-            [
-                _strings(f"{p}_joint_name", source.joints),
-                _strings(f"{p}_family_name", [name for name, _ in source.families]),
-                _strings(f"{p}_family_text", [text for _, text in source.families]),
-            ]
-        ),
-        "limit_tables": "\n".join(
-            [_reals(f"{p}_lower_limit", source.lower), _reals(f"{p}_upper_limit", source.upper)]
-        ),
-        "metric_tables": "\n".join([_reals(f"{p}_weight", c.weight), _reals(f"{p}_turn", c.turn)]),
-        "branch_tables": "\n".join(
-            [
-                _whole(f"{p}_branch_family", c.family),
-                _whole(f"{p}_value_start", c.value_start),
-                _whole(f"{p}_value_joint", c.value_joint),
-                _reals(f"{p}_value", c.value),
-                _whole(f"{p}_equation_start", c.equation_start),
-            ]
-        ),
-        "equation_tables": "\n".join(
-            [
-                _whole(f"{p}_term_start", c.term_start),
-                _reals(f"{p}_noise", c.noise),
-                _reals(f"{p}_reach", c.reach),
-                _reals(f"{p}_curvature", c.curvature),
-                _reals(f"{p}_steepness", c.steepness),
-                _whole(f"{p}_sliding", c.sliding.astype(np.int64)),
-                _reals(f"{p}_amplitude", c.amplitude),
-                _reals(f"{p}_phase", c.phase),
-                _reals(f"{p}_rate_norm", c.rate_norm),
-                _whole(f"{p}_rate_start", c.rate_start),
-                _whole(f"{p}_rate_joint", c.rate_joint),
-                _reals(f"{p}_rate", c.rate),
-                _whole(f"{p}_power_start", c.power_start),
-                _whole(f"{p}_power_joint", c.power_joint),
-                _whole(f"{p}_power", c.power),
-            ]
-        ),
-    }
-    text = template("guard.h.in").replace("@p@", p).replace("@P@", p.upper())
-    # Each place is looked for in the template, not in what was put in before.
-    pieces = PLACE.split(text)
-    pieces[1::2] = [parts[key] for key in pieces[1::2]]
-    return "".join(pieces)
-
-
-def _made(source: GuardSource) -> list[str]:
-    return [
+    made = [
+        f"Guard of {source.robot}; task {source.task}.",
         f"Made by pinsing {source.version}; do not edit, export it again.",
         f"Robot hash {source.robot_hash}, length scale {source.length_scale:g} m.",
     ]
+    notes = [
+        *(f"Note: {note}" for note in source.notes),
+        "Families:" if families else "Families: none.",
+        *(f"  {line}" for line in families),
+    ]
+    tables = {"lower_limit": source.lower, "upper_limit": source.upper, **c.flat}
+    tables["branch_family"] = tables.pop("family")
+    return _filled(
+        "guard.h.in",
+        {
+            "head": _comment(made),
+            "notes": " *\n" + _comment(notes),
+            "joints": str(len(source.joints)),
+            "families": str(len(families)),
+            "equations": str(len(c.sums)),
+            "complete": str(int(source.complete)),
+            "word": _string(source.word),
+            "version": _string(source.version),
+            "hash": _string(source.robot_hash),
+            "tolerance": repr(source.tolerance),
+            "change": repr(source.change),
+            "combined": str(COMBINED),
+            "branches": str(len(c.branches)),
+            "name_tables": "\n".join(
+                [
+                    _strings(f"{p}_joint_name", source.joints),
+                    _strings(f"{p}_family_name", [name for name, _ in source.families]),
+                    _strings(f"{p}_family_text", [text for _, text in source.families]),
+                ]
+            ),
+            "tables": "\n".join(_table(f"{p}_{name}", table) for name, table in tables.items()),
+        },
+        p,
+    )
 
 
-def _comment(lines: Iterable[str], first: str = " * ") -> str:
+def _comment(lines: Iterable[str]) -> str:
     """Lines inside of a comment, which none of them ends."""
-    out = [" *"] if not first else []
+    out: list[str] = []
     for line in lines:
-        text = plain(line)
+        text = _plain(line)
         for mark, instead in (("*/", "* /"), ("/*", "/ *"), ("??", "? ?")):
             while mark in text:
                 text = text.replace(mark, instead)
@@ -209,31 +146,21 @@ def _strings(name: str, values: Sequence[str]) -> str:
     return f"static const char *const {name}[] = {{\n    {body}\n}};"
 
 
-def _number(value: float) -> str:
-    if math.isinf(value):
-        return "HUGE_VAL" if value > 0 else "-HUGE_VAL"
-    return repr(float(value))
-
-
-def _reals(name: str, values: Iterable[float]) -> str:
-    return _table("double", name, [_number(v) for v in values] or ["0.0"])
-
-
-def _whole(name: str, values: Iterable[int]) -> str:
-    return _table("int", name, [str(int(v)) for v in values] or ["0"])
-
-
-def _table(kind: str, name: str, words: Sequence[str]) -> str:
-    head = f"static const {kind} {name}[] = {{"
-    line = f"{head} {', '.join(words)} }};"
-    if len(line) <= _WIDTH:
-        return line
-    body = textwrap.fill(", ".join(words), _WIDTH, initial_indent="    ", subsequent_indent="    ")
+def _table(name: str, values: npt.NDArray[Any]) -> str:
+    """An array of C; an empty one holds a zero."""
+    kind, words = "int", [str(int(v)) for v in values]
+    if values.dtype.kind == "f":
+        kind = "double"
+        words = [f"{'-' * (v < 0)}HUGE_VAL" if math.isinf(v) else repr(float(v)) for v in values]
+    head, inside = f"static const {kind} {name}[] = {{", ", ".join(words or ["0"])
+    if len(head) + len(inside) + 4 <= _WIDTH:
+        return f"{head} {inside} }};"
+    body = textwrap.fill(inside, _WIDTH, initial_indent="    ", subsequent_indent="    ")
     return f"{head}\n{body}\n}};"
 
 
-def python_text(source: GuardSource) -> str:
-    """The module, ASCII only."""
+def _python_text(source: GuardSource) -> str:
+    """The module for NumPy, ASCII only."""
     c = source.conditions
     constants: dict[str, Any] = {
         "ROBOT": source.robot,
@@ -268,45 +195,23 @@ def python_text(source: GuardSource) -> str:
         if key in said:
             lines.append(f"# {said[key]}")
         lines.append(f"{key} = {_literal(value)}")
-    branches = [
-        (
-            int(c.family[b]),
-            tuple(
-                (int(c.value_joint[i]), float(c.value[i]))
-                for i in range(c.value_start[b], c.value_start[b + 1])
-            ),
-            tuple(range(int(c.equation_start[b]), int(c.equation_start[b + 1]))),
-        )
-        for b in range(c.branches)
+    count, branches = 0, []
+    for b in c.branches:
+        numbers = tuple(range(count, count + len(b.sums)))
+        branches.append((b.family, tuple(b.joints.tolist()), tuple(b.values.tolist()), numbers))
+        count += len(b.sums)
+    sums = [(s.amplitude, s.phase, s.rate, s.power) for s in c.sums]
+    parameters = [
+        (*(a.tolist() for a in arrays), s.noise) for arrays, s in zip(sums, c.sums, strict=True)
     ]
+    code = Path(trig_sum.__file__).read_text(encoding="ascii")
     parts = {
         "constants": "\n".join(lines),
+        "code": code.partition("import Array\n")[2].strip(),
         "branches": _rows(branches),
-        "equations": _rows([_equation(c, e) for e in range(len(c.noise))]),
-        "combined": str(COMBINED),
+        "sums": _rows(parameters),
     }
-    # Each place is looked for in the template, not in what was put in before.
-    pieces = PLACE.split(template("guard.py.in"))
-    pieces[1::2] = [parts[key] for key in pieces[1::2]]
-    return "".join(pieces)
-
-
-def _equation(c: Conditions, e: int) -> tuple[object, ...]:
-    terms = []
-    for t in range(c.term_start[e], c.term_start[e + 1]):
-        rates = range(c.rate_start[t], c.rate_start[t + 1])
-        powers = range(c.power_start[t], c.power_start[t + 1])
-        terms.append(
-            (
-                float(c.amplitude[t]),
-                float(c.phase[t]),
-                float(c.rate_norm[t]),
-                tuple((int(c.rate_joint[k]), float(c.rate[k])) for k in rates),
-                tuple((int(c.power_joint[k]), int(c.power[k])) for k in powers),
-            )
-        )
-    curvature = None if c.sliding[e] else float(c.curvature[e])
-    return float(c.noise[e]), float(c.reach[e]), curvature, float(c.steepness[e]), tuple(terms)
+    return _filled("guard.py.in", parts)
 
 
 def _rows(values: Sequence[object]) -> str:
@@ -478,7 +383,7 @@ def make_guard(
         word=word,
         notes=tuple(notes),
     )
-    text = c_text(source) if language == "c" else python_text(source)
+    text = _c_text(source) if language == "c" else _python_text(source)
     return Guard(text, prefix, complete, word, tuple(notes))
 
 

@@ -161,7 +161,7 @@ class Monitor:
         self._shape: tuple[int, ...] = ()  # until the first q was looked at
         self._weight = None if bool((watched.weight == 1).all()) else watched.weight
         self._x, self._v, self._out = np.empty(watched.n), np.empty(watched.n), np.empty(4)
-        self._handle = watched.conditions.compiled()
+        self._handle = watched.conditions.compiled
         self._isa = engine.isa_names()[-1] if self._handle is not None else ""
         self._listed = (*watched.names, "")
 

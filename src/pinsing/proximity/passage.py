@@ -251,7 +251,6 @@ class Passage:
         u = np.append(u, float(last))
         Q = motion.at(u)
         bounds = two_sided(self.watched.conditions, Q, each=True).each
-        assert bounds is not None
         if not bounds.shape[1]:
             return
         lower = bounds[..., 0]

@@ -7,7 +7,7 @@ import hashlib
 import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -92,10 +92,11 @@ class Nearness:
     def fingerprint(self) -> str:
         """SHA-256 of the names and of every number of the families."""
         digest = hashlib.sha256(repr(self.names).encode())
-        for f in fields(self.conditions):
-            value = getattr(self.conditions, f.name)
+        c = self.conditions
+        numbers = {"families": c.families, **c.flat, "norm": c.norm}
+        for name, value in numbers.items():
             data = value.tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
-            digest.update(f"{f.name}:{len(data)};".encode() + data)
+            digest.update(f"{name}:{len(data)};".encode() + data)
         return digest.hexdigest()
 
     def add(self, tally: Tally, first: int, Q: Array, engine: str) -> None:
