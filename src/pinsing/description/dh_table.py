@@ -259,7 +259,8 @@ def _read_row(node: YamlNode, number: int, units: _Units) -> DHRow:
     velocity = units.value(keys["velocity"], quantity) if "velocity" in keys else None
     effort = keys["effort"].number() if "effort" in keys else None
     for key, value in (("velocity", velocity), ("effort", effort)):
-        keys[key].refuse_if(value is not None and value < 0, "is negative: give its size")
+        if value is not None and value < 0:
+            raise keys[key].error("is negative: give its size")
     alpha, a, d, theta = _read_dh(keys, units)
     default = f"{'d' if kind == 'prismatic' else 'q'}{number}"
     name = _read_name(keys["name"]) if "name" in keys else default
