@@ -332,7 +332,7 @@ def arm_centres(arm: Arm) -> tuple[AxesCentre, ...]:
     """Sets of three turning axes in a row that meet in one point at every configuration."""
     if arm.coupling is not None:
         return ()
-    return arm.once("arm_centres", lambda: _arm_centres(arm))
+    return arm.once("arm_centres", lambda: find_centres(generic_axes(arm)))
 
 
 def moving_columns(arm: Arm) -> tuple[int, ...]:
@@ -340,9 +340,9 @@ def moving_columns(arm: Arm) -> tuple[int, ...]:
     return arm.once("moving_columns", lambda: _moving_columns(arm))
 
 
-def _arm_centres(arm: Arm) -> tuple[AxesCentre, ...]:
-    samples = [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
-    return find_centres(samples)
+def generic_axes(arm: Arm) -> list[JointAxes]:
+    """Joint axes at random configurations, with the base as origin."""
+    return [JointAxes.of(g, arm.prismatic, np.zeros(3)) for g in _generic_jacobians(arm)]
 
 
 def _moving_columns(arm: Arm) -> tuple[int, ...]:

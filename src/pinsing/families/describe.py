@@ -18,6 +18,7 @@ from pinsing.configuration.state import State
 from pinsing.families.at_once import at_once, solved_for
 from pinsing.families.empty_box import Stop, proven_empty
 from pinsing.families.family import Family
+from pinsing.families.naming import title_of
 from pinsing.families.nearness import near
 from pinsing.families.parts import Branch, KindPart, ValueReach, values_reached
 from pinsing.families.pieces import PieceMaker, SolvedPiece
@@ -351,6 +352,7 @@ def _described(
     kinds = kinds_of(draft, points, exact, maker)
     return replace(
         draft,
+        title=title_of(exact, points[::4]),
         value_reach=_value_reach(draft, reachability, inside, maker),
         at_once=() if (said := at_once(branch, generic, maker.symbols)) is None else (said,),
         codimension=_codimension(branch, generic, draft.codimension),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import field
@@ -21,6 +22,7 @@ from pinsing.families.nearness import Confirm
 from pinsing.families.parts import Branch, KindPart, ValueReach, reach_words
 from pinsing.measures import Reachability
 from pinsing.notebook import formula, legend, marked, name, table, text
+from pinsing.prose import listed
 from pinsing.robot.arm import Arm
 from pinsing.serialization import JsonResult
 
@@ -113,6 +115,9 @@ class Family(Members, JsonResult):
     at_once : tuple of AtOnce
         Of several long equations that hold at once: which joints can be chosen, and how the
         others follow; empty where there are none.
+    title : str
+        "wrist", "elbow" or "shoulder" where the geometry warrants it (`pinsing.families.naming`
+        has the rule); else empty.
     arm : Arm or None
         The arm, whose whole model's configurations are taken too; None where the family was read
         from a file.
@@ -150,6 +155,7 @@ class Family(Members, JsonResult):
     at_once: tuple[AtOnce, ...] = field(default=(), metadata={"optional": True})
     arm: Arm | None = field(default=None, repr=False, metadata={"json": False})
     value_reach: tuple[ValueReach, ...] = field(default=(), metadata={"optional": True})
+    title: str = field(default="", metadata={"optional": True})
 
     def __getstate__(self) -> dict[str, Any]:
         # Exact polynomials live in a ring of this process: like JSON, pickles go without them,
@@ -165,6 +171,45 @@ class Family(Members, JsonResult):
     def reach(self) -> str:
         """Reachability in words, with the joint values that it is true of where not of all."""
         return reach_words(self.reachability, self.value_reach, self.prismatic)
+
+    @property
+    def label(self) -> str:
+        """What people call it: ``F2 (wrist)``, or ``F2`` where it has no title."""
+        return f"{self.name} ({self.title})" if self.title else self.name
+
+    def where(self, q: Array | None = None) -> str:
+        """Return its condition with the joints' own names, in degrees and metres.
+
+        Parameters
+        ----------
+        q : (n,) array, optional
+            A configuration on it: then the joints at their values there.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> pinsing.closed_form(pinsing.load("ur5"))["wrist"].where()
+        'wrist_2_joint = 0° or 180°'
+        """
+        names = dict(
+            zip(sorted({j for b in self.branches for j in b.involved}), self.joints, strict=False)
+        )
+        fixed = {v.joint for b in self.branches for v in b.values}
+        equations = any(b.equations for b in self.branches)
+        if self.title in _PLACES and equations:
+            return _PLACES[self.title]
+        if q is not None and not equations:
+            return " and ".join(f"{names[j]} = {self._value(q, j)}" for j in sorted(fixed))
+        said = [m[1] if (m := _SOLVED.search(t)) else t for t in self.text.split(" and ")]
+        if equations and len(self.text) > _SHORT:
+            others = listed([names[j] for j in names if j not in fixed])
+            said = [*said[: len(fixed)], f"an equation in {others}"]
+        return _SYMBOL.sub(lambda s: names.get(int(s[1]) - 1, s[0]), " and ".join(said))
+
+    def _value(self, q: Array, j: int) -> str:
+        if self.prismatic[j]:
+            return f"{q[j]:.4g} m"
+        return f"{round(math.degrees(-self.space.wrap(-q)[j]), 2) + 0.0:g}°"
 
     @property
     def equations(self) -> tuple[Equation, ...]:
@@ -186,7 +231,7 @@ class Family(Members, JsonResult):
         )
 
     def __str__(self) -> str:
-        return f"{self.name}: {self.text}"
+        return f"{self.label}: {self.text}"
 
     def _repr_latex_(self) -> str:
         """For notebooks."""
@@ -197,6 +242,14 @@ class Family(Members, JsonResult):
         involved = sorted({j for b in self.branches for j in b.involved})
         symbols = [f"{'d' if self.prismatic[j] else 'q'}{j + 1}" for j in involved]
         return families_table([html_row(self)], zip(symbols, self.joints, strict=False))
+
+
+_SYMBOL = re.compile(r"\b[qd](\d+)\b")
+_SOLVED = re.compile(r"\(([qd]\d+ = [^()]*)\)$")
+"""``0.4 cos q3 + 0.02 sin q3 = 0 (q3 = 92.7°)``: what is left is in the last parentheses."""
+_SHORT = 72
+_PLACES = {"shoulder": "wrist center above the base axis"}
+"""What is said of families that have a name and equations in several joints."""
 
 
 def html_row(family: Family) -> tuple[str, ...]:

@@ -13,7 +13,7 @@ from pinsing import notebook
 from pinsing._dataclass import dataclass
 from pinsing.algebra.components import Component, RandomSteps
 from pinsing.arguments import checked
-from pinsing.errors import ConfigurationError
+from pinsing.errors import ConfigurationError, OptionError, UnknownNameError
 from pinsing.families.certainty import Proof, certainty
 from pinsing.families.family import (
     Family,
@@ -140,6 +140,35 @@ class ClosedForm(JsonResult):
     def legend(self) -> tuple[tuple[str, str], ...]:
         """Symbol and joint name, base to tip."""
         return tuple(zip(self.symbols, self.arm.joints, strict=True))
+
+    def __getitem__(self, name: str) -> Family:
+        """Return the family of a name or title.
+
+        Parameters
+        ----------
+        name : str
+            Such as ``"F2"``, or ``"wrist"`` where the arm has one.
+
+        Raises
+        ------
+        UnknownNameError
+            If there is none.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> form = pinsing.closed_form(pinsing.load("ur5"))
+        >>> form["wrist"] is form["F2"]
+        True
+        """
+        found = next((f for f in self.families if name in (f.name, f.title) and name), None)
+        if found is None:
+            known = [n for f in self.families for n in (f.name, f.title) if n]
+            raise UnknownNameError("family", str(name), known)
+        return found
+
+    def __iter__(self) -> Iterator[Family]:
+        return iter(self.families)
 
     @checked
     def family_of(self, q: npt.ArrayLike, tol: float = 1e-6) -> Family | None:

@@ -208,6 +208,37 @@ class Members:
         return own_nearest(found, self.branches, self.space, q, self.confirm)
 
     @checked
+    def gradient(self, q: npt.ArrayLike) -> Array:
+        """Gradient (n,) of the distance from q (n,) to the family: the way that leads off it.
+
+        Parameters
+        ----------
+        q : (n,) or (nq,) array_like
+            Radians and metres.
+
+        Returns
+        -------
+        (n,) array
+            Radians (metres over the length scale) per radian or metre; zero on the family.
+
+        Raises
+        ------
+        ConfigurationError
+            If q has the wrong length or is not finite, or no real point is known at all.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> wrist = pinsing.closed_form(pinsing.load("stanford"))["wrist"]  # q5 = 0, 180°
+        >>> wrist.gradient([0, 1, 0.3, 1, -0.25, 0])
+        array([ 0.,  0.,  0.,  0., -1.,  0.])
+        """
+        q = self._check(q)
+        away = self.space.wrap(q - self.distance(q).q) / self.space.metric
+        size = float(np.linalg.norm(away))
+        return away / self.space.metric / size if size > ON else np.zeros(self.n)
+
+    @checked
     def conditions(
         self, weights: npt.ArrayLike | None = None, norm: str = "euclidean"
     ) -> Conditions:

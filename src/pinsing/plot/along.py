@@ -233,7 +233,7 @@ def clearance_along(
             t.append(float(motion.time(run[i : i + 1])[0]))
             low.append(float(lower[i]))
         degrees = np.maximum(np.degrees(low), _LOWEST_CLEARANCE)
-        ax.plot(t, degrees, label=name, color=f"C{k % 10}", linewidth=1.2)
+        ax.plot(t, degrees, label=alone.families[0].label, color=f"C{k % 10}", linewidth=1.2)
     met = crossings_of(watched, motion)
     if len(met):
         at = [c.t for c in met]

@@ -132,7 +132,7 @@ def locus(
     ax.set_xlabel(joint_label(a, bool(arm.prismatic[a]), degrees), fontsize=SMALL + 1)
     ax.set_ylabel(joint_label(b, bool(arm.prismatic[b]), degrees), fontsize=SMALL + 1)
     moving = (a, b) if c is None else (a, b, c)
-    ax.set_title(f"{family.name} of {held_title(arm, base, moving, degrees)}", fontsize=SMALL - 1)
+    ax.set_title(f"{family.label} of {held_title(arm, base, moving, degrees)}", fontsize=SMALL - 1)
     legend_below(ax, 2)
     return ax
 

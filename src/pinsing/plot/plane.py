@@ -182,10 +182,10 @@ def regular_configuration(arm: Arm) -> Array:
 def family_label(family: Family) -> str:
     """``F1: q3 = 0° or 180°`` where that is short, else the family's name and its joints."""
     if len(family.text) <= _SHORT:
-        return f"{family.name}: {family.text}"
+        return f"{family.label}: {family.text}"
     joints = sorted({j for b in family.branches for j in b.involved})
     named = ", ".join(joint_symbol(j, bool(family.prismatic[j])) for j in joints)
-    return f"{family.name} (of {named})"
+    return f"{family.label}, of {named}"
 
 
 _HERE = 1e-6

@@ -6,9 +6,10 @@ How far one configuration is from each family, certified, in numbers and in word
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from dataclasses import replace
-from typing import ClassVar
+from collections.abc import Callable, Sequence
+from dataclasses import field, replace
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -18,9 +19,12 @@ from pinsing._types import Array, Ints
 from pinsing.algebra.nearest import GAP, SECONDS, SearchOptions, nearest_points
 from pinsing.algebra.two_sided import two_sided
 from pinsing.arguments import checked
-from pinsing.errors import OptionError
+from pinsing.errors import OptionError, ResultError
 from pinsing.proximity.watched import Forms, Watched, watch
 from pinsing.serialization import JsonResult
+
+_STEP = 1e-5
+"""Radians or metres: differences over it are right to some 1e-9."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +50,11 @@ class Clearance(JsonResult):
     complete : bool
         Whether the closed form is complete. Otherwise a singular configuration that belongs to
         no family may be nearer than ``lower``.
+    bound : callable or None
+        ``lower`` at other configurations (N, n); with ``certified`` the distance from the nearest
+        ones found. Not written to JSON.
+    at : (..., n) array or None
+        Where this was computed. Not written to JSON.
     """
 
     schema: ClassVar[str] = "pinsing/clearance/1"
@@ -57,6 +66,39 @@ class Clearance(JsonResult):
     certified: bool
     within_limits: bool
     complete: bool
+    bound: Callable[[Array], Array] | None = field(
+        default=None, repr=False, metadata={"json": False}
+    )
+    at: Array | None = field(default=None, repr=False, metadata={"json": False})
+
+    def __getstate__(self) -> dict[str, Any]:
+        return {**self.__dict__, "bound": None}
+
+    @cached_property
+    def gradient(self) -> Array:
+        """Gradient (..., n) of ``lower``, by central differences; for barriers and planners.
+
+        With ``certified``, that of the distance from the nearest configuration found.
+
+        Raises
+        ------
+        ResultError
+            If this was read from a file, which has no families.
+
+        Examples
+        --------
+        >>> import pinsing
+        >>> form = pinsing.closed_form(pinsing.load("stanford"))
+        >>> pinsing.clearance(form, [0, 1, 0.3, 1, -0.25, 0]).gradient.round(6) + 0.0
+        array([ 0.,  0.,  0.,  0., -1.,  0.])
+        """
+        if self.bound is None or self.at is None:
+            raise ResultError("the gradient of a clearance is not in its JSON: compute it again")
+        slopes = [
+            (self.bound(self.at + step) - self.bound(self.at - step)) / (2 * _STEP)
+            for step in _STEP * np.eye(self.at.shape[-1])
+        ]
+        return np.stack(slopes, axis=-1)
 
     @property
     def nearest(self) -> npt.NDArray[np.str_]:
@@ -138,13 +180,25 @@ def clearance(
     watched = watch(forms, families, weights, norm)
     array = watched.check(Q)
     flat = array.reshape(-1, watched.n)
+    nearest: Array | None = None
     if certify:
-        found = certified(watched, flat, SearchOptions(gap, seconds, within_limits))
+        found, nearest = certified(watched, flat, SearchOptions(gap, seconds, within_limits))
     else:
         found = quick(watched, flat, within_limits)
     shape = array.shape[:-1]
+
+    def bound(Q: Array) -> Array:
+        flat = Q.reshape(-1, watched.n)
+        if nearest is None:
+            return quick(watched, flat, within_limits).lower.reshape(shape)
+        away = flat - nearest
+        away = away if within_limits else watched.space.wrap(away)
+        return watched.length(away).reshape(shape)
+
     return replace(
         found,
+        bound=bound,
+        at=array,
         lower=found.lower.reshape(shape),
         upper=found.upper.reshape(shape),
         family=found.family.reshape(shape),
@@ -167,10 +221,11 @@ def quick(watched: Watched, Q: Array, within_limits: bool = False) -> Clearance:
     return _clearance(watched, lower, upper, family, False, within_limits)
 
 
-def certified(watched: Watched, Q: Array, options: SearchOptions) -> Clearance:
-    """Bounds brought together by branch and bound at Q (N, n)."""
+def certified(watched: Watched, Q: Array, options: SearchOptions) -> tuple[Clearance, Array]:
+    """Bounds brought together by branch and bound at Q (N, n), and the nearest points (N, n)."""
     found = nearest_points(watched.conditions, Q, *watched.limits, options)
-    return _clearance(watched, found.lower, found.upper, found.family, True, options.within_limits)
+    bounds = found.lower, found.upper, found.family
+    return _clearance(watched, *bounds, True, options.within_limits), found.q
 
 
 def _clearance(
@@ -241,7 +296,7 @@ def is_clear(
     if fast.upper[0] <= radius:
         return False
     options = SearchOptions(gap=max(1e-9, 1e-6 * radius), within_limits=within_limits)
-    return bool(certified(watched, array[None], options).lower[0] > radius)
+    return bool(certified(watched, array[None], options)[0].lower[0] > radius)
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,6 +316,10 @@ class FamilyDistance:
     reachability : str
         Whether the family has points within the joint limits, in words, and with which joint
         values where not with all.
+    title : str
+        "wrist", "elbow", "shoulder", or empty: as of the family.
+    where : str
+        Its condition with the joints' own names.
     """
 
     family: str
@@ -268,6 +327,8 @@ class FamilyDistance:
     upper: float
     q: Array
     reachability: str
+    title: str = field(default="", metadata={"optional": True})
+    where: str = field(default="", metadata={"optional": True})
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,7 +376,8 @@ def distances(forms: Forms, q: npt.ArrayLike, *, seconds: float = SECONDS) -> Di
     found = []
     for name, family in zip(watched.names, watched.families, strict=True):
         d = family.distance(x, seconds=seconds)
-        found.append(FamilyDistance(name, d.lower, d.upper, d.q, family.reach))
+        said = family.reach, family.title, family.where()
+        found.append(FamilyDistance(name, d.lower, d.upper, d.q, *said))
     found.sort(key=lambda d: (d.upper, d.lower))
     return Distances(x, tuple(found), watched.complete)
 

@@ -9,7 +9,7 @@ are halved.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import field, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -124,6 +124,10 @@ class Crossing:
         "crossing": the motion goes through, from one side to the other. "touch": it comes to
         the family, within rounding of it, and stays on its side; for families of several
         conditions, which have no sides, it comes within 1e-6 of it. "along": it stays on it.
+    title : str
+        "wrist", "elbow", "shoulder", or empty: as of the family.
+    where : str
+        Its condition with the values of joints at ``q``: ``wrist_2_joint = 0°``.
     """
 
     t: float
@@ -131,6 +135,8 @@ class Crossing:
     q: Array
     family: str
     kind: str
+    title: str = field(default="", metadata={"optional": True})
+    where: str = field(default="", metadata={"optional": True})
 
 
 @dataclass(frozen=True, eq=False)
@@ -223,7 +229,9 @@ def crossings_of(watched: Watched, motion: Motion) -> Crossings:
         for (_, _, f, kind), q, b, e in rows:
             long = kind == "along" or (kind == "touch" and e > b)
             until = min(float(e), float(motion.t[-1])) if long else float(b)
-            events.append(Crossing(float(b), until, q, watched.names[f], kind))
+            family = watched.families[f]
+            said = family.title, family.where(q)
+            events.append(Crossing(float(b), until, q, watched.names[f], kind, *said))
     return Crossings(tuple(events), watched.names, watched.complete)
 
 

@@ -377,7 +377,7 @@ def make_guard(
         joints=arm.joints,
         lower=arm.lower,
         upper=arm.upper,
-        families=tuple((name, family.text) for name, family in kept),
+        families=tuple((name, _text(family)) for name, family in kept),
         conditions=_conditions([family for _, family in kept], arm, watched.weight),
         complete=complete,
         word=word,
@@ -385,6 +385,10 @@ def make_guard(
     )
     text = _c_text(source) if language == "c" else _python_text(source)
     return Guard(text, prefix, complete, word, tuple(notes))
+
+
+def _text(family: Family) -> str:
+    return f"{family.title}: {family.text}" if family.title else family.text
 
 
 def _word(forms: Sequence[ClosedForm]) -> str:

@@ -51,6 +51,8 @@ class Verdict(NamedTuple):
     rate : float or None
         How fast the distance from ``family`` grows, to first order, per second; negative on the
         way toward it. None without ``dq``.
+    title : str
+        "wrist", "elbow", "shoulder", or empty: as of the family.
     """
 
     level: str
@@ -60,6 +62,7 @@ class Verdict(NamedTuple):
     time_to_contact: float | None
     trend: str | None
     rate: float | None
+    title: str = ""
 
 
 class Monitor:
@@ -163,7 +166,8 @@ class Monitor:
         self._x, self._v, self._out = np.empty(watched.n), np.empty(watched.n), np.empty(4)
         self._handle = watched.conditions.compiled
         self._isa = engine.isa_names()[-1] if self._handle is not None else ""
-        self._listed = (*watched.names, "")
+        titles = (f.title for f in watched.families)
+        self._listed = (*zip(watched.names, titles, strict=True), ("", ""))
 
     def __repr__(self) -> str:
         words = f"{len(self.names)} families, warn {self.warn:g}, stop {self.stop:g}: {self.level}"
@@ -245,13 +249,13 @@ class Monitor:
             if watched.arm is None or watched.arm.units is None:
                 watched.space.require_radians(x / watched.weight, "q", endless=False)
             self.level = level
-        name = self._listed[family]
+        name, title = self._listed[family]
         if dq is None:
-            return Verdict(level, name, lower, upper, None, None, None)
+            return Verdict(level, name, lower, upper, None, None, None, title)
         trend = "steady"
         if rate != 0.0 and abs(rate) > _STEADY * max(map(abs, velocity.tolist())):
             trend = "away" if rate > 0.0 else "toward"
-        return Verdict(level, name, lower, upper, time, trend, rate)
+        return Verdict(level, name, lower, upper, time, trend, rate, title)
 
     def _take(self, values: npt.ArrayLike, name: str, into: Array) -> None:
         if type(values) is np.ndarray and values.dtype == _FLOAT and values.shape == self._shape:

@@ -11,6 +11,7 @@ How a motion passes families: meetings, nearest approaches, stretches that are n
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import field, replace
 
 import numpy as np
 
@@ -177,6 +178,8 @@ class Approach:
         Distance from the family there.
     lower : float
         Proven: nowhere on the motion is the family nearer.
+    title : str
+        "wrist", "elbow", "shoulder", or empty: as of the family.
     """
 
     family: str
@@ -184,6 +187,7 @@ class Approach:
     q: Array
     upper: float
     lower: float
+    title: str = field(default="", metadata={"optional": True})
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,7 +240,7 @@ class Passage:
             other = self._crossings[k]
             if other.family == c.family and c.t <= other.t_end + 1e-12 * (1 + abs(c.t)):
                 if c.t_end > other.t_end:  # goes on in the next part
-                    self._crossings[k] = Crossing(other.t, c.t_end, other.q, c.family, c.kind)
+                    self._crossings[k] = replace(other, t_end=c.t_end, kind=c.kind)
                 return
         if len(self._crossings) >= _MOST_CROSSINGS:
             self._cut = True
@@ -296,9 +300,10 @@ class Passage:
 
     def _approach(self, f: int) -> Approach | None:
         name, watched = self.watched.names[f], self.watched
+        title = watched.families[f].title
         for c in self._crossings:
             if c.family == name:
-                return Approach(name, c.t, c.q, 0.0, 0.0)
+                return Approach(name, c.t, c.q, 0.0, 0.0, title)
         branches = [watched.families[f].branches]
         conditions = Conditions.of(branches, watched.prismatic, watched.weight, watched.norm)
         best: tuple[float, float, Array, float] | None = None
@@ -311,7 +316,8 @@ class Passage:
         if best is None:
             return None
         upper, t, q, _ = best
-        return Approach(name, t, q, upper, max(0.0, min(float(self._least[f]), upper)))
+        least = max(0.0, min(float(self._least[f]), upper))
+        return Approach(name, t, q, upper, least, title)
 
 
 def _refined(

@@ -204,12 +204,12 @@ def suggest(
     if watched.families:
         best = clearest(watched, room, rng, seconds, usable)
         q = _rounded(arm, watched, room, best.x / watched.weight)
-        at = certified(watched, q[None], SearchOptions(seconds=max(1.0, seconds / 10)))
+        at = certified(watched, q[None], SearchOptions(seconds=max(1.0, seconds / 10)))[0]
         lower, upper, family = float(at.lower[0]), float(at.upper[0]), str(at.nearest[0])
         if _bounded(arm, watched):
             most = max(best.most, upper) + (0.0 if near is None else _margin(arm, reach))
         if target is not None:  # the clearance changes by no more than one moves
-            there = certified(watched, target[None], SearchOptions(gap=1e-3))
+            there = certified(watched, target[None], SearchOptions(gap=1e-3))[0]
             most = max(min(most, float(there.upper[0]) + reach), upper)
     elif watched.complete:
         q = _rounded(arm, watched, room, room.center / watched.weight)

@@ -85,7 +85,7 @@ def summary(c: Content) -> Section:
     )
     rows = [
         (
-            f'<a href="#{f.name}">{text(f.name)}</a>',
+            f'<a href="#{f.name}">{text(f.label)}</a>',
             text(f.text) if f.solved or f.abridged else formula(f.latex),
             text(_kind(f)),
             badge(f.reach, _REACHED[f.reachability]),
@@ -231,7 +231,7 @@ def families(c: Content) -> Section:
 def _family(
     c: Content, family: Family, pose: tuple[Arm, State] | None, drawn: bool
 ) -> Iterator[str]:
-    yield f'<h3 id="{family.name}">{text(f"Family {family.name}")}</h3>'
+    yield f'<h3 id="{family.name}">{text(f"Family {family.label}")}</h3>'
     yield _equation(family)
     n = family.n
     facts = [

@@ -94,10 +94,11 @@ def family_entries(arm: Arm, families: Iterable[FamilyLike], poses: int = 3) -> 
         others = [f for f in families if f is not family and isinstance(f, Family) and f.real]
         chosen = telling_poses(arm, family, poses, others)
         reachable = getattr(family, "is_reachable", None)
+        title = getattr(family, "title", "")
         out.append(
             Entry(
                 name=family.name,
-                text=family.text,
+                text=f"{title}: {family.text}" if title else family.text,
                 poses=chosen,
                 moved=tuple(i for i, name in enumerate(arm.joints) if name in family.joints),
                 symbols=symbols,
