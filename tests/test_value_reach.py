@@ -16,11 +16,7 @@ from pinsing.cli.app import command
 from pinsing.families import Branch, Family
 from pinsing.families.parts import JointValue, reach_words, values_reached
 from pinsing.measures import Reachability
-<<<<<<< HEAD
 from pinsing.proximity.clearance import distance_words, distances
-=======
-from pinsing.proximity.distances import distance_words, distances
->>>>>>> f45004f (Families are named wrist, elbow or shoulder where the geometry warrants it; gradients of distance and clearance)
 from pinsing.view.entries import family_entries
 from pinsing.view.stage import _more
 

@@ -201,10 +201,10 @@ class Family(Members, JsonResult):
         if q is not None and not equations:
             return " and ".join(f"{names[j]} = {self._value(q, j)}" for j in sorted(fixed))
         said = [m[1] if (m := _SOLVED.search(t)) else t for t in self.text.split(" and ")]
-        if equations and len(self.text) > _SHORT:
+        if equations and len(self.text) > 72:
             others = listed([names[j] for j in names if j not in fixed])
             said = [*said[: len(fixed)], f"an equation in {others}"]
-        return _SYMBOL.sub(lambda s: names.get(int(s[1]) - 1, s[0]), " and ".join(said))
+        return _NUMBERED.sub(lambda s: names.get(int(s[1]) - 1, s[0]), " and ".join(said))
 
     def _value(self, q: Array, j: int) -> str:
         if self.prismatic[j]:
@@ -244,10 +244,9 @@ class Family(Members, JsonResult):
         return families_table([html_row(self)], zip(symbols, self.joints, strict=False))
 
 
-_SYMBOL = re.compile(r"\b[qd](\d+)\b")
+_NUMBERED = re.compile(r"\b[qd](\d+)\b")
 _SOLVED = re.compile(r"\(([qd]\d+ = [^()]*)\)$")
 """``0.4 cos q3 + 0.02 sin q3 = 0 (q3 = 92.7°)``: what is left is in the last parentheses."""
-_SHORT = 72
 _PLACES = {"shoulder": "wrist center above the base axis"}
 """What is said of families that have a name and equations in several joints."""
 

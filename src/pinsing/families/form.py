@@ -153,6 +153,8 @@ class ClosedForm(JsonResult):
         ------
         UnknownNameError
             If there is none.
+        OptionError
+            If several families have the title, as wrists of some arms with seven joints.
 
         Examples
         --------
@@ -161,11 +163,14 @@ class ClosedForm(JsonResult):
         >>> form["wrist"] is form["F2"]
         True
         """
-        found = next((f for f in self.families if name in (f.name, f.title) and name), None)
-        if found is None:
+        found = [f for f in self.families if name and name in (f.name, f.title)]
+        if len(found) > 1:
+            names = " or ".join(f.name for f in found)
+            raise OptionError(f"several families are called {name!r}: choose {names}")
+        if not found:
             known = [n for f in self.families for n in (f.name, f.title) if n]
             raise UnknownNameError("family", str(name), known)
-        return found
+        return found[0]
 
     def __iter__(self) -> Iterator[Family]:
         return iter(self.families)
