@@ -279,7 +279,7 @@ def test_names_joints_and_text() -> None:
     families = closed("ur5").families
     assert [f.name for f in families] == ["F1", "F2", "F3"]
     assert families[2].joints == ("shoulder_lift_joint", "elbow_joint", "wrist_1_joint")
-    assert str(families[0]) == "F1: q3 = 0° or 180°"
+    assert str(families[0]) == "F1 (elbow): q3 = 0° or 180°"
     assert families[0].reason == "axes 2, 3 and 4 are parallel and lie in one plane"
     assert [f.kind for f in families] == ["boundary", "interior", "boundary"]
 

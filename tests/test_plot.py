@@ -159,7 +159,7 @@ def test_every_true_zero_is_marked_with_the_arm_alone() -> None:
 def test_long_conditions_have_short_labels() -> None:
     arm = ur5()
     ax = plot.sigma_map(arm, arm.joints[1], arm.joints[2], samples=21)
-    assert "F3 (of $q_{2}$, $q_{3}$, $q_{4}$)" in labels(ax)
+    assert "F3 (shoulder), of $q_{2}$, $q_{3}$, $q_{4}$" in labels(ax)
     assert max(map(len, labels(ax))) < 40
     assert is_outside(ax)
 

@@ -197,7 +197,7 @@ class ClosedForm(JsonResult):
         >>> import pinsing
         >>> form = pinsing.closed_form(pinsing.load("stanford"))
         >>> form.family_of([0, 1, 0.3, 1, 0, 0])
-        <Family: F3: q5 = 0° or 180°>
+        <Family: F3 (wrist): q5 = 0° or 180°>
         """
         if np.ndim(q) != 1:
             raise ConfigurationError(f"q must be one joint vector, got shape {np.shape(q)}")
