@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pinsing.robot.build_model import build_model
-from pinsing.robot.subchains import all_chains
+from pinsing.robot.models import build_model
+from pinsing.robot.chains import all_chains
 from test_inverse_oracle import CRX, robot
 
 import pinsing

@@ -101,7 +101,7 @@ def sigma_plane(
     >>> from pinsing import plot
     >>> axes = plot.sigma_plane(pinsing.load("planar3r"), "q2", "q3", samples=41)
     >>> axes.get_legend().get_texts()[0].get_text()
-    'F1 (shoulder): q2 = 0° or 180°'
+    'F1: q2 = 0° or 180°'
     """
     a, b = arm.space.index(joint_a), arm.space.index(joint_b)
     if a == b:
