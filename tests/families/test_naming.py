@@ -8,15 +8,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from pinsing.robot.models import build_model
-from pinsing.robot.chains import all_chains
 from test_inverse_oracle import CRX, robot
 
 import pinsing
 from pinsing.description.catalog import data_folder
 from pinsing.description.urdf import read_description
 from pinsing.errors import PinsingError, ResultError, UnknownNameError
+from pinsing.robot.chains import all_chains
 from pinsing.robot.load import load
+from pinsing.robot.models import build_model
 
 UR = {"shoulder": "wrist center above the base axis"}
 
