@@ -526,7 +526,7 @@ def test_ctrl_c_when_a_map_is_complete_takes_nothing_away(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     module = importlib.import_module("pinsing.sampling.map_run")
-    monkeypatch.setattr(module, "result_of", _ctrl_c_before(module.result_of))
+    monkeypatch.setattr(module, "distributions", _ctrl_c_before(module.distributions))
     words = ["map", "planar3r", "--count", "4096", "--threads", "1"]
     done = run(*words, "--out", str(tmp_path / "run"))
     assert done.exit_code == 0

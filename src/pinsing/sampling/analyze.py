@@ -21,10 +21,9 @@ from pinsing.robot.nominal import nominal as nominal_geometry
 from pinsing.sampling.analysis_result import Analysis, FamilyCheck, RandomSearch
 from pinsing.sampling.finding import Finding
 from pinsing.sampling.findings import MAX_STARTS, singular_configurations
-from pinsing.sampling.planning import planned_sweep
 from pinsing.sampling.stopping import Stages
-from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepOptions
-from pinsing.sampling.sweep_run import run_sweep
+from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special
+from pinsing.sampling.sweep_run import sweep
 
 ON_FAMILY_TOL = 1e-5
 """Distance in joint space (radians; metres over the length scale) that counts as on a family."""
@@ -204,10 +203,21 @@ def analyze(
     forms = closed_form(
         arm, seconds=_ALGEBRA * seconds, angle_tol=angle_tol, snap_length=snap_length
     )
-    options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
     result = stages.run(
         "sweep",
-        lambda: run_sweep(swept, planned_sweep(swept, options, exact), stages.watched(progress)),
+        lambda: sweep(
+            swept,
+            nominal,
+            special,
+            levels,
+            samples,
+            joints,
+            ignore_limits,
+            prune,
+            stages.watched(progress),
+            seed,
+            exact,
+        ),
         None,
     )
     nothing: tuple[Finding, ...] = ()

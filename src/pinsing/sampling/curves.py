@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +25,7 @@ from pinsing._types import Array, Bool, Ints
 from pinsing.chunk_file import Record
 from pinsing.kinematics.verdict import SINGULAR_RTOL
 from pinsing.sampling.sweep_plan import NOT_ASKED, PlannedLevel, SweepPlan
+from pinsing.sampling.tally import finite, whole
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,9 +181,6 @@ def axis_values(ranges: Array, samples: int, places: Ints) -> Array:
 CANDIDATES = 65_536
 """Dips that a sweep goes on with unless asked otherwise."""
 
-DIPS = ("dips_found", "dip_number", "dip_kind", "dip_sigma", "dip_ratio")
-"""Names of the arrays of a pool."""
-
 _CELLS = 64  # parts of a range
 _RUN = 3  # singular samples in a row that are a stretch and no crossing
 _FLAT = 1e-9  # relative change below which a curve has rounding but no dips
@@ -278,6 +277,8 @@ class Pool:
         How many there were.
     """
 
+    names = ("dips_found", "dip_number", "dip_kind", "dip_sigma", "dip_ratio")
+
     def __init__(self, most: int) -> None:
         self.most = most
         self.found = 0
@@ -291,25 +292,30 @@ class Pool:
             self._take(number, kind, sigma, ratio)
 
     def join(self, record: Record) -> None:
-        """Take what `record` of another pool gave."""
-        self.found += int(record["dips_found"])
-        self._take(
-            record["dip_number"].astype(np.int64),
-            record["dip_kind"].astype(np.int64),
-            record["dip_sigma"].astype(np.float64),
-            record["dip_ratio"].astype(np.float64),
-        )
+        """Take what `record` of another pool gave, which `check` has judged."""
+        taken: Any = [record[name] for name in self.names]
+        self.found += int(taken[0])
+        self._take(*taken[1:])
+
+    def check(self, record: Record, start: int, stop: int, regular: int) -> None:
+        """Judge a pool of Jacobians from ``start`` to ``stop``, so many not of singular curves.
+
+        Raises
+        ------
+        ValueError
+            If it cannot be that; the message says what is wrong.
+        """
+        found = int(whole(record, "dips_found", (), 0, regular + 1))
+        size = (min(found, self.most),)
+        if (np.diff(whole(record, "dip_number", size, start, stop)) <= 0).any():
+            raise ValueError("its dips are not in order")
+        whole(record, "dip_kind", size, 0, 1 << 62)
+        for name in ("dip_sigma", "dip_ratio"):
+            finite(record, name, size)
 
     def record(self) -> Record:
         """What is kept, by number, as arrays."""
-        number, kind, sigma, ratio = self._reduced()
-        return {
-            "dips_found": np.array(self.found),
-            "dip_number": number,
-            "dip_kind": kind,
-            "dip_sigma": sigma,
-            "dip_ratio": ratio,
-        }
+        return dict(zip(self.names, (np.array(self.found), *self._reduced()), strict=True))
 
     def candidates(self, samples: int) -> Candidates:
         """What is kept, of curves with so many samples."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -117,6 +117,9 @@ class Job(Protocol):
     def identity(self) -> Mapping[str, Any]:
         """What decides the numbers, as plain JSON values."""
 
+    def span(self, index: int) -> tuple[int, int]:
+        """Numbers of what one chunk computes: from, and to before."""
+
     def part(self, index: int) -> Callable[[], Record]:
         """Return what computes one chunk: small, able to be pickled, the same anywhere."""
 
@@ -145,9 +148,43 @@ def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
     return evaluator(arm, recorded_engine(known, options.engine))
 
 
+class Part(Protocol):
+    """What chunks are reduced to."""
+
+    def join(self, record: Record) -> None:
+        """Take the part that the record of a chunk has of it."""
+
+
+class Run:
+    """A job at work: its chunks as they are done, and its folder."""
+
+    def __init__(
+        self, job: Job, chunks: Chunks, folder: RunFolder | None, progress: Progress | None
+    ) -> None:
+        self.job, self.chunks, self.folder, self.progress = job, chunks, folder, progress
+        self.done = 0
+
+    def reduce(self, parts: Sequence[Part], before: int, count: int) -> bool:
+        """Join all chunks into ``parts``; False if Ctrl-C has stopped that.
+
+        ``before`` and ``count`` are what progress counts: from, and to.
+        """
+        try:
+            for index, record in self.chunks:
+                for part in parts:
+                    part.join(record)
+                start, stop = self.job.span(index)
+                self.done += stop - start
+                if self.progress is not None:
+                    self.progress(before + self.done, count)
+        except KeyboardInterrupt:
+            return False
+        return True
+
+
 @contextlib.contextmanager
-def running(job: Job, options: RunOptions) -> Iterator[tuple[Chunks, RunFolder | None]]:
-    """Run ``job`` for as long as the block lasts: its chunks as they are done, and its folder.
+def running(job: Job, options: RunOptions) -> Iterator[Run]:
+    """Run ``job`` for as long as the block lasts.
 
     So long Ctrl-C raises nothing by itself: see `pinsing.sampling.stopping`.
 
@@ -171,7 +208,7 @@ def running(job: Job, options: RunOptions) -> Iterator[tuple[Chunks, RunFolder |
             pool = local_threads(options.threads, patient=lambda: inbox.asked < 2)
             executor, parallel = stack.enter_context(pool)
         chunks = finished_chunks(job, executor, folder, parallel, options.tell, inbox)
-        yield stack.enter_context(contextlib.closing(chunks)), folder
+        yield Run(job, stack.enter_context(contextlib.closing(chunks)), folder, options.progress)
 
 
 def finished_chunks(

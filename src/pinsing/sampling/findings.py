@@ -146,7 +146,7 @@ def _refined(exact: Arm, result: SweepResult, random_starts: int, until: float) 
     rng = np.random.default_rng(plan.seed)
     extra += list(exact.space.sample(random_starts, rng, plan.ignore_limits))
     q = np.array([*along, *extra]).reshape(-1, exact.n)
-    ratio = _ratios(exact, q)
+    ratio = ratios(exact, q)
     at = np.full(len(q), np.nan)
     on = np.flatnonzero(ratio[: len(dips.curve)] <= SINGULAR_RTOL)
     at[on] = q[on, table.rows(dips.curve).moving[on]]
@@ -249,7 +249,7 @@ class _Collector:
                     status="singular",
                     condition=condition,
                     configuration=chosen,
-                    raw_ratio=float(_ratios(self.arm, chosen.q)[0]),
+                    raw_ratio=float(ratios(self.arm, chosen.q)[0]),
                     reachability=Reachability.of(reachable),
                     seen=len(curves),
                     curves=tuple(dict.fromkeys(curves)),
@@ -351,7 +351,7 @@ def _valleys(
                     status="near-singular",
                     condition=condition,
                     configuration=chosen,
-                    raw_ratio=float(_ratios(arm, chosen.q)[0]),
+                    raw_ratio=float(ratios(arm, chosen.q)[0]),
                     reachability=Reachability.of(True if chosen.within_limits else None),
                     seen=int(rows.sum()),
                     curves=tuple(dict.fromkeys(curves)),
@@ -365,7 +365,3 @@ def _order(arm: Arm, finding: Finding) -> tuple[object, ...]:
     places = tuple(arm.joints.index(name) for name in condition.depends_on)
     values = tuple((abs(v), v < 0) for v in condition.fixed.values())
     return (bool(condition.related), len(places), places, values)
-
-
-def _ratios(arm: Arm, Q: Array) -> Array:
-    return ratios(arm, Q)

@@ -6,11 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
-import numpy as np
-
 from pinsing._types import Array
 from pinsing.arguments import checked
-from pinsing.errors import OptionError
 from pinsing.joint_text import typed
 from pinsing.measures import NEAR_RTOL, SINGULAR_RTOL
 from pinsing.prose import PLAIN, Page, Span, Table, alarm, caution, verdict
@@ -18,10 +15,7 @@ from pinsing.sampling.map_plan import MapPlan
 from pinsing.sampling.tally import (
     QUANTILE_ERROR,
     Distribution,
-    Tally,
     WorstPoint,
-    distributions,
-    worst_points,
 )
 from pinsing.serialization import JsonResult
 
@@ -237,40 +231,4 @@ def _nearest(point: ClearancePoint, plan: MapPlan, degrees: bool, scale: float, 
     q = typed(point.q, plan.arm.prismatic, degrees, _DIGITS, room=page.width - 34)
     return page.paragraph(
         f"{scale * point.lower:.3g} from {point.family} at {q}", first="  ", rest="    "
-    )
-
-
-def result_of(
-    plan: MapPlan,
-    engine: str,
-    tally: Tally,
-    notes: tuple[str, ...] = (),
-    clearance: ClearanceSpread | None = None,
-) -> MapResult:
-    """Turn a tally into a result.
-
-    Raises
-    ------
-    OptionError
-        If it has seen no configuration.
-    """
-    if not tally.done:
-        raise OptionError("the map was stopped before its first chunk was done")
-
-    def locate(index: int) -> Array:
-        return np.asarray(plan.configurations(index, index + 1)[0])
-
-    sigma_min, ratio = distributions(tally, locate)
-    return MapResult(
-        plan=plan,
-        engine=engine,
-        done=tally.done,
-        singular=tally.singular,
-        near_singular=tally.near,
-        sigma_min=sigma_min,
-        ratio=ratio,
-        worst=worst_points(tally, locate),
-        complete=tally.done == plan.count,
-        notes=plan.notes + notes,
-        clearance=clearance,
     )

@@ -26,16 +26,13 @@ from pinsing.proximity.watched import Forms, require_forms_of, watch
 from pinsing.robot.arm import Arm
 from pinsing.sampling.execute import Progress, RunOptions, Tell, planned_evaluator, running
 from pinsing.sampling.map_plan import BLOCK, WORST, MapPlan, plan_map, rows_of
-from pinsing.sampling.map_result import ClearancePoint, ClearanceSpread, MapResult, result_of
+from pinsing.sampling.map_result import ClearancePoint, ClearanceSpread, MapResult
 from pinsing.sampling.tally import (
-    TALLY,
     Tally,
     check_names,
-    check_tally,
-    check_values,
     distributions,
     finite,
-    tally_room,
+    worst_points,
 )
 
 MEASURES = ("sigma", "clearance")
@@ -43,12 +40,6 @@ MEASURES = ("sigma", "clearance")
 
 RESULT = "result.json"
 """File of a folder that holds the result of a complete map."""
-
-
-_PREFIX = "clearance_"
-
-CLEARANCE_TALLY = tuple(_PREFIX + name for name in TALLY)
-"""Names of the arrays of the tally of the clearance in a record."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,10 +90,6 @@ class Nearness:
             digest.update(f"{name}:{len(data)};".encode() + data)
         return digest.hexdigest()
 
-    def add(self, tally: Tally, first: int, Q: Array, engine: str) -> None:
-        """Count the bounds at configurations Q (N, n) with numbers from ``first`` on."""
-        tally.add(first, *self.bounds(Q, engine))
-
     def bounds(self, Q: Array, engine: str) -> tuple[Array, Array]:
         """Return the upper and lower bounds (N,) at configurations Q (N, n)."""
         compiled = engine != PINOCCHIO
@@ -128,30 +115,6 @@ class Nearness:
                 for i, q, low, high, k in rows
             ),
         )
-
-
-def put_clearance(record: Record, tally: Tally) -> None:
-    """Put a tally of the clearance into the record of a chunk."""
-    record.update({_PREFIX + name: array for name, array in tally.record().items()})
-
-
-def clearance_part(record: Record) -> Record:
-    """The arrays of the clearance of a record, under their plain names."""
-    start = len(_PREFIX)
-    return {name[start:]: a for name, a in record.items() if name.startswith(_PREFIX)}
-
-
-def check_clearance(record: Record, worst: int, start: int, stop: int) -> None:
-    """Raise a ValueError that says why the clearance of a record cannot be that of a chunk."""
-    try:
-        check_tally(clearance_part(record), worst, stop - start, start, stop, ratios=False)
-    except ValueError as error:
-        raise ValueError(f"of the clearance, {error}") from None
-
-
-def clearance_room(worst: int, count: int) -> int:
-    """Bytes that the clearance takes in a record at most."""
-    return tally_room(worst, count) + 4096
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,6 +143,21 @@ class MapJob:
         """How many chunks there are."""
         return self.plan.chunks
 
+    def tallies(self) -> list[Tally]:
+        """Empty tallies of what is measured."""
+        found = [Tally(self.plan.worst)]
+        if self.near is not None:
+            found.append(Tally(self.plan.worst, "clearance_", ratios=False))
+        return found
+
+    def measure(self, Q: Array) -> tuple[Array, list[tuple[Array, Array]]]:
+        """Singular values (N, r) at Q (N, n), and what each tally counts of them."""
+        sigma, ratio = self.evaluator.measure(Q)
+        found = [(sigma[:, -1], ratio)]
+        if self.near is not None:
+            found.append(self.near.bounds(Q, self.evaluator.engine))
+        return sigma, found
+
     def identity(self) -> Mapping[str, Any]:
         """What decides the numbers, as plain JSON values."""
         values: dict[str, Any] = {"keep_values": self.keep_values}
@@ -199,52 +177,46 @@ class MapJob:
     def check(self, index: int, record: Record) -> None:
         """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
         start, stop = self.span(index)
-        names = TALLY + (("sigma",) if self.keep_values else ())
-        check_names(record, names + (CLEARANCE_TALLY if self.near is not None else ()))
-        if self.near is not None:
-            check_clearance(record, self.plan.worst, start, stop)
-        check_tally(record, self.plan.worst, stop - start, start, stop)
+        names = [name for tally in self.tallies() for name in tally.names]
+        check_names(record, (*names, *(["sigma"] if self.keep_values else [])))
         if self.keep_values:
             finite(record, "sigma", (stop - start, self.evaluator.rank))
 
         def locate(number: int) -> Array:
             return np.asarray(rows_of(self.plan, number, number + 1)[0])
 
-        check_values(record, locate, self.evaluator.last_and_ratio)
-        if self.near is not None:
-            near, engine = self.near, self.evaluator.engine
-            check_values(clearance_part(record), locate, lambda Q: near.bounds(Q, engine))
+        for k, tally in enumerate(self.tallies()):
+
+            def measure(Q: Array, k: int = k) -> tuple[Array, Array]:
+                return self.measure(Q)[1][k]
+
+            try:
+                tally.check(record, stop - start, start, stop, locate, measure)
+            except ValueError as error:
+                raise ValueError(f"{'of the clearance, ' if k else ''}{error}") from None
 
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
         start, stop = self.span(index)
         values = 8 * self.evaluator.rank * (stop - start) if self.keep_values else 0
-        if self.near is not None:
-            values += clearance_room(self.plan.worst, stop - start)
-        return tally_room(self.plan.worst, stop - start) + values
+        return values + sum(tally.room(stop - start) for tally in self.tallies())
 
 
 def compute_map_chunk(job: MapJob, index: int) -> Record:
-    """Tally of one chunk as arrays, with ``sigma`` (N, r) if values are kept.
+    """Tallies of one chunk as arrays, with ``sigma`` (N, r) if values are kept.
 
     Blocks begin at multiples of BLOCK whatever the chunks, so that each array operation has
     the same operands and gives the same bits.
     """
-    plan = job.plan
     start, stop = job.span(index)
-    tally, distances = Tally(plan.worst), Tally(plan.worst)
-    kept = []
+    tallies, kept = job.tallies(), []
     for first in range(start, stop, BLOCK):
-        Q = rows_of(plan, first, min(stop, first + BLOCK))
-        found = job.evaluator.measure(Q)
-        tally.add(first, found.sigma[:, -1], found.ratio)
-        if job.near is not None:
-            job.near.add(distances, first, Q, job.evaluator.engine)
+        sigma, values = job.measure(rows_of(job.plan, first, min(stop, first + BLOCK)))
+        for tally, both in zip(tallies, values, strict=True):
+            tally.add(first, *both)
         if job.keep_values:
-            kept.append(found.sigma)
-    record = tally.record()
-    if job.near is not None:
-        put_clearance(record, distances)
+            kept.append(sigma)
+    record = {name: array for tally in tallies for name, array in tally.record().items()}
     if job.keep_values:
         record["sigma"] = np.concatenate(kept)
     return record
@@ -378,34 +350,37 @@ def sigma_map(
 
 
 def run_map(
-    arm: Arm,
-    plan: MapPlan,
-    options: RunOptions | None = None,
-    keep_values: bool = False,
-    near: Nearness | None = None,
+    arm: Arm, plan: MapPlan, options: RunOptions, keep_values: bool, near: Nearness | None
 ) -> MapResult:
     """Run a plan that was made for ``arm``; see `sigma_map`."""
-    options = RunOptions() if options is None else options
     if keep_values and options.out is None:
         raise OptionError("keep_values needs a folder to keep them in: give out")
     job = MapJob(plan, planned_evaluator(arm, options), keep_values, near)
-    tally, distances, notes = Tally(plan.worst), Tally(plan.worst), []
-    with running(job, options) as (chunks, folder):
-        try:
-            for _, record in chunks:
-                tally.join(Tally.from_record(record, plan.worst))
-                if near is not None:
-                    distances.join(Tally.from_record(clearance_part(record), plan.worst))
-                if options.progress is not None:
-                    options.progress(tally.done, plan.count)
-        except KeyboardInterrupt:
-            notes.append(f"stopped after {tally.done:,} of {plan.count:,} configurations")
+    tally, *distances = tallies = job.tallies()
+    notes = plan.notes
+    with running(job, options) as run:
+        if not run.reduce(tallies, 0, plan.count):
+            notes += (f"stopped after {tally.done:,} of {plan.count:,} configurations",)
         if not tally.done:
             raise KeyboardInterrupt
-        spread = None
-        if near is not None:
-            spread = near.spread(distances, lambda i: plan.configurations(i, i + 1)[0])
-        result = result_of(plan, job.evaluator.engine, tally, tuple(notes), spread)
-        if folder is not None and result.complete:
-            folder.write_text(RESULT, result.to_json() + "\n")
+
+        def locate(number: int) -> Array:
+            return np.asarray(plan.configurations(number, number + 1)[0])
+
+        sigma_min, ratio = distributions(tally, locate)
+        result = MapResult(
+            plan=plan,
+            engine=job.evaluator.engine,
+            done=tally.done,
+            singular=tally.singular,
+            near_singular=tally.near,
+            sigma_min=sigma_min,
+            ratio=ratio,
+            worst=worst_points(tally, locate),
+            complete=tally.done == plan.count,
+            notes=notes,
+            clearance=None if near is None else near.spread(distances[0], locate),
+        )
+        if run.folder is not None and result.complete:
+            run.folder.write_text(RESULT, result.to_json() + "\n")
     return result

@@ -6,6 +6,7 @@ kept, are in the chunks of the folder; `kept_curves` goes through them one by on
 
 from __future__ import annotations
 
+import functools
 import json
 import os
 from collections.abc import Iterator
@@ -16,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from pinsing.atomic_write import write_bytes
-from pinsing.chunk_file import DamagedError, Record, read_arrays, read_bounded
+from pinsing.chunk_file import DamagedError, read_arrays, read_bounded
 from pinsing.errors import ResultError
 from pinsing.sampling.curves import CurveTable, axis_values
 from pinsing.sampling.run_folder import RunFolder, recorded
 from pinsing.sampling.sweep_result import CURVES, SweepCurve, SweepResult, curves_of, pack_sweep
-from pinsing.sampling.sweep_run import Kept, check_curves, curves_room, regular_count, span_of
+from pinsing.sampling.sweep_run import Kept, SweepJob
 
 _ROOM = 1 << 30  # bytes that a saved sweep may take
 _NUMBERS = ("chunks", "pieces_of_a_chunk", "worst", "candidates")  # of a plan
@@ -89,21 +90,13 @@ def kept_curves(folder: str | os.PathLike[str]) -> Iterator[SweepCurve]:
         chunks, size, *most = (int(identity[name]) for name in _NUMBERS)
     except (KeyError, TypeError, ValueError):
         raise ResultError(f"the folder {root} has no plan of a sweep") from None
-    kept = Kept(True, *most)
+    job = SweepJob(plan, None, size, Kept(True, *most))
     run = RunFolder(root, identity, chunks)
     rest = np.empty((2, 0))
     number = 0
     for index in range(chunks):
-        start, stop = span_of(index, size, len(table), samples)
-        regular = regular_count(table, start, stop)
-
-        def check(
-            record: Record, start: int = start, stop: int = stop, regular: int = regular
-        ) -> None:
-            check_curves(record, kept, start, stop, regular)
-
         try:
-            record = run.read(index, check, curves_room(kept, stop - start))
+            record = run.read(index, functools.partial(job.check, index), job.room(index))
         except (FileNotFoundError, DamagedError) as error:
             said = "it is missing" if isinstance(error, FileNotFoundError) else error
             raise ResultError(

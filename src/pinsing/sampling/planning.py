@@ -37,7 +37,6 @@ from pinsing.sampling.sweep_plan import (
     JointEffect,
     PlannedLevel,
     Special,
-    SweepOptions,
     SweepPlan,
 )
 
@@ -261,28 +260,21 @@ def plan_sweep(
     >>> pinsing.plan_sweep(pinsing.load("planar3r"))
     <SweepPlan: 3 curves, 547 Jacobians; special values: 4 of 1 joint>
     """
-    options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
-    return planned_sweep(arm, options, geometry)
-
-
-def planned_sweep(arm: Arm, options: SweepOptions, geometry: Arm | None = None) -> SweepPlan:
-    """As `plan_sweep`, of options that travel together."""
-    samples, ignore_limits, seed = options.samples, options.ignore_limits, options.seed
     if not 3 <= samples <= _MAX_SAMPLES:
         raise OptionError(
             f"a curve needs at least 3 samples, and at most {_MAX_SAMPLES:,}; got {samples}"
         )
     exact = nominal_geometry(arm).arm if geometry is None else geometry
-    asked = _levels(options.levels, arm.n)
-    chosen = _joints(arm, options.joints)
+    asked = _levels(levels, arm.n)
+    chosen = _joints(arm, joints)
     rng = np.random.default_rng(whole_number(seed, "seed", 0, MAX_SEED))
     notes = list(scale_notes(arm))
-    q, origin = choose_nominal(arm, options.nominal, ignore_limits, rng)
+    q, origin = choose_nominal(arm, nominal, ignore_limits, rng)
     ranges = moving_ranges(arm, ignore_limits, notes)
-    values = special_values(arm, options.special, ignore_limits, notes)
-    uniform = uniform_configurations(arm, q, options.special, ignore_limits, notes)
+    values = special_values(arm, special, ignore_limits, notes)
+    uniform = uniform_configurations(arm, q, special, ignore_limits, notes)
     effects = _effects(arm, exact, q, chosen, values, ranges, rng, notes)
-    planned = _combinations(exact, effects, asked, options.prune, seed)
+    planned = _combinations(exact, effects, asked, prune, seed)
     for level in asked:
         if level > sum(e.swept for e in effects):
             notes.append(
@@ -301,7 +293,7 @@ def planned_sweep(arm: Arm, options: SweepOptions, geometry: Arm | None = None) 
         levels=planned,
         samples=samples,
         ignore_limits=ignore_limits,
-        prune=options.prune,
+        prune=prune,
         seed=seed,
         n_curves=n_curves,
         n_jacobians=n_curves * samples + len(uniform),

@@ -97,9 +97,9 @@ class RunFolder:
         try:
             # Arrays that cannot be compressed grow by less than a thousandth.
             data = read_bounded(path, room + room // 512 + (64 << 10))
-        except FileNotFoundError:
-            raise
         except OSError as error:
+            if isinstance(error, FileNotFoundError):
+                raise
             raise OutputError(f"cannot read {path}: {why(error)}") from None
         record = unpack(data, self.digest, index, room)
         if check is not None:
@@ -121,9 +121,8 @@ class RunFolder:
 
     def write_bytes(self, name: str, data: bytes) -> Path:
         """Write a further file of the run, such as its result, as safely as a chunk."""
-        target = self.path / name
-        self._write(target, data)
-        return target
+        self._write(self.path / name, data)
+        return self.path / name
 
     def write_text(self, name: str, text: str) -> Path:
         """As `write_bytes`."""
@@ -196,11 +195,13 @@ def open_run(
     """
     root = Path(path)
     identity = json.loads(json.dumps(identity))  # as it will be read back
-    with open(_locked(root), "rb"):
+    with _locked(root):
         folder = RunFolder(root, identity, chunks)
         known = recorded(root)
         if known is None:
-            _start(folder)
+            make_chunks(root)
+            plan = {"schema": _SCHEMA, "identity": folder.identity, "sha256": folder.digest}
+            folder.write_text(_PLAN, json.dumps(plan, indent=2) + "\n")
         elif known != identity:
             raise OutputError(f"{root} holds another run: {_difference(known, identity)}")
         else:
@@ -218,69 +219,68 @@ def make_chunks(root: Path) -> None:
         If it cannot be made, or is a link or a file.
     """
     chunks = root / _CHUNKS
-    try:
+    with _reported(f"cannot make {chunks}"):
         with contextlib.suppress(FileExistsError):
             os.mkdir(chunks)
             sync_folder(root)
         if not stat.S_ISDIR(os.lstat(chunks).st_mode):
             raise OutputError(f"cannot use {chunks}: it is no folder; remove it, or give another")
+
+
+@contextlib.contextmanager
+def _reported(what: str) -> Iterator[None]:
+    """Say of a failure of the system what could not be done."""
+    try:
+        yield
     except OutputError:
         raise
-    except OSError as error:
-        raise OutputError(f"cannot make {chunks}: {why(error)}") from None
+    except (OSError, ValueError) as error:
+        raise OutputError(f"{what}: {why(error)}") from None
 
 
-def _locked(root: Path) -> int:
-    """Handle of the lock of a folder, which is made if it is not there; locked."""
-    try:
+@contextlib.contextmanager
+def _locked(root: Path) -> Iterator[None]:
+    """Lock a folder, which is made if it is not there."""
+    with _reported(f"cannot use {root}"):
         if not root.is_dir():
             if root.is_symlink() and not root.exists():
                 raise OutputError(f"cannot use {root}: it is a link to what is not there")
             if root.exists():
                 kind = "a file" if root.is_file() else "a device or pipe"
                 raise OutputError(f"cannot use {root}: it is {kind}; give a folder")
-            os.mkdir(root)
+            try:
+                os.mkdir(root)
+            except FileNotFoundError:
+                raise OutputError(f"cannot make {root}: there is no folder {root.parent}") from None
             sync_folder(root.parent)
-        elif not (root / _PLAN).exists() and _foreign(root):
+        elif not (root / _PLAN).exists() and not all(map(_is_ours, root.iterdir())):
             raise OutputError(
                 f"{root} is not empty and holds no run of pinsing; give a new or empty folder"
             )
         flags = os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC
         handle = os.open(root / _LOCK, flags, 0o666)
-    except OutputError:
-        raise
-    except FileNotFoundError:
-        raise OutputError(f"cannot make {root}: there is no folder {root.parent}") from None
-    except (OSError, ValueError) as error:
-        raise OutputError(f"cannot use {root}: {why(error)}") from None
-    try:
+    with open(handle, "rb"):
         if not stat.S_ISREG(os.fstat(handle).st_mode):
             raise OutputError(f"cannot use {root / _LOCK}: it is no file; remove it")
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise OutputError(
-            f"another process is at work in {root}; wait for it, or give another folder"
-        ) from None
-    except OSError as error:
-        os.close(handle)
-        if isinstance(error, OutputError):
-            raise
-        raise OutputError(f"cannot lock {root}: {why(error)}") from None
-    return handle
+        with _reported(f"cannot lock {root}"):
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise OutputError(
+                    f"another process is at work in {root}; wait for it, or give another folder"
+                ) from None
+        yield
 
 
-def _start(folder: RunFolder) -> None:
-    make_chunks(folder.path)
-    plan = {"schema": _SCHEMA, "identity": folder.identity, "sha256": folder.digest}
-    folder.write_text(_PLAN, json.dumps(plan, indent=2) + "\n")
+def _is_ours(path: Path) -> bool:
+    """Return True of what an interrupted start can leave in a folder."""
+    return path.name in (_LOCK, _CHUNKS) or is_temporary(path.name)
 
 
 def _tidy(folder: RunFolder) -> None:
     """Remove what killed processes were writing; refuse what no chunk can be written over."""
-    chunks = folder.path / _CHUNKS
-    try:
-        for place in (folder.path, chunks):
+    with _reported(f"cannot use {folder.path}"):
+        for place in (folder.path, folder.path / _CHUNKS):
             with os.scandir(place) as entries:
                 for entry in list(entries):
                     if is_temporary(entry.name) and entry.is_file(follow_symlinks=False):
@@ -289,19 +289,6 @@ def _tidy(folder: RunFolder) -> None:
             path = folder.chunk_path(index)
             if stat.S_ISDIR(os.lstat(path).st_mode):
                 raise OutputError(f"cannot use {path}: it is a folder; remove it")
-    except OutputError:
-        raise
-    except OSError as error:
-        raise OutputError(f"cannot use {folder.path}: {why(error)}") from None
-
-
-def _foreign(root: Path) -> bool:
-    """Whether an interrupted start cannot be all that the folder holds."""
-
-    def ours(path: Path) -> bool:
-        return path.name in (_LOCK, _CHUNKS) or is_temporary(path.name)
-
-    return not all(map(ours, root.iterdir()))
 
 
 def _chunk_name(index: int) -> str:

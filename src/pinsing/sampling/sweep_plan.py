@@ -198,37 +198,3 @@ class SweepPlan(JsonResult):
         )
         held = f"; special values: {sets}" if sets else ", with no joint at a special value"
         return f"{self.n_curves:,} curves, {self.n_jacobians:,} Jacobians{held}"
-
-
-@dataclass(frozen=True, eq=False)
-class SweepOptions:
-    """What is to be swept, as it is asked for; see `pinsing.sweep`.
-
-    Attributes
-    ----------
-    nominal : (n,) or (nq,) array_like or None
-        Configuration that the joints rest at, radians or metres; found if not given.
-    special : sequence of float, or mapping of joint names to such
-        Special values of the revolute joints, radians, or of single joints.
-    levels : int, iterable of int, or None
-        How many joints are at special values at once; an int means 1 up to it.
-    samples : int
-        Points of a curve.
-    joints : sequence of str or None
-        Joints that take part; all that change sigma_min by default.
-    ignore_limits : bool
-        Sweep whole circles.
-    prune : bool
-        Leave out sets that contain one that is singular whatever the others.
-    seed : int
-        Of all random values.
-    """
-
-    nominal: npt.ArrayLike | None = None
-    special: Special = SPECIAL_ANGLES
-    levels: int | Iterable[int] | None = None
-    samples: int = SAMPLES
-    joints: Sequence[str] | None = None
-    ignore_limits: bool = False
-    prune: bool = True
-    seed: int = 0

@@ -30,7 +30,6 @@ from pinsing.kinematics.verdict import Evaluator, run_identity, status_of
 from pinsing.robot.arm import Arm
 from pinsing.sampling.curves import (
     CANDIDATES,
-    DIPS,
     CurveRows,
     CurveTable,
     Pool,
@@ -38,9 +37,9 @@ from pinsing.sampling.curves import (
     kinds,
     minima,
 )
-from pinsing.sampling.execute import Progress, RunOptions, Tell, planned_evaluator, running
-from pinsing.sampling.planning import planned_sweep
-from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepOptions, SweepPlan
+from pinsing.sampling.execute import Part, Progress, RunOptions, Tell, planned_evaluator, running
+from pinsing.sampling.planning import plan_sweep
+from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepPlan
 from pinsing.sampling.sweep_result import (
     CURVES,
     HOW_TO_KEEP,
@@ -52,20 +51,19 @@ from pinsing.sampling.sweep_result import (
     pack_sweep,
 )
 from pinsing.sampling.tally import (
-    TALLY,
     Tally,
     check_names,
-    check_tally,
-    check_values,
     distributions,
     finite,
-    tally_room,
     whole,
     worst_points,
 )
 
 PIECE = 32_768
 """Samples of a curve that are treated at a time, at most."""
+
+# Jacobians of a chunk at least, in memory and in a folder, where it is 1 MB with its curves.
+_CHUNK, _CHUNK_ON_DISK = 16_384, 65_536
 
 _BLOCK = 4096  # configurations that are treated at a time, of shorter curves
 
@@ -118,54 +116,6 @@ class Work:
     kept: Kept
 
 
-def span_of(index: int, size: int, curves: int, samples: int) -> tuple[int, int]:
-    """Numbers of the Jacobians of a chunk of ``size`` pieces: from, and to before."""
-    pieces = -(-samples // PIECE)
-    start, stop = (
-        divmod(min(piece, curves * pieces), pieces) for piece in (index * size, (index + 1) * size)
-    )
-    return start[0] * samples + start[1] * PIECE, stop[0] * samples + stop[1] * PIECE
-
-
-def regular_count(table: CurveTable, start: int, stop: int) -> int:
-    """How many of these Jacobians are of curves that are not singular throughout."""
-    samples = table.plan.samples
-    rows = table.rows(np.arange(start // samples, -(-stop // samples)))
-    first = rows.numbers * samples
-    own = np.minimum(first + samples, stop) - np.maximum(first, start)
-    return int(own[~rows.singular].sum())
-
-
-def curves_room(kept: Kept, count: int) -> int:
-    """Bytes that the arrays of a chunk of ``count`` Jacobians take at most."""
-    dips = 32 * min(kept.candidates, count)
-    return tally_room(kept.worst, count) + dips + (16 * count if kept.values else 0)
-
-
-def check_curves(record: Record, kept: Kept, start: int, stop: int, regular: int) -> None:
-    """Judge the record of a chunk, of whose Jacobians so many are not of singular curves.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be that; the message says what is wrong.
-    """
-    values = ("sigma_min", "sigma_ratio")
-    check_names(record, TALLY + DIPS + ("first",) + (values if kept.values else ()))
-    check_tally(record, kept.worst, regular, start, stop)
-    whole(record, "first", (), start, start + 1)
-    found = int(whole(record, "dips_found", (), 0, regular + 1))
-    size = (min(found, kept.candidates),)
-    if (np.diff(whole(record, "dip_number", size, start, stop)) <= 0).any():
-        raise ValueError("its dips are not in order")
-    whole(record, "dip_kind", size, 0, 1 << 62)
-    for name in ("dip_sigma", "dip_ratio"):
-        finite(record, name, size)
-    if kept.values:
-        for name in values:
-            finite(record, name, (stop - start,))
-
-
 class SweepJob:
     """The curves of a sweep, some in each chunk.
 
@@ -173,10 +123,10 @@ class SweepJob:
     ----------
     plan : SweepPlan
         What to do.
-    evaluator : Evaluator
-        The arm, on a fixed engine.
-    chunk : int
-        Jacobians of a chunk, more or less.
+    evaluator : Evaluator or None
+        The arm, on a fixed engine; None if chunks are only read.
+    size : int
+        Pieces of curves in a chunk.
     kept : Kept
         What to keep.
 
@@ -186,21 +136,14 @@ class SweepJob:
         All curves.
     """
 
-    def __init__(self, plan: SweepPlan, evaluator: Evaluator, chunk: int, kept: Kept) -> None:
-        self.plan, self.evaluator, self.kept = plan, evaluator, kept
+    def __init__(self, plan: SweepPlan, evaluator: Evaluator | None, size: int, kept: Kept) -> None:
+        self.plan, self.evaluator, self.kept, self.size = plan, evaluator, kept, size
         self.table = CurveTable(plan)
-        samples = plan.samples
-        self._pieces = -(-samples // PIECE)
-        block = _curves_per_block(samples)
-        if self._pieces == 1:
-            self._size = max(1, chunk // samples // block) * block
-        else:
-            self._size = max(1, chunk // PIECE)
 
     @property
     def chunks(self) -> int:
         """How many chunks there are."""
-        return -(-len(self.table) * self._pieces // self._size)
+        return -(-len(self.table) * _pieces(self.plan.samples) // self.size)
 
     def identity(self) -> Mapping[str, Any]:
         """What decides the numbers, as plain JSON values."""
@@ -211,13 +154,14 @@ class SweepJob:
             digest.update(level.joints.astype(np.int64).tobytes())
             digest.update(level.values.tobytes() + level.forced.tobytes())
         digest.update(repr([(e.swept, e.reason) for e in plan.effects]).encode())
+        assert self.evaluator is not None
         return run_identity("sweep", self.evaluator) | {
             "joints": list(plan.arm.joints),
             "nominal": plan.nominal.tolist(),
             "samples": plan.samples,
             "curves": len(self.table),
             "chunks": self.chunks,
-            "pieces_of_a_chunk": self._size,
+            "pieces_of_a_chunk": self.size,
             "keep": self.kept.values,
             "worst": self.kept.worst,
             "candidates": self.kept.candidates,
@@ -226,27 +170,53 @@ class SweepJob:
 
     def span(self, index: int) -> tuple[int, int]:
         """Numbers of the Jacobians of one chunk: from, and to before."""
-        return span_of(index, self._size, len(self.table), self.plan.samples)
+        samples, pieces = self.plan.samples, _pieces(self.plan.samples)
+        start, stop = (
+            divmod(min(piece, len(self.table) * pieces), pieces)
+            for piece in (index * self.size, (index + 1) * self.size)
+        )
+        return start[0] * samples + start[1] * PIECE, stop[0] * samples + stop[1] * PIECE
+
+    def _rows(self, start: int, stop: int) -> CurveRows:
+        samples = self.plan.samples
+        return self.table.rows(np.arange(start // samples, -(-stop // samples)))
 
     def part(self, index: int) -> Callable[[], Record]:
         """One chunk, with no more than it needs."""
-        start, stop = self.span(index)
-        samples = self.plan.samples
-        rows = self.table.rows(np.arange(start // samples, -(-stop // samples)))
-        ranges = self.table.ranges
+        (start, stop), samples = self.span(index), self.plan.samples
+        assert self.evaluator is not None
+        rows, ranges = self._rows(start, stop), self.table.ranges
         work = Work(self.evaluator, ranges, samples, rows, start, stop, self.kept)
         return functools.partial(compute_curves, work)
 
     def check(self, index: int, record: Record) -> None:
         """Raise a ValueError that says why ``record`` cannot be that of a chunk."""
-        start, stop = self.span(index)
-        check_curves(record, self.kept, start, stop, regular_count(self.table, start, stop))
-        check_values(record, self.table.configuration, self.evaluator.last_and_ratio)
+        (start, stop), samples = self.span(index), self.plan.samples
+        tally, pool = Tally(self.kept.worst), Pool(self.kept.candidates)
+        values = VALUES if self.kept.values else ()
+        check_names(record, (*tally.names, *pool.names, "first", *values))
+        rows = self._rows(start, stop)
+        first = rows.numbers * samples
+        own = np.minimum(first + samples, stop) - np.maximum(first, start)
+        regular = int(own[~rows.singular].sum())
+        measure = None if self.evaluator is None else self.evaluator.last_and_ratio
+        tally.check(record, regular, start, stop, self.table.configuration, measure)
+        whole(record, "first", (), start, start + 1)
+        pool.check(record, start, stop, regular)
+        for name in values:
+            finite(record, name, (stop - start,))
 
     def room(self, index: int) -> int:
         """Bytes that the arrays of a chunk take at most."""
         start, stop = self.span(index)
-        return curves_room(self.kept, stop - start)
+        count, kept = stop - start, self.kept
+        dips = 32 * min(kept.candidates, count)
+        return Tally(kept.worst).room(count) + dips + (16 * count if kept.values else 0)
+
+
+def _pieces(samples: int) -> int:
+    """Pieces of a curve."""
+    return -(-samples // PIECE)
 
 
 def compute_curves(work: Work) -> Record:
@@ -285,8 +255,8 @@ def compute_curves(work: Work) -> Record:
             sigma_ratios.append(ratio.ravel())
     record = tally.record() | pool.record() | {"first": np.array(work.start)}
     if work.kept.values:
-        record["sigma_min"] = np.concatenate(sigma_min)
-        record["sigma_ratio"] = np.concatenate(sigma_ratios)
+        for name, parts in zip(VALUES, (sigma_min, sigma_ratios), strict=True):
+            record[name] = np.concatenate(parts)
     return record
 
 
@@ -325,12 +295,8 @@ KEEP_BYTES = 64 << 20
 
 WORST = 20
 
-_PER_JACOBIAN = 16  # bytes: sigma_r and sigma_r / sigma_1
-
-# Jacobians of a chunk, if none are asked for: the least, in memory and in a folder, where one
-# is then 1 MB with its curves; and, without curves, the most, in as many chunks as that.
-_CHUNK, _CHUNK_ON_DISK = 16_384, 65_536
-_LARGEST_CHUNK, _CHUNKS = 524_288, 256
+VALUES = ("sigma_min", "sigma_ratio")
+"""Names of the arrays of kept curves in a record: 16 bytes for each Jacobian."""
 
 
 @checked
@@ -399,8 +365,9 @@ def sweep(
     >>> len(result.curves), result.complete
     (3, True)
     """
-    options = SweepOptions(nominal, special, levels, samples, joints, ignore_limits, prune, seed)
-    plan = planned_sweep(arm, options, geometry)
+    plan = plan_sweep(
+        arm, nominal, special, levels, samples, joints, ignore_limits, prune, seed, geometry
+    )
     return run_sweep(arm, plan, progress, keep=keep)
 
 
@@ -468,33 +435,41 @@ def run_sweep(
     options = RunOptions(out, engine, threads, executor, parallel, progress, tell)
     inside = check_keep(plan, keep, out is not None)
     kept = Kept(keep is not False and (inside or keep is True), int(worst), int(candidates))
-    size = _chunk(plan, kept.values, out is not None) if chunk is None else int(chunk)
-    job = SweepJob(plan, planned_evaluator(arm, options), size, kept)
+    if chunk is None:
+        most = _CHUNK_ON_DISK if kept.values else 524_288  # in 256 chunks, without the curves
+        least = _CHUNK if out is None else _CHUNK_ON_DISK
+        chunk = max(least, min(most, plan.n_jacobians // 256))
+    block = _curves_per_block(plan.samples)
+    size = max(1, chunk // plan.samples // block) * block
+    if plan.samples > PIECE:
+        size = max(1, chunk // PIECE)
+    job = SweepJob(plan, planned_evaluator(arm, options), int(size), kept)
     return _run(job, options, inside, keep)
 
 
 def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) -> SweepResult:
     """All chunks of a sweep, joined; the curves too if they fit ``inside`` the result."""
-    plan, kept = job.plan, job.kept
-    uniform = _uniform(job.evaluator, plan)
+    plan, kept, table, evaluator = job.plan, job.kept, job.table, job.evaluator
+    assert evaluator is not None
+    some = len(plan.uniform) > 0
+    last, ratio = evaluator.last_and_ratio(plan.uniform) if some else (np.empty(0), np.empty(0))
+    uniform = tuple(
+        UniformRow(value, sigma_min, sigma_ratio, status_of(sigma_ratio))
+        for value, sigma_min, sigma_ratio in zip(
+            plan.uniform_values.tolist(), last.tolist(), ratio.tolist(), strict=True
+        )
+    )
     tally, pool = Tally(kept.worst), Pool(kept.candidates)
-    curves = _Curves(job.table) if inside and kept.values else None
+    curves = _Curves(table) if inside and kept.values else None
     notes = list(plan.notes)
-    done = 0
-    with running(job, options) as (chunks, folder):
-        try:
-            for index, record in chunks:
-                tally.join(Tally.from_record(record, kept.worst))
-                pool.join(record)
-                if curves is not None:
-                    curves.add(record)
-                start, stop = job.span(index)
-                done += stop - start
-                if options.progress is not None:
-                    options.progress(len(uniform) + done, plan.n_jacobians)
-        except KeyboardInterrupt:
-            notes.append(_stopped(done, len(job.table), plan.samples))
-        complete = done == len(job.table) * plan.samples
+    with running(job, options) as run:
+        parts: list[Part] = [tally, pool, *([] if curves is None else [curves])]
+        count = len(table) * plan.samples
+        if not run.reduce(parts, len(uniform), plan.n_jacobians):
+            where = f"{run.done // plan.samples} of {len(table)} curves"
+            if run.done % plan.samples:
+                where = f"{run.done:,} of {count:,} Jacobians of the curves"
+            notes.append(f"stopped after {where}")
         found = pool.candidates(plan.samples)
         if found.found > len(found):
             notes.append(
@@ -502,22 +477,27 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
                 "the smallest of each combination of joints, spread over their ranges"
             )
         if curves is None and keep is not False:
-            need = plan.n_jacobians * _PER_JACOBIAN
-            notes.append(f"the curves are not part of the result: they take {_size(need)}")
+            need = _size(16 * plan.n_jacobians)
+            notes.append(f"the curves are not part of the result: they take {need}")
+        summary = None
+        if tally.done:
+            spread = distributions(tally, table.configuration)
+            worst = worst_points(tally, table.configuration)
+            summary = SweepSummary(tally.done, tally.singular, tally.near, *spread, worst)
         result = SweepResult(
             plan=plan,
             uniform=uniform,
             curves=() if curves is None else curves.found(),
-            complete=complete,
+            complete=run.done == count,
             notes=tuple(notes),
-            engine=job.evaluator.engine,
+            engine=evaluator.engine,
             kept=curves is not None,
-            done=len(uniform) + done,
-            summary=_summary(tally, job.table),
+            done=len(uniform) + run.done,
+            summary=summary,
             candidates=found,
         )
-        if folder is not None and complete:
-            folder.write_bytes(CURVES, pack_sweep(result))
+        if run.folder is not None and result.complete:
+            run.folder.write_bytes(CURVES, pack_sweep(result))
     return result
 
 
@@ -529,19 +509,13 @@ def check_keep(plan: SweepPlan, keep: bool | None, folder: bool) -> bool:
     OptionError
         If they do not, are to be kept, and there is no ``folder`` to keep them in.
     """
-    need = plan.n_jacobians * _PER_JACOBIAN
+    need = 16 * plan.n_jacobians
     if need > KEEP_BYTES and keep and not folder:
         raise OptionError(
             f"the curves of {plan.n_jacobians:,} Jacobians take {_size(need)}, and a result holds "
             f"at most {_size(KEEP_BYTES)}; {HOW_TO_KEEP}"
         )
     return need <= KEEP_BYTES
-
-
-def _chunk(plan: SweepPlan, values: bool, folder: bool) -> int:
-    least = _CHUNK_ON_DISK if folder else _CHUNK
-    most = _CHUNK_ON_DISK if values else _LARGEST_CHUNK
-    return max(least, min(most, plan.n_jacobians // _CHUNKS))
 
 
 class _Curves:
@@ -552,7 +526,7 @@ class _Curves:
         self.values = np.empty((2, len(table) * samples))
         self.seen: Ints = np.zeros(len(table), dtype=np.int64)
 
-    def add(self, record: Record) -> None:
+    def join(self, record: Record) -> None:
         """Take the values of one chunk."""
         start = int(record["first"])
         stop, samples = start + len(record["sigma_min"]), self.table.plan.samples
@@ -573,29 +547,5 @@ class _Curves:
         )
 
 
-def _summary(tally: Tally, table: CurveTable) -> SweepSummary | None:
-    if not tally.done:
-        return None
-    sigma_min, ratio = distributions(tally, table.configuration)
-    worst = worst_points(tally, table.configuration)
-    return SweepSummary(tally.done, tally.singular, tally.near, sigma_min, ratio, worst)
-
-
-def _stopped(done: int, curves: int, samples: int) -> str:
-    if done % samples:
-        return f"stopped after {done:,} of {curves * samples:,} Jacobians of the curves"
-    return f"stopped after {done // samples} of {curves} curves"
-
-
 def _size(need: int) -> str:
     return f"{need / 2**30:.3g} GiB" if need >= 2**30 else f"{need / 2**20:.3g} MiB"
-
-
-def _uniform(evaluator: Evaluator, plan: SweepPlan) -> tuple[UniformRow, ...]:
-    if not len(plan.uniform):
-        return ()
-    sigma, ratios = evaluator.measure(plan.uniform)
-    return tuple(
-        UniformRow(float(value), float(last), float(ratio), status_of(float(ratio)))
-        for value, last, ratio in zip(plan.uniform_values, sigma[:, -1], ratios, strict=True)
-    )

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -71,13 +72,23 @@ def bin_edges() -> Array:
     return np.concatenate([[0.0], numbers.view(np.float64), [np.inf]])
 
 
+_ARRAYS = (
+    *("counts", "value", "index", "worst_index", "worst_sigma", "worst_ratio"),
+    *(f"{name}_{part}" for name in MEASURES for part in ("bins", "counts")),
+)
+
+
 class Tally:
-    """Running summary of singular values.
+    """Running summary of singular values, or of the bounds of a distance.
 
     Parameters
     ----------
     worst : int
         How many configurations of smallest ratio are kept.
+    prefix : str
+        What the names of its arrays begin with in a record.
+    ratios : bool
+        The second value is a ratio of at most 1; else both may be infinite.
 
     Attributes
     ----------
@@ -91,8 +102,8 @@ class Tally:
         The worst few, smallest ratio first.
     """
 
-    def __init__(self, worst: int) -> None:
-        self.worst = worst
+    def __init__(self, worst: int, prefix: str = "", ratios: bool = True) -> None:
+        self.worst, self.prefix, self.ratios = worst, prefix, ratios
         self.done = self.singular = self.near = 0
         self.histogram = np.zeros((2, BINS), dtype=np.int64)
         self.value = np.array([[np.inf, -np.inf], [np.inf, -np.inf]])
@@ -100,6 +111,15 @@ class Tally:
         self.worst_index = np.empty(0, dtype=np.int64)
         self.worst_sigma = np.empty(0)
         self.worst_ratio = np.empty(0)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of its arrays in a record."""
+        return tuple(self.prefix + name for name in _ARRAYS)
+
+    def room(self, count: int) -> int:
+        """Bytes that its arrays take at most, of ``count`` configurations, with their headers."""
+        return 24 * min(self.worst, count) + 2 * 16 * min(BINS, count) + 8192
 
     def add(self, start: int, last: Array, ratio: Array, numbers: Counts | None = None) -> None:
         """Count sigma_r (N,) and the ratios (N,) of configurations from ``start`` on.
@@ -126,47 +146,30 @@ class Tally:
             places = start + rows if numbers is None else numbers[rows]
             self._worst(places, last[rows], ratio[rows])
 
-    def join(self, other: Tally) -> None:
-        """Count what ``other`` has seen."""
-        self.done += other.done
-        self.singular += other.singular
-        self.near += other.near
-        self.histogram += other.histogram
-        for k in range(2):
-            for column in (SMALLEST, LARGEST):
-                if other.index[k, column] >= 0:
-                    value, index = other.value[k, column], other.index[k, column]
-                    self._extreme(k, column, float(value), int(index))
-        self._worst(other.worst_index, other.worst_sigma, other.worst_ratio)
-
     def record(self) -> Record:
         """Everything as arrays, histograms without their empty bins."""
-        found: Record = {
-            "counts": np.array([self.done, self.singular, self.near], dtype=np.int64),
-            "value": self.value,
-            "index": self.index,
-            "worst_index": self.worst_index,
-            "worst_sigma": self.worst_sigma,
-            "worst_ratio": self.worst_ratio,
-        }
-        for name, row in zip(MEASURES, self.histogram, strict=True):
-            found[f"{name}_bins"] = np.flatnonzero(row)
-            found[f"{name}_counts"] = row[row > 0]
-        return found
+        arrays = [
+            np.array([self.done, self.singular, self.near], dtype=np.int64),
+            *(self.value, self.index, self.worst_index, self.worst_sigma, self.worst_ratio),
+        ]
+        for row in self.histogram:
+            arrays += [np.flatnonzero(row), row[row > 0]]
+        return dict(zip(self.names, arrays, strict=True))
 
-    @classmethod
-    def from_record(cls, record: Record, worst: int) -> Tally:
-        """Rebuild from ``record``."""
-        tally = cls(worst)
-        tally.done, tally.singular, tally.near = (int(x) for x in record["counts"].tolist())
-        tally.value = record["value"].astype(np.float64)
-        tally.index = record["index"].astype(np.int64)
-        tally.worst_index = record["worst_index"].astype(np.int64)
-        tally.worst_sigma = record["worst_sigma"].astype(np.float64)
-        tally.worst_ratio = record["worst_ratio"].astype(np.float64)
-        for name, row in zip(MEASURES, tally.histogram, strict=True):
-            row[record[f"{name}_bins"].astype(np.intp)] = record[f"{name}_counts"]
-        return tally
+    def join(self, record: Record) -> None:
+        """Count what the tally of a record has seen, which `check` has judged."""
+        part: dict[str, Any] = {name: record[self.prefix + name] for name in _ARRAYS}
+        done, singular, near = part["counts"].tolist()
+        self.done += done
+        self.singular += singular
+        self.near += near
+        for k, name in enumerate(MEASURES):
+            self.histogram[k][part[f"{name}_bins"]] += part[f"{name}_counts"]
+            for column in (SMALLEST, LARGEST):
+                if part["index"][k, column] >= 0:
+                    value, index = part["value"][k, column], part["index"][k, column]
+                    self._extreme(k, column, float(value), int(index))
+        self._worst(part["worst_index"], part["worst_sigma"], part["worst_ratio"])
 
     def _extreme(self, k: int, column: int, value: float, index: int) -> None:
         known, at = self.value[k, column], self.index[k, column]
@@ -182,22 +185,70 @@ class Tally:
         self.worst_index, self.worst_sigma = index[order], sigma[order]
         self.worst_ratio = ratio[order]
 
+    def check(
+        self,
+        record: Record,
+        count: int,
+        start: int,
+        stop: int,
+        locate: Callable[[int], Array],
+        measure: Callable[[Array], tuple[Array, Array]] | None,
+    ) -> None:
+        """Judge the tally of ``count`` configurations with numbers from ``start`` to ``stop``.
 
-_SIGMA, _RATIO = range(len(MEASURES))
-_ABOVE = 1 + 1e-9  # of a ratio that is 1, but for rounding
-_HEADERS = 8192
-_RELATIVE, _ABSOLUTE = 1e-8, 1e-11  # arrays of other lengths are added up in another order
+        Parameters
+        ----------
+        locate : callable
+            Configuration (n,) of a number.
+        measure : callable or None
+            Of configurations (N, n): what stands for sigma_r (N,) and for the ratio (N,). The
+            worst configurations and the extremes are computed again with it.
 
-TALLY = (
-    *("counts", "value", "index", "worst_index", "worst_sigma", "worst_ratio"),
-    *(f"{name}_{part}" for name in MEASURES for part in ("bins", "counts")),
-)
-"""Names of the arrays of a tally."""
-
-
-def tally_room(worst: int, count: int) -> int:
-    """Bytes that the arrays of a tally of ``count`` configurations take at most."""
-    return 24 * min(worst, count) + 2 * 16 * min(BINS, count) + _HEADERS
+        Raises
+        ------
+        ValueError
+            If it cannot be that; the message says what is wrong.
+        """
+        part = {name: record[self.prefix + name] for name in _ARRAYS}
+        done, singular, near = whole(part, "counts", (3,), 0, count + 1).tolist()
+        if done != count or singular + near > done:
+            raise ValueError(f"it counts {done} configurations, not {count}")
+        if not count:
+            for name, empty in Tally(self.worst).record().items():
+                if part[name].dtype != empty.dtype or not np.array_equal(part[name], empty):
+                    raise ValueError("it counts nothing, but has extremes")
+            return
+        value = finite(part, "value", (2, 2), self.ratios)
+        whole(part, "index", (2, 2), start, stop)
+        above = self.ratios and value[1, LARGEST] > 1 + 1e-9  # a ratio that is 1, but for rounding
+        if (value[:, SMALLEST] > value[:, LARGEST]).any() or above:
+            raise ValueError("its smallest and largest values contradict each other")
+        size = min(self.worst, count)
+        index = whole(part, "worst_index", (size,), start, stop)
+        sigma = finite(part, "worst_sigma", (size,), self.ratios)
+        ratio = finite(part, "worst_ratio", (size,), self.ratios)
+        ordered = np.lexsort((index, ratio))
+        if len(set(index.tolist())) < size or (ordered != np.arange(size)).any():
+            raise ValueError("its worst configurations are not in order")
+        if ratio[0] != value[1, SMALLEST] or sigma.min() < value[0, SMALLEST]:
+            raise ValueError("its worst configurations and its smallest values differ")
+        if np.count_nonzero(ratio <= SINGULAR_RTOL) != min(singular, self.worst):
+            raise ValueError("its worst configurations and its number of singular ones differ")
+        for ends, name in zip(value, MEASURES, strict=True):
+            bins = whole(part, f"{name}_bins", (None,), 0, BINS)
+            counts = whole(part, f"{name}_counts", bins.shape, 1, count + 1)
+            if not len(bins) or (np.diff(bins) <= 0).any() or int(counts.sum()) != count:
+                raise ValueError(f"the histogram of {name} does not count {count} configurations")
+            if bins[[0, -1]].tolist() != bin_numbers(ends).tolist():
+                raise ValueError(f"the histogram of {name} does not end where its values do")
+        if measure is not None:
+            numbers = [*index.tolist(), *part["index"].ravel().tolist()]
+            last, again = measure(np.stack([locate(number) for number in numbers]))
+            found = [last[:size], again[:size], last[size : size + 2], again[size + 2 :]]
+            said = np.concatenate([sigma, ratio, value.ravel()])
+            # Arrays of other lengths are added up in another order.
+            if not np.allclose(np.concatenate(found), said, rtol=1e-8, atol=1e-11):
+                raise ValueError("its worst configurations have other values than it says")
 
 
 def array_of(
@@ -261,110 +312,6 @@ def check_names(record: Record, names: tuple[str, ...]) -> None:
     if set(record) != set(names):
         other = sorted(set(record) ^ set(names))
         raise ValueError(f"{other[0][:40]!r} is missing or does not belong there")
-
-
-def check_tally(
-    record: Record, worst: int, count: int, start: int, stop: int, ratios: bool = True
-) -> None:
-    """Judge the tally of ``count`` configurations with numbers from ``start`` to ``stop``.
-
-    Ratios are at most 1; without ``ratios`` its values are distances, some of them infinite.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be that; the message says what is wrong.
-    """
-    done, singular, near = whole(record, "counts", (3,), 0, count + 1).tolist()
-    if done != count or singular + near > done:
-        raise ValueError(f"it counts {done} configurations, not {count}")
-    if not count:
-        return _check_empty(record)
-    value = finite(record, "value", (2, 2), ratios)
-    whole(record, "index", (2, 2), start, stop)
-    above = ratios and value[_RATIO, LARGEST] > _ABOVE
-    if (value[:, SMALLEST] > value[:, LARGEST]).any() or above:
-        raise ValueError("its smallest and largest values contradict each other")
-    _check_worst(record, min(worst, count), value, start, stop, ratios)
-    if _singular(record) != min(singular, worst):
-        raise ValueError("its worst configurations and its number of singular ones differ")
-    for row, name in zip(value, MEASURES, strict=True):
-        _check_histogram(record, name, row, count)
-    return None
-
-
-def check_values(
-    record: Record,
-    locate: Callable[[int], Array],
-    measure: Callable[[Array], tuple[Array, Array]],
-) -> None:
-    """Compute the worst configurations and the extremes of a tally again.
-
-    Parameters
-    ----------
-    record : Record
-        As `check_tally` has judged it.
-    locate : callable
-        Configuration (n,) of a number.
-    measure : callable
-        Of configurations (N, n): what stands for sigma_r (N,) and for the ratio (N,).
-
-    Raises
-    ------
-    ValueError
-        If they have other values, rounding aside.
-    """
-    worst = record["worst_index"].tolist()
-    numbers = [*worst, *record["index"].ravel().tolist()]
-    if not worst:
-        return
-    sigma, ratio = measure(np.stack([locate(int(number)) for number in numbers]))
-    n = len(worst)
-    found = np.concatenate([sigma[:n], ratio[:n], sigma[n : n + 2], ratio[n + 2 :]])
-    names = ("worst_sigma", "worst_ratio", "value")
-    said = np.concatenate([record[name].ravel().astype(np.float64) for name in names])
-    if not np.allclose(found, said, _RELATIVE, _ABSOLUTE):
-        raise ValueError("its worst configurations have other values than it says")
-
-
-def _singular(record: Record) -> int:
-    return int(np.count_nonzero(record["worst_ratio"].astype(np.float64) <= SINGULAR_RTOL))
-
-
-def _check_worst(
-    record: Record,
-    size: int,
-    value: npt.NDArray[np.float64],
-    start: int,
-    stop: int,
-    bounded: bool,
-) -> None:
-    index = whole(record, "worst_index", (size,), start, stop)
-    sigma, ratio = (finite(record, f"worst_{name}", (size,), bounded) for name in MEASURES)
-    ordered = np.lexsort((index, ratio))
-    if len(set(index.tolist())) < size or (ordered != np.arange(size)).any():
-        raise ValueError("its worst configurations are not in order")
-    if ratio[0] != value[_RATIO, SMALLEST] or sigma.min() < value[_SIGMA, SMALLEST]:
-        raise ValueError("its worst configurations and its smallest values differ")
-
-
-def _check_histogram(record: Record, name: str, value: npt.NDArray[np.float64], count: int) -> None:
-    bins = whole(record, f"{name}_bins", (None,), 0, BINS)
-    counts = whole(record, f"{name}_counts", bins.shape, 1, count + 1)
-    if not len(bins) or (np.diff(bins) <= 0).any() or int(counts.sum()) != count:
-        raise ValueError(f"the histogram of {name} does not count {count} configurations")
-    if bins[[0, -1]].tolist() != bin_numbers(value).tolist():
-        raise ValueError(f"the histogram of {name} does not end where its values do")
-
-
-def _check_empty(record: Record) -> None:
-    if (array_of(record, "index", (2, 2), whole=True).astype(np.int64) != -1).any():
-        raise ValueError("it counts nothing, but has extremes")
-    for name in TALLY[3:]:
-        array_of(record, name, (0,), whole=name not in ("worst_sigma", "worst_ratio"))
-    ends = np.array([[np.inf, -np.inf], [np.inf, -np.inf]])
-    if not np.array_equal(record["value"], ends):
-        raise ValueError("it counts nothing, but has extremes")
 
 
 Locate = Callable[[int], Array]
