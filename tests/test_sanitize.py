@@ -28,7 +28,7 @@ def test_the_kernel_under_two_sanitizers(monkeypatch: pytest.MonkeyPatch) -> Non
             "not slow",
             "tests/test_batch.py",
             "tests/test_batch_roots.py",
-            "tests/test_refine.py",
+            "tests/configuration/test_refine.py",
         ],
         capture_output=True,
         text=True,

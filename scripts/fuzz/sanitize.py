@@ -36,8 +36,12 @@ ISA = {
 }
 TESTS = (
     *("tests/test_batch.py", "tests/test_batch_svd.py", "tests/test_zeros.py"),
-    "tests/test_refine.py",  # the walks
-    *("tests/test_field_points.py", "tests/test_second_orders.py", "tests/test_batch_roots.py"),
+    "tests/configuration/test_refine.py",  # the walks
+    *(
+        "tests/test_field_points.py",
+        "tests/configuration/test_second_orders.py",
+        "tests/test_batch_roots.py",
+    ),
 )
 _CLEARANCE = "tests/test_clearance.py::test_the_compiled_bounds_are_those_of_numpy"
 

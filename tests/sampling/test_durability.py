@@ -14,7 +14,7 @@ from tiers import tiered
 
 from pinsing.view.picture import find_browser
 
-SCRIPTS = Path(__file__).parent.parent / "scripts"
+SCRIPTS = Path(__file__).parents[2] / "scripts"
 
 
 def _tool(name: str) -> Any:
@@ -60,7 +60,7 @@ def test_what_is_said_to_be_refused_for_mechanisms_is(tools: Any, tmp_path: Path
 
     from pinsing.cli.app import command
 
-    urdf = Path(__file__).parent.parent / "urdf"
+    urdf = Path(__file__).parents[2] / "urdf"
     files = [str(urdf / "five_bar.urdf"), "--loops", str(urdf / "five_bar.loops.yaml")]
     for words, _ in tools["commands"].REFUSED:
         name, option = words.split()
