@@ -148,7 +148,7 @@ def planned_evaluator(arm: Arm, options: RunOptions) -> Evaluator:
     return evaluator(arm, recorded_engine(known, options.engine))
 
 
-class Part(Protocol):
+class Reduction(Protocol):
     """What chunks are reduced to."""
 
     def join(self, record: Record) -> None:
@@ -164,7 +164,7 @@ class Run:
         self.job, self.chunks, self.folder, self.progress = job, chunks, folder, progress
         self.done = 0
 
-    def reduce(self, parts: Sequence[Part], before: int, count: int) -> bool:
+    def reduce(self, parts: Sequence[Reduction], before: int, count: int) -> bool:
         """Join all chunks into ``parts``; False if Ctrl-C has stopped that.
 
         ``before`` and ``count`` are what progress counts: from, and to.

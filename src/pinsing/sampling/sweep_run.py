@@ -37,7 +37,7 @@ from pinsing.sampling.curves import (
     kinds,
     minima,
 )
-from pinsing.sampling.execute import Part, Progress, RunOptions, Tell, planned_evaluator, running
+from pinsing.sampling.execute import Reduction, Progress, RunOptions, Tell, planned_evaluator, running
 from pinsing.sampling.planning import plan_sweep
 from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepPlan
 from pinsing.sampling.sweep_result import (
@@ -463,7 +463,7 @@ def _run(job: SweepJob, options: RunOptions, inside: bool, keep: bool | None) ->
     curves = _Curves(table) if inside and kept.values else None
     notes = list(plan.notes)
     with running(job, options) as run:
-        parts: list[Part] = [tally, pool, *([] if curves is None else [curves])]
+        parts: list[Reduction] = [tally, pool, *([] if curves is None else [curves])]
         count = len(table) * plan.samples
         if not run.reduce(parts, len(uniform), plan.n_jacobians):
             where = f"{run.done // plan.samples} of {len(table)} curves"
