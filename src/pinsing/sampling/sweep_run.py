@@ -37,7 +37,14 @@ from pinsing.sampling.curves import (
     kinds,
     minima,
 )
-from pinsing.sampling.execute import Reduction, Progress, RunOptions, Tell, planned_evaluator, running
+from pinsing.sampling.execute import (
+    Progress,
+    Reduction,
+    RunOptions,
+    Tell,
+    planned_evaluator,
+    running,
+)
 from pinsing.sampling.planning import plan_sweep
 from pinsing.sampling.sweep_plan import SAMPLES, SPECIAL_ANGLES, Special, SweepPlan
 from pinsing.sampling.sweep_result import (
