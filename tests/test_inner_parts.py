@@ -6,9 +6,9 @@ import pytest
 
 import pinsing
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.components import Component, FoundComponents
+from pinsing.algebra.components import Component, inside
 from pinsing.algebra.ring import make_ring
-from pinsing.families.led_search import without_inner
+from pinsing.families.slice_search import without_inner
 
 
 def _some():
@@ -27,7 +27,7 @@ def _some():
 
 def test_points_tell_what_division_does_not():
     ring, large, inner, apart = _some()
-    assert not FoundComponents(ring, lambda c: None).inside(inner, large)
+    assert not inside(inner, large, ring)
     every = [large, inner, apart]
     assert without_inner(every, [inner, apart], ring, Budget(5)) == [large, apart]
     # What is not doubted stays, and so does all without time.

@@ -16,10 +16,10 @@ import pinsing
 from pinsing.algebra.budget import Budget
 from pinsing.algebra.components import Component
 from pinsing.families.form import families_html, families_text
-from pinsing.families.led_search import led
 from pinsing.families.modular_chain import ModularChain
 from pinsing.families.real_control import OwnPoints, RandomSingular, real_points
 from pinsing.families.slice_count import Slice, SliceCount, Slices, count_on_slices
+from pinsing.families.slice_search import SliceSearch
 from pinsing.families.steps import ComponentSearch
 
 
@@ -126,7 +126,8 @@ def test_slices_lead_to_what_is_missing(kept, panda):
     at_values = [c for c in kept.components if len(c.values) > 1]
     assert at_values
     some = [c for c in kept.components if c is not at_values[0]]
-    found = led(kept.maker.geometry, task, ring, some, 2, Budget(60))
+    found = SliceSearch(kept.maker.geometry, task, ring, some, 2, Budget(60))
+    found.run()
     assert found.enough
     assert found.count.off == 0
     assert found.count.met >= 0.8 * found.count.known
@@ -136,7 +137,8 @@ def test_slices_lead_to_what_is_missing(kept, panda):
 
 
 def test_with_little_known_and_no_time_nothing_is_said(kept, panda):
-    found = led(kept.maker.geometry, panda.task, kept.maker.ring, [], 2, Budget(1e-6))
+    found = SliceSearch(kept.maker.geometry, panda.task, kept.maker.ring, [], 2, Budget(1e-6))
+    found.run()
     assert not found.enough
     assert found.components == []
 
@@ -165,7 +167,10 @@ def test_real_points_lead_where_no_slice_does(kept, monkeypatch):
             continue
         tried += 1
         task = kept.maker.geometry.arm.task
-        found = led(kept.maker.geometry, task, kept.ring, others, n - 5, Budget(60), real=real)
+        found = SliceSearch(
+            kept.maker.geometry, task, kept.ring, others, n - 5, Budget(60), real=real
+        )
+        found.run()
         assert not len(real.missed(found.components))
         assert not found.enough  # no slice was asked
     assert tried

@@ -113,7 +113,7 @@ class FoundComponents:
         """
         here = Component(dict(values), relations, True, len(values) + len(relations))
         for c in self._components:
-            if self.inside(here, c):
+            if inside(here, c, self.ring):
                 if c != here:
                     self._passed.append(replace(here, proven=c.proven))
                 return True
@@ -141,7 +141,7 @@ class FoundComponents:
         for i in order:
             c = self._components[i]
             earlier = [k for k, _ in kept]
-            if any(self.inside(c, k) for k in earlier):
+            if any(inside(c, k, self.ring) for k in earlier):
                 continue
             backing = self._backing.get(i)
             if backing is None:
@@ -187,30 +187,40 @@ class FoundComponents:
     def _unaccounted(self, kept: Sequence[Component]) -> Component | None:
         """Something that was found, or passed over as a part of it, and is in none of these."""
         for i, c in enumerate(self._components):
-            if any(self.inside(c, k) for k in kept):
+            if any(inside(c, k, self.ring) for k in kept):
                 continue
             backing = self._backing.get(i)
             if backing is None or not all(on_any(kept, s) for s in backing.points):
                 return c
         for c in self._passed:
-            if not any(self.inside(c, k) for k in kept):
+            if not any(inside(c, k, self.ring) for k in kept):
                 return c
         for s, i in self._held:
             if not on_any(kept, s):
                 return self._components[i]
         return None
 
-    def inside(self, a: Component, b: Component) -> bool:
-        """Whether a component lies in another one, as far as substitution and division tell."""
-        if any(a.values.get(j) != v for j, v in b.values.items()):
+
+def inside(a: Component, b: Component, ring: Ring) -> bool:
+    """Whether a component lies in another one, as far as substitution and division tell."""
+    if any(a.values.get(j) != v for j, v in b.values.items()):
+        return False
+    for r in b.relations:
+        rest = ring.substitute(r, a.values)
+        if rest == 0:
+            continue
+        if not any(ring.divides(p, rest) for p in a.relations):
             return False
-        for r in b.relations:
-            rest = self.ring.substitute(r, a.values)
-            if rest == 0:
-                continue
-            if not any(self.ring.divides(p, rest) for p in a.relations):
-                return False
-        return True
+    return True
+
+
+def merged(known: Sequence[Component], found: Sequence[Component], ring: Ring) -> list[Component]:
+    """Known components and those found that lie in none of them, without what lies in these."""
+    out = list(known)
+    for c in found:
+        if not any(inside(c, k, ring) for k in out):
+            out = [*(k for k in out if not inside(k, c, ring)), c]
+    return out
 
 
 def settled(c: Component, ring: Ring) -> Component:

@@ -17,6 +17,7 @@ from pinsing.algebra.components import (
     FoundComponents,
     RandomSteps,
     ask_again,
+    inside,
 )
 from pinsing.algebra.matrix import Matrix, reduce_matrix
 from pinsing.algebra.place import SearchPlace, bound
@@ -137,7 +138,7 @@ class Decomposition:
         """
         found = self._found.all + [_unpacked(t, self.ring) for t in told]
         for c in sorted(found, key=lambda c: (c.codimension, len(c.relations))):
-            if not any(self._found.inside(c, k) for k in self.components):
+            if not any(inside(c, k, self.ring) for k in self.components):
                 self.components.append(c)
         self.stopped = True
         self.gaps.append(reason)

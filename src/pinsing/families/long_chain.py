@@ -18,15 +18,15 @@ import heapq
 import itertools
 import math
 import random
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, FoundComponents
+from pinsing.algebra.components import Component, FoundComponents, inside
 from pinsing.algebra.mimic import own_jacobian_modulo
 from pinsing.algebra.minors import NearMinors, NotSquare
 from pinsing.algebra.ring import Poly, Ring, Value
@@ -46,50 +46,35 @@ from pinsing.robot.nominal import PRIMES, Nominal
 from pinsing.robot.task import Task
 
 
-@dataclass
-class Progress:
-    """What was looked at.
+def gaps(open_ends: Counter[str], n: int) -> list[str]:
+    """What a search by neighbouring axes left open in a chain of n joints, in sentences.
 
-    Attributes
+    Parameters
     ----------
-    places : int
-        Sets of joint values.
-    waiting : int
-        Places that there was no time for.
-    unseen : int
-        Systems of equations of which no real point was met.
-    mixed : int
-        Systems that hold at regular configurations too, and are stated with the rank.
-    uncut : int
-        Systems with a regular part that no minor of near joints cut.
-    too_long : int
-        Minors that were too long.
+    open_ends : Counter
+        ``places``, sets of joint values that were looked at; ``waiting``, places that there was no
+        time for; ``unseen``, systems of equations of which no real point was met; ``uncut``,
+        systems with a regular part that no minor of near joints cut; ``too_long``, minors that
+        were too long.
+    n : int
+        Joints.
     """
-
-    places: int = 0
-    waiting: int = 0
-    unseen: int = 0
-    mixed: int = 0
-    uncut: int = 0
-    too_long: int = 0
-
-    def gaps(self, n: int) -> list[str]:
-        """What was left open in a chain of n joints, in sentences."""
-        sets = "one set" if self.places == 1 else f"{self.places} sets"
-        out = [
-            f"for {n} joints only what neighbouring axes tell was looked for, at {sets} of joint "
-            "values (the empty one is the general case); that nothing else is singular is not shown"
-        ]
-        if self.waiting:
-            out.append(
-                f"{self.waiting} more sets of joint values were waiting when the time was over: "
-                "more time looks at them"
-            )
-        if self.unseen:
-            out.append(f"no real point was met on {_systems(self.unseen)}, left out here")
-        if self.uncut or self.too_long:
-            out.append(f"{_systems(self.uncut + self.too_long)} could not be searched further")
-        return out
+    places = open_ends["places"]
+    sets = "one set" if places == 1 else f"{places} sets"
+    out = [
+        f"for {n} joints only what neighbouring axes tell was looked for, at {sets} of joint "
+        "values (the empty one is the general case); that nothing else is singular is not shown"
+    ]
+    if waiting := open_ends["waiting"]:
+        out.append(
+            f"{waiting} more sets of joint values were waiting when the time was over: "
+            "more time looks at them"
+        )
+    if unseen := open_ends["unseen"]:
+        out.append(f"no real point was met on {_systems(unseen)}, left out here")
+    if stuck := open_ends["uncut"] + open_ends["too_long"]:
+        out.append(f"{_systems(stuck)} could not be searched further")
+    return out
 
 
 def _systems(count: int) -> str:
@@ -129,8 +114,8 @@ class LongChain:
     unseen : list of Component
         Systems of equations of which no real point was met: one that has singular points modulo
         primes is a component all the same.
-    progress : Progress
-        What was looked at.
+    open_ends : Counter
+        What was looked at, and left: see ``gaps``.
     """
 
     def __init__(
@@ -150,7 +135,7 @@ class LongChain:
         self.limit = (len(task.rows) - rank + 1) * (self.n - rank + 1)
         if len(task.rows) > rank:  # rows that depend on others raise the bound for nothing
             self.limit = self.n - rank + 1
-        self.progress = Progress()
+        self.open_ends: Counter[str] = Counter()
         self.components: list[Component] = []
         self.unseen: list[Component] = []
         self._minors = NearMinors(geometry, ring, task, rank, time)
@@ -171,8 +156,8 @@ class LongChain:
         while thorough and self._later and not self.time.stop():
             self._by_real_points()
             self._go_on()
-        self.progress.waiting += len(self._waiting)
-        self.progress.too_long += len(self._later)
+        self.open_ends["waiting"] += len(self._waiting)
+        self.open_ends["too_long"] += len(self._later)
 
     def _by_real_points(self) -> None:
         """Judge the first of the systems that were left for later."""
@@ -182,7 +167,7 @@ class LongChain:
         try:
             self._judge_real(place, relations, (), 0)
         except BudgetExceeded:
-            self.progress.too_long += 1
+            self.open_ends["too_long"] += 1
             return
         if self.time.over and not self._found.covers(place, relations):
             self._later.append((place, relations))  # points were looked for but shortly
@@ -195,7 +180,7 @@ class LongChain:
         try:
             yield
         except BudgetExceeded:
-            self.progress.too_long += 1
+            self.open_ends["too_long"] += 1
         finally:
             self.time = self._minors.time = self.maker.time = whole
 
@@ -207,11 +192,11 @@ class LongChain:
             _, _, place = heapq.heappop(self._waiting)
             if self._found.covers(place):
                 continue
-            self.progress.places += 1
+            self.open_ends["places"] += 1
             try:
                 self._search(place)
             except BudgetExceeded:
-                self.progress.waiting += 1
+                self.open_ends["waiting"] += 1
             if first and not self.time.over:
                 # Shares of the time for the general case by real points, and for what such groups
                 # tell.
@@ -281,9 +266,9 @@ class LongChain:
             try:
                 polys.append(self._minors.minor([*near, j], place))
             except NotSquare:
-                self.progress.too_long += 1
+                self.open_ends["too_long"] += 1
             except BudgetExceeded:
-                self.progress.too_long += 1
+                self.open_ends["too_long"] += 1
                 if self.time.over:
                     raise
         if not polys:
@@ -362,7 +347,7 @@ class LongChain:
         # count.
         singular, regular = points[ratio <= 1e-8], points[ratio >= 1e-5]
         if not len(singular) and not len(regular):
-            self.progress.unseen += 1
+            self.open_ends["unseen"] += 1
             self.unseen.append(Component(dict(place), every, False, codimension))
             return
         if len(singular) and (len(regular) or more):
@@ -401,7 +386,6 @@ class LongChain:
             if told:
                 self._tell_apart(place, relations, more, told, rounds)
                 return
-            self.progress.mixed += 1
         if len(singular):
             self._add(place, every, codimension, singular)
 
@@ -437,7 +421,7 @@ class LongChain:
         """Go on inside some equations with one minor that cuts what is regular of them."""
         minors = cutting(self._minors, self._columns(place), place, regular, 1)
         if not minors:
-            self.progress.uncut += 1
+            self.open_ends["uncut"] += 1
             return
         for f in self._factors(minors[0]):
             fixed = self.ring.joint_value(f)
@@ -468,7 +452,7 @@ class LongChain:
         every.sort(key=lambda e: (e[0].codimension, len(e[0].relations)))
         kept: list[Component] = []
         for c, points in every:
-            if any(self._found.inside(c, k) for k in kept):
+            if any(inside(c, k, self.ring) for k in kept):
                 continue
             if len(points) and any(points.on(k) for k in kept):
                 continue

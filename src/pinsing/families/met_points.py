@@ -57,12 +57,8 @@ class RealPoints:
     def on(self, component: Component) -> bool:
         """See ``MetPoints``."""
         branch = self.maker.branch_of(component.values, component.relations)
-        for v in branch.values:
-            away = self.q[:, v.joint] - v.value
-            if not self.maker.ring.prismatic[v.joint]:
-                away = away - 2 * np.pi * np.round(away / (2 * np.pi))
-            if (np.abs(away) > _ON).any():
-                return False
+        if any((self.maker.away(self.q, v) > _ON).any() for v in branch.values):
+            return False
         if not branch.equations:
             return True
         return bool((np.abs(residuals(branch.equations, self.q)) < _ON).all())

@@ -298,6 +298,13 @@ class PieceMaker:
         held = sorted((self._value(j, v) for j, v in values.items()), key=lambda v: v.joint)
         return Branch(tuple(held), tuple(self.equation_of(p) for p in relations))
 
+    def away(self, q: Array, value: JointValue) -> Array:
+        """How far (N,) a joint is from a value at configurations q (N, n), without whole turns."""
+        off = q[:, value.joint] - value.value
+        if not self.ring.prismatic[value.joint]:
+            off = off - 2 * np.pi * np.round(off / (2 * np.pi))
+        return np.abs(off)
+
     def jacobians(self, points: Array) -> Array:
         """Task Jacobians (N, rows, n) of the nominal arm at points (N, n)."""
         return task_jacobians(self.geometry.arm, points)

@@ -153,10 +153,7 @@ def on_none(maker: PieceMaker, points: Array, components: Sequence[Component]) -
         branch = maker.branch_of(c.values, c.relations)
         off = np.zeros(len(q))
         for v in branch.values:
-            away = q[:, v.joint] - v.value
-            if not maker.ring.prismatic[v.joint]:
-                away = away - 2 * np.pi * np.round(away / (2 * np.pi))
-            off = np.maximum(off, np.abs(away))
+            off = np.maximum(off, maker.away(q, v))
         if branch.equations:
             off = np.maximum(off, np.abs(residuals(branch.equations, q)).max(axis=-1))
         left[left] = off > _OFF
@@ -189,10 +186,7 @@ class RandomSingular:
     def at(self, q: Array, joint: int, value: Value) -> Bool:
         """Which of some configurations (m, n) have a joint at a value."""
         held = self.maker.branch_of({joint: value}, ()).values[0]
-        away = q[:, joint] - held.value
-        if not self.maker.ring.prismatic[joint]:
-            away = away - 2 * np.pi * np.round(away / (2 * np.pi))
-        return np.asarray(np.abs(away) < _OFF)
+        return np.asarray(self.maker.away(q, held) < _OFF)
 
 
 def gap(points: Array, missed: Bool, prismatic: Bool) -> list[str]:

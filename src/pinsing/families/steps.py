@@ -18,17 +18,17 @@ from dataclasses import replace
 from typing import Protocol
 
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, FoundComponents, RandomSteps, together
+from pinsing.algebra.components import Component, RandomSteps, merged, together
 from pinsing.algebra.decompose import Decomposition
 from pinsing.algebra.jacobian_matrix import constants, jacobian_matrix
 from pinsing.algebra.ring import Value
 from pinsing.algebra.surd_ring import ring_of
-from pinsing.families.led_search import led
-from pinsing.families.long_chain import LongChain
+from pinsing.families.long_chain import LongChain, gaps
 from pinsing.families.pieces import PieceMaker
 from pinsing.families.planar_chain import planar_chain, turn_alike
 from pinsing.families.real_control import OwnPoints, RandomSingular, gap, on_none, real_points
 from pinsing.families.slice_count import SliceCount
+from pinsing.families.slice_search import SliceSearch
 from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import Nominal
 
@@ -221,11 +221,8 @@ class NearMinorsStep:
         except BudgetExceeded as reason:
             s.gaps.append(str(reason))
             return
-        test = FoundComponents(s.ring, lambda c: None)
-        for c in s.chain.components:
-            if not any(test.inside(c, k) for k in s.components):
-                s.components = [k for k in s.components if not test.inside(k, c)] + [c]
-        s.gaps += s.chain.progress.gaps(s.arm.n)
+        s.components = merged(s.components, s.chain.components, s.ring)
+        s.gaps += gaps(s.chain.open_ends, s.arm.n)
         s.maker.confirm = None if s.slices else OwnPoints(s.geometry.arm)
 
 
@@ -257,8 +254,9 @@ class SlicesStep:
         real = RandomSingular(s.maker, real_points(s.maker, own, s.rest(0.1)))
         # Of many joints families take long to describe: that has the rest of the time.
         time, largest = s.rest(0.7), s.arm.n - s.rank + 1
-        unseen = s.chain.unseen
-        found = led(s.geometry, s.task, s.ring, s.components, largest, time, unseen, near_at, real)
+        given = s.geometry, s.task, s.ring, s.components, largest, time
+        found = SliceSearch(*given, s.chain.unseen, near_at, real)
+        found.run()
         s.components, s.count = found.components, found.count
         s.gaps = [] if found.enough else s.gaps
         s.random = together([s.random, *found.steps] if s.gaps else found.steps)

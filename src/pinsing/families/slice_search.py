@@ -19,10 +19,9 @@ from itertools import combinations
 
 import numpy as np
 
-from pinsing._dataclass import dataclass
 from pinsing._types import Array
 from pinsing.algebra.budget import Budget, BudgetExceeded
-from pinsing.algebra.components import Component, FoundComponents, RandomSteps, on_any, settled
+from pinsing.algebra.components import Component, RandomSteps, merged, on_any, settled
 from pinsing.algebra.decompose import Decomposition, Within
 from pinsing.algebra.generic_points import Residues, slice_points
 from pinsing.algebra.jacobian_matrix import jacobian_matrix
@@ -73,40 +72,8 @@ At = tuple[int, Value]
 Near = Callable[[Mapping[int, Value], Budget], Sequence[Component]]
 
 
-@dataclass(frozen=True)
-class Led:
-    """What slices led to.
-
-    Attributes
-    ----------
-    components : list of Component
-        Those that were known, and what was found besides.
-    count : SliceCount or None
-        All slices held against them; of a field that alone contradicts none.
-    enough : bool
-        Whether slices were gone through so often, over so many fields, that nothing is open.
-    steps : list of RandomSteps
-        What else rests on random points.
-    """
-
-    components: list[Component]
-    count: SliceCount | None
-    enough: bool
-    steps: list[RandomSteps]
-
-
-def led(
-    geometry: Nominal,
-    task: Task,
-    ring: Ring,
-    components: Sequence[Component],
-    limit: int,
-    time: Budget,
-    unseen: Sequence[Component] = (),
-    near: Near | None = None,
-    real: RandomSingular | None = None,
-) -> Led:
-    """Go through slices, and search at the joint values to which points on no family lead.
+class SliceSearch:
+    """Goes through slices, and searches at the joint values to which points on no family lead.
 
     Parameters
     ----------
@@ -128,18 +95,25 @@ def led(
         A search by neighbours at values of joints, within a time: asked before all minors are.
     real : RandomSingular, optional
         Real singular configurations: those on no component lead on when slices no longer do.
+
+    Attributes
+    ----------
+    components : list of Component
+        Those that were known, and what was found besides.
+    count : SliceCount or None
+        All slices held against them; of a field that alone contradicts none.
+    enough : bool
+        Whether slices were gone through so often, over so many fields, that nothing is open.
+    steps : list of RandomSteps
+        What else rests on random points.
     """
-    leader = _Leader(geometry, task, ring, list(components), limit, time, unseen, near, real)
-    return leader.led()
 
-
-class _Leader:
     def __init__(
         self,
         geometry: Nominal,
         task: Task,
         ring: Ring,
-        components: list[Component],
+        components: Sequence[Component],
         limit: int,
         time: Budget,
         unseen: Sequence[Component] = (),
@@ -148,9 +122,11 @@ class _Leader:
     ) -> None:
         self.near, self.real = near, real
         self.geometry, self.task, self.ring = geometry, task, ring
-        self.components, self.limit, self.time = components, limit, time
+        self.components, self.limit, self.time = list(components), limit, time
         self.slices = Slices(geometry, task, ring, limit)
         self.steps: list[RandomSteps] = []
+        self.count: SliceCount | None = None
+        self.enough = False
         self._unseen = list(unseen)
         self.kept: dict[int, list[Slice]] = defaultdict(list)
         self._turns: Counter[int] = Counter()
@@ -159,7 +135,8 @@ class _Leader:
         self._special: dict[int, list[Value]] = {}
         self._matrix: Matrix | None = None
 
-    def led(self) -> Led:
+    def run(self) -> None:
+        """Go through slices until nothing new turns up, or the time is over."""
         fields = list(self.slices.fields)
         while not self.time.stop() and not self._done():
             if len(fields) < _FIELDS + len(self._open):
@@ -182,18 +159,17 @@ class _Leader:
         clean = [p for p in self.kept if p not in self._open]
         counted = [s for p in (clean or self.kept) for s in self.kept[p]]
         if not counted or (self._open and not clean and len(self._open) < _FIELDS):
-            return Led(self.components, None, False, self.steps)
+            return
         on = None if self.real is None else self.real.on
         unmet = [c for c in self.components if not any(map(np.any, self.slices.held(counted, c)))]
         # Share of the time for whether components that were not met are parts of others.
         time = self.time.part(1.0, 0.03)
         self.components = without_inner(self.components, unmet, self.ring, time)
         self.components = self.slices.without_parts(counted, self.components, on)
-        count = self.slices.count(counted, self.components)
+        self.count = count = self.slices.count(counted, self.components)
         # Share of the components that must have been met: of those not known, as many may have
         # been.
-        enough = self._enough() and not count.off and count.met >= 0.8 * count.known
-        return Led(self.components, count, enough, self.steps)
+        self.enough = self._enough() and not count.off and count.met >= 0.8 * count.known
 
     def _done(self) -> bool:
         """Whether slices were gone through often enough."""
@@ -379,8 +355,6 @@ class _Leader:
 
     def _add(self, found: Sequence[Component]) -> bool:
         """Take components in; whether some lie in none of those that are known."""
-        test = FoundComponents(self.ring, lambda c: None)
-        new = [c for c in found if not any(test.inside(c, k) for k in self.components)]
-        known = [k for k in self.components if not any(test.inside(k, c) for c in new)]
-        self.components = [*known, *new]
-        return bool(new)
+        before = self.components
+        self.components = merged(before, found, self.ring)
+        return self.components != before
