@@ -35,10 +35,10 @@ ISA = {
     "avx512": ("-mavx2", "-mfma", "-mavx512f", "-mavx512dq", "-mavx512vl", "-mavx512bw"),
 }
 TESTS = (
-    *("tests/test_batch.py", "tests/test_batch_svd.py", "tests/test_zeros.py"),
+    *("tests/test_batch.py", "tests/test_batch_svd.py", "tests/algebra/test_zeros.py"),
     "tests/configuration/test_refine.py",  # the walks
     *(
-        "tests/test_field_points.py",
+        "tests/algebra/test_field_points.py",
         "tests/configuration/test_second_orders.py",
         "tests/test_batch_roots.py",
     ),

@@ -21,7 +21,7 @@ from pinsing.families import pieces
 from pinsing.families.faithful import disagreements
 from pinsing.families.proving import prove
 
-SCRIPTS = Path(__file__).parent.parent / "scripts"
+SCRIPTS = Path(__file__).parents[2] / "scripts"
 EVEN = [(0, 0, 0.2, 0), (0, 0, 0.2, -90), (0, 0, 0.2, 90), (0, 0, 0, 0)]
 """Links alike: all of q3 = 180° is singular, and of q3 = 0 what has q2 = 0 or 180°."""
 SYMMETRIC = [
@@ -57,7 +57,7 @@ def on_no_family(form, arm, **degrees):
 def test_a_rational_value_lies_only_where_it_is(turned):
     """0 was taken for 180 degrees, and a component dropped as a part of q3 = 180 degrees."""
     arm = chain(EVEN)
-    form = pinsing.closed_form(arm, seconds=60)
+    form = pinsing.closed_form(arm, seconds=60, prove=False)
     assert form.complete, form.gaps
     assert on_no_family(form, arm, q2=turned, q3=0) == (0, 40)
     assert on_no_family(form, arm, q3=180) == (0, 40)
@@ -66,7 +66,7 @@ def test_a_rational_value_lies_only_where_it_is(turned):
 def test_a_relation_that_is_a_product_has_all_of_its_roots():
     """sin q3 = 0 was solved as q3 = 0."""
     arm = chain(SYMMETRIC, "vx,vy,vz,wz")
-    form = pinsing.closed_form(arm, seconds=60)
+    form = pinsing.closed_form(arm, seconds=60, prove=False)
     assert form.complete, form.gaps
     for q3 in (0, 180):
         for q5 in (2 * math.degrees(math.atan(1 / 3)), 2 * math.degrees(math.atan(1 / 3)) - 180):

@@ -18,7 +18,7 @@ from pinsing.algebra.minors import corner
 from pinsing.algebra.ring import make_ring
 
 TASK = "vx,vy,vz,wz"
-OFFSET_WRIST = str(Path(__file__).parent.parent / "examples" / "offset_wrist.dh.yaml")
+OFFSET_WRIST = str(Path(__file__).parents[2] / "examples" / "offset_wrist.dh.yaml")
 TOOL = ((0.06, 0.02, 0.12), None)
 """Off the flange's axis, so that the last joint matters, too."""
 WITH_TOOLS = {
@@ -141,7 +141,7 @@ def test_where_newton_ends_is_on_a_family(found, rng):
 
 def test_finite_fields_say_the_same(found):
     arm, form = found
-    sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
+    sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
     try:
         field = importlib.import_module("oracle.field")
     finally:

@@ -48,7 +48,7 @@ def kept(panda):
 
 @pytest.fixture(scope="module")
 def field():
-    sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
+    sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
     try:
         return importlib.import_module("oracle.field")
     finally:

@@ -22,7 +22,7 @@ from pinsing.errors import OptionError, UnknownNameError
 from pinsing.families.design import unreal
 from pinsing.kinematics.jacobian import singular_values
 
-ROOT = Path(__file__).parent.parent
+ROOT = Path(__file__).parents[2]
 TABLES = {
     "ur": ROOT / "docs" / "design" / "ur.dh.yaml",
     **{

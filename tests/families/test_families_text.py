@@ -12,7 +12,7 @@ import pinsing
 from pinsing.families import ClosedForm
 from pinsing.families.form import families_text
 
-TABLE = Path(__file__).parents[1] / "examples/offset_wrist.dh.yaml"
+TABLE = Path(__file__).parents[2] / "examples/offset_wrist.dh.yaml"
 
 
 @pytest.fixture(scope="module")
