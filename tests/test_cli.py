@@ -447,9 +447,10 @@ class TestInfo:
 
 class TestList:
     def test_names(self):
-        out = run("list").stdout
-        for name in ("stanford", "surgical7", "puma560", "ur5", "panda", "talos_arm"):
-            assert any(line.split()[0] == name for line in out.splitlines())
+        names = [line.partition(" ")[0] for line in run("list").stdout.splitlines()]
+        for name in ("stanford", "surgical7", "puma560", "ur5", "panda", "talos_arm", "xarm7"):
+            assert names.count(name) == 1
+        assert "franka" not in names
 
     def test_one_word_narrows(self):
         lines = run("list", "PUMA").stdout.splitlines()

@@ -80,7 +80,9 @@ def _show_chains(request: RobotRequest) -> None:
 def list_command(word: str, json_target: str | Path | None) -> None:
     """Robots known by name; with WORD, those that have it in their name or title.
 
-    Robots of the package robot_descriptions, where it is installed, are called rd:NAME.
+    Of arms also what they are known for, and the reach: the largest distance of the tip from the
+    first axis within the limits, computed. Robots of the package robot_descriptions, where it is
+    installed, are called rd:NAME.
     """
     from pinsing.description.catalog import described_entries, known_robots
 
@@ -97,16 +99,33 @@ def list_command(word: str, json_target: str | Path | None) -> None:
         ]
         if emit_json_data({"schema": "pinsing/robots/1", "robots": robots}, json_target):
             return
-    rows = tuple((e.name, _what(e), e.source) for e in entries)
-    if rows:
-        emit(Page.of().table(Table(("name", "robot", "from"), rows)))
+    if entries:
+        emit(_listed(entries))
     else:
         say(f"no known robot has {word!r} in its name")
 
 
-def _what(entry: CatalogEntry) -> str:
-    text = f"same as {entry.alias_of}" if entry.alias_of else entry.title
-    return f"{text} ({entry.note})" if entry.note else text
+def _listed(entries: list[CatalogEntry]) -> str:
+    """Show arms with what ``arms.yaml`` knows of them, then the others; aliases of neither."""
+    from pinsing.description.catalog import known_arms
+
+    names = {e.name for e in entries}
+    known, arms, others = known_arms(), [], []
+    for e in entries:
+        if e.name in known:
+            arm = known[e.name]
+            joints = str(arm.get("joints") or len(arm["rows"]))
+            title = f"{arm['maker']} {arm['model']}"
+            arms.append((e.name, title, joints, f"{arm['reach']:.2f}", arm["known_for"]))
+        elif e.alias_of not in names:
+            text = f"same as {e.alias_of}" if e.alias_of else e.title
+            others.append((e.name, f"{text} ({e.note})" if e.note else text, e.source))
+    header = ("name", "arm", "joints", "reach [m]", "known for")
+    tables = (
+        Table(header, tuple(arms), frozenset({2, 3})),
+        Table(("name", "robot", "from"), tuple(others)),
+    )
+    return "\n\n".join(Page.of().table(table) for table in tables if table.rows)
 
 
 @click.command("dh")

@@ -18,6 +18,7 @@ import sys
 from collections import Counter
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import field, replace
+from functools import cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -254,6 +255,7 @@ _LOADERS = {
 }
 # Names that people use and no file or loader has.
 _ALIASES = {
+    "crb15000": "gofa5",
     "franka": "panda",
     "franka_panda": "panda",
     "j2s6s200": "kinova",
@@ -262,6 +264,7 @@ _ALIASES = {
     "unitree_g1": "g1",
     "unitree_z1": "z1",
     "xarm": "xarm7",
+    "xarm850": "uf850",
 }
 _TITLES = {
     "iiwa14": "KUKA LBR iiwa 14",
@@ -339,10 +342,24 @@ class CatalogEntry:
     xacro_args: Mapping[str, str] = field(default_factory=dict)
 
 
+@cache
+def known_arms() -> dict[str, dict[str, Any]]:
+    """Return what ``urdf/arms.yaml`` says of arms, by name."""
+    import yaml
+
+    text = (urdf_folder() / "arms.yaml").read_text(encoding="utf-8")
+    arms: dict[str, dict[str, Any]] = yaml.load(
+        text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+    )
+    return arms
+
+
 def known_robots() -> dict[str, CatalogEntry]:
     """Return every known robot by name, sorted; pinsing's own names win."""
     entries = _own_robots()
     for name, entry in _data_robots().items():
+        entries.setdefault(name, entry)
+    for name, entry in _table_arms().items():
         entries.setdefault(name, entry)
     for alias, name in _ALIASES.items():
         if name in entries and alias not in entries:
@@ -360,7 +377,7 @@ def described_entries() -> list[CatalogEntry]:
 
 
 def find_robot(name: str) -> CatalogEntry:
-    """Return the robot of a name; case does not matter, and - stands for _.
+    """Return the robot of a name; only letters and digits matter, not their case.
 
     Raises
     ------
@@ -485,6 +502,19 @@ def _own_robots() -> dict[str, CatalogEntry]:
     }
 
 
+def _table_arms() -> dict[str, CatalogEntry]:
+    """Return the arms that ``urdf/arms.yaml`` has as DH tables."""
+    try:
+        path = urdf_folder() / "arms.yaml"
+    except RobotFileError:
+        return {}
+    return {
+        name: CatalogEntry(name, path, f"{arm['maker']} {arm['model']}", (), "pinsing", tip="tool0")
+        for name, arm in known_arms().items()
+        if "rows" in arm
+    }
+
+
 def data_folder() -> Path | None:
     """Return the folder of example-robot-data's robots, None where it is not installed."""
     # As its package is found when it is imported; to ask for its metadata costs 50 ms.
@@ -527,4 +557,4 @@ def _entry(name: str, path: Path, source: str, dirs: tuple[Path, ...]) -> Catalo
 
 
 def _canonical(name: str) -> str:
-    return name.strip().lower().replace("-", "_").replace(" ", "_")
+    return re.sub(r"[\W_]", "", name.lower())

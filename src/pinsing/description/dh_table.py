@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Literal, cast
 
 from pinsing._dataclass import dataclass
-from pinsing.description.yaml_tree import YamlNode, compose
+from pinsing.description.catalog import known_arms
+from pinsing.description.yaml_tree import Number, YamlNode, compose
 
 Vector = tuple[float, float, float]
 
@@ -209,6 +210,28 @@ def read_dh(path: str | Path) -> DHTable:
         tool=_read_tool(top["tool"], units, convention) if "tool" in top else None,
         source=" ".join(top["source"].text().split()) if "source" in top else "",
     )
+
+
+def known_table(name: str) -> DHTable:
+    """Return the table of an arm of ``urdf/arms.yaml`` that has rows."""
+
+    def metres(value: float) -> float:
+        return float(Fraction(str(value)) / 1000)
+
+    def radians(value: float) -> float:
+        return Number(Fraction(str(value)), True).times(Fraction(1, 180))
+
+    entry, rows = known_arms()[name], []
+    for number, row in enumerate(entry["rows"], start=1):
+        alpha, a, d, theta, *rest = row
+        kind: JointType = "continuous" if rest[:2] in ([], [None, None]) else "revolute"
+        unit, joint = radians, f"q{number}"
+        if "prismatic" in rest:
+            kind, unit, joint = "prismatic", metres, f"d{number}"
+        limits = [None if value is None else unit(value) for value in rest[:3]]
+        frame = radians(alpha), metres(a), metres(d), radians(theta)
+        rows.append(DHRow(*frame, kind, joint, *limits))
+    return DHTable(name, "standard", tuple(rows), source=entry["source"])
 
 
 def _read_units(node: YamlNode) -> _Units:

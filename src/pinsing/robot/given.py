@@ -108,22 +108,24 @@ def given_file(
         raise ArgumentError("robot", _EXPECTED, shown(robot), 'pinsing.load("ur5") loads one')
     found = locate_robot(robot if isinstance(robot, str) else Path(robot))
     entry = found if isinstance(found, CatalogEntry) else None
-    if isinstance(found, Path) and found.suffix.lower() in (".yaml", ".yml"):
-        return _table(found, os.fspath(robot), xacro_args)
+    path = found if isinstance(found, Path) else found.path
+    if path.suffix.lower() in (".yaml", ".yml"):
+        return _table(path, os.fspath(robot), xacro_args, entry)
     if entry is not None:  # what the catalog knows of it; what the user says wins
         packages = {**entry.packages, **(packages or {})}
         xacro_args = {**entry.xacro_args, **(xacro_args or {})}
-    description = read_description(
-        found.path if isinstance(found, CatalogEntry) else found, packages, xacro_args
-    )
+    description = read_description(path, packages, xacro_args)
     return GivenFile(description, os.fspath(robot), description.path, entry)
 
 
-def _table(path: Path, label: str, xacro_args: Mapping[str, str] | None) -> GivenFile:
-    """A DH table, by way of the URDF that is made of it."""
+def _table(
+    path: Path, label: str, xacro_args: Mapping[str, str] | None, entry: CatalogEntry | None
+) -> GivenFile:
+    """A DH table, a file or an entry of ``arms.yaml``, by way of the URDF that is made of it."""
+    from pinsing.description.dh_table import known_table
     from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 
     if xacro_args:
         raise RobotFileError("is no xacro file, so it takes no xacro arguments", path)
-    description = parse_description(dh_to_urdf(read_dh(path)))
-    return GivenFile(description, label, path, None)
+    table = read_dh(path) if entry is None else known_table(entry.alias_of or entry.name)
+    return GivenFile(parse_description(dh_to_urdf(table)), label, path, entry)

@@ -1,0 +1,123 @@
+"""Arms of ``urdf/arms.yaml``: their tables say what other descriptions of the same arms say."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+import yaml
+
+import pinsing
+from pinsing.description.catalog import data_folder, find_robot, known_arms, known_robots
+from pinsing.description.dh_table import known_table
+from pinsing.description.dh_urdf import bare_urdf
+
+SECOND = yaml.load(
+    (Path(__file__).parent / "arms_second_source.yaml").read_text(), Loader=yaml.CSafeLoader
+)
+TABLES = sorted(name for name, arm in known_arms().items() if "rows" in arm)
+PAGE = (Path(__file__).parents[2] / "docs" / "arms.md").read_text()
+QUICK = ("ur5e", "crx10ia_l", "epson_gx4")
+
+
+def motions(q: np.ndarray, prismatic: list[bool], axes: np.ndarray) -> pin.SE3:
+    """Where the base's frame is carried when each joint moves by q from zero, base to tip."""
+    moved = pin.SE3.Identity()
+    for value, slides, (*point, x, y, z) in zip(q, prismatic, axes, strict=True):
+        axis = np.array([x, y, z])
+        around = np.cross(np.array(point) / 1000, axis)
+        twist = [*axis, 0, 0, 0] if slides else [*around, *axis]
+        moved = moved * pin.exp6(value * np.array(twist))
+    return moved
+
+
+def configurations(name: str, count: int) -> np.ndarray:
+    rows = known_table(name).rows
+    lower = [-np.pi if row.lower is None else row.lower for row in rows]
+    upper = [np.pi if row.upper is None else row.upper for row in rows]
+    return np.random.default_rng(7).uniform(lower, upper, (count, len(rows)))
+
+
+def placements(name: str, qs: np.ndarray) -> list[pin.SE3]:
+    model = pin.buildModelFromXML(bare_urdf(known_table(name)))
+    data, tip = model.createData(), model.getFrameId("tool0")
+    ends = []
+    for q in qs:
+        continuous = [joint.nq == 2 for joint in model.joints[1:]]
+        full = [[np.cos(x), np.sin(x)] if c else [x] for x, c in zip(q, continuous, strict=True)]
+        pin.framesForwardKinematics(model, data, np.concatenate(full))
+        ends.append(data.oMf[tip].copy())
+    return ends
+
+
+@pytest.mark.parametrize("name", SECOND)
+def test_forward_kinematics_agree_with_another_description(name: str) -> None:
+    second = SECOND[name]
+    *xyz, rx, ry, rz = second["base"]
+    base = pin.SE3(pin.exp3(np.radians([rx, ry, rz])), np.array(xyz) / 1000)
+    prismatic = [row.type == "prismatic" for row in known_table(name).rows]
+    zero, *ends = placements(
+        name, np.vstack([0 * configurations(name, 1), configurations(name, 20)])
+    )
+    for q, end in zip(configurations(name, 20), ends, strict=True):
+        expected = motions(q, prismatic, np.array(second["axes"])) * base * zero
+        assert (
+            np.linalg.norm((base * end).translation - expected.translation)
+            < second["distance"] / 1000
+        )
+        assert np.abs((base * end).rotation - expected.rotation).max() < 1e-3 * second["distance"]
+    if not name.startswith("dvrk_psm"):  # the description ends with the jaw, the table before it
+        tip = (base * zero).translation - np.array(second["tip"]) / 1000
+        assert np.linalg.norm(tip) < second["distance"] / 1000
+
+
+def test_the_reach_is_that_of_the_table() -> None:
+    for name in TABLES:
+        reach = known_arms()[name]["reach"]
+        far = [
+            np.hypot(*end.translation[:2]) for end in placements(name, configurations(name, 300))
+        ]
+        assert 0.5 * reach < max(far) < reach + 0.001, name
+
+
+def test_entries_are_whole() -> None:
+    for name, arm in known_arms().items():
+        assert {"maker", "model", "known_for", "reach"} < set(arm)
+        assert ("source" in arm) == ("rows" in arm) != ("joints" in arm), name
+    assert len(TABLES) >= 50
+    assert set(SECOND) <= set(TABLES)
+    assert all(f"\n|{name}|" in PAGE for name in known_arms())
+
+
+@pytest.mark.parametrize(
+    ("said", "name"),
+    [
+        ("UR5e", "ur5e"),
+        ("TX2-60", "tx2_60"),
+        ("LR Mate 200iD", "lrmate200id"),
+        ("xArm850", "uf850"),
+        ("KR6 R900", "kr6_r900"),
+    ],
+)
+def test_names_are_found_as_people_write_them(said: str, name: str) -> None:
+    assert find_robot(said).path == find_robot(name).path
+    assert (find_robot(said).alias_of or find_robot(said).name) == name
+
+
+def test_an_arm_of_two_sources_is_known_once() -> None:
+    entry = known_robots()["xarm7"]
+    assert (entry.source == "example-robot-data") == (data_folder() is not None)
+
+
+@pytest.mark.parametrize(
+    "name",
+    [n if n in QUICK else pytest.param(n, marks=pytest.mark.slow) for n in TABLES],
+)
+def test_all_families_are_proven(name: str) -> None:
+    arm = pinsing.load(name)
+    assert arm.n == len(known_table(name).rows)
+    form = pinsing.closed_form(arm)
+    cells = next(row for row in PAGE.splitlines() if row.startswith(f"|{name}|")).split("|")
+    assert cells[6:8] == [str(len(form.families)), form.word] == [cells[6], "proven"]
