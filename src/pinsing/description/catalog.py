@@ -20,7 +20,7 @@ from collections.abc import Collection, Iterator, Mapping
 from dataclasses import field, replace
 from functools import cache
 from pathlib import Path
-from types import ModuleType
+from types import ModuleType, SimpleNamespace
 from typing import Any
 
 from pinsing._dataclass import dataclass
@@ -50,28 +50,6 @@ _CLONE = "clone_to_directory"
 """What the package calls that clones a repository, or fetches a commit into one."""
 
 
-@dataclass(frozen=True)
-class Described:
-    """Where a robot of the package is.
-
-    Attributes
-    ----------
-    path : Path
-        URDF, xacro or MuJoCo model.
-    folders : tuple of Path
-        Folders that hold its packages.
-    packages : mapping of str to Path
-        Its own package, by name.
-    xacro_args : mapping of str to str
-        Arguments of its xacro.
-    """
-
-    path: Path
-    folders: tuple[Path, ...]
-    packages: Mapping[str, Path]
-    xacro_args: Mapping[str, str]
-
-
 def described_robots() -> dict[str, tuple[str, str]]:
     """Title and remark of each robot by its name, ``rd:`` included; none without the package.
 
@@ -87,7 +65,7 @@ def described_robots() -> dict[str, tuple[str, str]]:
     return found
 
 
-def described_robot(name: str) -> Described:
+def described_robot(name: str) -> CatalogEntry:
     """Find a robot that is on this computer.
 
     Raises
@@ -146,13 +124,6 @@ def _module(name: str, plain: str) -> ModuleType:
         ) from None
 
 
-@dataclass(frozen=True)
-class _Clone:
-    """As much of a clone as the package asks for."""
-
-    working_dir: str
-
-
 @contextlib.contextmanager
 def _without_git() -> Iterator[None]:
     """Let the package take folders of its cache as they are, whole or not, and fetch nothing."""
@@ -165,8 +136,8 @@ def _without_git() -> Iterator[None]:
         return
     before = getattr(cache, _CLONE, None)
 
-    def here(repo_url: str, target_dir: str, commit: str | None = None) -> _Clone:
-        return _Clone(target_dir)
+    def here(repo_url: str, target_dir: str, commit: str | None = None) -> SimpleNamespace:
+        return SimpleNamespace(working_dir=target_dir)  # all that the package asks of a clone
 
     setattr(cache, _CLONE, here)
     try:
@@ -175,7 +146,7 @@ def _without_git() -> Iterator[None]:
         setattr(cache, _CLONE, before)
 
 
-def _paths(module: ModuleType, name: str) -> Described:
+def _paths(module: ModuleType, name: str) -> CatalogEntry:
     for key in ("URDF_PATH", "XACRO_PATH", "MJCF_PATH"):
         path = getattr(module, key, None)
         if path is not None:
@@ -196,9 +167,12 @@ def _paths(module: ModuleType, name: str) -> Described:
     ]
     arguments = getattr(module, "XACRO_ARGS", {}) if key == "XACRO_PATH" else {}
     package = getattr(module, "PACKAGE_PATH", None)
-    return Described(
-        path=Path(path),
-        folders=tuple(folders),
+    return CatalogEntry(
+        name,
+        Path(path),
+        name,
+        tuple(folders),
+        PACKAGE,
         packages={Path(package).name: Path(package)} if package else {},
         xacro_args={str(k): str(v) for k, v in arguments.items()},
     )
@@ -450,16 +424,7 @@ def locate_robot(robot: str | Path) -> CatalogEntry | Path:
     """
     path = Path(robot)
     if isinstance(robot, str) and robot.startswith(PREFIX):
-        there = described_robot(robot)
-        return CatalogEntry(
-            robot,
-            there.path,
-            robot,
-            there.folders,
-            PACKAGE,
-            packages=there.packages,
-            xacro_args=there.xacro_args,
-        )
+        return described_robot(robot)
     try:
         # A folder may happen to bear the name of a robot.
         exists = path.is_file() or (path.exists() and not _is_name(robot))

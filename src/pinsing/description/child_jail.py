@@ -15,53 +15,6 @@ import struct
 import sys
 from collections.abc import Callable, Iterable
 
-# Numbers of the system calls that a running interpreter needs, x86-64 and arm64.
-_CALLS = {
-    "read": (0, 63),
-    "write": (1, 64),
-    "close": (3, 57),
-    "fstat": (5, 80),
-    "lseek": (8, 62),
-    "mmap": (9, 222),
-    "mprotect": (10, 226),
-    "munmap": (11, 215),
-    "brk": (12, 214),
-    "rt_sigaction": (13, 134),
-    "rt_sigprocmask": (14, 135),
-    "rt_sigreturn": (15, 139),
-    "sched_yield": (24, 124),
-    "mremap": (25, 216),
-    "madvise": (28, 233),
-    "getpid": (39, 172),
-    "exit": (60, 93),
-    "gettid": (186, 178),
-    "futex": (202, 98),
-    "restart_syscall": (219, 128),
-    "clock_gettime": (228, 113),
-    "exit_group": (231, 94),
-    "getrandom": (318, 278),
-    "rseq": (334, 293),
-}
-# More of them for a process that reads files: everything but opening itself, which is judged.
-_READING_CALLS = {
-    "stat": (4, 79),  # arm64 has the calls with "at" only
-    "lstat": (6, 79),
-    "access": (21, 48),
-    "readlink": (89, 78),
-    "pread64": (17, 67),
-    "readv": (19, 65),
-    "fcntl": (72, 25),
-    "getcwd": (79, 17),
-    "readlinkat": (267, 78),
-    "newfstatat": (262, 79),
-    "faccessat": (269, 48),
-    "statx": (332, 291),
-    "fadvise64": (221, 223),
-    "getdents64": (217, 61),
-    "sysinfo": (99, 179),
-    "sched_getaffinity": (204, 123),
-    "setitimer": (38, 103),
-}
 _OPENAT = (257, 56)
 _WRITING = 0o3 | 0o100 | 0o1000 | 0o2000 | 0o20000000  # access mode, create, truncate, append, temp
 _MACHINES = {"x86_64": (0, 0xC000003E), "aarch64": (1, 0xC00000B7)}
@@ -163,9 +116,9 @@ def close_in(reading: bool = False) -> str:
     except (ImportError, OSError, AttributeError) as error:
         return f"the kernel's filter cannot be reached ({error})"
     column, architecture = _MACHINES[machine]
-    known = _CALLS | _READING_CALLS if reading else _CALLS
-    calls = sorted({numbers[column] for numbers in known.values()})
-    code = _filter(calls, architecture, _OPENAT[column] if reading else None)
+    code = _filter(
+        _known_calls(column, reading), architecture, _OPENAT[column] if reading else None
+    )
     words = ctypes.create_string_buffer(code, len(code))
 
     class Program(ctypes.Structure):
@@ -225,6 +178,59 @@ def read_only_below(folders: Iterable[str]) -> str:
     finally:
         os.close(rules)
     return ""
+
+
+def _known_calls(column: int, reading: bool) -> list[int]:
+    """Return the numbers of the system calls that are let through."""
+    # Numbers of the system calls that a running interpreter needs, x86-64 and arm64.
+    calls = {
+        "read": (0, 63),
+        "write": (1, 64),
+        "close": (3, 57),
+        "fstat": (5, 80),
+        "lseek": (8, 62),
+        "mmap": (9, 222),
+        "mprotect": (10, 226),
+        "munmap": (11, 215),
+        "brk": (12, 214),
+        "rt_sigaction": (13, 134),
+        "rt_sigprocmask": (14, 135),
+        "rt_sigreturn": (15, 139),
+        "sched_yield": (24, 124),
+        "mremap": (25, 216),
+        "madvise": (28, 233),
+        "getpid": (39, 172),
+        "exit": (60, 93),
+        "gettid": (186, 178),
+        "futex": (202, 98),
+        "restart_syscall": (219, 128),
+        "clock_gettime": (228, 113),
+        "exit_group": (231, 94),
+        "getrandom": (318, 278),
+        "rseq": (334, 293),
+    }
+    # More of them for a process that reads files: everything but opening itself, which is judged.
+    more = {
+        "stat": (4, 79),  # arm64 has the calls with "at" only
+        "lstat": (6, 79),
+        "access": (21, 48),
+        "readlink": (89, 78),
+        "pread64": (17, 67),
+        "readv": (19, 65),
+        "fcntl": (72, 25),
+        "getcwd": (79, 17),
+        "readlinkat": (267, 78),
+        "newfstatat": (262, 79),
+        "faccessat": (269, 48),
+        "statx": (332, 291),
+        "fadvise64": (221, 223),
+        "getdents64": (217, 61),
+        "sysinfo": (99, 179),
+        "sched_getaffinity": (204, 123),
+        "setitimer": (38, 103),
+    }
+    known = calls | more if reading else calls
+    return sorted({numbers[column] for numbers in known.values()})
 
 
 def _filter(calls: list[int], architecture: int, openat: int | None) -> bytes:

@@ -26,7 +26,7 @@ from pinsing.description.dh_urdf import bare_urdf, with_turns
 from pinsing.errors import OptionError, PinsingError, UnknownNameError
 from pinsing.robot.arm import Arm
 from pinsing.robot.chain import Chain
-from pinsing.robot.exact_placements import Leeway, Length3, exact_placements
+from pinsing.robot.exact_placements import ExactPlacements, Length3
 from pinsing.robot.joints import axis_rotation
 from pinsing.robot.load import load
 from pinsing.robot.nominal import Nominal, nominal
@@ -227,7 +227,7 @@ def _translation(
     translations.append(before.T @ place.translation)
     raw = Chain(np.array(rotations), np.array(translations), np.array(sliding, dtype=bool))
     places = ["a placement"] * (raw.n + 1)
-    return exact_placements(raw, places, Leeway(angle_tol), bool(arm.task.at_tip)).translation
+    return ExactPlacements(raw, places, angle_tol).translation
 
 
 def _check(made: Lengths) -> None:

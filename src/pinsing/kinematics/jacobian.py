@@ -24,7 +24,7 @@ from pinsing.robot.arm import Arm
 def tip_placement(arm: Arm, q: npt.ArrayLike) -> pin.SE3:
     """Placement of the tip in the base at q (n,)."""
     data = arm.model.createData()
-    pin.forwardKinematics(arm.model, data, arm.model_q(_one(arm, q)))
+    pin.forwardKinematics(arm.model, data, arm.model_q(arm.check_one(q)))
     return pin.SE3(pin.updateFramePlacement(arm.model, data, arm.tip_id))
 
 
@@ -84,7 +84,7 @@ def frame_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
            [ 0.677,  0.277,  0.014],
            [ 1.   ,  1.   ,  1.   ]])
     """
-    return np.array(frame_jacobians(arm, _one(arm, q), engine="pinocchio")[0])
+    return np.array(frame_jacobians(arm, arm.check_one(q), engine="pinocchio")[0])
 
 
 @checked
@@ -125,7 +125,7 @@ def frame_jacobians(
     >>> pinsing.frame_jacobians(pinsing.load("ur5"), Q).shape
     (1000, 6, 6)
     """
-    return batch(arm, engine, threads).frame_jacobians(_many(arm, Q))
+    return batch(arm, engine, threads).frame_jacobians(arm.check_many(Q, "Q", own=False))
 
 
 @checked
@@ -158,7 +158,7 @@ def task_jacobian(arm: Arm, q: npt.ArrayLike) -> Array:
     array([[-0.343, -0.343, -0.199],
            [ 0.677,  0.277,  0.014]])
     """
-    q = _one(arm, q)
+    q = arm.check_one(q)
     return scale_rows(arm, frame_jacobian(arm, q), q)
 
 
@@ -190,7 +190,7 @@ def task_jacobians(
     >>> pinsing.task_jacobians(arm, [[0, 0.5, 1], [0, 0.1, 1]]).shape
     (2, 2, 3)
     """
-    Q = _many(arm, Q)
+    Q = arm.check_many(Q, "Q", own=False)
     return scale_rows(arm, frame_jacobians(arm, Q, engine=engine, threads=threads), Q)
 
 
@@ -225,7 +225,7 @@ def singular_values(
     >>> pinsing.singular_values(arm, [[0, 0, 1], [0, 1, 1]])[:, -1].round(3)
     array([0.   , 0.128])
     """
-    sigma = batch(arm, engine, threads).sigma(_many(arm, Q))
+    sigma = batch(arm, engine, threads).sigma(arm.check_many(Q, "Q", own=False))
     return np.asarray(sigma[:, : generic_rank(arm)])
 
 
@@ -263,7 +263,7 @@ def jacobian_derivative(J: npt.ArrayLike) -> Array:
 
 def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
     """Frame Jacobians (N, 6, n) and their derivatives (N, 6, n, n) by the joints at Q (N, n)."""
-    J = batch(arm).model_jacobians(_many(arm, Q))
+    J = batch(arm).model_jacobians(arm.check_many(Q, "Q", own=False))
     H = jacobian_derivative(J)
     if arm.coupling is not None:
         matrix = arm.coupling.matrix
@@ -274,7 +274,7 @@ def jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]
 
 def task_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
     """Task Jacobians (N, m, n) and their derivatives (N, m, n, n) by the joints at Q (N, n)."""
-    Q = _many(arm, Q)
+    Q = arm.check_many(Q, "Q", own=False)
     J, H = jacobians_and_derivatives(arm, Q)
     factor = np.where(np.array(arm.task.rows) < 3, 1.0 / arm.length_scale, 1.0)
     return scale_rows(arm, J, Q), turned_slopes(arm, J, H, Q) * factor[:, None, None]
@@ -282,22 +282,11 @@ def task_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, A
 
 def own_jacobians_and_derivatives(arm: Arm, Q: npt.ArrayLike) -> tuple[Array, Array]:
     """The same at the arm's own scale (`OwnScale`), without units: by dq / columns as well."""
-    Q = _many(arm, Q)
+    Q = arm.check_many(Q, "Q", own=False)
     J, H = jacobians_and_derivatives(arm, Q)
     scale = own_scale(arm)
     H = turned_slopes(arm, J, H, Q) * scale.rows[:, None, None]
     return scale.apply(arm, J, Q), H * scale.columns[:, None] * scale.columns
-
-
-def _one(arm: Arm, q: npt.ArrayLike) -> Array:
-    return arm.check_one(q)
-
-
-def _many(arm: Arm, Q: npt.ArrayLike) -> Array:
-    return arm.check_many(Q, "Q", own=False)  # nothing here writes to them
-
-
-_FARTHEST = 1e9  # squares of positions have to be floats
 
 
 def read_pose(pose: npt.ArrayLike) -> tuple[Array, Array | None]:
@@ -311,9 +300,9 @@ def read_pose(pose: npt.ArrayLike) -> tuple[Array, Array | None]:
     given = np.array(pose, dtype=float)
     if not np.isfinite(given).all():
         raise ConfigurationError("the pose has a value that is not finite")
-    if (np.abs(given) > _FARTHEST).any():
+    if (np.abs(given) > 1e9).any():  # squares of positions have to be floats
         raise ConfigurationError(
-            f"the pose has a value beyond {_FARTHEST:g} (metres, radians), which no arm reaches"
+            "the pose has a value beyond 1e+09 (metres, radians), which no arm reaches"
         )
     if given.shape == (3,):
         return given, None

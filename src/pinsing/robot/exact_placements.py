@@ -118,37 +118,30 @@ def shortest_decimal(value: float, noise: float) -> Fraction:
 Length3 = tuple[Fraction, Fraction, Fraction]
 Row = tuple[Exact, Exact, Exact]
 Matrix = tuple[Row, Row, Row]
-_FINE = 1e-2
-"""Fraction of the tolerance within which an angle goes to a multiple of 15 degrees."""
 _FIFTEEN = math.pi / 12
 _QUARTER: tuple[tuple[int, int], ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 _UNITS = {k: Fraction(k) for k in (-1, 0, 1)}
+_IDENTITY: Matrix = tuple(tuple(_UNITS[i == k] for k in range(3)) for i in range(3))  # type: ignore[assignment]
 _FLOAT_NOISE = 1e-13
-_WRITTEN_DIGITS = 8
-"""Digits of a length that somebody wrote; a product with a root has more."""
-_TWIST_DENOMINATOR = 10**6
-_STEEP = 0.2  # sine of a twist from which on origins are slid along their axes
 
 
-@dataclass(frozen=True)
-class Leeway:
-    """What may be moved.
+class ExactPlacements:
+    """A chain in exact numbers, and the raw one with its axes turned alike.
 
-    Attributes
+    Parameters
     ----------
+    raw : Chain
+        Any chain.
+    places : sequence of n + 1 str
+        Names of its placements, for what is told of them.
     angle : float
         Radians; an angle closer than this to a multiple of 90 degrees is put there.
     length : float
         Metres; a coordinate of a placement shorter than this is put to zero.
-    """
-
-    angle: float
-    length: float = 0.0
-
-
-@dataclass(frozen=True, eq=False)
-class ExactPlacements:
-    """A chain in exact numbers, and the raw one with its axes turned alike.
+    with_tip : bool
+        Whether the rotation of the tip frame matters.
+    arm : Arm, optional
+        The arm whose chain it is, for the fixed joints that placements are made of.
 
     Attributes
     ----------
@@ -158,61 +151,32 @@ class ExactPlacements:
         Of the tip frame, if it was asked for.
     tip_turn : (3, 3) array
         The same as it was.
-    squared : Chain
+    raw : Chain
         The raw geometry, with fixed joints at right angles where they are near.
     turned : Chain
         The same with turned axes: what else was snapped is the difference.
-    snaps : tuple of Snap
+    snaps : list of Snap
         What was moved.
     """
 
-    rotation: tuple[Matrix, ...]
-    translation: tuple[Length3, ...]
-    offset: Array
-    tip_rotation: Matrix | None
-    tip_turn: Array
-    squared: Chain
-    turned: Chain
-    snaps: tuple[Snap, ...]
-
-
-def exact_placements(
-    raw: Chain,
-    places: Sequence[str],
-    leeway: Leeway,
-    with_tip: bool = False,
-    arm: Arm | None = None,
-) -> ExactPlacements:
-    """Put a chain on exact numbers.
-
-    Parameters
-    ----------
-    raw : Chain
-        Any chain.
-    places : sequence of n + 1 str
-        Names of its placements, for what is told of them.
-    leeway : Leeway
-        What may be moved.
-    with_tip : bool
-        Whether the rotation of the tip frame matters.
-    arm : Arm, optional
-        The arm whose chain it is, for the fixed joints that placements are made of.
-    """
-    maker = _Maker(raw, places, leeway)
-    if arm is not None:
-        maker.put_fixed_joints(arm)
-    return maker.make(with_tip)
-
-
-class _Maker:
-    """Carries the lists that the passes over one chain fill."""
-
-    def __init__(self, raw: Chain, places: Sequence[str], leeway: Leeway) -> None:
+    def __init__(
+        self,
+        raw: Chain,
+        places: Sequence[str],
+        angle: float,
+        length: float = 0.0,
+        with_tip: bool = False,
+        arm: Arm | None = None,
+    ) -> None:
         self.raw, self.places = raw, places
-        self.angle_tol, self.snap_length = max(leeway.angle, ROUNDING), leeway.length
-        self.fine_tol = max(leeway.angle * _FINE, ROUNDING)
+        self.angle_tol, self.snap_length = max(angle, ROUNDING), length
+        self.fine_tol = max(angle / 100, ROUNDING)  # to a multiple of 15 degrees
         self.noise = _FLOAT_NOISE * (float(np.linalg.norm(raw.t, axis=1).sum()) or 1.0)
         self.snaps: list[Snap] = []
+        self.tip_rotation: Matrix | None = None
+        if arm is not None:
+            self.put_fixed_joints(arm)
+        self._make(with_tip)
 
     def put_fixed_joints(self, arm: Arm) -> None:
         """Put fixed joints at right angles, where they are near, before all else."""
@@ -227,7 +191,7 @@ class _Maker:
         if (R != self.raw.R).any() or (t != self.raw.t).any():
             self.raw = Chain(R, t, self.raw.prismatic)
 
-    def make(self, with_tip: bool) -> ExactPlacements:
+    def _make(self, with_tip: bool) -> None:
         raw, n = self.raw, self.raw.n
         R, t = [np.array(r) for r in raw.R], [np.array(v) for v in raw.t]
         twist: list[Matrix | None] = [self._signed_permutation(i, R[i]) for i in range(n)]
@@ -238,15 +202,13 @@ class _Maker:
         for i in range(n, -1, -1):
             if i < n:
                 R[i] = R[i] @ carried
-                carried_here = not np.array_equal(carried, np.eye(3))
-                if carried_here:
+                if not np.array_equal(carried, np.eye(3)):
                     twist[i] = self._signed_permutation(i, R[i])
             carried = np.eye(3)
             # A turn about z alone is left to the second pass, which keeps t as it was written.
             if i == n or twist[i] is not None or i == 0 or not self._tilted(R[i]):
                 continue
-            a = math.atan2(R[i][0, 2], -R[i][1, 2])
-            a = self._snap_angle(i, a)
+            a = self._snap_angle(i, math.atan2(R[i][0, 2], -R[i][1, 2]))
             if math.cos(a) == 1.0:
                 continue
             turn = turn_about_z(a)
@@ -280,23 +242,14 @@ class _Maker:
         rotation = [
             self._rational_rotation(i, R[i]) if m is None else m for i, m in enumerate(twist)
         ]
-        lengths = self._lengths(self._slid_to_common_normals(R, t, twist, rotation))
-        rotation.append(identity())
-        exact_tip = self._tip_rotation(tip_turn) if with_tip else None
+        rotation.append(_IDENTITY)
+        self.translation = self._lengths(self._slid_to_common_normals(R, t, twist, rotation))
+        self.tip_rotation = self._tip_rotation(tip_turn) if with_tip else None
         # So far R and t are the raw geometry still, only with turned axes: what was snapped
         # is the difference between them and the rational numbers.
         R[n] = np.eye(3)
-        turned = Chain(np.array(R), np.array(t), raw.prismatic)
-        return ExactPlacements(
-            tuple(rotation),
-            tuple(lengths),
-            offset,
-            exact_tip,
-            tip_turn,
-            raw,
-            turned,
-            tuple(self.snaps),
-        )
+        self.turned = Chain(np.array(R), np.array(t), raw.prismatic)
+        self.rotation, self.offset, self.tip_turn = tuple(rotation), offset, tip_turn
 
     def _slid_to_common_normals(
         self,
@@ -317,7 +270,7 @@ class _Maker:
         moved = [np.array(v) for v in t]
         for i in range(1, self.raw.n):
             raw = R[i][:, 2]  # (0, -sin alpha, cos alpha), up to what is snapped
-            if twist[i] is not None or abs(raw[1]) < _STEEP:
+            if twist[i] is not None or abs(raw[1]) < 0.2:
                 continue  # nearly parallel axes come closest far away, if at all
             exact = [row[2] for row in rotation[i]]
             rooted = any(isinstance(x, Surd) for x in exact)
@@ -336,23 +289,24 @@ class _Maker:
         return moved
 
     def _written(self, value: float) -> bool:
-        return abs(round(value, _WRITTEN_DIGITS) - value) <= self.noise
+        """Return True for a length that somebody wrote; a product with a root has more digits."""
+        return abs(round(value, 8) - value) <= self.noise
 
     def _tilted(self, R: Array) -> bool:
         return bool(np.hypot(R[0, 2], R[1, 2]) > self.angle_tol)
 
     def _signed_permutation(self, i: int, R: Array) -> Matrix | None:
         """The quarter-turn matrix within the angle tolerance of R, if there is one."""
-        P = [[round(x) for x in row] for row in R.tolist()]
-        if any(sum(map(abs, column)) != 1 for column in zip(*P, strict=True)) or _det(P) < 1:
+        P = np.rint(R)
+        if (np.abs(P).sum(axis=0) != 1).any() or np.linalg.det(P) < 0.5:
             return None
-        angle = rotation_angle(np.array(P, dtype=float).T @ R)
+        angle = rotation_angle(P.T @ R)
         if angle > self.angle_tol:
             return None
         if angle > _FLOAT_NOISE:
             self._replace_snap(Snap(self.places[i], "angle", angle, 0.0))
-        rows = [tuple([_UNITS[x] for x in row]) for row in P]
-        return (rows[0], rows[1], rows[2])  # type: ignore[return-value]
+        a, b, c = ((_UNITS[x], _UNITS[y], _UNITS[z]) for x, y, z in P.astype(int).tolist())
+        return a, b, c
 
     def _replace_snap(self, snap: Snap) -> None:
         self.snaps = [s for s in self.snaps if (s.where, s.what) != (snap.where, snap.what)]
@@ -418,7 +372,7 @@ class _Maker:
                 self._replace_snap(Snap(self.places[i], "angle", angle, angle - rest))
             c, s = Fraction(1), Fraction(0)
         else:
-            half = Fraction(math.tan(rest / 2)).limit_denominator(_TWIST_DENOMINATOR)
+            half = Fraction(math.tan(rest / 2)).limit_denominator(10**6)
             c, s = (1 - half**2) / (1 + half**2), 2 * half / (1 + half**2)
             exact = 2 * math.atan(half) + quarter * math.pi / 2
             if abs(exact - angle) > 1e-15:
@@ -426,7 +380,7 @@ class _Maker:
         qc, qs = _QUARTER[quarter % 4]
         return c * qc - s * qs, s * qc + c * qs
 
-    def _lengths(self, t: list[Array]) -> list[Length3]:
+    def _lengths(self, t: list[Array]) -> tuple[Length3, ...]:
         """The decimals that were written; below ``snap_length``, zero."""
         rows: list[Length3] = []
         for i, vector in enumerate(t):
@@ -439,29 +393,16 @@ class _Maker:
                     self.snaps.append(Snap(self.places[i], "length", value, 0.0))
                 row.append(exact)
             rows.append((row[0], row[1], row[2]))
-        return rows
+        return tuple(rows)
 
 
 def turn_about_z(angle: float) -> Array:
     """Rotation matrix, exact at right angles."""
     quarter = angle / (math.pi / 2)
-    if quarter == round(quarter):
-        c, s = _QUARTER[round(quarter) % 4]
-        return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]], dtype=float)
-    c_, s_ = math.cos(angle), math.sin(angle)
-    return np.array([[c_, -s_, 0], [s_, c_, 0], [0, 0, 1]])
-
-
-def _det(rows: Sequence[Sequence[int]]) -> int:
-    (a, b, c), (d, e, f), (g, h, i) = rows
-    return a * (e * i - f * h) + b * (f * g - d * i) + c * (d * h - e * g)
+    whole = quarter == round(quarter)
+    c, s = _QUARTER[round(quarter) % 4] if whole else (math.cos(angle), math.sin(angle))
+    return np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]], dtype=float)
 
 
 def _yaw(R: Array) -> float:
     return math.atan2(R[1, 0], R[0, 0])
-
-
-def identity() -> Matrix:
-    """No rotation."""
-    one, zero = Fraction(1), Fraction(0)
-    return ((one, zero, zero), (zero, one, zero), (zero, zero, one))

@@ -36,15 +36,7 @@ from pinsing.robot.chain import (
     keep_chain,
     rotation_angle,
 )
-from pinsing.robot.exact_placements import (
-    Leeway,
-    Length3,
-    Matrix,
-    Snap,
-    exact_placements,
-    identity,
-    turn_about_z,
-)
+from pinsing.robot.exact_placements import ExactPlacements, Length3, Matrix, Snap, turn_about_z
 from pinsing.robot.surd import Exact, residue
 from pinsing.robot.task import Task
 
@@ -149,28 +141,28 @@ def nominal(
     key = (float(angle_tol), float(snap_length))
     if key == _USUAL and _ITSELF in arm.known:  # made for each who asks: an arm holds not itself
         return Nominal(arm=arm, **arm.known[_ITSELF], snaps=(), jacobian_change=0.0)
-    return arm.once(f"nominal {key}", lambda: _on(arm, Leeway(*key)))
+    return arm.once(f"nominal {key}", lambda: _on(arm, key))
 
 
-def _on(arm: Arm, leeway: Leeway) -> Nominal:
+def _on(arm: Arm, key: tuple[float, float]) -> Nominal:
     names = list(arm.model.names)[1:]
     ends = [arm.base, *names, arm.tip]
     places = [f"{a} to {b}" for a, b in itertools.pairwise(ends)]
     raw = flatten(arm)
-    found = exact_placements(raw, places, leeway, bool(arm.task.at_tip), arm)
-    rotation, lengths, offset = found.rotation, found.translation, found.offset
+    found = ExactPlacements(raw, places, *key, with_tip=bool(arm.task.at_tip), arm=arm)
     tip_turn, exact_tip, n = found.tip_turn, found.tip_rotation, raw.n
-    R = [np.array([[float(x) for x in row] for row in m]) for m in rotation]
-    t = np.array([[float(x) for x in row] for row in lengths])
+    offset = found.offset
+    R = [np.array([[float(x) for x in row] for row in m]) for m in found.rotation]
+    t = np.array([[float(x) for x in row] for row in found.translation])
     tip_angle = 0.0
     if exact_tip is not None:
         there = np.array([[float(x) for x in row] for row in exact_tip])
         tip_angle, tip_turn = rotation_angle(there.T @ tip_turn), there
     at_zero = Chain(np.array(R), t, raw.prismatic)
     change = jacobian_change(found.turned, at_zero, arm, tip_angle)
-    if found.squared is not raw:
-        end = rotation_angle(raw.R[n].T @ found.squared.R[n])
-        change += jacobian_change(raw, found.squared, arm, end)
+    if found.raw is not raw:
+        end = rotation_angle(raw.R[n].T @ found.raw.R[n])
+        change += jacobian_change(raw, found.raw, arm, end)
     for i in range(n):
         if offset[i] != 0.0:  # fold the offset back: the arm keeps the user's joint zero
             turn = turn_about_z(float(offset[i]))
@@ -179,9 +171,9 @@ def _on(arm: Arm, leeway: Leeway) -> Nominal:
     chain = Chain(np.array(R), t, raw.prismatic)
     on_it = replace(arm, model=chain_model(chain, arm))
     exact: dict[str, Any] = {
-        "rotation": rotation,
-        "translation": lengths,
-        "tip_rotation": identity() if exact_tip is None else exact_tip,
+        "rotation": found.rotation,
+        "translation": found.translation,
+        "tip_rotation": found.rotation[n] if exact_tip is None else exact_tip,
         "prismatic": tuple(bool(p) for p in raw.prismatic),
         "offset": offset,
     }

@@ -14,7 +14,7 @@ import pinsing
 from pinsing.cli.app import command
 from pinsing.errors import RobotFileError, UnknownNameError
 
-URDF = Path(__file__).parents[1] / "urdf"
+URDF = Path(__file__).parents[2] / "urdf"
 
 MUJOCO = """<mujoco model="two_links">
   <worldbody>

@@ -22,6 +22,7 @@ from pinsing.robot.arm import Arm, summarize
 from pinsing.robot.load import load
 from pinsing.robot.task import Task, parse_task
 
+STEP = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
 LIMIT = '<limit lower="-2" upper="2" effort="1" velocity="1"/>'
 
 
@@ -340,9 +341,8 @@ def test_a_quadruped_on_a_floating_base_is_still_several_chains():
     ids=str,
 )
 def test_many_degrees_of_freedom_in_the_chain_are_refused(make_model, joint):
-    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
     model = make_model(
-        [(pin.JointModelRZ(), step), (joint, step), (pin.JointModelRX(), step)], lower=-1, upper=1
+        [(pin.JointModelRZ(), STEP), (joint, STEP), (pin.JointModelRX(), STEP)], lower=-1, upper=1
     )
     with pytest.raises(JointError, match=r"'j2'.*degrees of freedom") as caught:
         load(model, tip="tip")
@@ -351,52 +351,43 @@ def test_many_degrees_of_freedom_in_the_chain_are_refused(make_model, joint):
     assert beyond.joints == ("j3",)
 
 
-def test_a_screw_joint_is_refused(make_model):
-    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    model = make_model([(pin.JointModelRX(), step), (pin.JointModelHZ(0.1), step)])
-    with pytest.raises(JointError, match="'j2': is a screw"):
-        load(model, tip="tip")
+COMPOSITE = pin.JointModelComposite()
+COMPOSITE.addJoint(pin.JointModelRX(), STEP)
 
 
-def test_a_composite_joint_is_refused(make_model):
-    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    composite = pin.JointModelComposite()
-    composite.addJoint(pin.JointModelRX(), step)
-    model = make_model([(pin.JointModelRX(), step), (composite, step)])
-    with pytest.raises(JointError, match="'j2': is several joints"):
-        load(model, tip="tip")
+def limits(low: float, high: float):
+    def put(model: pin.Model) -> None:
+        model.lowerPositionLimit[1], model.upperPositionLimit[1] = low, high
+
+    return put
+
+
+def put_far_away(model: pin.Model) -> None:
+    model.jointPlacements[2] = pin.SE3(np.eye(3), np.array([np.inf, 0.0, 0.0]))
 
 
 @pytest.mark.parametrize(
-    ("low", "high", "message"),
+    ("joint", "change", "message"),
     [
-        (np.nan, 1.0, "not numbers"),
-        (0.0, np.nan, "not numbers"),
-        (1.0, -1.0, "lower limit 1 is above upper limit -1"),
+        (pin.JointModelHZ(0.1), None, "'j2': is a screw"),
+        (COMPOSITE, None, "'j2': is several joints"),
+        (pin.JointModelRZ(), limits(np.nan, 1.0), "not numbers"),
+        (pin.JointModelRZ(), limits(0.0, np.nan), "not numbers"),
+        (pin.JointModelRZ(), limits(1.0, -1.0), "lower limit 1 is above upper limit -1"),
+        (pin.JointModelRZ(), put_far_away, "'j2': its placement is not finite"),
     ],
 )
-def test_bad_limits_of_a_model(make_model, low, high, message):
-    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    model = make_model([(pin.JointModelRX(), step), (pin.JointModelRZ(), step)])
-    model.lowerPositionLimit[1], model.upperPositionLimit[1] = low, high
+def test_joints_of_a_model_that_no_arm_can_have(make_model, joint, change, message):
+    model = make_model([(pin.JointModelRX(), STEP), (joint, STEP)])
+    if change is not None:
+        change(model)
     with pytest.raises(JointError, match=message) as caught:
         load(model, tip="tip")
     assert caught.value.joint == "j2"
 
 
-def test_a_placement_that_is_not_finite(make_model):
-    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    model = make_model([(pin.JointModelRX(), step), (pin.JointModelRZ(), step)])
-    model.jointPlacements[2].translation[0] = np.nan
-    broken = pin.SE3(np.eye(3), np.array([np.inf, 0.0, 0.0]))
-    model.jointPlacements[2] = broken
-    with pytest.raises(JointError, match="'j2': its placement is not finite"):
-        load(model, tip="tip")
-
-
 def test_no_limits_and_no_width(make_model):
-    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    model = make_model([(pin.JointModelRX(), step), (pin.JointModelRZ(), step)])
+    model = make_model([(pin.JointModelRX(), STEP), (pin.JointModelRZ(), STEP)])
     model.lowerPositionLimit[0], model.upperPositionLimit[0] = -np.inf, np.inf
     model.lowerPositionLimit[1] = model.upperPositionLimit[1] = 0.5
     arm = load(model, tip="tip")
@@ -432,9 +423,8 @@ def test_link_and_joint_of_one_name(write_urdf, rng):
 
 
 def test_two_frames_of_one_name(make_model):
-    step = pin.SE3(np.eye(3), np.array([0.3, 0.0, 0.0]))
-    model = make_model([(pin.JointModelRZ(), step), (pin.JointModelRX(), step)], step)
-    model.addFrame(pin.Frame("j1", 2, 0, step, pin.FrameType.OP_FRAME))  # j1 is a joint's as well
+    model = make_model([(pin.JointModelRZ(), STEP), (pin.JointModelRX(), STEP)], STEP)
+    model.addFrame(pin.Frame("j1", 2, 0, STEP, pin.FrameType.OP_FRAME))  # j1 is a joint's as well
     arm = load(model, tip="j1")
     assert arm.joints == ("j1", "j2")
     assert arm.model.frames[arm.tip_id].parentJoint == 2
@@ -472,19 +462,6 @@ def test_a_missing_limit_is_refused_in_the_chain_only(write_urdf, limit):
     assert caught.value.line == 4
     assert load(path, base="l2").joints == ("j3",)
     assert load(path, tip="l3", joints=["j1", "j3"]).joints == ("j1", "j3")
-
-
-def test_equal_limits_are_told_loudly(write_urdf):
-    stuck = '<limit lower="0.5" upper="0.5" effort="1" velocity="1"/>'
-    path = write_urdf([("revolute", turning()), ("revolute", turning(limit=stuck))])
-    notes = [note for note in load(path).notes if "j2" in note]
-    assert notes == ["WARNING: joint j2 cannot move: both its limits are 0.5"]
-
-
-def test_lower_above_upper(write_urdf):
-    wrong = '<limit lower="1" upper="-1" effort="1" velocity="1"/>'
-    with pytest.raises(RobotFileError, match=r"robot.urdf:3: joint 'j1': lower limit 1 is above"):
-        load(write_urdf([("revolute", turning(limit=wrong))]))
 
 
 # Mimic joints

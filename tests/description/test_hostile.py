@@ -289,7 +289,7 @@ def test_names_are_text_in_figures(named, tmp_path):
 @pytest.mark.slow
 def test_names_of_a_mechanism_are_text(tmp_path):
     hostile = """</script><img src=x onerror='alert(1)'>$x^{$\u202e"""
-    folder = Path(__file__).parent.parent / "urdf"
+    folder = Path(__file__).parents[2] / "urdf"
     tree, loops = tmp_path / "tree.urdf", tmp_path / "loops.yaml"
     text = (folder / "five_bar.urdf").read_text(encoding="utf-8")
     table = (folder / "five_bar.loops.yaml").read_text(encoding="utf-8")

@@ -1,0 +1,367 @@
+"""Which axes are dependent, and the words for it, on arms whose geometry is known."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from scipy.optimize import brentq
+
+from pinsing.configuration.axis_dependence import ColumnRanks, axis_dependences, dependent_axes
+from pinsing.errors import ConfigurationError
+from pinsing.kinematics.batch import own_scale
+from pinsing.kinematics.jacobian import frame_jacobian, task_jacobian
+from pinsing.robot.arm import Arm
+from pinsing.robot.load import load
+from pinsing.robot.nominal import nominal
+from pinsing.robot.source import Coupling
+
+HALF_PI = np.pi / 2
+
+
+@functools.cache
+def exact(name: str, task: str = "pose") -> Arm:
+    """An arm on its nominal geometry."""
+    return nominal(load(name, task=task)).arm
+
+
+def chain(*joints: tuple[object, tuple[float, float, float]], tip: tuple[float, float, float]):
+    """A model of given joints, each placed after the one before without turning."""
+    model, parent = pin.Model(), 0
+    model.name = "test"
+    one = np.ones(1)
+    for i, (joint, place) in enumerate(joints):
+        placement = pin.SE3(np.eye(3), np.array(place))
+        parent = model.addJoint(
+            parent, joint, placement, f"j{i + 1}", 9 * one, 9 * one, -3 * one, 3 * one
+        )
+    placement = pin.SE3(np.eye(3), np.array(tip))
+    model.addFrame(pin.Frame("tip", parent, 0, placement, pin.FrameType.OP_FRAME))
+    return model
+
+
+def only(name: str, q: list[float], task: str = "pose"):
+    found = axis_dependences(exact(name, task), q)
+    assert len(found) == 1
+    return found[0]
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "indices", "reason"),
+    [
+        ("puma560", [0.1, 0.2, 0.3, 0.4, 0, 0.5], (3, 5), "axes 4 and 6 are collinear"),
+        ("stanford", [0.1, 0.7, 0.3, 0.4, 0, 0.5], (3, 5), "axes 4 and 6 are collinear"),
+        (
+            "stanford",
+            [0.1, 0.7, 0, 0.4, 0.7, 0.5],
+            (1, 3, 4, 5),
+            "the wrist centre (where axes 4, 5 and 6 meet) lies on axis 2",
+        ),
+        (
+            "stanford",
+            [0.1, 0, 0.3, 0.4, 0.7, 0.5],
+            (0, 1, 3, 4, 5),
+            "the wrist centre (where axes 4, 5 and 6 meet) lies in the plane of axes 1 and 2",
+        ),
+        ("ur5", [0, -1, 1, 0.3, 0, 0.2], (1, 2, 3, 5), "axes 2, 3, 4 and 6 are parallel"),
+        (
+            "ur5",
+            [0.1, -1, 0, 0.3, 1, 0.2],
+            (1, 2, 3),
+            "axes 2, 3 and 4 are parallel and lie in one plane",
+        ),
+        (
+            "planar3r",
+            [0.1, 0, 0],
+            (0, 1, 2),
+            "axes 1, 2 and 3 are parallel and lie in one plane",
+        ),
+        (
+            "scara",
+            [0.1, 0, 0.02, 0.3],
+            (0, 1, 3),
+            "axes 1, 2 and 4 are parallel and lie in one plane",
+        ),
+    ],
+)
+def test_known_reasons(name, q, indices, reason):
+    found = only(name, q)
+    assert found.indices == indices
+    assert found.joints == tuple(exact(name).joints[i] for i in indices)
+    assert found.reason == str(found) == reason
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "joint", "between", "reason"),
+    [
+        (
+            "puma560",
+            [0.1, 0.2, 0, 0.4, 0.9, 0.5],
+            2,
+            (-1.7, -1.3),
+            "the wrist centre (where axes 4, 5 and 6 meet) lies in the plane of the parallel "
+            "axes 2 and 3",
+        ),
+        (
+            "puma560",
+            [0.1, 0, 0.3, 0.4, 0.9, 0.5],
+            1,
+            (0.5, 0.8),
+            "the wrist centre (where axes 4, 5 and 6 meet) lies in the plane of axes 1 and 2",
+        ),
+        (
+            "irb1400",
+            [0.1, 0, 0.3, 0.4, 0.9, 0.5],
+            1,
+            (-1.3, -1.0),
+            "the wrist centre (where axes 4, 5 and 6 meet) lies on axis 1",
+        ),
+        (
+            "ur5",
+            [0.1, -1, 0, 0.3, 0.8, 0.2],
+            2,
+            (-1.6, -1.3),
+            "axes 1, 5 and 6 meet a common line, and axes 2, 3 and 4 are parallel to it",
+        ),
+    ],
+)
+def test_reasons_off_the_special_angles(name, q, joint, between, reason):
+    arm = exact(name)
+
+    def det(x: float) -> float:
+        return float(np.linalg.det(task_jacobian(arm, [*q[:joint], x, *q[joint + 1 :]])))
+
+    q[joint] = brentq(det, *between, xtol=1e-15)
+    assert only(name, q).reason == reason
+
+
+def test_reasons_of_the_iiwa():
+    q = np.array([0.1, 0.7, 0.3, 0.8, 0.4, 0.5, 0.6])
+    elbow = only("iiwa14", [*q[:3], 0, *q[4:]])
+    assert elbow.reason == (
+        "axes 3 and 5 are collinear; "
+        "axes 1, 2, 4, 6 and 7 meet a common line, and axes 3 and 5 are parallel to it"
+    )
+    both = only("iiwa14", [0.1, 0, 0.3, 0.8, 0.4, 0, 0.6])
+    assert both.indices == (0, 2, 4, 6)
+    assert both.reason.startswith("axes 1 and 3 are collinear; axes 5 and 7 are collinear; ")
+    # Known negatives: collinear axes that the other joints make up for.
+    for regular in ([0.1, 0, *q[2:]], [*q[:5], 0, 0.6]):
+        assert dependent_axes(exact("iiwa14"), regular) is None
+
+
+@pytest.mark.parametrize("name", ["puma560", "stanford", "ur5", "iiwa14", "scara", "planar3r"])
+def test_none_where_regular(name):
+    arm = exact(name)
+    rng = np.random.default_rng(3)
+    low, high = arm.span
+    for q in rng.uniform(low, high, (5, arm.n)):
+        assert dependent_axes(arm, q) is None
+        assert axis_dependences(arm, q) == ()
+
+
+@pytest.mark.parametrize(
+    ("name", "q"),
+    [
+        ("ur5", [0.3, -0.4, 0, 0.1, 0, 0.2]),
+        ("stanford", [0, 0, 0, 0, 0, 0]),
+        ("puma560", [0.1, 0.2, 0.3, 0.4, 0, 0.5]),
+        ("stanford", [0.1, 0, 0.3, 0.4, 0.7, 0.5]),
+    ],
+)
+def test_smallest_set_by_brute_force(name, q):
+    arm = exact(name)
+    J = task_jacobian(arm, q)
+    zero = 1e-8 * np.linalg.norm(J, 2)
+
+    def rank(ids):
+        return int((np.linalg.svd(J[:, ids], compute_uv=False) > zero).sum())
+
+    found = axis_dependences(arm, q)
+    assert len(found) == 6 - rank(list(range(6)))  # one reason for each rank lost
+    smallest = min(
+        size
+        for size in range(1, 7)
+        for ids in itertools.combinations(range(6), size)
+        if rank(list(ids)) < size
+    )
+    assert len(found[0].indices) == smallest
+    for dependence in found:
+        ids = list(dependence.indices)
+        assert rank(ids) < len(ids)
+
+
+def test_set_of_a_redundant_arm_forces_the_loss():
+    arm = exact("surgical7")
+    for q in ([0.05, 0.2, 0.3, 0, 0.4, 0.5, 0.6], [0.05, 0, 0, 0.3, 0.4, 0.5, 0.6]):
+        J = task_jacobian(arm, q)
+        for dependence in axis_dependences(arm, q):
+            ids = list(dependence.indices)
+            rank = np.linalg.matrix_rank(J[:, ids], tol=1e-8)
+            assert rank + arm.n - len(ids) < 6
+
+
+RX, RY, RZ = pin.JointModelRX, pin.JointModelRY, pin.JointModelRZ
+PX, PY, PZ = pin.JointModelPX, pin.JointModelPY, pin.JointModelPZ
+
+
+@pytest.mark.parametrize(
+    ("joints", "q", "reason"),
+    [
+        # A slider across two parallel axes, perpendicular to their plane at q2 = pi/2.
+        (
+            [(PX(), (0, 0, 0)), (RZ(), (0, 0, 0)), (RZ(), (1, 0, 0))],
+            [0.1, HALF_PI, 0.3],
+            "prismatic joint 1 is perpendicular to the plane of axes 2 and 3",
+        ),
+        # A slider that the second joint turns into the plane of the others.
+        (
+            [(PX(), (0, 0, 0)), (PY(), (0, 0, 0)), (RZ(), (0, 0, 0)), (PX(), (1, 0, 0))],
+            [0.1, 0.2, 0.3, 0.4],
+            None,
+        ),
+        (
+            [(PX(), (0, 0, 0)), (RZ(), (0, 0, 0)), (PX(), (0.4, 0, 0))],
+            [0.1, 0, 0.3],
+            "prismatic joints 1 and 3 are parallel",
+        ),
+        # Three axes through one point, in one plane at q2 = 0.
+        (
+            [(RZ(), (0, 0, 0)), (RX(), (0, 0, 0)), (RY(), (0, 0, 0))],
+            [0.1, HALF_PI, 0.2],
+            "axes 1 and 3 are collinear",
+        ),
+    ],
+)
+def test_reasons_with_sliders_and_short_chains(joints, q, reason):
+    arm = load(chain(*joints, tip=(0.3, 0.2, 0.1)))
+    found = dependent_axes(arm, q)
+    assert (found and found.reason) == reason
+
+
+def test_position_and_orientation_speak_of_the_tip():
+    tip_on_axis = load(
+        chain((RZ(), (0, 0, 0)), (RY(), (0.5, 0, 0)), tip=(0.5, 0, 0)), task="position"
+    )
+    found = dependent_axes(tip_on_axis, [0.2, np.pi])
+    assert found is not None
+    assert found.indices == (0,)
+    assert found.reason == "the tip lies on axis 1"
+    stretched = only("planar3r", [0.3, 0, 0], task="position")
+    assert stretched.reason == (
+        "all links in line: joints 1, 2 and 3 move the tip along the same line"
+    )
+    assert dependent_axes(exact("planar3r", "position"), [0.3, 0, 0.5]) is None
+    wrist = only("ur5", [0.1, -1, 0.5, 0.5, 0, 0.2], task="orientation")
+    assert wrist.reason == (
+        "axes 1 and 5 are parallel; axes 1, 2, 3, 4, 5 and 6 are parallel to one plane"
+    )
+
+
+def test_near_a_singularity_the_words_say_nearly():
+    arm = exact("puma560")
+    q = [0.1, 0.2, 0.3, 0.4, 1e-4, 0.5]
+    assert dependent_axes(arm, q) is None
+    found = dependent_axes(arm, q, rtol=1e-3)
+    assert found is not None
+    assert found.reason == "axes 4 and 6 are nearly collinear"
+
+
+def test_mimic_joints_have_no_axis_of_their_own():
+    free = load(chain((RZ(), (0, 0, 0)), (RZ(), (1, 0, 0)), (RZ(), (1, 0, 0)), tip=(1, 0, 0)))
+    matrix = np.array([[1.0, 0.0], [0.0, 1.0], [0.0, 1.0]])
+    arm = Arm(
+        name="coupled",
+        model=free.model,
+        tip="tip",
+        base="universe",
+        joints=("j1", "j2"),
+        prismatic=free.prismatic[:2],
+        lower=free.lower[:2],
+        upper=free.upper[:2],
+        task=load(free.model, tip="tip", task="position").task,
+        length_scale=1.0,
+        notes=(),
+        source=free.source,
+        coupling=Coupling(matrix, np.zeros(3)),
+    )
+    found = dependent_axes(arm, [0.3, 0.0])
+    assert found is not None
+    assert found.reason == "joints 1 and 2 can move together with the tip at rest"
+
+
+def test_dependence_does_not_change_with_the_length_scale():
+    arm = exact("stanford")
+    q = [0.1, 0.7, 0, 0.4, 0.7, 0.5]
+    for scale in (0.1, 10.0):
+        assert axis_dependences(arm.with_task(length_scale=scale), q) == axis_dependences(arm, q)
+
+
+def test_wrong_configuration_is_refused():
+    with pytest.raises(ConfigurationError, match="needs 6 values"):
+        dependent_axes(exact("puma560"), [0.0])
+
+
+def test_frame_jacobian_is_what_the_words_are_about():
+    J = frame_jacobian(exact("puma560"), [0.1, 0.2, 0.3, 0.4, 0, 0.5])
+    np.testing.assert_allclose(J[:, 3], J[:, 5], atol=1e-12)
+
+
+# Ranks of all sets of columns ------------------------------------------------------------
+
+
+def ranks_of(name: str, q: list[float]) -> ColumnRanks:
+    arm = exact(name)
+    generic = [own_scale(arm).apply(arm, frame_jacobian(arm, p), p) for p in GENERIC[:, : arm.n]]
+    return ColumnRanks(
+        arm, frame_jacobian(arm, q), np.array(q), 1e-8, np.array(generic), tuple(range(arm.n))
+    )
+
+
+GENERIC = np.random.default_rng(5).uniform(-3, 3, (4, 7))
+
+
+@pytest.mark.parametrize("compiled", [True, False])
+@pytest.mark.parametrize(
+    ("name", "q"),
+    [
+        ("puma560", [0.1, 0.2, 0.3, 0.4, 0, 0.5]),
+        ("stanford", [0.1, 0, 0.3, 0.4, 0, 0.5]),
+        ("iiwa14", [0.1, 0, 0.3, 1.4, np.pi / 2, 0, 0.5]),
+        ("ur5", [0, 0, 0, 0, 0, 0]),
+    ],
+)
+def test_ranks_of_all_sets_are_those_of_each(
+    name: str, q: list[float], compiled: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """All sets at once, with or without the kernel, and each set by LAPACK."""
+    if not compiled:
+        monkeypatch.setattr("pinsing._batch.engine._missing", "not installed")
+    found = ranks_of(name, q)
+    for size in range(1, len(q) + 1):
+        for ids in itertools.combinations(range(len(q)), size):
+            sigma = np.linalg.svd(found.J[:, ids], compute_uv=False)
+            assert found.rank(ids) == (sigma > found.zero).sum(), ids
+            general = np.linalg.svd(found.generic[:, :, ids], compute_uv=False)
+            assert found.generic_rank(ids) == (general > 1e-9 * general.max()).sum(axis=1).max()
+    assert found.lost > 0
+
+
+def test_many_columns_are_searched_set_by_set(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The way of long chains gives the same causes and pieces as that of short ones."""
+    for name, q in [
+        ("iiwa14", [0.1, 0, 0.3, 1.4, np.pi / 2, 0, 0.5]),
+        ("puma560", [0.1, 0.2, 0.3, 0.4, 0, 0.5]),
+        ("ur5", [0, 0, 0, 0, 0, 0]),
+    ]:
+        short = ranks_of(name, q)
+        with monkeypatch.context() as changed:
+            changed.setattr("pinsing.configuration.axis_dependence._AT_ONCE", 0)
+            long = ranks_of(name, q)
+            assert long.causes() == short.causes() != []
+            assert [long.pieces(c) for c in long.causes()] == [
+                short.pieces(c) for c in short.causes()
+            ]
