@@ -13,7 +13,7 @@ from urllib.parse import unquote, urlsplit
 FETCHED = {"script": "src", "img": "src", "iframe": "src", "source": "src", "video": "src"}
 STYLE = re.compile(r"@import\s+[\"']?(?:url\()?[\"']?([^\"')\s;]+)|url\(\s*[\"']?([^\"')\s]+)")
 OWN = "robots"
-"""Pages that pinsing itself writes; tests/test_view_browser.py looks at what they fetch."""
+"""Pages that pinsing itself writes; tests/view/test_view_browser.py looks at what they fetch."""
 
 
 class Page(HTMLParser):

@@ -20,7 +20,6 @@ _LETTERS = {"sigma": "σ", "pi": "π", "circ": "°", "varphi": "φ"}
 _THIN, _SPACE = "0.17em", "0.4em"
 _GAPS = {",": _THIN, " ": _SPACE, "quad": "1em"}
 _UPRIGHT = ("mathrm", "operatorname")
-_DEEPEST = 12
 
 
 def escaped(words: str) -> str:
@@ -89,7 +88,7 @@ class _Reader:
 
     def row(self, depth: int) -> list[str]:
         """Elements up to the brace that closes, or the end."""
-        if depth > _DEEPEST:
+        if depth > 12:
             raise _Unknown(self._latex)
         out: list[str] = []
         while self._at < len(self._tokens):

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pytest
 import umsgpack
+from links import get, heard
 from mechanisms import URDF, analyzed, four_bar, shipped
-from test_view import converse, get
 
 from pinsing.cli.mechanism import view_loops
 from pinsing.errors import ConfigurationError, OptionError, ResultError, UnknownNameError
@@ -154,26 +154,9 @@ def test_a_model_without_a_file_is_shown_as_a_skeleton() -> None:
 def test_the_link_answers(five_bar: MechanismViewer) -> None:
     for part in ("", "page.js", "page.json", "scene"):
         assert get(five_bar.url + part)[0] == 200
-    (start,) = asyncio.run(converse(five_bar.url, {"id": 5, "want": "start"}))
-    assert len(start["answer"]["q"]) == five_bar.mechanism.n
-    assert start["answer"]["pose"] == 0
-
-
-@pytest.mark.parametrize(
-    "request_",
-    [
-        {"id": 1},
-        {"id": 1, "want": "frame", "q": [0, 0, 0, 0]},
-        {"id": 1, "want": "around", "q": "abc"},
-        {"id": 1, "want": "rm"},
-    ],
-)
-def test_bad_requests_are_refused_and_the_link_lives_on(
-    five_bar: MechanismViewer, request_: dict[str, Any]
-) -> None:
-    answers = asyncio.run(converse(five_bar.url, request_, {"id": 2, "want": "start"}))
-    assert "error" in answers[0]
-    assert "answer" in answers[1]
+    (start,) = asyncio.run(heard(five_bar.url))
+    assert len(start["q"]) == five_bar.mechanism.n
+    assert start["pose"] == 0
 
 
 # The command ------------------------------------------------------------------------
@@ -195,8 +178,8 @@ def test_the_command_serves_until_it_is_ended() -> None:
         url = process.stdout.readline().strip()
         assert get(url)[0] == 200
         assert get(url + "page.json")[0] == 200  # comes when there is a mechanism to ask for
-        (start,) = asyncio.run(converse(url, {"id": 1, "want": "start"}))
-        assert start["answer"]["q"][0] == pytest.approx(np.radians(40))
+        (start,) = asyncio.run(heard(url))
+        assert start["q"][0] == pytest.approx(np.radians(40))
         process.send_signal(signal.SIGINT)
         process.communicate(timeout=10)
         assert process.returncode == 0

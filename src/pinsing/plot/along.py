@@ -20,9 +20,6 @@ from pinsing.proximity.motion import motion_of
 from pinsing.proximity.watched import Forms, watch
 from pinsing.robot.arm import Arm
 
-_LOWEST = 1e-12
-_AT_ONE = 1e-9  # between numbers of configurations: met at one of them
-
 
 @checked
 def sigma_along(
@@ -95,7 +92,7 @@ def sigma_along(
     places = np.interp([one.t for one in met], np.arange(len(Q)), t)
     Q, t = _with_crossings(Q, t, met, places)
     sigma, ratio = measure(arm, Q)
-    drawn = np.maximum(sigma, _LOWEST)  # a logarithm has no zero
+    drawn = np.maximum(sigma, 1e-12)  # a logarithm has no zero
     ax = new_axes() if ax is None else ax
     for k in range(sigma.shape[1] - 1):
         ax.plot(t, drawn[:, k], color="0.6", linewidth=0.9,
@@ -148,7 +145,7 @@ def _with_crossings(
     Q: Array, t: Array, met: Sequence[Crossing], places: Array
 ) -> tuple[Array, Array]:
     """Configurations, and those between two of them at which a family is met."""
-    between = [k for k, one in enumerate(met) if abs(one.t - round(one.t)) > _AT_ONE]
+    between = [k for k, one in enumerate(met) if abs(one.t - round(one.t)) > 1e-9]
     if not between:
         return Q, t
     behind = [int(np.ceil(met[k].t)) for k in between]
@@ -179,7 +176,6 @@ def _mark_crossings(ax: Axes, met: Sequence[Crossing], places: Array, length: fl
     return len(ends)
 
 
-_MOST = 4000
 _LOWEST_CLEARANCE = 1e-3  # degrees
 
 
@@ -220,9 +216,9 @@ def clearance_along(
     motion = motion_of(watched, trajectory, times)
     count = len(motion.pieces) + 1
     places = np.arange(count, dtype=float)
-    if count < _MOST // 4:  # a few waypoints: curves between them
-        places = np.linspace(0, count - 1, _MOST // 4)
-    runs = np.array_split(places, min(_MOST, len(places)))
+    if count < 1000:  # a few waypoints: curves between them
+        places = np.linspace(0, count - 1, 1000)
+    runs = np.array_split(places, min(4000, len(places)))
     ax = new_axes() if ax is None else ax
     for k, name in enumerate(watched.names):
         alone = watch(forms, [name])

@@ -10,32 +10,22 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 
 from pinsing._types import Array, Ints
-from pinsing.arguments import checked, whole_number
-from pinsing.errors import OptionError
+from pinsing.arguments import checked
 from pinsing.families import ClosedForm
 from pinsing.families import closed_form as closed_form_of
-from pinsing.plot.plane import held_title, regular_configuration
-from pinsing.plot.style import SMALL, joint_label, legend_below, new_axes, ticks
+from pinsing.plot.plane import label_plane, plane_of, regular_configuration, two_joints
+from pinsing.plot.style import legend_below, new_axes
 from pinsing.postures.aspects import Aspects
 from pinsing.postures.aspects import aspects as aspects_of
 from pinsing.robot.arm import Arm
 
 SAMPLES = 241
-_MOST_SAMPLES = 2000
 _COLOURS = (
     "#4E79A7", "#F28E2B", "#76B7B2", "#E15759", "#59A14F", "#EDC948", "#B07AA1", "#9C755F",
     "#A0CBE8", "#FFBE7D", "#2C6E6A", "#FF9D9A", "#8CD17D", "#8F7A12", "#D4A6C8", "#D7B5A6",
     "#1F3A5F", "#8C1C2B", "#C9E8E4", "#5B3A73",
 )  # fmt: skip
 """One for each aspect that the legend names: no two alike."""
-_OTHERS = "#C8C8C8"
-_ROW = 0.147
-"""Height of a line of the legend, inches."""
-_LONG = 14
-"""Letters of a line from which on lines have a column of their own."""
-_TRIED = 12
-_TOLD = 0.005
-"""Share of the picture from which on regions without an aspect are told."""
 
 
 @checked
@@ -98,26 +88,22 @@ def aspect_plane(
     >>> len(axes.get_legend().get_texts())
     2
     """
-    a, b = arm.space.index(joint_a), arm.space.index(joint_b)
-    if a == b:
-        raise OptionError("a map needs two different joints")
-    whole_number(samples, "samples", 2, _MOST_SAMPLES)
+    plane = a, b = two_joints(arm, joint_a, joint_b, samples)
     form = closed_form_of(arm) if forms is None else forms
     found = aspects_of(form, not ignore_limits)
     base = regular_configuration(arm) if q is None else arm.check_one(q)
-    lower, upper = arm.space.range(ignore_limits)
-    x, y = (np.linspace(lower[j], upper[j], samples) for j in (a, b))
-    Q = np.tile(base, (samples, samples, 1))
-    Q[..., a], Q[..., b] = x[None, :], y[:, None]
+    Q = plane_of(arm, plane, base, samples, ignore_limits)
+    x, y = Q[0, :, a], Q[:, 0, b]
     numbers = _numbers(found, Q)
     named, others = _named(numbers)
     said = [_said(found, number) for number in named]
     lines = said + [f"and {others} more"] * (others > 0)
-    untold = float(np.mean(numbers <= 0)) > _TOLD
+    untold = float(np.mean(numbers <= 0)) > 0.005  # what can be seen of the picture
     lines += ["aspect not told"] * untold
-    columns = 1 if max(map(len, lines), default=0) > _LONG else 3
-    ax = new_axes(3.2 + _ROW * -(-len(lines) // columns)) if ax is None else ax
-    colours = [*_COLOURS[: len(named)], _OTHERS]
+    columns = 1 if max(map(len, lines), default=0) > 14 else 3
+    legend_height = 0.147 * -(-len(lines) // columns)
+    ax = new_axes(3.2 + legend_height) if ax is None else ax
+    colours = [*_COLOURS[: len(named)], "#C8C8C8"]
     shown = np.full(numbers.shape, float(len(named)))
     for k, number in enumerate(named):
         shown[numbers == number] = k
@@ -131,11 +117,7 @@ def aspect_plane(
     )
     line = np.where(edge, 1.0, np.nan)
     ax.pcolormesh(x, y, line, cmap=ListedColormap(["#222222"]), shading="nearest", rasterized=True)
-    for axis, j in ((ax.xaxis, a), (ax.yaxis, b)):
-        ticks(axis, lower[j], upper[j], bool(arm.prismatic[j]), degrees)
-    ax.set_xlabel(joint_label(a, bool(arm.prismatic[a]), degrees), fontsize=SMALL + 1)
-    ax.set_ylabel(joint_label(b, bool(arm.prismatic[b]), degrees), fontsize=SMALL + 1)
-    ax.set_title(held_title(arm, base, (a, b), degrees), fontsize=SMALL - 1)
+    label_plane(ax, arm, Q, plane, plane, degrees)
     shades = colours if others else colours[:-1]
     for text, colour in zip(lines, shades + ["white"] * untold, strict=True):
         ax.plot([], [], "s", color=colour, markeredgecolor="#888888", label=text)
@@ -171,7 +153,7 @@ def _numbers(found: Aspects, Q: Array) -> Ints:
     first = np.unique(label.ravel()[order], return_index=True)[1][1:]
     for points in np.split(order, first):
         # A thin region may have nothing but edge: points of it may be singular.
-        some = np.unique(np.linspace(0, len(points) - 1, _TRIED).astype(np.int64))
+        some = np.unique(np.linspace(0, len(points) - 1, 12).astype(np.int64))
         told = (found.of(q) for q in Q.reshape(-1, Q.shape[-1])[points[some]])
         number = next((n for n in told if n is not None), 0)
         numbers.ravel()[points] = number

@@ -243,9 +243,6 @@ def _on_curve(condition: JointCondition, curve: SweepCurve, moving: str, arm: Ar
     return True
 
 
-_LOW = 0.3
-"""sigma_r / sigma_1 above which a dip is not looked at."""
-_ROUNDS = 15
 _FINE = 17
 
 
@@ -256,12 +253,13 @@ def curve_zeros(arm: Arm, q: Array, moving: int, x: Array, ratio: Array) -> Arra
     to a zero like the absolute value of what it is the distance to: samples step over it.
     """
     padded = np.concatenate([[np.inf], ratio, [np.inf]])
-    dips = np.flatnonzero((ratio <= padded[:-2]) & (ratio <= padded[2:]) & (ratio < _LOW))
+    # sigma_r / sigma_1 above which a dip is not looked at
+    dips = np.flatnonzero((ratio <= padded[:-2]) & (ratio <= padded[2:]) & (ratio < 0.3))
     if not len(dips):
         return np.zeros(0)
     low, high = x[np.maximum(dips - 1, 0)], x[np.minimum(dips + 1, len(x) - 1)]
     part = np.linspace(0.0, 1.0, _FINE)
-    for _ in range(_ROUNDS):
+    for _ in range(15):
         grid = low[:, None] + (high - low)[:, None] * part
         Q = np.tile(q, (*grid.shape, 1))
         Q[..., moving] = grid

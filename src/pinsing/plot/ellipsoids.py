@@ -28,10 +28,6 @@ from pinsing.robot.joints import joint_axis
 BONE = "#5b6472"
 LOST = "#C4187C"
 HOT = "#D55E00"
-_COSINE = 0.34
-"""Of the angle between the line of sight and the normal of what is flat: 70 degrees."""
-_GREATEST_OFF = 1.5
-"""Lost motions about lines farther from the tip than this, in sizes of the arm, are not drawn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +102,9 @@ def draw_lost(ax: Any, state: State, size: float, center: Array) -> None:
     """
     for lost in state.lost:
         through = center + (lost.point - state.tip_position)
-        if np.linalg.norm(through - center) > _GREATEST_OFF * size:
+        # Lost motions about lines farther from the tip than this, in sizes of the arm,
+        # are not drawn
+        if np.linalg.norm(through - center) > 1.5 * size:
             words = "\n".join(textwrap.wrap(f"{lost.words} (outside the picture)", 62))
             ax.plot([], [], [], color=LOST, linestyle="--", linewidth=1.5, label=words)
             continue
@@ -175,7 +173,9 @@ def look_obliquely(ax: Any, normals: Array, bones: Array) -> None:
             view = np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
             seen = np.linalg.norm(flat - np.outer(flat @ view, view)) / size
             usual = abs(((azimuth + 60 + 180) % 360) - 180) / 180  # as plots are, if all is equal
-            off = [abs(abs(float(view @ n)) - _COSINE) for n in normals]
+            # Of the angle between the line of sight and the normal of what is flat:
+            # 70 degrees
+            off = [abs(abs(float(view @ n)) - 0.34) for n in normals]
             score = float(seen) - 3.0 * sum(off) / max(len(off), 1) - 0.1 * usual
             if score > best[0]:
                 best = (score, elevation, float(azimuth))
@@ -191,8 +191,6 @@ _WHICH = {
     ("translational", "all"): "translational part of all motions",
     ("rotational", "all"): "rotational part of all motions",
 }
-_SHARE = 0.4
-"""Largest semi-axis that is drawn, in sizes of the arm."""
 _FLAT = 1e-5
 """Semi-axes below this share of the largest are flat to the eye."""
 
@@ -323,7 +321,8 @@ def _alone(ax: Any, state: State, name: str, e: Ellipsoid) -> None:
 def _at_tip(ax: Any, state: State, name: str, e: Ellipsoid, arm: Arm, normals: Array) -> None:
     """The arm in metres, an ellipsoid at its tip, and what is lost there."""
     bones = skeleton(arm, state.q)
-    scale = _round_scale(_SHARE * bones.size / max(float(e.radii[0]), 1e-9))
+    # Largest semi-axis that is drawn, in sizes of the arm
+    scale = _round_scale(0.4 * bones.size / max(float(e.radii[0]), 1e-9))
     hot = tuple(sorted({i for d in state.dependences for i in d.indices}))
     draw_skeleton(ax, bones, hot)
     _surface(ax, e, scale, state.tip_position, name)

@@ -12,7 +12,6 @@ from pinsing.plot.style import SMALL, legend_below, new_axes, plain
 from pinsing.robot.arm import Arm
 
 SAMPLES = 400
-_MOST_SAMPLES = 2000
 _COLOURS = ("#FFFFFF", "#E3EEF7", "#B8D4EA", "#86B6DB", "#5594C8", "#2F74B0", "#1B5590", "#123E6C")
 
 
@@ -58,7 +57,7 @@ def inverse_count(
     >>> [t.get_text() for t in axes.get_legend().get_texts()]
     ['4 solutions']
     """
-    whole_number(samples, "samples", 20, _MOST_SAMPLES)
+    whole_number(samples, "samples", 20, 2000)
     found = reach_of(arm, samples, limits)
     ax = new_axes(4.2) if ax is None else ax
     most = int(found.count.max(initial=0))

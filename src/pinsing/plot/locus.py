@@ -13,24 +13,20 @@ from pinsing._types import Array
 from pinsing.arguments import checked, real_numbers, whole_number
 from pinsing.errors import OptionError
 from pinsing.families import Family
-from pinsing.plot.plane import draw_family, family_label, fills_plane, held_title
+from pinsing.plot.plane import draw_family, family_label, fills_plane, label_plane, plane_of
 from pinsing.plot.style import (
     COLORS,
     DASHES,
     SINGULAR,
-    SMALL,
-    joint_label,
     joint_symbol,
     legend_below,
     new_axes,
-    ticks,
     value_label,
 )
 from pinsing.robot.arm import Arm
 
 SAMPLES = 241
 """Points to each side of the grid that the curves are followed on."""
-_MOST_SAMPLES = 2000
 _MOST_CURVES = 12
 
 
@@ -101,38 +97,30 @@ def locus(
     >>> axes.get_ylabel()
     '$q_{3}$ [rad]'
     """
-    whole_number(samples, "samples", 2, _MOST_SAMPLES)
+    whole_number(samples, "samples", 2, 2000)
     if family.n != arm.n or not set(family.joints) <= set(arm.joints):
         raise OptionError(f"family {family.name} is of another arm than {arm.name}")
     a, b = _plane(arm, family, joint_a, joint_b)
     base = _base(arm, family, q)
     c, steps = _third(arm, (a, b), third, values, base)
-    lower, upper = arm.space.range(ignore_limits)
-    x, y = (np.linspace(lower[j], upper[j], samples) for j in (a, b))
+    Q = plane_of(arm, (a, b), base, samples, ignore_limits)
     ax = new_axes(3.6) if ax is None else ax
     for value, color, dash in zip(steps, cycle(COLORS), cycle(DASHES), strict=False):
-        Q = np.tile(base, (samples, samples, 1))
         name = family_label(family)
         if c is not None:
             Q[..., c] = value
             slides = bool(arm.prismatic[c])
             name = f"{joint_symbol(c, slides)} = {value_label(float(value), slides, degrees)}"
-        Q[..., a], Q[..., b] = x[None, :], y[:, None]
         if fills_plane(family, Q, (a, b)):
-            ax.axvspan(x[0], x[-1], color=color, alpha=0.15, label=f"{name}: the whole plane")
+            whole = f"{name}: the whole plane"
+            ax.axvspan(Q[0, 0, a], Q[0, -1, a], color=color, alpha=0.15, label=whole)
         elif not draw_family(ax, family, Q, (a, b), name, color=color, dash=dash):
             ax.plot([], [], linestyle="", label=f"{name}: none")
     if c is None and bool(family.contains(base)):
         ax.plot(base[a], base[b], "o", color=SINGULAR, markersize=5, label="configuration")
-    ax.set_xlim(x[0], x[-1])
-    ax.set_ylim(y[0], y[-1])
-    for axis, j in ((ax.xaxis, a), (ax.yaxis, b)):
-        ticks(axis, lower[j], upper[j], bool(arm.prismatic[j]), degrees)
     ax.grid(visible=True, color="#dddddd", linewidth=0.5)
-    ax.set_xlabel(joint_label(a, bool(arm.prismatic[a]), degrees), fontsize=SMALL + 1)
-    ax.set_ylabel(joint_label(b, bool(arm.prismatic[b]), degrees), fontsize=SMALL + 1)
     moving = (a, b) if c is None else (a, b, c)
-    ax.set_title(f"{family.label} of {held_title(arm, base, moving, degrees)}", fontsize=SMALL - 1)
+    label_plane(ax, arm, Q, (a, b), moving, degrees, f"{family.label} of ")
     legend_below(ax, 2)
     return ax
 

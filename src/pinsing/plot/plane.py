@@ -33,12 +33,9 @@ from pinsing.robot.arm import Arm
 
 SAMPLES = 161
 """Points to each side of the map."""
-_MOST_SAMPLES = 2000
 
 # On top of the blue to yellow of the map.
 _LINES = ("#FFFFFF", "#FF9DA7", "#A6F0C6", "#F4C7FF", "#FFFFFF", "#FF9DA7", "#A6F0C6")
-_SHORT = 26
-"""Letters of a condition that a legend has room for."""
 
 
 @checked
@@ -103,25 +100,21 @@ def sigma_plane(
     >>> axes.get_legend().get_texts()[0].get_text()
     'F1: q2 = 0° or 180°'
     """
-    a, b = arm.space.index(joint_a), arm.space.index(joint_b)
-    if a == b:
-        raise OptionError("a map needs two different joints")
-    whole_number(samples, "samples", 2, _MOST_SAMPLES)
+    plane = a, b = two_joints(arm, joint_a, joint_b, samples)
     if families is None:
         from pinsing.families import closed_form
 
         families = closed_form(arm, prove=False).families
     families = tuple(families)
     base = regular_configuration(arm) if q is None else arm.check_one(q)
-    lower, upper = arm.space.range(ignore_limits)
-    x, y = (np.linspace(lower[j], upper[j], samples) for j in (a, b))
-    Q = np.tile(base, (samples, samples, 1))
-    Q[..., a], Q[..., b] = x[None, :], y[:, None]
+    Q = plane_of(arm, plane, base, samples, ignore_limits)
     values, label = _measured(arm, Q.reshape(-1, arm.n), measure, families)
 
     ax = new_axes(3.6) if ax is None else ax
     shown = values.reshape(samples, samples)
-    mesh = ax.pcolormesh(x, y, shown, cmap="cividis", shading="nearest", rasterized=True, vmin=0)
+    mesh = ax.pcolormesh(
+        Q[0, :, a], Q[:, 0, b], shown, cmap="cividis", shading="nearest", rasterized=True, vmin=0
+    )
     # Above, where it leaves the map and the legend the whole width.
     bar = ax.figure.colorbar(mesh, ax=ax, location="top", pad=0.02, aspect=34, shrink=0.96)
     bar.set_label(label, fontsize=SMALL + 1)
@@ -129,14 +122,8 @@ def sigma_plane(
     styles = cycle(zip(_LINES, DASHES, strict=True))
     for family in families:
         color, dash = next(styles)
-        draw_family(ax, family, Q, (a, b), family_label(family), color=color, dash=dash)
-    ax.set_xlim(x[0], x[-1])
-    ax.set_ylim(y[0], y[-1])
-    for axis, j in ((ax.xaxis, a), (ax.yaxis, b)):
-        ticks(axis, lower[j], upper[j], bool(arm.prismatic[j]), degrees)
-    ax.set_xlabel(joint_label(a, bool(arm.prismatic[a]), degrees), fontsize=SMALL + 1)
-    ax.set_ylabel(joint_label(b, bool(arm.prismatic[b]), degrees), fontsize=SMALL + 1)
-    ax.set_title(held_title(arm, base, (a, b), degrees), fontsize=SMALL - 1)
+        draw_family(ax, family, Q, plane, family_label(family), color=color, dash=dash)
+    label_plane(ax, arm, Q, plane, plane, degrees)
     legend_below(ax, 1, left=True)
     legend = ax.get_legend()
     if legend is not None:  # light lines need a dark ground, as they have on the map
@@ -157,6 +144,44 @@ def _measured(arm: Arm, Q: Array, measure: str, families: tuple[Family, ...]) ->
     weight = np.where(arm.prismatic, 1 / arm.length_scale, 1.0)
     conditions = Conditions.of(real, np.asarray(arm.prismatic), weight)
     return np.degrees(two_sided(conditions, Q).lower), "clearance, at least [deg]"
+
+
+def two_joints(arm: Arm, joint_a: str, joint_b: str, samples: int) -> tuple[int, int]:
+    """Indices of two joints, which must differ; a number of samples is checked as well."""
+    a, b = arm.space.index(joint_a), arm.space.index(joint_b)
+    if a == b:
+        raise OptionError("a map needs two different joints")
+    whole_number(samples, "samples", 2, 2000)
+    return a, b
+
+
+def plane_of(
+    arm: Arm, plane: tuple[int, int], base: Array, samples: int, ignore_limits: bool
+) -> Array:
+    """A grid (k, k, n) over two joints: the first along the second axis, the other at ``base``."""
+    lower, upper = arm.space.range(ignore_limits)
+    Q = np.tile(base, (samples, samples, 1))
+    x, y = (np.linspace(lower[j], upper[j], samples) for j in plane)
+    Q[..., plane[0]], Q[..., plane[1]] = x[None, :], y[:, None]
+    return Q
+
+
+def label_plane(
+    ax: Axes,
+    arm: Arm,
+    Q: Array,
+    plane: tuple[int, int],
+    moving: Iterable[int],
+    degrees: bool,
+    before: str = "",
+) -> None:
+    """Ends, ticks and labels of the axes of a grid, and a title that says where the rest stays."""
+    for axis, j in zip((ax.xaxis, ax.yaxis), plane, strict=True):
+        slides, low, high = bool(arm.prismatic[j]), float(Q[0, 0, j]), float(Q[-1, -1, j])
+        ticks(axis, low, high, slides, degrees)
+        (ax.set_xlim if axis is ax.xaxis else ax.set_ylim)(low, high)
+        axis.set_label_text(joint_label(j, slides, degrees), fontsize=SMALL + 1)
+    ax.set_title(before + held_title(arm, Q[0, 0], moving, degrees), fontsize=SMALL - 1)
 
 
 def held_title(arm: Arm, q: Array, moving: Iterable[int], degrees: bool) -> str:
@@ -181,7 +206,8 @@ def regular_configuration(arm: Arm) -> Array:
 
 def family_label(family: Family) -> str:
     """``F1: q3 = 0° or 180°`` where that is short, else the family's name and its joints."""
-    if len(family.text) <= _SHORT:
+    # Letters of a condition that a legend has room for
+    if len(family.text) <= 26:
         return f"{family.label}: {family.text}"
     joints = sorted({j for b in family.branches for j in b.involved})
     named = ", ".join(joint_symbol(j, bool(family.prismatic[j])) for j in joints)

@@ -35,10 +35,6 @@ _NEAR = 5e-3
 """Nodes are farther from cusps and from each other than this share of the size."""
 _POINT = 1e-7
 """Pieces of curves whose images are shorter than this share of the size are one place."""
-_STRAYED = 0.1
-"""A node is nearer than this to where drawn curves cross, radians or metres."""
-_GRID = 300
-_TILES = 480
 _SHIFT = 0.1234
 """Whole circles begin at no round angle: special lines are then not on a line of the grid."""
 
@@ -278,7 +274,8 @@ def _crossed(section: Section, both: Array, size: float, steep: float) -> Array 
         J = np.stack([(value(y + e) - value(y - e)) / 2e-6 for e in steps], axis=-1)
         change = np.linalg.lstsq(J, -value(y), rcond=1e-9)[0].reshape(2, 2)
         y = y + change
-        if np.abs(y - start).max() > _STRAYED:
+        # A node is nearer than this to where drawn curves cross, radians or metres
+        if np.abs(y - start).max() > 0.1:
             return None
         if np.abs(change).max() < 1e-11:
             break
@@ -313,7 +310,7 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
     for k, whole in enumerate(turning):
         if whole and not limits:
             ranges[k] = [-math.pi + _SHIFT, math.pi + _SHIFT]
-    joints = [np.linspace(a, b, _GRID + 1) for a, b in ranges]
+    joints = [np.linspace(a, b, 300 + 1) for a, b in ranges]
     X = np.stack(np.meshgrid(*joints, indexing="ij"), axis=-1)
     places = section.place(X)
     f = section.singular(X)
@@ -332,7 +329,7 @@ def reach_of(arm: Arm, samples: int, limits: bool) -> Reach:
     top = float(places[..., 0].max())
     low, high = float(places[..., 1].min()), float(places[..., 1].max())
     margin = 0.03 * size
-    axes = [np.linspace(a, b, _TILES + 1) for a, b in ranges]
+    axes = [np.linspace(a, b, 480 + 1) for a, b in ranges]
     tiles = section.place(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1))
     r = np.linspace(0.0, top + margin, samples) + 0.37 * (top + margin) / samples
     z = np.linspace(low - margin, high + margin, samples)

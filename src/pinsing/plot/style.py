@@ -23,8 +23,6 @@ DASHES: tuple[Any, ...] = ("-", "--", "-.", ":", (0, (5, 1, 1, 1, 1, 1)), (0, (8
 SINGULAR = "#000000"
 SMALL = 8
 """Size of the letters, points."""
-_BELOW = 0.5
-"""Under the axes, inches, for what the ticks say and the label below that."""
 
 
 def new_axes(height: float = 2.7, **projection: Any) -> Axes:
@@ -136,8 +134,8 @@ def legend_below(
 
     handles, labels = ax.get_legend_handles_labels()
     if handles:
-        # In inches, as letters are: a share of the height brings it onto the label of low axes.
-        down = ScaledTranslation(0, -_BELOW, ax.figure.dpi_scale_trans)
+        # Half an inch, for ticks and label: of low axes a share of the height is less.
+        down = ScaledTranslation(0, -0.5, ax.figure.dpi_scale_trans)
         ax.legend(
             handles,
             labels,

@@ -21,12 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SAMPLES = 60_000
-_MOST = 5_000_000
 _CELLS = 48
-_SLAB = 0.06
-"""Half of the thickness of a slice, in shares of the workspace's greatest extent."""
-_SEED = 2026
-_PLANES = (((0, 2), 1), ((1, 2), 0), ((0, 1), 2))
 
 
 @checked
@@ -79,9 +74,9 @@ def workspace(
     >>> plot.workspace(pinsing.load("planar3r"), samples=2000).get_xlabel()
     'x [m]'
     """
-    whole_number(samples, "samples", 100, _MOST)
+    whole_number(samples, "samples", 100, 5_000_000)
     every = _three() if axes is None else _given(axes)
-    Q = arm.space.sample(samples, np.random.default_rng(_SEED))
+    Q = arm.space.sample(samples, np.random.default_rng(2026))
     tips = tip_positions(arm, Q)
     values, label = _measured(arm, Q, measure, forms)
     low, high = tips.min(axis=0), tips.max(axis=0)
@@ -89,14 +84,16 @@ def workspace(
     middle = np.array([0.0, 0.0, (low[2] + high[2]) / 2]) if through is None else np.array(through)
     top = float(values.max(initial=0.0)) or 1.0
     mesh: Any = None
-    for ax, ((a, b), across) in zip(every, _PLANES, strict=True):
-        near = np.abs(tips[:, across] - middle[across]) <= _SLAB * size
+    half = 0.06 * size  # of the thickness of a slice
+    planes = (((0, 2), 1), ((1, 2), 0), ((0, 1), 2))
+    for ax, ((a, b), across) in zip(every, planes, strict=True):
+        near = np.abs(tips[:, across] - middle[across]) <= half
         grid, edges = _best(tips[near][:, [a, b]], values[near], low[[a, b]], size)
         mesh = ax.pcolormesh(*edges, grid.T, cmap="cividis", vmin=0, vmax=top, rasterized=True)
         letters = "xyz"
         ax.set_xlabel(f"{letters[a]} [m]", fontsize=SMALL)
         ax.set_ylabel(f"{letters[b]} [m]", fontsize=SMALL)
-        width = f"{middle[across] + 0.0:.3g} ± {_SLAB * size:.2g} m"
+        width = f"{middle[across] + 0.0:.3g} ± {half:.2g} m"
         ax.set_title(f"{letters[across]} = {width}", fontsize=SMALL)
         ax.set_aspect("equal")
         ax.tick_params(labelsize=SMALL - 1)

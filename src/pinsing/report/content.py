@@ -29,8 +29,6 @@ from pinsing.robot.arm import Arm
 from pinsing.robot.nominal import nominal
 
 _LIBRARIES = ("numpy", "pin", "python-flint", "matplotlib", "meshcat")
-_CLEARANCE_SECONDS = 1.0
-_SUGGEST_SECONDS = 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,7 +163,7 @@ def _clearest(arm: Arm, forms: ClosedForm) -> Suggestion | None:
     if not any(f.real for f in forms.families):
         return None
     with contextlib.suppress(PinsingError):  # nothing clear within the limits
-        return suggest(arm, forms=forms, seconds=_SUGGEST_SECONDS)
+        return suggest(arm, forms=forms, seconds=2.0)
     return None
 
 
@@ -184,7 +182,7 @@ def _pose(arm: Arm, family: Family, families: tuple[Family, ...]) -> tuple[Arm, 
 def _near(forms: ClosedForm, q: Array) -> Clearance | None:
     if not any(f.real for f in forms.families):
         return None
-    return clearance(forms, q, certify=True, seconds=_CLEARANCE_SECONDS)
+    return clearance(forms, q, certify=True, seconds=1.0)
 
 
 def _now() -> str:

@@ -103,9 +103,6 @@ footer { margin-top: 3rem; color: var(--soft); font-size: .9rem; }
 """
 
 
-_SHORT = 12  # rows, of some lines each, that a page of paper has room for
-
-
 def text(words: str) -> str:
     """Words, escaped; control characters and marks that hide or turn text are shown as such."""
     return html.escape(visible(words, keep="\n\t"))
@@ -162,7 +159,8 @@ def table(
     lines = [f"<tr>{cells(row)}</tr>" for row in rows]
     body = "".join(lines)
     # A wide table scrolls by itself, also by keyboard; a short one stays on one page of paper.
-    kind = "wide short" if len(lines) <= _SHORT else "wide"
+    # So many rows, of some lines each, have room on a page of paper.
+    kind = "wide short" if len(lines) <= 12 else "wide"
     return (
         f'<div class="{kind}" role="region" tabindex="0" aria-label="{text(caption)}"><table>'
         f"<caption>{text(caption)}</caption><thead><tr>{head}</tr></thead>"

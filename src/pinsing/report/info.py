@@ -26,7 +26,6 @@ from pinsing.serialization import JsonResult
 
 _SECONDS = 2.0
 """Time for the closed form; where it needs more, the command that takes it is named."""
-_SEARCH = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +87,7 @@ def singular_poses(arm: Arm) -> tuple[SingularPose, ...]:
         instead, clearance = None, 0.0
         if form.complete and form.families:
             with contextlib.suppress(PinsingError):  # too far outside the limits
-                found = suggest(arm, near=q, forms=form, seconds=_SEARCH)
+                found = suggest(arm, near=q, forms=form, seconds=1.5)
                 if found.lower > 0:
                     instead, clearance = found.q, found.lower
         on = tuple(f.name for f in form.families if f.real and bool(f.contains(q)))

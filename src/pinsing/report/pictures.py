@@ -10,11 +10,8 @@ from typing import Any
 from pinsing.families import Branch, Family
 from pinsing.robot.arm import Arm
 
-_DPI = 130
-_COLOURS = 128
 
-
-def png(figure: Any, dpi: int = _DPI) -> bytes:
+def png(figure: Any, dpi: int = 130) -> bytes:
     """A figure as PNG of few colours, which takes a third of the room; the figure is closed."""
     from matplotlib import pyplot as plt
     from PIL import Image
@@ -24,7 +21,7 @@ def png(figure: Any, dpi: int = _DPI) -> bytes:
     plt.close(figure)
     image = Image.open(drawn).convert("RGB")
     out = io.BytesIO()
-    reduced = image.quantize(_COLOURS, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
+    reduced = image.quantize(128, method=Image.Quantize.MEDIANCUT, dither=Image.Dither.NONE)
     reduced.save(out, format="png", optimize=True)
     return out.getvalue()
 

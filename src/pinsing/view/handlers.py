@@ -23,7 +23,6 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from pinsing._dataclass import dataclass
 
 MOST_PAGES = 64
-_MOST_UNREAD = 8 * 2**20
 
 Content = str | bytes
 """Of a file of the page."""
@@ -163,7 +162,7 @@ class Live(_Quiet, WebSocketHandler):  # type: ignore[misc,unused-ignore]
 
     def tell(self, text: str) -> None:
         """Send a text, if the page is still there; one that does not read is let go."""
-        if self.unread + len(text) > _MOST_UNREAD:
+        if self.unread + len(text) > 8 * 2**20:
             self.drop()
             return
         task = asyncio.ensure_future(self._send(text))

@@ -56,7 +56,6 @@ class Body(Protocol):
 
 
 _IMAGES = {b"\x89PNG\r\n\x1a\n": "image/png", b"\xff\xd8\xff": "image/jpeg"}
-_LARGEST_IMAGE = 32 * 2**20
 _AROUND = 24
 
 
@@ -183,7 +182,7 @@ def _textures(file: Path) -> dict[str, str]:
         image = (file.parent / name.removeprefix("file://")).resolve()
         if not image.is_relative_to(home) or not image.is_file():
             continue
-        if image.stat().st_size > _LARGEST_IMAGE:
+        if image.stat().st_size > 32 * 2**20:
             continue
         data = image.read_bytes()
         kind = next((k for start, k in _IMAGES.items() if data.startswith(start)), None)

@@ -20,7 +20,6 @@ import types
 from pathlib import Path
 from typing import Any, BinaryIO
 
-_MOST_VERTICES = 5_000_000
 _LARGEST = 1e9
 
 
@@ -45,7 +44,7 @@ def read(loader: Any, path: str, wanted: str) -> tuple[bytes, bytes]:
                 raise ValueError("has vertices farther away than any robot reaches")
             return packed(parts)
     mesh = loader.load(path, np.ones(3))
-    if not 0 < mesh.num_vertices <= _MOST_VERTICES or mesh.num_tris == 0:
+    if not 0 < mesh.num_vertices <= 5_000_000 or mesh.num_tris == 0:
         raise ValueError(f"has {mesh.num_vertices} vertices and {mesh.num_tris} triangles")
     vertices = np.array(mesh.vertices(), dtype=np.float64)
     if not np.isfinite(vertices).all():

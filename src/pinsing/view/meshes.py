@@ -32,7 +32,6 @@ SECONDS_EACH = 20.0
 _PATIENCE = 5  # times that on the clock, whatever else runs
 _FAREWELL = 1.0
 _MEMORY = 2 * 2**30
-_LARGEST_FILE = 256 * 2**20
 _WORKER = Path(__file__).with_name("mesh_worker.py")
 _AS_FILES = (".dae", ".obj", ".stl")  # go into the page as they are
 
@@ -134,7 +133,7 @@ def read_meshes(
     left = []
     for path in paths:
         try:
-            large = path.stat().st_size > _LARGEST_FILE
+            large = path.stat().st_size > 256 * 2**20
             if large or not path.is_file():
                 found[path] = "is too large" if large else "is not a plain file"
             else:

@@ -32,9 +32,7 @@ from pinsing.view.handlers import Content, Live, Nothing, PagePart, Served, Site
 from pinsing.view.page import LIVE_POLICY, asset, live_html, meshcat_script, script
 
 _MOST_LINKS = 512
-_LONGEST_HOST = 300  # of a name, 253 at most, and a port
 _NO_FILES = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM})
-_PAUSE = 0.05
 
 
 class Listener(socket.socket):
@@ -47,7 +45,7 @@ class Listener(socket.socket):
         except OSError as error:
             if error.errno not in _NO_FILES:
                 raise
-            time.sleep(_PAUSE)  # it is asked again and again until some are closed
+            time.sleep(0.05)  # it is asked again and again until some are closed
             raise BlockingIOError from None
 
 
@@ -100,7 +98,8 @@ class _Request(HTTPMessageDelegate):  # type: ignore[misc,unused-ignore]
         self._then, self._complete = then, complete
 
     def headers_received(self, start_line: Any, headers: Any) -> Any:
-        if len(headers.get("Host", "")) > _LONGEST_HOST:
+        # Of a name, 253 at most, and a port.
+        if len(headers.get("Host", "")) > 300:
             raise HTTPInputError("no host has such a name")
         return self._then.headers_received(start_line, headers)
 

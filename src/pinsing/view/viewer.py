@@ -265,8 +265,6 @@ def _listed(arm: Arm, postures: PostureChanges) -> tuple[Posture, ...]:
 FRAMES = 400
 """Poses of a way that a page shows."""
 
-_LOOKED_AT = 4_000_000
-
 
 def thinned(arm: Arm, families: Sequence[Family], Q: Array) -> Array:
     """At most FRAMES poses of a motion: of each stretch of it the one nearest to a family.
@@ -306,7 +304,7 @@ def thinned(arm: Arm, families: Sequence[Family], Q: Array) -> Array:
     for low, high in pairwise(edges.tolist()):
         best = low
         if watched:
-            step = max(1, (high - low) * FRAMES // _LOOKED_AT)  # very long paths by every k-th
+            step = max(1, (high - low) * FRAMES // 4_000_000)  # very long paths by every k-th
             best = low + step * int(np.argmin(two_sided(conditions, Q[low:high:step]).lower))
         places.append(best)
     return np.asarray(Q[[*places, last]])

@@ -14,9 +14,6 @@ import socket
 import subprocess
 import sys
 import time
-import urllib.error
-import urllib.request
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -27,6 +24,7 @@ import pinocchio as pin
 import pytest
 import umsgpack
 from arms import planar, textbook, ur5
+from links import get, heard
 from tiers import tiered
 
 from pinsing.errors import (
@@ -385,33 +383,6 @@ def live() -> Any:
         yield viewer
 
 
-def get(url: str, **headers: str) -> tuple[int, bytes]:
-    try:
-        with urllib.request.urlopen(urllib.request.Request(url, headers=headers)) as answer:
-            return answer.status, answer.read()
-    except urllib.error.HTTPError as error:
-        with error:
-            return error.code, b""
-
-
-async def heard(url: str, act: Callable[[], object] = int, **headers: str) -> list[Any]:
-    """The first message of a page's link, and what follows when something is done."""
-    from tornado.httpclient import HTTPRequest
-    from tornado.websocket import websocket_connect
-
-    headers = {"Origin": "/".join(url.split("/")[:3]), **headers}
-    page = await websocket_connect(
-        HTTPRequest(url.replace("http:", "ws:") + "live", headers=headers)
-    )
-    first = json.loads(await asyncio.wait_for(page.read_message(), 10))
-    act()
-    page.close()
-    messages = [first]
-    while (text := await page.read_message()) is not None:
-        messages.append(json.loads(text))
-    return messages
-
-
 def test_every_part_of_the_page_is_served(live: Viewer) -> None:
     for part in ("", "begin.js", "page.css", "page.js", "meshcat.js", "page.json", "scene"):
         status, body = get(live.url + part)
@@ -432,7 +403,7 @@ def test_a_viewer_brings_nothing_that_a_browser_would_wait_for_in_vain() -> None
         "assert type(made) is IPython.display.HTML and made.data == '<b>x</b>'\n"
         "assert IPython.__file__ and IPython.display.__file__\n"
     )
-    root = Path(__file__).parents[1]
+    root = Path(__file__).parents[2]
     done = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
 

@@ -25,7 +25,7 @@ from pinsing.report.arm_report import arm_report
 from pinsing.report.document import data_block, table
 from pinsing.report.write import write_report
 
-URDF = Path(__file__).parent.parent / "urdf"
+URDF = Path(__file__).parents[2] / "urdf"
 _VOID = {"meta", "link", "img", "br", "input", "hr"}
 
 

@@ -23,7 +23,7 @@ from tiers import tiered_rows
 import pinsing
 from pinsing.cli.app import command
 
-URDF = Path(__file__).parent.parent / "urdf"
+URDF = Path(__file__).parents[2] / "urdf"
 
 
 def written(figure: Figure) -> list[tuple[str, Bbox]]:
