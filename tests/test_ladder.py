@@ -11,7 +11,7 @@ from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.kinematics.jacobian import tip_placement
 from pinsing.postures.exact_chain import ExactChain
 from pinsing.postures.ladder import ladder_of, posture_names
-from pinsing.postures.root_bound import Enclosure, one_root_left, wave
+from pinsing.postures.root_bound import one_root_left
 from pinsing.postures.three_joints import Point
 
 ROW = "  - {{alpha: {}, a: {}, d: {}, theta: 0, type: {}, limits: [{}, {}]}}\n"
@@ -100,28 +100,23 @@ def test_what_is_left_of_the_equation_has_the_roots_of_the_others(tmp_path):
     assert not one_root_left(cubic)
     counts = set()
     for q in arm.space.sample(12, np.random.default_rng(2), True):
-        sign = cubic.at(chain.values(q[None])[:, 1:])
-        if sign.low[0] < 0 < sign.high[0]:
-            continue
+        sign = float(cubic.discriminant(chain.values(q[None])[:, 1:])[0])
         known = pinsing.inverse(arm, tip_placement(arm, q).translation)
         counts.add(len(known))
-        assert len(known) == (2 if sign.high[0] < 0 else 4)
+        assert len(known) == (2 if sign < 0 else 4)
     assert counts == {2, 4}
 
 
-def test_intervals_hold():
-    rng = np.random.default_rng(0)
-    low = rng.uniform(-9, 9, 200)
-    high = low + rng.uniform(0, 4, 200)
-    x = low + (high - low) * rng.uniform(0, 1, (400, 200))
-    y = wave(0.3, -0.7, low, high)
-    value = 0.3 * np.cos(x) - 0.7 * np.sin(x)
-    assert (value >= y.low - 1e-12).all()
-    assert (value <= y.high + 1e-12).all()
-    assert np.abs(value.max(axis=0) - y.high).max() < 0.05
-    a, b = Enclosure(low, high), y
-    assert ((x * value >= (a * b).low - 1e-9) & (x * value <= (a * b).high + 1e-9)).all()
-    assert ((x * x >= a.squared.low) & (x * x <= a.squared.high)).all()
+def test_the_bound_of_the_discriminant_is_just_above_it(tmp_path):
+    chain = ExactChain.of(
+        pinsing.nominal(table(tmp_path, [(-70, 1, 0.2), (80, 2, 1), (0, 1.5, 0)]))
+    )
+    cubic = Point.of(chain, chain.translation[3]).numbers.deflated()
+    x = np.random.default_rng(0).uniform(-4, 4, (2000, 2))
+    value = cubic.discriminant(x)
+    over = cubic.bound()(x) - value
+    assert (over > 0).all()
+    assert over.max() < 1e-6 * np.abs(value).max()
 
 
 class TestNames:

@@ -13,7 +13,7 @@ import pinsing
 from pinsing.description.dh_urdf import dh_to_urdf, read_dh
 from pinsing.errors import ConfigurationError, OptionError, PinsingError, UnknownNameError
 from pinsing.kinematics.jacobian import tip_placement
-from pinsing.postures.boxes import Ground, Terms
+from pinsing.postures.boxes import Ground, on_boxes, slope, sum_of
 from pinsing.postures.divided import Divided, Sectioned
 from pinsing.postures.newton import one_sheet, regular_way
 from pinsing.postures.partition import partition
@@ -134,7 +134,7 @@ def test_an_independent_flood_fill_agrees():
 
 class TestSubdivision:
     def box(self, equation, low, high, circle=(False, False)):
-        terms = Terms.of(equation, (0, 1))
+        terms = sum_of(equation, (0, 1))
         return Ground((terms,), np.array(low), np.array(high), np.array(circle), np.ones(2))
 
     def equation(self, frequencies, cos, sin):
@@ -181,18 +181,16 @@ class TestSubdivision:
         rng = np.random.default_rng(0)
         for name in ("ur5", "puma560"):
             for e in (e for f in form_of(name).families for e in f.equations):
-                terms = Terms.of(e, e.involved)
-                x, h = rng.uniform(-3, 3, (200, terms.d)), rng.uniform(0, 0.4, (200, terms.d))
-                known, v = terms.on(x, h), rng.normal(size=(200, terms.d))
-                slope, error = terms.slope(x, h, v)
+                terms, d = sum_of(e, e.involved), len(e.involved)
+                x, h = rng.uniform(-3, 3, (200, d)), rng.uniform(0, 0.4, (200, d))
+                known, v = on_boxes(terms, x, h), rng.normal(size=(200, d))
+                rise, error = slope(terms, x, h, v)
                 for _ in range(50):
                     y = x + h * rng.uniform(-1, 1, x.shape)
-                    value = np.array([terms(p) for p in y])
-                    assert (np.abs(value - known.value) <= known.swing).all()
+                    assert (np.abs(terms(y) - known.value) <= known.swing).all()
                     step = 1e-6
-                    ahead = np.array([terms(p) for p in y + step * v])
-                    behind = np.array([terms(p) for p in y - step * v])
-                    assert (np.abs((ahead - behind) / (2 * step) - slope) <= error + 1e-7).all()
+                    along = (terms(y + step * v) - terms(y - step * v)) / (2 * step)
+                    assert (np.abs(along - rise) <= error + 1e-7).all()
 
 
 def test_sliding_terms_are_bounded():
@@ -208,17 +206,17 @@ def test_sliding_terms_are_bounded():
         np.array([0.4, 0.0, -0.1]),
         np.zeros(2),
     )
-    terms = Terms.of(e, (0, 1))
+    terms = sum_of(e, (0, 1))
     x, h = rng.uniform(-2, 2, (300, 2)), rng.uniform(0, 0.5, (300, 2))
-    known, v = terms.on(x, h), rng.normal(size=(300, 2))
+    known, v = on_boxes(terms, x, h), rng.normal(size=(300, 2))
     assert np.allclose(known.value, e(x))
     assert np.allclose(known.gradient, e.gradient(x))
-    slope, error = terms.slope(x, h, v)
+    rise, error = slope(terms, x, h, v)
     for _ in range(60):
         y = x + h * rng.uniform(-1, 1, x.shape)
         assert (np.abs(e(y) - known.value) <= known.swing).all()
         along = np.einsum("nd,nd->n", e.gradient(y), v)
-        assert (np.abs(along - slope) <= error + 1e-12).all()
+        assert (np.abs(along - rise) <= error + 1e-12).all()
 
 
 def test_an_offset_wrist_has_two_aspects_by_algebra(tmp_path):

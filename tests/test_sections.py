@@ -8,10 +8,11 @@ import pytest
 
 import pinsing
 from pinsing.algebra.equation import Equation
-from pinsing.postures.boxes import Ground, growing
+from pinsing.algebra.trig_sum import TrigSum
+from pinsing.postures.boxes import Ground, growing, on_boxes, sum_of
 from pinsing.postures.divided import Sectioned
 from pinsing.postures.partition import Arc, Part, Surface
-from pinsing.postures.subdivision import Terms, across, cuts_of, section, sections, subdivide
+from pinsing.postures.subdivision import across, cuts_of, section, sections, subdivide
 
 
 def random_part(rng, d, low, high):
@@ -66,7 +67,7 @@ def test_the_components_are_those_of_boxes_and_of_a_flood_fill(seed):
     hub = across(part, box)
     assert hub is not None
     found = sections(part, box, hub, np.ones(2), math.inf)
-    terms = Terms.of(part.surfaces[0].equation, part.joints)
+    terms = sum_of(part.surfaces[0].equation, part.joints)
     whole = subdivide(Ground((terms,), low, high, np.zeros(2, dtype=bool), np.ones(2)), math.inf)
     assert found.proven
     assert whole.proven
@@ -84,7 +85,7 @@ def test_a_component_has_points_of_its_sign_and_ways_between_them():
     found = sections(part, box, hub, np.ones(3), math.inf)
     assert found.proven
     piece = Sectioned(part, box, hub, found)
-    terms = Terms.of(part.surfaces[0].equation, part.joints)
+    terms = sum_of(part.surfaces[0].equation, part.joints)
 
     def clear(X):
         fine = np.concatenate([np.linspace(a, b, 60) for a, b in pairwise(X)])
@@ -112,7 +113,7 @@ def test_sections_are_nearer_than_half_a_turn_and_hold_the_equation():
         assert (np.diff(cuts) > 0).all()
         assert np.diff(cuts).max() < 3.0
     part, _ = random_part(np.random.default_rng(1), 3, -np.ones(3), np.ones(3))
-    terms = Terms.of(part.surfaces[0].equation, part.joints)
+    terms = sum_of(part.surfaces[0].equation, part.joints)
     x = np.random.default_rng(2).uniform(-3, 3, (50, 2))
     whole = terms(np.insert(x, 0, 0.7, axis=1))
     assert np.allclose(section(terms, 0, 0.7)(x), whole, atol=1e-12)
@@ -132,14 +133,14 @@ def test_a_saddle_on_a_limit_has_no_largest_value_and_a_hill_has_one():
     """sin q1 sin q2 at its crossing bends both ways; cos q1 cos q2 is largest at 0."""
     f = np.array([[1.0, -1.0], [1.0, 1.0]])
     power = np.zeros((2, 2), dtype=np.int64)
-    crossing = Terms(f, power, np.array([0.5, 0.5]), np.array([0.0, math.pi]), 1e-12)
-    hill = Terms(f, power, np.array([0.5, 0.5]), np.zeros(2), 1e-12)
+    crossing = TrigSum([0.5, 0.5], [0.0, math.pi], f, power, 1e-12)
+    hill = TrigSum([0.5, 0.5], np.zeros(2), f, power, 1e-12)
     x, h = np.zeros((1, 2)), np.full((1, 2), 0.05)
     side = np.zeros((1, 2))
-    assert growing(crossing, np.ones(2), crossing.on(x, h), x, h, side).all()
-    assert not growing(hill, np.ones(2), hill.on(x, h), x, h, side).any()
+    assert growing(crossing, np.ones(2), on_boxes(crossing, x, h), x, h, side).all()
+    assert not growing(hill, np.ones(2), on_boxes(hill, x, h), x, h, side).any()
     # Where both joints are at their ends there is no line left to bend along.
-    assert not growing(crossing, np.ones(2), crossing.on(x, h), x, h, side + 1).any()
+    assert not growing(crossing, np.ones(2), on_boxes(crossing, x, h), x, h, side + 1).any()
 
 
 def test_every_regular_configuration_has_an_aspect_though_a_section_lies_on_a_family(tmp_path):

@@ -69,6 +69,10 @@ class TrigSum:
         """Size (N,) of gradients (N, n): the most by which a unit step changes a sum."""
         return np.asarray(np.abs(g).sum(axis=1) if self.largest else np.linalg.norm(g, axis=1))
 
+    def __call__(self, x: Array) -> Array:
+        """Values at x (..., n): (...)."""
+        return self.at(x.reshape(-1, x.shape[-1])).value.reshape(x.shape[:-1])
+
     def at(self, X: Array, far: Array | float = 4.0) -> At:
         """Evaluate at X (N, n), to which a rounding of 4.5e-16 ``far`` was done."""
         angle = X[:, self.used] @ self.rate[:, self.used].T + self.phase

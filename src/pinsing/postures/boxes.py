@@ -29,9 +29,7 @@ import numpy as np
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
 from pinsing.algebra.equation import Equation
-
-_SLACK = 1e-12
-_FEW = 1 << 14
+from pinsing.algebra.trig_sum import TrigSum
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,140 +55,61 @@ class OnBoxes:
         return OnBoxes(self.value[rows], self.swing[rows], self.gradient[rows])
 
 
-@dataclass(frozen=True, eq=False)
-class Terms:
-    """An equation over d of the arm's joints, ready for boxes.
+def sum_of(equation: Equation, joints: tuple[int, ...]) -> TrigSum:
+    """An equation over some of the arm's joints, which are all that it has, ready for boxes."""
+    rate, columns = equation.frequencies / 2, list(joints)
+    return TrigSum(
+        amplitude=np.hypot(equation.cos, equation.sin),
+        phase=np.arctan2(-equation.sin, equation.cos) + rate @ equation.shift,
+        rate=rate[:, columns],
+        power=equation.powers[:, columns],
+        noise=max(1e-12, 4 * equation.accuracy),
+    )
 
-    Attributes
-    ----------
-    rate : (T, d) array
-        Multiples of the joint values.
-    power : (T, d) array of int
-        Exponents of slides.
-    size, phase : (T,) arrays
-        ``f = sum size prod x^power cos(rate x + phase)``.
-    slack : float
-        Rounding, relative to the terms.
-    """
 
-    rate: Array
-    power: Array
-    size: Array
-    phase: Array
-    slack: float
-
-    @classmethod
-    def of(cls, equation: Equation, joints: tuple[int, ...]) -> Terms:
-        """Terms of an equation in some joints, which are all that it has."""
-        full = equation.frequencies / 2
-        columns = list(joints)
-        return cls(
-            rate=np.ascontiguousarray(full[:, columns]),
-            power=np.ascontiguousarray(equation.powers[:, columns]),
-            size=np.hypot(equation.cos, equation.sin),
-            phase=np.arctan2(-equation.sin, equation.cos) + full @ equation.shift,
-            slack=max(_SLACK, 4 * equation.accuracy),
+def on_boxes(f: TrigSum, x: Array, h: Array) -> OnBoxes:
+    """What is known of a sum on boxes of middles x and half widths h, both (N, d)."""
+    few = 1 << 14
+    if len(x) > few:
+        parts = [on_boxes(f, x[i : i + few], h[i : i + few]) for i in range(0, len(x), few)]
+        return OnBoxes(
+            *(np.concatenate([getattr(p, k) for p in parts]) for k in OnBoxes.__annotations__)
         )
+    at, most = f.at(x), np.abs(x) + h
+    noise = f.noise * f.sizes(most).sum(axis=1) * _grown(x)
+    bend = f.bend(most, h @ np.abs(f.rate).T, h)
+    return OnBoxes(at.value, np.abs(at.gradient * h).sum(axis=1) + 0.5 * bend + noise, at.gradient)
 
-    @property
-    def d(self) -> int:
-        """Number of joints."""
-        return int(self.rate.shape[1])
 
-    def __call__(self, x: Array) -> Array:
-        """Values at x (..., d)."""
-        value = self.size * np.cos(x @ self.rate.T + self.phase)
-        if self.power.any():
-            value = value * np.prod(x[..., None, :] ** self.power, axis=-1)
-        return np.asarray(value.sum(axis=-1))
+def slope(f: TrigSum, x: Array, h: Array, v: Array) -> tuple[Array, Array]:
+    """Derivative along v in the middle of boxes, and by how much it differs on them, (N,).
 
-    def on(self, x: Array, h: Array) -> OnBoxes:
-        """What is known on boxes of middles x and half widths h, both (N, d)."""
-        if len(x) > _FEW:
-            parts = [self.on(x[i : i + _FEW], h[i : i + _FEW]) for i in range(0, len(x), _FEW)]
-            return OnBoxes(
-                *(np.concatenate([getattr(p, k) for p in parts]) for k in OnBoxes.__annotations__)
-            )
-        wave, gradient = self._expand(x)
-        top, reach = self._reach(x, h)
-        noise = self.slack * top.sum(axis=1) * _grown(x)
-        swing = np.abs(gradient * h).sum(axis=1) + 0.5 * (top * reach**2).sum(axis=1) + noise
-        return OnBoxes(wave.sum(axis=1), swing, gradient)
+    All arguments (N, d).
+    """
+    most = np.maximum(np.abs(x) + h, 1e-150)
+    along, reach = np.abs(v @ f.rate.T), h @ np.abs(f.rate).T
+    if len(f.slides):
+        along, reach = along + (np.abs(v) / most) @ f.power.T, reach + (h / most) @ f.power.T
+    error = (f.sizes(most) * along * (reach + f.noise * _grown(x)[:, None])).sum(axis=1)
+    return np.einsum("nd,nd->n", f.at(x).gradient, v), error
 
-    def slope(self, x: Array, h: Array, v: Array) -> tuple[Array, Array]:
-        """Derivative along v in the middle of boxes, and by how much it differs on them, (N,).
 
-        All arguments (N, d).
-        """
-        gradient = self._expand(x)[1]
-        top, reach = self._reach(x, h)
-        along = np.abs(v @ self.rate.T)
-        if self.power.any():
-            safe = np.maximum(np.abs(x) + h, 1e-150)
-            along = along + (np.abs(v) / safe) @ self.power.T
-        rounding = self.slack * _grown(x)[:, None]
-        error = (top * along * (reach + rounding)).sum(axis=1)
-        return np.einsum("nd,nd->n", gradient, v), error
+def growth_steps(f: TrigSum, x: Array, free: Array) -> Array:
+    """Directions (N, d) in which every term grows by itself, as far as these go together.
 
-    def curvature(self, x: Array) -> Array:
-        """Second derivatives (N, d, d) at x (N, d), of an equation without slides."""
-        wave = -self.size * np.cos(x @ self.rate.T + self.phase)
-        return np.asarray(np.einsum("nt,ti,tj->nij", wave, self.rate, self.rate, optimize=True))
-
-    def bend(self, x: Array, h: Array, v: Array) -> tuple[Array, Array]:
-        """Second derivative along v in the middle of boxes, and by how much it differs, (N,).
-
-        All arguments (N, d); of an equation without slides.
-        """
-        wave = -self.size * np.cos(x @ self.rate.T + self.phase)
-        twice = (v @ self.rate.T) ** 2
-        change = h @ np.abs(self.rate).T + self.slack * _grown(x)[:, None]
-        return (wave * twice).sum(axis=1), (self.size * twice * change).sum(axis=1)
-
-    def steps(self, x: Array, free: Array) -> Array:
-        """Directions (N, d) in which every term grows by itself, as far as these go together.
-
-        Least squares for ``k_t v = d f / d (k_t x)``, in joints that are ``free`` (N, d) only.
-        """
-        phase = x @ self.rate.T + self.phase
-        wave = -self.size * np.sin(phase)
-        K = self.rate[None] * free[:, None, :]
-        gram = K.transpose(0, 2, 1) @ K
-        trace = np.einsum("kii->k", gram)[:, None, None]
-        gram = gram + np.eye(self.d) * np.maximum(1e-9 * trace, 1e-300)
-        right = np.einsum("ntd,nt->nd", K, wave)[..., None]
-        return np.asarray(np.linalg.solve(gram, right)[..., 0] * free)
-
-    def _expand(self, x: Array) -> tuple[Array, Array]:
-        """Terms (N, T) and gradient (N, d)."""
-        phase = x @ self.rate.T + self.phase
-        wave, turned = self.size * np.cos(phase), -self.size * np.sin(phase)
-        if not self.power.any():
-            return wave, turned @ self.rate
-        product = np.prod(x[:, None, :] ** self.power, axis=-1)
-        gradient = (turned * product) @ self.rate
-        for j in np.flatnonzero(self.power.any(axis=0)):
-            lowered = self.power.copy()
-            lowered[:, j] = np.maximum(lowered[:, j] - 1, 0)
-            lower = np.prod(x[:, None, :] ** lowered, axis=-1)
-            gradient[:, j] += (wave * self.power[:, j] * lower).sum(axis=1)
-        return wave * product, gradient
-
-    def _reach(self, x: Array, h: Array) -> tuple[Array, Array]:
-        """Largest size of each term on the boxes, and S, both (N, T)."""
-        reach = h @ np.abs(self.rate).T
-        if not self.power.any():
-            return np.broadcast_to(self.size, reach.shape), reach
-        most = np.abs(x) + h
-        top = self.size * np.prod(most[:, None, :] ** self.power, axis=-1)
-        return top, reach + (h / np.maximum(most, 1e-150)) @ self.power.T
+    Least squares for ``k_t v = d f / d (k_t x)``, in joints that are ``free`` (N, d) only.
+    """
+    wave = -f.amplitude * np.sin(x @ f.rate.T + f.phase)
+    K = f.rate[None] * free[:, None, :]
+    gram = K.transpose(0, 2, 1) @ K
+    trace = np.einsum("kii->k", gram)[:, None, None]
+    gram = gram + np.eye(x.shape[1]) * np.maximum(1e-9 * trace, 1e-300)
+    right = np.einsum("ntd,nt->nd", K, wave)[..., None]
+    return np.asarray(np.linalg.solve(gram, right)[..., 0] * free)
 
 
 def _grown(x: Array) -> Array:
     return np.asarray(1 + np.abs(x).max(axis=1, initial=0.0))
-
-
-_FIRST = 1.0  # radians, or lengths of the range: largest width of a box to begin with
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +118,7 @@ class Ground:
 
     Attributes
     ----------
-    terms : tuple of Terms
+    terms : tuple of TrigSum
         The equations.
     low, high : (d,) arrays
         The box.
@@ -209,7 +128,7 @@ class Ground:
         What counts as one radian: 1, or a length for slides.
     """
 
-    terms: tuple[Terms, ...]
+    terms: tuple[TrigSum, ...]
     low: Array
     high: Array
     circle: Bool
@@ -222,10 +141,8 @@ class Ground:
 
     @cached_property
     def first(self) -> Ints:
-        """Boxes along each joint to begin with."""
-        return np.maximum(1, np.ceil((self.high - self.low) / self.scale / _FIRST - 1e-9)).astype(
-            np.int64
-        )
+        """Boxes along each joint to begin with: none is wider than a radian or a length."""
+        return np.maximum(1, np.ceil((self.high - self.low) / self.scale - 1e-9)).astype(np.int64)
 
     @cached_property
     def flips(self) -> Ints:
@@ -371,13 +288,13 @@ def _grows(
     growth = np.zeros(len(x))
     for i, (terms, k) in enumerate(zip(ground.terms, known, strict=True)):
         if len(ground.terms) == 1 or i in open_:
-            slope, error = terms.slope(x, h, v)
-            rate = s[open_.index(i)] * slope - error
+            rise, error = slope(terms, x, h, v)
+            rate = s[open_.index(i)] * rise - error
             sure &= rate > 0
             growth += np.maximum(rate, 0) / (np.abs(k.value) + k.swing)
         else:
-            slope, error = terms.slope(x, h, v)
-            growth -= (np.abs(slope) + error) / (np.abs(k.value) - k.swing)
+            rise, error = slope(terms, x, h, v)
+            growth -= (np.abs(rise) + error) / (np.abs(k.value) - k.swing)
     return np.asarray(sure & (growth > 0))
 
 
@@ -397,11 +314,11 @@ def _together(
 ) -> Array:
     """Directions in which every term of the only open equation grows; else `_by_gradient`."""
     terms = ground.terms[open_[0]]
-    if len(open_) > 1 or terms.power.any():
+    if len(open_) > 1 or len(terms.slides):
         return _by_gradient(ground, known, open_, s, x, side)
     free = np.ones(side.shape) * ground.scale
     for _ in range(3):
-        v, free, changed = _inward(s[0] * terms.steps(x, free), side, free)
+        v, free, changed = _inward(s[0] * growth_steps(terms, x, free), side, free)
         if not changed:
             break
     return v
@@ -435,12 +352,12 @@ def _by_gradient(
     return v
 
 
-def growing(terms: Terms, scale: Array, known: OnBoxes, x: Array, h: Array, side: Array) -> Bool:
+def growing(terms: TrigSum, scale: Array, known: OnBoxes, x: Array, h: Array, side: Array) -> Bool:
     """Whether one equation has no largest |f| of either sign on boxes, (K,).
 
     Parameters
     ----------
-    terms : Terms
+    terms : TrigSum
         The equation.
     scale : (d,) array
         What counts as one radian.
@@ -457,10 +374,13 @@ def growing(terms: Terms, scale: Array, known: OnBoxes, x: Array, h: Array, side
 def _bends(ground: Ground, s: float, x: Array, h: Array, side: Array) -> Bool:
     """Whether s f is convex all over each box along some line that keeps to the limits."""
     terms = ground.terms[0]
-    if terms.power.any():
+    if len(terms.slides):
         return np.zeros(len(x), dtype=bool)
     free = np.where(side == 0, ground.scale, 0.0)
-    H = s * terms.curvature(x) * free[:, :, None] * free[:, None, :]
-    v = np.linalg.eigh(H)[1][:, :, -1] * free
-    bend, error = terms.bend(x, h, v)
-    return np.asarray(s * bend > error)
+    wave = -terms.amplitude * np.cos(x @ terms.rate.T + terms.phase)
+    H = np.einsum("nt,ti,tj->nij", s * wave, terms.rate, terms.rate, optimize=True)
+    v = np.linalg.eigh(H * free[:, :, None] * free[:, None, :])[1][:, :, -1] * free
+    twice = (v @ terms.rate.T) ** 2
+    change = h @ np.abs(terms.rate).T + terms.noise * _grown(x)[:, None]
+    error = (terms.amplitude * twice * change).sum(axis=1)
+    return np.asarray(s * (wave * twice).sum(axis=1) > error)

@@ -10,7 +10,8 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
-from pinsing.postures.boxes import Leaves, Terms
+from pinsing.algebra.trig_sum import TrigSum
+from pinsing.postures.boxes import Leaves, sum_of
 from pinsing.postures.partition import Arc, Part
 from pinsing.postures.pieces import Clear, CountedPiece, toward
 from pinsing.postures.subdivision import Components, Sections
@@ -103,7 +104,8 @@ class Divided(CountedPiece):
         rows = np.flatnonzero(self.found.label == component)
         size = self.found.leaves.level[rows]
         x = self.middles[0]
-        value = np.min([np.abs(t(x[rows])) / t.size.sum() for t in self.found.ground.terms], axis=0)
+        terms = self.found.ground.terms
+        value = np.min([np.abs(t(x[rows])) / t.amplitude.sum() for t in terms], axis=0)
         return np.asarray(x[rows[np.lexsort((-value, size))[:256]]])
 
     def signs(self, component: int) -> tuple[int, ...]:
@@ -156,9 +158,7 @@ class Divided(CountedPiece):
                     return int(other), np.array([*points, goal])
             step = np.zeros(len(x))
             for t, s in zip(terms, signs, strict=True):
-                h = np.zeros((1, len(x)))
-                known = t.on(here[None], h)
-                g = s * known.gradient[0] * self.found.ground.scale**2
+                g = s * t.at(here[None]).gradient[0] * self.found.ground.scale**2
                 step += g / max(float(np.linalg.norm(g)), 1e-300)
             length = float(half[box].max()) / max(float(np.linalg.norm(step)), 1e-300)
             for shrink in (1.0, 0.5, 0.25, 0.1, 0.02):
@@ -256,8 +256,8 @@ class Sectioned(CountedPiece):
     found: Sections
 
     @cached_property
-    def _terms(self) -> Terms:
-        return Terms.of(self.part.surfaces[0].equation, self.part.joints)
+    def _terms(self) -> TrigSum:
+        return sum_of(self.part.surfaces[0].equation, self.part.joints)
 
     @cached_property
     def _on(self) -> tuple[Divided, ...]:

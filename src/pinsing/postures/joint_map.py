@@ -16,7 +16,7 @@ from pinsing.algebra.equation import Equation
 from pinsing.errors import ConfigurationError, OptionError
 from pinsing.families import Family
 from pinsing.families.parts import Branch
-from pinsing.postures.boxes import Ground, Terms
+from pinsing.postures.boxes import Ground, sum_of
 from pinsing.postures.divided import Divided, Sectioned
 from pinsing.postures.partition import Arc, Part, Partition, partition
 from pinsing.postures.pieces import Clear, Piece, Plain, Wheel, hub_of
@@ -52,7 +52,7 @@ def make_piece(part: Part, box: tuple[Arc, ...], scale: Array, until: float) -> 
         mine = scale[list(part.joints)]
         return Sectioned(part, box, hub, sections(part, box, hub, mine, until))
     ground = Ground(
-        terms=tuple(Terms.of(s.equation, part.joints) for s in part.surfaces),
+        terms=tuple(sum_of(s.equation, part.joints) for s in part.surfaces),
         low=np.array([a.low for a in box]),
         high=np.array([a.high for a in box]),
         circle=np.array([a.circle for a in box]),

@@ -11,7 +11,8 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool
-from pinsing.postures.boxes import Terms
+from pinsing.algebra.trig_sum import TrigSum
+from pinsing.postures.boxes import sum_of
 from pinsing.postures.partition import Arc, Part
 
 Clear = Callable[[Array], bool]
@@ -152,8 +153,8 @@ class Wheel:
     closed: bool = True
 
     @cached_property
-    def _terms(self) -> Terms:
-        return Terms.of(self.part.surfaces[0].equation, self.part.joints)
+    def _terms(self) -> TrigSum:
+        return sum_of(self.part.surfaces[0].equation, self.part.joints)
 
     @cached_property
     def _circle(self) -> Bool:

@@ -2,106 +2,21 @@
 
 With ``x = tan(d / 2)``, d the angle from the known root of P, P (1 + x^2)^2 / 2x is a cubic in x
 whose coefficients are trigonometric polynomials of q2 and q3. It has one real root, x = infinity
-counted, exactly where its discriminant is negative. That is shown box by box with intervals.
+counted, exactly where its discriminant is negative. That is of degree 4 in q2 and 8 in q3: a
+trigonometric sum, of which boxes show that it is negative wherever it may have its largest value.
 """
 
 from __future__ import annotations
 
-from functools import cached_property
-
 import numpy as np
 
 from pinsing._dataclass import dataclass
-from pinsing._types import Array, Bool
+from pinsing._types import Array
+from pinsing.algebra.trig_sum import TrigSum
 
 MOST = 800_000
-_SLACK = 1e-14
-"""Rounding of a sum of a few products, relative to these; with room."""
-
-
-@dataclass(frozen=True, eq=False)
-class Enclosure:
-    """Numbers between ``low`` and ``high``, (N,) each."""
-
-    low: Array
-    high: Array
-
-    def __add__(self, other: Enclosure) -> Enclosure:
-        return Enclosure(self.low + other.low, self.high + other.high)
-
-    def __neg__(self) -> Enclosure:
-        return Enclosure(-self.high, -self.low)
-
-    def __sub__(self, other: Enclosure) -> Enclosure:
-        return self + -other
-
-    def __mul__(self, other: Enclosure) -> Enclosure:
-        ends = np.stack(
-            [a * b for a in (self.low, self.high) for b in (other.low, other.high)], axis=0
-        )
-        return Enclosure(ends.min(axis=0), ends.max(axis=0))
-
-    def times(self, k: float) -> Enclosure:
-        """All of them times a number."""
-        return Enclosure(self.low * k, self.high * k) if k >= 0 else (-self).times(-k)
-
-    def plus(self, k: float) -> Enclosure:
-        """All of them and a number."""
-        return Enclosure(self.low + k, self.high + k)
-
-    @property
-    def squared(self) -> Enclosure:
-        """Their squares."""
-        a, b = self.low**2, self.high**2
-        low = np.where((self.low < 0) & (self.high > 0), 0.0, np.minimum(a, b))
-        return Enclosure(low, np.maximum(a, b))
-
-    @property
-    def size(self) -> Array:
-        """Largest absolute value."""
-        return np.maximum(np.abs(self.low), np.abs(self.high))
-
-
-def wave(c: float, s: float, low: Array, high: Array) -> Enclosure:
-    """``c cos x + s sin x`` for x from low to high."""
-    size, at = float(np.hypot(c, s)), float(np.arctan2(s, c))
-    a, b = low - at, high - at
-    ends = np.stack([np.cos(a), np.cos(b)])
-    top = np.floor(b / (2 * np.pi)) >= np.ceil(a / (2 * np.pi))
-    bottom = np.floor((b - np.pi) / (2 * np.pi)) >= np.ceil((a - np.pi) / (2 * np.pi))
-    return Enclosure(
-        size * np.where(bottom, -1.0, ends.min(axis=0)),
-        size * np.where(top, 1.0, ends.max(axis=0)),
-    )
-
-
-@dataclass(frozen=True, eq=False)
-class Dual:
-    """Values on boxes, and the derivatives by q2 and q3 there."""
-
-    value: Enclosure
-    slope: tuple[Enclosure, Enclosure]
-
-    def __neg__(self) -> Dual:
-        return Dual(-self.value, (-self.slope[0], -self.slope[1]))
-
-    def __mul__(self, other: Dual) -> Dual:
-        a, b = (_sum(self.value * other.slope[k], self.slope[k] * other.value) for k in (0, 1))
-        return Dual(self.value * other.value, (a, b))
-
-    def times(self, k: float) -> Dual:
-        """All of them times a number."""
-        return Dual(self.value.times(k), (self.slope[0].times(k), self.slope[1].times(k)))
-
-    def plus(self, k: float) -> Dual:
-        """All of them and a number."""
-        return Dual(self.value.plus(k), self.slope)
-
-    @property
-    def squared(self) -> Dual:
-        """Their squares."""
-        twice = self.value.times(2.0)
-        return Dual(self.value.squared, (twice * self.slope[0], twice * self.slope[1]))
+"""Boxes after which a proof is given up."""
+_DEGREES = (4, 8)
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,134 +29,108 @@ class Deflated:
     cosine: Array
     sine: Array
 
-    @cached_property
-    def _h(self) -> Array:
-        """Coefficients of cos and sin in |v|^2 and in h, (2, 2)."""
-        n = 2 * np.array([self.constant @ self.cosine, self.constant @ self.sine])
-        m = np.array([self.cosine[2], self.sine[2]])
-        return np.stack([n, n + 2 * self.tau[2] * m])
+    def discriminant(self, x: Array) -> Array:
+        """The discriminant at q2 and q3 (N, 2): (N,)."""
+        waves = np.stack([np.cos(x), np.sin(x)])
+        return _discriminant(*self._cubic(waves[:, :, 0], waves[:, :, 1], 1.0))
 
-    def open_boxes(self, low: Array, high: Array) -> Bool:
-        """Boxes of q2 and q3 (N, 2) where the discriminant may have its largest value, and be >= 0.
+    def _cubic(self, second: Array, third: Array, s: float) -> tuple[Array, Array, Array, Array]:
+        """Coefficients, given cosine and sine of both joints; with s = -1 bounds of their sizes.
 
-        It has that where both derivatives are zero: the torus has no edge.
+        These are had from absolute values of all numbers, with cosines and sines of 1.
         """
-        whole, half = self._discriminant(low, high), (high - low) / 2
-        swing = sum(whole.slope[k].size * half[:, k] for k in (0, 1)) * (1 + _SLACK)
-        top = np.minimum(whole.value.high, self.at((low + high) / 2).high + swing)
-        level = [(s.low <= 0) & (s.high >= 0) for s in whole.slope]
-        return np.asarray((top >= 0) & level[0] & level[1])
 
-    def at(self, x: Array) -> Enclosure:
-        """The discriminant at points (N, 2), with its rounding."""
-        return self._discriminant(x, x).value
+        def own(a: Array) -> Array:
+            return a if s > 0 else np.abs(a)
 
-    def _discriminant(self, low: Array, high: Array) -> Dual:
-        (n, h), c, s = self._h, self.cosine, self.sine
+        def turning(a: Array) -> tuple[Array, Array]:  # derivatives of a cosine and a sine
+            return a[1] * third[0] - s * a[0] * third[1], -s * (a[0] * third[0] + a[1] * third[1])
 
-        def turning(c: float, s: float) -> Dual:
-            return _wave(c, s, low, high, (0, 1))
-
-        rise = np.array([c[2], s[2]])
+        constant, cosine, sine, tau, e = map(
+            own, (self.constant, self.cosine, self.sine, self.tau, self.e)
+        )
+        v = constant[:, None] + cosine[:, None] * third[0] + sine[:, None] * third[1]
+        u = (second[0] * v[0] - s * second[1] * v[1], second[1] * v[0] + second[0] * v[1])
+        T, E = (k[0] * u[0] + k[1] * u[1] for k in (tau, e))
+        n = 2 * np.array([constant @ cosine, constant @ sine])
+        rise = np.array([cosine[2], sine[2]])
         # What v_z, h and |v|^2 are linear in: 2 x (slope - bend x) / (1 + x^2) from the root on.
-        V, H, N = ((turning(k[1], -k[0]), -turning(k[0], k[1])) for k in (rise, h, n))
-        vz = turning(c[2], s[2]).plus(float(self.constant[2]))
-        T, E = self._along(self.tau, low, high), self._along(self.e, low, high)
-        a2 = float(self.tau[:2] @ self.tau[:2])
-        s2 = float(self.e[:2] @ self.e[:2])
-        ez = float(self.e[2])
+        V, H, N = turning(rise), turning(n + 2 * tau[2] * rise), turning(n)
+        a2, s2 = float(tau[:2] @ tau[:2]), float(e[:2] @ e[:2])
+        over = 1 + e[2] ** 2 / s2
         line = [
-            _total(
-                (T * H[k]).times(-1 / a2),
-                (E * V[k]).times(-2 * ez / s2),
-                -N[k],
-                (vz * V[k]).times(2.0),
-            )
+            -s * T * H[k] / a2 - s * 2 * e[2] / s2 * E * V[k] - s * N[k] + 2 * v[2] * V[k]
             for k in (0, 1)
         ]
-        over = 1 + ez * ez / s2
         square = [
-            _total(H[0].squared.times(0.5 / a2), V[0].squared.times(2 * over)),
-            _total((H[0] * H[1]).times(1 / a2), (V[0] * V[1]).times(4 * over)),
-            _total(H[1].squared.times(0.5 / a2), V[1].squared.times(2 * over)),
+            0.5 / a2 * H[0] ** 2 + 2 * over * V[0] ** 2,
+            H[0] * H[1] / a2 + 4 * over * V[0] * V[1],
+            0.5 / a2 * H[1] ** 2 + 2 * over * V[1] ** 2,
         ]
-        c0 = line[0]
-        c1 = _total(line[1], square[0])
-        c2 = _total(line[0], square[1])
-        c3 = _total(line[1], square[2])
-        return _total(
-            (c3 * c2 * (c1 * c0)).times(18.0),
-            (c2.squared * (c2 * c0)).times(-4.0),
-            c2.squared * c1.squared,
-            (c3 * c1 * c1.squared).times(-4.0),
-            (c3.squared * c0.squared).times(-27.0),
-        )
+        return line[0], line[1] + square[0], line[0] + square[1], line[1] + square[2]
 
-    def _along(self, k: Array, low: Array, high: Array) -> Dual:
-        """The part of ``Rz(q2) v`` along a vector, heights left out."""
-        parts = []
-        # A product of cosines is half a sum of cosines of sums: no width is counted twice.
-        for place, v in enumerate((self.constant, self.cosine, self.sine)):
-            C, S = float(k[:2] @ v[:2]), float(k[1] * v[0] - k[0] * v[1])
-            if place == 0:
-                parts.append(_wave(C, S, low, high, (1, 0)))
-            elif place == 1:
-                parts.append(_wave(C / 2, S / 2, low, high, (1, 1)))
-                parts.append(_wave(C / 2, S / 2, low, high, (1, -1)))
-            else:
-                parts.append(_wave(-S / 2, C / 2, low, high, (1, 1)))
-                parts.append(_wave(S / 2, -C / 2, low, high, (1, -1)))
-        return _total(*parts)
+    def bound(self) -> TrigSum:
+        """A sum in q2 and q3 that the discriminant is nowhere above, rounding included."""
+        shape = tuple(4 * d for d in _DEGREES)
+        grid = np.stack(np.meshgrid(*(2 * np.pi / m * np.arange(m) for m in shape), indexing="ij"))
+        values = self.discriminant(grid.reshape(2, -1).T).reshape(shape)
+        waves = np.fft.fft2(values) / values.size
+        ones = np.ones((2, 1))
+        size = float(_discriminant(*self._cubic(ones, ones, -1.0), sign=-1.0)[0])
+        rates, terms = [], []
+        for i in range(_DEGREES[0] + 1):
+            for j in range(-_DEGREES[1], _DEGREES[1] + 1):
+                if (i, j) > (0, 0):
+                    rates.append([i, j])
+                    terms.append(2 * waves[i, j])
+        # What rounding does to a value, and with it to every coefficient at most.
+        rates.append([0, 0])
+        terms.append(waves[0, 0].real + (2 * len(terms) + 2) * 1e-13 * size)
+        amplitude, phase = np.abs(terms), np.angle(terms)
+        return TrigSum(amplitude, phase, rates, np.zeros_like(rates), 1e-12)
 
 
-def _wave(c: float, s: float, low: Array, high: Array, k: tuple[int, int]) -> Dual:
-    """``c cos x + s sin x`` for ``x = k . (q2, q3)`` on boxes."""
-    a = low[:, 0] * k[0] + (low if k[1] >= 0 else high)[:, 1] * k[1]
-    b = high[:, 0] * k[0] + (high if k[1] >= 0 else low)[:, 1] * k[1]
-    slope = wave(s, -c, a, b)
-    return Dual(wave(c, s, a, b), (slope.times(k[0]), slope.times(k[1])))
-
-
-def _total(*parts: Dual) -> Dual:
-    """Sum of values, and of derivatives."""
-    slopes = (_sum(*(p.slope[k] for p in parts)) for k in (0, 1))
-    return Dual(_sum(*(p.value for p in parts)), (next(slopes), next(slopes)))
-
-
-def _sum(*parts: Enclosure) -> Enclosure:
-    """Their sum, made wider by what rounding may have done to it and to them."""
-    low, high = sum(p.low for p in parts), sum(p.high for p in parts)
-    slack = _SLACK * sum(p.size for p in parts)
-    return Enclosure(np.asarray(low - slack), np.asarray(high + slack))
+def _discriminant(c0: Array, c1: Array, c2: Array, c3: Array, sign: float = 1.0) -> Array:
+    return np.asarray(
+        18 * c3 * c2 * c1 * c0
+        - sign * 4 * c2**3 * c0
+        + c2**2 * c1**2
+        - sign * 4 * c3 * c1**3
+        - sign * 27 * c3**2 * c0**2
+    )
 
 
 def one_root_left(cubic: Deflated, most: int = MOST) -> bool:
-    """Whether the discriminant is proven negative all over the torus of q2 and q3.
+    """Return True if the discriminant is proven negative all over the torus of q2 and q3.
 
-    False where it is not negative somewhere, or was not seen to be with ``most`` boxes.
+    It is largest somewhere, where no box around shows that it grows in some direction. False where
+    it is not negative somewhere, or was not seen to be with ``most`` boxes.
     """
-    count = 32
-    edge = np.linspace(-np.pi, np.pi, count + 1)
-    # Ends that are a little too wide: rounding of pi leaves no gap.
-    edge[[0, -1]] += [-1e-9, 1e-9]
-    first, second = (g.ravel() for g in np.meshgrid(edge[:-1], edge[:-1], indexing="ij"))
-    high1, high2 = (g.ravel() for g in np.meshgrid(edge[1:], edge[1:], indexing="ij"))
-    low, high = np.stack([first, second], axis=1), np.stack([high1, high2], axis=1)
-    made = 0
-    while len(low):
-        made += len(low)
-        if made > most:
+    f, made = cubic.bound(), 0
+    squares = f.rate[:, [0, 0, 1, 1]] * f.rate[:, [0, 1, 0, 1]]
+    steep = np.linalg.norm(f.rate, axis=1)
+    noise = 1e-11 * f.amplitude.sum() * (1 + steep.max())
+    width = 2 * np.pi / 32
+    at = width * (np.arange(32) + 0.5) - np.pi
+    x = np.stack(np.meshgrid(at, at, indexing="ij"), axis=-1).reshape(-1, 2)
+    while len(x):
+        made += len(x)
+        h = width / 2 * (1 + 1e-9)  # a little too wide: rounding leaves no gap
+        angle = x @ f.rate.T + f.phase
+        cosine = f.amplitude * np.cos(angle)
+        value, gradient = cosine.sum(axis=1), -(f.amplitude * np.sin(angle)) @ f.rate
+        bend = -cosine @ squares
+        if made > most or (value >= 0).any():
             return False
-        middle = (low + high) / 2
-        if (cubic.at(middle).high >= 0).any():
-            return False
-        left = cubic.open_boxes(low, high)
-        low, high, middle = low[left], high[left], middle[left]
-        corners = []
-        for i in (0, 1):
-            for j in (0, 1):
-                pick = np.array([i, j], dtype=bool)
-                corners.append((np.where(pick, middle, low), np.where(pick, high, middle)))
-        low = np.concatenate([c[0] for c in corners])
-        high = np.concatenate([c[1] for c in corners])
+        reach = h * np.abs(f.rate).sum(axis=1)
+        swing = h * np.abs(gradient).sum(axis=1) + h**2 / 2 * np.abs(bend).sum(axis=1)
+        top = value + swing + f.amplitude @ reach**3 / 6 + noise
+        # The derivative along the gradient, less how much it changes in the box.
+        size = np.linalg.norm(gradient, axis=1)
+        change = np.abs(np.einsum("nij,nj->ni", bend.reshape(-1, 2, 2), gradient)).sum(axis=1)
+        rest = (f.amplitude * steep) @ reach**2 / 2 + noise
+        x = x[(top >= 0) & (size**2 <= h * change + size * rest)]
+        width /= 2
+        corners = width / 2 * np.array([[-1, -1], [-1, 1], [1, -1], [1, 1]])
+        x = (x[:, None] + corners).reshape(-1, 2)
     return True

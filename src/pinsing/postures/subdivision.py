@@ -38,7 +38,8 @@ import numpy as np
 
 from pinsing._dataclass import dataclass
 from pinsing._types import Array, Bool, Ints
-from pinsing.postures.boxes import Ground, Leaves, Terms, growing, is_regular
+from pinsing.algebra.trig_sum import TrigSum
+from pinsing.postures.boxes import Ground, Leaves, growing, is_regular, on_boxes, sum_of
 from pinsing.postures.partition import Arc, Part
 
 DEEPEST = 14
@@ -162,7 +163,7 @@ def subdivide(ground: Ground, until: float, most: int = MOST) -> Components:
 
 def _classified(ground: Ground, level: Ints, index: Ints) -> Leaves:
     x, h = ground.boxes(level, index)
-    known = [t.on(x, h) for t in ground.terms]
+    known = [on_boxes(t, x, h) for t in ground.terms]
     sign = np.stack(
         [np.where(np.abs(k.value) > k.swing, np.sign(k.value), 0) for k in known], axis=1
     ).astype(np.int8)
@@ -344,26 +345,22 @@ def cuts_of(arc: Arc) -> Array:
     return share
 
 
-def section(terms: Terms, hub: int, cut: float) -> Terms:
+def section(full: TrigSum, hub: int, cut: float) -> TrigSum:
     """An equation at one value of the hub, in the other joints; like terms are put together."""
-    rate = np.delete(terms.rate, hub, axis=1)
-    power = np.delete(terms.power, hub, axis=1)
-    phase = terms.phase + terms.rate[:, hub] * cut
-    if terms.power.any():
-        return Terms(
-            np.ascontiguousarray(rate), np.ascontiguousarray(power), terms.size, phase, terms.slack
-        )
+    rate, power = np.delete(full.rate, hub, axis=1), np.delete(full.power, hub, axis=1)
+    phase = full.phase + full.rate[:, hub] * cut
+    if len(full.slides):
+        return TrigSum(full.amplitude, phase, rate, power, full.noise)
     first = np.array([row[np.flatnonzero(row)[0]] if row.any() else 1.0 for row in rate])
     turn = np.where(first < 0, -1.0, 1.0)
-    rows, which = np.unique(
-        np.round(rate * turn[:, None] * 2).astype(np.int64), axis=0, return_inverse=True
-    )
+    twice = np.round(rate * turn[:, None] * 2).astype(np.int64)
+    rows, which = np.unique(twice, axis=0, return_inverse=True)
     wave = np.zeros(len(rows), dtype=complex)
-    np.add.at(wave, which.ravel(), terms.size * np.exp(1j * turn * phase))
+    np.add.at(wave, which.ravel(), full.amplitude * np.exp(1j * turn * phase))
     size = np.abs(wave)
     # Rounding is a share of all terms before they were put together.
-    slack = terms.slack * float(terms.size.sum()) / max(float(size.sum()), 1e-300)
-    return Terms(rows / 2.0, np.zeros(rows.shape, dtype=power.dtype), size, np.angle(wave), slack)
+    noise = full.noise * float(full.amplitude.sum()) / max(float(size.sum()), 1e-300)
+    return TrigSum(size, np.angle(wave), rows / 2, np.zeros_like(rows), noise)
 
 
 def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, until: float) -> Sections:
@@ -383,7 +380,7 @@ def sections(part: Part, box: tuple[Arc, ...], hub: int, scale: Array, until: fl
         Time by ``time.monotonic`` at which to stop.
     """
     cuts = cuts_of(box[hub])
-    full = Terms.of(part.surfaces[0].equation, part.joints)
+    full = sum_of(part.surfaces[0].equation, part.joints)
     others = [a for k, a in enumerate(box) if k != hub]
     ground = Ground(
         terms=tuple(section(full, hub, float(c)) for c in cuts),
@@ -402,7 +399,7 @@ def _classified_sections(ground: Ground, level: Ints, index: Ints) -> Leaves:
     sign = np.empty((len(level), len(ground.terms)), dtype=np.int64)
     regular = np.ones(len(level), dtype=bool)
     for i, terms in enumerate(ground.terms):
-        known = terms.on(x, h)
+        known = on_boxes(terms, x, h)
         sign[:, i] = np.where(np.abs(known.value) > known.swing, np.sign(known.value), 0)
         rows = np.flatnonzero(sign[:, i] == 0)
         regular[rows] &= growing(
