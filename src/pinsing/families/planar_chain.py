@@ -17,24 +17,21 @@ import itertools
 from collections.abc import Sequence
 from fractions import Fraction
 
+import numpy as np
+import numpy.typing as npt
+
 from pinsing._dataclass import dataclass
 from pinsing.algebra.components import Component
 from pinsing.algebra.ring import Poly, Ring, Value
 from pinsing.robot.nominal import Nominal
-from pinsing.robot.surd import Exact
 from pinsing.robot.task import Task
 
-Vector = tuple[Exact, Exact, Exact]
-Rows = tuple[Vector, Vector, Vector]
-_ZERO: Vector = (Fraction(0), Fraction(0), Fraction(0))
-_ROWS: Rows = (
-    (Fraction(1), Fraction(0), Fraction(0)),
-    (Fraction(0), Fraction(1), Fraction(0)),
-    (Fraction(0), Fraction(0), Fraction(1)),
-)
+Vector = npt.NDArray[np.object_]
+"""Exact numbers: (3,), or (3, 3) for a rotation."""
+_EYE: Vector = np.array([[Fraction(i == k) for k in range(3)] for i in range(3)])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Stretch:
     """What turns together: all between two turning joints.
 
@@ -78,9 +75,9 @@ def planar_chain(
     if not turning:
         return None
     normal = axes[turning[0]]
-    if any(_cross(axes[j], normal) != _ZERO for j in turning):
+    if any(_apart(axes[j], normal) for j in turning):
         return None
-    if any(slides and _dot(axes[j], normal) for j, slides in enumerate(prismatic)):
+    if any(slides and axes[j] @ normal for j, slides in enumerate(prismatic)):
         return None
     counted = _counted(task, normal, tip_turn)
     if counted is None or rank != counted.directions + counted.turns:
@@ -93,18 +90,18 @@ def planar_chain(
         found = _direction(stretch, normal, ring, values, relations)
         if found is None:
             return ()
-        directions += [(last, found)] if found != _ZERO else []
+        directions += [(last, found)] if found.any() else []
     if not directions:
         return None
     if counted.across is not None:
         directions += [(-1, counted.across), (turning[-1], counted.across)][counted.at_tip :][:1]
         directions.sort(key=lambda found: found[0])
-    signs = [1 if _dot(axes[j], normal) == 1 else -1 for j in range(len(prismatic))]
+    signs = [1 if axes[j] @ normal == 1 else -1 for j in range(len(prismatic))]
     for (first, v), (last, w) in itertools.pairwise(directions):
         between = [j for j in turning if first < j <= last]
         if between:
             relations.append(_parallel(v, w, between, signs, normal, ring))
-        elif _cross(v, w) != _ZERO:
+        elif _apart(v, w):
             return ()
     if not values and not relations:
         return None
@@ -113,30 +110,30 @@ def planar_chain(
 
 def turn_alike(geometry: Nominal) -> bool:
     """Whether all turning joints have parallel axes, found out from the first that has not."""
-    turn: Rows | None = None  # from the first turning joint on
+    turn: Vector | None = None  # from the first turning joint on
     for rotation, slides in zip(geometry.rotation, geometry.prismatic, strict=False):
         if turn is not None:
-            turn = _product(turn, rotation)
-            if not slides and (turn[0][2] != 0 or turn[1][2] != 0):
+            turn = turn @ np.array(rotation)
+            if not slides and (turn[0, 2] != 0 or turn[1, 2] != 0):
                 return False
         elif not slides:
-            turn = _ROWS
+            turn = _EYE
     return True
 
 
-def _home(geometry: Nominal) -> tuple[list[Vector], list[Vector], Rows]:
+def _home(geometry: Nominal) -> tuple[list[Vector], list[Vector], Vector]:
     """Axes, points on them with the tip's as the last, and the tip's axes, at the ring's zero."""
-    turn: Rows = _ROWS
-    at, axes, places = _ZERO, list[Vector](), list[Vector]()
+    turn, at = _EYE, _EYE[0] * 0
+    axes, places = list[Vector](), list[Vector]()
     for rotation, translation in zip(geometry.rotation, geometry.translation, strict=True):
-        at = _plus(at, _times(turn, translation))
-        turn = _product(turn, rotation)
+        at = at + turn @ np.array(translation)
+        turn = turn @ np.array(rotation)
         places.append(at)
-        axes.append((turn[0][2], turn[1][2], turn[2][2]))
-    return axes[:-1], places, _product(turn, geometry.tip_rotation)
+        axes.append(turn[:, 2])
+    return axes[:-1], places, turn @ np.array(geometry.tip_rotation)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Counted:
     """What counts of the motions in a plane.
 
@@ -158,25 +155,22 @@ class _Counted:
     turns: bool
 
 
-def _counted(task: Task, normal: Vector, tip: Rows) -> _Counted | None:
+def _counted(task: Task, normal: Vector, tip: Vector) -> _Counted | None:
     """What the rows of a task make of a plane; None if no direction counts, or of both ends."""
-    marked = list(zip(task.rows, task.tip_rows, strict=True))
-    axes = {
-        (row, flag): _times(_flipped(tip), _ROWS[row % 3]) if flag else _ROWS[row % 3]
-        for row, flag in marked
-    }
-    across = {
-        (flag, cross)
-        for (row, flag), axis in axes.items()
-        if row < 3 and (cross := _cross(normal, axis)) != _ZERO
-    }
-    if len({flag for flag, _ in across}) != 1:
+    across: list[tuple[bool, Vector]] = []
+    turns = False
+    for row, at_tip in zip(task.rows, task.tip_rows, strict=True):
+        axis = tip[:, row % 3] if at_tip else _EYE[row % 3]
+        if row >= 3:
+            turns = turns or axis @ normal != 0
+        elif _apart(normal, axis):
+            across.append((at_tip, np.cross(normal, axis)))
+    if len({at_tip for at_tip, _ in across}) != 1:
         return None
-    (flag, first), *others = across
-    turns = any(row >= 3 and _dot(axis, normal) != 0 for (row, _), axis in axes.items())
-    if any(_cross(first, other) != _ZERO for _, other in others):
-        return _Counted(2, None, flag, turns)
-    return _Counted(1, first, flag, turns)
+    at_tip, first = across[0]
+    if any(_apart(first, other) for _, other in across):
+        return _Counted(2, None, at_tip, turns)
+    return _Counted(1, first, at_tip, turns)
 
 
 def _stretches(
@@ -194,8 +188,8 @@ def _stretches(
         counts = before >= 0 and not (turns and after == len(prismatic))
         link = None
         if counts:
-            link = _plus(places[after], places[before], -1)
-            link = _plus(link, tuple(_dot(link, normal) * x for x in normal), -1)
+            link = places[after] - places[before]
+            link = link - (link @ normal) * normal
         out.append((before, _Stretch(link, slides)))
     return out
 
@@ -211,17 +205,17 @@ def _direction(
 
     What its slides have to be goes into ``values`` or ``relations``.
     """
-    across = _ZERO if stretch.link is None else _cross(normal, stretch.link)
+    across = normal * 0 if stretch.link is None else np.cross(normal, stretch.link)
     if not stretch.slides:
         return across
     _, d = stretch.slides[0]
-    if any(_cross(d, e) != _ZERO for _, e in stretch.slides):
+    if any(_apart(d, e) for _, e in stretch.slides):
         return None
     if stretch.link is None:
         return d
     # The link has to be perpendicular to the slides, for its column to be along them.
-    shares = [(j, _dot(d, e)) for j, e in stretch.slides]
-    rest = _dot(d, stretch.link)
+    shares = [(j, d @ e) for j, e in stretch.slides]
+    rest = d @ stretch.link
     if len(shares) == 1:
         (j, share) = shares[0]
         values[j] = (-rest / share,)
@@ -249,39 +243,14 @@ def _parallel(
         x, y = (gens[k] for k in ring.variables(j))
         c, s = x * x - y * y, 2 * signs[j] * x * y
         cos, sin = cos * c - sin * s, sin * c + cos * s
-    apart = ring.number(_dot(normal, _cross(v, w)))
-    along = ring.number(_dot(v, w))
+    apart = ring.number(normal @ np.cross(v, w))
+    along = ring.number(v @ w)
     product = ring.one
     for factor in ring.factors(ring.reduce(cos * apart + sin * along)):
         product = ring.reduce(product * factor)
     return product
 
 
-def _plus(a: Vector, b: Sequence[Exact], sign: int = 1) -> Vector:
-    return (a[0] + sign * b[0], a[1] + sign * b[1], a[2] + sign * b[2])
-
-
-def _product(rows: Rows, other: Sequence[Sequence[Exact]]) -> Rows:
-    a, b, c = (_times(_flipped(other), row) for row in rows)
-    return (a, b, c)
-
-
-def _flipped(rows: Sequence[Sequence[Exact]]) -> tuple[Sequence[Exact], ...]:
-    return tuple(zip(*rows, strict=True))
-
-
-def _times(rows: Sequence[Sequence[Exact]], v: Sequence[Exact]) -> Vector:
-    x, y, z = (sum((row[i] * v[i] for i in range(3)), Fraction(0)) for row in rows)
-    return (x, y, z)
-
-
-def _dot(a: Sequence[Exact], b: Sequence[Exact]) -> Exact:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-def _cross(a: Vector, b: Vector) -> Vector:
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
+def _apart(a: Vector, b: Vector) -> bool:
+    """Return True unless two vectors are parallel."""
+    return bool(np.cross(a, b).any())

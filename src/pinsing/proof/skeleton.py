@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, TypeAlias
 
+import numpy as np
+
 from pinsing.algebra.budget import Budget
-from pinsing.algebra.mimic import Drive, drives
+from pinsing.algebra.mimic import drives
 from pinsing.algebra.ring import Ring as AlgebraRing
 from pinsing.proof.checker import SCHEMA, Certificate, Matrix, Poly, Ring, flipped
 from pinsing.robot.exact_placements import Deviation
@@ -15,6 +17,7 @@ from pinsing.robot.nominal import Nominal
 from pinsing.robot.surd import SQUARES, Exact, parts_of, surd
 
 _ROOTS = ("", "s2", "s3", "s2s3")
+_EYE = ((1, 0, 0), (0, 1, 0), (0, 0, 1))
 
 
 class NotStated(Exception):
@@ -92,61 +95,32 @@ def skeleton(geometry: Nominal, rank: int, roots: Sequence[int]) -> dict[str, An
 def _chain(geometry: Nominal) -> dict[str, Any]:
     """Placements and motions; constant motions become part of a placement."""
     chain: list[dict[str, Any]] = []
-    R, t = _identity(), [Fraction(0)] * 3
+    placed = _motion()
     for i, drive in enumerate(drives(geometry)[0]):
-        t = _add(t, _turned(R, geometry.translation[i]))
-        R = _times(R, geometry.rotation[i])
-        R, t = _with_constant(R, t, drive, geometry.prismatic[i])
+        placed = placed @ _motion(geometry.rotation[i], geometry.translation[i])
+        if geometry.prismatic[i]:
+            placed = placed @ _motion(shift=(0, 0, drive.shift))
+        elif drive.turn[0] != 1 or drive.turn[1] != 0:
+            c, s = drive.turn
+            placed = placed @ _motion([[c, -s, 0], [s, c, 0], [0, 0, 1]])
         if drive.multiple == 0:
             continue
         multiple = number_text(drive.multiple)
-        chain.append({**_placement(R, t), "joint": drive.leader, "multiple": multiple})
-        R, t = _identity(), [Fraction(0)] * 3
-    t = _add(t, _turned(R, geometry.translation[-1]))
-    R = _times(R, geometry.tip_rotation)
-    return {"chain": chain, "tip": _placement(R, t)}
+        chain.append({**_placement(placed), "joint": drive.leader, "multiple": multiple})
+        placed = _motion()
+    placed = placed @ _motion(geometry.tip_rotation, geometry.translation[-1])
+    return {"chain": chain, "tip": _placement(placed)}
 
 
-def _placement(R: Sequence[Sequence[Any]], t: Sequence[Any]) -> dict[str, Any]:
-    return {
-        "rotation": [[number_text(x) for x in row] for row in R],
-        "translation": [number_text(x) for x in t],
-    }
+def _motion(turn: Sequence[Sequence[Any]] = _EYE, shift: Sequence[Any] = (0, 0, 0)) -> Any:
+    """A rigid motion in exact numbers, (4, 4)."""
+    rows = [[*row, x] for row, x in zip(turn, shift, strict=True)]
+    return np.array([*rows, [0, 0, 0, 1]], dtype=object)
 
 
-def _with_constant(
-    R: list[list[Any]], t: list[Any], drive: Drive, slides: bool
-) -> tuple[list[list[Any]], list[Any]]:
-    """A placement, and the constant part of a joint's motion after it: about or along z."""
-    if slides:
-        return R, _add(t, _turned(R, [Fraction(0), Fraction(0), drive.shift]))
-    c, s = drive.turn
-    if c == 1 and s == 0:
-        return R, t
-    zero, one = Fraction(0), Fraction(1)
-    return _times(R, [[c, -s, zero], [s, c, zero], [zero, zero, one]]), t
-
-
-def _identity() -> list[list[Any]]:
-    return [[Fraction(int(a == b)) for a in range(3)] for b in range(3)]
-
-
-def _times(A: Sequence[Sequence[Any]], B: Sequence[Sequence[Any]]) -> list[list[Any]]:
-    columns = list(zip(*B, strict=True))
-    return [[_dot(row, column) for column in columns] for row in A]
-
-
-def _turned(R: Sequence[Sequence[Any]], v: Sequence[Any]) -> list[Any]:
-    return [_dot(row, v) for row in R]
-
-
-def _dot(a: Sequence[Any], b: Sequence[Any]) -> Any:
-    # Most entries are zero: fractions are slow to multiply, even with nothing.
-    return sum((x * y for x, y in zip(a, b, strict=True) if x and y), Fraction(0))
-
-
-def _add(a: Sequence[Any], b: Sequence[Any]) -> list[Any]:
-    return [x + y for x, y in zip(a, b, strict=True)]
+def _placement(motion: Any) -> dict[str, Any]:
+    rows = [[number_text(x) for x in row] for row in motion[:3].tolist()]
+    return {"rotation": [row[:3] for row in rows], "translation": [row[3] for row in rows]}
 
 
 def form_of(poly: Poly, own: AlgebraRing, context: Any, roots: Sequence[int]) -> Poly:
