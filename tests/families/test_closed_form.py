@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -27,6 +28,7 @@ from tiers import tiered
 from pinsing.errors import OptionError, ResultError
 from pinsing.families import ClosedForm, Equation, Family, closed_form
 from pinsing.families.family import latex_lines
+from pinsing.families.steps import STEPS
 from pinsing.robot.nominal import nominal
 
 ZERO = (0.0, np.pi)
@@ -215,6 +217,13 @@ def test_reproducible() -> None:
     for data in (first, second):
         del data["seconds"], data["proof"]["seconds"], data["proof"]["check_seconds"]
     assert first == second
+
+
+def test_steps_are_named_as_in_the_documentation() -> None:
+    assert closed("ur5").steps == ("all minors",)
+    page = (Path(__file__).parents[2] / "docs/explain/complete.md").read_text(encoding="utf-8")
+    rows = [line.split("|")[1].strip() for line in page.splitlines() if line.startswith("| ")]
+    assert rows[1:] == [step.name for step in STEPS]
 
 
 @pytest.mark.parametrize("seconds", [0.0, -1.0, float("nan")])
