@@ -85,7 +85,7 @@ ROBOTS = {
     *("romeo", "iCub", "simple_humanoid", "simple_humanoid_classical", "talos", "so_arm100"),
     "so101_new_calib",
 }
-ELBOW = re.compile("elbow|joint_?3$|LARM_ELBOW|RARM_ELBOW|q3", re.IGNORECASE)
+ELBOW = re.compile("elbow|joint_?3 |LARM_ELBOW|RARM_ELBOW|q3", re.IGNORECASE)
 
 
 @pytest.mark.slow

@@ -112,7 +112,7 @@ def test_what_took_longer_has_one_headline() -> None:
 
 @pytest.mark.slow
 def test_the_end_says_what_is_missing_where_no_proof_mends_it() -> None:
-    done = run("families", "panda", "--seconds", "0.02", "--prove")
+    done = run("families", "panda", "-v", "--seconds", "0.02", "--prove")
     assert done.exit_code == 0, done.stderr
     assert "probable" not in done.stdout
     assert "proven" not in done.stdout

@@ -56,7 +56,7 @@ def test_the_value_inside_is_named(elbow: Family) -> None:
 
 
 def test_in_text_at_page_and_notebook(table: Path, elbow: Family) -> None:
-    done = CliRunner().invoke(command, ["families", str(table), "--no-prove"])
+    done = CliRunner().invoke(command, ["families", "-v", str(table), "--no-prove"])
     assert f"boundary, {SAID}; codimension 1 of 4" in done.stdout
     words = ["at", str(table), "--deg", "--q", "0,180,-0.1,0"]
     done = CliRunner().invoke(command, words)

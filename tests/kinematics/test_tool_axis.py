@@ -278,7 +278,7 @@ def test_the_command_line_takes_it(tmp_path: Path):
         ["--task", "tool-axis"],
         ["--task", "tool-axis", "--tool-axis", "z"],
     ):
-        done = call(app, ["families", "puma560", *words])
+        done = call(app, ["families", "puma560", "-v", *words])
         assert done.exit_code == 0
         assert "tool's own z" in done.output
     done = call(app, ["at", "ur5", "--q", "0,0,0,0,0,0", "--task", "vx@tip,wy@tip"])

@@ -317,7 +317,7 @@ def test_they_survive_json_and_the_command_line(capsys):
     assert str(again) == str(forms)
     tree, loops = (str(URDF / f"agile_eye.{x}") for x in ("urdf", "loops.yaml"))
     with pytest.raises(SystemExit) as ended:
-        main(["families", tree, "--loops", loops])
+        main(["families", "-v", tree, "--loops", loops])
     assert ended.value.code == 0
     text = capsys.readouterr().out
     assert "determinant of 3 x 3 entries" in text

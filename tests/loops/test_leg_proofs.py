@@ -76,7 +76,7 @@ def test_files_of_the_legs_are_checked_by_the_command(tmp_path, capsys):
     tree, loops = (str(URDF / f"planar_3rrr.{x}") for x in ("urdf", "loops.yaml"))
     target = tmp_path / "c.json"
     with pytest.raises(SystemExit) as ended:
-        main(["families", tree, "--loops", loops, "--certificate", str(target)])
+        main(["families", "-v", tree, "--loops", loops, "--certificate", str(target)])
     assert ended.value.code == 0
     said = capsys.readouterr()
     assert "leg 2: a2, b2 up to its end (vx,vy) singular if and only if b2 = 0" in said.out

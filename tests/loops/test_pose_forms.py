@@ -424,7 +424,7 @@ def test_families_of_a_mechanism_at_the_command_line(capsys):
     def run(name, *more):
         given = [str(URDF / f"{name}.urdf"), "--loops", str(URDF / f"{name}.loops.yaml"), *more]
         with pytest.raises(SystemExit) as ended:
-            main(["families", *given])
+            main(["families", "-v", *given])
         return ended.value.code, capsys.readouterr()
 
     code, said = run("gough_stewart", "--fail-if-singular")

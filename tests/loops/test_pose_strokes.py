@@ -175,6 +175,6 @@ def test_why_there_are_no_loci_over_the_pose_names_the_leg(kind, tmp_path, capsy
     assert why_no_rods(mechanism) == reason
     assert why_no_rods(shipped("planar_3rpr")) == ""
     with pytest.raises(SystemExit) as done:
-        main(["families", str(path), "--loops"])
+        main(["families", "-v", str(path), "--loops"])
     assert done.value.code == 0
     assert reason in " ".join(capsys.readouterr().err.split())

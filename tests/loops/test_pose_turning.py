@@ -355,7 +355,13 @@ def test_what_is_written_of_determinants(tmp_path, capsys):
     assert set(two.used) == set(two.names)
     assert "the six rod lines belong to one linear complex" in str(forms)
     assert "rod 3 is across the slide q2" in str(forms)
-    given = ["families", str(tmp_path / "made.urdf"), "--loops", str(tmp_path / "made.loops.yaml")]
+    given = [
+        "families",
+        "-v",
+        str(tmp_path / "made.urdf"),
+        "--loops",
+        str(tmp_path / "made.loops.yaml"),
+    ]
     for more, rows in (([], 0), (["--exact"], 6)):
         with pytest.raises(SystemExit) as ended:
             main([*given, *more])

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,12 +19,13 @@ from pinsing.cli.options import (
     once_option,
     parse_numbers,
 )
-from pinsing.cli.output import emit, emit_json_data, say
+from pinsing.cli.output import emit, emit_json_data, emit_lines, say
 from pinsing.errors import PinsingError
 from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing._types import Array
+    from pinsing.configuration.state import State
     from pinsing.proximity.clearance import Distances
     from pinsing.robot.arm import Arm
 
@@ -104,6 +107,8 @@ def at_command(
         data["distances"] = found.to_dict()
     if not emit_json_data(data, json_target):
         page = Page.of()
+        emit_lines(_answer(state, found, shlex.quote(request.robot)))
+        emit("")
         emit(state_text(state, deg, page))
         if found is not None:
             lines = distance_words(found, deg, arm.prismatic)
@@ -111,6 +116,46 @@ def at_command(
             rows = [("distance" if i == 0 else "", line) for i, line in enumerate(lines)]
             emit(page.fields(rows, LABEL))
     return int(fail_if_singular and state.singular)
+
+
+_ON = 1e-6
+"""Distance up to which a configuration is on a family."""
+
+
+def _answer(state: State, found: Distances | None, robot: str) -> str:
+    """What is wrong there, if anything, what is near, and what to do: five lines at most."""
+    from pinsing.joint_text import typed
+
+    arm, near = state.arm, () if found is None else found.families
+    on = [d for d in near if d.upper <= _ON]
+    called = " and ".join(
+        f"the {d.title} singularity ({d.where})" if d.title else f"{d.family} ({d.where})"
+        for d in on
+    )
+    status = "SINGULAR" if state.singular else state.status
+    lines = [f"{arm.name}: {status}{', on ' * bool(on)}{called}"]
+    if state.singular:
+        lines += [f"  Lost: {motion.words}" for motion in state.lost[:2]]
+    others = [d for d in near if d.upper > _ON]
+    if others:
+        d = others[0]
+        away = d.q - state.q
+        moves = ", ".join(
+            f"{name} by {_moved(float(x), slides)}"
+            for name, x, slides in zip(arm.joints, away, arm.prismatic, strict=True)
+            if abs(x) > 1e-6
+        )
+        title = f"{d.title} ({d.family})" if d.title else d.family
+        far = f"{d.upper:.4g}" if any(arm.prismatic) else f"{math.degrees(d.upper):.4g}°"
+        lines.append(f"  Nearest {'other ' * bool(on)}singularity: {title}, {far} away: {moves}")
+    typed_q = typed(state.q, arm.prismatic, True, digits=6)
+    word = "Other postures" if state.singular else "See it"
+    lines.append(f"  {word}: pinsing {'postures' if state.singular else 'view'} {robot} {typed_q}")
+    return "\n".join(lines)
+
+
+def _moved(value: float, slides: bool) -> str:
+    return f"{value:+.4g} m" if slides else f"{math.degrees(value):+.4g}°"
 
 
 def _distances(arm: Arm, q: Array) -> Distances | None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import shlex
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -150,7 +151,8 @@ def check_command(
         axes: Any = clearance_along(form, read.Q, read.t, families=families or None)
         save_figure(axes.figure, plot, bbox_inches="tight")
     if not emit_json(check, json_target):
-        emit_lines(summary(check, deg) + "\n\n" + details(check, deg))
+        answer = summary(check, deg, file.name, shlex.quote(request.robot))
+        emit_lines(f"{answer}\n\n{details(check, deg)}")
     if view or html is not None:
         from pinsing.families.certainty import coverage_words
         from pinsing.view.viewer import Viewer

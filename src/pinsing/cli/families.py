@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import shlex
 import sys
 import time
 from collections.abc import Callable, Iterator
@@ -12,7 +13,14 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from pinsing.cli.mechanism import families_loops, loops_option
-from pinsing.cli.options import RobotRequest, arm_options, deg_option, fail_option, json_option
+from pinsing.cli.options import (
+    RobotRequest,
+    arm_options,
+    deg_option,
+    fail_option,
+    json_option,
+    verbose_option,
+)
 from pinsing.cli.output import OutputFile, emit, emit_json, say
 from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.cli.waiting import waiting
@@ -29,6 +37,7 @@ _REDRAW_SECONDS = 0.1
 @click.command("families")
 @loops_option(families_loops)
 @arm_options
+@verbose_option
 @click.option("--latex", is_flag=True, help="Equations as LaTeX.")
 @click.option(
     "--exact", is_flag=True, help="Exact coefficients, up to a factor. (The JSON always has them.)"
@@ -69,6 +78,7 @@ _REDRAW_SECONDS = 0.1
 @fail_option
 def families_command(
     request: RobotRequest,
+    verbose: bool,
     latex: bool,
     exact: bool,
     symbolic: str | None,
@@ -108,13 +118,17 @@ def families_command(
     from pinsing.families import closed_form
     from pinsing.families import prove as add_proof
     from pinsing.families.certainty import certainty
-    from pinsing.families.form import families_text
+    from pinsing.families.form import answer_text, families_text
     from pinsing.families.proving import LONG
 
     def written(form: ClosedForm, undecided: bool = False) -> str:
         if latex:
             return form.latex(legend=True, exact=exact)
-        return families_text(form, Page.of(), deg, exact=exact, undecided=undecided)
+        details = families_text(form, Page.of(), deg, exact=exact, undecided=undecided)
+        if undecided:
+            return details
+        answer = answer_text(form, Page.of(), shlex.quote(request.robot))
+        return f"{answer}\n\n{details}" if verbose or exact else answer
 
     long = prove is True or certificate is not None
     with waiting() as step:

@@ -105,7 +105,7 @@ def _text(line: LineCheck, deg: bool) -> str:
     faults = [
         words
         for words, found in (
-            (f"it meets {met[0].family}" if met else "", met),
+            (f"it meets {_called(line, met[0].family)}" if met else "", met),
             ("joints leave their limits", left),
             (f"joints are too fast at {line.speed:g} m/s", line.too_fast),
             (f"it comes within {math.degrees(line.near):.3g}° of a family", line.stretches),
@@ -117,18 +117,18 @@ def _text(line: LineCheck, deg: bool) -> str:
         "reached": f"{'SINGULAR: the' if met else 'The'} line is followed to its end, {whole} m"
         f"{but}. There q = {q}.",
         "singular": f"SINGULAR: the line ends after {line.s_end:.9g} of {whole} m on "
-        f"{line.family}, at q = {q}; beyond it this posture has no solution.",
+        f"{_called(line, line.family)}, at q = {q}; beyond it this posture has no solution.",
         "undecided": f"NOT DECIDED: the line was followed for {line.s_end:.6g} of {whole} m{but}. "
         f"There q = {q}.",
     }[line.outcome]
     out = [lines, *left]
     for c in line.crossings[:_LISTED]:
         if not (line.outcome == "singular" and c.t >= line.s_end - 1e-9):
-            out.append(f"  {c.kind} {c.family} at {c.t:.6g} m")
+            out.append(f"  {c.kind} {_called(line, c.family)} at {c.t:.6g} m")
     for a in line.approaches:
         if a.upper > 0:
             near = f"{math.degrees(a.upper):.3g}°"
-            out.append(f"  nearest to {a.family}: {near}, at {a.t:.6g} m")
+            out.append(f"  nearest to {_called(line, a.family)}: {near}, at {a.t:.6g} m")
     if _stopped(line):
         start = min(o.s for o in line.too_fast)
         out.append(
@@ -153,6 +153,12 @@ def _text(line: LineCheck, deg: bool) -> str:
     out += _postures(line, deg)
     out += [f"note: {n}" for n in line.notes]
     return "\n".join(out)
+
+
+def _called(line: LineCheck, family: str) -> str:
+    """``the wrist singularity (F2)``, or ``F2``."""
+    title = next((a.title for a in line.approaches if a.family == family), "")
+    return f"the {title} singularity ({family})" if title else family
 
 
 def _left(line: LineCheck, deg: bool) -> list[str]:

@@ -6,6 +6,7 @@ import contextlib
 import dataclasses
 import functools
 import math
+import shlex
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -14,7 +15,7 @@ import click
 
 from pinsing.cli.loop_file import loops_beside, tell_of_loops
 from pinsing.cli.options import parse_numbers, whole_number
-from pinsing.cli.output import STDOUT, STOPPED, emit, emit_json, say
+from pinsing.cli.output import STDOUT, STOPPED, emit, emit_json, emit_lines, say
 from pinsing.errors import ConfigurationError, OptionError, ResultError
 from pinsing.prose import Page
 
@@ -192,6 +193,7 @@ def families_loops(
     json_target: str | Path | None = None,
     fail_if_singular: bool = False,
     deg: bool = False,
+    verbose: bool = False,
     exact: bool = False,
     latex: bool = False,
     prove: Prove = "auto",
@@ -239,12 +241,28 @@ def families_loops(
     if found is None:
         say(f"note: no closed forms over the pose: {why_no_rods(mechanism)}")
     if not emit_json(whole, json_target):
-        emit(forms_text(mechanism.inputs, found, Page.of(), deg, exact, joints))
+        answer = _loci_answer(mechanism, joints if found is None else found, options["robot"])
+        emit_lines(answer)
+        if verbose or exact:
+            emit("\n" + forms_text(mechanism.inputs, found, Page.of(), deg, exact, joints))
     if proven:
         _tell_legs(proven, certificate, json_target is None)
     architecture = getattr(found, "architecture", "")
     loci = joints.loci if found is None else found.loci
     return int(fail_if_singular and bool(loci or architecture))
+
+
+def _loci_answer(mechanism: Mechanism, found: Any, robot: str) -> str:
+    """What the loci mean, each once and without equations."""
+    said = list(dict.fromkeys(f"{locus.kind}: {locus.words}" for locus in found.loci))
+    word = "complete" if found.complete else "NOT complete"
+    rows = [f"  {words}" for words in said[:5]]
+    if len(said) > len(rows):
+        rows.append(f"  and {len(said) - len(rows)} more")
+    name = shlex.quote(robot)
+    following = f"pinsing view {name} --loops   |   pinsing families {name} --loops -v"
+    count = f"{len(said)} kind{'s' * (len(said) != 1)} of singular configurations ({word})"
+    return "\n".join([f"{mechanism.name}: {count}", "", *rows, "", f"  Next: {following}"])
 
 
 def _tell_legs(found: Sequence[LegProof], certificate: Path | None, shown: bool) -> None:

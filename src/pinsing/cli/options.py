@@ -202,6 +202,10 @@ json_option = click.option(
     help="Write the result as JSON (radians, metres); - for stdout in place of the text.",
 )
 
+verbose_option = click.option(
+    "-v", "--verbose", is_flag=True, help="Print the evidence too: equations, proofs, motions lost."
+)
+
 fail_option = click.option(
     "--fail-if-singular", is_flag=True, help="Exit with code 1 if a singularity is found."
 )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import shlex
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -13,9 +14,10 @@ from pinsing.cli import completion
 from pinsing.cli.figure import off_screen
 from pinsing.cli.mechanism import loops_option, read
 from pinsing.cli.options import RobotRequest, arm_options, deg_option, joint_vector, parse_numbers
-from pinsing.cli.output import STDOUT, OutputFile, say
+from pinsing.cli.output import STDOUT, OutputFile, emit, say
 from pinsing.cli.singularities import algebra_options, prove_option
 from pinsing.errors import OptionError, OutputError
+from pinsing.prose import Page
 
 if TYPE_CHECKING:
     from pinsing._types import Array
@@ -123,6 +125,9 @@ def report_command(
 
     forms = closed_form(arm, **algebra, prove=prove)
     _write(arm, html, printed, page, skeleton, given, forms)
+    from pinsing.families.form import answer_text
+
+    emit(answer_text(forms, Page.of(), shlex.quote(request.robot)))
 
 
 def _files(out: str | Path | None, pdf: str | None) -> tuple[Path | None, Path | None]:

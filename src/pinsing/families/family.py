@@ -201,7 +201,7 @@ class Family(Members, JsonResult):
         if q is not None and not equations:
             return " and ".join(f"{names[j]} = {self._value(q, j)}" for j in sorted(fixed))
         said = [m[1] if (m := _SOLVED.search(t)) else t for t in self.text.split(" and ")]
-        if equations and len(self.text) > 72:
+        if equations and (len(self.text) > 72 or "φ" in self.text):
             others = listed([names[j] for j in names if j not in fixed])
             said = [*said[: len(fixed)], f"an equation in {others}"]
         return _NUMBERED.sub(lambda s: names.get(int(s[1]) - 1, s[0]), " and ".join(said))

@@ -25,6 +25,7 @@ from pinsing.families.family import (
     meaning,
     written_out,
 )
+from pinsing.families.naming import ORDER
 from pinsing.families.slice_count import SliceCount
 from pinsing.families.system_text import SystemHead, system_text
 from pinsing.joint_text import typed
@@ -294,6 +295,58 @@ def system_of(
         form.symbols,
     )
     return system_text(head, form.families, form.geometry, language, families)
+
+
+_PLACE = {
+    "interior": "inside the workspace",
+    "boundary": "edge of the workspace",
+    "varies": "edge and inside",
+}
+_MOST_ROWS = 5
+
+
+def answer_text(forms: ClosedForm, page: Page = PLAIN, robot: str = "ROBOT") -> str:
+    """What an arm's singularities are, for whoever runs it: eight lines at most, and what to type.
+
+    Parameters
+    ----------
+    forms : ClosedForm
+        The answer.
+    page : Page
+        What it is fitted to.
+    robot : str
+        How commands name the robot.
+    """
+    count = len(forms.families)
+    what = f"{count} famil{'y' if count == 1 else 'ies'} of singular configurations"
+    if not count and forms.complete:
+        what = "no singular configurations"
+    word = _word(forms)
+    lines = [
+        page.paragraph(f"{forms.arm.name}: {what} (", word, " complete)" if forms.complete else ")")
+    ]
+    if forms.deviation is not None:
+        lines.append(page.paragraph(str(forms.deviation), first="  "))
+    if forms.gaps:
+        lines.append(page.paragraph(f"missing: {forms.gaps[0]}", first="  "))
+    shown = sorted(forms.families, key=lambda f: ORDER.index(f.title))
+    rows = [
+        [f.title, f.name, f.where(), _PLACE.get(f.kind, "")]
+        if f.is_reachable is not False
+        else [f.title, f.name, f.where(), "outside the joint limits"]
+        for f in shown[: _MOST_ROWS + (count == _MOST_ROWS + 1)]
+    ]
+    widths = [max((len(row[k]) for row in rows), default=0) for k in range(3)]
+    for title, *rest in rows:
+        cells = [title] * any(row[0] for row in rows) + rest
+        sizes = widths[-len(cells) + 1 :]
+        text = "  ".join(c.ljust(w) for c, w in zip(cells, [*sizes, 0], strict=True))
+        lines.append(page.fitted(f"  {text.rstrip()}"))
+    if len(rows) < count:
+        lines.append(f"  and {count - len(rows)} more")
+    path = f"pinsing check {robot} path.csv"
+    following = f"pinsing view {robot}   |   {path}   |   pinsing families {robot} -v"
+    return "\n".join([lines[0], "", *lines[1:], "", page.fitted(f"  Next: {following}")])
 
 
 def families_text(

@@ -319,7 +319,7 @@ class FamilyDistance:
     title : str
         "wrist", "elbow", "shoulder", or empty: as of the family.
     where : str
-        Its condition with the joints' own names.
+        Its condition with the values of joints at ``q``.
     """
 
     family: str
@@ -376,7 +376,7 @@ def distances(forms: Forms, q: npt.ArrayLike, *, seconds: float = SECONDS) -> Di
     found = []
     for name, family in zip(watched.names, watched.families, strict=True):
         d = family.distance(x, seconds=seconds)
-        said = family.reach, family.title, family.where()
+        said = family.reach, family.title, family.where(d.q)
         found.append(FamilyDistance(name, d.lower, d.upper, d.q, *said))
     found.sort(key=lambda d: (d.upper, d.lower))
     return Distances(x, tuple(found), watched.complete)

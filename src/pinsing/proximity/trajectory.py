@@ -101,6 +101,8 @@ class TrajectoryCheck(JsonResult):
     aspect_changes : tuple of AspectChange
         Where the motion changes its aspect, as `pinsing check` has them from `aspect_changes`;
         empty where that was not asked.
+    start : (n,) array or None
+        The first sample.
     """
 
     schema: ClassVar[str] = "pinsing/trajectory_check/1"
@@ -125,6 +127,7 @@ class TrajectoryCheck(JsonResult):
     complete: bool
     notes: tuple[str, ...]
     aspect_changes: tuple[AspectChange, ...] = field(default=(), metadata={"optional": True})
+    start: Array | None = field(default=None, metadata={"optional": True})
 
     def __repr__(self) -> str:
         names = ", ".join(dict.fromkeys(c.family for c in self.crossings))
@@ -181,7 +184,7 @@ def check_trajectory(
     Returns
     -------
     TrajectoryCheck
-        ``pinsing.proximity.trajectory_text.summary`` puts it into five lines.
+        ``pinsing.proximity.trajectory_text.summary`` puts it into six lines.
 
     Raises
     ------
@@ -262,6 +265,7 @@ def check_trajectory(
         outside=speeds.found("outside"),
         complete=watched.complete,
         notes=_notes(arm, t is not None, limits is not None, watched.complete),
+        start=np.array(samples[0], dtype=float),
     )
 
 

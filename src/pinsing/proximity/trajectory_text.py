@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from pinsing.joint_text import typed
 from pinsing.prose import listed
 from pinsing.proximity.speeds import Excess
 from pinsing.proximity.trajectory import TrajectoryCheck
@@ -11,10 +12,24 @@ from pinsing.proximity.trajectory import TrajectoryCheck
 _LISTED = 8
 
 
-def summary(check: TrajectoryCheck, degrees: bool = True) -> str:
-    """Five lines: what is met, what is near, the end, speeds, and what to do."""
+def summary(
+    check: TrajectoryCheck, degrees: bool = True, file: str = "", robot: str = "ROBOT"
+) -> str:
+    """At most six lines: what is met and when, what is near, speeds, and what to do.
+
+    Parameters
+    ----------
+    check : TrajectoryCheck
+        The answer.
+    degrees : bool
+        Unit of speeds of revolute joints; distances from singularities are in degrees.
+    file, robot : str
+        How the trajectory is called, and how commands name the robot.
+    """
+    evidence = [_nearest(check), _near(check, degrees), *_speeds(check, degrees)]
+    lines = [*evidence, _advice(check, robot)]
     return "\n".join(
-        [_met(check), _nearest(check), _near(check, degrees), _speeds(check), _advice(check)]
+        [f"{file or check.arm.name}: {_met(check)}", "", *(f"  {x}" for x in lines if x)]
     )
 
 
@@ -26,10 +41,10 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
         for c in check.crossings[:_LISTED]:
             until = f" to {c.t_end:.6g}" if c.t_end > c.t else ""
             q = ", ".join(_joint(check, j, float(x), degrees) for j, x in enumerate(c.q))
-            lines.append(f"  t = {c.t:.6g}{until}: {c.kind} {c.family}, q = {q}")
+            lines.append(f"  t = {c.t:.6g}{until}: {c.kind} {_title(check, c.family)}, q = {q}")
         lines += _more(len(check.crossings), check.cut)
     if check.aspect_changes:
-        lines.append("changes of aspect (as `pinsing aspects` numbers them):")
+        lines.append("changes of aspect (as `pinsing postures` numbers them):")
         for a in check.aspect_changes[:_LISTED]:
             before, after = _called(a.before, a.names_before), _called(a.after, a.names_after)
             where = ", ".join(a.families)
@@ -38,13 +53,13 @@ def details(check: TrajectoryCheck, degrees: bool = True) -> str:
     lines.append("nearest approach to each family:")
     for near in check.approaches:
         lines.append(
-            f"  {near.family}: {_angle(near.upper)} at t = {near.t:.6g}, "
-            f"nowhere below {_angle(near.lower)} (proven)"
+            f"  {_title(check, near.family)}: {_angle(near.upper)} at t = {near.t:.6g}, "
+            f"at least {_angle(near.lower)} (proven)"
         )
     if check.stretches:
         lines.append(f"within {_angle(check.near)}:")
         for s in check.stretches[:_LISTED]:
-            least = f"{_angle(s.clearance)} from {s.family}"
+            least = f"{_angle(s.clearance)} from {_title(check, s.family)}"
             lines.append(f"  t = {s.t:.6g} to {s.t_end:.6g}: at least {least}")
         lines += _more(len(check.stretches), False)
     tip = f"a tip speed of {check.tip_speed:g} (m/s, rad/s)"
@@ -117,96 +132,102 @@ def _met(check: TrajectoryCheck) -> str:
         if found
     ]
     if not check.crossings:
-        of = "1 sample" if check.samples == 1 else f"{check.samples} samples, proven in between"
-        none = "Meets no singular configuration" if check.complete else "Meets no known family"
-        return f"{none}{', but ' * bool(faults)}{listed(faults)}: {of}."
+        none = "meets no singular configuration" if check.complete else "meets no known family"
+        if not faults:
+            sure = "proven between samples" if check.samples > 1 else "1 sample"
+            return f"{none} ({sure})"
+        return f"{none}, but {listed(faults)}"
     first = check.crossings[0]
-    names = sorted({c.family for c in check.crossings})
-    times = "once" if len(check.crossings) == 1 else f"{len(check.crossings)} times"
-    also = [words for words in faults if not words.startswith("comes")]
-    return (
-        f"SINGULAR {times} ({', '.join(names)}): first at t = {first.t:.6g}, "
-        f"{first.kind} {first.family}{'; also ' * bool(also)}{listed(also)}."
-    )
+    verb = {"crossing": "crosses", "touch": "touches", "along": "stays on"}[first.kind]
+    more = [f"{_times(len(check.crossings) - 1, 'more meeting')}"] * (len(check.crossings) > 1)
+    also = [*more, *(words for words in faults if not words.startswith("comes"))]
+    place = f" ({first.where})" if first.where else ""
+    singular = f"{verb} {_singularity(first.family, first.title)}{place}"
+    return f"{singular} {_when(check, first.t)}{'; also ' * bool(also)}{listed(also)}"
+
+
+def _singularity(family: str, title: str) -> str:
+    return f"the {title} singularity" if title else f"singularity {family}"
+
+
+def _title(check: TrajectoryCheck, family: str) -> str:
+    title = next((a.title for a in check.approaches if a.family == family), "")
+    return f"{title} ({family})" if title else family
+
+
+def _when(check: TrajectoryCheck, t: float, end: float | None = None) -> str:
+    first = f"{t:.6g} s" if check.timed else f"sample {t:.6g}"
+    if end is None or end <= t:
+        return f"at t = {first}" if check.timed else f"at {first}"
+    return f"from {first} to {end:.6g}{' s' * check.timed}"
 
 
 def _nearest(check: TrajectoryCheck) -> str:
-    if not check.approaches:
-        return "There is no family of singular configurations to come near to."
     met = {c.family for c in check.crossings}
     a = next((x for x in check.approaches if x.family not in met and x.upper > 0), None)
     if a is None:
-        return "Every family of singular configurations is met."
-    return f"Nearest without meeting: {_angle(a.upper)} from {a.family} at t = {a.t:.6g}."
+        return ""
+    where = "elsewhere" if met else f"(at least {_angle(a.lower)}, proven)"
+    return (
+        f"Closest approach {where}: {_title(check, a.family)}, {_angle(a.upper)} "
+        f"{_when(check, a.t)}"
+    )
 
 
 def _near(check: TrajectoryCheck, degrees: bool) -> str:
     total = sum(s.t_end - s.t for s in check.stretches)
     span = check.t_last - check.t_first
     share = f"{_percent(total / span)} of the time" if span > 0 else "all of it"
+    ends = {"toward": "ends moving toward", "away": "ends moving away from"}
+    end = f"; it {ends[check.trend]} the nearest family" if check.trend in ends else ""
     if not check.stretches:
-        words = f"Never within {_angle(check.near)}"
-    else:
-        words = f"Within {_angle(check.near)} in {_stretches(len(check.stretches))}, {share}"
-    ends = {"toward": "it ends moving toward", "away": "it ends moving away from"}
-    end = ends.get(check.trend)
-    return words + (f"; {end} the nearest family." if end else ".")
+        return ""
+    return f"Within {_angle(check.near)} of one for {share}{end}"
 
 
-def _speeds(check: TrajectoryCheck) -> str:
-    parts = []
-    if check.jumps:
-        parts.append(f"{_times(len(check.jumps), 'jump')} between samples ({check.jumps[0].joint})")
-    if check.too_fast:
-        parts.append(f"joint speeds above limits {len(check.too_fast)} times")
-    if check.too_abrupt:
-        parts.append(f"joint accelerations above limits {len(check.too_abrupt)} times")
-    if check.outside:
-        parts.append(f"outside joint limits ({check.outside[0].joint})")
+def _speeds(check: TrajectoryCheck, degrees: bool) -> list[str]:
+    """One line for each kind of excess, its first or worst."""
+    out = []
+    for what, found in (
+        ("Joint speeds", check.too_fast),
+        ("Joint accelerations", check.too_abrupt),
+        ("Joint limits", check.outside),
+    ):
+        if found:
+            e = found[0]
+            more = f" and {_times(len(found) - 1, 'more')}" if len(found) > 1 else ""
+            verb = "leaves its limits" if found is check.outside else "exceeds its limit"
+            out.append(f"{what}: {e.joint} {verb} {_when(check, e.t, e.t_end)}{more}")
     if not check.timed:
-        parts.append("no times, so speeds were not judged")
-    if check.timed and not (check.jumps or check.too_fast or check.outside):
-        parts.append("the motion keeps joint limits and speed limits")
-    if check.costly:
-        tip = f"a tip speed of {check.tip_speed:g} (m/s, rad/s)"
-        parts.append(f"in the worst direction {tip} would need more of {check.costly[0].joint}")
-    words = "; ".join(parts)
-    return words[0].upper() + words[1:] + "."
+        out.append("Joint speeds: not judged, the file has no times")
+    elif not out:
+        out.append("Joint speeds and limits are kept")
+    return out
 
 
-def _advice(check: TrajectoryCheck) -> str:
+def _advice(check: TrajectoryCheck, robot: str) -> str:
     if check.jumps:
         e = check.jumps[0]
-        return f"Look first at the jump of {e.joint} at t = {e.t:.6g}: is it wrapped by a turn?"
+        return f"Look at the jump of {e.joint} {_when(check, e.t)}: is it wrapped by a turn?"
     if check.crossings:
         c = check.crossings[0]
-        return (
-            f"Plan around t = {c.t:.6g}: there tip speeds are lost; other inverse kinematics "
-            f"solutions may stay on one side of {c.family}."
-        )
+        start = c.q if check.start is None else check.start
+        other = f"the other {c.title}" if c.title in ("wrist", "elbow") else "another posture"
+        q = typed(start, check.arm.prismatic, True, digits=6)
+        return f"Try {other}: pinsing postures {robot} {q}"
     if check.outside:
-        return f"Bring {check.outside[0].joint} within its limits."
+        return f"Bring {check.outside[0].joint} within its limits"
     if check.too_fast:
         e = max(check.too_fast, key=lambda x: x.worst / x.limit)
-        return (
-            f"Slow down to {100 * e.limit / e.worst:.3g} % around t = {e.t_worst:.6g} ({e.joint})."
-        )
+        share = f"{100 * e.limit / e.worst:.3g} %"
+        return f"Slow down to {share} around {_when(check, e.t_worst)[3:]} ({e.joint})"
     if check.too_abrupt:
         e = max(check.too_abrupt, key=lambda x: x.worst / x.limit)
-        return f"Accelerate less around t = {e.t_worst:.6g} ({e.joint})."
+        return f"Accelerate less around {_when(check, e.t_worst)[3:]} ({e.joint})"
     if check.stretches:
         s = min(check.stretches, key=lambda x: x.clearance)
-        return f"Slow down, or keep away from {s.family}, around t = {s.t:.6g} to {s.t_end:.6g}."
-    if check.costly:
-        e = check.costly[0]
-        return (
-            f"Nothing to do for this motion; others need tip speeds below {check.tip_speed:g} "
-            f"(m/s, rad/s) around t = {e.t_worst:.6g} ({e.joint}), or another posture."
-        )
+        at = _when(check, s.t, s.t_end)
+        return f"Slow down, or keep away from {_title(check, s.family)}, {at}"
     if not check.complete:
-        return "The closed form is not complete: look at singular values along it as well."
-    return "Nothing to do."
-
-
-def _stretches(count: int) -> str:
-    return "1 stretch" if count == 1 else f"{count} stretches"
+        return "The closed form is not complete: look at singular values along it as well"
+    return ""

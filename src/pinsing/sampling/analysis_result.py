@@ -8,7 +8,7 @@ from typing import ClassVar
 
 from pinsing._types import Array
 from pinsing.families import ClosedForm, Family
-from pinsing.families.form import families_text
+from pinsing.families.form import answer_text, families_text
 from pinsing.measures import SINGULAR_RTOL
 from pinsing.notebook import text, verdict
 from pinsing.prose import PLAIN, Page, Span, alarm, caution, unbroken
@@ -177,6 +177,8 @@ def analysis_text(analysis: Analysis, page: Page = PLAIN, degrees: bool = False)
     """
     arm = analysis.arm
     lines = [
+        answer_text(analysis.closed_form, page),
+        "",
         page.paragraph(
             f"{arm.name}: {arm.n} joints, {arm.base} -> {arm.tip}, task {arm.task} "
             f"(generic rank {analysis.closed_form.generic_rank}), "
